@@ -1,0 +1,1 @@
+"""A framework for touch rendering with kinesthetic and thermal feedback."""

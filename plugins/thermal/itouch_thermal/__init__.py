@@ -1,0 +1,1 @@
+"""The thermal display and the heat of a touched object."""

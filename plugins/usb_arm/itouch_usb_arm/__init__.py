@@ -1,0 +1,1 @@
+"""A USB haptic arm as a device plugin."""

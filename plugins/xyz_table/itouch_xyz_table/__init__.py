@@ -1,0 +1,1 @@
+"""An XYZ table as a device plugin."""
