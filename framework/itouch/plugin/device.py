@@ -1,0 +1,115 @@
+"""The device contract: what a plugin that moves, pushes, heats or measures must offer."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.plugin.channel import Channel
+from itouch.plugin.record import Field, Record
+from itouch.schema import ItouchError
+
+
+class DeviceError(ItouchError):
+    """A device that is missing, refuses, or has failed; the message says what to do."""
+
+
+@dataclass(slots=True)
+class Touch:
+    """What the simulated world presents to a twin in one tick, in the device's frame.
+
+    ``finger_pose`` (7,) and ``finger_twist`` (6,) are those of the finger's centre; ``wrench`` (6,) acts on the
+    device; ``force`` [N] presses on the device's face and ``gap`` [m] is the distance between face and finger pad
+    (negative while they touch); ``ambient`` [K] is the room.
+    """
+
+    finger_pose: NDArray[np.float64] = field(default_factory=lambda: np.array([0.0, 0, 0, 1, 0, 0, 0]))
+    finger_twist: NDArray[np.float64] = field(default_factory=lambda: np.zeros(6))
+    wrench: NDArray[np.float64] = field(default_factory=lambda: np.zeros(6))
+    force: float = 0.0
+    gap: float = 1.0
+    ambient: float = 296.15
+    finger_attached: bool = False
+
+
+class Twin(ABC):
+    """The simulated stand-in of a device: it keeps nothing that changes in attributes, only in its State fields."""
+
+    def __init__(self, params: Any) -> None:
+        self.params = params
+
+    def fields(self) -> tuple[Field, ...]:
+        """Return the State that the twin needs."""
+        return ()
+
+    def reset(self, state: Record, rng: np.random.Generator) -> None:  # noqa: B027
+        """Set the State to its start; draw the words of random generators from ``rng``."""
+
+    @abstractmethod
+    def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+        """Advance the State by ``period`` seconds under the command that safety let through."""
+
+    @abstractmethod
+    def read(self, state: Record, reading: Record) -> bool | None:
+        """Fill every field of the reading; return False if there is nothing new."""
+
+
+class Device(ABC):
+    """A device plugin: three declarations and four methods; lifecycle, limits, threads and NaN belong to the framework.
+
+    ``open`` and ``close`` pair exactly once; ``read`` and ``write`` see the device's own frame in SI units.
+    """
+
+    #: Frozen dataclass of schema fields: the device's XML element ``<NAME:hardware>``.
+    Params: ClassVar[type]
+    reads: ClassVar[tuple[Channel, ...]] = ()
+    commands: ClassVar[tuple[Channel, ...]] = ()
+    #: The twin class; None: the ideal twin made from the channels.
+    Twin: ClassVar[type[Twin] | None] = None
+    #: True if read and write wait for the wire and must run in an I/O thread.
+    blocking: ClassVar[bool] = False
+    #: Seconds between two exchanges; 0 means one every servo tick.
+    period: ClassVar[float] = 0.0
+    #: True if no working driver is shipped and only the twin can run.
+    twin_only: ClassVar[bool] = False
+    #: Greatest stiffness [N/m] that the device can render stably, and its own damping [N s/m]; None: not stated.
+    max_stiffness: ClassVar[float | None] = None
+    damping: ClassVar[float | None] = None
+
+    def __init__(self, params: Any) -> None:
+        self.params = params
+
+    @classmethod
+    def channels(cls, params: Any) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
+        """Return what this device reads and obeys with these parameters; by default the class's declarations."""
+        return cls.reads, cls.commands
+
+    @classmethod
+    def face(cls, params: Any) -> tuple[float, float] | None:
+        """Return the half extents [m] of the flat face at the device's origin that a finger can touch, if any."""
+        return None
+
+    @abstractmethod
+    def open(self) -> None:
+        """Find and open the device; may block.
+
+        Raises
+        ------
+        DeviceError
+            If it is missing or refuses; say what to do.
+        """
+
+    @abstractmethod
+    def close(self) -> None:
+        """Release the device; called exactly once after each ``open`` that succeeded."""
+
+    @abstractmethod
+    def read(self, reading: Record) -> bool | None:
+        """Fill every field; return False if nothing is new; do not keep the record."""
+
+    def write(self, command: Record) -> None:  # noqa: B027
+        """Send the command, which is already limited; do not keep the record."""

@@ -1,0 +1,133 @@
+"""Finding plugins by their entry points: lazily, and with a named reason for each that fails to load."""
+
+from __future__ import annotations
+
+import importlib.metadata as metadata
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from itouch.plugin.device import Device
+from itouch.plugin.modality import Modality
+from itouch.schema import ItouchError
+
+DEVICES, MODALITIES, COMMANDS, BENCHES = "itouch.devices", "itouch.modalities", "itouch.commands", "itouch.benches"
+NAMESPACE = "urn:itouch:plugin:"
+
+
+class PluginError(ItouchError):
+    """A plugin that is installed but can't be loaded."""
+
+    def __init__(self, plugin: str, distribution: str, cause: str) -> None:
+        super().__init__(f"plugin '{plugin}' ({distribution}) failed to load: {cause}")
+        self.plugin, self.distribution, self.cause = plugin, distribution, cause
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """An entry point: its name, where it comes from, and how to load it."""
+
+    name: str
+    distribution: str
+    version: str
+    entry: metadata.EntryPoint
+
+    def load(self) -> Any:
+        """Import what it names.
+
+        Raises
+        ------
+        PluginError
+            With the cause, whatever the plugin's import raised.
+        """
+        try:
+            return self.entry.load()
+        except Exception as error:  # a stranger's import may raise anything, and must not break the others
+            cause = f"{type(error).__name__}: {error}"
+            raise PluginError(self.name, f"{self.distribution} {self.version}", cause) from error
+
+
+def find(group: str) -> dict[str, Found]:
+    """Return the entry points of a group by name; of two with one name the first distribution in order wins."""
+    found: dict[str, Found] = {}
+    for entry in sorted(metadata.entry_points(group=group), key=_order):
+        dist = entry.dist
+        name, version = (dist.name, dist.version) if dist else ("unknown", "0")
+        found.setdefault(entry.name, Found(entry.name, name, version, entry))
+    return found
+
+
+def _order(entry: metadata.EntryPoint) -> tuple[str, str]:
+    return entry.name, entry.dist.name if entry.dist else ""
+
+
+class Catalog:
+    """The plugins of this environment; what fails to load is remembered with its reason, the rest go on."""
+
+    def __init__(self, finder: Callable[[str], dict[str, Found]] = find) -> None:
+        self._devices = finder(DEVICES)
+        self._modalities = finder(MODALITIES)
+        self.failures: dict[str, PluginError] = {}
+
+    @property
+    def device_names(self) -> Sequence[str]:
+        """Names of the device plugins, loadable or not."""
+        return sorted(self._devices)
+
+    @property
+    def plugin_names(self) -> Sequence[str]:
+        """Names of all plugins: what may follow ``urn:itouch:plugin:``."""
+        return sorted(set(self._devices) | {_plugin_of(name) for name in self._modalities})
+
+    def found(self, name: str) -> Found:
+        """Return where a device plugin comes from."""
+        return self._devices[name]
+
+    def device(self, name: str) -> type[Device] | None:
+        """Return a device class, or None if there is none or it failed to load (see ``failures``)."""
+        cls: type[Device] | None = self._load(self._devices.get(name), Device)
+        return cls
+
+    def modality(self, plugin: str, local: str) -> type[Modality] | None:
+        """Return a modality class, or None if there is none or it failed to load."""
+        cls: type[Modality] | None = self._load(self._modality(plugin, local), Modality)
+        return cls
+
+    def modality_names(self, plugin: str) -> Sequence[str]:
+        """Return the local names of a plugin's modalities."""
+        return sorted(_local_of(name) for name in self._modalities if _plugin_of(name) == plugin)
+
+    def material(self, plugin: str) -> type | None:
+        """Return the class of a plugin's material part, or None."""
+        for local in self.modality_names(plugin):
+            cls = self.modality(plugin, local)
+            if cls is not None and cls.Material is not None:
+                return cls.Material
+        return None
+
+    def _modality(self, plugin: str, local: str) -> Found | None:
+        for name, found in self._modalities.items():
+            if (_plugin_of(name), _local_of(name)) == (plugin, local):
+                return found
+        return None
+
+    def _load(self, found: Found | None, kind: type) -> Any:
+        if found is None or found.name in self.failures:
+            return None
+        try:
+            loaded = found.load()
+            if not (isinstance(loaded, type) and issubclass(loaded, kind)):
+                cause = f"'{found.entry.value}' is not a subclass of itouch.plugin.{kind.__name__}"
+                raise PluginError(found.name, f"{found.distribution} {found.version}", cause)
+        except PluginError as error:
+            self.failures[found.name] = error
+            return None
+        return loaded
+
+
+def _plugin_of(entry: str) -> str:
+    return entry.split(".", 1)[0]
+
+
+def _local_of(entry: str) -> str:
+    return entry.split(".", 1)[-1]

@@ -1,0 +1,133 @@
+"""The modality contract: a rendering engine that owns State, hears contact events and may command devices."""
+
+from __future__ import annotations
+
+import enum
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
+
+from itouch.plugin.channel import Channel
+from itouch.plugin.record import Field, Record
+
+Vector = tuple[float, float, float]
+
+
+class Contact(enum.IntEnum):
+    """Kinds of contact event."""
+
+    NEAR = 0
+    BEGIN = 1
+    MOVE = 2
+    END = 3
+
+
+class ContactEvent(NamedTuple):
+    """What happened between a probe and an object in this tick; lengths in m, world frame.
+
+    ``distance`` is that between surface and probe (0 in contact), ``speed`` the approach speed along the normal
+    (> 0: closing), ``time_to_contact`` is infinite unless approaching.
+    """
+
+    kind: Contact
+    tick: int
+    probe: str
+    object: str
+    object_index: int
+    point: Vector
+    normal: Vector
+    distance: float
+    speed: float
+    tangential_velocity: Vector
+    penetration: float
+    force: float
+    time_to_contact: float
+
+
+@dataclass(frozen=True, slots=True)
+class WorldObject:
+    """An object as a modality sees it; ``material`` is the plugin's own part of the material, or None."""
+
+    name: str
+    index: int
+    material_name: str
+    temperature: float
+    material: Any
+
+
+@dataclass(frozen=True, slots=True)
+class WorldDevice:
+    """A device as a modality sees it: its plugin's name, parameters, channels and limits in force (name -> SI)."""
+
+    name: str
+    plugin: str
+    params: Any
+    reads: tuple[Channel, ...]
+    commands: tuple[Channel, ...]
+    limits: Mapping[str, float | tuple[float, float]]
+    twin: bool
+
+
+@dataclass(frozen=True, slots=True)
+class World:
+    """What a modality may know of the scene when it is compiled.
+
+    ``ambient`` is the room's temperature [K], ``skin_temperature`` [K] the operator twin's, if there is one.
+    """
+
+    objects: tuple[WorldObject, ...]
+    devices: Mapping[str, WorldDevice]
+    probes: Mapping[str, float]
+    modalities: Mapping[str, Any]
+    period: float
+    ambient: float
+    skin_temperature: float
+
+
+class Modality(ABC):
+    """A modality plugin.  ``model`` is what ``compile`` returned: read-only; everything that changes is in State.
+
+    The fields that it declares appear in State as ``NAME.field``; it may write those, and the command channels that
+    ``commands`` names, and nothing else.
+    """
+
+    #: Frozen dataclass of schema fields: its element under ``<interaction>``.
+    Params: ClassVar[type]
+    #: Frozen dataclass of schema fields: its element under ``<material>``, if it has one.
+    Material: ClassVar[type | None] = None
+
+    @abstractmethod
+    def compile(self, name: str, params: Any, world: World) -> Any:
+        """Return the read-only model.
+
+        Raises
+        ------
+        ValueError
+            If the parameters cannot work together; the message becomes a problem at the element's place.
+        """
+
+    def fields(self, model: Any) -> tuple[Field, ...]:
+        """Return the State that the modality needs."""
+        return ()
+
+    def commands(self, model: Any) -> tuple[str, ...]:
+        """Return the command channels that it writes, as ``device.channel``; each has exactly one writer."""
+        return ()
+
+    @abstractmethod
+    def reset(self, model: Any, state: Record) -> None:
+        """Set its fields to their start."""
+
+    def on_contact(self, event: ContactEvent, model: Any, state: Record) -> None:  # noqa: B027
+        """Take note of a contact event; called within the tick, before ``update``."""
+
+    @abstractmethod
+    def update(self, model: Any, state: Record, period: float) -> None:
+        """Advance its fields by one period and write its commands."""
+
+    def measures(
+        self, model: Any, state: Record, probe: str, object_index: int
+    ) -> dict[str, float | str | bool | None]:
+        """Return what the report shall say of the contact that has just ended, or is still open."""
+        return {}

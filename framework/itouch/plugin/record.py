@@ -1,0 +1,138 @@
+"""One structured record of numbers and named views into it: the memory that the framework owns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """A named piece of State: a NumPy scalar type and a size; size 0 is a plain scalar.
+
+    ``dtype`` may be a list of (name, type) pairs for a table of ``size`` rows.
+    """
+
+    name: str
+    dtype: Any = "f8"
+    size: int | tuple[int, ...] = 0
+
+    def descriptor(self, prefix: str = "") -> tuple[Any, ...]:
+        """Return the entry of a NumPy dtype list."""
+        shape = (self.size,) if isinstance(self.size, int) else self.size
+        return (prefix + self.name, self.dtype) if self.size == 0 else (prefix + self.name, self.dtype, shape)
+
+
+class Record:
+    """Named views of one packed record.
+
+    ``record["pose"]`` is an array view (a 0-d one for a scalar), ``record["pose"] = x`` writes into it.  The views
+    stay valid for the life of the record: nothing is ever reallocated.
+    """
+
+    __slots__ = ("_buffer", "_views")
+
+    def __init__(self, dtype: np.dtype[Any], buffer: NDArray[np.uint8] | None = None) -> None:
+        if buffer is None:
+            buffer = np.zeros(dtype.itemsize, np.uint8)
+        if buffer.shape != (dtype.itemsize,):
+            raise ValueError(f"a buffer of {buffer.size} bytes cannot hold a record of {dtype.itemsize}")
+        self._buffer: NDArray[Any] = buffer.view(dtype).reshape(())
+        self._views: dict[str, NDArray[Any]] = {name: self._buffer[name] for name in dtype.names or ()}
+
+    @classmethod
+    def of(cls, fields: Iterable[Field]) -> Record:
+        """Make a zeroed record of these fields."""
+        return cls(dtype_of(fields))
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        return self._views[name]
+
+    def __setitem__(self, name: str, value: ArrayLike) -> None:
+        self._views[name][...] = value
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._views
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._views)
+
+    def __len__(self) -> int:
+        return len(self._views)
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        """Return the structured array behind the views, or a copy of it."""
+        return self._buffer.copy() if copy else self._buffer
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Record) and self.dtype == other.dtype and self.tobytes() == other.tobytes()
+
+    __hash__ = None  # type: ignore[assignment]  # mutable
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({len(self._views)} fields, {self._buffer.nbytes} bytes)"
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """The structured type."""
+        return self._buffer.dtype
+
+    @property
+    def nbytes(self) -> int:
+        """Size of the record in bytes."""
+        return self._buffer.nbytes
+
+    @property
+    def raw(self) -> NDArray[np.uint8]:
+        """The memory itself, shape (nbytes,); writing to it changes every view."""
+        return self._buffer.reshape(1).view(np.uint8)
+
+    def tobytes(self) -> bytes:
+        """Return a copy of the memory: equal bytes are equal states."""
+        return self._buffer.tobytes()
+
+    def copy(self) -> Record:
+        """Return an independent record with the same content."""
+        return type(self)(self.dtype, self.raw.copy())
+
+    def part(self, prefix: str) -> Record:
+        """Return a record of the contiguous fields whose names start with ``prefix``, without it.
+
+        Raises
+        ------
+        ValueError
+            If no field has the prefix or they are not contiguous.
+        """
+        table: Any = self.dtype.fields or {}
+        chosen = [(name, table[name][0], table[name][1]) for name in self._views if name.startswith(prefix)]
+        if not chosen:
+            raise ValueError(f"no field starts with '{prefix}'")
+        start, end = chosen[0][2], chosen[-1][2] + chosen[-1][1].itemsize
+        if end - start != sum(kind.itemsize for _, kind, _ in chosen):
+            raise ValueError(f"the fields of '{prefix}' are not contiguous")
+        inner = np.dtype([_entry(name[len(prefix) :], kind) for name, kind, _ in chosen])
+        return Record(inner, self.raw[start:end])
+
+
+def _entry(name: str, kind: np.dtype[Any]) -> tuple[Any, ...]:
+    return (name, kind.subdtype[0], kind.subdtype[1]) if kind.subdtype else (name, kind)
+
+
+def dtype_of(fields: Iterable[Field], prefix: str = "") -> np.dtype[Any]:
+    """Return the packed structured type of these fields.
+
+    Raises
+    ------
+    ValueError
+        If two fields have the same name.
+    """
+    listed: Sequence[Field] = tuple(fields)
+    names = [field.name for field in listed]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise ValueError(f"state field '{prefix}{twice[0]}' is declared twice")
+    return np.dtype([field.descriptor(prefix) for field in listed])

@@ -1,0 +1,112 @@
+"""Problems of a file: what is wrong, where, and what to do; all of them are collected before anything is said."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+
+class ItouchError(Exception):
+    """Any fault that a user or a device can cause."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A span in a file: 1-based line and column, its length, and the text of the line."""
+
+    file: str
+    line: int
+    column: int
+    length: int = 1
+    text: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}:{self.column}"
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """One fault of a file.
+
+    ``code`` is stable and documented, ``sentence`` stands alone, ``related`` holds other places with a label each.
+    """
+
+    code: str
+    sentence: str
+    place: Place | None = None
+    advice: str = ""
+    related: tuple[tuple[Place, str], ...] = ()
+    severity: str = "error"
+
+    def render(self) -> str:
+        """Lay the problem out with its source line, a caret and the advice."""
+        lines = [f"{self.severity}[{self.code}]: {self.sentence}"]
+        if self.place is not None:
+            lines += _span(self.place, "")
+        for place, label in self.related:
+            lines += _span(place, label)
+        if self.advice:
+            lines.append(f"  = help: {self.advice}")
+        return "\n".join(lines)
+
+
+def _span(place: Place, label: str) -> list[str]:
+    lines = [f"  --> {place}"]
+    if place.text:
+        text, column, length = _window(place)
+        carets = "^" * max(1, min(length, len(text) - column + 1))
+        lines.append(f"{place.line:4d} | {text}")
+        lines.append(f"     | {' ' * (column - 1)}{carets}{' ' + label if label else ''}")
+    elif label:
+        lines[-1] += f" {label}"
+    return lines
+
+
+def _window(place: Place, width: int = 160) -> tuple[str, int, int]:
+    """Cut a long line to what surrounds the span; tabs become spaces so that the caret stays under it."""
+    text = "".join(c if c.isprintable() else " " for c in place.text)
+    if len(text) <= width:
+        return text, place.column, place.length
+    start = max(0, min(place.column - 1 - width // 3, len(text) - width))
+    return text[start : start + width], place.column - start, min(place.length, width)
+
+
+class SceneError(ItouchError):
+    """A scene, rig or session file is wrong; ``problems`` has all that was found."""
+
+    def __init__(self, problems: Sequence[Problem]) -> None:
+        self.problems = tuple(problems)
+        super().__init__(render(self.problems))
+
+
+def render(problems: Iterable[Problem]) -> str:
+    """Lay out problems in file order, with the count and what happened at the end."""
+    listed = list(problems)
+    blocks = [problem.render() for problem in listed]
+    errors = sum(problem.severity == "error" for problem in listed)
+    if errors:
+        noun = "problem" if errors == 1 else "problems"
+        blocks.append(f"{errors} {noun}; nothing was started.")
+    return "\n\n".join(blocks)
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """Return the known word most like the given one, or an empty string."""
+    candidates = sorted(set(known))
+    matches = get_close_matches(word, candidates, n=1, cutoff=0.6)
+    if not matches:
+        matches = [name for name in candidates if name.lower() == word.lower()]
+    return matches[0] if matches else ""
+
+
+def did_you_mean(word: str, known: Iterable[str], what: str = "known") -> str:
+    """Advise the nearest known word, or list the few that there are."""
+    names = sorted(set(known))
+    close = nearest(word, names)
+    if close:
+        return f"did you mean '{close}'?"
+    if not names:
+        return ""
+    shown = ", ".join(f"'{name}'" for name in names[:12])
+    return f"{what}: {shown}{', ...' if len(names) > 12 else ''}"

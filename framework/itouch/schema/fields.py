@@ -1,0 +1,218 @@
+"""Dataclass fields that are grammar: one declaration gives parsing, checks, messages, editor schema and reference.
+
+A scene element is a frozen dataclass whose fields are made here.  The attribute ``static-friction`` is the field
+``static_friction``; a field whose name is a Python keyword carries a trailing underscore (``in_``).
+
+>>> from dataclasses import dataclass
+>>> @dataclass(frozen=True)
+... class Lever:
+...     travel: float = quantity("m", low=1e-3, high=0.2, default=0.05, doc="stroke of the lever")
+>>> spec_of(Lever, "travel").unit
+'m'
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import MISSING, dataclass
+from typing import Any, ClassVar, Literal
+
+Kind = Literal["quantity", "integer", "text", "name", "ref", "choice", "flag", "child", "children", "plugin"]
+
+#: Marks a field that must be given.
+REQUIRED = MISSING
+
+_KEY = "itouch"
+
+
+@dataclass(frozen=True, slots=True)
+class Spec:
+    """What a field may hold; the grammar of one attribute or child element."""
+
+    kind: Kind
+    doc: str = ""
+    unit: str = ""
+    size: int | tuple[int, ...] = 1
+    low: float = -math.inf
+    high: float = math.inf
+    open_low: bool = False
+    absolute: bool = False
+    values: tuple[str, ...] = ()
+    target: str = ""
+    reads: tuple[str, ...] = ()
+    commands: tuple[str, ...] = ()
+    element: type | None = None
+    tag: str = ""
+
+    @property
+    def scalar(self) -> bool:
+        """Whether the value is one number rather than a tuple."""
+        return self.size == 1
+
+    def range_text(self) -> str:
+        """Say the allowed range, or nothing if there is none."""
+        unit = f" {self.unit}" if self.unit else ""
+        if math.isfinite(self.low) and math.isfinite(self.high):
+            return f"{'above ' if self.open_low else ''}{self.low:g} to {self.high:g}{unit}"
+        if math.isfinite(self.low):
+            return f"{'more than' if self.open_low else 'at least'} {self.low:g}{unit}"
+        if math.isfinite(self.high):
+            return f"at most {self.high:g}{unit}"
+        return ""
+
+    def admits(self, value: float) -> bool:
+        """Tell whether one number lies in the range."""
+        return (value > self.low if self.open_low else value >= self.low) and value <= self.high
+
+
+def _make(spec: Spec, default: Any) -> Any:
+    return dataclasses.field(default=default, metadata={_KEY: spec}, kw_only=True)
+
+
+def quantity(
+    unit: str,
+    *,
+    size: int | tuple[int, ...] = 1,
+    low: float = -math.inf,
+    high: float = math.inf,
+    positive: bool = False,
+    absolute: bool = False,
+    default: Any = REQUIRED,
+    doc: str = "",
+) -> Any:
+    """Declare a number, or a tuple of ``size`` numbers, with a unit; ``positive`` means more than zero."""
+    low = 0.0 if positive else low
+    spec = Spec("quantity", doc, unit, size, low, high, positive, absolute or unit == "degC")
+    return _make(spec, default)
+
+
+def temperature(
+    *, low: float = 0.0, high: float = 5000.0, size: int = 1, default: Any = REQUIRED, doc: str = ""
+) -> Any:
+    """Declare an absolute temperature [K]; files may write degC."""
+    return quantity("K", low=low, high=high, size=size, absolute=True, default=default, doc=doc)
+
+
+def integer(*, low: float = -math.inf, high: float = math.inf, default: Any = REQUIRED, doc: str = "") -> Any:
+    """Declare a whole number."""
+    return _make(Spec("integer", doc, low=low, high=high), default)
+
+
+def text(*, default: Any = REQUIRED, doc: str = "") -> Any:
+    """Declare free text."""
+    return _make(Spec("text", doc), default)
+
+
+def name(*, default: Any = REQUIRED, doc: str = "its name, unique in the scene") -> Any:
+    """Declare the name that other elements refer to."""
+    return _make(Spec("name", doc), default)
+
+
+def ref(
+    target: str,
+    *,
+    reads: tuple[str, ...] = (),
+    commands: tuple[str, ...] = (),
+    default: Any = REQUIRED,
+    doc: str = "",
+) -> Any:
+    """Declare a reference to a named ``device``, ``probe``, ``object``, ``material`` or ``modality``.
+
+    For a device, ``reads`` and ``commands`` name the channels that it must have.
+    """
+    return _make(Spec("ref", doc, target=target, reads=reads, commands=commands), default)
+
+
+def choice(*values: str, default: Any = REQUIRED, doc: str = "") -> Any:
+    """Declare one word out of a closed set."""
+    return _make(Spec("choice", doc, values=values), default)
+
+
+def flag(*, default: Any = REQUIRED, doc: str = "") -> Any:
+    """Declare a yes or no."""
+    return _make(Spec("flag", doc), default)
+
+
+def child(element: type, *, tag: str = "", default: Any = None, doc: str = "") -> Any:
+    """Declare a child element that stands at most once."""
+    return _make(Spec("child", doc, element=element, tag=tag), default)
+
+
+def children(element: type, *, tag: str = "", doc: str = "") -> Any:
+    """Declare child elements, any number of them, kept in file order as a tuple."""
+    return _make(Spec("children", doc, element=element, tag=tag), ())
+
+
+def plugin_parts(*, doc: str = "") -> Any:
+    """Declare that elements of plugin namespaces may stand here; kept as a tuple of plugin parts."""
+    return _make(Spec("plugin", doc), ())
+
+
+def xml_name(field_name: str) -> str:
+    """Turn a field name into the attribute's: ``static_friction`` -> ``static-friction``, ``in_`` -> ``in``."""
+    return field_name.rstrip("_").replace("_", "-")
+
+
+def specs(cls: type) -> dict[str, Spec]:
+    """Return the grammar of a dataclass: field name -> spec, in declared order."""
+    return {f.name: f.metadata[_KEY] for f in dataclasses.fields(cls) if _KEY in f.metadata}
+
+
+def spec_of(cls: type, field_name: str) -> Spec:
+    """Return the spec of one field."""
+    return specs(cls)[field_name]
+
+
+def default_of(cls: type, field_name: str) -> Any:
+    """Return the default of a field, or REQUIRED."""
+    for field in dataclasses.fields(cls):
+        if field.name == field_name:
+            return field.default
+    raise ValueError(f"{cls.__name__} has no field '{field_name}'")
+
+
+class Grammar:
+    """Optional class-level constraints of an element; a dataclass may define any of them without inheriting this."""
+
+    TAG: ClassVar[str]
+    EXCLUSIVE: ClassVar[tuple[tuple[str, ...], ...]] = ()
+    TOGETHER: ClassVar[tuple[tuple[str, ...], ...]] = ()
+    ONE_OF: ClassVar[tuple[tuple[str, ...], ...]] = ()
+    REQUIRES: ClassVar[tuple[tuple[str, str], ...]] = ()
+
+
+def constraint(cls: type, kind: str) -> tuple[tuple[str, ...], ...]:
+    """Return a class-level constraint, empty if the class has none."""
+    found: tuple[tuple[str, ...], ...] = getattr(cls, kind, ())
+    return found
+
+
+def check_range(spec: Spec, field_name: str, value: float | tuple[float, ...]) -> None:
+    """Check numbers against a spec's range and finiteness.
+
+    Raises
+    ------
+    ValueError
+        Naming the field, the value and the allowed range.
+    """
+    for number in (value,) if isinstance(value, (int, float)) else value:
+        if not math.isfinite(number) or not spec.admits(number):
+            raise ValueError(f"{field_name} = {number!r} is out of range: {spec.range_text() or 'a finite number'}")
+
+
+def validate(instance: Any) -> None:
+    """Check every quantity of a dataclass instance that was built in Python; call it from ``__post_init__``.
+
+    Raises
+    ------
+    ValueError
+        Naming the field and the allowed range.
+    """
+    for field_name, spec in specs(type(instance)).items():
+        value = getattr(instance, field_name)
+        if spec.kind not in ("quantity", "integer") or value is None:
+            continue
+        if not isinstance(value, (int, float, tuple)) or isinstance(value, bool):
+            raise ValueError(f"{field_name} = {value!r} is not a number")
+        check_range(spec, field_name, value)
