@@ -42,7 +42,7 @@ class Spec:
     target: str = ""
     reads: tuple[str, ...] = ()
     commands: tuple[str, ...] = ()
-    element: type | None = None
+    elements: tuple[type, ...] = ()
     tag: str = ""
 
     @property
@@ -136,12 +136,19 @@ def flag(*, default: Any = REQUIRED, doc: str = "") -> Any:
 
 def child(element: type, *, tag: str = "", default: Any = None, doc: str = "") -> Any:
     """Declare a child element that stands at most once."""
-    return _make(Spec("child", doc, element=element, tag=tag), default)
+    return _make(Spec("child", doc, elements=(element,), tag=tag), default)
 
 
-def children(element: type, *, tag: str = "", doc: str = "") -> Any:
-    """Declare child elements, any number of them, kept in file order as a tuple."""
-    return _make(Spec("children", doc, element=element, tag=tag), ())
+def children(element: type | tuple[type, ...], *, tag: str = "", doc: str = "") -> Any:
+    """Declare child elements of one or several kinds, any number of them, kept in file order as a tuple."""
+    elements = element if isinstance(element, tuple) else (element,)
+    return _make(Spec("children", doc, elements=elements, tag=tag), ())
+
+
+def tag_of(element: type, spec: Spec | None = None) -> str:
+    """Return the tag of an element class: what the field says, or its TAG."""
+    own: str = spec.tag if spec is not None and spec.tag else getattr(element, "TAG", "")
+    return own or xml_name(element.__name__.lower())
 
 
 def plugin_parts(*, doc: str = "") -> Any:

@@ -1,0 +1,321 @@
+"""From nodes to dataclasses: the fields are the grammar, every fault becomes a problem, nothing is guessed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import MISSING, dataclass, field
+from typing import Any, Protocol
+
+from itouch.scene.elements import PluginPart
+from itouch.scene.source import Attribute, Node
+from itouch.scene.values import ValueProblemError, parse_value
+from itouch.schema.diagnostics import Place, Problem, did_you_mean, nearest
+from itouch.schema.fields import Spec, constraint, default_of, specs, tag_of, xml_name
+
+PLUGIN_NAMESPACE = "urn:itouch:plugin:"
+
+#: Given for a field that could not be read; the problem is already told.
+BROKEN: Any = object()
+
+
+class Extensions(Protocol):
+    """Where the scene language can be extended: the plugins, as the binder sees them."""
+
+    @property
+    def plugin_names(self) -> Sequence[str]:
+        """Names of the installed plugins."""
+
+    def element_class(self, plugin: str, host: str, local: str) -> type | None:
+        """Return the dataclass of ``<plugin:local>`` inside ``host``, or None."""
+
+    def locals(self, plugin: str, host: str) -> Sequence[str]:
+        """Return the local names that a plugin offers inside ``host``."""
+
+    def failure(self, plugin: str) -> str:
+        """Return why an installed plugin can't be loaded, or an empty string."""
+
+
+@dataclass
+class Places:
+    """Where every bound element and attribute stands; kept apart from the frozen description."""
+
+    _elements: dict[int, tuple[Any, Place]] = field(default_factory=dict)
+    _attributes: dict[tuple[int, str], Place] = field(default_factory=dict)
+
+    def put(self, element: Any, place: Place, attributes: Mapping[str, Place]) -> None:
+        """Note an element's place, and those of its fields."""
+        self._elements[id(element)] = (element, place)  # the reference keeps the id from being used again
+        for name, spot in attributes.items():
+            self._attributes[(id(element), name)] = spot
+
+    def of(self, element: Any, name: str = "") -> Place | None:
+        """Return the place of an element's field, or of the element, or None if it came from no file."""
+        found = self._elements.get(id(element))
+        if found is None:
+            return None
+        return self._attributes.get((id(element), name), found[1])
+
+    def given(self, element: Any, name: str) -> bool:
+        """Tell whether the file gave a field, or its default holds."""
+        return (id(element), name) in self._attributes
+
+
+@dataclass
+class Binder:
+    """Binds the nodes of one document.
+
+    ``defaults`` maps a tag to the attributes that hold where an element says nothing; ``rename`` puts an include's
+    prefix before the names that its document defines.
+    """
+
+    extensions: Extensions
+    problems: list[Problem]
+    places: Places
+    defaults: Mapping[str, Mapping[str, Attribute]] = field(default_factory=dict)
+    rename: Callable[[str], str] = str
+
+    def bind(self, node: Node, cls: type, *, extra: frozenset[str] = frozenset()) -> Any:
+        """Return an instance of ``cls``, or None if a fault prevents it; ``extra`` attributes are the caller's."""
+        table = specs(cls)
+        attributes = self._with_defaults(node, cls)
+        values: dict[str, Any] = {}
+        spots: dict[str, Place] = {}
+        unknown = self._unknown_attributes(node, attributes, table, extra, cls)
+        for name, spec in table.items():
+            attribute = attributes.get(xml_name(name))
+            if spec.kind in ("child", "children", "plugin"):
+                continue
+            if attribute is None:
+                self._default(node, cls, name, spec, unknown, values)
+                continue
+            spots[name] = attribute.place
+            values[name] = self._value(node, name, spec, attribute)
+        self._constraints(node, cls, attributes)
+        if hasattr(cls, "OPEN"):
+            values[cls.OPEN] = self._open(node, attributes, table, cls, spots)
+        values.update(self._children(node, cls, table))
+        return self._build(node, cls, values, spots)
+
+    def _build(self, node: Node, cls: type, values: dict[str, Any], spots: dict[str, Place]) -> Any:
+        if any(value is BROKEN for value in values.values()):
+            return None
+        try:
+            instance = cls(**values)
+        except ValueError as error:  # a plugin's own check in __post_init__
+            self.problems.append(Problem("bad-value", f"<{node.written}>: {error}", node.place))
+            return None
+        self.places.put(instance, node.place, spots)
+        return instance
+
+    def _with_defaults(self, node: Node, cls: type) -> dict[str, Attribute]:
+        merged = dict(node.attributes)
+        shut = {
+            xml_name(other)
+            for group in constraint(cls, "EXCLUSIVE")
+            for name in group
+            if xml_name(name) in merged
+            for other in group
+        }
+        for name, attribute in self.defaults.get(node.written, {}).items():
+            if name not in shut:
+                merged.setdefault(name, attribute)
+        return merged
+
+    def _unknown_attributes(
+        self,
+        node: Node,
+        attributes: Mapping[str, Attribute],
+        table: Mapping[str, Spec],
+        extra: frozenset[str],
+        cls: type,
+    ) -> set[str]:
+        known = [xml_name(n) for n, spec in table.items() if spec.kind not in ("child", "children", "plugin")]
+        known += sorted(extra)
+        meant = set()
+        for name, attribute in attributes.items():
+            if name in known or hasattr(cls, "OPEN"):
+                continue
+            close = nearest(name, [k for k in known if k not in attributes]) or nearest(name, known)
+            meant.add(close)
+            advice = f"did you mean '{close}'?" if close else did_you_mean(name, known, "its attributes are")
+            sentence = f"<{node.written}> has no attribute '{name}'"
+            self.problems.append(Problem("unknown-attribute", sentence, attribute.place, advice or "remove it"))
+        return meant
+
+    def _default(self, node: Node, cls: type, name: str, spec: Spec, meant: set[str], values: dict[str, Any]) -> None:
+        default = default_of(cls, name)
+        if default is not MISSING:
+            return
+        values[name] = BROKEN
+        if xml_name(name) in meant:  # a misspelt required attribute is one problem, and it has been told
+            return
+        what = spec.doc or spec.kind
+        sentence = f"<{node.written}> needs the attribute '{xml_name(name)}'"
+        self.problems.append(Problem("missing-attribute", sentence, node.place, f"{xml_name(name)}: {what}"))
+
+    def _value(self, node: Node, name: str, spec: Spec, attribute: Attribute) -> Any:
+        try:
+            value = parse_value(spec, attribute.value)
+        except ValueProblemError as fault:
+            sentence = f'<{node.written} {xml_name(name)}="{_short(attribute.value)}">: {fault}'
+            self.problems.append(Problem(fault.code, sentence, attribute.place, fault.advice))
+            return BROKEN
+        if spec.kind in ("name", "ref") and value:
+            return self.rename(value)
+        return value
+
+    def _constraints(self, node: Node, cls: type, attributes: Mapping[str, Attribute]) -> None:
+        def given(group: Sequence[str]) -> list[str]:
+            return [xml_name(name) for name in group if xml_name(name) in attributes]
+
+        for group in constraint(cls, "EXCLUSIVE"):
+            found = given(group)
+            if len(found) > 1:
+                sentence = f"<{node.written}> takes only one of {_listed(found)}"
+                self.problems.append(Problem("exclusive", sentence, attributes[found[1]].place, "remove the others"))
+        for group in constraint(cls, "TOGETHER"):
+            found = given(group)
+            if found and len(found) < len(group):
+                missing = [xml_name(name) for name in group if xml_name(name) not in found]
+                sentence = f"<{node.written}> with '{found[0]}' also needs {_listed(missing)}"
+                self.problems.append(Problem("together", sentence, attributes[found[0]].place))
+        for group in constraint(cls, "ONE_OF"):
+            if not given(group):
+                names = [xml_name(name) for name in group]
+                sentence = f"<{node.written}> needs one of {_listed(names)}"
+                self.problems.append(Problem("one-of", sentence, node.place))
+        for name, other in constraint(cls, "REQUIRES"):
+            if given([name]) and not given([other]):
+                sentence = f"<{node.written}> with '{xml_name(name)}' also needs '{xml_name(other)}'"
+                self.problems.append(Problem("requires", sentence, attributes[xml_name(name)].place))
+
+    def _open(
+        self,
+        node: Node,
+        attributes: Mapping[str, Attribute],
+        table: Mapping[str, Spec],
+        cls: type,
+        spots: dict[str, Place],
+    ) -> tuple[tuple[str, float], ...]:
+        """Bind attributes whose names are those of other elements (a rate for each modality)."""
+        pattern = next(iter(table.values()))
+        known = {xml_name(name) for name in table}
+        entries = []
+        for name, attribute in attributes.items():
+            if name not in known:
+                value = self._value(node, name, pattern, attribute)
+                spots[self.rename(name)] = attribute.place
+                if value is not BROKEN:
+                    entries.append((self.rename(name), value))
+        return tuple(sorted(entries))
+
+    def _children(self, node: Node, cls: type, table: Mapping[str, Spec]) -> dict[str, Any]:
+        slots = {
+            tag_of(element, spec): (name, spec, element)
+            for name, spec in table.items()
+            if spec.kind in ("child", "children")
+            for element in spec.elements
+        }
+        plugin_slot = next((name for name, spec in table.items() if spec.kind == "plugin"), "")
+        values: dict[str, Any] = {name: () for name, spec, _ in slots.values() if spec.kind == "children"}
+        if plugin_slot:
+            values[plugin_slot] = ()
+        first: dict[str, Node] = {}
+        for child in node.children:
+            if child.namespace.startswith(PLUGIN_NAMESPACE) and plugin_slot:
+                self._part(node, child, plugin_slot, values)
+            elif child.tag in slots and self._same_namespace(node, child):
+                self._child(child, slots[child.tag], values, first)
+            else:
+                self._unknown_element(node, child, list(slots), bool(plugin_slot))
+        if node.text:
+            sentence = f"<{node.written}> may not hold the text '{_short(node.text)}'"
+            self.problems.append(Problem("unexpected-text", sentence, node.place, "values are attributes"))
+        return values
+
+    @staticmethod
+    def _same_namespace(node: Node, child: Node) -> bool:
+        return child.namespace in ("", node.namespace)
+
+    def _child(self, child: Node, slot: tuple[str, Spec, type], values: dict[str, Any], first: dict[str, Node]) -> None:
+        name, spec, element = slot
+        bound = self.bind(child, element)
+        if spec.kind == "children":
+            if bound is not None:
+                values[name] = (*values[name], bound)
+            return
+        if child.tag in first:
+            sentence = f"<{child.written}> may stand only once here"
+            related = ((first[child.tag].place, "first here"),)
+            self.problems.append(Problem("duplicate-element", sentence, child.place, related=related))
+            return
+        first[child.tag] = child
+        values[name] = BROKEN if bound is None else bound
+
+    def _part(self, host: Node, node: Node, slot: str, values: dict[str, Any]) -> None:
+        part = self.bind_part(host, node)
+        if part is None:
+            return
+        twin = next(
+            (p for p in values[slot] if (p.plugin, p.local, p.name) == (part.plugin, part.local, part.name)), None
+        )
+        if twin is not None:
+            place = self.places.of(twin)
+            related = ((place, "first here"),) if place else ()
+            advice = "give one of them another name" if host.tag == "interaction" else "remove one of them"
+            sentence = f"<{node.written}> may stand only once here"
+            self.problems.append(Problem("duplicate-element", sentence, node.place, advice, related))
+            return
+        values[slot] = (*values[slot], part)
+
+    def bind_part(self, host: Node, node: Node) -> PluginPart | None:
+        """Bind an element of a plugin's namespace by the plugin's own dataclass."""
+        plugin = node.namespace.removeprefix(PLUGIN_NAMESPACE)
+        cls = self.extensions.element_class(plugin, host.tag, node.tag)
+        if cls is None:
+            self.problems.append(self._plugin_problem(host, node, plugin))
+            return None
+        modality = host.tag == "interaction"
+        params = self.bind(node, cls, extra=frozenset({"name"}) if modality else frozenset())
+        if params is None:
+            return None
+        name = ""
+        if modality:
+            given = node.attributes.get("name")
+            name = self.rename(given.value if given else node.tag)
+        part = PluginPart(plugin, node.tag, params, name)
+        self.places.put(part, node.place, {key: value.place for key, value in node.attributes.items()})
+        return part
+
+    def _plugin_problem(self, host: Node, node: Node, plugin: str) -> Problem:
+        if failure := self.extensions.failure(plugin):
+            return Problem("plugin-failed", failure, node.place, "`itouch-py devices` shows the whole reason")
+        if plugin not in self.extensions.plugin_names:
+            advice = did_you_mean(plugin, self.extensions.plugin_names, "installed plugins are")
+            advice += f"; else install the distribution that offers it, for example `pip install itouch-{plugin}`"
+            return Problem("unknown-plugin", f"there is no plugin named '{plugin}'", node.place, advice)
+        names = [f"{plugin}:{local}" for local in self.extensions.locals(plugin, host.tag)]
+        advice = (
+            did_you_mean(f"{plugin}:{node.tag}", names, "it offers") or f"it offers nothing inside <{host.written}>"
+        )
+        sentence = f"plugin '{plugin}' has no element <{node.written}> inside <{host.written}>"
+        return Problem("unknown-element", sentence, node.place, advice)
+
+    def _unknown_element(self, node: Node, child: Node, known: list[str], parts: bool) -> None:
+        sentence = f"<{node.written}> has no element <{child.written}>"
+        advice = did_you_mean(child.tag, known, "its elements are")
+        if child.namespace.startswith(PLUGIN_NAMESPACE):
+            advice = "elements of plugins stand in <device>, <material> and <interaction>"
+        elif child.namespace and not self._same_namespace(node, child):
+            advice = f"the namespace '{child.namespace}' is not one of a plugin ({PLUGIN_NAMESPACE}NAME)"
+        self.problems.append(Problem("unknown-element", sentence, child.place, advice or "remove it"))
+
+
+def _listed(names: Sequence[str]) -> str:
+    quoted = [f"'{name}'" for name in names]
+    return " and ".join(quoted) if len(quoted) < 3 else ", ".join(quoted[:-1]) + f" and {quoted[-1]}"
+
+
+def _short(text: str, width: int = 40) -> str:
+    line = " ".join(text.split())
+    return line if len(line) <= width else line[: width - 3] + "..."

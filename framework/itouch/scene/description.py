@@ -1,0 +1,52 @@
+"""Scene: what the XML says, whole and frozen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from itouch.scene.binding import Places
+from itouch.scene.elements import (
+    VERSION,
+    DeviceElement,
+    Material,
+    Operator,
+    PluginPart,
+    Probe,
+    Rates,
+    Safety,
+    WorldElement,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """A scene in SI, with includes, defaults and bases resolved.
+
+    Two scenes are equal if they say the same; where they were written does not count.
+    """
+
+    world: WorldElement = WorldElement()
+    materials: tuple[Material, ...] = ()
+    devices: tuple[DeviceElement, ...] = ()
+    probes: tuple[Probe, ...] = ()
+    operators: tuple[Operator, ...] = ()
+    modalities: tuple[PluginPart, ...] = ()
+    rates: Rates = Rates()
+    safety: Safety = Safety()
+    version: str = VERSION
+    source: str = field(default="", compare=False)
+    places: Places = field(default_factory=Places, compare=False, repr=False, hash=False)
+
+    @property
+    def objects(self) -> tuple[Any, ...]:
+        """The virtual objects in file order."""
+        return self.world.objects
+
+    def material(self, name: str) -> Material:
+        """Return a material by name."""
+        return next(material for material in self.materials if material.name == name)
+
+    def device(self, name: str) -> DeviceElement:
+        """Return a device by name."""
+        return next(device for device in self.devices if device.name == name)

@@ -1,0 +1,195 @@
+"""Reading a scene file and everything that it includes, each as a document of its own."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from itouch.scene.elements import VERSION
+from itouch.scene.source import Attribute, Node, SourceError, parse, read_bytes
+from itouch.schema.diagnostics import Place, Problem, did_you_mean
+
+MAX_INCLUDE_DEPTH = 16
+MAX_DOCUMENTS = 256
+SECTIONS = ("include", "defaults", "materials", "world", "devices", "interaction", "rates", "safety")
+
+
+@dataclass(slots=True)
+class Document:
+    """One file: its root, its sections by tag, the prefix that its includer gave, and the defaults that hold in it."""
+
+    shown: str
+    root: Node
+    prefix: str
+    sections: dict[str, Node] = field(default_factory=dict)
+    defaults: dict[str, dict[str, Attribute]] = field(default_factory=dict)
+
+
+@dataclass
+class DocumentReader:
+    """Reads documents depth first: what is included comes before what includes it."""
+
+    problems: list[Problem]
+    root_folder: Path = field(default_factory=Path)
+    documents: list[Document] = field(default_factory=list)
+    _open: list[tuple[Path, Place | None]] = field(default_factory=list)
+    _read: dict[tuple[Path, str], Place | None] = field(default_factory=dict)
+
+    def read(self, path: str | os.PathLike[str]) -> list[Document]:
+        """Read the file at ``path`` and its includes; faults become problems."""
+        shown = os.fspath(path)
+        self.root_folder = Path(os.path.realpath(os.path.dirname(shown) or "."))
+        self._document(Path(os.path.realpath(shown)), shown, "", None)
+        return self.documents
+
+    def read_text(self, data: bytes, shown: str) -> list[Document]:
+        """Read a document from memory; its includes are relative to the working folder."""
+        self.root_folder = Path(os.path.realpath("."))
+        self._parse(data, shown, "")
+        return self.documents
+
+    def _document(self, path: Path, shown: str, prefix: str, place: Place | None) -> Document | None:
+        if any(path == other for other, _ in self._open):
+            self.problems.append(self._cycle(path, shown, place))
+            return None
+        if (path, prefix) in self._read:
+            first = self._read[(path, prefix)]
+            related = ((first, "first here"),) if first else ()
+            advice = "remove one, or give it a prefix"
+            self.problems.append(Problem("duplicate-include", f"'{shown}' is included twice", place, advice, related))
+            return None
+        if len(self._open) >= MAX_INCLUDE_DEPTH or len(self._read) >= MAX_DOCUMENTS:
+            sentence = f"includes are nested more than {MAX_INCLUDE_DEPTH} deep, or more than {MAX_DOCUMENTS} in all"
+            self.problems.append(Problem("too-many-includes", sentence, place))
+            return None
+        self._read[(path, prefix)] = place
+        self._open.append((path, place))
+        try:
+            return self._parse(read_bytes(path, shown), shown, prefix)
+        except SourceError as error:
+            self.problems.append(self._at_include(error.problem, place))
+            return None
+        finally:
+            self._open.pop()
+
+    def _at_include(self, problem: Problem, place: Place | None) -> Problem:
+        if place is None or problem.code != "no-such-file":
+            return problem
+        return Problem(problem.code, problem.sentence, place, "paths are relative to the file that names them")
+
+    def _cycle(self, path: Path, shown: str, place: Place | None) -> Problem:
+        chain = [spot for other, spot in self._open if spot is not None]
+        related = tuple((spot, "included from here") for spot in chain)
+        return Problem("include-cycle", f"'{shown}' includes itself", place, "remove one of the includes", related)
+
+    def _parse(self, data: bytes, shown: str, prefix: str) -> Document | None:
+        try:
+            root = parse(data, shown)
+        except SourceError as error:
+            self.problems.append(error.problem)
+            return None
+        if not self._check_root(root):
+            return None
+        document = Document(shown, root, prefix)
+        for child in root.children:
+            self._section(document, child)
+        if root.text:
+            self.problems.append(Problem("unexpected-text", "<itouch> may not hold text", root.place))
+        self.documents.append(document)
+        return document
+
+    def _check_root(self, root: Node) -> bool:
+        if root.tag != "itouch" or root.namespace:
+            sentence = f"the outermost element is <{root.written}>, not <itouch>"
+            advice = f'a scene begins with <itouch version="{VERSION}">'
+            self.problems.append(Problem("wrong-root", sentence, root.place, advice))
+            return False
+        for name, attribute in root.attributes.items():
+            if name != "version":
+                advice = did_you_mean(name, ["version"], "its attributes are")
+                sentence = f"<itouch> has no attribute '{name}'"
+                self.problems.append(Problem("unknown-attribute", sentence, attribute.place, advice))
+        return self._check_version(root)
+
+    def _check_version(self, root: Node) -> bool:
+        version = root.attributes.get("version")
+        if version is None:
+            if not root.attributes:
+                advice = f'write <itouch version="{VERSION}">'
+                self.problems.append(
+                    Problem("missing-attribute", "<itouch> needs the attribute 'version'", root.place, advice)
+                )
+            return True
+        problem = _version_problem(version)
+        if problem is not None:
+            self.problems.append(problem)
+        return problem is None
+
+    def _section(self, document: Document, node: Node) -> None:
+        if node.namespace or node.tag not in SECTIONS:
+            advice = did_you_mean(node.tag, SECTIONS, "its elements are")
+            sentence = f"<itouch> has no element <{node.written}>"
+            self.problems.append(Problem("unknown-element", sentence, node.place, advice))
+        elif node.tag == "include":
+            self._include(document, node)
+        elif node.tag in document.sections:
+            related = ((document.sections[node.tag].place, "first here"),)
+            sentence = f"<{node.tag}> may stand only once in a file"
+            self.problems.append(
+                Problem("duplicate-element", sentence, node.place, "put their content into one", related)
+            )
+        else:
+            document.sections[node.tag] = node
+
+    def _include(self, document: Document, node: Node) -> None:
+        known = ("file", "prefix")
+        for name, attribute in node.attributes.items():
+            if name not in known:
+                sentence = f"<include> has no attribute '{name}'"
+                advice = did_you_mean(name, known, "its attributes are")
+                self.problems.append(Problem("unknown-attribute", sentence, attribute.place, advice))
+        file = node.attributes.get("file")
+        if file is None:
+            if not any(name not in known for name in node.attributes):
+                self.problems.append(Problem("missing-attribute", "<include> needs the attribute 'file'", node.place))
+            return
+        prefix = document.prefix + (node.attributes["prefix"].value if "prefix" in node.attributes else "")
+        shown = os.path.normpath(os.path.join(os.path.dirname(document.shown), file.value))
+        target = Path(os.path.realpath(shown))
+        if not target.is_relative_to(self.root_folder):
+            sentence = f"'{file.value}' lies outside the scene's folder"
+            advice = "copy it into the folder of the scene, or below it"
+            self.problems.append(Problem("outside-folder", sentence, file.place, advice))
+            return
+        included = self._document(target, shown, prefix, file.place)
+        if included is not None:
+            for tag, attributes in included.defaults.items():
+                document.defaults.setdefault(tag, {}).update(attributes)
+
+
+def _version_problem(version: Attribute) -> Problem | None:
+    parts = version.value.split(".")
+    if len(parts) != 2 or not all(part.isascii() and part.isdigit() and len(part) < 5 for part in parts):
+        sentence = f"'{version.value[:40]}' is not a format version"
+        return Problem("bad-version", sentence, version.place, f'write version="{VERSION}"')
+    newest = tuple(int(part) for part in VERSION.split("."))
+    if tuple(int(part) for part in parts) > newest:
+        sentence = f"the file is written for format {version.value}, this program reads up to {VERSION}"
+        return Problem("newer-version", sentence, version.place, "install a newer itouch-py")
+    if int(parts[0]) < 1:
+        return Problem(
+            "bad-version", f"there is no format {version.value}", version.place, f'write version="{VERSION}"'
+        )
+    return None
+
+
+def collect_defaults(document: Document) -> None:
+    """Add what the document's own ``<defaults>`` say to what its includes brought."""
+    section = document.sections.get("defaults")
+    for node in section.children if section else ():
+        document.defaults.setdefault(node.written, {}).update(node.attributes)
+
+
+Defaults = Mapping[str, Mapping[str, Attribute]]

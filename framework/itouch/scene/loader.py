@@ -1,0 +1,265 @@
+"""From files to a Scene: includes, defaults and bases resolved, references checked, all problems at once."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from itouch.scene import elements
+from itouch.scene.binding import Binder, Extensions, Places
+from itouch.scene.description import Scene
+from itouch.scene.documents import Document, DocumentReader, collect_defaults
+from itouch.scene.names import check_names, check_references, defined_names
+from itouch.scene.source import Node
+from itouch.schema.diagnostics import Problem, SceneError, did_you_mean
+
+_SECTION_CLASSES: dict[str, type] = {
+    "materials": elements.Materials,
+    "world": elements.WorldElement,
+    "devices": elements.Devices,
+    "interaction": elements.Interaction,
+    "rates": elements.Rates,
+    "safety": elements.Safety,
+}
+#: Elements that <defaults> may name.
+_DEFAULTABLE: dict[str, type] = {
+    cls.TAG: cls
+    for cls in (
+        *elements.OBJECTS, elements.ContactMaterial, elements.Visual, elements.Mount, elements.Probe, elements.To,
+        elements.Operator, elements.Calibration,
+    )
+}  # fmt: skip
+
+
+def load(path: str | os.PathLike[str], extensions: Extensions, *, rig: str | os.PathLike[str] | None = None) -> Scene:
+    """Load a scene, or raise with everything that is wrong with it.
+
+    Parameters
+    ----------
+    path
+        The scene file.
+    extensions
+        The plugins, which check their own elements.
+    rig
+        A file whose devices replace those of the scene, name by name.
+
+    Raises
+    ------
+    SceneError
+        With all problems in file order.
+    """
+    scene, problems = read_scene(path, extensions, rig=rig)
+    if any(problem.severity == "error" for problem in problems):
+        raise SceneError(problems)
+    return scene
+
+
+def read_scene(
+    path: str | os.PathLike[str], extensions: Extensions, *, rig: str | os.PathLike[str] | None = None
+) -> tuple[Scene, list[Problem]]:
+    """Load as much of a scene as can be, with the problems found."""
+    problems: list[Problem] = []
+    documents = DocumentReader(problems).read(path)
+    assembly = _Assembly(extensions, problems).add(documents)
+    if rig is not None:
+        assembly.replace_devices(rig)
+    scene = assembly.scene(os.fspath(path))
+    return scene, in_file_order(problems)
+
+
+def loads(data: bytes, extensions: Extensions, *, shown: str = "scene.xml") -> Scene:
+    """Load a scene from memory; the same checks hold.
+
+    Raises
+    ------
+    SceneError
+        With all problems in file order.
+    """
+    problems: list[Problem] = []
+    documents = DocumentReader(problems).read_text(data, shown)
+    scene = _Assembly(extensions, problems).add(documents).scene(shown)
+    if any(problem.severity == "error" for problem in problems):
+        raise SceneError(in_file_order(problems))
+    return scene
+
+
+def in_file_order(problems: Iterable[Problem]) -> list[Problem]:
+    """Sort problems by file (in the order met), line and column, and drop repetitions."""
+    unique = list(dict.fromkeys(problems))
+    files = list(dict.fromkeys(problem.place.file for problem in unique if problem.place))
+    rank = {file: index for index, file in enumerate(files)}
+
+    def key(problem: Problem) -> tuple[int, int, int]:
+        place = problem.place
+        return (rank[place.file], place.line, place.column) if place else (len(files), 0, 0)
+
+    return sorted(unique, key=key)
+
+
+@dataclass
+class _Assembly:
+    """Collects the sections of all documents into one scene."""
+
+    extensions: Extensions
+    problems: list[Problem]
+    places: Places = field(default_factory=Places)
+    materials: list[elements.Material] = field(default_factory=list)
+    objects: list[Any] = field(default_factory=list)
+    devices: list[elements.DeviceElement] = field(default_factory=list)
+    probes: list[elements.Probe] = field(default_factory=list)
+    operators: list[elements.Operator] = field(default_factory=list)
+    modalities: list[elements.PluginPart] = field(default_factory=list)
+    single: dict[str, Any] = field(default_factory=dict)
+
+    def add(self, documents: list[Document]) -> _Assembly:
+        for document in documents:
+            collect_defaults(document)
+        bases = _Bases(documents, self.problems)
+        for document in documents:
+            binder = self._binder(document)
+            self._check_defaults(document)
+            for tag, node in document.sections.items():
+                if tag == "materials":
+                    node = bases.resolved(document, node)
+                if tag != "defaults":
+                    self._section(tag, binder.bind(node, _SECTION_CLASSES[tag]), node)
+        return self
+
+    def _binder(self, document: Document) -> Binder:
+        own = defined_names(document.root) if document.prefix else set()
+
+        def rename(name: str) -> str:
+            return document.prefix + name if name in own else name
+
+        return Binder(self.extensions, self.problems, self.places, document.defaults, rename)
+
+    def _check_defaults(self, document: Document) -> None:
+        """Bind what <defaults> says on its own, so that a fault is told once and at its place."""
+        section = document.sections.get("defaults")
+        for node in section.children if section else ():
+            cls = _DEFAULTABLE.get(node.tag) if not node.namespace else None
+            if cls is None:
+                advice = did_you_mean(node.tag, _DEFAULTABLE, "defaults are possible for")
+                sentence = f"<defaults> has no element <{node.written}>"
+                self.problems.append(Problem("unknown-element", sentence, node.place, advice))
+                continue
+            found: list[Problem] = []
+            Binder(self.extensions, found, Places()).bind(node, cls)
+            self.problems += [problem for problem in found if problem.code != "missing-attribute"]
+
+    def _section(self, tag: str, bound: Any, node: Node) -> None:
+        if bound is None:
+            return
+        if tag == "materials":
+            self.materials += bound.materials
+        elif tag == "devices":
+            self.devices += [d for d in bound.devices if d is not None]
+        elif tag == "interaction":
+            self.probes += bound.probes
+            self.operators += bound.operators
+            self.modalities += bound.parts
+        elif tag == "world":
+            self.objects += bound.objects
+            if self.places.given(bound, "temperature") or tag not in self.single:
+                self.single[tag] = bound
+        elif tag in self.single:
+            first = self.places.of(self.single[tag])
+            related = ((first, "first here"),) if first else ()
+            sentence = f"<{tag}> stands in two of the files"
+            self.problems.append(Problem("duplicate-element", sentence, node.place, "keep one of them", related))
+        else:
+            self.single[tag] = bound
+
+    def replace_devices(self, rig: str | os.PathLike[str]) -> None:
+        """Put the devices of another rig under the scene."""
+        other = _Assembly(self.extensions, self.problems, self.places).add(DocumentReader(self.problems).read(rig))
+        wanted, offered = {d.name for d in self.devices}, {d.name for d in other.devices}
+        if other.objects or other.probes:
+            sentence = f"'{os.fspath(rig)}' is not a rig: it holds more than devices"
+            place = self.places.of((other.objects or other.probes)[0])
+            self.problems.append(Problem("rig", sentence, place, "a rig file holds <devices> and includes"))
+        for device in self.devices:
+            if device.name not in offered and other.devices:
+                advice = did_you_mean(device.name, offered, "the rig's devices are")
+                sentence = f"rig '{os.fspath(rig)}' has no device named '{device.name}'"
+                self.problems.append(Problem("rig", sentence, self.places.of(device, "name"), advice))
+        for device in other.devices:
+            if device.name not in wanted:
+                sentence = f"the scene has no device named '{device.name}', which the rig brings"
+                advice = did_you_mean(device.name, wanted, "the scene's devices are")
+                self.problems.append(Problem("rig", sentence, self.places.of(device, "name"), advice))
+        if other.devices:
+            self.devices = other.devices
+
+    def scene(self, source: str) -> Scene:
+        world = self.single.get("world", elements.WorldElement())
+        complete = replace(world, objects=tuple(self.objects))
+        if (place := self.places.of(world)) is not None:
+            self.places.put(complete, place, {})
+        scene = Scene(
+            world=complete,
+            materials=tuple(self.materials),
+            devices=tuple(self.devices),
+            probes=tuple(self.probes),
+            operators=tuple(self.operators),
+            modalities=tuple(self.modalities),
+            rates=self.single.get("rates", elements.Rates()),
+            safety=self.single.get("safety", elements.Safety()),
+            source=source,
+            places=self.places,
+        )
+        self.problems += check_names(scene)
+        self.problems += check_references(scene, self.problems)
+        return scene
+
+
+@dataclass
+class _Bases:
+    """Resolves ``base=`` of materials on the nodes: what the derived one does not say, its base does."""
+
+    documents: list[Document]
+    problems: list[Problem]
+    _nodes: dict[str, tuple[Node, Document]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for document in self.documents:
+            section = document.sections.get("materials")
+            for node in section.children if section else ():
+                if node.tag == "material" and "name" in node.attributes:
+                    name = document.prefix + node.attributes["name"].value
+                    self._nodes.setdefault(name, (node, document))
+
+    def resolved(self, document: Document, section: Node) -> Node:
+        children = [self._material(document, node, ()) for node in section.children]
+        return replace(section, children=children)
+
+    def _material(self, document: Document, node: Node, chain: tuple[str, ...]) -> Node:
+        base = node.attributes.get("base")
+        if node.tag != "material" or base is None:
+            return node
+        name = document.prefix + base.value
+        found = self._nodes.get(name) or self._nodes.get(base.value)
+        without = {key: value for key, value in node.attributes.items() if key != "base"}
+        if found is None:
+            advice = did_you_mean(base.value, self._nodes, "materials are")
+            sentence = f"there is no material named '{base.value}'"
+            self.problems.append(Problem("unknown-name", sentence, base.place, advice))
+            return replace(node, attributes=without)
+        if name in chain or found[0] is node:
+            sentence = f"material '{base.value}' is its own base"
+            self.problems.append(Problem("base-cycle", sentence, base.place, "remove one of the bases"))
+            return replace(node, attributes=without)
+        parent = self._material(found[1], found[0], (*chain, name))
+        return replace(node, attributes=without, children=_merged(parent.children, node.children))
+
+
+def _merged(inherited: list[Node], own: list[Node]) -> list[Node]:
+    """Put the attributes that ``own`` elements do not give from the ``inherited`` elements of the same tag."""
+    mine = {(node.namespace, node.tag): node for node in own}
+    merged = []
+    for node in inherited:
+        over = mine.pop((node.namespace, node.tag), None)
+        merged.append(node if over is None else replace(over, attributes={**node.attributes, **over.attributes}))
+    return merged + [node for node in own if (node.namespace, node.tag) in mine]

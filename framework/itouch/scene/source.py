@@ -1,0 +1,233 @@
+"""Hardened reading of an XML file into nodes that know where every element and attribute stands.
+
+libxml2 knows the line where a start tag *ends* and nothing of attributes; expat knows the byte where it starts.
+Both read the file: expat first, which also refuses what a scene may not hold, then lxml for the tree.
+"""
+
+from __future__ import annotations
+
+import bisect
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.parsers import expat
+
+from lxml import etree
+
+from itouch.schema.diagnostics import Place, Problem
+
+MAX_BYTES = 8 << 20
+MAX_DEPTH = 64
+MAX_ATTRIBUTES = 128
+MAX_ELEMENTS = 100_000
+
+_ATTRIBUTE = re.compile(rb"""([^\s=<>/]+)\s*=\s*("[^"]*"|'[^']*')""")
+_TAG = re.compile(rb"<[^\s/>]+")
+
+
+@dataclass(frozen=True, slots=True)
+class Attribute:
+    """An attribute as written: its value and where it stands."""
+
+    value: str
+    place: Place
+
+
+@dataclass(slots=True)
+class Node:
+    """An element: namespace and local name, attributes by name, children, stray text, and its place."""
+
+    namespace: str
+    tag: str
+    written: str
+    place: Place
+    attributes: dict[str, Attribute] = field(default_factory=dict)
+    children: list[Node] = field(default_factory=list)
+    text: str = ""
+
+
+class SourceError(Exception):
+    """The file can't be read as XML at all; ``problem`` says why."""
+
+    def __init__(self, problem: Problem) -> None:
+        super().__init__(problem.sentence)
+        self.problem = problem
+
+
+class _Text:
+    """The bytes of a file, and the places in it."""
+
+    def __init__(self, file: str, data: bytes) -> None:
+        self.file, self.data = file, data
+        self._starts = [0] + [match.end() for match in re.finditer(rb"\n", data)]
+
+    def place(self, offset: int, length: int = 1) -> Place:
+        line = bisect.bisect_right(self._starts, offset)
+        start = self._starts[line - 1]
+        end = self._starts[line] - 1 if line < len(self._starts) else len(self.data)
+        column = len(self.data[start:offset].decode("utf-8", "replace")) + 1
+        span = len(self.data[offset : min(offset + length, end)].decode("utf-8", "replace").rstrip("\r"))
+        text = self.data[start:end].decode("utf-8", "replace").rstrip("\r")
+        return Place(self.file, line, column, max(1, span), text)
+
+    def element(self, offset: int) -> Place:
+        match = _TAG.match(self.data, offset)
+        return self.place(offset, len(match.group()) if match else 1)
+
+    def attributes(self, offset: int) -> Iterator[tuple[str, Place]]:
+        match = _TAG.match(self.data, offset)
+        at = match.end() if match else offset
+        while found := _ATTRIBUTE.match(self.data, self._skip_space(at)):
+            yield found.group(1).decode("utf-8", "replace"), self.place(found.start(), found.end() - found.start())
+            at = found.end()
+
+    def _skip_space(self, at: int) -> int:
+        while at < len(self.data) and self.data[at] in b" \t\r\n":
+            at += 1
+        return at
+
+
+def read_bytes(path: Path, shown: str) -> bytes:
+    """Read a file of at most MAX_BYTES.
+
+    Raises
+    ------
+    SourceError
+        If it is missing, unreadable, not a file, or too large.
+    """
+    try:
+        if path.is_dir():
+            raise SourceError(Problem("no-such-file", f"'{shown}' is a folder, not a scene file", Place(shown, 1, 1)))
+        with path.open("rb") as stream:
+            data = stream.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        problem = Problem("no-such-file", f"cannot read '{shown}': {reason}", Place(shown, 1, 1), "check the path")
+        raise SourceError(problem) from None
+    if len(data) > MAX_BYTES:
+        sentence = f"'{shown}' is larger than {MAX_BYTES >> 20} MiB"
+        raise SourceError(Problem("too-large", sentence, Place(shown, 1, 1), "keep numbers in meshes and recordings"))
+    return data
+
+
+def parse(data: bytes, shown: str) -> Node:
+    """Parse a document into nodes with places.
+
+    Raises
+    ------
+    SourceError
+        If it is not UTF-8, not well-formed, has a DOCTYPE, or passes a cap on depth, attributes or elements.
+    """
+    text = _Text(shown, data)
+    _check_encoding(text)
+    offsets = _Positions(text).run()
+    parser = etree.XMLParser(
+        resolve_entities=False, no_network=True, load_dtd=False, dtd_validation=False, huge_tree=False,
+        remove_comments=True, remove_pis=True,
+    )  # fmt: skip
+    try:
+        root = etree.fromstring(data, parser)
+    except etree.XMLSyntaxError as error:
+        raise SourceError(_syntax_problem(text, error)) from None
+    return _build(root, iter(offsets), text)
+
+
+def _check_encoding(text: _Text) -> None:
+    try:
+        text.data.decode("utf-8")
+    except UnicodeDecodeError as error:
+        problem = Problem(
+            "not-utf-8", "the file is not UTF-8 text", text.place(error.start), "save it with encoding UTF-8"
+        )
+        raise SourceError(problem) from None
+    if b"\0" in text.data:
+        at = text.data.index(b"\0")
+        raise SourceError(Problem("not-well-formed", "the file holds a NUL byte", text.place(at)))
+
+
+class _Positions:
+    """Expat pass: the byte offset of every start tag, in document order, and the refusals."""
+
+    def __init__(self, text: _Text) -> None:
+        self._text = text
+        self._offsets: list[int] = []
+        self._depth = 0
+        self._parser = expat.ParserCreate("utf-8")
+        self._parser.ordered_attributes = True
+        self._parser.StartElementHandler = self._start
+        self._parser.EndElementHandler = self._end
+        self._parser.StartDoctypeDeclHandler = self._doctype
+
+    def run(self) -> list[int]:
+        try:
+            self._parser.Parse(self._text.data, True)
+        except expat.ExpatError as error:
+            at = min(max(0, self._parser.ErrorByteIndex), len(self._text.data))
+            sentence = f"the XML is not well-formed: {expat.errors.messages[error.code]}"
+            if self._depth == 0 and not self._text.data.strip():
+                sentence = "the file is empty"
+            problem = Problem(
+                "not-well-formed", sentence, self._text.place(at), "close every tag and quote every value"
+            )
+            raise SourceError(problem) from None
+        return self._offsets
+
+    def _refuse(self, code: str, sentence: str, advice: str) -> None:
+        raise SourceError(Problem(code, sentence, self._text.element(self._parser.CurrentByteIndex), advice))
+
+    def _start(self, name: str, attributes: list[str]) -> None:
+        self._depth += 1
+        if self._depth > MAX_DEPTH:
+            self._refuse("too-deep", f"elements are nested more than {MAX_DEPTH} deep", "a scene is at most 6 deep")
+        if len(attributes) > 2 * MAX_ATTRIBUTES:
+            self._refuse(
+                "too-many-attributes", f"<{name[:40]}> has more than {MAX_ATTRIBUTES} attributes", "remove some"
+            )
+        if len(self._offsets) >= MAX_ELEMENTS:
+            self._refuse("too-many-elements", f"the file has more than {MAX_ELEMENTS} elements", "split the scene")
+        self._offsets.append(self._parser.CurrentByteIndex)
+
+    def _end(self, name: str) -> None:
+        self._depth -= 1
+
+    def _doctype(self, *args: object) -> None:
+        at = max(0, self._text.data.find(b"<!DOCTYPE"))
+        problem = Problem(
+            "doctype", "a scene may not have a DOCTYPE", self._text.place(at, 9),
+            "remove it; entities are not supported, use <include> and <defaults>",
+        )  # fmt: skip
+        raise SourceError(problem)
+
+
+def _syntax_problem(text: _Text, error: etree.XMLSyntaxError) -> Problem:
+    line, column = error.position if error.position else (1, 1)
+    lines = text.data.decode("utf-8", "replace").split("\n")
+    shown = lines[line - 1].rstrip("\r") if 0 < line <= len(lines) else ""
+    sentence = f"the XML is not well-formed: {str(error.msg).split(', line')[0]}"
+    return Problem("not-well-formed", sentence, Place(text.file, line, max(1, column), 1, shown))
+
+
+def _build(element: etree._Element, offsets: Iterator[int], text: _Text) -> Node:
+    """Pair the elements of the tree with their offsets; the depth cap bounds the recursion."""
+    offset = next(offsets)
+    name = etree.QName(element)
+    prefix = f"{element.prefix}:" if element.prefix else ""
+    node = Node(name.namespace or "", name.localname, prefix + name.localname, text.element(offset))
+    places = dict(text.attributes(offset))
+    for key, value in element.attrib.items():
+        written = _written(key, element)
+        node.attributes[written] = Attribute(value, places.get(written, node.place))
+    node.text = "".join([element.text or "", *(child.tail or "" for child in element)]).strip()
+    node.children = [_build(child, offsets, text) for child in element]
+    return node
+
+
+def _written(key: str, element: etree._Element) -> str:
+    name = etree.QName(key)
+    if not name.namespace:
+        return key
+    if name.namespace == "http://www.w3.org/XML/1998/namespace":
+        return f"xml:{name.localname}"
+    prefixes = [prefix for prefix, uri in element.nsmap.items() if uri == name.namespace and prefix]
+    return f"{prefixes[0]}:{name.localname}" if prefixes else name.localname

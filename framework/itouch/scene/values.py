@@ -1,0 +1,109 @@
+"""One attribute's text to its value, by the field's spec."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Any
+
+from itouch.schema.diagnostics import did_you_mean
+from itouch.schema.fields import Spec
+from itouch.schema.quantity import QuantityError, describe, parse_quantity
+from itouch.schema.units import CELSIUS_OFFSET
+
+_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
+_INTEGER = re.compile(r"[+-]?\d{1,18}")
+_FLAGS = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
+
+
+class ValueProblemError(ValueError):
+    """A value that can't be taken: a problem's code, and the advice."""
+
+    def __init__(self, code: str, sentence: str, advice: str = "") -> None:
+        super().__init__(sentence)
+        self.code, self.advice = code, advice
+
+
+def parse_value(spec: Spec, text: str) -> Any:
+    """Read an attribute by its spec.
+
+    Raises
+    ------
+    ValueProblemError
+        With the code of the problem and the advice.
+    """
+    return _PARSERS[spec.kind](spec, text)
+
+
+def _quantity(spec: Spec, text: str) -> float | tuple[float, ...]:
+    try:
+        values = parse_quantity(text, spec.unit, size=spec.size, absolute=spec.absolute)
+    except QuantityError as error:
+        raise ValueProblemError("bad-value", str(error), error.advice) from None
+    for value in values:
+        if not (math.isfinite(value) and spec.admits(value)):
+            raise ValueProblemError(
+                "out-of-range", f"{_shown(spec, value)} is out of range", _range_advice(spec, text, values)
+            )
+    return values[0] if spec.scalar else values
+
+
+def _shown(spec: Spec, value: float) -> str:
+    return f"{value:g} {spec.unit}".strip()
+
+
+def _range_advice(spec: Spec, text: str, values: tuple[float, ...]) -> str:
+    if spec.absolute and all(spec.admits(value + CELSIUS_OFFSET) for value in values):
+        return f"did you mean '{text.removesuffix('K').strip()} degC'?"
+    return f"allowed: {_allowed(spec)}"
+
+
+def _allowed(spec: Spec) -> str:
+    if spec.absolute and math.isfinite(spec.low) and math.isfinite(spec.high):
+        return f"{spec.low - CELSIUS_OFFSET:g} to {spec.high - CELSIUS_OFFSET:g} degC"
+    return spec.range_text() or describe(spec.unit, spec.size, spec.absolute)
+
+
+def _integer(spec: Spec, text: str) -> int:
+    if _INTEGER.fullmatch(text.strip()) is None:
+        raise ValueProblemError("bad-value", f"'{text}' is not a whole number", spec.range_text())
+    value = int(text)
+    if not spec.admits(value):
+        raise ValueProblemError("out-of-range", f"{value} is out of range", f"allowed: {spec.range_text()}")
+    return value
+
+
+def _text(spec: Spec, text: str) -> str:
+    return text
+
+
+def _name(spec: Spec, text: str) -> str:
+    if _NAME.fullmatch(text) is None:
+        advice = "letters, digits, '_' and '-', beginning with a letter"
+        raise ValueProblemError("bad-value", f"'{text}' is not a name", advice)
+    return text
+
+
+def _choice(spec: Spec, text: str) -> str:
+    if text not in spec.values:
+        raise ValueProblemError(
+            "bad-value", f"'{text}' is not one of its values", did_you_mean(text, spec.values, "allowed")
+        )
+    return text
+
+
+def _flag(spec: Spec, text: str) -> bool:
+    if text not in _FLAGS:
+        raise ValueProblemError("bad-value", f"'{text}' is neither yes nor no", "yes or no")
+    return _FLAGS[text]
+
+
+_PARSERS: dict[str, Any] = {
+    "quantity": _quantity,
+    "integer": _integer,
+    "text": _text,
+    "name": _name,
+    "ref": _name,
+    "choice": _choice,
+    "flag": _flag,
+}
