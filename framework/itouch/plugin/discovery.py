@@ -105,6 +105,28 @@ class Catalog:
                 return cls.Material
         return None
 
+    def element_class(self, plugin: str, host: str, local: str) -> type | None:
+        """Return the dataclass of ``<plugin:local>`` inside the element ``host`` of a scene, or None."""
+        if host == "device" and local == "hardware":
+            device = self.device(plugin)
+            return device.Params if device else None
+        if host == "material" and local == "material":
+            return self.material(plugin)
+        modality = self.modality(plugin, local) if host == "interaction" else None
+        return modality.Params if modality else None
+
+    def locals(self, plugin: str, host: str) -> Sequence[str]:
+        """Return the local names that a plugin offers inside the element ``host``."""
+        if host == "device":
+            return ["hardware"] if plugin in self._devices else []
+        if host == "material":
+            return ["material"] if self.material(plugin) else []
+        return self.modality_names(plugin)
+
+    def failure(self, plugin: str) -> str:
+        """Return why a plugin failed to load, or an empty string."""
+        return next((str(e) for name, e in self.failures.items() if _plugin_of(name) == plugin), "")
+
     def _modality(self, plugin: str, local: str) -> Found | None:
         for name, found in self._modalities.items():
             if (_plugin_of(name), _local_of(name)) == (plugin, local):

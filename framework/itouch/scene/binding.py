@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import MISSING, dataclass, field
+from dataclasses import MISSING, dataclass, field, replace
 from typing import Any, Protocol
 
 from itouch.scene.elements import PluginPart
+from itouch.scene.names import Names
 from itouch.scene.source import Attribute, Node
 from itouch.scene.values import ValueProblemError, parse_value
 from itouch.schema.diagnostics import Place, Problem, did_you_mean, nearest
@@ -73,6 +74,8 @@ class Binder:
     places: Places
     defaults: Mapping[str, Mapping[str, Attribute]] = field(default_factory=dict)
     rename: Callable[[str], str] = str
+    names: Names = field(default_factory=Names)
+    section: str = ""
 
     def bind(self, node: Node, cls: type, *, extra: frozenset[str] = frozenset()) -> Any:
         """Return an instance of ``cls``, or None if a fault prevents it; ``extra`` attributes are the caller's."""
@@ -160,9 +163,14 @@ class Binder:
             sentence = f'<{node.written} {xml_name(name)}="{_short(attribute.value)}">: {fault}'
             self.problems.append(Problem(fault.code, sentence, attribute.place, fault.advice))
             return BROKEN
-        if spec.kind in ("name", "ref") and value:
-            return self.rename(value)
-        return value
+        if spec.kind not in ("name", "ref") or not value:
+            return value
+        renamed = self.rename(value)
+        if spec.kind == "name":
+            self.names.define(node.tag, renamed, attribute.place, self.section)
+        else:
+            self.names.refer(spec.target, renamed, attribute.place, self.section)
+        return renamed
 
     def _constraints(self, node: Node, cls: type, attributes: Mapping[str, Attribute]) -> None:
         def given(group: Sequence[str]) -> list[str]:
@@ -205,6 +213,7 @@ class Binder:
             if name not in known:
                 value = self._value(node, name, pattern, attribute)
                 spots[self.rename(name)] = attribute.place
+                self.names.refer("modality", self.rename(name), attribute.place, self.section)
                 if value is not BROKEN:
                     entries.append((self.rename(name), value))
         return tuple(sorted(entries))
@@ -273,19 +282,25 @@ class Binder:
         plugin = node.namespace.removeprefix(PLUGIN_NAMESPACE)
         cls = self.extensions.element_class(plugin, host.tag, node.tag)
         if cls is None:
-            self.problems.append(self._plugin_problem(host, node, plugin))
+            problem = self._plugin_problem(host, node, plugin)
+            optional = host.attributes.get("optional")
+            if host.tag == "device" and optional is not None and optional.value in ("true", "yes", "1"):
+                problem = replace(problem, severity="warning")
+            self.problems.append(problem)
             return None
-        modality = host.tag == "interaction"
-        params = self.bind(node, cls, extra=frozenset({"name"}) if modality else frozenset())
+        name = self._modality_name(node) if host.tag == "interaction" else ""
+        params = self.bind(node, cls, extra=frozenset({"name"}) if name else frozenset())
         if params is None:
             return None
-        name = ""
-        if modality:
-            given = node.attributes.get("name")
-            name = self.rename(given.value if given else node.tag)
         part = PluginPart(plugin, node.tag, params, name)
         self.places.put(part, node.place, {key: value.place for key, value in node.attributes.items()})
         return part
+
+    def _modality_name(self, node: Node) -> str:
+        given = node.attributes.get("name")
+        name = self.rename(given.value if given else node.tag)
+        self.names.define(node.tag, name, given.place if given else node.place, "modality")
+        return name
 
     def _plugin_problem(self, host: Node, node: Node, plugin: str) -> Problem:
         if failure := self.extensions.failure(plugin):

@@ -11,9 +11,10 @@ from itouch.scene import elements
 from itouch.scene.binding import Binder, Extensions, Places
 from itouch.scene.description import Scene
 from itouch.scene.documents import Document, DocumentReader, collect_defaults
-from itouch.scene.names import check_names, check_references, defined_names
+from itouch.scene.names import Names, defined_names
 from itouch.scene.source import Node
 from itouch.schema.diagnostics import Problem, SceneError, did_you_mean
+from itouch.schema.fields import tag_of
 
 _SECTION_CLASSES: dict[str, type] = {
     "materials": elements.Materials,
@@ -25,7 +26,7 @@ _SECTION_CLASSES: dict[str, type] = {
 }
 #: Elements that <defaults> may name.
 _DEFAULTABLE: dict[str, type] = {
-    cls.TAG: cls
+    tag_of(cls): cls
     for cls in (
         *elements.OBJECTS, elements.ContactMaterial, elements.Visual, elements.Mount, elements.Probe, elements.To,
         elements.Operator, elements.Calibration,
@@ -112,6 +113,7 @@ class _Assembly:
     operators: list[elements.Operator] = field(default_factory=list)
     modalities: list[elements.PluginPart] = field(default_factory=list)
     single: dict[str, Any] = field(default_factory=dict)
+    names: Names = field(default_factory=Names)
 
     def add(self, documents: list[Document]) -> _Assembly:
         for document in documents:
@@ -124,6 +126,7 @@ class _Assembly:
                 if tag == "materials":
                     node = bases.resolved(document, node)
                 if tag != "defaults":
+                    binder.section = tag
                     self._section(tag, binder.bind(node, _SECTION_CLASSES[tag]), node)
         return self
 
@@ -133,7 +136,7 @@ class _Assembly:
         def rename(name: str) -> str:
             return document.prefix + name if name in own else name
 
-        return Binder(self.extensions, self.problems, self.places, document.defaults, rename)
+        return Binder(self.extensions, self.problems, self.places, document.defaults, rename, self.names)
 
     def _check_defaults(self, document: Document) -> None:
         """Bind what <defaults> says on its own, so that a fault is told once and at its place."""
@@ -192,6 +195,7 @@ class _Assembly:
                 self.problems.append(Problem("rig", sentence, self.places.of(device, "name"), advice))
         if other.devices:
             self.devices = other.devices
+            self.names = self.names.without("devices").joined(other.names)
 
     def scene(self, source: str) -> Scene:
         world = self.single.get("world", elements.WorldElement())
@@ -210,8 +214,8 @@ class _Assembly:
             source=source,
             places=self.places,
         )
-        self.problems += check_names(scene)
-        self.problems += check_references(scene, self.problems)
+        self.problems += self.names.problems()
+        self.problems += _mount_cycles(scene)
         return scene
 
 
@@ -253,6 +257,20 @@ class _Bases:
             return replace(node, attributes=without)
         parent = self._material(found[1], found[0], (*chain, name))
         return replace(node, attributes=without, children=_merged(parent.children, node.children))
+
+
+def _mount_cycles(scene: Scene) -> list[Problem]:
+    carriers = {device.name: device.mount.on for device in scene.devices}
+    problems = []
+    for device in scene.devices:
+        seen, name = {device.name}, device.mount.on
+        while name and name not in seen:
+            seen.add(name)
+            name = carriers.get(name, "")
+        if name == device.name:
+            sentence = f"device '{device.name}' is mounted on itself"
+            problems.append(Problem("mount-cycle", sentence, scene.places.of(device.mount, "on"), "mount it elsewhere"))
+    return problems
 
 
 def _merged(inherited: list[Node], own: list[Node]) -> list[Node]:
