@@ -1,1 +1,73 @@
-"""A framework for touch rendering with kinesthetic and thermal feedback."""
+"""A framework for touch rendering with kinesthetic and thermal feedback.
+
+>>> import itouch
+>>> engine = itouch.build("scenes/four_materials.xml")      # doctest: +SKIP
+>>> engine.run(5.0)                                         # doctest: +SKIP
+>>> engine.report()["contacts"]                             # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from itouch.loop import DeviceFaultError, Engine, EngineError, VirtualClock, WallClock
+    from itouch.plugin import DeviceError
+    from itouch.scene import Scene, write
+    from itouch.schema import ItouchError, Place, Problem, SceneError
+    from itouch.session import Session, SessionError, build, restore
+    from itouch.session import load_scene as load
+
+#: Public name -> where it lives; loaded when it is first asked for, so that the command line starts fast.
+_HOMES = {
+    "DeviceError": "itouch.plugin",
+    "DeviceFaultError": "itouch.loop",
+    "Engine": "itouch.loop",
+    "EngineError": "itouch.loop",
+    "ItouchError": "itouch.schema",
+    "Place": "itouch.schema",
+    "Problem": "itouch.schema",
+    "Scene": "itouch.scene",
+    "SceneError": "itouch.schema",
+    "Session": "itouch.session",
+    "SessionError": "itouch.session",
+    "VirtualClock": "itouch.loop",
+    "WallClock": "itouch.loop",
+    "build": "itouch.session",
+    "load": "itouch.session:load_scene",
+    "restore": "itouch.session",
+    "write": "itouch.scene",
+}
+
+__all__ = [
+    "DeviceError",
+    "DeviceFaultError",
+    "Engine",
+    "EngineError",
+    "ItouchError",
+    "Place",
+    "Problem",
+    "Scene",
+    "SceneError",
+    "Session",
+    "SessionError",
+    "VirtualClock",
+    "WallClock",
+    "build",
+    "load",
+    "restore",
+    "write",
+]
+
+
+def __getattr__(name: str) -> Any:
+    home = _HOMES.get(name)
+    if home is None:
+        raise AttributeError(f"module 'itouch' has no attribute '{name}'")
+    module, _, attribute = home.partition(":")
+    return getattr(import_module(module), attribute or name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,1 +1,7 @@
-"""Part of itouch."""
+"""What happens in a tick, and who may do it."""
+
+from itouch.loop.clock import Clock, VirtualClock, WallClock
+from itouch.loop.engine import Engine, EngineError
+from itouch.loop.runner import DeviceFaultError, Status
+
+__all__ = ["Clock", "DeviceFaultError", "Engine", "EngineError", "Status", "VirtualClock", "WallClock"]

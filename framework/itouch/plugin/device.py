@@ -49,6 +49,10 @@ class Twin(ABC):
     def reset(self, state: Record, rng: np.random.Generator) -> None:  # noqa: B027
         """Set the State to its start; draw the words of random generators from ``rng``."""
 
+    def pose(self, state: Record) -> tuple[float, float, float] | None:
+        """Return the true position [m] of what the device carries, in its own frame; None if it carries nothing."""
+        return None
+
     @abstractmethod
     def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
         """Advance the State by ``period`` seconds under the command that safety let through."""

@@ -99,16 +99,24 @@ class Record:
         """Return an independent record with the same content."""
         return type(self)(self.dtype, self.raw.copy())
 
-    def part(self, prefix: str) -> Record:
-        """Return a record of the contiguous fields whose names start with ``prefix``, without it.
+    def part(self, prefix: str, names: Iterable[str] | None = None) -> Record:
+        """Return a record of contiguous fields whose names start with ``prefix``, without it.
+
+        Parameters
+        ----------
+        prefix
+            What all the names begin with.
+        names
+            The names without the prefix, in order; default: every field with the prefix.
 
         Raises
         ------
         ValueError
-            If no field has the prefix or they are not contiguous.
+            If no field is chosen or they are not contiguous.
         """
         table: Any = self.dtype.fields or {}
-        chosen = [(name, table[name][0], table[name][1]) for name in self._views if name.startswith(prefix)]
+        wanted = [prefix + name for name in names] if names is not None else list(self._views)
+        chosen = [(name, table[name][0], table[name][1]) for name in wanted if name.startswith(prefix)]
         if not chosen:
             raise ValueError(f"no field starts with '{prefix}'")
         start, end = chosen[0][2], chosen[-1][2] + chosen[-1][1].itemsize

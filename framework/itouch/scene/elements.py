@@ -59,6 +59,11 @@ class ContactMaterial:
     static_friction: float = quantity("", low=0.0, high=5.0, default=0.0, doc="coefficient of static friction")
     dynamic_friction: float = quantity("", low=0.0, high=5.0, default=0.0, doc="coefficient of dynamic friction")
 
+    def __post_init__(self) -> None:
+        if self.dynamic_friction > self.static_friction:
+            static, dynamic = self.static_friction, self.dynamic_friction
+            raise ValueError(f"dynamic-friction {dynamic:g} is above static-friction {static:g}")
+
 
 @dataclass(frozen=True, slots=True)
 class Visual:

@@ -1,1 +1,1 @@
-"""Part of itouch."""
+"""The operator's finger as a twin, and what couples the twins of devices to it."""

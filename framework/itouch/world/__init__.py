@@ -1,1 +1,7 @@
-"""Part of itouch."""
+"""Scene -> Model (read-only arrays) and State (one record)."""
+
+from itouch.world.model import ModalityModel, Model, ProbeModel, compile_scene
+from itouch.world.rig import DeviceModel
+from itouch.world.state import layout, make_state
+
+__all__ = ["DeviceModel", "ModalityModel", "Model", "ProbeModel", "compile_scene", "layout", "make_state"]

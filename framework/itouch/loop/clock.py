@@ -1,0 +1,62 @@
+"""The only place that knows host time.  State counts ticks; seconds are derived."""
+
+from __future__ import annotations
+
+import time
+from typing import Protocol
+
+
+class Clock(Protocol):
+    """What paces the loop."""
+
+    pace: str
+
+    def start(self, period: float) -> None:
+        """Begin: the next tick is due one period from now."""
+
+    def wait(self) -> float:
+        """Wait for the next tick and return how late it is [s]; 0 on a virtual clock."""
+
+
+class VirtualClock:
+    """Never waits: the loop runs as fast as it computes."""
+
+    pace = "fast"
+
+    def start(self, period: float) -> None:
+        """Begin; nothing is due."""
+
+    def wait(self) -> float:
+        """Return at once."""
+        return 0.0
+
+
+class WallClock:
+    """Waits for absolute deadlines: sleeps, then spins through the last part."""
+
+    pace = "real"
+    _SPIN = 60e-6
+
+    def __init__(self) -> None:
+        self._deadline = 0.0
+        self._period = 0.0
+
+    def start(self, period: float) -> None:
+        """Begin: the next tick is due one period from now."""
+        self._period = period
+        self._deadline = time.perf_counter()
+
+    def wait(self) -> float:
+        """Wait for the next deadline and return how late it is [s]."""
+        self._deadline += self._period
+        while (left := self._deadline - time.perf_counter()) > 0.0:
+            if left > self._SPIN:
+                time.sleep(left - self._SPIN)
+        if -left > 1.0:  # suspended: do not try to make up for it
+            self._deadline += -left
+        return -left
+
+
+def now() -> float:
+    """Return host seconds for durations."""
+    return time.perf_counter()

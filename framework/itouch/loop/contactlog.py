@@ -1,0 +1,98 @@
+"""Notes of each contact from BEGIN to END, for the report; the open one's figures are State."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from itouch.loop.ledger import Ledger
+from itouch.loop.surface import Surface
+from itouch.loop.touch import Toucher
+from itouch.plugin import Contact, ContactEvent, Record
+from itouch.twin.coupling import Coupling
+from itouch.world import ModalityModel, Model
+
+
+class ContactLog:
+    """Writes the report's entry of each contact of one probe."""
+
+    def __init__(
+        self, model: Model, toucher: Toucher, surface: Surface | None, coupling: Coupling, state: Record, ledger: Ledger
+    ) -> None:
+        self._model, self._toucher, self._surface = model, toucher, surface
+        self._coupling, self._ledger, self._state = coupling, ledger, state
+        name = toucher.probe.name
+        self._plate, self._gap = state[f"{name}.contact.plate"], state[f"{name}.contact.plate_gap"]
+        self._peak, self._physical = state[f"{name}.contact.peak_force"], state[f"{name}.contact.physical_begin"]
+
+    def hear(self, event: ContactEvent) -> None:
+        """Begin or end an entry."""
+        if event.kind is Contact.BEGIN:
+            self._plate[...] = int(self._surface.plate) if self._surface else 0
+            self._gap[...] = self._true_gap(event) if self._surface else math.nan
+            self._peak[...] = 0.0
+            self._physical[...] = self._coupling.touched
+        elif event.kind is Contact.END:
+            self._ledger.contacts.append(self.entry(event.tick))
+
+    def _true_gap(self, event: ContactEvent) -> float:
+        """Return how far the plate's top is below the virtual surface, along the normal [m]."""
+        if self._surface is None:
+            return math.nan
+        twin = self._surface.table.model.twin
+        top = float(self._coupling.true_top) if twin else float(self._surface.top)
+        return (float(self._surface.height) - top) * event.normal[2]
+
+    @property
+    def open(self) -> bool:
+        """Whether a contact is open."""
+        return int(self._toucher.current) >= 0
+
+    def note(self) -> None:
+        """Follow the open contact; called at the end of each tick."""
+        if self._toucher.current < 0:
+            return
+        force = float(self._coupling.total)
+        if force > self._peak:
+            self._peak[...] = force
+        if self._physical < 0 and self._coupling.touched >= 0:
+            self._physical[...] = self._coupling.touched
+        if self._surface is not None and self._plate and self._surface.plate:
+            error = abs(float(self._surface.height) - float(self._coupling.true_top))
+            if error > self._ledger.height_error:
+                self._ledger.height_error = error
+
+    def entry(self, end: int | None) -> dict[str, Any]:
+        """Return the report's entry of the open contact, which ends at a tick or is still open."""
+        index = int(self._toucher.current)
+        element = self._model.scene.objects[index]
+        begin, period = int(self._toucher.begin), self._model.period
+        physical = int(self._physical)
+        entry: dict[str, Any] = {
+            "probe": self._toucher.probe.name,
+            "object": element.name,
+            "material": element.material,
+            "begin_s": begin * period,
+            "end_s": None if end is None else end * period,
+            "plate": bool(self._plate),
+            "peak_force_N": float(self._peak),
+            "plate_gap_mm": _finite(float(self._gap) * 1e3),
+            "plate_lead_ms": (begin - physical) * period * 1e3 if physical >= 0 and self._plate else None,
+        }
+        for key in _THERMAL:
+            entry.setdefault(key, None)
+        for modality in self._model.modalities:
+            entry.update(_measures(modality, self._state, self._toucher.probe.name, index))
+        return entry
+
+
+_THERMAL = ("flux_source", "mean_flux_W_m2", "peak_flux_W_m2", "skin_drop_K", "flux_error_rms")
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _measures(modality: ModalityModel, state: Record, probe: str, index: int) -> dict[str, Any]:
+    measures = modality.instance.measures(modality.model, state, probe, index)
+    return {key: _finite(value) if isinstance(value, float) else value for key, value in measures.items()}

@@ -1,0 +1,331 @@
+"""The engine: everything that a scene asks for, put together, and one servo tick of it.
+
+The order of a tick is fixed: all reads, contact, events, modalities, safety, all writes, then the twins move on.
+"""
+
+from __future__ import annotations
+
+import gc
+import math
+from collections.abc import Callable
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from itouch.loop.clock import Clock, VirtualClock, now
+from itouch.loop.ledger import Ledger, TickTimes
+from itouch.loop.rig import ProbeRig
+from itouch.loop.runner import DeviceFaultError, Runner, Status
+from itouch.loop.safety import Trip
+from itouch.plugin import Contact, ContactEvent, DeviceError, Record
+from itouch.schema import ItouchError
+from itouch.world import Model, make_state
+from itouch.world.state import EVENTS
+
+#: How long [s] the devices get to reach their safe state after a fault.
+SAFE_TIME = 0.3
+
+
+class EngineError(ItouchError):
+    """A call that the engine's status does not allow."""
+
+
+class Engine:
+    """Runs a compiled scene.
+
+    ``state`` is the one record of everything that changes; ``tick`` and ``run`` advance it.  On twins they enable by
+    themselves; with hardware in the rig they raise until ``enable`` was called.
+    """
+
+    def __init__(self, model: Model, *, seed: int = 0, clock: Clock | None = None) -> None:
+        self.model, self.clock = model, clock or VirtualClock()
+        self.state: Record = make_state(model)
+        self.ledger, self.times = Ledger(), TickTimes()
+        self._runners = {name: Runner(device, self.state, model.period) for name, device in model.devices.items()}
+        self._rigs = [ProbeRig(model, probe, self.state, self._runners, self.ledger) for probe in model.probes]
+        self._all = list(self._runners.values())
+        self._modalities = [(m.instance, m.model, m.every) for m in model.modalities]
+        self._tick, self._ready = self.state["tick"], self.state["ready"]
+        self._events, self._count = self.state["events.table"], self.state["events.count"]
+        self._probe_index = {probe.name: probe.index for probe in model.probes}
+        self.fault: DeviceFaultError | None = None
+        self._enabled = False
+        self._started = now()
+        self.state["seed"] = seed
+        self._reset(seed)
+
+    def _reset(self, seed: int) -> None:
+        self.state["objects.pose"] = self.model.poses
+        for runner in self._all:
+            runner.reset(seed)
+        for rig in self._rigs:
+            rig.reset()
+        for runner in self._all:
+            if runner.model.twin:
+                runner.open()
+        for modality in self.model.modalities:
+            modality.instance.reset(modality.model, self.state)
+
+    @property
+    def scene(self) -> Any:
+        """The scene that runs."""
+        return self.model.scene
+
+    @property
+    def seconds(self) -> float:
+        """Simulated time [s]."""
+        return int(self._tick) * self.model.period
+
+    @property
+    def notices(self) -> tuple[str, ...]:
+        """What is rendered otherwise than the scene says, and why."""
+        return self.model.notices
+
+    @property
+    def done(self) -> bool:
+        """Whether every scripted motion has ended; never true without one."""
+        hands = [rig.coupling.hand for rig in self._rigs if rig.coupling.hand is not None]
+        scripted = [hand for hand in hands if hand.path.duration > 0]
+        return bool(scripted) and all(hand.done for hand in scripted)
+
+    def status(self, device: str) -> Status:
+        """Return what a device may do now."""
+        return self._runners[device].status
+
+    def enable(self) -> None:
+        """Open and enable every device; all that fail are told together.
+
+        Raises
+        ------
+        DeviceError
+            Naming each device that failed and why; nothing is left enabled.
+        """
+        failures = []
+        for runner in self._all:
+            try:
+                if runner.status is Status.CLOSED:
+                    runner.open()
+                runner.read(int(self._tick))
+            except (DeviceError, DeviceFaultError) as error:
+                if not runner.model.optional:
+                    failures.append(f"device '{runner.model.name}': {error}")
+        if failures:
+            self.close()
+            raise DeviceError("\n".join(failures))
+        for runner in self._all:
+            if runner.status is Status.OPEN:
+                runner.enable()
+        self._enabled = True
+
+    def _require_enabled(self) -> None:
+        if self._enabled:
+            return
+        hardware = [runner.model.name for runner in self._all if not runner.model.twin]
+        if hardware:
+            listed = ", ".join(f"'{name}'" for name in hardware)
+            raise EngineError(f"call engine.enable() first: {listed} will move or heat for real")
+        self.enable()
+
+    def tick(self) -> None:
+        """Advance by one servo period.
+
+        Raises
+        ------
+        DeviceFaultError
+            If a device failed; all devices have been made safe.
+        EngineError
+            If hardware is in the rig and ``enable`` was not called.
+        """
+        if not self._enabled:
+            self._require_enabled()
+        begin = now()
+        tick = int(self._tick)
+        try:
+            self._work(tick)
+        except DeviceFaultError as fault:
+            self._stop(fault)
+            raise
+        self._tick[...] = tick + 1
+        self.times.add(now() - begin)
+
+    def _work(self, tick: int) -> None:
+        for runner in self._all:
+            runner.read(tick)
+        for rig in self._rigs:
+            rig.touch(tick, self._tell)
+        for instance, model, every in self._modalities:
+            if tick % every == 0:
+                instance.update(model, self.state, self.model.period * every)
+        ready = bool(self._ready)
+        for rig in self._rigs:
+            rig.command()
+            rig.check(tick, ready)
+        for runner in self._all:
+            runner.write(tick)
+        self._move(ready)
+        if not ready and all(rig.ready for rig in self._rigs):
+            self._ready[...] = 1
+
+    def _move(self, ready: bool) -> None:
+        for rig in self._rigs:
+            rig.couple(ready)
+        for runner in self._all:
+            runner.step_twin()
+
+    def _tell(self, event: ContactEvent) -> None:
+        """Deliver an event within the tick, in declared order; remember it unless it is a MOVE."""
+        if event.kind is not Contact.MOVE:
+            count = int(self._count)
+            self._events[count % EVENTS] = (
+                event.kind, event.tick, self._probe_index[event.probe], event.object_index, event.point, event.normal,
+            )  # fmt: skip
+            self._count[...] = count + 1
+            for rig in self._rigs:
+                if rig.probe.name == event.probe:
+                    rig.log.hear(event) if event.kind is Contact.BEGIN else None
+        for instance, model, _ in self._modalities:
+            instance.on_contact(event, model, self.state)
+        if event.kind is Contact.END:
+            for rig in self._rigs:
+                if rig.probe.name == event.probe:
+                    rig.log.hear(event)
+
+    def _stop(self, fault: DeviceFaultError) -> None:
+        """Make every device safe, then note the cause."""
+        self.fault = fault
+        for runner in self._all:
+            if runner.model.name == fault.device:
+                runner.fault(fault.trip)
+            else:
+                runner.disable()
+        self.ledger.faults.append(self._describe(fault))
+        for _ in range(round(SAFE_TIME / self.model.period)):
+            for runner in self._all:
+                if runner.model.name != fault.device or runner.model.twin:
+                    runner.write(int(self._tick))
+            self._move(False)
+            self._tick += 1
+            for runner in self._all:
+                if runner.model.twin and runner.twin is not None:
+                    runner.twin.read(runner.twin_state, runner.reading)
+
+    def _describe(self, fault: DeviceFaultError) -> dict[str, Any]:
+        element = self.model.scene.device(fault.device)
+        place = self.model.scene.places.of(element)
+        return {
+            "device": fault.device,
+            "tick": fault.tick,
+            "time_s": fault.tick * self.model.period,
+            "trip": fault.trip.name.lower().replace("_", "-"),
+            "cause": fault.cause,
+            "scene": str(place) if place else None,
+        }
+
+    def run(
+        self,
+        seconds: float | None = None,
+        *,
+        until: Callable[[], bool] | None = None,
+        each: Callable[[], None] | None = None,
+    ) -> None:
+        """Run for a time, or until the scripted motion ends.
+
+        Parameters
+        ----------
+        seconds
+            Simulated seconds; None: until the scripted motion has ended.
+        until
+            Asked after every tick; true ends the run.
+        each
+            Called after every tick, for progress; it must not change the State.
+
+        Raises
+        ------
+        ValueError
+            If there is neither a time nor a scripted motion.
+        DeviceFaultError
+            If a device failed; all devices have been made safe.
+        """
+        if seconds is not None and not (math.isfinite(seconds) and seconds >= 0.0):
+            raise ValueError(f"seconds = {seconds!r} must be a finite number, at least 0")
+        if seconds is None and until is None and not any(self._scripted()):
+            raise ValueError("the scene has no scripted motion: say for how many seconds to run")
+        self._require_enabled()
+        last = int(self._tick) + round(seconds / self.model.period) if seconds is not None else None
+        self.clock.start(self.model.period)
+        collecting = gc.isenabled()
+        gc.collect()
+        gc.disable()
+        try:
+            self._loop(last, until, each)
+        finally:
+            if collecting:
+                gc.enable()
+
+    def _scripted(self) -> list[bool]:
+        return [rig.coupling.hand.path.duration > 0 for rig in self._rigs if rig.coupling.hand is not None]
+
+    def _loop(self, last: int | None, until: Callable[[], bool] | None, each: Callable[[], None] | None) -> None:
+        real = self.clock.pace == "real"
+        while last is None or self._tick < last:
+            if last is None and until is None and self.done:
+                return
+            late = self.clock.wait()
+            self.tick()
+            if real:
+                self._watch_pace(late)
+            if each is not None:
+                each()
+            if until is not None and until():
+                return
+
+    def _watch_pace(self, late: float) -> None:
+        self.times.lateness.add(late)
+        if late <= self.model.period:
+            return
+        self.times.overruns += 1
+        if self.model.scene.safety.servo_overrun == "stop" and late > 20 * self.model.period and self._all:
+            cause = f"was {late * 1e3:.1f} ms late: the servo loop cannot keep up"
+            fault = DeviceFaultError(self._all[0].model.name, int(self._tick), Trip.OVERRUN, cause)
+            self._stop(fault)
+            raise fault
+
+    def close(self) -> None:
+        """Make every device safe and release it; the state stays readable."""
+        for runner in self._all:
+            if runner.status is not Status.CLOSED and not runner.model.twin:
+                runner.close()
+        self._enabled = False
+
+    def __enter__(self) -> Engine:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def adopt(self, state: bytes) -> None:
+        """Go on from the bytes of a stored State; twins keep their status, hardware starts OPEN.
+
+        Raises
+        ------
+        ValueError
+            If the size is not that of this model's State.
+        """
+        if len(state) != self.state.nbytes:
+            raise ValueError(f"a state of {len(state)} bytes does not fit this scene's {self.state.nbytes}")
+        self.state.raw[:] = np.frombuffer(state, np.uint8)
+        hardware = [runner for runner in self._all if not runner.model.twin]
+        for runner in hardware:
+            self.state[f"{runner.model.name}.status"] = Status.CLOSED
+        self._enabled = not hardware and any(r.status is Status.ENABLED for r in self._all)
+        for rig in self._rigs:
+            rig.restore()
+
+    def report(self) -> dict[str, Any]:
+        """Return the report; see ``itouch.report`` for its keys."""
+        from itouch.loop.summary import summary
+
+        return summary(self, [rig.log.entry(None) for rig in self._rigs if rig.log.open], now() - self._started)

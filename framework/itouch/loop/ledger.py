@@ -1,0 +1,118 @@
+"""The ledger: contacts, faults and statistics for the report.  It only listens; nothing in a tick reads it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import log10
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Histogram:
+    """Counts of positive numbers in logarithmic bins: percentiles to 1 % without keeping the numbers."""
+
+    _PER_DECADE = 240
+    _DECADES = 12
+
+    def __init__(self, least: float) -> None:
+        self.least = least
+        self.counts = [0] * (self._PER_DECADE * self._DECADES + 1)
+        self.total = 0
+        self.greatest = 0.0
+
+    def add(self, value: float) -> None:
+        """Count one number."""
+        index = 0
+        if value > self.least:
+            index = min(len(self.counts) - 1, 1 + int(log10(value / self.least) * self._PER_DECADE))
+        self.counts[index] += 1
+        self.total += 1
+        if value > self.greatest:
+            self.greatest = value
+
+    def percentile(self, percent: float) -> float | None:
+        """Return the upper edge of the bin that holds the percentile, or None if nothing was counted."""
+        if self.total == 0:
+            return None
+        rank, seen = percent / 100 * self.total, 0
+        for index, count in enumerate(self.counts):
+            seen += count
+            if seen >= rank and count:
+                return min(self.greatest, float(self.least * 10 ** (index / self._PER_DECADE)))
+        return self.greatest
+
+    def summary(self, scale: float) -> dict[str, float | None]:
+        """Return p50, p99 and max, times a scale."""
+        values = {"p50": self.percentile(50), "p99": self.percentile(99)}
+        named = {name: None if value is None else value * scale for name, value in values.items()}
+        return {**named, "max": self.greatest * scale if self.total else None}
+
+    def dump(self) -> dict[str, Any]:
+        """Return the content as plain data."""
+        used = {str(i): count for i, count in enumerate(self.counts) if count}
+        return {"counts": used, "total": self.total, "greatest": self.greatest}
+
+    def load(self, data: dict[str, Any]) -> None:
+        """Take over what ``dump`` returned.
+
+        Raises
+        ------
+        ValueError
+            If the data do not fit.
+        """
+        counts = [0] * len(self.counts)
+        for index, count in data["counts"].items():
+            if not 0 <= int(index) < len(counts):
+                raise ValueError(f"histogram bin {index} does not exist")
+            counts[int(index)] = int(count)
+        self.counts, self.total, self.greatest = counts, int(data["total"]), float(data["greatest"])
+
+
+@dataclass
+class Ledger:
+    """What happened, for the report; ``contacts`` holds the closed ones."""
+
+    contacts: list[dict[str, Any]] = field(default_factory=list)
+    faults: list[dict[str, Any]] = field(default_factory=list)
+    tracking: Histogram = field(default_factory=lambda: Histogram(1e-9))
+    height_error: float = 0.0
+
+    def dump(self) -> dict[str, Any]:
+        """Return the content as plain data, for a snapshot."""
+        return {
+            "contacts": self.contacts,
+            "faults": self.faults,
+            "tracking": self.tracking.dump(),
+            "height_error": self.height_error,
+        }
+
+    def load(self, data: dict[str, Any]) -> None:
+        """Take over what ``dump`` returned."""
+        self.contacts, self.faults = list(data["contacts"]), list(data["faults"])
+        self.tracking.load(data["tracking"])
+        self.height_error = float(data["height_error"])
+
+
+class TickTimes:
+    """How long ticks took: a ring of the last ones and the greatest; Timing, never State."""
+
+    def __init__(self, size: int = 1 << 16) -> None:
+        self._ring: NDArray[np.float64] = np.zeros(size)
+        self.count = 0
+        self.overruns = 0
+        self.lateness = Histogram(1e-7)
+
+    def add(self, seconds: float) -> None:
+        """Note one tick."""
+        self._ring[self.count % len(self._ring)] = seconds
+        self.count += 1
+
+    def summary(self) -> dict[str, float | None]:
+        """Return p50, p99 and max of the last ticks [us]."""
+        known = self._ring[: min(self.count, len(self._ring))]
+        if not len(known):
+            return {"p50": None, "p99": None, "max": None}
+        p50, p99 = np.percentile(known, [50, 99])
+        return {"p50": float(p50) * 1e6, "p99": float(p99) * 1e6, "max": float(known.max()) * 1e6}

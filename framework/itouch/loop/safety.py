@@ -1,0 +1,212 @@
+"""Safety: the only path from a command to a device.
+
+Every command passes ``Guard.limit``; what is not a number stops; a trip latches until the operator re-arms.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.plugin import RETRACT, Channel, Record
+from itouch.schema import ItouchError
+from itouch.world import limits as default
+from itouch.world.limits import DeviceLimits
+
+Floats = NDArray[np.float64]
+
+
+class Trip(enum.IntEnum):
+    """Why a device was stopped; latched in State."""
+
+    NONE = 0
+    NOT_A_NUMBER = 1
+    SENSOR_RANGE = 2
+    PLATE_TEMPERATURE = 3
+    SINK_TEMPERATURE = 4
+    PLATE_FORCE = 5
+    TRACKING = 6
+    SPEED = 7
+    SILENT = 8
+    DEVICE_ERROR = 9
+    CALIBRATION = 10
+    OVERRUN = 11
+
+
+class TripError(ItouchError):
+    """A limit was passed: which, on what, and how far."""
+
+    def __init__(self, trip: Trip, sentence: str) -> None:
+        super().__init__(sentence)
+        self.trip = trip
+
+
+class Guard:
+    """Limits one command channel: hardware ceiling, then the limits in force, then ramp and slew."""
+
+    __slots__ = ("_limits", "channel", "locked")
+
+    def __init__(self, channel: Channel, limits: DeviceLimits) -> None:
+        self.channel, self._limits = channel, limits
+        self.locked = _locked_components(channel)
+
+    def limit(self, wanted: Floats, sent: Floats, ramp: float, period: float, closing: float) -> tuple[int, int]:
+        """Write what may be sent.
+
+        Parameters
+        ----------
+        wanted, sent
+            The command asked for, and the one sent last, which is overwritten.
+        ramp
+            0 just after enabling to 1.
+        period
+            Seconds since the last command.
+        closing
+            Greatest speed [m/s] at which a surface may approach the finger now.
+
+        Returns
+        -------
+        tuple
+            How many limits were applied, and how many locked components were dropped.
+
+        Raises
+        ------
+        TripError
+            If the command is not a number.
+        """
+        values: list[float] = wanted.tolist()
+        total = sum(values)
+        if total - total != 0.0:
+            raise TripError(Trip.NOT_A_NUMBER, f"was commanded with {_not_finite(values)} ({self.channel.name})")
+        dropped = 0
+        for index, rest in self.locked:
+            if values[index] != rest:
+                values[index] = rest
+                dropped += 1
+        name = self.channel.name
+        if name == "wrench":
+            clamped = self._wrench(values, sent.tolist(), ramp, period)
+        elif name == "pose_target":
+            clamped = self._pose_target(values, sent.tolist(), period, closing)
+        else:
+            clamped = self._plain(values, sent.tolist(), ramp, period)
+        sent[:] = values
+        return clamped, dropped
+
+    def _wrench(self, values: list[float], last: list[float], ramp: float, period: float) -> int:
+        ceiling = (self._limits.force or 0.0) * ramp
+        size = math.sqrt(values[0] * values[0] + values[1] * values[1] + values[2] * values[2])
+        grown = math.sqrt(last[0] * last[0] + last[1] * last[1] + last[2] * last[2]) + default.FORCE_SLEW * period
+        allowed = min(ceiling, grown)
+        clamped = 0
+        if size > allowed:
+            scale = allowed / size
+            values[0], values[1], values[2] = values[0] * scale, values[1] * scale, values[2] * scale
+            clamped = 1
+        for index in (3, 4, 5):
+            top = self.channel.high[index] * ramp if self.channel.high else 0.0
+            if abs(values[index]) > top:
+                values[index] = math.copysign(top, values[index])
+                clamped = 1
+        return clamped
+
+    def _pose_target(self, values: list[float], last: list[float], period: float, closing: float) -> int:
+        clamped = _into_box(values, self.channel, 3)
+        step = [values[i] - last[i] for i in range(3)]
+        rise = closing * period
+        if step[2] > rise:
+            step[2], clamped = rise, 1
+        length = math.sqrt(step[0] * step[0] + step[1] * step[1] + step[2] * step[2])
+        reach = (self._limits.speed or 0.0) * period
+        if length > reach:
+            scale = reach / length
+            step, clamped = [s * scale for s in step], 1
+        for i in range(3):
+            values[i] = last[i] + step[i]
+        return clamped
+
+    def _plain(self, values: list[float], last: list[float], ramp: float, period: float) -> int:
+        clamped = _into_box(values, self.channel, len(values))
+        if self.channel.name == "current" and self._limits.current is not None:
+            top = self._limits.current * ramp
+            if abs(values[0]) > top:
+                values[0], clamped = math.copysign(top, values[0]), 1
+        for index, rate in enumerate(self.channel.slew):
+            step = values[index] - last[index]
+            if abs(step) > rate * period:
+                values[index], clamped = last[index] + math.copysign(rate * period, step), 1
+        return clamped
+
+    def safe(self, sent: Floats, period: float) -> None:
+        """Write the safe command: its value, or hold, or retract along -z as fast as is allowed."""
+        safe = self.channel.safe
+        if isinstance(safe, tuple):
+            sent[:] = safe
+        elif safe is RETRACT and self.channel.low:
+            sent[2] = max(self.channel.low[2], sent[2] - (self._limits.speed or 0.0) * period)
+
+
+def _locked_components(channel: Channel) -> tuple[tuple[int, float], ...]:
+    """Return the components that a locked degree of freedom shuts, with the value that they rest at."""
+    if channel.size == 7:
+        turned = [axis for axis in channel.locked if axis >= 3]
+        shut = [(axis, 0.0) for axis in channel.locked if axis < 3]
+        rest = [(3, 1.0), (4, 0.0), (5, 0.0), (6, 0.0)] if len(turned) == 3 else []
+        return tuple(shut + rest)
+    return tuple((axis, 0.0) for axis in channel.locked if axis < channel.size)
+
+
+def _into_box(values: list[float], channel: Channel, count: int) -> int:
+    clamped = 0
+    if not channel.high:
+        return clamped
+    for index in range(count):
+        if values[index] > channel.high[index]:
+            values[index], clamped = channel.high[index], 1
+        elif values[index] < channel.low[index]:
+            values[index], clamped = channel.low[index], 1
+    return clamped
+
+
+def _not_finite(values: Sequence[float]) -> str:
+    return next(("NaN" if math.isnan(v) else "an infinite number" for v in values if not math.isfinite(v)), "NaN")
+
+
+class Watch:
+    """Checks the readings of one device; what is not believable or past a limit trips."""
+
+    __slots__ = ("_name", "_ranges", "_special")
+
+    def __init__(self, name: str, reads: Sequence[Channel], limits: DeviceLimits) -> None:
+        self._name = name
+        self._ranges = [(c.name, c.unit, c.low, c.high) for c in reads]
+        self._special = {
+            "plate_temperature": (Trip.PLATE_TEMPERATURE, *default.PLATE_TRIP),
+            "sink_temperature": (Trip.SINK_TEMPERATURE, 0.0, default.SINK_TRIP),
+        }
+
+    def check(self, reading: Record) -> None:
+        """Check one set of readings.
+
+        Raises
+        ------
+        TripError
+            Naming the reading and its value.
+        """
+        for name, unit, low, high in self._ranges:
+            values = reading[name].tolist()
+            total = sum(values)
+            if total - total != 0.0:
+                raise TripError(Trip.NOT_A_NUMBER, f"reads {_not_finite(values)} ({name})")
+            special = self._special.get(name)
+            if special is not None and not special[1] <= values[0] <= special[2]:
+                shown = f"{values[0] - 273.15:.1f} degC"
+                raise TripError(special[0], f"reads {name} {shown}, past its trip")
+            if high:
+                for value, least, most in zip(values, low, high, strict=True):
+                    if not least <= value <= most:
+                        raise TripError(Trip.SENSOR_RANGE, f"reads {name} = {value:g} {unit}, which is not believable")

@@ -1,0 +1,132 @@
+"""What a scene binds together: do the devices have the channels, can they move, does each command have one writer."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from itouch.plugin import poses
+from itouch.scene import Scene
+from itouch.scene.elements import Probe
+from itouch.schema import Problem
+from itouch.schema.diagnostics import did_you_mean
+from itouch.schema.fields import specs
+from itouch.world.rig import DeviceModel
+
+_LINEAR = (0, 1, 2)
+
+
+def check_bindings(scene: Scene, devices: Mapping[str, DeviceModel]) -> Iterator[Problem]:
+    """Find references to devices that lack the channels, or that can only command locked degrees of freedom."""
+    for probe in scene.probes:
+        yield from _channels(scene, probe, f"probe '{probe.name}'", devices)
+        yield from _locked(scene, probe, "force_to", "wrench", devices)
+        yield from _locked(scene, probe, "surface_to", "pose_target", devices)
+    for part in scene.modalities:
+        yield from _channels(scene, part.params, f"modality '{part.name}'", devices)
+    yield from _operators(scene)
+
+
+def _channels(scene: Scene, element: Any, what: str, devices: Mapping[str, DeviceModel]) -> Iterator[Problem]:
+    for name, spec in specs(type(element)).items():
+        device = devices.get(getattr(element, name)) if spec.kind == "ref" and spec.target == "device" else None
+        if device is None:
+            continue
+        for kind, wanted, offered in (("reads", spec.reads, device.reads), ("obeys", spec.commands, device.commands)):
+            names = [channel.name for channel in offered]
+            for channel in wanted:
+                if channel not in names:
+                    sentence = f"{what} needs '{channel}' of device '{device.name}', which {kind} no such channel"
+                    advice = did_you_mean(channel, names, f"it {kind}") or f"it {kind} nothing"
+                    yield Problem("missing-channel", sentence, scene.places.of(element, name), advice)
+
+
+def _locked(
+    scene: Scene, probe: Probe, field: str, channel_name: str, devices: Mapping[str, DeviceModel]
+) -> Iterator[Problem]:
+    device = devices.get(getattr(probe, field))
+    channel = device.command(channel_name) if device else None
+    if device is not None and channel is not None and set(_LINEAR) <= set(channel.locked):
+        sentence = f"probe '{probe.name}' can only command locked degrees of freedom of device '{device.name}'"
+        advice = f"'{channel_name}' of '{device.name}' has x, y and z locked; bind a device that moves"
+        yield Problem("locked-dof", sentence, scene.places.of(probe, field), advice)
+
+
+def _operators(scene: Scene) -> Iterator[Problem]:
+    moved: dict[str, Any] = {}
+    for operator in scene.operators:
+        other = moved.setdefault(operator.probe, operator)
+        if other is not operator:
+            place = scene.places.of(other)
+            related = ((place, "first here"),) if place else ()
+            sentence = f"probe '{operator.probe}' has two operators"
+            yield Problem("duplicate-element", sentence, scene.places.of(operator, "probe"), "remove one", related)
+
+
+def check_writers(scene: Scene, writers: list[tuple[str, Any, str, str]]) -> Iterator[Problem]:
+    """Find commands with two writers; ``writers`` holds (command, element, attribute, who)."""
+    first: dict[str, tuple[Any, str, str]] = {}
+    for command, element, attribute, who in writers:
+        if command not in first:
+            first[command] = (element, attribute, who)
+            continue
+        other, other_attribute, other_who = first[command]
+        place = scene.places.of(other, other_attribute)
+        related = ((place, f"{other_who} writes it"),) if place else ()
+        sentence = f"'{command}' is written by {other_who} and by {who}"
+        yield Problem(
+            "two-writers", sentence, scene.places.of(element, attribute), "bind one of them elsewhere", related
+        )
+
+
+def check_reach(scene: Scene, devices: Mapping[str, DeviceModel]) -> Iterator[Problem]:
+    """Warn of objects that the table under a probe can't carry a surface to."""
+    for probe in scene.probes:
+        table = devices.get(probe.surface_to)
+        target = table.command("pose_target") if table else None
+        if table is None or target is None or not target.low:
+            continue
+        face = next((d for d in devices.values() if d.carrier == table.name), None)
+        offset = np.array(face.mount[:3]) if face else np.zeros(3)
+        low, high = _world_box(
+            np.array(table.mount), np.array(target.low[:3]) + offset, np.array(target.high[:3]) + offset
+        )
+        for element in scene.objects:
+            box = _extent(element)
+            if box is None:
+                continue
+            top = box[1][2]
+            aside = np.any(box[1][:2] < low[:2]) or np.any(box[0][:2] > high[:2])
+            if aside or top < low[2] - 1e-9 or top > high[2] + 1e-9:
+                where = (
+                    "beside"
+                    if aside
+                    else f"at height {top * 1e3:g} mm, outside {low[2] * 1e3:g} to {high[2] * 1e3:g} mm of"
+                )
+                sentence = f"the top of object '{element.name}' is {where} what '{table.name}' can reach"
+                advice = "its contacts are the arm's alone, without heat"
+                yield Problem("out-of-reach", sentence, scene.places.of(element), advice, severity="warning")
+
+
+def _world_box(mount: Any, low: Any, high: Any) -> tuple[Any, Any]:
+    corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+    world = np.array([poses.transform(mount, corner) for corner in corners])
+    return world.min(axis=0), world.max(axis=0)
+
+
+def _extent(element: Any) -> tuple[Any, Any] | None:
+    """Return the axis-aligned extent of a box or sphere in the world; None for what has no bounds."""
+    centre = np.array(element.pos)
+    if hasattr(element, "size"):
+        try:
+            quat = element.quat or (poses.quaternion_from_rpy(element.rpy) if element.rpy else (1.0, 0.0, 0.0, 0.0))
+            half = np.abs(poses.matrix(poses.normalized(quat))) @ (np.array(element.size) / 2)
+        except ValueError:
+            return None
+    elif hasattr(element, "radius"):
+        half = np.full(3, element.radius)
+    else:
+        return None
+    return centre - half, centre + half

@@ -1,0 +1,75 @@
+"""The virtual coupling that a device can render stably: K <= 2 (b - B) / T and K <= the device's own limit.
+
+``b`` is the damping of device and hand, ``B`` that of the material, ``T`` the servo period (Colgate and Brown 1994,
+for a virtual wall).  B is lowered before K; what is rendered instead is said once, when the scene is compiled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from itouch.scene.elements import ContactMaterial, Probe
+from itouch.world.rig import DeviceModel
+
+#: Stiffness [N/m] for a device that states neither its damping nor its greatest stiffness.
+UNSTATED_STIFFNESS = 500.0
+
+
+class Coupling(NamedTuple):
+    """Stiffness [N/m] and damping [N s/m] rendered for one object."""
+
+    stiffness: float
+    damping: float
+
+
+def couplings(
+    probe: Probe,
+    arm: DeviceModel | None,
+    materials: Sequence[ContactMaterial],
+    names: Sequence[str],
+    period: float,
+    notices: list[str],
+) -> tuple[Coupling, ...]:
+    """Return the coupling for each object, and add to ``notices`` what differs from the material."""
+    found, told = [], set()
+    ceiling, damping, unstated = _arm_limits(probe, arm)
+    if unstated and arm is not None and materials:
+        notices.append(
+            f"device '{arm.name}' states neither its damping nor its greatest stiffness; "
+            f"rendering at most {UNSTATED_STIFFNESS:g} N/m"
+        )
+    for material, name in zip(materials, names, strict=True):
+        coupling = stable(material.stiffness, material.damping, damping, ceiling, period)
+        if arm is not None and name not in told and coupling != (material.stiffness, material.damping):
+            told.add(name)
+            notices.append(_notice(probe, arm, name, material, coupling, period))
+        found.append(coupling if arm is not None else Coupling(material.stiffness, material.damping))
+    return tuple(found)
+
+
+def _arm_limits(probe: Probe, arm: DeviceModel | None) -> tuple[float, float, bool]:
+    if arm is None:
+        return float("inf"), float("inf"), False
+    stiffness, damping = arm.cls.max_stiffness, arm.cls.damping
+    unstated = stiffness is None and damping is None
+    ceiling = UNSTATED_STIFFNESS if unstated else stiffness if stiffness is not None else float("inf")
+    return ceiling, probe.hand_damping + (damping or 0.0), unstated
+
+
+def stable(stiffness: float, material_damping: float, damping: float, ceiling: float, period: float) -> Coupling:
+    """Lower B first, then K, until K <= 2 (b - B) / T and K <= ceiling."""
+    wanted = min(stiffness, ceiling)
+    room = damping - wanted * period / 2
+    lowered = min(material_damping, max(0.0, room))
+    return Coupling(min(wanted, 2 * (damping - lowered) / period), lowered)
+
+
+def _notice(
+    probe: Probe, arm: DeviceModel, name: str, material: ContactMaterial, coupling: Coupling, period: float
+) -> str:
+    return (
+        f"material '{name}' with stiffness {material.stiffness:g} N/m and damping {material.damping:g} N s/m exceeds "
+        f"what '{arm.name}' can render stably to '{probe.name}' at {1 / period:g} Hz; "
+        f"rendering {coupling.stiffness:g} N/m and {coupling.damping:g} N s/m"
+    )

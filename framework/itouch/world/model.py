@@ -1,0 +1,227 @@
+"""Scene -> Model: everything that the loop needs and that never changes; illegal combinations are found here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.contact import Box, Friction, Geometry, Plane, Shape, Sphere, layout
+from itouch.plugin import Modality, World, WorldDevice, WorldObject
+from itouch.plugin.discovery import Catalog
+from itouch.scene import Scene, elements
+from itouch.scene.elements import Operator, PluginPart, Probe
+from itouch.schema import Problem, SceneError
+from itouch.world.bindings import check_bindings, check_reach, check_writers
+from itouch.world.coupling import Coupling, couplings
+from itouch.world.limits import check_safety
+from itouch.world.rig import DeviceModel, build_devices, orientation
+
+
+@dataclass(frozen=True, slots=True)
+class ProbeModel:
+    """A probe with its bindings; ``coupling`` has one row an object."""
+
+    name: str
+    index: int
+    scene: Probe
+    operator: Operator | None
+    coupling: tuple[Coupling, ...]
+    face: str
+
+
+@dataclass(frozen=True, slots=True)
+class ModalityModel:
+    """A modality, its read-only model, and every how many ticks it is updated."""
+
+    name: str
+    plugin: str
+    instance: Modality
+    model: Any
+    every: int
+    commands: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """The compiled scene."""
+
+    scene: Scene
+    period: float
+    objects: tuple[str, ...]
+    poses: NDArray[np.float64]
+    geometry: Geometry
+    devices: Mapping[str, DeviceModel]
+    probes: tuple[ProbeModel, ...]
+    modalities: tuple[ModalityModel, ...]
+    notices: tuple[str, ...]
+    memory_size: int
+    result_size: int
+
+    @classmethod
+    def of(cls, scene: Scene, catalog: Catalog) -> Model:
+        """Compile a scene.
+
+        Raises
+        ------
+        SceneError
+            With everything that can't work together.
+        """
+        model, problems = compile_scene(scene, catalog)
+        if model is None:
+            raise SceneError(problems)
+        return model
+
+
+def compile_scene(scene: Scene, catalog: Catalog) -> tuple[Model | None, list[Problem]]:
+    """Compile a scene; the model is None if any of the problems is an error."""
+    problems: list[Problem] = []
+    devices = build_devices(scene, catalog, problems)
+    problems += check_safety(scene)
+    problems += check_bindings(scene, devices)
+    problems += check_reach(scene, devices)
+    notices: list[str] = []
+    shapes, surfaces = _geometry(scene, problems)
+    poses = _poses(scene, problems)
+    probes = _probes(scene, devices, notices, problems)
+    period = 1.0 / scene.rates.servo
+    world = _world(scene, devices, period)
+    modalities = _modalities(scene, catalog, world, problems)
+    problems += check_writers(scene, _writers(scene, modalities))
+    if any(problem.severity == "error" for problem in problems):
+        return None, problems
+    poses.setflags(write=False)
+    model = Model(
+        scene, period, tuple(o.name for o in scene.objects), poses, Geometry.build(shapes, surfaces), devices,
+        tuple(probes), tuple(modalities), tuple(notices), layout.MEMORY_POSES + 7 * len(shapes), layout.RESULT_SIZE,
+    )  # fmt: skip
+    return model, problems
+
+
+def _geometry(scene: Scene, problems: list[Problem]) -> tuple[list[Shape], list[Friction]]:
+    shapes: list[Shape] = []
+    surfaces: list[Friction] = []
+    for element in scene.objects:
+        shapes.append(_shape(element))
+        contact = _contact(scene, element, problems)
+        surfaces.append(Friction(contact.static_friction, contact.dynamic_friction))
+    return shapes, surfaces
+
+
+def _shape(element: Any) -> Shape:
+    if isinstance(element, elements.Box):
+        x, y, z = element.size
+        return Box((x / 2, y / 2, z / 2))
+    if isinstance(element, elements.Sphere):
+        return Sphere(element.radius)
+    return Plane()
+
+
+def _contact(scene: Scene, element: Any, problems: list[Problem]) -> elements.ContactMaterial:
+    material = next((m for m in scene.materials if m.name == element.material), None)
+    if material is not None and material.contact is not None:
+        return material.contact
+    if material is not None:
+        sentence = f"object '{element.name}' can be touched, but its material '{material.name}' has no <contact>"
+        advice = 'give the material <contact stiffness="1 N/mm"/>'
+        problems.append(Problem("missing-element", sentence, scene.places.of(element, "material"), advice))
+    return elements.ContactMaterial(stiffness=1.0)
+
+
+def _poses(scene: Scene, problems: list[Problem]) -> NDArray[np.float64]:
+    rows = [(*element.pos, *orientation(element, scene, problems)) for element in scene.objects]
+    return np.array(rows, np.float64).reshape(len(rows), 7)
+
+
+def _probes(
+    scene: Scene, devices: Mapping[str, DeviceModel], notices: list[str], problems: list[Problem]
+) -> list[ProbeModel]:
+    found = []
+    for index, probe in enumerate(scene.probes):
+        operator = next((o for o in scene.operators if o.probe == probe.name), None)
+        arm = devices.get(probe.force_to)
+        materials = [_contact(scene, element, []) for element in scene.objects]
+        names = [element.material for element in scene.objects]
+        coupling = couplings(probe, arm, materials, names, 1.0 / scene.rates.servo, notices)
+        face = next((d.name for d in devices.values() if d.carrier and d.carrier == probe.surface_to), probe.surface_to)
+        found.append(ProbeModel(probe.name, index, probe, operator, coupling, face))
+    return found
+
+
+def _world(scene: Scene, devices: Mapping[str, DeviceModel], period: float) -> World:
+    skin = next((operator.skin_temperature for operator in scene.operators), Operator(probe="x").skin_temperature)
+    return World(
+        objects=(),
+        devices={
+            d.name: WorldDevice(d.name, d.plugin, d.params, d.reads, d.commands, d.limits.table(), d.twin)
+            for d in devices.values()
+        },
+        probes={probe.name: probe.radius for probe in scene.probes},
+        modalities={part.name: part.params for part in scene.modalities},
+        period=period,
+        ambient=scene.world.temperature,
+        skin_temperature=skin,
+    )
+
+
+def _objects(scene: Scene, plugin: str) -> tuple[WorldObject, ...]:
+    found = []
+    for index, element in enumerate(scene.objects):
+        material = next((m for m in scene.materials if m.name == element.material), None)
+        part = next((p.params for p in material.parts if p.plugin == plugin), None) if material else None
+        temperature = scene.world.temperature if element.temperature is None else element.temperature
+        found.append(WorldObject(element.name, index, element.material, temperature, part))
+    return tuple(found)
+
+
+def _modalities(scene: Scene, catalog: Catalog, world: World, problems: list[Problem]) -> list[ModalityModel]:
+    rates = dict(scene.rates.modalities)
+    found = []
+    for part in scene.modalities:
+        every = _every(scene, part, rates.get(part.name, scene.rates.servo), problems)
+        cls = catalog.modality(part.plugin, part.local)
+        if cls is None:  # told while the scene was read
+            continue
+        instance = cls()
+        own = World(
+            _objects(scene, part.plugin), world.devices, world.probes, world.modalities, world.period * every,
+            world.ambient, world.skin_temperature,
+        )  # fmt: skip
+        try:
+            model = instance.compile(part.name, part.params, own)
+        except ValueError as error:
+            place = scene.places.of(part.params) or scene.places.of(part)
+            problems.append(Problem("modality", f"modality '{part.name}': {error}", place))
+            continue
+        found.append(ModalityModel(part.name, part.plugin, instance, model, every, instance.commands(model)))
+    return found
+
+
+def _every(scene: Scene, part: PluginPart, rate: float, problems: list[Problem]) -> int:
+    servo = scene.rates.servo
+    every = round(servo / rate) if rate <= servo else 0
+    if every >= 1 and abs(every * rate - servo) < 1e-9 * servo:
+        return every
+    divisors = [servo / n for n in range(1, 1001)]
+    best = min(divisors, key=lambda divisor: abs(divisor - rate))
+    sentence = f"the rate of '{part.name}', {rate:g} Hz, does not divide the servo rate of {servo:g} Hz"
+    place = scene.places.of(scene.rates, part.name)
+    problems.append(Problem("rate", sentence, place, f"the nearest that does is {best:g} Hz"))
+    return 1
+
+
+def _writers(scene: Scene, modalities: list[ModalityModel]) -> list[tuple[str, Any, str, str]]:
+    writers: list[tuple[str, Any, str, str]] = []
+    for probe in scene.probes:
+        if probe.force_to:
+            writers.append((f"{probe.force_to}.wrench", probe, "force_to", f"probe '{probe.name}'"))
+        if probe.surface_to:
+            writers.append((f"{probe.surface_to}.pose_target", probe, "surface_to", f"probe '{probe.name}'"))
+    parts = {part.name: part for part in scene.modalities}
+    for modality in modalities:
+        for command in modality.commands:
+            writers.append((command, parts[modality.name].params, "", f"modality '{modality.name}'"))
+    return writers

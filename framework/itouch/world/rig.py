@@ -1,0 +1,128 @@
+"""Devices of a scene with their plugins: channels, mounts and limits in force."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from itouch.plugin import Channel, Device, IdealTwin, Twin, poses
+from itouch.plugin.discovery import Catalog
+from itouch.scene import Scene
+from itouch.scene.elements import DeviceElement
+from itouch.schema import Problem
+from itouch.schema.diagnostics import did_you_mean
+from itouch.schema.fields import REQUIRED, default_of, specs, xml_name
+from itouch.world.limits import DeviceLimits, resolve
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceModel:
+    """What the loop needs to know of one device; all of it is read-only.
+
+    ``mount`` is the pose of the device in its carrier (or the world), shape (7,); ``mount_error`` is what is
+    written minus what is true, in the same frame.
+    """
+
+    name: str
+    plugin: str
+    cls: type[Device]
+    params: Any
+    reads: tuple[Channel, ...]
+    commands: tuple[Channel, ...]
+    mount: tuple[float, ...]
+    mount_error: Vector
+    carrier: str
+    limits: DeviceLimits
+    twin: bool
+    optional: bool
+    touch_off: int
+
+    def command(self, name: str) -> Channel | None:
+        """Return a command channel, or None."""
+        return next((channel for channel in self.commands if channel.name == name), None)
+
+    def reading(self, name: str) -> Channel | None:
+        """Return a reading channel, or None."""
+        return next((channel for channel in self.reads if channel.name == name), None)
+
+    def make_twin(self) -> Twin:
+        """Return the twin that the plugin brings, or the ideal one."""
+        twin = self.cls.Twin
+        return IdealTwin(self.params, self.cls) if twin is None else twin(self.params)
+
+
+def build_devices(scene: Scene, catalog: Catalog, problems: list[Problem]) -> dict[str, DeviceModel]:
+    """Return the devices by name; what is wrong becomes problems, and those devices are left out."""
+    devices: dict[str, DeviceModel] = {}
+    for element in scene.devices:
+        model = _build(scene, element, catalog, problems)
+        if model is not None:
+            devices[element.name] = model
+    return devices
+
+
+def _build(scene: Scene, element: DeviceElement, catalog: Catalog, problems: list[Problem]) -> DeviceModel | None:
+    cls = catalog.device(element.plugin)
+    if cls is None:
+        problems.append(_missing(scene, element, catalog))
+        return None
+    params = _params(scene, element, cls, problems)
+    if params is None:
+        return None
+    reads, commands = cls.channels(params)
+    limits, found = resolve(scene, element, reads, commands)
+    problems += found
+    if not element.twin and cls.twin_only:
+        sentence = f"device '{element.name}': plugin '{element.plugin}' has no working driver, it is twin only"
+        place = scene.places.of(element, "twin")
+        problems.append(Problem("twin-only", sentence, place, 'write twin="yes", or leave --twin away'))
+    mount = (*element.mount.pos, *orientation(element.mount, scene, problems))
+    calibration = element.calibration
+    touch_off = calibration.points if calibration is not None and calibration.method == "touch-off" else 0
+    return DeviceModel(
+        element.name, element.plugin, cls, params, reads, commands, mount, element.mount.mount_error, element.mount.on,
+        limits, element.twin, element.optional, touch_off,
+    )  # fmt: skip
+
+
+def _missing(scene: Scene, element: DeviceElement, catalog: Catalog) -> Problem:
+    severity = "warning" if element.optional else "error"
+    place = scene.places.of(element, "plugin")
+    failure = catalog.failure(element.plugin)
+    if failure:
+        return Problem("plugin-failed", failure, place, "`itouch-py devices` shows the whole reason", severity=severity)
+    advice = did_you_mean(element.plugin, catalog.device_names, "installed device plugins are")
+    sentence = f"there is no device plugin named '{element.plugin}'"
+    return Problem("unknown-plugin", sentence, place, advice, severity=severity)
+
+
+def _params(scene: Scene, element: DeviceElement, cls: type[Device], problems: list[Problem]) -> Any:
+    own = [part for part in element.parts if part.plugin == element.plugin]
+    for part in element.parts:
+        if part.plugin != element.plugin:
+            sentence = f"device '{element.name}' is driven by '{element.plugin}', not by '{part.plugin}'"
+            advice = f"write <{element.plugin}:hardware>"
+            problems.append(Problem("wrong-plugin", sentence, scene.places.of(part), advice))
+    if own:
+        return own[0].params
+    missing = [xml_name(name) for name in specs(cls.Params) if default_of(cls.Params, name) is REQUIRED]
+    if missing:
+        sentence = f"device '{element.name}' needs <{element.plugin}:hardware> with {', '.join(missing)}"
+        problems.append(Problem("missing-element", sentence, scene.places.of(element)))
+        return None
+    return cls.Params()
+
+
+def orientation(element: Any, scene: Scene, problems: list[Problem]) -> tuple[float, float, float, float]:
+    """Return the unit quaternion of an element with ``quat`` or ``rpy``."""
+    if element.rpy is not None:
+        return poses.quaternion_from_rpy(element.rpy)
+    if element.quat is None:
+        return (1.0, 0.0, 0.0, 0.0)
+    try:
+        return poses.normalized(element.quat)
+    except ValueError as error:
+        problems.append(Problem("bad-value", str(error), scene.places.of(element, "quat"), "for example 1 0 0 0"))
+        return (1.0, 0.0, 0.0, 0.0)

@@ -1,0 +1,133 @@
+"""The layout of State: one packed record of everything that changes, put together from what each part declares."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from itouch.plugin import Field, Record
+from itouch.world.model import Model
+from itouch.world.rig import DeviceModel
+
+#: How many contact events are remembered in State.
+EVENTS = 64
+#: One remembered event.
+EVENT_DTYPE = [
+    ("kind", "i8"),
+    ("tick", "i8"),
+    ("probe", "i8"),
+    ("object", "i8"),
+    ("point", "f8", 3),
+    ("normal", "f8", 3),
+]
+
+
+def layout(model: Model) -> tuple[Field, ...]:
+    """Return all fields of the State of a model, in order."""
+    fields: list[Field] = [Field("tick", "i8"), Field("seed", "u8"), Field("ready", "i8")]
+    count = len(model.objects)
+    fields += [Field("objects.pose", "f8", (count, 7)), Field("objects.twist", "f8", (count, 6))]
+    for device in model.devices.values():
+        fields += _device(device)
+    for probe in model.probes:
+        fields += _prefixed(probe.name, _PROBE)
+        fields.append(Field(f"{probe.name}.memory", "f8", model.memory_size))
+        fields.append(Field(f"{probe.name}.result", "f8", model.result_size))
+        if probe.operator is not None:
+            fields += _prefixed(f"{probe.name}.hand", _HAND)
+    for modality in model.modalities:
+        fields += _prefixed(modality.name, modality.instance.fields(modality.model))
+    fields += [Field("events.count", "i8"), Field("events.table", EVENT_DTYPE, EVENTS)]
+    return tuple(fields)
+
+
+def _prefixed(prefix: str, fields: Iterable[Field]) -> list[Field]:
+    return [Field(f"{prefix}.{field.name}", field.dtype, field.size) for field in fields]
+
+
+_PROBE = (
+    Field("hip", "f8", 3),
+    Field("velocity", "f8", 3),
+    Field("proxy", "f8", 3),
+    Field("force", "f8", 3),
+    Field("normal", "f8", 3),
+    Field("point", "f8", 3),
+    Field("penetration"),
+    Field("normal_force"),
+    Field("object", "i8"),
+    Field("near_object", "i8"),
+    Field("near_distance"),
+    Field("time_to_contact"),
+    Field("plate", "i8"),
+    Field("plate_gap"),
+    Field("surface_height"),
+    Field("plate_yield"),
+    Field("contact.object", "i8"),
+    Field("contact.begin", "i8"),
+    Field("contact.separated", "i8"),
+    Field("contact.plate", "i8"),
+    Field("contact.plate_gap"),
+    Field("contact.height_error"),
+    Field("contact.peak_force"),
+    Field("contact.physical_begin", "i8"),
+    Field("plate_force"),
+    Field("plate_touched", "i8"),
+    Field("plate_top"),
+    Field("plate_true_top"),
+    Field("plate_distance"),
+    Field("total_force"),
+)
+
+_HAND = (
+    Field("position", "f8", 3),
+    Field("velocity", "f8", 3),
+    Field("target", "f8", 3),
+    Field("ticks", "i8"),
+    Field("offset"),
+)
+
+
+def _device(device: DeviceModel) -> list[Field]:
+    name = device.name
+    fields = [Field(f"{name}.{channel.name}", "f8", channel.size) for channel in device.reads]
+    fields += [Field(f"{name}.command.{channel.name}", "f8", channel.size) for channel in device.commands]
+    fields += [Field(f"{name}.sent.{channel.name}", "f8", channel.size) for channel in device.commands]
+    fields += _prefixed(
+        name,
+        (
+            Field("status", "i8"),
+            Field("trip", "i8"),
+            Field("ramp"),
+            Field("age", "i8"),
+            Field("sequence", "i8"),
+            Field("clamped", "i8"),
+            Field("dropped", "i8"),
+            Field("strayed", "i8"),
+            Field("calibration", "f8", 7),
+            Field("previous", "f8", 3),
+        ),
+    )
+    if device.touch_off:
+        fields += _prefixed(
+            f"{name}.touch_off",
+            (
+                Field("stage", "i8"),
+                Field("point", "i8"),
+                Field("sums", "f8", 5),
+                Field("offsets", "f8", device.touch_off),
+                Field("target"),
+            ),
+        )
+    if device.twin:
+        fields += _prefixed(f"{name}.twin", device.make_twin().fields())
+    return fields
+
+
+def make_state(model: Model) -> Record:
+    """Return a zeroed State for a model.
+
+    Raises
+    ------
+    ValueError
+        If two parts declare the same field.
+    """
+    return Record.of(layout(model))
