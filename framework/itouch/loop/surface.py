@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from itouch.contact import sphere_cast
+from itouch.contact.cast import sphere_cast
 from itouch.loop.frames import Frame, Vector
 from itouch.loop.runner import Runner
 from itouch.loop.touch import Toucher
@@ -39,7 +39,7 @@ class Surface:
         self.offset = _offset(face, table)
         self._cosine = math.cos(probe.scene.plate_angle)
         self._down = np.array([0.0, 0.0, -1.0])
-        self._start = np.zeros(3)
+        self._start, self._normal = np.zeros(3), np.zeros(3)
         self._feels = "wrench" in table.reading
 
     def plate_frame(self) -> Frame:
@@ -73,7 +73,10 @@ class Surface:
         if not self.model.objects:
             return -math.inf
         self._start[:] = hip
-        distance, _, _ = sphere_cast(self.model.geometry, self._poses, self._start, self._down, radius, _REACH)
+        geometry = self.model.geometry
+        distance, _ = sphere_cast(
+            geometry.world, geometry.mesh, self._poses, self._start, self._down, radius, _REACH, self._normal
+        )
         return hip[2] - radius - distance if distance < _REACH else -math.inf
 
     def _renders(self, toucher: Toucher, frame: Frame) -> int:

@@ -10,8 +10,10 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from itouch.contact import layout as at
-from itouch.contact import step
+from itouch.contact.step import step
 from itouch.loop.frames import Vector
 from itouch.plugin import Contact, ContactEvent, Record
 from itouch.world import Model, ProbeModel
@@ -39,6 +41,7 @@ class Toucher:
         self.near_distance, self.time_to_contact = state[f"{name}.near_distance"], state[f"{name}.time_to_contact"]
         self.current, self.separated = state[f"{name}.contact.object"], state[f"{name}.contact.separated"]
         self.begin = state[f"{name}.contact.begin"]
+        self._world, self._mesh = model.geometry.world, model.geometry.mesh
         self._poses, self._twists = state["objects.pose"], state["objects.twist"]
         self._stiffness = _stiffness(probe)
         self._damping = [coupling.damping for coupling in probe.coupling]
@@ -64,7 +67,7 @@ class Toucher:
         if not self.model.objects:
             return (0.0, 0.0, 0.0)
         step(
-            self.model.geometry, self._poses, self._twists, self._stiffness, self.hip, self.probe.scene.radius,
+            self._world, self._mesh, self._poses, self._twists, self._stiffness, self.hip, self.probe.scene.radius,
             self.probe.scene.near, self.memory, self.result,
         )  # fmt: skip
         return self._take_over(self.result.tolist(), velocity)
@@ -158,8 +161,6 @@ class Toucher:
 
 
 def _stiffness(probe: ProbeModel) -> Any:
-    import numpy as np
-
     values = np.array([coupling.stiffness for coupling in probe.coupling], np.float64)
     values.setflags(write=False)
     return values

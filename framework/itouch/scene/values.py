@@ -8,7 +8,7 @@ from typing import Any
 
 from itouch.schema.diagnostics import did_you_mean
 from itouch.schema.fields import Spec
-from itouch.schema.quantity import QuantityError, describe, parse_quantity
+from itouch.schema.quantities import QuantityError, describe, parse_quantity
 from itouch.schema.units import CELSIUS_OFFSET
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")

@@ -10,7 +10,7 @@ from itouch.scene.binding import PLUGIN_NAMESPACE
 from itouch.scene.description import Scene
 from itouch.scene.elements import PluginPart
 from itouch.schema.fields import Spec, default_of, specs, tag_of, xml_name
-from itouch.schema.quantity import format_quantity
+from itouch.schema.quantities import format_quantity
 
 
 def write(scene: Scene) -> str:

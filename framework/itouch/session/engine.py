@@ -30,7 +30,9 @@ class Session(Engine):
         write_snapshot(path, self.model.scene, self.state, self.ledger.dump())
 
 
-def load_scene(path: Path, *, rig: Path | None = None, twin: str | None = None, catalog: Catalog | None = None) -> Scene:
+def load_scene(
+    path: Path, *, rig: Path | None = None, twin: str | None = None, catalog: Catalog | None = None
+) -> Scene:
     """Load a scene file.
 
     Parameters
@@ -67,7 +69,9 @@ def choose_twins(scene: Scene, twin: str) -> Scene:
         unknown = [name for name in wanted if name not in names]
         if unknown:
             advice = did_you_mean(unknown[0], [*names, "all", "none"], "possible are")
-            raise SceneError([Problem("unknown-name", f"--twin: there is no device named '{unknown[0]}'", None, advice)])
+            raise SceneError(
+                [Problem("unknown-name", f"--twin: there is no device named '{unknown[0]}'", None, advice)]
+            )
     devices = []
     for device in scene.devices:
         on = device.twin if twin not in ("all", "none") else twin == "all"

@@ -157,7 +157,9 @@ def read_snapshot(path: str | os.PathLike[str], catalog: Catalog) -> Snapshot:
         scene = loads(members["scene.xml"], catalog, shown=f"{name}/scene.xml")
     except SceneError as error:
         raise SessionError(f"the scene in '{name}' does not load here:\n\n{error}") from error
-    return Snapshot(replace(scene, source=str(manifest.get("source", ""))), array.tobytes(), array.dtype, manifest, ledger)
+    return Snapshot(
+        replace(scene, source=str(manifest.get("source", ""))), array.tobytes(), array.dtype, manifest, ledger
+    )
 
 
 def _check_format(name: str, manifest: dict[str, Any]) -> None:
