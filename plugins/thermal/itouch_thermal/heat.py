@@ -1,0 +1,229 @@
+"""The modality `heat`: the contact heat of the model finger on the virtual object, live.
+
+The model finger never leaves the simulation: between touches it goes on in air, and each object keeps the heat of
+earlier touches.  At BEGIN the steady profile that belongs to the difference between measured and modelled skin
+temperature is added, so that each touch starts from the finger as it is (what the paper names as missing).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.plugin import Contact as ContactKind
+from itouch.plugin import ContactEvent, Field, Modality, Record, World, schema
+from itouch_thermal.solver.layers import FINGER_FILM, Back, Film, Initial, Layer, Side
+
+Array = NDArray[np.float64]
+
+#: How much valid infrared is averaged before a touch [s].
+SKIN_WINDOW = 0.1
+
+#: Epidermis of the paper; dermis and subcutis after Torvi and Dale's kind of tissue model.
+FINGER: tuple[Layer, ...] = (
+    Layer(name="epidermis", thickness=7e-4, conductivity=0.34, density=1200.0, specific_heat=3340.0),
+    Layer(name="dermis", thickness=1.5e-3, conductivity=0.45, density=1200.0, specific_heat=3300.0, perfusion=5000.0),
+    Layer(name="subcutis", thickness=4.4e-3, conductivity=0.19, density=1000.0, specific_heat=2500.0, perfusion=5000.0),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class ThermalMaterial:
+    """What ``<thermal:material>`` may hold."""
+
+    conductivity: float = schema.quantity("W/(m*K)", low=1e-4, high=1e4, doc="thermal conductivity")
+    specific_heat: float = schema.quantity("J/(kg*K)", low=1.0, high=2e4, doc="specific heat")
+    density: float = schema.quantity("kg/m^3", low=1e-2, high=3e4, doc="density")
+    source: str = schema.text(default="", doc="where the values come from")
+
+    def layer(self, thickness: float | None) -> Layer:
+        """Return a layer of this material [m]."""
+        return Layer(
+            thickness=thickness, conductivity=self.conductivity, density=self.density, specific_heat=self.specific_heat
+        )
+
+    @property
+    def effusivity(self) -> float:
+        """Thermal effusivity [W s^1/2 / m2K]."""
+        return self.layer(None).effusivity
+
+
+@dataclass(frozen=True, slots=True)
+class HeatParams:
+    """What ``<thermal:heat>`` may hold."""
+
+    probe: str = schema.ref("probe", doc="the finger")
+    contact_resistance: float = schema.quantity(
+        "m^2*K/W", low=0.0, high=1.0, default=2e-3, doc="between skin and object"
+    )
+    arterial: float = schema.temperature(low=283.15, high=315.15, default=310.15, doc="of the blood, and of the core")
+    object_depth: float = schema.quantity("m", low=1e-4, high=1.0, default=0.02, doc="depth of the virtual objects")
+    skin_from: str = schema.ref("device", reads=("skin_temperature",), default="", doc="device that measures the skin")
+    layers: tuple[Layer, ...] = schema.children(Layer, doc="tissue from the skin inwards; default: a fingertip")
+
+
+@dataclass(frozen=True, slots=True)
+class HeatModel:
+    """The packed models of finger and objects; an object without a thermal material has none."""
+
+    name: str
+    live: Any
+    probe: str
+    finger: Array
+    finger_start: Array
+    bodies: tuple[Array | None, ...]
+    body_starts: tuple[Array | None, ...]
+    widest: int
+    resistance: float
+    skin_from: str
+    valid_from: str
+    window: int
+
+
+class Heat(Modality):
+    """Computes the heat flux that the real object would draw from the finger."""
+
+    Params = HeatParams
+    Material: ClassVar[type | None] = ThermalMaterial
+
+    def compile(self, name: str, params: HeatParams, world: World) -> HeatModel:
+        """Build the modes of finger and objects."""
+        from itouch_thermal.solver import live
+
+        finger = finger_side(params.layers or FINGER, params.arterial, world.skin_temperature, world.ambient)
+        period = world.period
+        bodies: list[Array | None] = []
+        starts: list[Array | None] = []
+        for element in world.objects:
+            side = object_side(element.material, element.temperature, params.object_depth)
+            bodies.append(None if side is None else live.side_model(side, period, finger=False))
+            starts.append(None if side is None else live.initial_state(side, period, finger=False))
+        skin_from, valid = _skin_source(params, world)
+        return HeatModel(
+            name=name,
+            live=live,
+            probe=params.probe,
+            finger=live.side_model(finger, period, finger=True),
+            finger_start=live.initial_state(finger, period, finger=True),
+            bodies=tuple(bodies),
+            body_starts=tuple(starts),
+            widest=max((len(start) for start in starts if start is not None), default=1),
+            resistance=params.contact_resistance,
+            skin_from=skin_from,
+            valid_from=valid,
+            window=max(1, round(SKIN_WINDOW / period)),
+        )
+
+    def fields(self, model: HeatModel) -> tuple[Field, ...]:
+        """Return the State of finger, objects and the infrared window."""
+        count = max(1, len(model.bodies))
+        return (
+            Field("desired"),
+            Field("in_contact", "i8"),
+            Field("object", "i8"),
+            Field("skin_temperature"),
+            Field("resistance"),
+            Field("finger", "f8", len(model.finger_start)),
+            Field("objects", "f8", (count, model.widest)),
+            Field("touched", "i8", count),
+            Field("skin_ring", "f8", model.window),
+            Field("skin_count", "i8"),
+        )
+
+    def reset(self, model: HeatModel, state: Record) -> None:
+        """Begin with a finger at rest in air and untouched objects."""
+        state[f"{model.name}.finger"] = model.finger_start
+        for index, start in enumerate(model.body_starts):
+            if start is not None:
+                state[f"{model.name}.objects"][index, : len(start)] = start
+        state[f"{model.name}.object"] = -1
+        state[f"{model.name}.resistance"] = np.inf
+
+    def on_contact(self, event: ContactEvent, model: HeatModel, state: Record) -> None:
+        """Begin and end the exchange with an object."""
+        if event.probe != model.probe:
+            return
+        name = model.name
+        if event.kind is ContactKind.BEGIN and model.bodies[event.object_index] is not None:
+            self._start(model, state)
+            state[f"{name}.object"] = event.object_index
+            state[f"{name}.in_contact"] = 1
+            state[f"{name}.touched"][event.object_index] = 1
+        elif event.kind is ContactKind.END:
+            state[f"{name}.object"] = -1
+            state[f"{name}.in_contact"] = 0
+
+    def _start(self, model: HeatModel, state: Record) -> None:
+        """Bring the model finger to the measured skin temperature."""
+        ring, count = state[f"{model.name}.skin_ring"], int(state[f"{model.name}.skin_count"])
+        if count:
+            finger = state[f"{model.name}.finger"]
+            measured = float(ring[: min(count, len(ring))].mean())
+            change = measured - model.live.surface_temperature(model.finger, finger)
+            model.live.shift_surface(model.finger, finger, change)
+        state[f"{model.name}.skin_count"] = 0
+
+    def update(self, model: HeatModel, state: Record, period: float) -> None:
+        """Advance the finger and every object that was touched."""
+        name, live = model.name, model.live
+        finger, objects = state[f"{name}.finger"], state[f"{name}.objects"]
+        index = int(state[f"{name}.object"])
+        pressed = index >= 0 and float(state[f"{model.probe}.normal_force"]) > 0.0
+        body = model.bodies[index] if pressed else None
+        flux, resistance = 0.0, np.inf
+        if body is not None:
+            resistance = model.resistance
+            flux = live.contact_step(model.finger, finger, body, objects[index], resistance)
+        else:
+            live.air_step(model.finger, finger)
+            self._watch_skin(model, state)
+        for other in np.flatnonzero(state[f"{name}.touched"]).tolist():
+            cooling = model.bodies[other]
+            if cooling is not None and not (body is not None and other == index):
+                live.air_step(cooling, objects[other])
+        state[f"{name}.desired"] = flux
+        state[f"{name}.resistance"] = resistance
+        state[f"{name}.skin_temperature"] = live.surface_temperature(model.finger, finger)
+
+    def _watch_skin(self, model: HeatModel, state: Record) -> None:
+        if not model.skin_from or (model.valid_from and state[model.valid_from][0] < 0.5):
+            return
+        ring, count = state[f"{model.name}.skin_ring"], state[f"{model.name}.skin_count"]
+        ring[int(count) % len(ring)] = state[model.skin_from][0]
+        count += 1
+
+
+def _skin_source(params: HeatParams, world: World) -> tuple[str, str]:
+    """Return the State fields of the infrared reading and of its validity."""
+    for device in world.devices.values():
+        names = [channel.name for channel in device.reads]
+        if "skin_temperature" in names and params.skin_from in ("", device.name):
+            valid = f"{device.name}.skin_valid" if "skin_valid" in names else ""
+            return f"{device.name}.skin_temperature", valid
+    return "", ""
+
+
+def finger_side(layers: Sequence[Layer], arterial: float, skin: float, ambient: float) -> Side:
+    """Return a finger that rests at a skin temperature [K] in air; its film is the one that keeps it there."""
+    from itouch_thermal.solver.stack import initial_profile
+
+    start = Initial(kind="steady", surface=skin)
+    back = Back(kind="temperature", temperature=arterial)
+    bare = Side(layers=tuple(layers), initial=start, back=back, arterial=arterial)
+    loss = -initial_profile(bare).flux_at(0.0)  # fluxes inside a side count inwards
+    gap = skin - ambient
+    coefficient = loss / gap if abs(gap) > 0.5 and loss / gap > 1.0 else FINGER_FILM
+    air = Film(coefficient=coefficient, ambient=ambient)
+    return Side(layers=tuple(layers), initial=start, back=back, arterial=arterial, air=air)
+
+
+def object_side(material: ThermalMaterial | None, temperature: float, depth: float) -> Side | None:
+    """Return an object at a temperature [K], kept there from behind; None without a thermal material."""
+    if material is None:
+        return None
+    back = Back(kind="convection", temperature=temperature, coefficient=FINGER_FILM)
+    return Side(layers=(material.layer(depth),), initial=Initial(kind="uniform", temperature=temperature), back=back)
