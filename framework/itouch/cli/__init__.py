@@ -1,1 +1,99 @@
-"""Part of itouch."""
+"""The command line: one file a command, loaded when it is asked for, so that help is instant."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+
+#: Command -> (module, one line of help).
+COMMANDS = {
+    "run": ("itouch.cli.run", "run a scene, or go on with a saved session (the default command)"),
+    "check": ("itouch.cli.check", "print every problem of scene files"),
+    "devices": ("itouch.cli.devices", "list the device plugins that are installed"),
+    "demo": ("itouch.cli.demo", "run the four-material scene that comes with the program"),
+    "bench": ("itouch.cli.bench", "measure accuracy and speed"),
+}
+
+_USAGE = """\
+usage: itouch-py SCENE.xml|SESSION.itouch [options]
+       itouch-py COMMAND ...
+
+Touch rendering with kinesthetic and thermal feedback.
+
+commands:
+{commands}
+
+`itouch-py COMMAND --help` tells the options of a command, `itouch-py run --help` those of running a scene.
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line and return the exit code: 0 done, 1 a fault while running, 2 wrong input."""
+    words = list(sys.argv[1:] if argv is None else argv)
+    if not words or words[0] in ("-h", "--help", "help"):
+        print(_USAGE.format(commands=_listed()))
+        return 0 if words else 2
+    if words[0] in ("-V", "--version"):
+        from importlib.metadata import version
+
+        print(f"itouch-py {version('itouch-py')}")
+        return 0
+    return _guarded(words)
+
+
+def _guarded(words: list[str]) -> int:
+    """Dispatch; what a user or a device can cause becomes a message, never a traceback."""
+    from itouch.schema import ItouchError
+
+    try:
+        return _dispatch(words)
+    except ItouchError as error:
+        print(error, file=sys.stderr)
+        return 2
+    except BrokenPipeError:
+        sys.stderr.close()
+        return 141
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return 130
+
+
+def _dispatch(words: list[str]) -> int:
+    name = words[0]
+    if name in COMMANDS:
+        return int(import_module(COMMANDS[name][0]).main(words[1:]))
+    plugin = _plugin_commands().get(name)
+    if plugin is not None:
+        return int(plugin.load()(words[1:]))
+    if _looks_like_a_command(name):
+        return _unknown(name)
+    return int(import_module("itouch.cli.run").main(words))
+
+
+def _looks_like_a_command(name: str) -> bool:
+    return not name.startswith("-") and "." not in name and "/" not in name
+
+
+def _unknown(name: str) -> int:
+    from itouch.schema.diagnostics import did_you_mean
+
+    advice = did_you_mean(name, [*COMMANDS, *_plugin_commands()], "commands are")
+    print(f"error: there is no command or file named '{name}'\n  = help: {advice}", file=sys.stderr)
+    return 2
+
+
+def _plugin_commands():  # type: ignore[no-untyped-def]  # the type would import the plugin machinery
+    from itouch.plugin.discovery import COMMANDS as GROUP
+    from itouch.plugin.discovery import find
+
+    return find(GROUP)
+
+
+def _listed() -> str:
+    from importlib.metadata import entry_points
+
+    lines = {name: text for name, (_, text) in COMMANDS.items()}
+    for entry in entry_points(group="itouch.commands"):
+        lines.setdefault(entry.name, f"command of {entry.dist.name if entry.dist else 'a plugin'}")
+    return "\n".join(f"  {name:<12} {text}" for name, text in sorted(lines.items()))

@@ -86,8 +86,7 @@ class Engine:
     def done(self) -> bool:
         """Whether every scripted motion has ended; never true without one."""
         hands = [rig.coupling.hand for rig in self._rigs if rig.coupling.hand is not None]
-        scripted = [hand for hand in hands if hand.path.duration > 0]
-        return bool(scripted) and all(hand.done for hand in scripted)
+        return self.scripted and all(hand.done for hand in hands)
 
     def status(self, device: str) -> Status:
         """Return what a device may do now."""
@@ -249,7 +248,7 @@ class Engine:
         """
         if seconds is not None and not (math.isfinite(seconds) and seconds >= 0.0):
             raise ValueError(f"seconds = {seconds!r} must be a finite number, at least 0")
-        if seconds is None and until is None and not any(self._scripted()):
+        if seconds is None and until is None and not self.scripted:
             raise ValueError("the scene has no scripted motion: say for how many seconds to run")
         self._require_enabled()
         last = int(self._tick) + round(seconds / self.model.period) if seconds is not None else None
@@ -263,8 +262,10 @@ class Engine:
             if collecting:
                 gc.enable()
 
-    def _scripted(self) -> list[bool]:
-        return [rig.coupling.hand.path.duration > 0 for rig in self._rigs if rig.coupling.hand is not None]
+    @property
+    def scripted(self) -> bool:
+        """Whether an operator twin follows a motion."""
+        return any(rig.coupling.hand.path.duration > 0 for rig in self._rigs if rig.coupling.hand is not None)
 
     def _loop(self, last: int | None, until: Callable[[], bool] | None, each: Callable[[], None] | None) -> None:
         real = self.clock.pace == "real"

@@ -1,0 +1,31 @@
+"""Arguments that several commands take."""
+
+from __future__ import annotations
+
+import argparse
+import os
+
+from itouch.schema.quantities import QuantityError, parse_quantity
+
+
+def seconds(text: str) -> float:
+    """Read a duration such as ``30s``, ``2 min`` or ``0.5``."""
+    try:
+        (value,) = parse_quantity(text, "s")
+    except QuantityError as error:
+        raise argparse.ArgumentTypeError(f"{error}; write for example 30s") from None
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"'{text}' is negative; write for example 30s")
+    return value
+
+
+def output_file(text: str) -> str:
+    """Check that a file can be written where it is asked for, before anything runs."""
+    folder = os.path.dirname(text) or "."
+    if os.path.isdir(text):
+        raise argparse.ArgumentTypeError(f"'{text}' is a folder; name a file")
+    if not os.path.isdir(folder):
+        raise argparse.ArgumentTypeError(f"there is no folder '{folder}'; make it first")
+    if not os.access(text if os.path.exists(text) else folder, os.W_OK):
+        raise argparse.ArgumentTypeError(f"'{text}' cannot be written")
+    return text

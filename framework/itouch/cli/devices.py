@@ -1,0 +1,59 @@
+"""``itouch-py devices``: what is installed, with channels and limits, and why a plugin failed to load."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Sequence
+
+from itouch.plugin import Channel, Device, Safe
+from itouch.plugin.discovery import Catalog
+from itouch.schema.fields import REQUIRED, default_of, specs
+
+
+def main(argv: Sequence[str]) -> int:
+    """List the device plugins that are installed."""
+    parser = argparse.ArgumentParser(prog="itouch-py devices", description=main.__doc__)
+    parser.parse_args(argv)
+    catalog = Catalog()
+    for name in catalog.device_names:
+        print("\n".join(_describe(catalog, name)))
+    if not catalog.device_names:
+        print("no device plugin is installed")
+    return 0
+
+
+def _describe(catalog: Catalog, name: str) -> list[str]:
+    found = catalog.found(name)
+    head = f"{name}  ({found.distribution} {found.version})"
+    cls = catalog.device(name)
+    if cls is None:
+        return [f"{head}  FAILED TO LOAD", f"    {catalog.failures[name].cause}"]
+    doc = (cls.__doc__ or "").strip().splitlines()[:1]
+    lines = [f"{head}{'  twin only' if cls.twin_only else ''}", *(f"    {line}" for line in doc)]
+    reads, commands = _channels(cls)
+    lines += [_channel("reads", channel) for channel in reads]
+    lines += [_channel("obeys", channel) for channel in commands]
+    return lines
+
+
+def _channels(cls: type[Device]) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
+    """Return the channels with default parameters, or the class's if some parameter has no default."""
+    if any(default_of(cls.Params, field) is REQUIRED for field in specs(cls.Params)):
+        return cls.reads, cls.commands
+    return cls.channels(cls.Params())
+
+
+def _channel(verb: str, channel: Channel) -> str:
+    parts = [f"    {verb} {channel.name:<18} {channel.size} x {channel.unit or '1'}"]
+    if channel.magnitude is not None:
+        parts.append(f"at most {channel.magnitude:g} {channel.unit}")
+    elif channel.high and all(math.isfinite(v) for v in (*channel.low, *channel.high)):
+        shown = min(channel.size, 3)
+        low, high = (" ".join(f"{v:g}" for v in side[:shown]) for side in (channel.low, channel.high))
+        parts.append(f"{low} to {high} {channel.unit}")
+    if channel.locked:
+        parts.append("locked: " + " ".join(["x", "y", "z", "rx", "ry", "rz"][axis] for axis in channel.locked))
+    if channel.safe is not None:
+        parts.append(f"safe: {channel.safe.value if isinstance(channel.safe, Safe) else 'zero'}")
+    return ", ".join(parts)

@@ -1,0 +1,142 @@
+"""``itouch-py SCENE|SESSION``: run, show what happens, end safely with a report."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from itouch.cli.arguments import output_file, seconds
+from itouch.schema import ItouchError
+
+if TYPE_CHECKING:
+    from itouch.session import Session
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run a scene, or go on with a saved session."""
+    options = _parser().parse_args(argv)
+    session = _prepare(options)
+    from itouch.report.screen import Screen
+
+    for notice in session.notices:
+        print(f"note: {notice}", file=sys.stderr)
+    screen = Screen(session, sys.stdout)
+    code = _run(session, options, screen)
+    report = session.report()
+    screen.finish(report)
+    _write(session, options, report)
+    return code
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="itouch-py run", description=main.__doc__)
+    parser.add_argument("scene", metavar="SCENE|SESSION", help="a scene (.xml) or a saved session (.itouch)")
+    parser.add_argument("--headless", action="store_true", help="without a window (this version has none)")
+    parser.add_argument("--for", dest="duration", type=seconds, metavar="30s",
+                        help="simulated time; default: until the scripted motion ends")  # fmt: skip
+    parser.add_argument("--pace", choices=("real", "fast"),
+                        help="real time, or as fast as it computes; default: fast on twins, real on hardware")  # fmt: skip
+    parser.add_argument("--twin", metavar="all|none|NAME", help="run these devices as simulated twins")
+    parser.add_argument("--rig", metavar="FILE", help="put another rig with the same device names under the scene")
+    parser.add_argument("--report", type=output_file, metavar="FILE.json", help="write the report as JSON")
+    parser.add_argument("--save", type=output_file, metavar="FILE.itouch", help="save the session at the end")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of all noise (default 0)")
+    return parser
+
+
+def _prepare(options: argparse.Namespace) -> Session:
+    """Build the engine; on a first start the kernels are compiled, which is said."""
+    with _told("preparing: the first start compiles the kernels, later ones load them ..."):
+        from itouch.session import build, restore
+
+        if not 0 <= options.seed < 1 << 63:
+            raise ItouchError(f"--seed {options.seed} is out of range: 0 to 2^63 - 1")
+        if options.scene.endswith(".itouch"):
+            if options.twin or options.rig:
+                raise ItouchError("--twin and --rig choose devices for a scene; a session has its own")
+            session = restore(options.scene)
+        else:
+            session = build(options.scene, seed=options.seed, twin=options.twin, rig=options.rig)
+    from itouch.loop import WallClock
+
+    hardware = any(not device.twin for device in session.model.devices.values())
+    if (options.pace or ("real" if hardware else "fast")) == "real":
+        session.clock = WallClock()
+    return session
+
+
+@contextmanager
+def _told(sentence: str) -> Iterator[None]:
+    """Say a sentence if what is inside takes more than a second."""
+    timer = threading.Timer(1.0, lambda: print(sentence, file=sys.stderr, flush=True))
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+
+
+def _run(session: Session, options: argparse.Namespace, screen: Any) -> int:
+    from itouch.loop import DeviceFaultError
+
+    stop = _Stop()
+    with stop:
+        try:
+            if options.duration is None and not session.scripted:
+                raise ItouchError("the scene has no scripted motion: say for how long to run, with --for 30s")
+            session.enable()
+            session.run(options.duration, until=_until(session, stop, options.duration), each=screen.tick)
+        except DeviceFaultError:
+            return 1
+        finally:
+            session.close()
+    if stop.signal:
+        print(f"stopped by {signal.Signals(stop.signal).name}; the devices are safe", file=sys.stderr)
+        return 128 + stop.signal
+    return 0
+
+
+def _until(session: Session, stop: _Stop, duration: float | None) -> Callable[[], bool]:
+    if duration is not None:
+        return lambda: bool(stop.signal)
+    return lambda: bool(stop.signal) or session.done
+
+
+class _Stop:
+    """Turns Ctrl-C, SIGTERM and SIGHUP into a flag that is looked at between ticks."""
+
+    def __init__(self) -> None:
+        self.signal = 0
+        self._before: dict[int, Any] = {}
+
+    def __enter__(self) -> None:
+        if threading.current_thread() is threading.main_thread():
+            for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+                self._before[number] = signal.signal(number, self._note)
+
+    def __exit__(self, *exception: object) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def _note(self, number: int, frame: object) -> None:
+        self.signal = number
+
+
+def _write(session: Session, options: argparse.Namespace, report: dict[str, Any]) -> None:
+    if options.report:
+        try:
+            with open(options.report, "w", encoding="utf-8") as stream:
+                json.dump(report, stream, indent=1, allow_nan=False)
+                stream.write("\n")
+        except OSError as error:
+            raise ItouchError(f"cannot write '{options.report}': {error.strerror or error}") from error
+    if options.save:
+        session.save(options.save)
+        print(f"saved {options.save}")

@@ -1,0 +1,137 @@
+"""What a run shows on a terminal: a live line, and a table at the end; plain lines where there is no terminal."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any, TextIO
+
+if TYPE_CHECKING:
+    from itouch.loop import Engine
+
+_EVERY = 0.1
+_COLUMNS = ("object", "material", "begin s", "end s", "mean flux W/m2", "skin K", "peak N", "gap mm", "flux err")
+
+
+class Screen:
+    """Follows an engine; it reads, and never changes, what it shows."""
+
+    def __init__(self, engine: Engine, stream: TextIO) -> None:
+        self._engine, self._stream = engine, stream
+        self._live = stream.isatty()
+        self._next = 0.0
+        self._told = len(engine.ledger.contacts)
+        self._ticks = 0
+
+    def tick(self) -> None:
+        """Show progress; called after every tick, looks at the host's clock now and then."""
+        self._ticks += 1
+        if self._ticks % 50:
+            return
+        if not self._live:
+            self._new_contacts()
+            return
+        now = time.monotonic()
+        if now >= self._next:
+            self._next = now + _EVERY
+            self._stream.write("\r\x1b[2K" + self._line())
+            self._stream.flush()
+
+    def _line(self) -> str:
+        engine = self._engine
+        parts = [f"{engine.seconds:7.2f} s"]
+        for probe in engine.model.probes:
+            index = int(engine.state[f"{probe.name}.contact.object"])
+            near = int(engine.state[f"{probe.name}.near_object"])
+            where = f"on {engine.model.objects[index]}" if index >= 0 else "free"
+            if index < 0 <= near:
+                where = f"near {engine.model.objects[near]}"
+            parts.append(f"{probe.name} {where:<18}")
+        for name in ("heat.desired",):
+            if name in engine.state:
+                parts.append(f"desired {float(engine.state[name]):7.0f} W/m2")
+        times = engine.times.summary()
+        if times["p99"] is not None:
+            parts.append(f"tick p99 {times['p99']:.0f} us")
+        if not engine.state["ready"]:
+            parts.append("calibrating")
+        return "  ".join(parts)
+
+    def _new_contacts(self) -> None:
+        contacts = self._engine.ledger.contacts
+        for entry in contacts[self._told :]:
+            self._stream.write(f"{entry['end_s']:8.3f} s  {entry['probe']} left {entry['object']}: {_flux(entry)}\n")
+        if len(contacts) > self._told:
+            self._stream.flush()
+        self._told = len(contacts)
+
+    def finish(self, report: dict[str, Any]) -> None:
+        """Show the table of contacts, the timing and the faults."""
+        if self._live:
+            self._stream.write("\r\x1b[2K")
+            _rich_table(report, self._stream)
+        else:
+            self._new_contacts()
+            _plain_table(report, self._stream)
+        self._stream.write(_closing(report) + "\n")
+        for fault in report["faults"]:
+            self._stream.write(_fault(fault) + "\n")
+        self._stream.flush()
+
+
+def _flux(entry: dict[str, Any]) -> str:
+    mean = entry["mean_flux_W_m2"]
+    return "no heat rendered" if mean is None else f"mean flux {mean:.0f} W/m2"
+
+
+def _row(entry: dict[str, Any]) -> list[str]:
+    def number(key: str, digits: int, scale: float = 1.0, unit: str = "") -> str:
+        value = entry.get(key)
+        return "-" if value is None else f"{value * scale:.{digits}f}{unit}"
+
+    return [
+        entry["object"], entry["material"], number("begin_s", 3), number("end_s", 3), number("mean_flux_W_m2", 0),
+        number("skin_drop_K", 2), number("peak_force_N", 2), number("plate_gap_mm", 3),
+        number("flux_error_rms", 1, 100.0, " %"),
+    ]  # fmt: skip
+
+
+def _plain_table(report: dict[str, Any], stream: TextIO) -> None:
+    rows = [list(_COLUMNS), *(_row(entry) for entry in report["contacts"])]
+    widths = [max(len(row[i]) for row in rows) for i in range(len(_COLUMNS))]
+    for row in rows:
+        cells = [cell.ljust(w) if i < 2 else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, widths, strict=True))]
+        stream.write("  ".join(cells).rstrip() + "\n")
+
+
+def _rich_table(report: dict[str, Any], stream: TextIO) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title="Contacts")
+    for index, column in enumerate(_COLUMNS):
+        table.add_column(column, justify="left" if index < 2 else "right")
+    for entry in report["contacts"]:
+        table.add_row(*_row(entry))
+    Console(file=stream).print(table)
+
+
+def _closing(report: dict[str, Any]) -> str:
+    servo, tracking = report["servo"], report["table"]["tracking_mm"]
+    speed = report["simulated_s"] / report["wall_s"] if report["wall_s"] > 0 else 0.0
+    parts = [f"{report['simulated_s']:.3f} s simulated in {report['wall_s']:.1f} s ({speed:.1f} x real time)"]
+    if servo["tick_us"]["p99"] is not None:
+        parts.append(f"tick p50 {servo['tick_us']['p50']:.0f} us, p99 {servo['tick_us']['p99']:.0f} us")
+    if servo["overruns"] is not None:
+        parts.append(f"{servo['overruns']} overruns")
+    if tracking["p99"] is not None:
+        parts.append(f"table within {tracking['p99']:.2f} mm of its command (p99)")
+    parts.append(f"{len(report['faults'])} faults")
+    return "; ".join(parts)
+
+
+def _fault(fault: dict[str, Any]) -> str:
+    lines = [f"fault[{fault['trip']}]: device '{fault['device']}' {fault['cause']} at {fault['time_s']:.3f} s"]
+    if fault["scene"]:
+        lines.append(f"  scene:   {fault['scene']}")
+    lines.append("  devices: all have been made safe")
+    return "\n".join(lines)
