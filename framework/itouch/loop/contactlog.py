@@ -50,15 +50,15 @@ class ContactLog:
 
     def note(self) -> None:
         """Follow the open contact; called at the end of each tick."""
-        if self._toucher.current < 0:
+        if self._toucher.current.item() < 0:
             return
-        force = float(self._coupling.total)
-        if force > self._peak:
+        force = self._coupling.total.item()
+        if force > self._peak.item():
             self._peak[...] = force
-        if self._physical < 0 and self._coupling.touched >= 0:
+        if self._physical.item() < 0 and self._coupling.touched.item() >= 0:
             self._physical[...] = self._coupling.touched
-        if self._surface is not None and self._plate and self._surface.plate:
-            error = abs(float(self._surface.height) - float(self._coupling.true_top))
+        if self._surface is not None and self._plate.item() and self._surface.plate.item():
+            error = abs(self._surface.height.item() - self._coupling.true_top.item())
             if error > self._ledger.height_error:
                 self._ledger.height_error = error
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 from itouch.loop.contactlog import ContactLog
 from itouch.loop.frames import Frame, Vector
 from itouch.loop.ledger import Ledger
-from itouch.loop.runner import Runner, Status
+from itouch.loop.runner import Runner
 from itouch.loop.surface import Surface
 from itouch.loop.touch import Listener, Toucher
 from itouch.loop.touchoff import TouchOff
@@ -28,6 +29,11 @@ class ProbeRig:
         self.arm = runners.get(probe.scene.force_to)
         self.table = runners.get(probe.scene.surface_to)
         self._ledger = ledger
+        self._tracked = self.tracker.reading["pose"][:3]
+        if self.table is not None:
+            self._sent, self._position = self.table.sent["pose_target"][:3], self.table.reading["pose"][:3]
+        if self.arm is not None:
+            self._force = self.arm.command["wrench"][:3]
         self.toucher = Toucher(model, probe, state)
         self.surface, self.touch_off = self._carried(state)
         self.coupling = self._coupling(state)
@@ -78,16 +84,16 @@ class ProbeRig:
     def frame_of(self, runner: Runner) -> Frame:
         """Return the frame of a device in the world, through what carries it."""
         frame = runner.base_frame()
-        carrier = self._runners.get(runner.model.carrier)
-        if carrier is None:
+        if not runner.model.carrier:
             return frame
+        carrier = self._runners[runner.model.carrier]
         below = self.frame_of(carrier)
         moved = carrier.reading["pose"].tolist()[:3] if "pose" in carrier.reading else (0.0, 0.0, 0.0)
         return below.moved(below.vector(moved)).compose(frame)
 
     def touch(self, tick: int, tell: Listener) -> None:
         """Contact and its events, from this tick's readings."""
-        position = self.frame_of(self.tracker).point(self.tracker.reading["pose"].tolist()[:3])
+        position = self.frame_of(self.tracker).point(self._tracked.tolist())
         self.force = self.toucher.update(position, tick == 0)
         if self.surface is not None:
             self.surface.update(self.toucher)
@@ -95,12 +101,12 @@ class ProbeRig:
 
     def command(self) -> None:
         """Command arm and table."""
-        if self.touch_off is not None and not self.touch_off.done and self._enabled(self.table):
+        if self.touch_off is not None and not self.touch_off.done and self.table is not None and self.table.enabled:
             self._lead()
             self.touch_off.update(self.toucher)
         if self.arm is not None:
             force = self.surface.share(self.force, self.toucher) if self.surface is not None else self.force
-            self.arm.command["wrench"][:3] = self.frame_of(self.arm).vector_into(force)
+            self._force[:] = self.frame_of(self.arm).vector_into(force)
 
     def _lead(self) -> None:
         """Ask the hand down to where the plate can reach it, if its path begins higher."""
@@ -109,10 +115,6 @@ class ProbeRig:
             return
         highest = self.touch_off.highest_finger(self.probe.scene.radius)
         hand.lower(min(0.0, highest - float(hand.path.start[2])))
-
-    @staticmethod
-    def _enabled(runner: Runner | None) -> bool:
-        return runner is not None and runner.status is Status.ENABLED
 
     def couple(self, moving: bool) -> None:
         """Step the finger's twin, and tell the twins of devices what touches them."""
@@ -124,10 +126,11 @@ class ProbeRig:
 
     def check(self, tick: int, counting: bool) -> None:
         """Check that the table is where it was sent; count its distance for the report."""
-        if self.table is None or not self._enabled(self.table):
+        if self.table is None or not self.table.enabled:
             return
-        sent, position = self.table.sent["pose_target"].tolist(), self.table.reading["pose"].tolist()
-        distance = sum((s - p) ** 2 for s, p in zip(sent[:3], position[:3], strict=True)) ** 0.5
+        sx, sy, sz = self._sent.tolist()
+        x, y, z = self._position.tolist()
+        distance = math.sqrt((sx - x) ** 2 + (sy - y) ** 2 + (sz - z) ** 2)
         if counting:
             self._ledger.tracking.add(distance)
         self.table.check_tracking(tick, distance)

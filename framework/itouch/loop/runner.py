@@ -31,6 +31,10 @@ class Status(enum.IntEnum):
     FAULT = 3
 
 
+#: The same as plain numbers: an attribute of an enumeration costs a microsecond.
+_CLOSED, _ENABLED, _FAULT = int(Status.CLOSED), int(Status.ENABLED), int(Status.FAULT)
+
+
 class DeviceFaultError(ItouchError):
     """A device that was stopped while the loop ran: which, when, and why."""
 
@@ -53,16 +57,25 @@ class Runner:
         self._clamped, self._dropped = state[f"{name}.clamped"], state[f"{name}.dropped"]
         self._strayed, self._calibration = state[f"{name}.strayed"], state[f"{name}.calibration"]
         self.guards = [(c.name, Guard(c, model.limits)) for c in model.commands]
-        self._watch = Watch(name, model.reads, model.limits)
+        self._lanes = [(self.command[name], self.sent[name], guard) for name, guard in self.guards]
+        self._watch = Watch(model.reads, self.reading)
         self._patience = max(1, round(model.limits.watchdog / period))
         self._every = max(1, round(model.cls.period / period))
-        self._mount = frame(model.mount)
+        self._mount = self._frame = frame(model.mount)
+        self._framed_for: list[float] = []
+        error = model.mount_error
+        self._true_frame = self._mount.moved((-error[0], -error[1], -error[2]))
         self.touch = Touch()
         self.twin: Twin | None = model.make_twin() if model.twin else None
         self.device: Device | None = None if model.twin else model.cls(model.params)
         has_twin_state = model.twin and any(n.startswith(f"{name}.twin.") for n in state)
         self.twin_state = state.part(f"{name}.twin.") if has_twin_state else Record(np.dtype([]))
         self.closing = 0.0
+
+    @property
+    def enabled(self) -> bool:
+        """Whether commands are let through."""
+        return bool(self._status.item() == _ENABLED)
 
     @property
     def status(self) -> Status:
@@ -123,7 +136,8 @@ class Runner:
 
     def read(self, tick: int) -> None:
         """Take the newest reading and check it."""
-        if self._status == Status.CLOSED or tick % self._every:
+        status = self._status.item()
+        if status == _CLOSED or tick % self._every:
             return
         source: Any = self.device.read if self.device is not None else None
         try:
@@ -134,16 +148,18 @@ class Runner:
             cause = f"failed in read: {type(error).__name__}: {error}"
             raise DeviceFaultError(self.model.name, tick, Trip.DEVICE_ERROR, cause) from error
         if new is False:
-            self._age += self._every
-            if self._age > self._patience and self._status == Status.ENABLED:
-                cause = f"was silent for {float(self._age) * self._period:.3f} s"
+            age = self._age.item() + self._every
+            self._age[...] = age
+            if age > self._patience and status == _ENABLED:
+                cause = f"was silent for {age * self._period:.3f} s"
                 raise DeviceFaultError(self.model.name, tick, Trip.SILENT, cause)
             return
-        self._age[...] = 0
-        self._sequence += 1
-        if self._status != Status.FAULT:
+        if self._age.item():
+            self._age[...] = 0
+        self._sequence[...] = self._sequence.item() + 1
+        if status != _FAULT:
             try:
-                self._watch.check(self.reading)
+                self._watch.check()
             except TripError as error:
                 raise DeviceFaultError(self.model.name, tick, error.trip, str(error)) from error
 
@@ -152,19 +168,19 @@ class Runner:
 
     def write(self, tick: int) -> None:
         """Send the commands through the guards; only safe ones unless ENABLED."""
-        status = int(self._status)
-        if status == Status.CLOSED:
+        status = self._status.item()
+        if status == _CLOSED:
             return
-        if status != Status.ENABLED:
+        if status != _ENABLED:
             self._send_safe()
             return
-        ramp = float(self._ramp)
+        ramp = self._ramp.item()
         if ramp < 1.0:
             ramp = min(1.0, ramp + self._period / default.RAMP)
             self._ramp[...] = ramp
         try:
-            for name, guard in self.guards:
-                clamped, dropped = guard.limit(self.command[name], self.sent[name], ramp, self._period, self.closing)
+            for wanted, sent, guard in self._lanes:
+                clamped, dropped = guard.limit(wanted, sent, ramp, self._period, self.closing)
                 if clamped:
                     self._clamped += clamped
                 if dropped:
@@ -195,24 +211,25 @@ class Runner:
     def check_tracking(self, tick: int, distance: float) -> None:
         """Trip if a carried surface stays too far from its command for too long."""
         if distance <= default.TRACKING_TRIP:
-            self._strayed[...] = 0
+            if self._strayed.item():
+                self._strayed[...] = 0
             return
-        self._strayed += 1
-        if self._strayed * self._period > default.TRACKING_TIME:
+        self._strayed[...] = self._strayed.item() + 1
+        if self._strayed.item() * self._period > default.TRACKING_TIME:
             cause = f"is {distance * 1e3:.1f} mm from its command"
             raise DeviceFaultError(self.model.name, tick, Trip.TRACKING, cause)
 
     def base_frame(self) -> Frame:
         """Return the device's frame in its carrier, as mount and calibration say."""
-        x, y, z, *quaternion = self._calibration.tolist()
-        if quaternion[0] == 1.0:
-            return self._mount.compose(Frame(x, y, z, frame((0, 0, 0, 1, 0, 0, 0)).r)) if x or y or z else self._mount
-        return self._mount.compose(frame((x, y, z, *quaternion)))
+        calibration = self._calibration.tolist()
+        if calibration != self._framed_for:  # composed anew only when a calibration has changed
+            self._framed_for = calibration
+            self._frame = self._mount.compose(frame(calibration))
+        return self._frame
 
     def true_frame(self) -> Frame:
         """Return the twin's true frame in its carrier."""
-        error = self.model.mount_error
-        return self._mount.moved((-error[0], -error[1], -error[2]))
+        return self._true_frame
 
     def step_twin(self) -> None:
         """Advance the twin by one period under what was sent."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 import enum
 import math
 from collections.abc import Sequence
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,11 +49,13 @@ class TripError(ItouchError):
 class Guard:
     """Limits one command channel: hardware ceiling, then the limits in force, then ramp and slew."""
 
-    __slots__ = ("_limits", "channel", "locked")
+    __slots__ = ("_apply", "_limits", "channel", "locked")
 
     def __init__(self, channel: Channel, limits: DeviceLimits) -> None:
         self.channel, self._limits = channel, limits
         self.locked = _locked_components(channel)
+        kinds = {"wrench": self._wrench, "pose_target": self._pose_target}
+        self._apply = kinds.get(channel.name, self._plain)
 
     def limit(self, wanted: Floats, sent: Floats, ramp: float, period: float, closing: float) -> tuple[int, int]:
         """Write what may be sent.
@@ -87,17 +90,11 @@ class Guard:
             if values[index] != rest:
                 values[index] = rest
                 dropped += 1
-        name = self.channel.name
-        if name == "wrench":
-            clamped = self._wrench(values, sent.tolist(), ramp, period)
-        elif name == "pose_target":
-            clamped = self._pose_target(values, sent.tolist(), period, closing)
-        else:
-            clamped = self._plain(values, sent.tolist(), ramp, period)
+        clamped = self._apply(values, sent.tolist(), ramp, period, closing)
         sent[:] = values
         return clamped, dropped
 
-    def _wrench(self, values: list[float], last: list[float], ramp: float, period: float) -> int:
+    def _wrench(self, values: list[float], last: list[float], ramp: float, period: float, closing: float) -> int:
         ceiling = (self._limits.force or 0.0) * ramp
         size = math.sqrt(values[0] * values[0] + values[1] * values[1] + values[2] * values[2])
         grown = math.sqrt(last[0] * last[0] + last[1] * last[1] + last[2] * last[2]) + default.FORCE_SLEW * period
@@ -114,7 +111,7 @@ class Guard:
                 clamped = 1
         return clamped
 
-    def _pose_target(self, values: list[float], last: list[float], period: float, closing: float) -> int:
+    def _pose_target(self, values: list[float], last: list[float], ramp: float, period: float, closing: float) -> int:
         clamped = _into_box(values, self.channel, 3)
         step = [values[i] - last[i] for i in range(3)]
         rise = closing * period
@@ -129,7 +126,7 @@ class Guard:
             values[i] = last[i] + step[i]
         return clamped
 
-    def _plain(self, values: list[float], last: list[float], ramp: float, period: float) -> int:
+    def _plain(self, values: list[float], last: list[float], ramp: float, period: float, closing: float) -> int:
         clamped = _into_box(values, self.channel, len(values))
         if self.channel.name == "current" and self._limits.current is not None:
             top = self._limits.current * ramp
@@ -179,34 +176,51 @@ def _not_finite(values: Sequence[float]) -> str:
 class Watch:
     """Checks the readings of one device; what is not believable or past a limit trips."""
 
-    __slots__ = ("_name", "_ranges", "_special")
+    __slots__ = ("_channels", "_high", "_low", "_reading", "_values")
 
-    def __init__(self, name: str, reads: Sequence[Channel], limits: DeviceLimits) -> None:
-        self._name = name
-        self._ranges = [(c.name, c.unit, c.low, c.high) for c in reads]
-        self._special = {
-            "plate_temperature": (Trip.PLATE_TEMPERATURE, *default.PLATE_TRIP),
-            "sink_temperature": (Trip.SINK_TEMPERATURE, 0.0, default.SINK_TRIP),
-        }
+    _SPECIAL: ClassVar[dict[str, tuple[Trip, float, float]]] = {
+        "plate_temperature": (Trip.PLATE_TEMPERATURE, *default.PLATE_TRIP),
+        "sink_temperature": (Trip.SINK_TEMPERATURE, 0.0, default.SINK_TRIP),
+    }
 
-    def check(self, reading: Record) -> None:
-        """Check one set of readings.
+    def __init__(self, reads: Sequence[Channel], reading: Record) -> None:
+        self._channels, self._reading = tuple(reads), reading
+        self._values = reading.raw.view(np.float64)
+        low: list[float] = []
+        high: list[float] = []
+        for channel in reads:
+            special = self._SPECIAL.get(channel.name)
+            open_ended = ((-math.inf,) * channel.size, (math.inf,) * channel.size)
+            ranges = (channel.low, channel.high) if channel.high else open_ended
+            low += (special[1],) if special else ranges[0]
+            high += (special[2],) if special else ranges[1]
+        self._low, self._high = low, high
+
+    def check(self) -> None:
+        """Check the newest readings.
 
         Raises
         ------
         TripError
             Naming the reading and its value.
         """
-        for name, unit, low, high in self._ranges:
-            values = reading[name].tolist()
-            total = sum(values)
-            if total - total != 0.0:
-                raise TripError(Trip.NOT_A_NUMBER, f"reads {_not_finite(values)} ({name})")
-            special = self._special.get(name)
-            if special is not None and not special[1] <= values[0] <= special[2]:
-                shown = f"{values[0] - 273.15:.1f} degC"
-                raise TripError(special[0], f"reads {name} {shown}, past its trip")
-            if high:
-                for value, least, most in zip(values, low, high, strict=True):
-                    if not least <= value <= most:
-                        raise TripError(Trip.SENSOR_RANGE, f"reads {name} = {value:g} {unit}, which is not believable")
+        for value, low, high in zip(self._values.tolist(), self._low, self._high, strict=True):
+            if not low <= value <= high:  # also true for what is not a number
+                self._explain()
+
+    def _explain(self) -> None:
+        at = 0
+        for channel in self._channels:
+            values = self._reading[channel.name].tolist()
+            low, high = self._low[at : at + channel.size], self._high[at : at + channel.size]
+            at += channel.size
+            for value, least, most in zip(values, low, high, strict=True):
+                if least <= value <= most and math.isfinite(value):
+                    continue
+                if not math.isfinite(value):
+                    raise TripError(Trip.NOT_A_NUMBER, f"reads {_not_finite(values)} ({channel.name})")
+                if channel.name in self._SPECIAL:
+                    shown = f"{value - 273.15:.1f} degC"
+                    raise TripError(self._SPECIAL[channel.name][0], f"reads {channel.name} {shown}, past its trip")
+                shown = f"{channel.name} = {value:g} {channel.unit}"
+                raise TripError(Trip.SENSOR_RANGE, f"reads {shown}, which is not believable")

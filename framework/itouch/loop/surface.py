@@ -40,13 +40,16 @@ class Surface:
         self._cosine = math.cos(probe.scene.plate_angle)
         self._down = np.array([0.0, 0.0, -1.0])
         self._start, self._normal = np.zeros(3), np.zeros(3)
-        self._feels = "wrench" in table.reading
+        self._position, self._target = table.reading["pose"][:3], table.command["pose_target"]
+        self._felt = table.reading["wrench"] if "wrench" in table.reading else None
 
     def plate_frame(self) -> Frame:
         """Return the frame of the plate's top in the world, as readings and calibration say."""
         base = self.table.base_frame()
-        position = self.table.reading["pose"].tolist()
-        return base.moved(base.vector((p + o for p, o in zip(position[:3], self.offset, strict=True))))
+        x, y, z = self._position.tolist()
+        ox, oy, oz = self.offset
+        x, y, z = base.point((x + ox, y + oy, z + oz))
+        return Frame(x, y, z, base.r)
 
     def update(self, toucher: Toucher) -> None:
         """Find the virtual surface under the finger, and command the plate to it."""
@@ -56,15 +59,15 @@ class Surface:
         height = self._surface(hip, radius)
         self.height[...] = height
         frame = self.plate_frame()
-        self.top[...] = frame.z
-        self.gap[...] = height - frame.z if height > -math.inf else math.inf
+        top = frame.z
+        self.top[...] = top
+        self.gap[...] = height - top if height > -math.inf else math.inf
         self.plate[...] = self._renders(toucher, frame)
         wanted = max(height, lowest - clearance) - self._yield()
         base = self.table.base_frame()
         x, y, z = base.into((hip[0], hip[1], wanted))
-        target = self.table.command["pose_target"]
-        target[:] = (x - self.offset[0], y - self.offset[1], z - self.offset[2], 1.0, 0.0, 0.0, 0.0)
-        near = lowest - frame.z < default.NEAR
+        self._target[:] = (x - self.offset[0], y - self.offset[1], z - self.offset[2], 1.0, 0.0, 0.0, 0.0)
+        near = lowest - top < default.NEAR
         limits = self.table.model.limits
         self.table.closing = (limits.speed_near if near else limits.speed) or 0.0
 
@@ -81,7 +84,7 @@ class Surface:
 
     def _renders(self, toucher: Toucher, frame: Frame) -> int:
         """Tell whether the plate renders the contact: the normals agree within the angle."""
-        if toucher.object < 0:
+        if toucher.object.item() < 0:
             return 0
         nx, ny, nz = toucher.normal.tolist()
         r = frame.r
@@ -89,22 +92,23 @@ class Surface:
 
     def _yield(self) -> float:
         """Give way while the plate presses harder than it may."""
-        given = float(self.given_way)
-        if self._feels:
-            force = abs(self.table.reading["wrench"].tolist()[2])
-            period = self.model.period
-            if force > default.PLATE_FORCE:
-                given += YIELD_RATE * (force - default.PLATE_FORCE) * period
-            elif force < 0.9 * default.PLATE_FORCE:
-                given = max(0.0, given - YIELD_RETURN * period)
-            self.given_way[...] = given
+        given: float = self.given_way.item()
+        if self._felt is None:
+            return given
+        force = abs(self._felt[2].item())
+        period = self.model.period
+        if force > default.PLATE_FORCE:
+            given += YIELD_RATE * (force - default.PLATE_FORCE) * period
+        elif given > 0.0 and force < 0.9 * default.PLATE_FORCE:
+            given = max(0.0, given - YIELD_RETURN * period)
+        self.given_way[...] = given
         return given
 
     def share(self, force: Vector, toucher: Toucher) -> Vector:
         """Return the arm's part of the contact force: where the plate renders, the normal part only across a gap."""
-        if not self.plate:
+        if not self.plate.item():
             return force
-        weight = min(1.0, max(0.0, float(self.gap) / HAND_OVER))
+        weight = min(1.0, max(0.0, self.gap.item() / HAND_OVER))
         nx, ny, nz = toucher.normal.tolist()
         along = (force[0] * nx + force[1] * ny + force[2] * nz) * (1.0 - weight)
         return (force[0] - along * nx, force[1] - along * ny, force[2] - along * nz)

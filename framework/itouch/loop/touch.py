@@ -45,6 +45,7 @@ class Toucher:
         self._poses, self._twists = state["objects.pose"], state["objects.twist"]
         self._stiffness = _stiffness(probe)
         self._damping = [coupling.damping for coupling in probe.coupling]
+        self._newest: list[float] = self.result.tolist()
         self._patience = round(SEPARATION_TIME / model.period)
         self._smooth = 1.0 - math.exp(-model.period / VELOCITY_FILTER)
 
@@ -61,7 +62,8 @@ class Toucher:
         hip, velocity, period = self.hip.tolist(), self.velocity.tolist(), self.model.period
         if not first:
             smooth = self._smooth
-            velocity = [v + smooth * ((p - h) / period - v) for v, p, h in zip(velocity, position, hip, strict=True)]
+            for i in range(3):
+                velocity[i] += smooth * ((position[i] - hip[i]) / period - velocity[i])
             self.velocity[:] = velocity
         self.hip[:] = position
         if not self.model.objects:
@@ -70,7 +72,8 @@ class Toucher:
             self._world, self._mesh, self._poses, self._twists, self._stiffness, self.hip, self.probe.scene.radius,
             self.probe.scene.near, self.memory, self.result,
         )  # fmt: skip
-        return self._take_over(self.result.tolist(), velocity)
+        self._newest = self.result.tolist()
+        return self._take_over(self._newest, velocity)
 
     def _take_over(self, result: list[float], velocity: list[float]) -> Vector:
         fx, fy, fz = result[0:3]
@@ -80,13 +83,14 @@ class Toucher:
         self.object[...] = primary
         self._approach(result, velocity)
         if primary < 0:
-            self.force[:] = 0.0
-            self.normal_force[...] = 0.0
-            self.penetration[...] = 0.0
+            if self.normal_force.item() or self.penetration.item():
+                self.force[:] = 0.0
+                self.normal_force[...] = 0.0
+                self.penetration[...] = 0.0
             return (0.0, 0.0, 0.0)
         surface = result[at.RESULT_SURFACE_VELOCITY : at.RESULT_SURFACE_VELOCITY + 3]
         spring = fx * nx + fy * ny + fz * nz
-        closing = sum((v - s) * n for v, s, n in zip(velocity, surface, (nx, ny, nz), strict=True))
+        closing = (velocity[0] - surface[0]) * nx + (velocity[1] - surface[1]) * ny + (velocity[2] - surface[2]) * nz
         push = max(0.0, spring - self._damping[primary] * closing)  # damping may weaken the contact, never pull
         extra = push - spring
         self.normal[:] = (nx, ny, nz)
@@ -104,27 +108,28 @@ class Toucher:
             self.time_to_contact[...] = math.inf
             return
         normal = result[at.RESULT_NEAREST_NORMAL : at.RESULT_NEAREST_NORMAL + 3]
-        speed = -sum(v * n for v, n in zip(velocity, normal, strict=True))
+        speed = -(velocity[0] * normal[0] + velocity[1] * normal[1] + velocity[2] * normal[2])
         self.near_distance[...] = distance
         self.time_to_contact[...] = 0.0 if distance <= 0.0 else distance / speed if speed > 1e-6 else math.inf
 
     def events(self, tick: int, tell: Listener) -> None:
         """Emit the events of this tick: NEAR, then END and BEGIN, or MOVE."""
-        result = self.result.tolist()
+        result = self._newest
         nearest = int(result[at.RESULT_NEAREST]) if self.model.objects else -1
-        if nearest != self.near_object:
+        if nearest != self.near_object.item():
             self.near_object[...] = nearest
             if nearest >= 0:
                 tell(self._event(Contact.NEAR, tick, nearest, result))
-        current, primary = int(self.current), int(self.object)
+        current, primary = self.current.item(), self.object.item()
         if current >= 0:
             if self._touches(result, current):
-                self.separated[...] = 0
+                if self.separated.item():
+                    self.separated[...] = 0
                 tell(self._event(Contact.MOVE, tick, current, result))
                 return
             far = nearest < 0 or result[at.RESULT_DISTANCE] > SEPARATION or nearest != current
-            self.separated[...] = int(self.separated) + 1 if far else 0
-            if primary < 0 and self.separated < self._patience:
+            self.separated[...] = self.separated.item() + 1 if far else 0
+            if primary < 0 and self.separated.item() < self._patience:
                 tell(self._event(Contact.MOVE, tick, current, result))
                 return
             tell(self._event(Contact.END, tick, current, result))

@@ -74,6 +74,12 @@ class Coupling:
         self.true_top, self.total = state[f"{name}.plate_true_top"], state[f"{name}.total_force"]
         self._last = state[f"{name}.plate_distance"]
         self._tick = state["tick"]
+        if table is not None:
+            self._load = table.touch.wrench[:3]
+        if arm is not None:
+            self._end, self._pace = arm.touch.finger_pose[:3], arm.touch.finger_twist[:3]
+            arm.touch.finger_attached = hand is not None
+        self._push = arm.sent["wrench"][:3] if arm is not None and "wrench" in arm.sent else None
 
     def reset(self) -> None:
         """Begin apart."""
@@ -95,22 +101,23 @@ class Coupling:
         self.plate_force[...] = push
         self.total[...] = (total[0] * total[0] + total[1] * total[1] + total[2] * total[2]) ** 0.5
         if push <= 0.0:
-            self.touched[...] = -1
-        elif self.touched < 0:
+            if self.touched.item() >= 0:
+                self.touched[...] = -1
+        elif self.touched.item() < 0:
             self.touched[...] = self._tick
         if self.hand is not None:
             self.hand.step(total, moving)
             self._tell_arm(self.hand.position.tolist(), self.hand.velocity.tolist())
         if self._table is not None:
             back = self._table.true_frame().vector_into(plate)
-            self._table.touch.wrench[:3] = (-back[0], -back[1], -back[2])
+            self._load[:] = (-back[0], -back[1], -back[2])
         if self._face is not None:
             self._face.touch.force, self._face.touch.gap = push, gap
 
     def _arm_force(self) -> Vector:
-        if self._arm is None or "wrench" not in self._arm.sent:
+        if self._arm is None or self._push is None:
             return (0.0, 0.0, 0.0)
-        return self._arm.true_frame().vector(self._arm.sent["wrench"].tolist()[:3])
+        return self._arm.true_frame().vector(self._push.tolist())
 
     def _plate(self, finger: list[float]) -> tuple[float, Vector, float]:
         """Return the plate's push on the finger [N], its normal, and the gap between them [m]."""
@@ -125,7 +132,8 @@ class Coupling:
         beside = self._extent is not None and (abs(across) > self._extent[0] or abs(along) > self._extent[1])
         if beside:
             gap = max(gap, 1e-3)
-        rate = (gap - float(self._last)) / self._period if float(self._last) < 0.5 else 0.0
+        last = self._last.item()
+        rate = (gap - last) / self._period if last < 0.5 else 0.0
         self._last[...] = gap
         normal = frame.vector((0.0, 0.0, 1.0))
         push = self.hand.pad_force(gap, rate) if self.hand is not None else 0.0
@@ -135,7 +143,5 @@ class Coupling:
         if self._arm is None:
             return
         frame = self._arm.true_frame()
-        touch = self._arm.touch
-        touch.finger_attached = True
-        touch.finger_pose[:3] = frame.into(position)
-        touch.finger_twist[:3] = frame.vector_into(velocity)
+        self._end[:] = frame.into(position)
+        self._pace[:] = frame.vector_into(velocity)

@@ -67,7 +67,7 @@ class Hand:
     @property
     def done(self) -> bool:
         """Whether the scripted motion has ended."""
-        return int(self.ticks) * self._period >= self.path.duration
+        return bool(self.ticks.item() * self._period >= self.path.duration)
 
     def lower(self, offset: float) -> None:
         """Move the hand's target towards a height above (or below) its path [m], as slowly as a person would."""
@@ -78,10 +78,12 @@ class Hand:
     def step(self, forces: Sequence[float], moving: bool) -> None:
         """Advance by one period under the forces on the finger [N], world frame; the target moves if ``moving``."""
         period, operator = self._period, self.operator
+        ticks = self.ticks.item()
         if moving:
-            self.ticks += 1
-        (x, y, z), pace = self.path.at(float(self.ticks) * period)
-        there = (x, y, z + float(self.offset))
+            ticks += 1
+            self.ticks[...] = ticks
+        (x, y, z), pace = self.path.at(ticks * period)
+        there = (x, y, z + self.offset.item())
         position, velocity = self.position.tolist(), self.velocity.tolist()
         for i in range(3):
             pull = operator.stiffness * (there[i] - position[i]) + operator.damping * (pace[i] - velocity[i])
