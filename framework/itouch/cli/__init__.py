@@ -5,6 +5,10 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from itouch.plugin.discovery import Found
 
 #: Command -> (module, one line of help).
 COMMANDS = {
@@ -83,7 +87,7 @@ def _unknown(name: str) -> int:
     return 2
 
 
-def _plugin_commands():  # type: ignore[no-untyped-def]  # the type would import the plugin machinery
+def _plugin_commands() -> dict[str, Found]:
     from itouch.plugin.discovery import COMMANDS as GROUP
     from itouch.plugin.discovery import find
 

@@ -41,7 +41,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--for", dest="duration", type=seconds, metavar="30s",
                         help="simulated time; default: until the scripted motion ends")  # fmt: skip
     parser.add_argument("--pace", choices=("real", "fast"),
-                        help="real time, or as fast as it computes; default: fast on twins, real on hardware")  # fmt: skip
+                        help="real time or as fast as it can; default: fast on twins, real on hardware")  # fmt: skip
     parser.add_argument("--twin", metavar="all|none|NAME", help="run these devices as simulated twins")
     parser.add_argument("--rig", metavar="FILE", help="put another rig with the same device names under the scene")
     parser.add_argument("--report", type=output_file, metavar="FILE.json", help="write the report as JSON")

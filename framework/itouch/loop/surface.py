@@ -41,7 +41,7 @@ class Surface:
         self._down = np.array([0.0, 0.0, -1.0])
         self._start, self._normal = np.zeros(3), np.zeros(3)
         self._position, self._target = table.reading["pose"][:3], table.command["pose_target"]
-        self._felt = table.reading["wrench"] if "wrench" in table.reading else None
+        self._felt = table.reading["wrench"] if "wrench" in table.reading else None  # noqa: SIM401  not a dict
 
     def plate_frame(self) -> Frame:
         """Return the frame of the plate's top in the world, as readings and calibration say."""

@@ -162,7 +162,7 @@ class Toucher:
             kind, tick, self.probe.name, self.model.objects[index], index, tuple(point), tuple(normal),
             0.0 if touching else float(self.near_distance), -along, tangential, float(self.penetration),
             float(self.normal_force), float(self.time_to_contact),
-        )  # type: ignore[arg-type]  # fmt: skip
+        )  # fmt: skip
 
 
 def _stiffness(probe: ProbeModel) -> Any:

@@ -180,7 +180,8 @@ class Binder:
             found = given(group)
             if len(found) > 1:
                 sentence = f"<{node.written}> takes only one of {_listed(found)}"
-                self.problems.append(Problem("exclusive", sentence, attributes[found[1]].place, "remove the others"))
+                last = max((attributes[name].place for name in found), key=lambda place: (place.line, place.column))
+                self.problems.append(Problem("exclusive", sentence, last, "remove the others"))
         for group in constraint(cls, "TOGETHER"):
             found = given(group)
             if found and len(found) < len(group):
@@ -206,7 +207,7 @@ class Binder:
         spots: dict[str, Place],
     ) -> tuple[tuple[str, float], ...]:
         """Bind attributes whose names are those of other elements (a rate for each modality)."""
-        pattern = next(iter(table.values()))
+        pattern: Spec = cls.OPEN_SPEC  # type: ignore[attr-defined]  # stands beside OPEN
         known = {xml_name(name) for name in table}
         entries = []
         for name, attribute in attributes.items():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -97,6 +96,7 @@ class DocumentReader:
             self._section(document, child)
         if root.text:
             self.problems.append(Problem("unexpected-text", "<itouch> may not hold text", root.place))
+        _collect_defaults(document)
         self.documents.append(document)
         return document
 
@@ -185,11 +185,8 @@ def _version_problem(version: Attribute) -> Problem | None:
     return None
 
 
-def collect_defaults(document: Document) -> None:
+def _collect_defaults(document: Document) -> None:
     """Add what the document's own ``<defaults>`` say to what its includes brought."""
     section = document.sections.get("defaults")
     for node in section.children if section else ():
         document.defaults.setdefault(node.written, {}).update(node.attributes)
-
-
-Defaults = Mapping[str, Mapping[str, Attribute]]

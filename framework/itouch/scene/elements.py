@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from itouch.schema.fields import (
+    Spec,
     child,
     children,
     choice,
@@ -271,6 +272,7 @@ class Rates:
 
     TAG: ClassVar[str] = "rates"
     OPEN: ClassVar[str] = "modalities"
+    OPEN_SPEC: ClassVar[Spec] = Spec("quantity", "rate of a modality", "Hz", low=1e-3, high=4000)
     servo: float = quantity("Hz", low=100, high=4000, default=1000.0, doc="rate of the servo loop")
     modalities: tuple[tuple[str, float], ...] = ()
 

@@ -10,7 +10,7 @@ from typing import Any
 from itouch.scene import elements
 from itouch.scene.binding import Binder, Extensions, Places
 from itouch.scene.description import Scene
-from itouch.scene.documents import Document, DocumentReader, collect_defaults
+from itouch.scene.documents import Document, DocumentReader
 from itouch.scene.names import Names, defined_names
 from itouch.scene.source import Node
 from itouch.schema.diagnostics import Problem, SceneError, did_you_mean
@@ -116,8 +116,6 @@ class _Assembly:
     names: Names = field(default_factory=Names)
 
     def add(self, documents: list[Document]) -> _Assembly:
-        for document in documents:
-            collect_defaults(document)
         bases = _Bases(documents, self.problems)
         for document in documents:
             binder = self._binder(document)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
+import numpy as np
 from numpy.typing import NDArray
 
 from itouch.plugin import Record, Touch
@@ -69,7 +70,7 @@ class Coupling:
         self.hand, self._radius, self._period = hand, radius, period
         self._arm, self._table, self._face = arm, table, face
         self._offset, self._extent = offset, extent
-        self._hip: NDArray = state[f"{name}.hip"]
+        self._hip: NDArray[np.float64] = state[f"{name}.hip"]
         self.plate_force, self.touched = state[f"{name}.plate_force"], state[f"{name}.plate_touched"]
         self.true_top, self.total = state[f"{name}.plate_true_top"], state[f"{name}.total_force"]
         self._last = state[f"{name}.plate_distance"]

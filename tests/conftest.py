@@ -1,0 +1,33 @@
+"""Fixtures for all tests: scenes in a temporary folder, and a catalog with devices of the tests' own."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).parents[1]
+SCENES = REPOSITORY / "scenes"
+
+
+@pytest.fixture
+def scenes(tmp_path: Path) -> Path:
+    """Return a copy of the shipped scenes that a test may change."""
+    folder = tmp_path / "scenes"
+    shutil.copytree(SCENES, folder)
+    return folder
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Callable[[str, str], Path]:
+    """Return a function that writes a file into the test's folder."""
+
+    def put(name: str, text: str) -> Path:
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return put

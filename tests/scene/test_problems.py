@@ -1,0 +1,210 @@
+"""Each wrong scene gives its message at its line and column, all problems at once, and nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from itouch.plugin.discovery import Catalog
+from itouch.scene.loader import in_file_order, read_scene
+from itouch.schema import Problem
+from itouch.world import compile_scene
+
+Write = Callable[[str, str], Path]
+
+HEAD = """<itouch version="1.0" xmlns:thermal="urn:itouch:plugin:thermal" xmlns:xyz-table="urn:itouch:plugin:xyz-table">
+<materials><material name="wood"><contact stiffness="1 N/mm"/></material></materials>
+<devices><device name="arm" plugin="usb-arm"/></devices>
+"""
+TAIL = "\n</itouch>"
+
+
+def problems_of(path: Path) -> list[Problem]:
+    catalog = Catalog()
+    scene, problems = read_scene(path, catalog)
+    if not any(problem.severity == "error" for problem in problems):
+        problems += compile_scene(scene, catalog)[1]
+    return in_file_order(problems)
+
+
+#: (body on line 4 of the file, code, column, a part of the sentence or advice)
+ONE_LINE = [
+    ('<world><box name="b" size="1 1 1 mm" material="wod"/></world>', "unknown-name", 38, "did you mean 'wood'"),
+    ('<world><box name="b" size="1 1 mm" material="wood"/></world>', "bad-value", 22, "expected 3 numbers"),
+    ('<world><box name="b" size="1 1 nan mm" material="wood"/></world>', "bad-value", 22, "'nan' is not a number"),
+    ('<world><box name="b" size="1_0 1 1 mm" material="wood"/></world>', "bad-value", 22, "'1_0' is not a number"),
+    ('<world><box name="b" size="1 1 1 kg" material="wood"/></world>', "bad-value", 22, "'kg' is not a unit of m"),
+    ('<world><box name="b" size="0 1 1 mm" material="wood"/></world>', "out-of-range", 22, "out of range"),
+    ('<world><box name="b" size="1 1 1 mm"/></world>', "missing-attribute", 8, "'material'"),
+    ('<world><box name="b" size="1 1 1 mm" materiel="wood"/></world>', "unknown-attribute", 38, "did you mean 'material'"),
+    ('<world><bux name="b"/></world>', "unknown-element", 8, "did you mean 'box'"),
+    ('<world><box name="2b" size="1 1 1 mm" material="wood"/></world>', "bad-value", 13, "is not a name"),
+    ('<world><box name="arm" size="1 1 1 mm" material="wood"/></world>', "duplicate-name", 13, "arm"),
+    ('<world><box name="b" size="1 1 1 mm" material="wood" temperature="22"/></world>', "out-of-range", 54, "22 degC"),
+    ('<world><box name="b" size="1 1 1 mm" material="wood" rpy="0 0 1" quat="1 0 0 0"/></world>', "exclusive", 66, "only one"),
+    ('<world><box name="b" size="1 1 1 mm" material="wood" quat="0 0 0 0"/></world>', "bad-value", 54, "no rotation"),
+    ('<world><box name="b" size="1 1 1 mm" material="wood">hello</box></world>', "unexpected-text", 8, "hello"),
+    ('<wrld/>', "unknown-element", 1, "did you mean 'world'"),
+    ('<viewer/>', "unknown-element", 1, "viewer"),
+    ('<record to="x"/>', "unknown-element", 1, "record"),
+    ('<world/><world/>', "duplicate-element", 9, "only once"),
+    ('<interaction><probe name="f" pose-from="arn"/></interaction>', "unknown-name", 30, "did you mean 'arm'"),
+    ('<interaction><probe name="f" pose-from="arm" surface-to="arm"/></interaction>', "missing-channel", 46, "pose_target"),
+    ('<interaction><thermal:het probe="f"/></interaction>', "unknown-element", 14, "thermal:heat"),
+    ('<interaction xmlns:q="urn:itouch:plugin:quux"><q:x/></interaction>', "unknown-plugin", 47, "quux"),
+    ('<safety force="9 N"/>', "loosened-limit", 9, "default of 3 N"),
+    ('<safety temperature="10 40 degC"/>', "loosened-limit", 9, "15 to 40 degC"),
+    ('<safety servo-overrun="ignore"/>', "bad-value", 9, "'stop'"),
+    ('<rates servo="1 kHz" hot="10 Hz"/>', "unknown-name", 22, "hot"),
+    ('<rates servo="10 Hz"/>', "out-of-range", 8, "100 to 4000"),
+    ('<include fil="x.xml"/>', "unknown-attribute", 10, "did you mean 'file'"),
+    ('<include file="absent.xml"/>', "no-such-file", 10, "absent.xml"),
+    ('<include file="../absent.xml"/>', "outside-folder", 10, "outside the scene's folder"),
+    ('<include file="/etc/passwd"/>', "outside-folder", 10, "outside the scene's folder"),
+    ('<defaults><box colour="red"/></defaults>', "unknown-attribute", 16, "colour"),
+    ('<interaction><operator probe="f"/></interaction>', "unknown-name", 24, "define a probe"),
+    ('<world><box name="b" size="1 1 1 mm" material="wood"></world>', "not-well-formed", 56, "mismatched tag"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("body", "code", "column", "says"), ONE_LINE)
+def test_one_line(write: Write, body: str, code: str, column: int, says: str) -> None:
+    path = write("scene.xml", HEAD + body + TAIL)
+    found = [problem for problem in problems_of(path) if problem.severity == "error"]
+    assert [problem.code for problem in found] == [code]
+    (problem,) = found
+    assert problem.place is not None
+    assert (problem.place.line, problem.place.column) == (4, column)
+    assert says in problem.render()
+    assert problem.render().startswith(f"error[{code}]: ")
+
+
+#: (a devices section, code, what the place points at, a part of the message)
+DEVICES = [
+    ('<device name="a" plugin="usb-amr"/>', "unknown-plugin", 'plugin="usb-amr"', "did you mean 'usb-arm'"),
+    ('<device name="a" plugin="usb-arm"><limits force="5 N"/></device>', "loosened-limit", "force", "default of 3 N"),
+    ('<device name="a" plugin="usb-arm"><limits current="1 A"/></device>', "limit-without-channel", "current", "no current"),
+    ('<device name="a" plugin="usb-arm"><limits froce="1 N"/></device>', "unknown-attribute", "froce", "did you mean 'force'"),
+    ('<device name="a" plugin="usb-arm"><limits force="-1 N"/></device>', "out-of-range", "force", "more than 0"),
+    ('<device name="a" plugin="usb-arm" twin="no"/>', "twin-only", "twin", "twin only"),
+    ('<device name="a" plugin="usb-arm" twin="perhaps"/>', "bad-value", "twin", "yes or no"),
+    ('<device name="a" plugin="usb-arm"><mount on="a"/></device>', "mount-cycle", 'on="a"', "mounted on itself"),
+    ('<device name="a" plugin="usb-arm"><mount pos="0 0 0" pos="1 1 1"/></device>', "not-well-formed", "pos=\"1", "duplicate"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("body", "code", "marker", "says"), DEVICES)
+def test_devices(write: Write, body: str, code: str, marker: str, says: str) -> None:
+    line = f"<devices>{body}</devices>"
+    path = write("scene.xml", f'<itouch version="1.0">\n{line}\n</itouch>')
+    found = [problem for problem in problems_of(path) if problem.severity == "error"]
+    assert [problem.code for problem in found] == [code]
+    assert found[0].place is not None
+    assert (found[0].place.line, found[0].place.column) == (2, line.index(marker) + 1)
+    assert says in found[0].render()
+
+
+def test_all_problems_at_once_in_file_order_and_one_per_cause(write: Write) -> None:
+    path = write(
+        "broken.xml",
+        """<itouch version="1.0">
+  <materials>
+    <material name="aluminium"><contact stifness="2.0 N/mm"/></material>
+    <material name="wood"><contact stiffness="1.2 N/mm" damping="3 kg"/></material>
+  </materials>
+  <world>
+    <box name="bar"
+         size="60 60 20 mm"
+         material="aluminum"/>
+    <box name="bar" size="60 60 20 mm" material="wood" temperature="22"/>
+  </world>
+</itouch>
+""",
+    )
+    found = problems_of(path)
+    assert [(p.code, p.place.line, p.place.column) for p in found if p.place] == [
+        ("unknown-attribute", 3, 41),
+        ("bad-value", 4, 57),
+        ("unknown-name", 9, 10),
+        ("duplicate-name", 10, 10),
+        ("out-of-range", 10, 56),
+    ]
+    assert "did you mean 'stiffness'?" in found[0].render()
+    assert "did you mean 'aluminium'?" in found[2].render()
+    assert "first defined here" in found[3].render()
+
+
+def test_version(write: Write) -> None:
+    for text, code in (
+        ("<itouch/>", "missing-attribute"),
+        ('<itouch version="1.7"/>', "newer-version"),
+        ('<itouch version="one"/>', "bad-version"),
+        ('<scene version="1.0"/>', "wrong-root"),
+    ):
+        (problem,) = problems_of(write("v.xml", text))
+        assert problem.code == code
+
+
+def test_hostile_files(write: Write, tmp_path: Path) -> None:
+    bomb = '<!DOCTYPE x [<!ENTITY a "aa"><!ENTITY b "&a;&a;">]><itouch version="1.0">&b;</itouch>'
+    external = '<!DOCTYPE x SYSTEM "file:///etc/passwd"><itouch version="1.0"/>'
+    deep = '<itouch version="1.0">' + "<a>" * 100_000 + "</a>" * 100_000 + "</itouch>"
+    wide = '<itouch version="1.0" ' + " ".join(f'a{i}="1"' for i in range(5000)) + "/>"
+    many = '<itouch version="1.0">' + "<world/>" * 150_000 + "</itouch>"
+    for text, code in (
+        (bomb, "doctype"),
+        (external, "doctype"),
+        (deep, "too-deep"),
+        (wide, "too-many-attributes"),
+        (many, "too-many-elements"),
+        ("", "not-well-formed"),
+        ("<itouch", "not-well-formed"),
+        ("\0", "not-well-formed"),
+    ):
+        (problem,) = problems_of(write("h.xml", text))
+        assert problem.code == code
+    huge = tmp_path / "huge.xml"
+    huge.write_bytes(b"<itouch>" + b" " * (9 << 20))
+    assert [p.code for p in problems_of(huge)] == ["too-large"]
+    latin = tmp_path / "latin.xml"
+    latin.write_bytes('<itouch version="1.0"><!-- é --></itouch>'.encode("latin-1"))
+    assert [p.code for p in problems_of(latin)] == ["not-utf-8"]
+    assert [p.code for p in problems_of(tmp_path / "absent.xml")] == ["no-such-file"]
+    assert [p.code for p in problems_of(tmp_path)] == ["no-such-file"]
+
+
+def test_include_cycle_shows_the_chain(write: Write) -> None:
+    write("b.xml", '<itouch version="1.0"><include file="a.xml"/></itouch>')
+    path = write("a.xml", '<itouch version="1.0">\n <include file="b.xml"/>\n</itouch>')
+    (problem,) = problems_of(path)
+    assert problem.code == "include-cycle"
+    assert "included from here" in problem.render()
+
+
+def test_a_fault_inside_an_include_names_that_file(write: Write) -> None:
+    write("m.xml", '<itouch version="1.0">\n<materials><material/></materials></itouch>')
+    path = write("a.xml", '<itouch version="1.0"><include file="m.xml"/></itouch>')
+    (problem,) = problems_of(path)
+    assert problem.place is not None
+    assert problem.place.file.endswith("m.xml")
+    assert (problem.place.line, problem.place.column) == (2, 12)
+
+
+def test_two_writers_of_one_command(write: Write) -> None:
+    body = (
+        '<interaction><probe name="f" pose-from="arm" force-to="arm"/>\n'
+        '<probe name="g" pose-from="arm" force-to="arm"/></interaction>'
+    )
+    (problem,) = problems_of(write("scene.xml", HEAD + body + TAIL))
+    assert problem.code == "two-writers"
+    assert (problem.place.line, problem.place.column) == (5, 33)  # type: ignore[union-attr]
+
+
+def test_a_rate_that_does_not_divide_gives_the_nearest(scenes: Path) -> None:
+    path = scenes / "four_materials.xml"
+    path.write_text(path.read_text().replace('servo="1 kHz"', 'servo="1 kHz" heat="60 Hz"'))
+    (problem,) = problems_of(path)
+    assert problem.code == "rate"
+    assert "58.8235 Hz" in problem.advice

@@ -1,0 +1,85 @@
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from itouch.schema.quantities import QuantityError, format_quantity, parse_quantity
+from itouch.schema.units import parse_unit
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "size", "expected"),
+    [
+        ("60 60 20 mm", "m", 3, (0.06, 0.06, 0.02)),
+        ("2.0 N/mm", "N/m", 1, (2000.0,)),
+        ("0.002 m^2*K/W", "m^2*K/W", 1, (0.002,)),
+        ("5", "N", 1, (5.0,)),
+        ("30s", "s", 1, (30.0,)),
+        ("2 min", "s", 1, (120.0,)),
+        ("90 deg", "rad", 1, (math.pi / 2,)),
+        ("1 kHz", "Hz", 1, (1000.0,)),
+        ("3 W/m/K", "W/(m*K)", 1, (3.0,)),
+        ("+1e-3 m", "m", 1, (1e-3,)),
+        (".5 m", "m", 1, (0.5,)),
+        ("50 %", "", 1, (0.5,)),
+        ("1,2,3 mm", "m", 3, (0.001, 0.002, 0.003)),
+    ],
+)
+def test_reads(text: str, unit: str, size: int, expected: tuple[float, ...]) -> None:
+    assert parse_quantity(text, unit, size=size) == pytest.approx(expected, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "says"),
+    [
+        ("nan", "m", "not a number"),
+        ("inf m", "m", "not a number"),
+        ("-inf", "m", "not a number"),
+        ("1_0 mm", "m", "not a number"),
+        ("0x10", "m", "not a number"),
+        ("1e999 m", "m", "too large"),
+        ("3 kg", "N*s/m", "'kg' is not a unit of N*s/m"),
+        ("3 furlong", "m", "'furlong' is not a unit"),
+        ("1 2 m", "m", "expected 1 number, found 2"),
+        ("", "m", "found 0"),
+        ("mm", "m", "found 0"),
+        ("3 degC", "K", "temperature difference"),
+        ("3 m m", "m", "not a unit"),
+        ("3 N/(m", "N/m", "lacks a ')'"),
+        ("1 2 mm 3", "m", "expected"),
+    ],
+)
+def test_refuses(text: str, unit: str, says: str) -> None:
+    with pytest.raises(QuantityError, match=says.replace("(", r"\(").replace(")", r"\)").replace("*", r"\*")):
+        parse_quantity(text, unit)
+
+
+def test_celsius_is_a_point_on_a_scale() -> None:
+    assert parse_quantity("22 degC", "K", absolute=True) == (295.15,)
+    assert parse_quantity("15 40 degC", "K", size=2, absolute=True) == (288.15, 313.15)
+
+
+def test_powers_and_products() -> None:
+    unit = parse_unit("kg*m^2/s^2")
+    assert unit.dimension == parse_unit("J").dimension
+    assert unit.factor == 1.0
+    assert parse_unit("N*s/m").dimension == parse_unit("kg/s").dimension
+
+
+@given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=1, max_size=7))
+def test_what_is_written_reads_to_the_same_bits(values: list[float]) -> None:
+    text = format_quantity(tuple(values), "N/m")
+    back = parse_quantity(text, "N/m", size=len(values))
+    assert [v.hex() for v in back] == [float(v).hex() for v in values]
+
+
+@given(st.text(max_size=30))
+def test_any_text_is_read_or_refused(text: str) -> None:
+    try:
+        values = parse_quantity(text, "m", size=(1, 2, 3))
+    except QuantityError:
+        return
+    assert all(math.isfinite(value) for value in values)
