@@ -1,0 +1,57 @@
+"""A dot product in eight lanes for compiled kernels.
+
+Without ``fastmath`` a compiler may not reorder a sum, so a plain loop adds one number at a time.  Here the order is
+written down, eight partial sums and then a tree: several times faster, and the same bits on every processor.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+LANES = 8
+
+_TREE = ((0, 4), (2, 6), (1, 5), (3, 7))
+
+
+def padded(count: int) -> int:
+    """Return the smallest multiple of the lanes that holds ``count`` numbers."""
+    return -(-count // LANES) * LANES
+
+
+def _dot(typing: Any, a: Any, i: Any, b: Any, j: Any, count: Any) -> Any:
+    """Return the sum of ``a[i + k] * b[j + k]`` for k below ``count``, a multiple of eight; 1-D float64 arrays."""
+    signature = types.float64(a, types.intp, b, types.intp, types.intp)
+    return signature, _generate
+
+
+def _generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+    double, vector = ir.DoubleType(), ir.VectorType(ir.DoubleType(), LANES)
+    starts = [_start(context, builder, signature.args[n], values[n], values[n + 1]) for n in (0, 2)]
+    total = cgutils.alloca_once_value(builder, ir.Constant(vector, [0.0] * LANES))
+    step = ir.Constant(values[4].type, LANES)
+    zero = ir.Constant(values[4].type, 0)
+    with cgutils.for_range_slice(builder, zero, values[4], step, intp=values[4].type) as (offset, _):
+        loaded = [
+            builder.load(builder.gep(start, [offset], source_etype=double), align=8, typ=vector) for start in starts
+        ]
+        builder.store(builder.fadd(builder.load(total), builder.fmul(*loaded)), total)
+    return _tree_sum(builder, builder.load(total))
+
+
+def _start(context: Any, builder: Any, array_type: Any, array: Any, offset: Any) -> Any:
+    data = context.make_array(array_type)(context, builder, array).data
+    return builder.gep(data, [offset], source_etype=ir.DoubleType())
+
+
+def _tree_sum(builder: Any, vector: Any) -> Any:
+    lane = [builder.extract_element(vector, ir.Constant(ir.IntType(32), n)) for n in range(LANES)]
+    pairs = [builder.fadd(lane[m], lane[n]) for m, n in _TREE]
+    return builder.fadd(builder.fadd(pairs[0], pairs[1]), builder.fadd(pairs[2], pairs[3]))
+
+
+dot: Any = intrinsic(_dot)
