@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from itouch.loop import render
 from itouch.loop.ledger import Ledger
-from itouch.loop.surface import Surface
+from itouch.loop.runner import Runner
 from itouch.loop.touch import Toucher
 from itouch.plugin import Contact, ContactEvent, Record
 from itouch.twin.coupling import Coupling
@@ -17,9 +18,9 @@ class ContactLog:
     """Writes the report's entry of each contact of one probe."""
 
     def __init__(
-        self, model: Model, toucher: Toucher, surface: Surface | None, coupling: Coupling, state: Record, ledger: Ledger
+        self, model: Model, toucher: Toucher, table: Runner | None, coupling: Coupling, state: Record, ledger: Ledger
     ) -> None:
-        self._model, self._toucher, self._surface = model, toucher, surface
+        self._model, self._toucher, self._table = model, toucher, table
         self._coupling, self._ledger, self._state = coupling, ledger, state
         name = toucher.probe.name
         self._plate, self._gap = state[f"{name}.contact.plate"], state[f"{name}.contact.plate_gap"]
@@ -28,8 +29,8 @@ class ContactLog:
     def hear(self, event: ContactEvent) -> None:
         """Begin or end an entry."""
         if event.kind is Contact.BEGIN:
-            self._plate[...] = int(self._surface.plate) if self._surface else 0
-            self._gap[...] = self._true_gap(event) if self._surface else math.nan
+            self._plate[...] = self._toucher.plate
+            self._gap[...] = self._true_gap(event)
             self._peak[...] = 0.0
             self._physical[...] = self._coupling.touched
         elif event.kind is Contact.END:
@@ -37,11 +38,11 @@ class ContactLog:
 
     def _true_gap(self, event: ContactEvent) -> float:
         """Return how far the plate's top is below the virtual surface, along the normal [m]."""
-        if self._surface is None:
+        if self._table is None:
             return math.nan
-        twin = self._surface.table.model.twin
-        top = float(self._coupling.true_top) if twin else float(self._surface.top)
-        return (float(self._surface.height) - top) * event.normal[2]
+        figures = self._toucher.figures
+        top = self._coupling.true_top.item() if self._table.model.twin else figures[render.PLATE_TOP].item()
+        return float((figures[render.SURFACE_HEIGHT] - top) * event.normal[2])
 
     @property
     def open(self) -> bool:
@@ -57,8 +58,9 @@ class ContactLog:
             self._peak[...] = force
         if self._physical.item() < 0 and self._coupling.touched.item() >= 0:
             self._physical[...] = self._coupling.touched
-        if self._surface is not None and self._plate.item() and self._surface.plate.item():
-            error = abs(self._surface.height.item() - self._coupling.true_top.item())
+        if self._plate.item() and self._toucher.plate.item():
+            height = self._toucher.figures[render.SURFACE_HEIGHT].item()
+            error = abs(height - self._coupling.true_top.item())
             if error > self._ledger.height_error:
                 self._ledger.height_error = error
 

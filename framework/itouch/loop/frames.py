@@ -16,6 +16,11 @@ class Frame(NamedTuple):
     z: float
     r: tuple[float, ...]
 
+    @property
+    def origin(self) -> Vector:
+        """Where the frame stands in its parent."""
+        return self.x, self.y, self.z
+
     def point(self, p: Sequence[float]) -> Vector:
         """Take a point out of this frame."""
         a, b, c = p

@@ -10,9 +10,10 @@ from __future__ import annotations
 import enum
 import math
 
-from itouch.loop.runner import DeviceFaultError
+from itouch.loop import render
+from itouch.loop.frames import Vector
+from itouch.loop.runner import DeviceFaultError, Runner
 from itouch.loop.safety import Trip
-from itouch.loop.surface import Surface
 from itouch.loop.touch import Toucher
 from itouch.plugin import Record
 
@@ -37,16 +38,17 @@ class Stage(enum.IntEnum):
 class TouchOff:
     """Finds the height of one table's mount on its part of State."""
 
-    def __init__(self, surface: Surface, state: Record, period: float) -> None:
-        self._surface, self._table, self._period = surface, surface.table, period
-        name = surface.table.model.name
+    def __init__(self, table: Runner, toucher: Toucher, offset: Vector, state: Record, period: float) -> None:
+        self._table, self._toucher, self._offset, self._period = table, toucher, offset, period
+        self._radius = toucher.probe.scene.radius
+        name = table.model.name
         part = f"{name}.touch_off"
         self.stage, self.point = state[f"{part}.stage"], state[f"{part}.point"]
         self._sums, self._offsets = state[f"{part}.sums"], state[f"{part}.offsets"]
         self._target, self._calibration = state[f"{part}.target"], state[f"{name}.calibration"]
         self._tick = state["tick"]
-        self._count = surface.table.model.touch_off
-        channel = surface.table.model.command("pose_target")
+        self._count = table.model.touch_off
+        channel = table.model.command("pose_target")
         self._low, self._high = (channel.low[2], channel.high[2]) if channel else (0.0, 0.0)
 
     @property
@@ -60,16 +62,12 @@ class TouchOff:
         self.point[...] = 0
         self._target[...] = math.nan
 
-    def highest_finger(self, radius: float) -> float:
+    def highest_finger(self) -> float:
         """Return the greatest height [m] of the finger's centre at which the plate can still press on it."""
-        base = self._table.base_frame()
-        top = base.point((0.0, 0.0, self._high))[2] + self._surface.plate_frame().z - self._carried_height()
-        return top + radius - 0.004
+        x, y, z = self._offset
+        return self._table.base_frame().point((x, y, z + self._high))[2] + self._radius - 0.004
 
-    def _carried_height(self) -> float:
-        return self._table.base_frame().point(self._table.reading["pose"].tolist()[:3])[2]
-
-    def update(self, toucher: Toucher) -> None:
+    def update(self) -> None:
         """Command the table for this tick.
 
         Raises
@@ -79,25 +77,25 @@ class TouchOff:
         """
         position = self._table.reading["pose"].tolist()
         force = abs(self._table.reading["wrench"].tolist()[2])
-        under = self._under(toucher)
+        under = self._under()
         if math.isnan(float(self._target)):
             self._target[...] = min(max(self._low, under[2] - MARGIN), self._high)
         stage = Stage(int(self.stage))
         if stage is Stage.PLACE:
             self._place(position, under, force)
         elif stage is Stage.RISE:
-            self._rise(force, toucher)
+            self._rise(force)
         else:
             self._release(position)
         goal = (under[0], under[1], float(self._target))
         self._table.command["pose_target"][:] = (*goal, 1.0, 0.0, 0.0, 0.0)
         self._table.closing = self._table.model.limits.speed_near or 0.0
 
-    def _under(self, toucher: Toucher) -> tuple[float, float, float]:
+    def _under(self) -> tuple[float, float, float]:
         """Return where the table must go, in its frame, for this point of the plate to touch the finger."""
-        x, y, z = toucher.hip.tolist()
-        offset = self._surface.offset
-        there = self._table.base_frame().into((x, y, z - toucher.probe.scene.radius))
+        x, y, z = self._toucher.figures[:3].tolist()
+        offset = self._offset
+        there = self._table.base_frame().into((x, y, z - self._radius))
         angle = math.pi / 2 + 2 * math.pi * int(self.point) / self._count
         return (
             there[0] - offset[0] + SPREAD * math.cos(angle),
@@ -114,9 +112,10 @@ class TouchOff:
             self._sums[:] = 0.0
             self.stage[...] = Stage.RISE
 
-    def _rise(self, force: float, toucher: Toucher) -> None:
+    def _rise(self, force: float) -> None:
         if force > SAMPLE:
-            height = self._surface.plate_frame().z - (toucher.hip.tolist()[2] - toucher.probe.scene.radius)
+            figures = self._toucher.figures
+            height = figures[render.PLATE_TOP].item() - (figures[2].item() - self._radius)
             n, f, h, fh, ff = self._sums.tolist()
             self._sums[:] = (n + 1, f + force, h + height, fh + force * height, ff + force * force)
         if force >= FORCE:

@@ -99,6 +99,21 @@ class Record:
         """Return an independent record with the same content."""
         return type(self)(self.dtype, self.raw.copy())
 
+    def flat(self, first: str, last: str) -> NDArray[np.float64]:
+        """Return the contiguous float64 fields from ``first`` to ``last`` as one flat view.
+
+        Raises
+        ------
+        ValueError
+            If one of them, or a field between them, is not float64.
+        """
+        table: Any = self.dtype.fields or {}
+        start, end = table[first][1], table[last][1] + table[last][0].itemsize
+        between = [kind for kind, offset in table.values() if start <= offset < end]
+        if end <= start or any(kind.base != np.dtype("f8") for kind in between):
+            raise ValueError(f"the fields from '{first}' to '{last}' are not all float64")
+        return self.raw[start:end].view(np.float64)
+
     def part(self, prefix: str, names: Iterable[str] | None = None) -> Record:
         """Return a record of contiguous fields whose names start with ``prefix``, without it.
 

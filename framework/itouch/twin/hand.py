@@ -1,19 +1,21 @@
-"""The operator's twin: a fingertip mass on the spring of a hand that follows minimum-jerk targets.
+"""The operator's hand: its target follows minimum-jerk paths, and its finger is moved by what acts on it.
 
-It is mechanical only, and feels the arm's wrench and the plate's force on the finger pad, never the virtual force
-itself.  Minimum-jerk paths: Flash and Hogan 1985.
+Minimum-jerk paths: Flash and Hogan 1985.
 """
 
 from __future__ import annotations
 
 import bisect
-from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
 
 from itouch.plugin import Record
 from itouch.scene.elements import Operator
 
 Vector = tuple[float, float, float]
-_LEAD_SPEED = 0.08
+#: Speed at which a hand is led away from its path for a calibration, and back [m/s].
+LEAD_SPEED = 0.08
 
 
 class Path:
@@ -32,35 +34,32 @@ class Path:
             here = target.pos
         self.duration = time
 
-    def at(self, time: float) -> tuple[Vector, Vector]:
+    def at(self, time: float) -> tuple[float, float, float, float, float, float]:
         """Return position [m] and velocity [m/s] of the target at a time [s]."""
         if not self._pieces:
-            return self.start, (0.0, 0.0, 0.0)
+            return (*self.start, 0.0, 0.0, 0.0)
         begin, duration, here, there = self._pieces[max(0, bisect.bisect_right(self._begins, time) - 1)]
         s = (time - begin) / duration
         if s >= 1.0:
-            return there, (0.0, 0.0, 0.0)
+            return (*there, 0.0, 0.0, 0.0)
         blend = s * s * s * (10.0 + s * (6.0 * s - 15.0))
         rate = 30.0 * s * s * (1.0 - s) * (1.0 - s) / duration
         (ax, ay, az), (bx, by, bz) = here, there
         dx, dy, dz = bx - ax, by - ay, bz - az
-        return (ax + blend * dx, ay + blend * dy, az + blend * dz), (rate * dx, rate * dy, rate * dz)
+        return ax + blend * dx, ay + blend * dy, az + blend * dz, rate * dx, rate * dy, rate * dz
 
 
 class Hand:
-    """Moves the finger of one probe on its part of State."""
+    """The target of one probe's hand, and the finger's motion, on their part of State."""
 
     def __init__(self, operator: Operator, name: str, state: Record, period: float) -> None:
         self.operator, self.path, self._period = operator, Path(operator), period
-        self.position, self.velocity = state[f"{name}.hand.position"], state[f"{name}.hand.velocity"]
-        self.target, self.ticks = state[f"{name}.hand.target"], state[f"{name}.hand.ticks"]
-        self.offset = state[f"{name}.hand.offset"]
+        self.ticks, self.offset = state[f"{name}.hand.ticks"], state[f"{name}.hand.offset"]
+        self.motion: NDArray[np.float64] = state.flat(f"{name}.hand.position", f"{name}.hand.target")
 
     def reset(self) -> None:
         """Rest at the first target."""
-        self.position[:] = self.path.start
-        self.target[:] = self.path.start
-        self.velocity[:] = 0.0
+        self.motion[:] = (*self.path.start, 0.0, 0.0, 0.0, *self.path.start)
         self.offset[...] = 0.0
         self.ticks[...] = 0
 
@@ -71,30 +70,16 @@ class Hand:
 
     def lower(self, offset: float) -> None:
         """Move the hand's target towards a height above (or below) its path [m], as slowly as a person would."""
-        step = _LEAD_SPEED * self._period
-        now = float(self.offset)
-        self.offset[...] = now + max(-step, min(step, offset - now))
+        now = self.offset.item()
+        if now != offset:
+            step = LEAD_SPEED * self._period
+            self.offset[...] = now + max(-step, min(step, offset - now))
 
-    def step(self, forces: Sequence[float], moving: bool) -> None:
-        """Advance by one period under the forces on the finger [N], world frame; the target moves if ``moving``."""
-        period, operator = self._period, self.operator
+    def goal(self, moving: bool) -> tuple[float, ...]:
+        """Return the target's position and velocity for the next step; it moves on if ``moving``."""
         ticks = self.ticks.item()
         if moving:
             ticks += 1
             self.ticks[...] = ticks
-        (x, y, z), pace = self.path.at(ticks * period)
-        there = (x, y, z + self.offset.item())
-        position, velocity = self.position.tolist(), self.velocity.tolist()
-        for i in range(3):
-            pull = operator.stiffness * (there[i] - position[i]) + operator.damping * (pace[i] - velocity[i])
-            velocity[i] += period * (pull + forces[i]) / operator.mass
-            position[i] += period * velocity[i]
-        self.position[:] = position
-        self.velocity[:] = velocity
-        self.target[:] = there
-
-    def pad_force(self, gap: float, rate: float) -> float:
-        """Return the force of a plate on the finger pad [N]; ``gap`` [m] and its rate [m/s], negative: pressing."""
-        if gap >= 0.0:
-            return 0.0
-        return max(0.0, -self.operator.pad_stiffness * gap - self.operator.pad_damping * rate)
+        x, y, z, u, v, w = self.path.at(ticks * self._period)
+        return x, y, z + self.offset.item(), u, v, w

@@ -45,6 +45,7 @@ def _prefixed(prefix: str, fields: Iterable[Field]) -> list[Field]:
 
 
 _PROBE = (
+    # the figures that one tick writes, in the order of ``itouch.loop.render``
     Field("hip", "f8", 3),
     Field("velocity", "f8", 3),
     Field("proxy", "f8", 3),
@@ -53,25 +54,28 @@ _PROBE = (
     Field("point", "f8", 3),
     Field("penetration"),
     Field("normal_force"),
-    Field("object", "i8"),
-    Field("near_object", "i8"),
     Field("near_distance"),
     Field("time_to_contact"),
-    Field("plate", "i8"),
+    Field("contact_force", "f8", 3),
     Field("plate_gap"),
     Field("surface_height"),
     Field("plate_yield"),
+    Field("plate_top"),
+    Field("tracking"),
+    Field("object", "i8"),
+    Field("near_object", "i8"),
+    Field("plate", "i8"),
+    # the open contact
     Field("contact.object", "i8"),
     Field("contact.begin", "i8"),
     Field("contact.separated", "i8"),
     Field("contact.plate", "i8"),
     Field("contact.plate_gap"),
-    Field("contact.height_error"),
     Field("contact.peak_force"),
     Field("contact.physical_begin", "i8"),
-    Field("plate_force"),
+    # the true plate under a finger's twin, in the order of ``itouch.twin.mechanics``
     Field("plate_touched", "i8"),
-    Field("plate_top"),
+    Field("plate_force"),
     Field("plate_true_top"),
     Field("plate_distance"),
     Field("total_force"),

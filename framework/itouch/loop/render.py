@@ -1,0 +1,244 @@
+"""One tick of one probe, compiled: from the tracker's reading to contact force, plate height and their commands.
+
+The proxy's spring force comes from the contact engine; damping is added here, where time is known.  The plate follows
+the encountered-type rule: with s the height at which the finger would rest on the highest virtual surface below it,
+f the lowest point of the probe and c the clearance, the plate's top goes to max(s, f - c); x and y follow the finger.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from itouch.contact import layout as at
+from itouch.contact.cast import sphere_cast
+from itouch.contact.step import step
+
+Floats = NDArray[np.float64]
+
+# --- figures of a probe: State fields in this order --------------------------------------------------------------
+HIP, VELOCITY, PROXY, FORCE, NORMAL, POINT = 0, 3, 6, 9, 12, 15
+PENETRATION, NORMAL_FORCE, NEAR_DISTANCE, TIME_TO_CONTACT = 18, 19, 20, 21
+CONTACT_FORCE = 22
+PLATE_GAP, SURFACE_HEIGHT, PLATE_YIELD, PLATE_TOP, TRACKING = 25, 26, 27, 28, 29
+FIGURES = 30
+
+# --- constants of a probe ----------------------------------------------------------------------------------------
+TRACKER, ARM, TABLE = 0, 12, 24  # frames in the world: origin, then rotation matrix
+OFFSET = 36  # of the plate's top on what the table carries
+RADIUS, NEAR, CLEARANCE, COSINE, PERIOD, SMOOTH, PLATE_LIMIT, HAS_ARM, HAS_TABLE = 39, 40, 41, 42, 43, 44, 45, 46, 47
+CONSTANTS = 48
+
+#: Gap [m] over which the arm takes over the normal force from a plate that is too low.
+HAND_OVER = 1e-3
+#: How fast the plate yields above its greatest force [m/s per N], and how fast it comes back [m/s].
+YIELD_RATE, YIELD_RETURN = 0.02, 0.005
+#: How far below the finger a surface is looked for [m].
+REACH = 0.2
+
+
+@njit(cache=True, error_model="numpy")
+def _out(c: Floats, frame: int, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Turn a direction out of a frame."""
+    r = frame + 3
+    return (
+        c[r] * x + c[r + 1] * y + c[r + 2] * z,
+        c[r + 3] * x + c[r + 4] * y + c[r + 5] * z,
+        c[r + 6] * x + c[r + 7] * y + c[r + 8] * z,
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def _in(c: Floats, frame: int, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Turn a direction into a frame."""
+    r = frame + 3
+    return (
+        c[r] * x + c[r + 3] * y + c[r + 6] * z,
+        c[r + 1] * x + c[r + 4] * y + c[r + 7] * z,
+        c[r + 2] * x + c[r + 5] * y + c[r + 8] * z,
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def _follow(c: Floats, tracker: Floats, figures: Floats, first: bool) -> None:
+    """Take the tracker's position as the HIP, and filter its velocity."""
+    x, y, z = _out(c, TRACKER, tracker[0], tracker[1], tracker[2])
+    place = (x + c[TRACKER], y + c[TRACKER + 1], z + c[TRACKER + 2])
+    for i in range(3):
+        if not first:
+            rate = (place[i] - figures[HIP + i]) / c[PERIOD]
+            figures[VELOCITY + i] += c[SMOOTH] * (rate - figures[VELOCITY + i])
+        figures[HIP + i] = place[i]
+
+
+@njit(cache=True, error_model="numpy")
+def _push(coupling: Floats, figures: Floats, result: Floats) -> None:
+    """Write the contact force: the spring's, with damping along the normal that may weaken it, but never pull."""
+    primary = int(result[at.RESULT_PRIMARY])
+    if primary < 0:
+        figures[FORCE : FORCE + 3] = 0.0
+        figures[CONTACT_FORCE : CONTACT_FORCE + 3] = 0.0
+        figures[PENETRATION] = figures[NORMAL_FORCE] = 0.0
+        return
+    spring, closing = 0.0, 0.0
+    for i in range(3):
+        n = result[at.RESULT_NORMAL + i]
+        spring += result[at.RESULT_FORCE + i] * n
+        closing += (figures[VELOCITY + i] - result[at.RESULT_SURFACE_VELOCITY + i]) * n
+    push = max(0.0, spring - coupling[1, primary] * closing)
+    for i in range(3):
+        n = result[at.RESULT_NORMAL + i]
+        figures[NORMAL + i] = n
+        figures[FORCE + i] = result[at.RESULT_FORCE + i]
+        figures[CONTACT_FORCE + i] = result[at.RESULT_FORCE + i] + (push - spring) * n
+        figures[POINT + i] = result[at.RESULT_CONTACTS + at.CONTACT_POINT + i]
+    figures[NORMAL_FORCE] = push
+    figures[PENETRATION] = result[at.RESULT_PENETRATION]
+
+
+@njit(cache=True, error_model="numpy")
+def _approach(figures: Floats, result: Floats) -> None:
+    """Write distance and time to the nearest object."""
+    figures[NEAR_DISTANCE] = figures[TIME_TO_CONTACT] = np.inf
+    if result[at.RESULT_NEAREST] < 0.0:
+        return
+    distance, speed = result[at.RESULT_DISTANCE], 0.0
+    for i in range(3):
+        speed -= figures[VELOCITY + i] * result[at.RESULT_NEAREST_NORMAL + i]
+    figures[NEAR_DISTANCE] = distance
+    if distance <= 0.0:
+        figures[TIME_TO_CONTACT] = 0.0
+    elif speed > 1e-6:
+        figures[TIME_TO_CONTACT] = distance / speed
+
+
+@njit(cache=True, error_model="numpy")
+def _yield(c: Floats, figures: Floats, pressed: float) -> float:
+    """Give way while the plate presses harder than it may."""
+    limit, given = c[PLATE_LIMIT], figures[PLATE_YIELD]
+    if pressed > limit:
+        given += YIELD_RATE * (pressed - limit) * c[PERIOD]
+    elif pressed < 0.9 * limit:
+        given = max(0.0, given - YIELD_RETURN * c[PERIOD])
+    figures[PLATE_YIELD] = given
+    return given
+
+
+@njit(cache=True, error_model="numpy")
+def _carry(
+    c: Floats, world: Floats, mesh: Any, poses: Floats, table: Floats, load: float, figures: Floats, goal: Floats
+) -> None:
+    """Find the virtual surface under the finger and command the plate to it."""
+    lowest = figures[HIP + 2] - c[RADIUS]
+    x, y, z = _out(c, TABLE, table[0] + c[OFFSET], table[1] + c[OFFSET + 1], table[2] + c[OFFSET + 2])
+    top = z + c[TABLE + 2]
+    height = -np.inf
+    if world.shape[0] > 0:
+        down, normal = np.zeros(3), np.empty(3)
+        down[2] = -1.0
+        distance, hit = sphere_cast(world, mesh, poses, figures[HIP : HIP + 3], down, c[RADIUS], REACH, normal)
+        if hit >= 0:
+            height = lowest - distance
+    figures[PLATE_TOP], figures[SURFACE_HEIGHT] = top, height
+    figures[PLATE_GAP] = height - top if height > -np.inf else np.inf
+    wanted = max(height, lowest - c[CLEARANCE]) - _yield(c, figures, abs(load))
+    goal[0], goal[1], goal[2] = _in(
+        c, TABLE, figures[HIP] - c[TABLE], figures[HIP + 1] - c[TABLE + 1], wanted - c[TABLE + 2]
+    )
+    for i in range(3):
+        goal[i] -= c[OFFSET + i]
+        goal[4 + i] = 0.0
+    goal[3] = 1.0
+
+
+@njit(cache=True, error_model="numpy")
+def _share(c: Floats, figures: Floats, plate: bool, wrench: Floats) -> None:
+    """Command the arm: where the plate renders the contact, the normal part only across a gap."""
+    keep = 1.0
+    if plate:
+        keep = min(1.0, max(0.0, figures[PLATE_GAP] / HAND_OVER))
+    along = 0.0
+    for i in range(3):
+        along += figures[CONTACT_FORCE + i] * figures[NORMAL + i]
+    along *= 1.0 - keep
+    fx, fy, fz = _in(
+        c, ARM,
+        figures[CONTACT_FORCE] - along * figures[NORMAL],
+        figures[CONTACT_FORCE + 1] - along * figures[NORMAL + 1],
+        figures[CONTACT_FORCE + 2] - along * figures[NORMAL + 2],
+    )  # fmt: skip
+    wrench[0], wrench[1], wrench[2] = fx, fy, fz
+
+
+@njit(cache=True, error_model="numpy")
+def render(
+    c: Floats,
+    world: Floats,
+    mesh: Any,
+    poses: Floats,
+    twists: Floats,
+    coupling: Floats,
+    tracker: Floats,
+    table: Floats,
+    sent: Floats,
+    figures: Floats,
+    memory: Floats,
+    result: Floats,
+    wrench: Floats,
+    goal: Floats,
+    load: float,
+    first: bool,
+) -> tuple[int, int, bool]:
+    """Render one probe for one tick.
+
+    Parameters
+    ----------
+    c
+        Constants of the probe, shape (CONSTANTS,).
+    world, mesh, poses, twists
+        The objects; see ``itouch.contact``.
+    coupling
+        Stiffness [N/m] and damping [N s/m] of each object, shape (2, n).
+    tracker, table, sent
+        Pose readings of tracker and table, and the pose last sent to the table, shape (7,).
+    figures, memory, result
+        The probe's part of State.
+    wrench, goal
+        Commands of arm (6,) and table (7,), written if the probe has them.
+    load
+        The table's reading of the force along its z axis [N].
+    first
+        Whether there is no step before this one.
+
+    Returns
+    -------
+    tuple
+        The object touched most, the nearest one (-1: none), and whether the plate renders the contact.
+    """
+    _follow(c, tracker, figures, first)
+    primary, nearest = -1, -1
+    if world.shape[0] > 0:
+        step(world, mesh, poses, twists, coupling[0], figures[HIP : HIP + 3], c[RADIUS], c[NEAR], memory, result)
+        primary, nearest = int(result[at.RESULT_PRIMARY]), int(result[at.RESULT_NEAREST])
+        for i in range(3):
+            figures[PROXY + i] = result[at.RESULT_PROXY + i]
+        _push(coupling, figures, result)
+        _approach(figures, result)
+    plate = False
+    if c[HAS_TABLE] > 0.0:
+        _carry(c, world, mesh, poses, table, load, figures, goal)
+        upright = 0.0
+        for i in range(3):
+            upright += figures[NORMAL + i] * c[TABLE + 3 + 3 * i + 2]
+        plate = primary >= 0 and upright >= c[COSINE]
+        square = 0.0
+        for i in range(3):
+            square += (sent[i] - table[i]) ** 2
+        figures[TRACKING] = math.sqrt(square)
+    if c[HAS_ARM] > 0.0:
+        _share(c, figures, plate, wrench)
+    return primary, nearest, plate

@@ -1,0 +1,131 @@
+"""One step of the finger between hand, arm and plate, compiled.
+
+The finger is a point mass on the hand's spring; the plate pushes it through the pad's spring and damper.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+# The constants: frames as origin and rotation matrix, then numbers.
+ARM, TABLE, OFFSET, EXTENT = 0, 12, 24, 27
+RADIUS, PAD_STIFFNESS, PAD_DAMPING, MASS, STIFFNESS, DAMPING, PERIOD = 29, 30, 31, 32, 33, 34, 35
+CONSTANTS = 36
+
+# The figures of the plate: State fields in this order.
+FORCE, TOP, DISTANCE, TOTAL = 0, 1, 2, 3
+FIGURES = 4
+
+#: A gap [m] that stands for "beside the plate", and one above which the plate's speed does not matter.
+BESIDE, FAR = 1e-3, 0.5
+
+
+@njit(cache=True, error_model="numpy")
+def _out(constants: Floats, at: int, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Turn a direction out of a frame."""
+    r = at + 3
+    return (
+        constants[r] * x + constants[r + 1] * y + constants[r + 2] * z,
+        constants[r + 3] * x + constants[r + 4] * y + constants[r + 5] * z,
+        constants[r + 6] * x + constants[r + 7] * y + constants[r + 8] * z,
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def _in(constants: Floats, at: int, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Turn a direction into a frame."""
+    r = at + 3
+    return (
+        constants[r] * x + constants[r + 3] * y + constants[r + 6] * z,
+        constants[r + 1] * x + constants[r + 4] * y + constants[r + 7] * z,
+        constants[r + 2] * x + constants[r + 5] * y + constants[r + 8] * z,
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def plate_force(constants: Floats, finger: Floats, table: Floats, figures: Floats) -> float:
+    """Write force, top and distance of the plate under a finger (3,); return the gap between them [m]."""
+    px, py, pz = table[0] + constants[OFFSET], table[1] + constants[OFFSET + 1], table[2] + constants[OFFSET + 2]
+    _, _, up = _out(constants, TABLE, px, py, pz)
+    figures[TOP] = constants[TABLE + 2] + up
+    x, y, z = _in(
+        constants, TABLE, finger[0] - constants[TABLE], finger[1] - constants[TABLE + 1],
+        finger[2] - constants[TABLE + 2],
+    )  # fmt: skip
+    gap = z - pz - constants[RADIUS]
+    if abs(x - px) > constants[EXTENT] or abs(y - py) > constants[EXTENT + 1]:
+        gap = max(gap, BESIDE)
+    rate = (gap - figures[DISTANCE]) / constants[PERIOD] if figures[DISTANCE] < FAR else 0.0
+    figures[DISTANCE] = gap
+    push = -constants[PAD_STIFFNESS] * gap - constants[PAD_DAMPING] * rate
+    figures[FORCE] = max(0.0, push) if gap < 0.0 else 0.0
+    return gap
+
+
+@njit(cache=True, error_model="numpy")
+def step_finger(
+    constants: Floats,
+    hand: Floats,
+    goal: Floats,
+    push: Floats,
+    table: Floats,
+    figures: Floats,
+    end: Floats,
+    load: Floats,
+) -> float:
+    """Advance the finger by one period.
+
+    Parameters
+    ----------
+    constants
+        Shape (CONSTANTS,); a mass of 0 leaves the finger where it is (it is a real one).
+    hand
+        Position, velocity and target of the finger, shape (9,), world frame; changed.
+    goal
+        Where the hand's target is now, and its velocity, shape (6,).
+    push
+        The arm's force on the finger in the arm's frame, shape (3,).
+    table
+        Where the plate's carrier is, in the table's frame, shape (3,).
+    figures
+        Of the plate, shape (FIGURES,); written.
+    end
+        The finger's position and velocity in the arm's frame, shape (6,); written.
+    load
+        The plate's force on the table in the table's frame, shape (3,); written.
+
+    Returns
+    -------
+    float
+        The gap between plate and finger pad before the step [m].
+    """
+    gap = plate_force(constants, hand, table, figures)
+    ax, ay, az = _out(constants, ARM, push[0], push[1], push[2])
+    nx, ny, nz = _out(constants, TABLE, 0.0, 0.0, figures[FORCE])
+    fx, fy, fz = ax + nx, ay + ny, az + nz
+    figures[TOTAL] = math.sqrt(fx * fx + fy * fy + fz * fz)
+    load[0], load[1], load[2] = 0.0, 0.0, -figures[FORCE]
+    mass, period = constants[MASS], constants[PERIOD]
+    if mass > 0.0:
+        for i, force in enumerate((fx, fy, fz)):
+            spring = constants[STIFFNESS] * (goal[i] - hand[i]) + constants[DAMPING] * (goal[3 + i] - hand[3 + i])
+            hand[3 + i] += period * (spring + force) / mass
+            hand[i] += period * hand[3 + i]
+            hand[6 + i] = goal[i]
+    tell_arm(constants, hand, end)
+    return gap
+
+
+@njit(cache=True, error_model="numpy")
+def tell_arm(constants: Floats, hand: Floats, end: Floats) -> None:
+    """Write the finger's position and velocity in the arm's frame."""
+    end[0], end[1], end[2] = _in(
+        constants, ARM, hand[0] - constants[ARM], hand[1] - constants[ARM + 1], hand[2] - constants[ARM + 2]
+    )
+    end[3], end[4], end[5] = _in(constants, ARM, hand[3], hand[4], hand[5])
