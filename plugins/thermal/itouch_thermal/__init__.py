@@ -1,5 +1,38 @@
 """The thermal display and the heat of a touched object."""
 
-from itouch_thermal.heat import Heat
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
-__all__ = ["Heat"]
+from itouch_thermal.heat import Heat
+from itouch_thermal.solver.layers import Back, Contact, Film, Initial, Layer, Probe, Side
+
+if TYPE_CHECKING:
+    from itouch_thermal.solver.exact import ContactSolution, solve
+    from itouch_thermal.solver.stepper import Stepper
+
+__all__ = [
+    "Back",
+    "Contact",
+    "ContactSolution",
+    "Film",
+    "Heat",
+    "Initial",
+    "Layer",
+    "Probe",
+    "Side",
+    "Stepper",
+    "solve",
+]
+
+#: Names whose modules compile kernels: imported when they are first used.
+_LAZY = {
+    "ContactSolution": "itouch_thermal.solver.exact",
+    "Stepper": "itouch_thermal.solver.stepper",
+    "solve": "itouch_thermal.solver.exact",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _LAZY:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(_LAZY[name]), name)

@@ -16,7 +16,7 @@ import numpy as np
 
 from itouch_thermal.solver.fields import waves
 from itouch_thermal.solver.layers import Back, Layer, Side
-from itouch_thermal.solver.stack import Array, Stack, layer_stack
+from itouch_thermal.solver.stack import Array, Stack, imbalance, layer_stack
 
 #: Ratio of neighbouring shifts; 1.6 gives about 1e-9 in the contact flux.
 RATIO = 1.6
@@ -89,19 +89,15 @@ def side_modes(side: Side, period: float, *, back_port: bool = False) -> Modes:
     driven from behind (a plate on a Peltier element).  A uniform start out of balance with blood or back adds
     the fields of its own decay.
     """
-    return layer_modes(side.layers, side.back, REACH / period, back_port, _imbalance(side))
+    return layer_modes(side.layers, side.back, REACH / period, back_port, _ratios(imbalance(side)))
 
 
-def _imbalance(side: Side) -> tuple[float, float] | None:
-    """Return arterial and back temperature [K] relative to a uniform start, None if all agree."""
-    if side.initial.kind != "uniform":
+def _ratios(temperatures: tuple[float, float] | None) -> tuple[float, float] | None:
+    """Scale an imbalance to a greatest value of 1, so that sides which differ only in temperature share modes."""
+    if temperatures is None:
         return None
-    start = side.initial.temperature or 0.0
-    perfused = any(layer.perfusion > 0.0 for layer in side.layers)
-    blood = (side.arterial or start) - start if perfused else 0.0
-    back = start if side.back is None or side.back.temperature is None else side.back.temperature
-    scale = max(abs(blood), abs(back - start))
-    return None if scale == 0.0 else (blood / scale, (back - start) / scale)
+    scale = max(abs(temperatures[0]), abs(temperatures[1]))
+    return temperatures[0] / scale, temperatures[1] / scale
 
 
 @lru_cache(maxsize=256)
@@ -110,10 +106,10 @@ def layer_modes(
     back: Back | None,
     fastest: float,
     back_port: bool = False,
-    imbalance: tuple[float, float] | None = None,
+    drive: tuple[float, float] | None = None,
 ) -> Modes:
     """Return the modes of layers for rates from `SLOWEST` to ``fastest`` [1/s]; see `side_modes`."""
-    return _project(layer_stack(layers, back), _shifts(fastest), back_port, imbalance)
+    return _project(layer_stack(layers, back), _shifts(fastest), back_port, drive)
 
 
 def _shifts(fastest: float) -> Array:
@@ -144,13 +140,13 @@ class _Span:
         return self.values, self.gradients, self.contact, self.back
 
 
-def _project(stack: Stack, shifts: Array, back_port: bool, imbalance: tuple[float, float] | None) -> Modes:
+def _project(stack: Stack, shifts: Array, back_port: bool, drive: tuple[float, float] | None) -> Modes:
     """Orthonormalise the trial functions in heat capacity and diagonalise conduction on them."""
-    points, weights, edges = _quadrature(stack, shifts, back=back_port, faces=imbalance is not None)
+    points, weights, edges = _quadrature(stack, shifts, back=back_port, faces=drive is not None)
     index = np.repeat(np.arange(len(points)), [len(x) for x in points])
     weight = np.concatenate(weights)
     mass = weight * stack.capacity[index]
-    span = _orthonormal(_span(stack, shifts, points, back_port, imbalance), mass)
+    span = _orthonormal(_span(stack, shifts, points, back_port, drive), mass)
     gradient = [np.sqrt(weight * stack.conductivity[index])[:, None] * span.gradients]
     gradient.append(np.sqrt(weight * stack.perfusion[index])[:, None] * span.values)
     if np.isfinite(stack.back):
@@ -176,16 +172,16 @@ def _orthonormal(span: _Span, mass: Array) -> _Span:
 
 
 def _span(
-    stack: Stack, shifts: Array, points: list[Array], back_port: bool, imbalance: tuple[float, float] | None
+    stack: Stack, shifts: Array, points: list[Array], back_port: bool, drive: tuple[float, float] | None
 ) -> _Span:
     span = _fields(stack, shifts, points, np.ones_like(shifts))
     if not stack.endless and stack.back == 0.0:
         span = span.join(_constant(points))
     if back_port:
         span = span.join(_mirrored(stack, shifts, points))
-    if imbalance is not None:
+    if drive is not None:
         slow = shifts[shifts < _DEEP_RATE]
-        driven = _fields(stack, slow, points, np.zeros_like(slow), *imbalance)
+        driven = _fields(stack, slow, points, np.zeros_like(slow), *drive)
         # Only differences meet a held back's condition that the deviation vanishes there.
         span = span.join(driven.times(np.diff(np.eye(len(slow)), axis=1)))
     return span

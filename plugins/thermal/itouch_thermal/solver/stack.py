@@ -140,6 +140,17 @@ def initial_profile(side: Side) -> Profile:
     return stationary(side, (film, 1.0, film * ambient))
 
 
+def imbalance(side: Side) -> tuple[float, float] | None:
+    """Return arterial and back temperature [K] relative to a uniform start; None if it is in balance or steady."""
+    if side.initial.kind != "uniform":
+        return None
+    start = side.initial.temperature or 0.0
+    perfused = any(layer.perfusion > 0.0 for layer in side.layers)
+    arterial = side.arterial - start if perfused and side.arterial is not None else 0.0
+    back = 0.0 if side.back is None or side.back.temperature is None else side.back.temperature - start
+    return None if arterial == back == 0.0 else (arterial, back)
+
+
 def resting_profile(side: Side) -> Profile:
     """Return the stationary field of a side without flux through the contact.
 
