@@ -5,6 +5,7 @@ The order of a tick is fixed: all reads, contact, events, modalities, safety, al
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import math
 from collections.abc import Callable
@@ -206,8 +207,9 @@ class Engine:
             self._move(False)
             self._tick += 1
             for runner in self._all:
-                if runner.model.twin and runner.twin is not None:
-                    runner.twin.read(runner.twin_state, runner.reading)
+                if runner.twin is not None and runner.model.name != fault.device:
+                    with contextlib.suppress(Exception):  # one fault is told; a second one must not stop the rest
+                        runner.twin.read(runner.twin_state, runner.reading)
 
     def _describe(self, fault: DeviceFaultError) -> dict[str, Any]:
         element = self.model.scene.device(fault.device)

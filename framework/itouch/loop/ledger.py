@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import log10
 from typing import Any
 
 import numpy as np
@@ -11,26 +10,24 @@ from numpy.typing import NDArray
 
 
 class Histogram:
-    """Counts of positive numbers in logarithmic bins: percentiles to 1 % without keeping the numbers."""
+    """Counts of positive numbers in bins of equal width: percentiles without keeping the numbers."""
 
-    _PER_DECADE = 240
-    _DECADES = 12
+    _BINS = 100_000
 
-    def __init__(self, least: float) -> None:
-        self.least = least
-        self.counts = [0] * (self._PER_DECADE * self._DECADES + 1)
+    def __init__(self, width: float) -> None:
+        self.width = width
+        self._per_unit = 1.0 / width
+        self.counts = [0] * self._BINS
         self.total = 0
         self.greatest = 0.0
 
     def add(self, value: float) -> None:
-        """Count one number."""
-        index = 0
-        if value > self.least:
-            index = min(len(self.counts) - 1, 1 + int(log10(value / self.least) * self._PER_DECADE))
-        self.counts[index] += 1
-        self.total += 1
+        """Count one number; what is beyond the last bin counts in it."""
         if value > self.greatest:
             self.greatest = value
+        index = int(value * self._per_unit)
+        self.counts[index if index < self._BINS else -1] += 1
+        self.total += 1
 
     def percentile(self, percent: float) -> float | None:
         """Return the upper edge of the bin that holds the percentile, or None if nothing was counted."""
@@ -40,7 +37,7 @@ class Histogram:
         for index, count in enumerate(self.counts):
             seen += count
             if seen >= rank and count:
-                return min(self.greatest, float(self.least * 10 ** (index / self._PER_DECADE)))
+                return min(self.greatest, (index + 1) * self.width)
         return self.greatest
 
     def summary(self, scale: float) -> dict[str, float | None]:
@@ -76,7 +73,7 @@ class Ledger:
 
     contacts: list[dict[str, Any]] = field(default_factory=list)
     faults: list[dict[str, Any]] = field(default_factory=list)
-    tracking: Histogram = field(default_factory=lambda: Histogram(1e-9))
+    tracking: Histogram = field(default_factory=lambda: Histogram(1e-6))
     height_error: float = 0.0
 
     def dump(self) -> dict[str, Any]:
@@ -102,7 +99,7 @@ class TickTimes:
         self._ring: NDArray[np.float64] = np.zeros(size)
         self.count = 0
         self.overruns = 0
-        self.lateness = Histogram(1e-7)
+        self.lateness = Histogram(1e-6)
 
     def add(self, seconds: float) -> None:
         """Note one tick."""

@@ -125,7 +125,7 @@ def _yield(c: Floats, figures: Floats, pressed: float) -> float:
     elif pressed < 0.9 * limit:
         given = max(0.0, given - YIELD_RETURN * c[PERIOD])
     figures[PLATE_YIELD] = given
-    return given
+    return float(given)
 
 
 @njit(cache=True, error_model="numpy")

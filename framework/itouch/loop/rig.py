@@ -75,6 +75,7 @@ class ProbeRig:
         if self.coupling.hand is not None:
             self.coupling.hand.reset()
             self.coupling.place()
+            self.tracker.step_twin()  # so that its first reading is where the finger is
         if self.touch_off is not None:
             self.touch_off.reset()
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -70,7 +71,8 @@ class Toucher:
         copies = [
             view.copy() if isinstance(view, np.ndarray) and view.flags.writeable else view for view in self._views
         ]
-        render.render(*copies, 0.0, True)
+        compiled: Any = render.render
+        compiled(*copies, 0.0, True)
 
     def reset(self) -> None:
         """Begin without contact."""

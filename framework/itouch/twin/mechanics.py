@@ -58,7 +58,7 @@ def plate_force(constants: Floats, finger: Floats, table: Floats, figures: Float
         constants, TABLE, finger[0] - constants[TABLE], finger[1] - constants[TABLE + 1],
         finger[2] - constants[TABLE + 2],
     )  # fmt: skip
-    gap = z - pz - constants[RADIUS]
+    gap = float(z - pz - constants[RADIUS])
     if abs(x - px) > constants[EXTENT] or abs(y - py) > constants[EXTENT + 1]:
         gap = max(gap, BESIDE)
     rate = (gap - figures[DISTANCE]) / constants[PERIOD] if figures[DISTANCE] < FAR else 0.0

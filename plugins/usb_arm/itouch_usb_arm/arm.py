@@ -11,6 +11,8 @@ from itouch.plugin import Channel, Device, Field, Record, Touch, Twin, pose, sch
 
 #: Greatest force [N] and stiffness [N/m] of a Novint Falcon, as CHAI3D 3.3 states them.
 FORCE, STIFFNESS = 8.0, 3000.0
+#: Adding and subtracting it rounds a number to an integer, and leaves NaN what it is.
+_TO_INTEGER = 1.5 * 2.0**52
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +48,12 @@ class UsbArmTwin(Twin):
         values: list[float] = state["pose"].tolist()
         step = self.params.resolution
         if step > 0.0:
-            values[0:3] = [round(value / step) * step for value in values[0:3]]
+            x, y, z = values[0:3]
+            values[0:3] = (
+                (x / step + _TO_INTEGER - _TO_INTEGER) * step,
+                (y / step + _TO_INTEGER - _TO_INTEGER) * step,
+                (z / step + _TO_INTEGER - _TO_INTEGER) * step,
+            )
         if self.params.rotations == "locked":
             values[3:] = (1.0, 0.0, 0.0, 0.0)
         reading["pose"] = values

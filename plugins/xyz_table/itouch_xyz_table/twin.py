@@ -10,6 +10,8 @@ import numpy as np
 from itouch.plugin import Field, Record, Touch, Twin, gaussian
 
 _ENCODER = 1e-6
+#: Adding and subtracting it rounds a number to an integer, and leaves NaN what it is.
+_TO_INTEGER = 1.5 * 2.0**52
 
 
 class XyzTableTwin(Twin):
@@ -25,9 +27,9 @@ class XyzTableTwin(Twin):
         rows = (omega, params.speed, params.acceleration, params.mass, drag, -x / 2, -y / 2, 0.0, x / 2, y / 2, z)
         self._parameters = np.array(rows)
         self._parameters.setflags(write=False)
-        self._move = axes.move
+        self._move: Any = axes.move
         still = [np.zeros(7), *(np.zeros(3) for _ in range(4)), np.zeros(6)]
-        axes.move(self._parameters, *still, 1e-3)  # compiled now, not in the first tick
+        self._move(self._parameters, *still, 1e-3)  # compiled now, not in the first tick
 
     def fields(self) -> tuple[Field, ...]:
         """Return positions, velocities, the last target, the load and the noise generator's word."""
@@ -61,7 +63,7 @@ class XyzTableTwin(Twin):
         """Give encoder positions and the force sensor's noisy reading."""
         x, y, z = state["position"].tolist()
         fx, fy, fz = state["load"].tolist()
-        step = _ENCODER
-        reading["pose"] = (round(x / step) * step, round(y / step) * step, round(z / step) * step, 1.0, 0.0, 0.0, 0.0)
+        steps = [(value / _ENCODER + _TO_INTEGER - _TO_INTEGER) * _ENCODER for value in (x, y, z)]
+        reading["pose"] = (*steps, 1.0, 0.0, 0.0, 0.0)
         reading["wrench"] = (fx, fy, fz + self.params.force_noise * gaussian(state, "noise"), 0.0, 0.0, 0.0)
         return True
