@@ -41,7 +41,8 @@ class Record:
             buffer = np.zeros(dtype.itemsize, np.uint8)
         if buffer.shape != (dtype.itemsize,):
             raise ValueError(f"a buffer of {buffer.size} bytes cannot hold a record of {dtype.itemsize}")
-        self._buffer: NDArray[Any] = buffer.view(dtype).reshape(())
+        whole = buffer.view(dtype) if dtype.itemsize else np.zeros(1, dtype)
+        self._buffer: NDArray[Any] = whole.reshape(())
         self._views: dict[str, NDArray[Any]] = {name: self._buffer[name] for name in dtype.names or ()}
 
     @classmethod

@@ -96,6 +96,8 @@ def parse_quantity(
     """
     words, written = split_unit(text)
     counts = (size,) if isinstance(size, int) else size
+    if not words and written and not _is_unit(written):
+        raise QuantityError(f"'{written}' is not a number", describe(unit, size, absolute))
     numbers = [parse_number(word) for word in words]
     if len(numbers) not in counts:
         wanted = " or ".join(str(count) for count in counts)

@@ -1,0 +1,121 @@
+"""The command line as a person uses it: exit codes, messages, reports; never a traceback."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from conftest import SCENES
+
+FIRST = str(SCENES / "first_touch.xml")
+
+
+def run(*words: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "itouch.cli", *words], capture_output=True, text=True, cwd=cwd, timeout=120, check=False
+    )
+
+
+def test_help_version_and_nothing() -> None:
+    assert run("--help").returncode == 0
+    assert "run a scene" in run("--help").stdout
+    assert run("--version").stdout.startswith("itouch-py ")
+    assert run().returncode == 2
+
+
+def test_help_imports_neither_numpy_nor_numba() -> None:
+    code = "import sys, itouch.cli; itouch.cli.main(['--help']); sys.exit(bool({'numpy', 'numba'} & set(sys.modules)))"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, check=False).returncode == 0
+
+
+def test_run_writes_report_and_session_and_a_table(tmp_path: Path) -> None:
+    done = run(FIRST, "--headless", "--report", str(tmp_path / "r.json"), "--save", str(tmp_path / "s.itouch"))
+    assert done.returncode == 0, done.stderr
+    assert "block" in done.stdout
+    report = json.loads((tmp_path / "r.json").read_text())
+    assert set(report) >= {"scene", "simulated_s", "wall_s", "pace", "seed", "twins", "servo", "table", "contacts", "faults"}
+    assert report["pace"] == "fast"
+    assert report["servo"]["overruns"] is None
+    again = run(str(tmp_path / "s.itouch"), "--for", "0.2s", "--report", str(tmp_path / "r2.json"))
+    assert again.returncode == 0, again.stderr
+    assert json.loads((tmp_path / "r2.json").read_text())["simulated_s"] == pytest.approx(2.8, abs=0.01)
+
+
+def test_real_pace_counts_overruns(tmp_path: Path) -> None:
+    done = run(FIRST, "--pace", "real", "--for", "0.3 s", "--report", str(tmp_path / "r.json"))
+    assert done.returncode == 0, done.stderr
+    report = json.loads((tmp_path / "r.json").read_text())
+    assert report["pace"] == "real"
+    assert isinstance(report["servo"]["overruns"], int)
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("absent.xml",), "cannot read 'absent.xml'"),
+        (("absent.itouch",), "cannot read 'absent.itouch'"),
+        (("chek", FIRST), "did you mean 'check'"),
+        ((FIRST, "--for", "yesterday"), "is not a"),
+        ((FIRST, "--for=-1s"), "negative"),
+        ((FIRST, "--report", "/nowhere/at/all.json"), "there is no folder"),
+        ((FIRST, "--twin", "amr"), "did you mean 'arm'"),
+        ((FIRST, "--twin", "none"), "twin only"),
+        ((FIRST, "--seed", "-3"), "out of range"),
+        ((FIRST, "--rig", "absent.xml"), "cannot read 'absent.xml'"),
+        (("bench", "nothing"), "no bench named"),
+    ],
+)
+def test_wrong_input_is_one_message_and_exit_2(words: tuple[str, ...], says: str, tmp_path: Path) -> None:
+    done = run(*words, cwd=tmp_path)
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert says in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_check_prints_every_problem_and_exits_2(tmp_path: Path) -> None:
+    (tmp_path / "bad.xml").write_text('<itouch version="1.0">\n<wrld/>\n<safety force="99 N"/>\n</itouch>')
+    done = run("check", "bad.xml", FIRST, cwd=tmp_path)
+    assert done.returncode == 2
+    assert "bad.xml:2:1" in done.stderr
+    assert "2 problems; nothing was started." not in done.stdout
+    assert "ok" in done.stdout
+    assert run("check", FIRST).returncode == 0
+
+
+def test_devices_lists_twin_only_and_names_what_failed(tmp_path: Path) -> None:
+    package = tmp_path / "site"
+    info = package / "broken_thing-1.0.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: broken-thing\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[itouch.devices]\nbroken = no_such_module:Thing\n")
+    done = subprocess.run(
+        [sys.executable, "-m", "itouch.cli", "devices"], capture_output=True, text=True, check=False,
+        env={**os.environ, "PYTHONPATH": str(package)},
+    )  # fmt: skip
+    assert done.returncode == 0
+    assert "twin only" in done.stdout
+    assert "broken  (broken-thing 1.0)  FAILED TO LOAD" in done.stdout
+    assert "No module named 'no_such_module'" in done.stdout
+    assert "xyz-table" in done.stdout
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_safely_with_the_report(tmp_path: Path, number: signal.Signals) -> None:
+    report = tmp_path / "r.json"
+    process = subprocess.Popen(
+        [sys.executable, "-m", "itouch.cli", FIRST, "--pace", "real", "--for", "60 s", "--report", str(report)],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    time.sleep(4.0)
+    process.send_signal(number)
+    _, err = process.communicate(timeout=30)
+    assert process.returncode == 128 + number, err
+    assert "the devices are safe" in err
+    assert 0 < json.loads(report.read_text())["simulated_s"] < 60
