@@ -39,7 +39,18 @@ def test_run_writes_report_and_session_and_a_table(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert "block" in done.stdout
     report = json.loads((tmp_path / "r.json").read_text())
-    assert set(report) >= {"scene", "simulated_s", "wall_s", "pace", "seed", "twins", "servo", "table", "contacts", "faults"}
+    assert set(report) >= {
+        "scene",
+        "simulated_s",
+        "wall_s",
+        "pace",
+        "seed",
+        "twins",
+        "servo",
+        "table",
+        "contacts",
+        "faults",
+    }
     assert report["pace"] == "fast"
     assert report["servo"]["overruns"] is None
     again = run(str(tmp_path / "s.itouch"), "--for", "0.2s", "--report", str(tmp_path / "r2.json"))

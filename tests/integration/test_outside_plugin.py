@@ -55,7 +55,7 @@ def test_its_parameters_are_checked_by_its_own_class(site: Path, tmp_path: Path)
     done = run(site, "-m", "itouch.cli", "check", scene(tmp_path, way="5 m"))
     assert done.returncode == 2
     assert "lever.xml:4:73: " not in done.stderr
-    assert "error[out-of-range]: <lever:hardware travel=\"5 m\">: 5 m is out of range" in done.stderr
+    assert 'error[out-of-range]: <lever:hardware travel="5 m">: 5 m is out of range' in done.stderr
     assert "0.001 to 0.2 m" in done.stderr
 
 

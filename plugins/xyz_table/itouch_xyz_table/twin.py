@@ -27,9 +27,9 @@ class XyzTableTwin(Twin):
         rows = (omega, params.speed, params.acceleration, params.mass, drag, -x / 2, -y / 2, 0.0, x / 2, y / 2, z)
         self._parameters = np.array(rows)
         self._parameters.setflags(write=False)
-        self._move: Any = axes.move
-        still = [np.zeros(7), *(np.zeros(3) for _ in range(4)), np.zeros(6)]
-        self._move(self._parameters, *still, 1e-3)  # compiled now, not in the first tick
+        self._move = axes.move
+        a, b, c, d = (np.zeros(3) for _ in range(4))
+        axes.move(self._parameters, np.zeros(7), a, b, c, d, np.zeros(6), 1e-3)  # compiled now, not in the first tick
 
     def fields(self) -> tuple[Field, ...]:
         """Return positions, velocities, the last target, the load and the noise generator's word."""
