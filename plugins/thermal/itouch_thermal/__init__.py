@@ -3,6 +3,8 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from itouch_thermal.display import ThermalDisplay
+from itouch_thermal.flux import FluxControl
 from itouch_thermal.heat import Heat
 from itouch_thermal.solver.layers import Back, Contact, Film, Initial, Layer, Probe, Side
 
@@ -15,12 +17,14 @@ __all__ = [
     "Contact",
     "ContactSolution",
     "Film",
+    "FluxControl",
     "Heat",
     "Initial",
     "Layer",
     "Probe",
     "Side",
     "Stepper",
+    "ThermalDisplay",
     "solve",
 ]
 

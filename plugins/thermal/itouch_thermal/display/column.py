@@ -1,0 +1,107 @@
+"""The column under the fingertip, tissue above and plate below, as modes ready to be stepped.
+
+Both halves are the solver's own layers.  A step takes the contact flux as linear in time, so that the heat that
+leaves the one half is the heat that enters the other to the last bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch_thermal.solver.layers import Back, Initial, Layer, Side
+from itouch_thermal.solver.modes import Modes, layer_modes
+from itouch_thermal.solver.stack import initial_profile, resting_profile
+
+Array = NDArray[np.float64]
+
+#: Rates up to this many per step are kept: faster ones are over within the step.
+REACH = 4.0
+#: Rows of the packed tissue: decay, port, weight of the flux at the begin and at the end of a step.
+F_DECAY, F_PORT, F_BEGIN, F_END = range(4)
+#: Rows of the packed plate; the last: half the film's heat and the film's temperature.
+P_DECAY, P_PORT, P_BACK, P_BEGIN, P_END, P_PUMP, P_HALF, P_SENSE, P_MEAN = range(9)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Column:
+    """Packed halves for one step length: ``tissue`` (4, n) and ``plate`` (9, m), and the tissue's resting surface.
+
+    ``rise`` (n,) is the steady tissue field with 1 K more at the skin; ``flat`` (m,) the even field of 1 K.
+    """
+
+    period: float
+    tissue: Array
+    plate: Array
+    rest: float
+    rise: Array
+    flat: Array
+    resting_flux: float
+
+
+def tissue_side(layers: Sequence[Layer], core: float, skin: float) -> Side:
+    """Return a fingertip at rest with a skin temperature [K], its back held at the core's [K]."""
+    start = Initial(kind="steady", surface=skin)
+    return Side(layers=tuple(layers), initial=start, back=Back(kind="temperature", temperature=core), arterial=core)
+
+
+@lru_cache(maxsize=32)
+def column(
+    tissue: tuple[Layer, ...], core: float, skin: float, plate: tuple[Layer, ...], period: float, fastest: float
+) -> Column:
+    """Return the column for steps of ``period`` [s] with rates up to ``fastest`` [1/s]."""
+    side = tissue_side(tissue, core, skin)
+    above = layer_modes(side.layers, side.back, fastest)
+    below = layer_modes(plate, Back(kind="insulated"), fastest, True)
+    found = Column(
+        period,
+        _tissue_rows(above, period),
+        _plate_rows(below, plate, period),
+        resting_profile(side).surface,
+        np.array(above.unit_rise),
+        np.array(below.content),
+        -float(initial_profile(side).flux_at(0.0)),
+    )
+    for array in (found.tissue, found.plate, found.rise, found.flat):
+        array.setflags(write=False)
+    return found
+
+
+def ramp_weights(rates: Array, period: float) -> tuple[Array, Array]:
+    """Return what a flux that is linear over a step leaves in modes, per unit at its begin and at its end [s]."""
+    x = np.maximum(rates * period, 1e-12)
+    small = x < 1e-3
+    safe = np.where(small, 1.0, x)
+    begin = np.where(small, 0.5 - x / 3 + x * x / 8, (1.0 - np.exp(-safe) * (1.0 + safe)) / safe**2)
+    end = np.where(small, 0.5 - x / 6 + x * x / 24, (safe - 1.0 + np.exp(-safe)) / safe**2)
+    return begin * period, end * period
+
+
+def _tissue_rows(modes: Modes, period: float) -> Array:
+    begin, end = ramp_weights(modes.rates, period)
+    return np.stack((np.exp(-modes.rates * period), modes.contact, begin * modes.contact, end * modes.contact))
+
+
+def _plate_rows(modes: Modes, layers: Sequence[Layer], period: float) -> Array:
+    begin, end = ramp_weights(modes.rates, period)
+    half = 0.5 * (layers[0].thickness or 0.0)
+    nodes, weights = np.polynomial.legendre.leggauss(6)
+    heat: Any = sum(w * modes.row(float(half * 0.5 * (x + 1.0))) for x, w in zip(nodes, weights, strict=True))
+    heat = heat * 0.5 * half * layers[0].heat_capacity
+    capacity = float(modes.weights.sum())
+    return np.stack(
+        (
+            np.exp(-modes.rates * period), modes.contact, modes.back, begin * modes.contact, end * modes.contact,
+            (begin + end) * modes.back, heat, modes.row(half), modes.content / capacity,
+        )
+    )  # fmt: skip
+
+
+def plate_capacity(layers: Sequence[Layer]) -> float:
+    """Return the heat capacity of the plate [J/m2K]."""
+    return sum((layer.thickness or 0.0) * layer.heat_capacity for layer in layers)

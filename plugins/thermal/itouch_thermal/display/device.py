@@ -1,0 +1,189 @@
+"""The thermal display as a device: four sensors, one current, and a twin."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, ClassVar
+
+import numpy as np
+
+from itouch.plugin import (
+    Channel,
+    Device,
+    DeviceError,
+    Field,
+    Record,
+    Touch,
+    Twin,
+    current,
+    heat_flux,
+    temperature,
+)
+from itouch_thermal.display import plant
+from itouch_thermal.display.column import REACH, Array, Column, column
+from itouch_thermal.display.params import DisplayParams
+from itouch_thermal.heat import FINGER
+
+#: Shortest servo period [s] for which the delay line has room.
+SHORTEST = 2e-4
+#: Temperature [K] from which the plate's modes count.
+REFERENCE = 296.15
+
+
+class DisplayTwin(Twin):
+    """A plate, its module and a finger on it: distributed layers, bilinear module, lumped sink."""
+
+    def __init__(self, params: DisplayParams) -> None:
+        super().__init__(params)
+        self._built: dict[float, tuple[Column, Array]] = {}
+        self._column, _ = self._for(1e-3)
+
+    def _for(self, period: float) -> tuple[Column, Array]:
+        """Return the column and constants for a step; built once each."""
+        found = self._built.get(period)
+        if found is None:
+            p = self.params
+            parts = column(p.tissue or FINGER, p.core, p.skin_temperature, p.plate, period, REACH / 1e-3)
+            found = self._built[period] = (parts, constants(p, parts))
+        return found
+
+    def fields(self) -> tuple[Field, ...]:
+        """Return modes, delay line, sensors, energies and the generator's word."""
+        return (
+            Field("true_flux"),
+            Field("true_skin"),
+            Field("true_plate"),
+            Field("memory", "f8", plant.MEMORY),
+            Field("tissue", "f8", self._column.tissue.shape[1]),
+            Field("plate", "f8", self._column.plate.shape[1]),
+            Field("line", "f8", 1 + round(self.params.delay / SHORTEST)),
+            Field("noise", "u8", 1),
+        )
+
+    def reset(self, state: Record, rng: np.random.Generator) -> None:
+        """Rest: finger in balance with the air, plate and sink at the room's usual temperature, no current."""
+        memory, p = state["memory"], self.params
+        memory[:] = 0.0
+        state["tissue"] = self._column.rise * (p.skin_temperature - self._column.rest)
+        state["plate"] = 0.0
+        for index in (plant.PLATE, plant.SINK, plant.BACK, plant.PLATE_LAG, plant.SINK_LAG, plant.MEAN):
+            memory[index] = REFERENCE
+        memory[plant.READ_PLATE] = memory[plant.READ_SINK] = REFERENCE
+        memory[plant.SKIN] = memory[plant.READ_SKIN] = p.skin_temperature
+        memory[plant.READ_VALID] = 1.0
+        state["line"] = 0.0
+        state["noise"] = rng.integers(0, 1 << 63)
+        self._publish(state)
+
+    def _publish(self, state: Record) -> None:
+        memory = state["memory"]
+        state["true_flux"][...] = memory[plant.FLUX]
+        state["true_skin"][...] = memory[plant.SKIN]
+        state["true_plate"][...] = memory[plant.PLATE]
+
+    def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+        """Advance by one period under the current that safety let through."""
+        parts, numbers = self._for(period)
+        plant.plant_step(
+            numbers, parts.tissue, parts.plate, state["memory"], state["tissue"], state["plate"], state["line"],
+            state["noise"], command["current"].item(), float(touch.force), float(touch.gap), float(touch.ambient),
+        )  # fmt: skip
+        self._publish(state)
+
+    def read(self, state: Record, reading: Record) -> bool | None:
+        """Give what the sensors say."""
+        skin, valid, plate, sink, flux = state["memory"][_READ].tolist()
+        reading["skin_temperature"][0] = skin
+        reading["skin_valid"][0] = valid
+        reading["plate_temperature"][0] = plate
+        reading["sink_temperature"][0] = sink
+        reading["heat_flux"][0] = flux
+        return True
+
+
+_READ = [plant.READ_SKIN, plant.READ_VALID, plant.READ_PLATE, plant.READ_SINK, plant.READ_FLUX]
+
+
+def _keep(period: float, lag: float) -> float:
+    return math.exp(-period / lag) if lag > 0.0 else 0.0
+
+
+def constants(p: DisplayParams, parts: Column) -> Array:
+    """Return the constants of `plant.plant_step`."""
+    c, off = np.zeros(plant.CONSTANTS), p.mismatch
+    c[plant.C_PERIOD], c[plant.C_REST], c[plant.C_REFERENCE] = parts.period, parts.rest, REFERENCE
+    c[plant.C_TISSUE_GAIN] = 1.0 / (1.0 + off.finger_effusivity)
+    c[plant.C_PLATE_GAIN] = 1.0 / (1.0 + off.plate_effusivity)
+    c[plant.C_TISSUE_SELF] = parts.tissue[1] @ parts.tissue[3]
+    c[plant.C_PLATE_SELF] = parts.plate[1] @ parts.plate[4]
+    c[plant.C_SEEBECK] = p.seebeck * (1.0 + off.seebeck)
+    c[plant.C_RESISTANCE] = p.resistance * (1.0 + off.resistance)
+    c[plant.C_CONDUCTANCE] = p.conductance * (1.0 + off.conductance)
+    c[plant.C_AREA], c[plant.C_COVER] = p.area, p.contact_area / p.area
+    c[plant.C_SEEN] = min(1.0, p.contact_area / p.sensor_area)
+    c[plant.C_SINK_CAPACITY], c[plant.C_SINK_RESISTANCE] = p.sink_capacity, p.sink_resistance
+    c[plant.C_FILM] = p.film_coefficient
+    gap = p.skin_temperature - REFERENCE
+    loss = parts.resting_flux * (1.0 + off.finger_effusivity)
+    c[plant.C_FINGER_FILM] = loss / gap if abs(gap) > 0.5 and loss / gap > 1.0 else 10.0
+    c[plant.C_CONTACT], c[plant.C_FULL_FORCE] = p.contact_resistance * (1.0 + off.contact_resistance), p.full_force
+    c[plant.C_MAX_CURRENT] = p.max_current
+    c[plant.C_CURRENT_STEP] = 2.0 * p.max_current / 2**p.current_bits
+    slower = 1.0 + off.sensor_lag
+    c[plant.C_FLUX_KEEP] = _keep(parts.period, p.flux_lag * slower)
+    c[plant.C_PLATE_KEEP] = _keep(parts.period, p.plate_lag * slower)
+    c[plant.C_SINK_KEEP] = _keep(parts.period, p.sink_lag)
+    c[plant.C_FLUX_NOISE], c[plant.C_PLATE_NOISE] = p.flux_noise, p.plate_noise
+    c[plant.C_SINK_NOISE], c[plant.C_SKIN_NOISE] = p.sink_noise, p.skin_noise
+    c[plant.C_FLUX_STEP], c[plant.C_PLATE_STEP] = p.flux_resolution, p.plate_resolution
+    c[plant.C_SINK_STEP], c[plant.C_SKIN_STEP] = p.sink_resolution, p.skin_resolution
+    c[plant.C_FLUX_GAIN], c[plant.C_FLUX_BIAS] = 1.0 + off.flux_gain, p.flux_bias
+    c[plant.C_PLATE_OFFSET], c[plant.C_CLEAR] = off.plate_offset, p.skin_clear
+    c[plant.C_CEILING] = p.full_scale
+    c[plant.C_SLOTS] = round(p.delay / parts.period)
+    c.setflags(write=False)
+    return c
+
+
+class ThermalDisplay(Device):
+    """A Peltier plate with infrared, plate, sink and flux sensors, driven by a current; twin only."""
+
+    Params = DisplayParams
+    reads = (
+        temperature("skin_temperature"),
+        Channel("skin_valid", 1, "", (0.0,), (1.0,)),
+        temperature("plate_temperature"),
+        temperature("sink_temperature"),
+        heat_flux(full_scale=20e3),
+    )
+    commands = (current(limit=6.4),)
+    Twin = DisplayTwin
+    twin_only: ClassVar[bool] = True
+
+    @classmethod
+    def channels(cls, params: Any) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
+        """Return the channels with the sensor's full scale and the driver's limit of these parameters."""
+        return (*cls.reads[:-1], heat_flux(full_scale=params.full_scale)), (current(limit=params.max_current),)
+
+    @classmethod
+    def face(cls, params: Any) -> tuple[float, float] | None:
+        """Return the half extents [m] of the plate, a square of its area."""
+        half = 0.5 * math.sqrt(params.area)
+        return half, half
+
+    def open(self) -> None:
+        """Say that there is no driver.
+
+        Raises
+        ------
+        DeviceError
+            Always.
+        """
+        raise DeviceError("the thermal display has no working driver; use its twin")
+
+    def close(self) -> None:
+        """Do nothing: it never opens."""
+
+    def read(self, reading: Record) -> bool | None:
+        """Give nothing: it never opens."""
+        return False

@@ -1,0 +1,98 @@
+"""What ``<thermal:hardware>`` may hold: the display as its data sheets say, and how its twin differs from them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from itouch.plugin import schema
+from itouch_thermal.solver.layers import Layer
+
+#: Copper-clad film sensor of the paper: thickness from 15e-6 K m2/W and k = 2.5 W/mK.
+FILM = Layer(name="flux sensor", thickness=37.5e-6, conductivity=2.5, density=8933.0, specific_heat=385.0)
+ALUMINA = Layer(name="alumina", thickness=0.8e-3, conductivity=27.0, density=3800.0, specific_heat=880.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Mismatch:
+    """How the twin's plant differs from what is written: parts (0.1 or 10 %), and an offset in K."""
+
+    TAG: ClassVar[str] = "mismatch"
+
+    contact_resistance: float = schema.quantity("", low=-0.9, high=9.0, default=0.0, doc="contact resistance")
+    seebeck: float = schema.quantity("", low=-0.5, high=1.0, default=0.0, doc="Seebeck coefficient")
+    conductance: float = schema.quantity("", low=-0.9, high=2.0, default=0.0, doc="conductance of the legs")
+    resistance: float = schema.quantity("", low=-0.9, high=2.0, default=0.0, doc="electrical resistance")
+    plate_effusivity: float = schema.quantity("", low=-0.5, high=1.0, default=0.0, doc="effusivity of film and plate")
+    finger_effusivity: float = schema.quantity("", low=-0.5, high=1.0, default=0.0, doc="effusivity of the finger")
+    sensor_lag: float = schema.quantity("", low=-0.9, high=4.0, default=0.0, doc="time constants of both sensors")
+    flux_gain: float = schema.quantity("", low=-0.5, high=1.0, default=0.0, doc="gain of the flux sensor")
+    plate_offset: float = schema.quantity("K", low=-2.0, high=2.0, default=0.0, doc="offset of the plate's sensor")
+
+    def __post_init__(self) -> None:
+        schema.validate(self)
+
+
+@dataclass(frozen=True, slots=True)
+class DisplayParams:
+    """A Peltier module under an alumina plate with a flux film on top, on a heat sink.
+
+    One-dimensional: heat enters the plate evenly over its ``area``.  The finger covers ``contact_area`` of it and the
+    film measures over ``sensor_area`` in the middle; what crosses the contact beside the film enters the plate too.
+    """
+
+    seebeck: float = schema.quantity("V/K", low=1e-4, high=1.0, default=0.051, doc="Seebeck coefficient of the module")
+    resistance: float = schema.quantity("ohm", low=1e-3, high=100.0, default=1.86, doc="electrical resistance")
+    conductance: float = schema.quantity("W/K", low=1e-3, high=50.0, default=0.56, doc="heat conductance of the legs")
+    max_current: float = schema.quantity("A", low=0.01, high=50.0, default=6.4, doc="greatest current of the driver")
+    current_bits: int = schema.integer(low=6, high=32, default=16, doc="resolution of the driver over both signs")
+    area: float = schema.quantity("m^2", low=1e-5, high=0.1, default=16e-4, doc="area of the plate")
+    contact_area: float = schema.quantity("m^2", low=1e-6, high=0.1, default=16e-4, doc="area that the finger touches")
+    sensor_area: float = schema.quantity("m^2", low=1e-6, high=0.1, default=16e-4, doc="area of the flux film")
+    sink_capacity: float = schema.quantity("J/K", low=1.0, high=1e5, default=150.0, doc="hot plate and heat sink")
+    sink_resistance: float = schema.quantity("K/W", low=1e-3, high=20.0, default=0.5, doc="heat sink to the room")
+    film_coefficient: float = schema.quantity("W/(m^2*K)", low=0.0, high=100.0, default=10.0, doc="air on the plate")
+    delay: float = schema.quantity("s", low=0.0, high=0.2, default=0.02, doc="from command to current")
+    flux_limit: float = schema.quantity(
+        "W/m^2", low=100.0, high=1e6, default=35e3, doc="greatest flux a controller asks of the module"
+    )
+
+    full_scale: float = schema.quantity("W/m^2", low=100.0, high=1e6, default=20e3, doc="of the flux sensor")
+    flux_lag: float = schema.quantity("s", low=0.0, high=2.0, default=0.05, doc="time constant of the flux sensor")
+    flux_noise: float = schema.quantity("W/m^2", low=0.0, high=5e3, default=20.0, doc="rms of one sample")
+    flux_bias: float = schema.quantity("W/m^2", low=-1e3, high=1e3, default=0.0, doc="what is left after zeroing")
+    flux_resolution: float = schema.quantity("W/m^2", low=0.0, high=100.0, default=0.6, doc="one count; 0: none")
+    plate_lag: float = schema.quantity("s", low=0.0, high=2.0, default=0.05, doc="time constant of the plate's sensor")
+    plate_noise: float = schema.quantity("K", low=0.0, high=1.0, default=0.01, doc="rms of one sample")
+    plate_resolution: float = schema.quantity("K", low=0.0, high=1.0, default=1e-3, doc="one count; 0: none")
+    sink_lag: float = schema.quantity("s", low=0.0, high=10.0, default=0.5, doc="time constant of the sink's sensor")
+    sink_noise: float = schema.quantity("K", low=0.0, high=1.0, default=0.02, doc="rms of one sample")
+    sink_resolution: float = schema.quantity("K", low=0.0, high=1.0, default=1e-2, doc="one count; 0: none")
+    skin_noise: float = schema.quantity("K", low=0.0, high=2.0, default=0.05, doc="rms of one infrared sample")
+    skin_resolution: float = schema.quantity("K", low=0.0, high=1.0, default=1e-2, doc="one count; 0: none")
+    skin_clear: float = schema.quantity("m", low=0.0, high=0.1, default=2e-3, doc="gap above which infrared sees skin")
+
+    contact_resistance: float = schema.quantity(
+        "m^2*K/W", low=1e-5, high=1.0, default=2e-3, doc="of the twin: between skin and film at full force"
+    )
+    full_force: float = schema.quantity(
+        "N", low=0.0, high=20.0, default=0.0, doc="of the twin: below it 1/R falls with the force; 0: constant"
+    )
+    core: float = schema.temperature(low=283.15, high=315.15, default=310.15, doc="of the twin's finger, and its blood")
+    skin_temperature: float = schema.temperature(
+        low=273.15, high=318.15, default=306.15, doc="of the twin's finger at rest in air"
+    )
+    humidity: float = schema.quantity("", low=0.0, high=1.0, default=0.5, doc="relative humidity of the room")
+    tissue: tuple[Layer, ...] = schema.children(Layer, tag="tissue", doc="the twin's finger from the skin inwards")
+    mismatch: Mismatch = schema.child(Mismatch, default=Mismatch())
+
+    def __post_init__(self) -> None:
+        schema.validate(self)
+        for name in ("contact_area", "sensor_area"):
+            if getattr(self, name) > self.area * (1.0 + 1e-9):
+                raise ValueError(f"{name} = {getattr(self, name)!r} m^2 is more than the plate's area of {self.area:g}")
+
+    @property
+    def plate(self) -> tuple[Layer, Layer]:
+        """The layers from the finger to the module."""
+        return FILM, ALUMINA

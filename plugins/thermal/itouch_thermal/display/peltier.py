@@ -1,0 +1,75 @@
+"""A thermoelectric module: what a current pumps, what current a flux needs, and what a data sheet says of it.
+
+``Q_c = S T_c I - I^2 R / 2 - K (T_h - T_c)`` and ``Q_h = Q_c + S (T_h - T_c) I + I^2 R``; temperatures in kelvin
+(Lineykin and Ben-Yaakov 2007).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from numba import njit
+
+
+@njit(cache=True, error_model="numpy")
+def pumped_heat(
+    seebeck: float, resistance: float, conductance: float, current: float, cold: float, hot: float
+) -> float:
+    """Return the heat [W] taken in at the plate."""
+    return seebeck * cold * current - 0.5 * current * current * resistance - conductance * (hot - cold)
+
+
+@njit(cache=True, error_model="numpy")
+def current_for(seebeck: float, resistance: float, conductance: float, heat: float, cold: float, hot: float) -> float:
+    """Return the current [A] that takes in ``heat`` [W]: the smaller root; beyond the best, the best one."""
+    pull = seebeck * cold
+    root = pull * pull - 2.0 * resistance * (heat + conductance * (hot - cold))
+    if root <= 0.0:
+        return pull / resistance
+    return 2.0 * (heat + conductance * (hot - cold)) / (pull + math.sqrt(root))
+
+
+@dataclass(frozen=True, slots=True)
+class Module:
+    """Seebeck coefficient [V/K], electrical resistance [ohm] and leg conductance [W/K] of a module."""
+
+    seebeck: float
+    resistance: float
+    conductance: float
+
+    @staticmethod
+    def from_datasheet(*, voltage: float, current: float, difference: float, hot: float) -> Module:
+        """Return the module whose data sheet gives U_max [V], I_max [A], dT_max [K] at T_h [K].
+
+        Raises
+        ------
+        ValueError
+            If a value is not positive, or the difference is not less than the hot side's temperature.
+        """
+        given = {"voltage": voltage, "current": current, "difference": difference, "hot": hot}
+        for name, value in given.items():
+            if not (math.isfinite(value) and value > 0.0):
+                raise ValueError(f"{name} = {value!r} must be more than 0")
+        if difference >= hot:
+            raise ValueError(f"difference = {difference!r} K must be less than hot = {hot!r} K")
+        return Module(
+            voltage / hot,
+            voltage * (hot - difference) / (current * hot),
+            voltage * current * (hot - difference) / (2.0 * hot * difference),
+        )
+
+
+def dew_point(temperature: float, humidity: float) -> float:
+    """Return the dew point [K] of air at a temperature [K] and relative humidity 0..1 (Magnus form, Sonntag 1990).
+
+    Raises
+    ------
+    ValueError
+        If the humidity is not above 0 and at most 1.
+    """
+    if not 0.0 < humidity <= 1.0:
+        raise ValueError(f"humidity = {humidity!r} is out of range: above 0 to 1")
+    celsius = temperature - 273.15
+    level = math.log(humidity) + 17.62 * celsius / (243.12 + celsius)
+    return 243.12 * level / (17.62 - level) + 273.15

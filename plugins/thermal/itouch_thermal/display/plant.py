@@ -1,0 +1,197 @@
+"""One step of the display's twin: finger, film, plate, module, sink, driver and sensors, on flat arrays.
+
+``memory`` holds all that is not modes; its entries are numbered here.  Fluxes are W/m2, positive out of the finger.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from itouch_thermal.display.column import (
+    F_BEGIN,
+    F_DECAY,
+    F_END,
+    F_PORT,
+    P_BACK,
+    P_BEGIN,
+    P_DECAY,
+    P_END,
+    P_HALF,
+    P_MEAN,
+    P_PORT,
+    P_PUMP,
+    P_SENSE,
+)
+from itouch_thermal.display.peltier import pumped_heat
+
+#: Numbers of ``memory``.
+(
+    FLUX, SKIN, PLATE, SINK, BACK, PUMP, PLATE_AIR, FINGER_AIR, TOUCHING, FLUX_LAG, PLATE_LAG, SINK_LAG,
+    READ_FLUX, READ_PLATE, READ_SINK, READ_SKIN, READ_VALID,
+    ENERGY_ELECTRIC, ENERGY_FINGER, ENERGY_AIR, ENERGY_ROOM, MEAN, CURRENT, SLOT, MEMORY,
+) = range(25)  # fmt: skip
+
+#: Numbers of ``constants``.
+(
+    C_PERIOD, C_REST, C_TISSUE_GAIN, C_PLATE_GAIN, C_TISSUE_SELF, C_PLATE_SELF, C_SEEBECK, C_RESISTANCE, C_CONDUCTANCE,
+    C_AREA, C_COVER, C_SEEN, C_SINK_CAPACITY, C_SINK_RESISTANCE, C_FILM, C_FINGER_FILM, C_CONTACT, C_FULL_FORCE,
+    C_MAX_CURRENT, C_CURRENT_STEP, C_FLUX_KEEP, C_PLATE_KEEP, C_SINK_KEEP, C_FLUX_NOISE, C_PLATE_NOISE, C_SINK_NOISE,
+    C_SKIN_NOISE, C_FLUX_STEP, C_PLATE_STEP, C_SINK_STEP, C_SKIN_STEP, C_FLUX_GAIN, C_FLUX_BIAS, C_PLATE_OFFSET,
+    C_CLEAR, C_REFERENCE, C_CEILING, C_SLOTS, CONSTANTS,
+) = range(39)  # fmt: skip
+
+_TWO_PI = 2.0 * math.pi
+
+
+@njit(cache=True, error_model="numpy")
+def _scramble(word: Any) -> Any:
+    """Scramble a counter (SplitMix64, Steele, Lea and Flood 2014)."""
+    word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return word ^ (word >> np.uint64(31))
+
+
+@njit(cache=True, error_model="numpy")
+def _gauss(words: Any) -> float:
+    words[0] += np.uint64(0x9E3779B97F4A7C15)
+    first = float(_scramble(words[0]) >> np.uint64(11)) * 2.0**-53
+    words[0] += np.uint64(0x9E3779B97F4A7C15)
+    second = float(_scramble(words[0]) >> np.uint64(11)) * 2.0**-53
+    return math.sqrt(-2.0 * math.log(first + 2.0**-54)) * math.cos(_TWO_PI * second)
+
+
+@njit(cache=True, error_model="numpy")
+def _counted(value: float, step: float) -> float:
+    return math.floor(value / step + 0.5) * step if step > 0.0 else value
+
+
+@njit(cache=True, error_model="numpy")
+def plant_step(
+    c: Any, tissue: Any, plate: Any, memory: Any, above: Any, below: Any, line: Any, words: Any,
+    command: float, force: float, gap: float, ambient: float,
+) -> None:  # fmt: skip
+    """Advance the twin by one step.
+
+    Parameters
+    ----------
+    c
+        Constants, shape (CONSTANTS,).
+    tissue, plate
+        Packed column, shapes (4, n) and (9, m).
+    memory, above, below, line, words
+        What changes: shape (MEMORY,), mode coordinates (n,) and (m,), delayed currents (d,), generator word (1,).
+    command, force, gap, ambient
+        Current [A], force on the plate [N], gap to the finger [m], room [K].
+    """
+    dt = c[C_PERIOD]
+    n, m = above.shape[0], below.shape[0]
+    current = _drive(c, memory, line, command)
+    touching = force > 0.0
+    contact = c[C_CONTACT]
+    if touching and c[C_FULL_FORCE] > 0.0:
+        contact *= max(1.0, c[C_FULL_FORCE] / force)
+    flux, air = memory[FLUX], memory[PLATE_AIR]
+    skin, face, cold, hot = memory[SKIN], memory[PLATE], memory[BACK], memory[SINK]
+    if touching != (memory[TOUCHING] > 0.0):
+        flux = (skin - face) / contact if touching else 0.0
+        memory[TOUCHING] = 1.0 if touching else 0.0
+    air = c[C_FILM] * (ambient - face)
+    finger_air = c[C_FINGER_FILM] * (skin - ambient)
+    cover = c[C_COVER] if touching else 0.0
+
+    heat = pumped_heat(c[C_SEEBECK], c[C_RESISTANCE], c[C_CONDUCTANCE], current, cold, hot)
+    electric = c[C_SEEBECK] * (hot - cold) * current + current * current * c[C_RESISTANCE]
+    pump = heat / c[C_AREA]
+    spill = (1.0 - cover) * air
+
+    # The open column: everything but the end value of the contact flux.
+    gf, gp = c[C_TISSUE_GAIN], c[C_PLATE_GAIN]
+    leaving = flux if touching else finger_air
+    s = c[C_REST]
+    for i in range(n):
+        above[i] = tissue[F_DECAY, i] * above[i] - gf * tissue[F_BEGIN, i] * leaving
+        s += tissue[F_PORT, i] * above[i]
+    before = 0.0
+    p = c[C_REFERENCE]
+    entering = cover * flux + spill
+    for i in range(m):
+        before += plate[P_HALF, i] * below[i]
+        below[i] = plate[P_DECAY, i] * below[i] + gp * (
+            plate[P_BEGIN, i] * entering + plate[P_END, i] * spill - plate[P_PUMP, i] * pump
+        )
+        p += plate[P_PORT, i] * below[i]
+    # Its closing: the flux that agrees with both surfaces at the end of the step.
+    late = 0.0
+    if touching:
+        late = (s - p) / (contact + gf * c[C_TISSUE_SELF] + gp * c[C_PLATE_SELF] * cover)
+        out = late
+    else:
+        out = c[C_FINGER_FILM] * (s - ambient) / (1.0 + c[C_FINGER_FILM] * gf * c[C_TISSUE_SELF])
+    s = c[C_REST]
+    for i in range(n):
+        above[i] -= gf * tissue[F_END, i] * out
+        s += tissue[F_PORT, i] * above[i]
+    p, b, t, h, mean = c[C_REFERENCE], c[C_REFERENCE], c[C_REFERENCE], 0.0, c[C_REFERENCE]
+    for i in range(m):
+        below[i] += gp * plate[P_END, i] * cover * late
+        p += plate[P_PORT, i] * below[i]
+        b += plate[P_BACK, i] * below[i]
+        t += plate[P_SENSE, i] * below[i]
+        h += plate[P_HALF, i] * below[i]
+        mean += plate[P_MEAN, i] * below[i]
+
+    into = 0.5 * (flux + late)
+    room = (hot - ambient) / c[C_SINK_RESISTANCE]
+    memory[SINK] = hot + dt / c[C_SINK_CAPACITY] * (heat + electric - room)
+    memory[ENERGY_ELECTRIC] += dt * electric
+    memory[ENERGY_FINGER] += dt * c[C_AREA] * cover * into
+    memory[ENERGY_AIR] += dt * c[C_AREA] * spill
+    memory[ENERGY_ROOM] += dt * room
+    memory[FLUX], memory[SKIN], memory[PLATE], memory[BACK], memory[MEAN] = late, s, p, b, mean
+    memory[PUMP], memory[PLATE_AIR], memory[FINGER_AIR] = pump, air, finger_air
+    # The film sees the flux at its middle: what entered less what its upper half kept.
+    seen = c[C_SEEN] * into + (0.0 if touching else air)
+    if touching:
+        seen += (1.0 - c[C_SEEN]) * air
+    seen -= (h - before) / (gp * dt)
+    _sense(c, memory, words, seen, t, s, gap)
+
+
+@njit(cache=True, error_model="numpy")
+def _drive(c: Any, memory: Any, line: Any, command: float) -> float:
+    """Pass the command through the delay line and the driver."""
+    size = int(c[C_SLOTS])
+    current = command
+    if size > 0:
+        slot = int(memory[SLOT])
+        current = line[slot]
+        line[slot] = command
+        memory[SLOT] = (slot + 1) % size
+    current = min(c[C_MAX_CURRENT], max(-c[C_MAX_CURRENT], current))
+    current = _counted(current, c[C_CURRENT_STEP])
+    memory[CURRENT] = current
+    return current
+
+
+@njit(cache=True, error_model="numpy")
+def _sense(c: Any, memory: Any, words: Any, seen: float, film: float, skin: float, gap: float) -> None:
+    """Pass the true values through the sensors."""
+    memory[FLUX_LAG] = c[C_FLUX_KEEP] * memory[FLUX_LAG] + (1.0 - c[C_FLUX_KEEP]) * seen
+    memory[PLATE_LAG] = c[C_PLATE_KEEP] * memory[PLATE_LAG] + (1.0 - c[C_PLATE_KEEP]) * film
+    memory[SINK_LAG] = c[C_SINK_KEEP] * memory[SINK_LAG] + (1.0 - c[C_SINK_KEEP]) * memory[SINK]
+    flux = memory[FLUX_LAG] * c[C_FLUX_GAIN] + c[C_FLUX_BIAS] + c[C_FLUX_NOISE] * _gauss(words)
+    flux = min(c[C_CEILING], max(-c[C_CEILING], flux))
+    memory[READ_FLUX] = _counted(flux, c[C_FLUX_STEP])
+    memory[READ_PLATE] = _counted(
+        memory[PLATE_LAG] + c[C_PLATE_OFFSET] + c[C_PLATE_NOISE] * _gauss(words), c[C_PLATE_STEP]
+    )
+    memory[READ_SINK] = _counted(memory[SINK_LAG] + c[C_SINK_NOISE] * _gauss(words), c[C_SINK_STEP])
+    noise = c[C_SKIN_NOISE] * _gauss(words)
+    memory[READ_VALID] = 0.0
+    if gap > c[C_CLEAR]:
+        memory[READ_VALID] = 1.0
+        memory[READ_SKIN] = _counted(skin + noise, c[C_SKIN_STEP])
