@@ -1,4 +1,7 @@
-"""One tick of one probe, compiled: from the tracker's reading to contact force, plate height and their commands.
+"""What one probe does in a tick besides the contact search, compiled.
+
+``follow`` takes the tracker's reading to the HIP, ``itouch.contact.step`` finds the proxy, ``render`` makes contact
+force, plate height and the commands of it.  (They are three, because a caller compiles again all that it calls.)
 
 The proxy's spring force comes from the contact engine; damping is added here, where time is known.  The plate follows
 the encountered-type rule: with s the height at which the finger would rest on the highest virtual surface below it,
@@ -16,7 +19,6 @@ from numpy.typing import NDArray
 
 from itouch.contact import layout as at
 from itouch.contact.cast import sphere_cast
-from itouch.contact.step import step
 
 Floats = NDArray[np.float64]
 
@@ -64,7 +66,7 @@ def _in(c: Floats, frame: int, x: float, y: float, z: float) -> tuple[float, flo
 
 
 @njit(cache=True, error_model="numpy")
-def _follow(c: Floats, tracker: Floats, figures: Floats, first: bool) -> None:
+def follow(c: Floats, tracker: Floats, figures: Floats, first: bool) -> None:
     """Take the tracker's position as the HIP, and filter its velocity."""
     x, y, z = _out(c, TRACKER, tracker[0], tracker[1], tracker[2])
     place = (x + c[TRACKER], y + c[TRACKER + 1], z + c[TRACKER + 2])
@@ -76,7 +78,7 @@ def _follow(c: Floats, tracker: Floats, figures: Floats, first: bool) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def _push(coupling: Floats, figures: Floats, result: Floats) -> None:
+def _push(damping: Floats, figures: Floats, result: Floats) -> None:
     """Write the contact force: the spring's, with damping along the normal that may weaken it, but never pull."""
     primary = int(result[at.RESULT_PRIMARY])
     if primary < 0:
@@ -89,7 +91,7 @@ def _push(coupling: Floats, figures: Floats, result: Floats) -> None:
         n = result[at.RESULT_NORMAL + i]
         spring += result[at.RESULT_FORCE + i] * n
         closing += (figures[VELOCITY + i] - result[at.RESULT_SURFACE_VELOCITY + i]) * n
-    push = max(0.0, spring - coupling[1, primary] * closing)
+    push = max(0.0, spring - damping[primary] * closing)
     for i in range(3):
         n = result[at.RESULT_NORMAL + i]
         figures[NORMAL + i] = n
@@ -180,18 +182,14 @@ def render(
     world: Floats,
     mesh: Any,
     poses: Floats,
-    twists: Floats,
-    coupling: Floats,
-    tracker: Floats,
+    damping: Floats,
     table: Floats,
     sent: Floats,
     figures: Floats,
-    memory: Floats,
     result: Floats,
     wrench: Floats,
     goal: Floats,
     load: float,
-    first: bool,
 ) -> tuple[int, int, bool]:
     """Render one probe for one tick.
 
@@ -199,34 +197,30 @@ def render(
     ----------
     c
         Constants of the probe, shape (CONSTANTS,).
-    world, mesh, poses, twists
+    world, mesh, poses
         The objects; see ``itouch.contact``.
-    coupling
-        Stiffness [N/m] and damping [N s/m] of each object, shape (2, n).
-    tracker, table, sent
-        Pose readings of tracker and table, and the pose last sent to the table, shape (7,).
-    figures, memory, result
-        The probe's part of State.
+    damping
+        Of the coupling with each object [N s/m], shape (n,).
+    table, sent
+        Pose reading of the table, and the pose last sent to it, shape (7,).
+    figures, result
+        The probe's part of State, and what the contact search found.
     wrench, goal
         Commands of arm (6,) and table (7,), written if the probe has them.
     load
         The table's reading of the force along its z axis [N].
-    first
-        Whether there is no step before this one.
 
     Returns
     -------
     tuple
         The object touched most, the nearest one (-1: none), and whether the plate renders the contact.
     """
-    _follow(c, tracker, figures, first)
     primary, nearest = -1, -1
     if world.shape[0] > 0:
-        step(world, mesh, poses, twists, coupling[0], figures[HIP : HIP + 3], c[RADIUS], c[NEAR], memory, result)
         primary, nearest = int(result[at.RESULT_PRIMARY]), int(result[at.RESULT_NEAREST])
         for i in range(3):
             figures[PROXY + i] = result[at.RESULT_PROXY + i]
-        _push(coupling, figures, result)
+        _push(damping, figures, result)
         _approach(figures, result)
     plate = False
     if c[HAS_TABLE] > 0.0:

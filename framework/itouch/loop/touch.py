@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from itouch.contact import layout as at
+from itouch.contact.step import step
 from itouch.loop import render
 from itouch.loop.frames import Frame
 from itouch.loop.runner import Runner
@@ -55,24 +56,32 @@ class Toucher:
         """Collect the views that the compiled tick works on."""
         nothing = np.zeros(7)
         self._load = table.reading["wrench"] if table is not None and "wrench" in table.reading else nothing
-        self._views = (
-            self._constants, model.geometry.world, model.geometry.mesh, state["objects.pose"], state["objects.twist"],
-            np.array([[c.stiffness for c in probe.coupling], [c.damping for c in probe.coupling]], np.float64),
-            tracker.reading["pose"],
+        world, mesh, poses = model.geometry.world, model.geometry.mesh, state["objects.pose"]
+        self._follows = (self._constants, tracker.reading["pose"], self.figures)
+        stiffness = np.array([coupling.stiffness for coupling in probe.coupling], np.float64)
+        self._steps = (
+            world, mesh, poses, state["objects.twist"], stiffness, self.figures[:3], probe.scene.radius,
+            probe.scene.near, self.memory, self.result,
+        )  # fmt: skip
+        self._renders = (
+            self._constants, world, mesh, poses, np.array([c.damping for c in probe.coupling], np.float64),
             table.reading["pose"] if table is not None else nothing,
             table.sent["pose_target"] if table is not None else nothing,
-            self.figures, self.memory, self.result,
+            self.figures, self.result,
             arm.command["wrench"] if arm is not None else np.zeros(6),
             table.command["pose_target"] if table is not None else np.zeros(7),
         )  # fmt: skip
 
     def _warm_up(self) -> None:
-        """Compile now, not in the first tick: the same call on copies."""
-        copies = [
-            view.copy() if isinstance(view, np.ndarray) and view.flags.writeable else view for view in self._views
+        """Compile now, not in the first tick: the same calls on copies."""
+        kernels: list[tuple[Callable[..., Any], tuple[Any, ...]]] = [
+            (render.follow, (*self._follows, True)),
+            (render.render, (*self._renders, 0.0)),
         ]
-        compiled: Any = render.render
-        compiled(*copies, 0.0, True)
+        if self.model.objects:
+            kernels.append((step, self._steps))
+        for kernel, arguments in kernels:
+            kernel(*(v.copy() if isinstance(v, np.ndarray) and v.flags.writeable else v for v in arguments))
 
     def reset(self) -> None:
         """Begin without contact."""
@@ -86,7 +95,10 @@ class Toucher:
 
     def update(self, tick: int) -> None:
         """Follow the tracker, and write the commands of arm and table."""
-        primary, nearest, plate = render.render(*self._views, self._load[2], tick == 0)
+        render.follow(*self._follows, tick == 0)
+        if self.model.objects:
+            step(*self._steps)
+        primary, nearest, plate = render.render(*self._renders, self._load[2])
         self.object[...] = primary
         self.plate[...] = plate
         self._nearest = nearest
