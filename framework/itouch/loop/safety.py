@@ -49,11 +49,12 @@ class TripError(ItouchError):
 class Guard:
     """Limits one command channel: hardware ceiling, then the limits in force, then ramp and slew."""
 
-    __slots__ = ("_apply", "_limits", "channel", "locked")
+    __slots__ = ("_apply", "_high", "_limits", "_locked", "_low", "channel")
 
     def __init__(self, channel: Channel, limits: DeviceLimits) -> None:
         self.channel, self._limits = channel, limits
-        self.locked = _locked_components(channel)
+        self._locked = _locked_components(channel)
+        self._high, self._low = channel.high, channel.low
         kinds = {"wrench": self._wrench, "pose_target": self._pose_target}
         self._apply = kinds.get(channel.name, self._plain)
 
@@ -86,7 +87,7 @@ class Guard:
         if total - total != 0.0:
             raise TripError(Trip.NOT_A_NUMBER, f"was commanded with {_not_finite(values)} ({self.channel.name})")
         dropped = 0
-        for index, rest in self.locked:
+        for index, rest in self._locked:
             if values[index] != rest:
                 values[index] = rest
                 dropped += 1
@@ -95,18 +96,19 @@ class Guard:
         return clamped, dropped
 
     def _wrench(self, values: list[float], last: list[float], ramp: float, period: float, closing: float) -> int:
-        ceiling = (self._limits.force or 0.0) * ramp
-        size = math.sqrt(values[0] * values[0] + values[1] * values[1] + values[2] * values[2])
-        grown = math.sqrt(last[0] * last[0] + last[1] * last[1] + last[2] * last[2]) + default.FORCE_SLEW * period
-        allowed = min(ceiling, grown)
+        x, y, z = values[0:3]
+        size = math.sqrt(x * x + y * y + z * z)
+        x, y, z = last[0:3]
+        grown = math.sqrt(x * x + y * y + z * z) + default.FORCE_SLEW * period
+        allowed = min((self._limits.force or 0.0) * ramp, grown)
         clamped = 0
         if size > allowed:
             scale = allowed / size
             values[0], values[1], values[2] = values[0] * scale, values[1] * scale, values[2] * scale
             clamped = 1
         for index in (3, 4, 5):
-            top = self.channel.high[index] * ramp if self.channel.high else 0.0
-            if abs(values[index]) > top:
+            top = self._high[index] * ramp if self._high else 0.0
+            if values[index] and abs(values[index]) > top:
                 values[index] = math.copysign(top, values[index])
                 clamped = 1
         return clamped

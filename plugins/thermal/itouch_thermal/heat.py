@@ -171,8 +171,8 @@ class Heat(Modality):
         """Advance the finger and every object that was touched."""
         name, live = model.name, model.live
         finger, objects = state[f"{name}.finger"], state[f"{name}.objects"]
-        index = int(state[f"{name}.object"])
-        pressed = index >= 0 and float(state[f"{model.probe}.normal_force"]) > 0.0
+        index = state[f"{name}.object"].item()
+        pressed = index >= 0 and state[f"{model.probe}.normal_force"].item() > 0.0
         body = model.bodies[index] if pressed else None
         flux, resistance = 0.0, np.inf
         if body is not None:
@@ -181,20 +181,21 @@ class Heat(Modality):
         else:
             live.air_step(model.finger, finger)
             self._watch_skin(model, state)
-        for other in np.flatnonzero(state[f"{name}.touched"]).tolist():
-            cooling = model.bodies[other]
+        for other, touched in enumerate(state[f"{name}.touched"].tolist()):
+            cooling = model.bodies[other] if touched else None
             if cooling is not None and not (body is not None and other == index):
                 live.air_step(cooling, objects[other])
-        state[f"{name}.desired"] = flux
-        state[f"{name}.resistance"] = resistance
-        state[f"{name}.skin_temperature"] = live.surface_temperature(model.finger, finger)
+        state[f"{name}.desired"][...] = flux
+        state[f"{name}.resistance"][...] = resistance
+        state[f"{name}.skin_temperature"][...] = live.surface_temperature(model.finger, finger)
 
     def _watch_skin(self, model: HeatModel, state: Record) -> None:
-        if not model.skin_from or (model.valid_from and state[model.valid_from][0] < 0.5):
+        if not model.skin_from or (model.valid_from and state[model.valid_from].item() < 0.5):
             return
         ring, count = state[f"{model.name}.skin_ring"], state[f"{model.name}.skin_count"]
-        ring[int(count) % len(ring)] = state[model.skin_from][0]
-        count += 1
+        seen = count.item()
+        ring[seen % model.window] = state[model.skin_from].item()
+        count[...] = seen + 1
 
 
 def _skin_source(params: HeatParams, world: World) -> tuple[str, str]:
@@ -209,7 +210,7 @@ def _skin_source(params: HeatParams, world: World) -> tuple[str, str]:
 
 def finger_side(layers: Sequence[Layer], arterial: float, skin: float, ambient: float) -> Side:
     """Return a finger that rests at a skin temperature [K] in air; its film is the one that keeps it there."""
-    from itouch_thermal.solver.stack import initial_profile
+    from itouch_thermal.solver.steady import initial_profile
 
     start = Initial(kind="steady", surface=skin)
     back = Back(kind="temperature", temperature=arterial)

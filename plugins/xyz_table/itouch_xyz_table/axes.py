@@ -1,4 +1,4 @@
-"""The three axes of the table's twin, compiled: position control against mass and dry friction."""
+"""The three axes of the table's twin and its sensors, compiled."""
 
 from __future__ import annotations
 
@@ -9,27 +9,48 @@ from numba import njit
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+Words = NDArray[np.uint64]
 
 #: Part of the dry friction that the drive's feed-forward makes up for, and damping ratio of its control.
 COMPENSATED, DAMPING_RATIO = 0.8, 0.9
+#: Step of the encoders [m].
+ENCODER = 1e-6
 
 # Where the parameters stand in the array that `move` takes.
-OMEGA, SPEED, ACCELERATION, MASS, DRAG, LOW, HIGH = 0, 1, 2, 3, 4, 5, 8
-PARAMETERS = 11
+OMEGA, SPEED, ACCELERATION, MASS, DRAG, LOW, HIGH, NOISE = 0, 1, 2, 3, 4, 5, 8, 11
+PARAMETERS = 12
+
+
+@njit(cache=True, error_model="numpy")
+def _mix(word: np.uint64) -> np.uint64:
+    """Scramble a counter (SplitMix64, Steele, Lea and Flood 2014)."""
+    word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return word ^ (word >> np.uint64(31))
+
+
+@njit(cache=True, error_model="numpy")
+def _gaussian(words: Words) -> float:
+    """Draw from the standard normal distribution; the generator is the one word given."""
+    first = words[0] + np.uint64(0x9E3779B97F4A7C15)
+    second = first + np.uint64(0x9E3779B97F4A7C15)
+    words[0] = second
+    u = float(_mix(first) >> np.uint64(11)) * 2.0**-53 + 2.0**-54
+    v = float(_mix(second) >> np.uint64(11)) * 2.0**-53
+    return math.sqrt(-2.0 * math.log(u)) * math.cos(2.0 * math.pi * v)
 
 
 @njit(cache=True, error_model="numpy")
 def move(
     parameters: Floats,
     goal: Floats,
-    position: Floats,
-    velocity: Floats,
-    target: Floats,
-    load: Floats,
+    axes: Floats,
+    sensed: Floats,
+    words: Words,
     wrench: Floats,
     period: float,
 ) -> None:
-    """Advance the axes by one period.
+    """Advance the axes by one period and take the sensors' readings.
 
     Parameters
     ----------
@@ -37,22 +58,29 @@ def move(
         Shape (PARAMETERS,).
     goal, wrench
         Commanded pose (7,) and what presses on the table (6,).
-    position, velocity, target, load
-        State of the axes, each shape (3,); ``target`` is the goal of the step before.
+    axes
+        Position, velocity and the goal of the step before, shape (3, 3).
+    sensed
+        Pose by the encoders and force by the sensor, shape (6,); written.
+    words
+        The noise generator, shape (1,).
     period
         Length of the step [s].
     """
     omega, speed, acceleration = parameters[OMEGA], parameters[SPEED], parameters[ACCELERATION]
     for i in range(3):
-        pace = max(-speed, min(speed, (goal[i] - target[i]) / period))
-        pull = omega * omega * (goal[i] - position[i]) + 2.0 * DAMPING_RATIO * omega * (pace - velocity[i])
+        place, rate = axes[0, i], axes[1, i]
+        pace = max(-speed, min(speed, (goal[i] - axes[2, i]) / period))
+        pull = omega * omega * (goal[i] - place) + 2.0 * DAMPING_RATIO * omega * (pace - rate)
         pull = max(-acceleration, min(acceleration, pull))
-        drag = math.copysign(min(parameters[DRAG], abs(velocity[i]) * 1e3), velocity[i])
-        rate = velocity[i] + period * (pull + (wrench[i] - drag) / parameters[MASS])
+        drag = math.copysign(min(parameters[DRAG], abs(rate) * 1e3), rate)
+        rate += period * (pull + (wrench[i] - drag) / parameters[MASS])
         rate = max(-speed, min(speed, rate))
-        place = position[i] + period * rate
+        place += period * rate
         low, high = parameters[LOW + i], parameters[HIGH + i]
         if place < low or place > high:  # an end stop
             place, rate = min(max(place, low), high), 0.0
-        position[i], velocity[i] = place, rate
-        target[i], load[i] = goal[i], wrench[i]
+        axes[0, i], axes[1, i], axes[2, i] = place, rate, goal[i]
+        sensed[i] = np.rint(place / ENCODER) * ENCODER
+        sensed[3 + i] = wrench[i]
+    sensed[5] += parameters[NOISE] * _gaussian(words)

@@ -7,11 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from itouch.plugin import Field, Record, Touch, Twin, gaussian
-
-_ENCODER = 1e-6
-#: Adding and subtracting it rounds a number to an integer, and leaves NaN what it is.
-_TO_INTEGER = 1.5 * 2.0**52
+from itouch.plugin import Field, Record, Touch, Twin
 
 
 class XyzTableTwin(Twin):
@@ -24,46 +20,48 @@ class XyzTableTwin(Twin):
         x, y, z = params.travel
         drag = params.friction * (1.0 - axes.COMPENSATED)
         omega = 2.0 * math.pi * params.bandwidth
-        rows = (omega, params.speed, params.acceleration, params.mass, drag, -x / 2, -y / 2, 0.0, x / 2, y / 2, z)
+        ends = (-x / 2, -y / 2, 0.0, x / 2, y / 2, z)
+        rows = (omega, params.speed, params.acceleration, params.mass, drag, *ends, params.force_noise)
         self._parameters = np.array(rows)
         self._parameters.setflags(write=False)
         self._move = axes.move
-        a, b, c, d = (np.zeros(3) for _ in range(4))
-        axes.move(self._parameters, np.zeros(7), a, b, c, d, np.zeros(6), 1e-3)  # compiled now, not in the first tick
+        words = np.zeros(1, np.uint64)  # compiled now, not in the first tick
+        axes.move(self._parameters, np.zeros(7), np.zeros((3, 3)), np.zeros(6), words, np.zeros(6), 1e-3)
 
     def fields(self) -> tuple[Field, ...]:
-        """Return positions, velocities, the last target, the load and the noise generator's word."""
+        """Return position, velocity and last goal of the axes, what the sensors read, and the noise generator."""
         return (
-            Field("position", "f8", 3),
-            Field("velocity", "f8", 3),
-            Field("target", "f8", 3),
-            Field("load", "f8", 3),
-            Field("noise", "u8"),
+            Field("axes", "f8", (3, 3)),
+            Field("sensed", "f8", 6),
+            Field("noise", "u8", 1),
         )
 
     def reset(self, state: Record, rng: np.random.Generator) -> None:
         """Stand in the middle of the travel, at the bottom."""
-        for name in ("position", "velocity", "target", "load"):
-            state[name] = 0.0
+        state["axes"] = 0.0
+        state["sensed"] = 0.0
         state["noise"] = rng.integers(0, 1 << 63)
 
     def pose(self, state: Record) -> tuple[float, float, float] | None:
         """Return where the plate's carrier truly is."""
-        x, y, z = state["position"].tolist()
+        x, y, z = state["axes"][0].tolist()
         return x, y, z
 
     def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
         """Move the axes by one period."""
         self._move(
-            self._parameters, command["pose_target"], state["position"], state["velocity"], state["target"],
-            state["load"], touch.wrench, period,
-        )  # fmt: skip
+            self._parameters,
+            command["pose_target"],
+            state["axes"],
+            state["sensed"],
+            state["noise"],
+            touch.wrench,
+            period,
+        )
 
     def read(self, state: Record, reading: Record) -> bool | None:
-        """Give encoder positions and the force sensor's noisy reading."""
-        x, y, z = state["position"].tolist()
-        fx, fy, fz = state["load"].tolist()
-        steps = [(value / _ENCODER + _TO_INTEGER - _TO_INTEGER) * _ENCODER for value in (x, y, z)]
-        reading["pose"] = (*steps, 1.0, 0.0, 0.0, 0.0)
-        reading["wrench"] = (fx, fy, fz + self.params.force_noise * gaussian(state, "noise"), 0.0, 0.0, 0.0)
+        """Give the encoders' position and the force sensor's noisy reading."""
+        x, y, z, fx, fy, fz = state["sensed"].tolist()
+        reading["pose"] = (x, y, z, 1.0, 0.0, 0.0, 0.0)
+        reading["wrench"] = (fx, fy, fz, 0.0, 0.0, 0.0)
         return True
