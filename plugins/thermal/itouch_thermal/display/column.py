@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from itouch_thermal.solver.layers import Back, Initial, Layer, Side
 from itouch_thermal.solver.modes import Modes, layer_modes
-from itouch_thermal.solver.stack import initial_profile, resting_profile
+from itouch_thermal.solver.steady import initial_profile, resting_profile
 
 Array = NDArray[np.float64]
 

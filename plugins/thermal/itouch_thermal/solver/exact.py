@@ -17,7 +17,8 @@ from itouch_thermal.solver.contour import Complex, Z
 from itouch_thermal.solver.fields import Waves, waves
 from itouch_thermal.solver.laplace import NODES, STEP, combine, side_table
 from itouch_thermal.solver.layers import Contact, Side, SideName
-from itouch_thermal.solver.stack import Array, imbalance, initial_profile, stack_of
+from itouch_thermal.solver.stack import Array, imbalance, stack_of
+from itouch_thermal.solver.steady import initial_profile
 
 NO_DRIVE: Complex = np.empty((0, NODES), dtype=np.complex128)
 
@@ -75,11 +76,12 @@ class ContactSolution:
         points = (Z / self.times[:, None]).ravel()
         found = side_waves(body, points)
         index, x = found.stack.locate(depth)
-        amplitudes = found.amplitudes(sign * self.transforms.ravel() - start.flux)
-        value, flux = found.at(index, np.array([x]), amplitudes)
+        entering = found.entering(sign * self.transforms.ravel() - start.flux)[index]
+        value = found.temperature_within(index, np.array([x]), entering)[0]
+        flux = found.flux_within(index, np.array([x]), entering)[0]
         before = float(start.temperature(np.array([depth]))[0]), start.flux_at(depth)
         shape = self.transforms.shape
-        change = ((STEP * part.reshape(shape)).real.sum(axis=1) for part in (value[0], flux[0]))
+        change = ((STEP * part.reshape(shape)).real.sum(axis=1) for part in (value, flux))
         return before[0] + next(change), sign * (before[1] + next(change))
 
 

@@ -1,7 +1,8 @@
 """Temperature fields of a side in the Laplace domain, for real or complex s: no mesh, nothing that can overflow.
 
 In a layer the deviation is ``F exp(-g x) + B exp(-g (L - x)) + p`` with ``g = sqrt((s rho c + w) / k)``; both
-exponentials are at most one.  What lies behind a face enters only through its reflection coefficient.
+exponentials are at most one.  What lies behind a face enters only through its reflection coefficient r.  Where r is
+near one, as behind thin layers on insulators, ``1 - r`` is carried beside it so that fluxes keep their digits.
 """
 
 from __future__ import annotations
@@ -20,55 +21,81 @@ Values = NDArray[Any]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Waves:
-    """Propagation in every layer, shape (layers, points): ``growth`` g, ``admittance`` k g, ``decay`` exp(-g L).
+    """Propagation in every layer, all arrays of shape (layers, points).
 
-    ``reflection`` is the coefficient of each layer's inner face, ``open`` the temperature [K] which what lies
-    behind that face would take by itself, ``source`` the particular solution p [K].
+    Attributes
+    ----------
+    growth, admittance
+        g [1/m] and k g [W/m2K].
+    decay, loss
+        exp(-g L) and 1 - exp(-2 g L).
+    reflection, passing
+        r and 1 - r at each layer's inner face.
+    open
+        The temperature [K] which what lies behind that face would take by itself.
+    source
+        The particular solution p [K].
     """
 
     stack: Stack
     growth: Values
     admittance: Values
     decay: Values
+    loss: Values
     reflection: Values
+    passing: Values
     open: Values
     source: Values
 
     @property
-    def impedance(self) -> Values:
-        """Contact temperature per unit inward flux [m2K/W], shape (points,)."""
-        echo = self.reflection[0] * self.decay[0] ** 2
-        return np.asarray((1.0 + echo) / ((1.0 - echo) * self.admittance[0]))
-
-    @property
     def surface(self) -> Values:
         """Contact temperature [K] without flux, shape (points,)."""
-        return np.asarray(self.lift(0, self.open[0]))
+        return self.lift(0)
 
-    def lift(self, index: int, behind: Values) -> Values:
-        """Carry an open temperature [K] from a layer's inner face to its outer one."""
-        echo = self.reflection[index] * self.decay[index] ** 2
-        drive = self.decay[index] * (1.0 - self.reflection[index]) * (behind - self.source[index])
-        return np.asarray(self.source[index] + drive / (1.0 - echo))
+    @property
+    def impedance(self) -> Values:
+        """Contact temperature per unit inward flux [m2K/W], shape (points,)."""
+        return np.asarray((1.0 + self.reflection[0] * self.decay[0] ** 2) / (self.closed(0) * self.admittance[0]))
 
-    def amplitudes(self, flux: Values) -> tuple[Values, Values]:
-        """Return F and B of every layer, shape (layers, points), for an inward flux at the contact."""
-        ahead, behind = np.empty_like(self.growth), np.empty_like(self.growth)
-        for i, (y, e, r) in enumerate(zip(self.admittance, self.decay, self.reflection, strict=True)):
-            drive = 0.5 * (1.0 - r) * (self.open[i] - self.source[i])
-            ahead[i] = (flux / y + e * drive) / (1.0 - r * e * e)
-            behind[i] = drive + r * ahead[i] * e
-            flux = y * (ahead[i] * e - behind[i])
-        return ahead, behind
+    def closed(self, index: int) -> Values:
+        """Return ``1 - r exp(-2 g L)`` of a layer, shape (points,)."""
+        return np.asarray(self.passing[index] + self.reflection[index] * self.loss[index])
 
-    def at(self, index: int, x: Array, amplitudes: tuple[Values, Values]) -> tuple[Values, Values]:
-        """Return temperature [K] and inward flux [W/m2] at depths x in a layer, shape (depths, points)."""
-        ahead, behind = amplitudes[0][index], amplitudes[1][index]
+    def lift(self, index: int) -> Values:
+        """Carry the open temperature [K] from a layer's inner face to its outer one."""
+        drive = self.decay[index] * self.passing[index] * (self.open[index] - self.source[index])
+        return np.asarray(self.source[index] + drive / self.closed(index))
+
+    def entering(self, flux: Values) -> Values:
+        """Return the inward flux [W/m2] at the outer face of every layer, shape (layers, points)."""
+        found = np.empty_like(self.growth)
+        for i, length in enumerate(self.stack.thickness):
+            found[i] = flux
+            flux = self.flux_within(i, np.array([length]), flux)[0] if np.isfinite(length) else 0.0 * flux
+        return found
+
+    def flux_within(self, index: int, x: Array, flux: Values) -> Values:
+        """Return the inward flux [W/m2] at depths x in a layer which ``flux`` enters, shape (depths, points)."""
+        g, length = self.growth[index], float(self.stack.thickness[index])
         x = np.asarray(x)[:, None]
-        length = self.stack.thickness[index]
-        fall = ahead * np.exp(-self.growth[index] * x)
-        rise = behind * np.exp(-self.growth[index] * (length - x)) if np.isfinite(length) else 0.0 * fall
-        return fall + rise + self.source[index], self.admittance[index] * (fall - rise)
+        if np.isinf(length):
+            return np.asarray(flux * np.exp(-g * x))
+        rest = length - x
+        ahead = self.passing[index] - self.reflection[index] * np.expm1(-2.0 * g * rest)
+        drive = self.passing[index] * (self.open[index] - self.source[index]) * np.exp(-g * rest)
+        gain = 0.5 * drive * self.admittance[index] * np.expm1(-2.0 * g * x)
+        return np.asarray((ahead * np.exp(-g * x) * flux + gain) / self.closed(index))
+
+    def temperature_within(self, index: int, x: Array, flux: Values) -> Values:
+        """Return the deviation [K] at depths x in a layer which ``flux`` enters, shape (depths, points)."""
+        e, g, length = self.decay[index], self.growth[index], self.stack.thickness[index]
+        drive = 0.5 * self.passing[index] * (self.open[index] - self.source[index])
+        ahead = (flux / self.admittance[index] + e * drive) / self.closed(index)
+        x = np.asarray(x)[:, None]
+        fall = ahead * np.exp(-g * x) + self.source[index]
+        if np.isinf(length):
+            return np.asarray(fall)
+        return np.asarray(fall + (drive + self.reflection[index] * ahead * e) * np.exp(-g * (length - x)))
 
 
 def waves(stack: Stack, s: Values, *, arterial: Values | float = 0.0, back: Values | float = 0.0) -> Waves:
@@ -78,27 +105,30 @@ def waves(stack: Stack, s: Values, *, arterial: Values | float = 0.0, back: Valu
     """
     k, c, w = (np.asarray(a)[:, None] for a in (stack.conductivity, stack.capacity, stack.perfusion))
     growth = np.sqrt((s * c + w) / k)
-    admittance = k * growth
+    endless = np.isinf(stack.thickness)[:, None]
     length = np.where(np.isinf(stack.thickness), 0.0, stack.thickness)[:, None]
-    decay = np.where(np.isinf(stack.thickness)[:, None], 0.0, np.exp(-growth * length))
+    decay = np.where(endless, 0.0, np.exp(-growth * length))
+    loss = np.where(endless, 1.0, -np.expm1(-2.0 * growth * length))
     source = w * arterial / (s * c + w)
-    found = Waves(stack, growth, admittance, decay, np.zeros_like(growth), np.zeros_like(growth), source)
+    reflection, passing, behind = (np.zeros_like(growth) for _ in range(3))
+    found = Waves(stack, growth, k * growth, decay, loss, reflection, passing, behind, source)
     _look_back(found, back)
     return found
 
 
 def _look_back(found: Waves, back: Values | float) -> None:
-    """Fill reflection and open temperature from the back to the contact."""
+    """Fill reflection, passing and open temperature from the back to the contact."""
     last = len(found.growth) - 1
-    y = found.admittance
+    y, h = found.admittance, found.stack.back
     if found.stack.endless:
-        found.open[last] = found.source[last]
+        found.open[last], found.passing[last] = found.source[last], 1.0
     else:
-        h = found.stack.back
         found.reflection[last] = -1.0 if np.isinf(h) else (y[last] - h) / (y[last] + h)
+        found.passing[last] = 2.0 if np.isinf(h) else 2.0 * h / (y[last] + h)
         found.open[last] = found.source[last] if h == 0.0 else back
     for i in range(last - 1, -1, -1):
-        echo = found.reflection[i + 1] * found.decay[i + 1] ** 2
-        near, far = y[i] * (1.0 + echo), y[i + 1] * (1.0 - echo)
+        near = y[i] * (1.0 + found.reflection[i + 1] * found.decay[i + 1] ** 2)
+        far = y[i + 1] * found.closed(i + 1)
         found.reflection[i] = (near - far) / (near + far)
-        found.open[i] = found.lift(i + 1, found.open[i + 1])
+        found.passing[i] = 2.0 * far / (near + far)
+        found.open[i] = found.lift(i + 1)

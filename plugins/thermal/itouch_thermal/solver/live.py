@@ -24,7 +24,8 @@ from itouch_thermal.solver.contour import WEIGHTS, Z
 from itouch_thermal.solver.lanes import dot, padded
 from itouch_thermal.solver.layers import FINGER_FILM, ROOM, Film, Side
 from itouch_thermal.solver.modes import Modes, side_modes
-from itouch_thermal.solver.stack import Array, initial_profile, resting_profile
+from itouch_thermal.solver.stack import Array
+from itouch_thermal.solver.steady import initial_profile, resting_profile
 
 #: Numbers behind the coordinates of a state: phase, last resistance, heat taken in through the contact [J/m2].
 STATE_TAIL = 3

@@ -191,14 +191,15 @@ def _fields(
     stack: Stack, s: Array, points: list[Array], flux: Array, arterial: float = 0.0, back: float = 0.0
 ) -> _Span:
     found = waves(stack, s, arterial=arterial, back=back)
-    amplitudes = found.amplitudes(flux)
-    pairs = [found.at(i, x, amplitudes) for i, x in enumerate(points)]
-    last = len(points) - 1
-    end = stack.thickness[last]
-    behind = np.zeros_like(s) if np.isinf(end) else found.at(last, np.array([end]), amplitudes)[0][0]
-    gradients = [-q / k for (_, q), k in zip(pairs, stack.conductivity, strict=True)]
-    front = found.at(0, np.zeros(1), amplitudes)[0][0]
-    return _Span(np.concatenate([t for t, _ in pairs]), np.concatenate(gradients), front, behind)
+    entering = found.entering(flux)
+    values, gradients = [], []
+    for i, (x, k) in enumerate(zip(points, stack.conductivity, strict=True)):
+        values.append(found.temperature_within(i, x, entering[i]))
+        gradients.append(found.flux_within(i, x, entering[i]) / -k)
+    last, end = len(points) - 1, stack.thickness[-1:]
+    behind = np.zeros_like(s) if stack.endless else found.temperature_within(last, end, entering[last])[0]
+    front = found.temperature_within(0, np.zeros(1), entering[0])[0]
+    return _Span(np.concatenate(values), np.concatenate(gradients), front, behind)
 
 
 def _constant(points: list[Array]) -> _Span:
