@@ -287,7 +287,8 @@ class Binder:
             optional = host.attributes.get("optional")
             if host.tag == "device" and optional is not None and optional.value in ("true", "yes", "1"):
                 problem = replace(problem, severity="warning")
-            self.problems.append(problem)
+            if not (problem.code == "plugin-failed" and any(p.sentence == problem.sentence for p in self.problems)):
+                self.problems.append(problem)
             return None
         name = self._modality_name(node) if host.tag == "interaction" else ""
         params = self.bind(node, cls, extra=frozenset({"name"}) if name else frozenset())
