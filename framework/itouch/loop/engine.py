@@ -48,11 +48,12 @@ class Engine:
         self._all = list(self._runners.values())
         self._modalities = [(m.instance, m.model, m.every) for m in model.modalities]
         self._tick, self._ready = self.state["tick"], self.state["ready"]
+        self._moves = any(Contact.MOVE in instance.hears for instance, _, _ in self._modalities)
         self._events, self._count = self.state["events.table"], self.state["events.count"]
         self._probe_index = {probe.name: probe.index for probe in model.probes}
         self.fault: DeviceFaultError | None = None
         self._enabled = False
-        self._started = now()
+        self.wall = 0.0  # host seconds spent running
         self.state["seed"] = seed
         self._reset(seed)
 
@@ -153,7 +154,7 @@ class Engine:
         for runner in self._all:
             runner.read(tick)
         for rig in self._rigs:
-            rig.touch(tick, self._tell)
+            rig.touch(tick, self._tell, self._moves)
         for instance, model, every in self._modalities:
             if tick % every == 0:
                 instance.update(model, self.state, self.model.period * every)
@@ -185,7 +186,8 @@ class Engine:
                 if rig.probe.name == event.probe:
                     rig.log.hear(event) if event.kind is Contact.BEGIN else None
         for instance, model, _ in self._modalities:
-            instance.on_contact(event, model, self.state)
+            if event.kind in instance.hears:
+                instance.on_contact(event, model, self.state)
         if event.kind is Contact.END:
             for rig in self._rigs:
                 if rig.probe.name == event.probe:
@@ -255,12 +257,13 @@ class Engine:
         self._require_enabled()
         last = int(self._tick) + round(seconds / self.model.period) if seconds is not None else None
         self.clock.start(self.model.period)
-        collecting = gc.isenabled()
+        collecting, begin = gc.isenabled(), now()
         gc.collect()
         gc.disable()
         try:
             self._loop(last, until, each)
         finally:
+            self.wall += now() - begin
             if collecting:
                 gc.enable()
 
@@ -331,4 +334,4 @@ class Engine:
         """Return the report; see ``itouch.report`` for its keys."""
         from itouch.loop.summary import summary
 
-        return summary(self, [rig.log.entry(None) for rig in self._rigs if rig.log.open], now() - self._started)
+        return summary(self, [rig.log.entry(None) for rig in self._rigs if rig.log.open], self.wall)

@@ -100,7 +100,7 @@ class ProbeRig:
         moved = carrier.reading["pose"].tolist()[:3] if "pose" in carrier.reading else (0.0, 0.0, 0.0)
         return below.moved(below.vector(moved)).compose(frame)
 
-    def touch(self, tick: int, tell: Listener) -> None:
+    def touch(self, tick: int, tell: Listener, moves: bool) -> None:
         """Contact, its events, and the commands that belong to it, from this tick's readings."""
         for which, runner in self._stands:
             frame = self.frame_of(runner)
@@ -108,7 +108,7 @@ class ProbeRig:
                 self._placed[which] = frame
                 self.toucher.place(which, frame)
         self.toucher.update(tick)
-        self.toucher.events(tick, tell)
+        self.toucher.events(tick, tell, moves)
 
     def command(self) -> None:
         """Choose how fast the table may close in; a touch-off that is not done takes the table over."""

@@ -18,7 +18,7 @@ def summary(engine: Engine, open_contacts: list[dict[str, Any]], wall: float) ->
     open_contacts
         Entries of the contacts that have not ended.
     wall
-        Host seconds since the engine was built.
+        Host seconds spent running.
     """
     model, ledger, times = engine.model, engine.ledger, engine.times
     real = engine.clock.pace == "real"

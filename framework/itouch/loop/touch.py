@@ -103,8 +103,8 @@ class Toucher:
         self.plate[...] = plate
         self._nearest = nearest
 
-    def events(self, tick: int, tell: Listener) -> None:
-        """Emit the events of this tick: NEAR, then END and BEGIN, or MOVE."""
+    def events(self, tick: int, tell: Listener, moves: bool) -> None:
+        """Emit the events of this tick: NEAR, then END and BEGIN, or MOVE if anybody hears it."""
         nearest = self._nearest
         if nearest != self.near_object.item():
             self.near_object[...] = nearest
@@ -113,7 +113,8 @@ class Toucher:
         current, primary = self.current.item(), self.object.item()
         if current >= 0:
             if self._goes_on(current, primary, nearest):
-                tell(self._event(_MOVE, tick, current, primary == current))
+                if moves:
+                    tell(self._event(Contact.MOVE, tick, current, primary == current))
                 return
             tell(self._event(Contact.END, tick, current, primary == current))
             self.current[...] = -1
@@ -155,9 +156,6 @@ class Toucher:
             kind, tick, self.probe.name, self.model.objects[index], index, point, (nx, ny, nz), distance, -along,
             tangential, f[18], f[19], f[21],
         )  # fmt: skip
-
-
-_MOVE = Contact.MOVE
 
 
 def _constants(

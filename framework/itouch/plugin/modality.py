@@ -96,6 +96,8 @@ class Modality(ABC):
     Params: ClassVar[type]
     #: Frozen dataclass of schema fields: its element under ``<material>``, if it has one.
     Material: ClassVar[type | None] = None
+    #: Kinds of event that ``on_contact`` wants; MOVE comes in every tick of a contact.
+    hears: ClassVar[frozenset[Contact]] = frozenset(Contact)
 
     @abstractmethod
     def compile(self, name: str, params: Any, world: World) -> Any:

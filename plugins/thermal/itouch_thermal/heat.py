@@ -89,6 +89,7 @@ class Heat(Modality):
 
     Params = HeatParams
     Material: ClassVar[type | None] = ThermalMaterial
+    hears = frozenset({ContactKind.BEGIN, ContactKind.END})
 
     def compile(self, name: str, params: HeatParams, world: World) -> HeatModel:
         """Build the modes of finger and objects."""
