@@ -54,6 +54,7 @@ ONE_LINE = [
     ('<interaction><probe name="f" pose-from="arm" surface-to="arm"/></interaction>', "missing-channel", 46, "pose_target"),
     ('<interaction><thermal:het probe="f"/></interaction>', "unknown-element", 14, "thermal:heat"),
     ('<interaction xmlns:q="urn:itouch:plugin:quux"><q:x/></interaction>', "unknown-plugin", 47, "quux"),
+    ('<interaction><nope:x probe="f"/></interaction>', "unknown-prefix", 14, "urn:itouch:plugin:nope"),
     ('<safety force="9 N"/>', "loosened-limit", 9, "default of 3 N"),
     ('<safety temperature="10 40 degC"/>', "loosened-limit", 9, "15 to 40 degC"),
     ('<safety servo-overrun="ignore"/>', "bad-value", 9, "'stop'"),

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from itouch.loop import Engine
 
 _EVERY = 0.1
-_COLUMNS = ("object", "material", "begin s", "end s", "mean flux W/m2", "skin K", "peak N", "gap mm", "flux err")
+_COLUMNS = ("object", "material", "begin s", "end s", "W/m2", "skin K", "peak N", "gap mm", "flux err")
 
 
 class Screen:
@@ -52,6 +52,9 @@ class Screen:
         times = engine.times.summary()
         if times["p99"] is not None:
             parts.append(f"tick p99 {times['p99']:.0f} us")
+        if engine.clock.pace == "real":
+            late = engine.times.lateness.percentile(99) or 0.0
+            parts.append(f"late p99 {late * 1e6:.0f} us, {engine.times.overruns} overruns")
         if not engine.state["ready"]:
             parts.append("calibrating")
         return "  ".join(parts)
@@ -104,10 +107,11 @@ def _plain_table(report: dict[str, Any], stream: TextIO) -> None:
 
 
 def _rich_table(report: dict[str, Any], stream: TextIO) -> None:
+    from rich import box
     from rich.console import Console
     from rich.table import Table
 
-    table = Table(title="Contacts")
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
     for index, column in enumerate(_COLUMNS):
         table.add_column(column, justify="left" if index < 2 else "right")
     for entry in report["contacts"]:

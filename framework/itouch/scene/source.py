@@ -153,6 +153,7 @@ class _Positions:
         self._text = text
         self._offsets: list[int] = []
         self._depth = 0
+        self._prefixes: list[frozenset[str]] = [frozenset({"xml"})]
         self._parser = expat.ParserCreate("utf-8")
         self._parser.ordered_attributes = True
         self._parser.StartElementHandler = self._start
@@ -187,9 +188,21 @@ class _Positions:
         if len(self._offsets) >= MAX_ELEMENTS:
             self._refuse("too-many-elements", f"the file has more than {MAX_ELEMENTS} elements", "split the scene")
         self._offsets.append(self._parser.CurrentByteIndex)
+        self._declare(name, attributes)
+
+    def _declare(self, name: str, attributes: list[str]) -> None:
+        """Follow which namespace prefixes are declared, and refuse one that is not."""
+        new = {key.removeprefix("xmlns:") for key in attributes[::2] if key.startswith("xmlns:")}
+        known = self._prefixes[-1] | new if new else self._prefixes[-1]
+        self._prefixes.append(known)
+        prefix, colon, _ = name.partition(":")
+        if colon and prefix not in known:
+            advice = f'write xmlns:{prefix}="urn:itouch:plugin:{prefix}" into <itouch>'
+            self._refuse("unknown-prefix", f"<{name[:60]}>: the prefix '{prefix[:40]}' is not declared", advice)
 
     def _end(self, name: str) -> None:
         self._depth -= 1
+        self._prefixes.pop()
 
     def _doctype(self, *args: object) -> None:
         at = max(0, self._text.data.find(b"<!DOCTYPE"))
