@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from itouch_thermal.solver import live
 from itouch_thermal.solver.layers import Contact
+from itouch_thermal.solver.packing import HEAT, PHASE, RESISTANCE, TAIL, pair_model
 from itouch_thermal.solver.stack import Array
 
 
@@ -34,6 +35,7 @@ class Stepper:
         self.period = period
         self._finger = live.side_model(contact.finger, period, finger=True)
         self._object = live.side_model(contact.object, period, finger=False)
+        self._pair = pair_model(contact.finger, contact.object, period)
         self._split = live.state_size(self._finger)
         self._state = np.concatenate(
             (
@@ -82,8 +84,7 @@ class Stepper:
         if not np.all(given >= 0.0):
             raise ValueError("resistances: each must be 0 or more, infinite for a step apart")
         flux = np.empty(len(given))
-        states = self._state[: self._split], self._state[self._split :]
-        _advance(self._finger, states[0], self._object, states[1], given, flux)
+        _advance(self._pair, self._finger, self._object, self._state, given, flux)
         return flux
 
     @property
@@ -98,14 +99,28 @@ class Stepper:
 
 
 @njit(cache=True, error_model="numpy")
-def _advance(
-    finger: Array, finger_state: Array, body: Array, body_state: Array, resistances: Array, flux: Array
-) -> None:
-    work = np.empty(128)
+def _advance(pair: Array, finger: Array, body: Array, state: Array, resistances: Array, flux: Array) -> None:
+    work = np.empty(live.SCRATCH)
+    split = int(finger[0])
+    f, b = int(finger[TAIL]), split + int(body[TAIL])
+    finger_state, body_state = state[:split], state[split:]
     for step in range(len(resistances)):
-        if resistances[step] < np.inf:
-            flux[step] = live.advance_contact(finger, finger_state, body, body_state, resistances[step], work)
-        else:
+        resistance = resistances[step]
+        if resistance == np.inf:
             live.advance_air(finger, finger_state, work)
             live.advance_air(body, body_state, work)
             flux[step] = 0.0
+            continue
+        fresh = state[f] <= 0.0 or state[b] <= 0.0
+        before = state[f + RESISTANCE]
+        if fresh:
+            state[f + PHASE] = state[b + PHASE] = 0.0
+        if fresh or (resistance == before and state[f] < live.EXACT_STEPS):
+            flux[step], heat = live.contour(pair, state, resistance, work)
+        else:
+            flux[step], heat = live.collocate(pair, state, before, resistance, work)
+        state[f + PHASE] += 1.0
+        state[b + PHASE] += 1.0
+        state[f + RESISTANCE] = state[b + RESISTANCE] = resistance
+        state[f + HEAT] -= heat
+        state[b + HEAT] += heat

@@ -1,0 +1,131 @@
+"""Flat models and states of the live solver: what the compiled steps work on.
+
+A model is one read-only array: a head, then rows of ``size`` numbers (decay, port, stationary rise; memory and drive
+of every stage; real and imaginary kernel of every node), then the matrix of the stages and the impedance at the
+nodes.  A state has ``size`` numbers: the mode coordinates and, from ``model[TAIL]`` on, `TAIL_LENGTH` numbers that
+the modes leave alone, since they stand as modes that neither decay nor reach the contact.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from itouch_thermal.solver import collocation
+from itouch_thermal.solver.contour import Z
+from itouch_thermal.solver.lanes import padded
+from itouch_thermal.solver.layers import FINGER_FILM, ROOM, Film, Side
+from itouch_thermal.solver.modes import Modes, side_modes
+from itouch_thermal.solver.stack import Array
+from itouch_thermal.solver.steady import initial_profile, resting_profile
+
+#: Where the head keeps its numbers: state size, period [s], contact temperature [K] of the resting field, film
+#: coefficient [W/m2K], ambient [K], place of the tail.
+SIZE, PERIOD, REST, FILM, AMBIENT, TAIL = range(6)
+HEAD = 16
+
+#: The tail of a state: phase (steps since a touch, negative apart), last resistance [K m2/W], and heat taken in
+#: through the contact [J/m2].
+PHASE, RESISTANCE, HEAT = range(3)
+TAIL_LENGTH = 3
+
+STAGES = collocation.STAGES
+NODES = len(Z)
+#: First row of each kind.
+DECAY, PORT, RISE, MEMORY, DRIVE, KERNEL = 0, 1, 2, 3, 3 + STAGES, 3 + 2 * STAGES
+ROWS = KERNEL + 2 * NODES
+
+
+def side_pack(modes: Modes, period: float, *, rest: float, film: Film | None) -> Array:
+    """Return the flat model of a side for steps of ``period`` [s].
+
+    Parameters
+    ----------
+    modes
+        Of the side.
+    rest
+        Contact temperature [K] of the field from which the modes count.
+    film
+        Air on the bare surface, None for none.
+    """
+    count = len(modes.rates)
+    spare = (0, padded(count + TAIL_LENGTH) - count)
+    rates, port, rise = (np.pad(part, spare) for part in (modes.rates, modes.contact, modes.unit_rise))
+    return pack(rates, port, rise, period, rest=rest, film=film, tail=count)
+
+
+def pack(rates: Array, port: Array, rise: Array, period: float, *, rest: float, film: Film | None, tail: int) -> Array:
+    """Return the flat model of modes with rates [1/s], port and stationary rise of shape (size,)."""
+    points = Z[:, None] / period
+    kernel = port / (points + rates)
+    gain = collocation.response(rates * period) * period
+    head = np.zeros(HEAD)
+    ambient = (film.coefficient, film.ambient) if film else (0.0, 0.0)
+    head[: TAIL + 1] = (len(rates), period, rest, *ambient, tail)
+    rows = np.concatenate(
+        (
+            np.stack((np.exp(-rates * period), port, rise)),
+            collocation.memory(rates * period) * port,
+            gain[-1] * port,
+            kernel.real,
+            kernel.imag,
+        )
+    )
+    # Numbers too small to matter would only become subnormal products, which are very slow.
+    rows[np.abs(rows) < 1e-150] = 0.0
+    impedance = kernel @ port
+    model = np.concatenate((head, rows.ravel(), (gain @ port**2).ravel(), impedance.real, impedance.imag))
+    model.setflags(write=False)
+    return model
+
+
+def film_of(side: Side, *, finger: bool) -> Film | None:
+    """Return the air on a bare surface: as given, as before the touch, else the default of a finger or none."""
+    if side.air is not None:
+        return side.air
+    start = side.initial
+    if start.coefficient is not None and start.ambient is not None:
+        return Film(coefficient=start.coefficient, ambient=start.ambient)
+    return Film(coefficient=FINGER_FILM, ambient=ROOM) if finger else None
+
+
+@lru_cache(maxsize=256)
+def side_model(side: Side, period: float, *, finger: bool) -> Array:
+    """Return the packed model of a side; cached by content."""
+    film = film_of(side, finger=finger)
+    return side_pack(side_modes(side, period), period, rest=resting_profile(side).surface, film=film)
+
+
+@lru_cache(maxsize=256)
+def pair_model(finger: Side, body: Side, period: float) -> Array:
+    """Return the packed model of both sides as one: its state is theirs end to end, its port their difference.
+
+    The flux counts into the object, so that the finger's port is negative.
+    """
+    sides = (side_modes(finger, period), side_modes(body, period))
+    models = (side_model(finger, period, finger=True), side_model(body, period, finger=False))
+    rates, port = (
+        np.concatenate([np.pad(part, (0, int(m[SIZE]) - len(part))) for part, m in zip(parts, models, strict=True)])
+        for parts in ([s.rates for s in sides], [-sides[0].contact, sides[1].contact])
+    )
+    rest = float(models[1][REST] - models[0][REST])
+    return pack(rates, port, np.zeros_like(port), period, rest=rest, film=None, tail=0)
+
+
+def state_size(model: Array) -> int:
+    """Return how many numbers the state of a model has."""
+    return int(model[SIZE])
+
+
+def initial_state(side: Side, period: float, *, finger: bool) -> Array:
+    """Return the state of a side before any touch, shape (state_size,)."""
+    modes, model = side_modes(side, period), side_model(side, period, finger=finger)
+    state = np.zeros(state_size(model))
+    start, rest = initial_profile(side), resting_profile(side)
+    if side.initial.kind == "steady":
+        state[: len(modes.rates)] = modes.unit_rise * (start.surface - rest.surface)
+    else:
+        deviation = start.temperature(modes.depths) - rest.temperature(modes.depths)
+        state[: len(modes.rates)] = modes.project(deviation)
+    return state
