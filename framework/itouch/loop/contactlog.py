@@ -42,7 +42,8 @@ class ContactLog:
             return math.nan
         figures = self._toucher.figures
         top = self._coupling.true_top.item() if self._table.model.twin else figures[render.PLATE_TOP].item()
-        return float((figures[render.SURFACE_HEIGHT] - top) * event.normal[2])
+        height = figures[render.SURFACE_HEIGHT].item()
+        return (height - top) * event.normal[2] if math.isfinite(height) else math.nan
 
     @property
     def open(self) -> bool:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 from itouch.loop import render
 from itouch.loop.contactlog import ContactLog
 from itouch.loop.frames import Frame, Vector
 from itouch.loop.ledger import Ledger
-from itouch.loop.runner import Runner
+from itouch.loop.runner import DeviceFaultError, Runner
+from itouch.loop.safety import Trip
 from itouch.loop.touch import Listener, Toucher
 from itouch.loop.touchoff import TouchOff
 from itouch.plugin import Record
@@ -41,6 +43,7 @@ class ProbeRig:
             if runner is not None
         ]
         self._placed: dict[int, Frame] = {}
+        self._velocity, self._load = self._figures[render.VELOCITY : render.VELOCITY + 3], self.toucher.load
 
     def _plate_offset(self) -> Vector:
         """Return where the plate's top is in the frame of what the table carries."""
@@ -137,9 +140,16 @@ class ProbeRig:
         self.log.note()
 
     def check(self, tick: int, counting: bool) -> None:
-        """Check that the table is where it was sent; count its distance for the report."""
+        """Check the finger's speed, and that the table is where it was sent and presses gently."""
+        vx, vy, vz = self._velocity.tolist()
+        if self.tracker.enabled and vx * vx + vy * vy + vz * vz > default.ARM_SPEED_TRIP**2:
+            cause = f"moves at {math.sqrt(vx * vx + vy * vy + vz * vz):.2f} m/s"
+            raise DeviceFaultError(self.tracker.model.name, tick, Trip.SPEED, cause)
         if self.table is None or not self.table.enabled:
             return
+        load = abs(self._load[2].item())
+        if load > default.PLATE_FORCE_TRIP:
+            raise DeviceFaultError(self.table.model.name, tick, Trip.PLATE_FORCE, f"presses with {load:.1f} N")
         distance = self._figures[render.TRACKING].item()
         if counting:
             self._ledger.tracking.add(distance)

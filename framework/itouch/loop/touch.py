@@ -55,7 +55,7 @@ class Toucher:
     ) -> None:
         """Collect the views that the compiled tick works on."""
         nothing = np.zeros(7)
-        self._load = table.reading["wrench"] if table is not None and "wrench" in table.reading else nothing
+        self.load = table.reading["wrench"] if table is not None and "wrench" in table.reading else nothing
         world, mesh, poses = model.geometry.world, model.geometry.mesh, state["objects.pose"]
         self._follows = (self._constants, tracker.reading["pose"], self.figures)
         stiffness = np.array([coupling.stiffness for coupling in probe.coupling], np.float64)
@@ -98,7 +98,7 @@ class Toucher:
         render.follow(*self._follows, tick == 0)
         if self.model.objects:
             step(*self._steps)
-        primary, nearest, plate = render.render(*self._renders, self._load[2])
+        primary, nearest, plate = render.render(*self._renders, self.load[2])
         self.object[...] = primary
         self.plate[...] = plate
         self._nearest = nearest

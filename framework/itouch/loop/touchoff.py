@@ -23,6 +23,8 @@ RISE, FORCE, SAMPLE = 0.005, 0.3, 0.05
 MARGIN, DROP = 0.010, 0.002
 #: Distance of the touched points from the plate's centre [m].
 SPREAD = 0.006
+#: How far below the end of its travel the plate should meet the finger: mounts are wrong, and hands give way [m].
+ROOM = 0.012
 _ARRIVED = 3e-4
 
 
@@ -65,7 +67,7 @@ class TouchOff:
     def highest_finger(self) -> float:
         """Return the greatest height [m] of the finger's centre at which the plate can still press on it."""
         x, y, z = self._offset
-        return self._table.base_frame().point((x, y, z + self._high))[2] + self._radius - 0.004
+        return self._table.base_frame().point((x, y, z + self._high))[2] + self._radius - ROOM
 
     def update(self) -> None:
         """Command the table for this tick.
