@@ -1,1 +1,1 @@
-""""""
+"""Measurements of the framework itself."""

@@ -1,0 +1,57 @@
+"""Deleting, misspelling or loosening a limit never makes the limits in force looser than the defaults."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+import itouch
+from itouch.world import limits as default
+
+LIMITS = re.compile(r"<(limits|safety)\b([^>]*)/>")
+
+
+def in_force(path: Path) -> dict[str, dict[str, object]]:
+    return {name: dict(device.limits.table()) for name, device in itouch.build(path).model.devices.items()}
+
+
+def test_defaults_hold_without_any_limit_in_the_scene(scenes: Path) -> None:
+    for path in (scenes / "rigs" / "twin.xml", scenes / "four_materials.xml"):
+        path.write_text(LIMITS.sub("", path.read_text()))
+    limits = in_force(scenes / "four_materials.xml")
+    assert limits["arm"]["force"] == default.FORCE
+    assert limits["table"]["speed"] == default.SPEED
+    assert limits["peltier"]["temperature"] == default.PLATE_TEMPERATURE
+    assert limits["peltier"]["current"] == pytest.approx(6.4)
+
+
+def test_a_scene_tightens(scenes: Path) -> None:
+    path = scenes / "four_materials.xml"
+    path.write_text(path.read_text().replace('<safety force="3 N"/>', '<safety force="1 N" speed="0.1 m/s" '
+                                             'temperature="18 38 degC" watchdog="10 ms"/>'))  # fmt: skip
+    limits = in_force(path)
+    assert limits["arm"]["force"] == 1.0
+    assert limits["table"]["speed"] == pytest.approx(0.1)
+    assert limits["peltier"]["temperature"] == pytest.approx((291.15, 311.15))
+    assert all(entry["watchdog"] == pytest.approx(0.01) for entry in limits.values())
+
+
+MUTATIONS = [
+    ('force="3 N"', 'force="30 N"'), ('force="3 N"', 'force="nan N"'), ('force="3 N"', 'force="inf"'),
+    ('force="3 N"', 'force="-3 N"'), ('force="3 N"', 'force="0 N"'), ('force="3 N"', 'forse="3 N"'),
+    ('speed="0.25 m/s"', 'speed="25 m/s"'), ('speed="0.25 m/s"', 'velocity="0.25 m/s"'),
+    ('current="6 A"', 'current="60 A"'), ('temperature="15 40 degC"', 'temperature="5 40 degC"'),
+    ('temperature="15 40 degC"', 'temperature="15 60 degC"'), ('temperature="15 40 degC"', 'temperature="40 15 degC"'),
+    ('temperature="15 40 degC"', 'temperature="15 40"'),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("before", "after"), MUTATIONS)
+def test_a_loosened_or_broken_limit_is_refused(scenes: Path, before: str, after: str) -> None:
+    rig = scenes / "rigs" / "twin.xml"
+    assert before in rig.read_text()
+    rig.write_text(rig.read_text().replace(before, after, 1))
+    with pytest.raises(itouch.SceneError):
+        itouch.build(scenes / "four_materials.xml")
