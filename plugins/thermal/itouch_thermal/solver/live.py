@@ -48,6 +48,7 @@ from itouch_thermal.solver.stack import Array
 __all__ = [
     "EXACT_STEPS",
     "SCRATCH",
+    "TINY",
     "air_step",
     "contact_step",
     "initial_state",
@@ -59,6 +60,8 @@ __all__ = [
 
 #: At an unchanged resistance this many steps after an onset are exact; later ones collocate.
 EXACT_STEPS = 8
+#: Added and taken away again, it turns what fades away into zero before it becomes subnormal and slow.
+TINY = 1e-200
 #: Numbers of scratch that a step needs.
 SCRATCH = 128
 
@@ -131,7 +134,7 @@ def advance_air(model: Array, state: Array, work: Any) -> None:
         state[tail] = 0.0
     if model[FILM] == 0.0:
         for i in range(int(model[SIZE])):
-            state[i] *= model[HEAD + DECAY + i]
+            state[i] = (state[i] * model[HEAD + DECAY + i] + TINY) - TINY
     elif -state[tail] < EXACT_STEPS:
         contour(model, state, 1.0 / model[FILM], work)
     else:

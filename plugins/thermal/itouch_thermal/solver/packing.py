@@ -8,6 +8,7 @@ the modes leave alone, since they stand as modes that neither decay nor reach th
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -97,20 +98,31 @@ def side_model(side: Side, period: float, *, finger: bool) -> Array:
     return side_pack(side_modes(side, period), period, rest=resting_profile(side).surface, film=film)
 
 
-@lru_cache(maxsize=256)
-def pair_model(finger: Side, body: Side, period: float) -> Array:
-    """Return the packed model of both sides as one: its state is theirs end to end, its port their difference.
+@dataclass(frozen=True, slots=True, eq=False)
+class Pair:
+    """Both sides as one: the state is theirs end to end, the port their difference.
 
-    The flux counts into the object, so that the finger's port is negative.
+    The flux counts into the object, so that the finger's port is negative.  ``level`` is the temperature difference
+    [K] across the open contact at rest, finger minus object; rates and port have shape (size,).
     """
+
+    rates: Array
+    port: Array
+    level: float
+    model: Array
+
+
+@lru_cache(maxsize=256)
+def pair_of(finger: Side, body: Side, period: float) -> Pair:
+    """Return two sides as one; cached by content."""
     sides = (side_modes(finger, period), side_modes(body, period))
     models = (side_model(finger, period, finger=True), side_model(body, period, finger=False))
-    rates, port = (
-        np.concatenate([np.pad(part, (0, int(m[SIZE]) - len(part))) for part, m in zip(parts, models, strict=True)])
-        for parts in ([s.rates for s in sides], [-sides[0].contact, sides[1].contact])
-    )
-    rest = float(models[1][REST] - models[0][REST])
-    return pack(rates, port, np.zeros_like(port), period, rest=rest, film=None, tail=0)
+    spare = [(0, int(model[SIZE]) - len(side.rates)) for side, model in zip(sides, models, strict=True)]
+    rates = np.concatenate([np.pad(side.rates, gap) for side, gap in zip(sides, spare, strict=True)])
+    port = np.concatenate((np.pad(-sides[0].contact, spare[0]), np.pad(sides[1].contact, spare[1])))
+    level = float(models[0][REST] - models[1][REST])
+    model = pack(rates, port, np.zeros_like(port), period, rest=-level, film=None, tail=0)
+    return Pair(rates, port, level, model)
 
 
 def state_size(model: Array) -> int:
