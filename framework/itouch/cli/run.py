@@ -7,8 +7,7 @@ import json
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from itouch.cli.arguments import output_file, seconds
@@ -51,36 +50,20 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _prepare(options: argparse.Namespace) -> Session:
-    """Build the engine; on a first start the kernels are compiled, which is said."""
-    with _told("preparing: the first start compiles the kernels, later ones load them ..."):
-        from itouch.session import build, restore
+    """Build the engine, and choose its clock."""
+    if not 0 <= options.seed < 1 << 63:
+        raise ItouchError(f"--seed {options.seed} is out of range: 0 to 2^63 - 1")
+    if options.scene.endswith(".itouch") and (options.twin or options.rig):
+        raise ItouchError("--twin and --rig choose devices for a scene; a session has its own")
+    from itouch.cli.prepare import prepare
 
-        if not 0 <= options.seed < 1 << 63:
-            raise ItouchError(f"--seed {options.seed} is out of range: 0 to 2^63 - 1")
-        if options.scene.endswith(".itouch"):
-            if options.twin or options.rig:
-                raise ItouchError("--twin and --rig choose devices for a scene; a session has its own")
-            session = restore(options.scene)
-        else:
-            session = build(options.scene, seed=options.seed, twin=options.twin, rig=options.rig)
+    session = prepare(options.scene, seed=options.seed, twin=options.twin, rig=options.rig)
     from itouch.loop import WallClock
 
     hardware = any(not device.twin for device in session.model.devices.values())
     if (options.pace or ("real" if hardware else "fast")) == "real":
         session.clock = WallClock()
     return session
-
-
-@contextmanager
-def _told(sentence: str) -> Iterator[None]:
-    """Say a sentence if what is inside takes more than a second."""
-    timer = threading.Timer(1.0, lambda: print(sentence, file=sys.stderr, flush=True))
-    timer.daemon = True
-    timer.start()
-    try:
-        yield
-    finally:
-        timer.cancel()
 
 
 def _run(session: Session, options: argparse.Namespace, screen: Any) -> int:

@@ -16,6 +16,7 @@ import numpy as np
 
 from itouch.loop.clock import Clock, VirtualClock, now
 from itouch.loop.ledger import Ledger, TickTimes
+from itouch.loop.rehearsal import rehearse
 from itouch.loop.rig import ProbeRig
 from itouch.loop.runner import DeviceFaultError, Runner, Status
 from itouch.loop.safety import Trip
@@ -56,6 +57,7 @@ class Engine:
         self.wall = 0.0  # host seconds spent running
         self.state["seed"] = seed
         self._reset(seed)
+        rehearse(model, self.state, self._all)
 
     def _reset(self, seed: int) -> None:
         self.state["objects.pose"] = self.model.poses

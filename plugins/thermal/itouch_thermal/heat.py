@@ -161,11 +161,11 @@ class Heat(Modality):
     def _start(self, model: HeatModel, state: Record) -> None:
         """Bring the model finger to the measured skin temperature."""
         ring, count = state[f"{model.name}.skin_ring"], int(state[f"{model.name}.skin_count"])
+        finger, change = state[f"{model.name}.finger"], 0.0
         if count:
-            finger = state[f"{model.name}.finger"]
             measured = float(ring[: min(count, len(ring))].mean())
             change = measured - model.live.surface_temperature(model.finger, finger)
-            model.live.shift_surface(model.finger, finger, change)
+        model.live.shift_surface(model.finger, finger, change)
         state[f"{model.name}.skin_count"] = 0
 
     def update(self, model: HeatModel, state: Record, period: float) -> None:

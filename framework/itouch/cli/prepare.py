@@ -1,0 +1,82 @@
+"""Building the engine for a run.  On a first start the kernels are compiled by two processes, and that is said."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from itouch.session import Session
+
+#: A start that has not ended after this time [s] is a first one: later ones load what is compiled.
+_PATIENCE = 1.0
+_LONGEST = 120.0
+
+
+class _Companion:
+    """A second process that compiles contact and twins while this one compiles the modalities; started if needed."""
+
+    def __init__(self, words: list[str]) -> None:
+        self._words = words
+        self._process: subprocess.Popen[bytes] | None = None
+        self._timer = threading.Timer(_PATIENCE, self._start)
+        self._timer.daemon = True
+
+    def _start(self) -> None:
+        print("preparing: the first start compiles the kernels, later ones load them ...", file=sys.stderr, flush=True)
+        command = [sys.executable, "-m", "itouch.cli.warm", *self._words]
+        nothing = subprocess.DEVNULL
+        self._process = subprocess.Popen(command, stdin=nothing, stdout=nothing, stderr=nothing)
+
+    def __enter__(self) -> _Companion:
+        self._timer.start()
+        return self
+
+    @property
+    def started(self) -> bool:
+        """Whether this is a first start."""
+        return self._process is not None
+
+    def wait(self) -> None:
+        """Wait until the companion has compiled its part; whatever became of it, this process compiles the rest."""
+        self._timer.cancel()
+        if self._process is not None:
+            try:
+                self._process.wait(_LONGEST)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+
+    def __exit__(self, *exception: object) -> None:
+        self._timer.cancel()
+        if self._process is not None and self._process.poll() is None:
+            self._process.kill()
+            self._process.wait()
+
+
+def prepare(scene: str, *, seed: int, twin: str | None, rig: str | None) -> Session:
+    """Build an engine from a scene, or restore one from a session.
+
+    Raises
+    ------
+    SceneError, SessionError
+        If the file is wrong.
+    """
+    words = [scene, *(["--twin", twin] if twin else []), *(["--rig", rig] if rig else [])]
+    with _Companion(words) as companion:
+        from itouch.plugin.discovery import Catalog
+        from itouch.session import Session, load_scene, restore
+
+        if scene.endswith(".itouch"):
+            companion.wait()
+            return restore(scene)
+        from itouch.loop.rehearsal import rehearse_modalities
+        from itouch.world import Model
+
+        catalog = Catalog()
+        model = Model.of(load_scene(scene, rig=rig, twin=twin, catalog=catalog), catalog)
+        if companion.started:
+            rehearse_modalities(model)
+        companion.wait()
+        return Session(model, seed=seed)

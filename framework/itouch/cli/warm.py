@@ -1,0 +1,31 @@
+"""``python -m itouch.cli.warm SCENE``: compile what a scene needs besides its modalities; used by a first start."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+
+from itouch.loop import Engine
+from itouch.plugin.discovery import Catalog
+from itouch.session import load_scene
+from itouch.world import Model
+
+
+def main(argv: Sequence[str]) -> int:
+    """Build the scene's engine without modalities; hardware is not opened."""
+    parser = argparse.ArgumentParser(prog="itouch.cli.warm")
+    parser.add_argument("scene")
+    parser.add_argument("--twin")
+    parser.add_argument("--rig")
+    options = parser.parse_args(argv)
+    catalog = Catalog()
+    scene = load_scene(options.scene, rig=options.rig, twin=options.twin, catalog=catalog)
+    bare = replace(scene, modalities=(), rates=replace(scene.rates, modalities=()))
+    Engine(Model.of(bare, catalog))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,68 @@
+"""Rehearsal: twins and modalities go through a touch on a scratch copy of State, so that no tick compiles anything."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from itouch.loop.runner import Runner
+from itouch.plugin import Contact, ContactEvent, Record, Touch
+from itouch.world import ModalityModel, Model, make_state
+
+
+def rehearse(model: Model, state: Record, runners: Iterable[Runner]) -> None:
+    """Exercise every twin and every modality; ``state`` stays what it is."""
+    scratch = state.copy()
+    for modality in model.modalities:
+        rehearse_modality(model, modality, scratch)
+    for runner in runners:
+        rehearse_twin(runner, scratch, model.period)
+
+
+def rehearse_modalities(model: Model) -> None:
+    """Exercise every modality of a model that no engine runs yet."""
+    scratch = make_state(model)
+    for modality in model.modalities:
+        modality.instance.reset(modality.model, scratch)
+    for modality in model.modalities:
+        rehearse_modality(model, modality, scratch)
+
+
+def rehearse_modality(model: Model, modality: ModalityModel, scratch: Record) -> None:
+    """Take a modality through approach, touch and release on every kind of object that comes first and last."""
+    instance, period = modality.instance, model.period * modality.every
+    instance.update(modality.model, scratch, period)
+    for probe in model.probes:
+        for index in sorted({0, len(model.objects) - 1} - {-1}):
+            for kind in (Contact.NEAR, Contact.BEGIN, Contact.MOVE, Contact.END):
+                _pretend(scratch, probe.name, index if kind in (Contact.BEGIN, Contact.MOVE) else -1)
+                if kind in instance.hears:
+                    instance.on_contact(_event(model, kind, probe.name, index), modality.model, scratch)
+                instance.update(modality.model, scratch, period)
+                instance.measures(modality.model, scratch, probe.name, index)
+
+
+def _pretend(scratch: Record, probe: str, index: int) -> None:
+    touching = index >= 0
+    scratch[f"{probe}.object"] = index
+    scratch[f"{probe}.contact.object"] = index
+    scratch[f"{probe}.plate"] = touching
+    scratch[f"{probe}.normal_force"] = 1.0 if touching else 0.0
+
+
+def _event(model: Model, kind: Contact, probe: str, index: int) -> ContactEvent:
+    up = (0.0, 0.0, 1.0)
+    still = (0.0, 0.0, 0.0)
+    return ContactEvent(kind, 0, probe, model.objects[index], index, still, up, 0.0, 0.0, still, 1e-4, 1.0, 0.0)
+
+
+def rehearse_twin(runner: Runner, scratch: Record, period: float) -> None:
+    """Step a twin free and pressed, and read it."""
+    if runner.twin is None:
+        return
+    name = runner.model.name
+    fields = runner.twin_state.dtype.names or ()
+    state = scratch.part(f"{name}.twin.", fields) if fields else runner.twin_state.copy()
+    sent, reading = runner.sent.copy(), runner.reading.copy()
+    for touch in (Touch(), Touch(force=1.0, gap=-1e-3)):
+        runner.twin.step(state, sent, touch, period)
+        runner.twin.read(state, reading)
