@@ -18,7 +18,7 @@ from itouch_thermal.solver.contour import Z
 from itouch_thermal.solver.lanes import padded
 from itouch_thermal.solver.layers import FINGER_FILM, ROOM, Film, Side
 from itouch_thermal.solver.modes import Modes, side_modes
-from itouch_thermal.solver.stack import Array
+from itouch_thermal.solver.stack import Array, imbalance, stack_of
 from itouch_thermal.solver.steady import initial_profile, resting_profile
 
 #: Where the head keeps its numbers: state size, period [s], contact temperature [K] of the resting field, film
@@ -94,8 +94,8 @@ def film_of(side: Side, *, finger: bool) -> Film | None:
 @lru_cache(maxsize=256)
 def side_model(side: Side, period: float, *, finger: bool) -> Array:
     """Return the packed model of a side; cached by content."""
-    film = film_of(side, finger=finger)
-    return side_pack(side_modes(side, period), period, rest=resting_profile(side).surface, film=film)
+    modes = side_modes(side, period)
+    return side_pack(modes, period, rest=start(side, modes)[1], film=film_of(side, finger=finger))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -132,12 +132,30 @@ def state_size(model: Array) -> int:
 
 def initial_state(side: Side, period: float, *, finger: bool) -> Array:
     """Return the state of a side before any touch, shape (state_size,)."""
-    modes, model = side_modes(side, period), side_model(side, period, finger=finger)
+    model = side_model(side, period, finger=finger)
     state = np.zeros(state_size(model))
-    start, rest = initial_profile(side), resting_profile(side)
-    if side.initial.kind == "steady":
-        state[: len(modes.rates)] = modes.unit_rise * (start.surface - rest.surface)
-    else:
-        deviation = start.temperature(modes.depths) - rest.temperature(modes.depths)
-        state[: len(modes.rates)] = modes.project(deviation)
+    coordinates, _ = start(side, side_modes(side, period))
+    state[: len(coordinates)] = coordinates
     return state
+
+
+def start(side: Side, modes: Modes) -> tuple[Array, float]:
+    """Return the coordinates of a side before the touch, shape (n,), and the contact temperature [K] they count from.
+
+    The modes' own stationary states are used where they can be: a start that blood or a lost flux keeps up deep
+    inside an endless side is then as exact as its surface temperature and flux.
+    """
+    before = initial_profile(side)
+    temperatures = imbalance(side)
+    stack = stack_of(side)
+    rates = np.maximum(modes.rates, 1e-18)
+    if side.initial.kind == "steady" and stack.endless and stack.perfusion[-1] == 0.0:
+        coordinates = modes.contact * before.flux / rates
+        return coordinates, before.surface - float(modes.contact @ coordinates)
+    if temperatures is not None and np.isfinite(stack.back):
+        coordinates = -(modes.blood * temperatures[0] + stack.back * modes.back * temperatures[1]) / rates
+        return coordinates, before.surface - float(modes.contact @ coordinates)
+    rest = resting_profile(side)
+    if side.initial.kind == "steady":
+        return modes.unit_rise * (before.surface - rest.surface), rest.surface
+    return modes.project(before.temperature(modes.depths) - rest.temperature(modes.depths)), rest.surface
