@@ -155,12 +155,12 @@ class Engine:
     def _work(self, tick: int) -> None:
         for runner in self._all:
             runner.read(tick)
+        ready = bool(self._ready)
         for rig in self._rigs:
-            rig.touch(tick, self._tell, self._moves)
+            rig.touch(tick, self._tell, self._moves, ready)
         for instance, model, every in self._modalities:
             if tick % every == 0:
                 instance.update(model, self.state, self.model.period * every)
-        ready = bool(self._ready)
         for rig in self._rigs:
             rig.command()
             rig.check(tick, ready)

@@ -33,7 +33,11 @@ FIGURES = 30
 TRACKER, ARM, TABLE = 0, 12, 24  # frames in the world: origin, then rotation matrix
 OFFSET = 36  # of the plate's top on what the table carries
 RADIUS, NEAR, CLEARANCE, COSINE, PERIOD, SMOOTH, PLATE_LIMIT, HAS_ARM, HAS_TABLE = 39, 40, 41, 42, 43, 44, 45, 46, 47
-CONSTANTS = 48
+SPEED_TRIP, FORCE_TRIP = 48, 49
+CONSTANTS = 50
+
+#: Bits of what `render` returns last: the plate renders the contact; the probe is too fast; the plate presses too hard.
+PLATE, TOO_FAST, TOO_HARD = 1, 2, 4
 
 #: Gap [m] over which the arm takes over the normal force from a plate that is too low.
 HAND_OVER = 1e-3
@@ -190,7 +194,7 @@ def render(
     wrench: Floats,
     goal: Floats,
     load: float,
-) -> tuple[int, int, bool]:
+) -> tuple[int, int, int]:
     """Render one probe for one tick.
 
     Parameters
@@ -213,7 +217,7 @@ def render(
     Returns
     -------
     tuple
-        The object touched most, the nearest one (-1: none), and whether the plate renders the contact.
+        The object touched most, the nearest one (-1: none), and the bits of PLATE, TOO_FAST and TOO_HARD.
     """
     primary, nearest = -1, -1
     if world.shape[0] > 0:
@@ -235,4 +239,10 @@ def render(
         figures[TRACKING] = math.sqrt(square)
     if c[HAS_ARM] > 0.0:
         _share(c, figures, plate, wrench)
-    return primary, nearest, plate
+    bits = PLATE if plate else 0
+    u, v, w = figures[VELOCITY], figures[VELOCITY + 1], figures[VELOCITY + 2]
+    if u * u + v * v + w * w > c[SPEED_TRIP] ** 2:
+        bits |= TOO_FAST
+    if abs(load) > c[FORCE_TRIP]:
+        bits |= TOO_HARD
+    return primary, nearest, bits

@@ -43,7 +43,7 @@ class ProbeRig:
             if runner is not None
         ]
         self._placed: dict[int, Frame] = {}
-        self._velocity, self._load = self._figures[render.VELOCITY : render.VELOCITY + 3], self.toucher.load
+        self._moves = any(runner.model.carrier for _, runner in self._stands)
 
     def _plate_offset(self) -> Vector:
         """Return where the plate's top is in the frame of what the table carries."""
@@ -83,8 +83,9 @@ class ProbeRig:
             self.touch_off.reset()
 
     def restore(self) -> None:
-        """Tell the arm's twin where the finger is, from State."""
+        """Tell the arm's twin where the finger is, from State; frames are found anew."""
         self.coupling.place()
+        self._placed.clear()
 
     @property
     def ready(self) -> bool:
@@ -103,13 +104,14 @@ class ProbeRig:
         moved = carrier.reading["pose"].tolist()[:3] if "pose" in carrier.reading else (0.0, 0.0, 0.0)
         return below.moved(below.vector(moved)).compose(frame)
 
-    def touch(self, tick: int, tell: Listener, moves: bool) -> None:
+    def touch(self, tick: int, tell: Listener, moves: bool, ready: bool) -> None:
         """Contact, its events, and the commands that belong to it, from this tick's readings."""
-        for which, runner in self._stands:
-            frame = self.frame_of(runner)
-            if self._placed.get(which) is not frame:
-                self._placed[which] = frame
-                self.toucher.place(which, frame)
+        if not ready or self._moves or not self._placed:  # a calibration, or what carries a device, may move frames
+            for which, runner in self._stands:
+                frame = self.frame_of(runner)
+                if self._placed.get(which) is not frame:
+                    self._placed[which] = frame
+                    self.toucher.place(which, frame)
         self.toucher.update(tick)
         self.toucher.events(tick, tell, moves)
 
@@ -141,16 +143,22 @@ class ProbeRig:
 
     def check(self, tick: int, counting: bool) -> None:
         """Check the finger's speed, and that the table is where it was sent and presses gently."""
-        vx, vy, vz = self._velocity.tolist()
-        if self.tracker.enabled and vx * vx + vy * vy + vz * vz > default.ARM_SPEED_TRIP**2:
-            cause = f"moves at {math.sqrt(vx * vx + vy * vy + vz * vz):.2f} m/s"
-            raise DeviceFaultError(self.tracker.model.name, tick, Trip.SPEED, cause)
-        if self.table is None or not self.table.enabled:
+        if self.toucher.trips:
+            self._trip(tick)
+        table = self.table
+        if table is None or not table.enabled:
             return
-        load = abs(self._load[2].item())
-        if load > default.PLATE_FORCE_TRIP:
-            raise DeviceFaultError(self.table.model.name, tick, Trip.PLATE_FORCE, f"presses with {load:.1f} N")
         distance = self._figures[render.TRACKING].item()
         if counting:
             self._ledger.tracking.add(distance)
-        self.table.check_tracking(tick, distance)
+        table.check_tracking(tick, distance)
+
+    def _trip(self, tick: int) -> None:
+        """Tell which limit the tick has passed."""
+        table, trips = self.table, self.toucher.trips
+        if trips & render.TOO_FAST and self.tracker.enabled:
+            speed = math.hypot(*self._figures[render.VELOCITY : render.VELOCITY + 3].tolist())
+            raise DeviceFaultError(self.tracker.model.name, tick, Trip.SPEED, f"moves at {speed:.2f} m/s")
+        if trips & render.TOO_HARD and table is not None and table.enabled:
+            cause = f"presses with {abs(self.toucher.load[2].item()):.1f} N"
+            raise DeviceFaultError(table.model.name, tick, Trip.PLATE_FORCE, cause)

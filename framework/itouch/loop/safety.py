@@ -178,7 +178,7 @@ def _not_finite(values: Sequence[float]) -> str:
 class Watch:
     """Checks the readings of one device; what is not believable or past a limit trips."""
 
-    __slots__ = ("_channels", "_high", "_low", "_reading", "_values")
+    __slots__ = ("_bounded", "_channels", "_high", "_low", "_reading", "_values")
 
     _SPECIAL: ClassVar[dict[str, tuple[Trip, float, float]]] = {
         "plate_temperature": (Trip.PLATE_TEMPERATURE, *default.PLATE_TRIP),
@@ -197,6 +197,8 @@ class Watch:
             low += (special[1],) if special else ranges[0]
             high += (special[2],) if special else ranges[1]
         self._low, self._high = low, high
+        ranges_of = enumerate(zip(low, high, strict=True))
+        self._bounded = [(i, least, most) for i, (least, most) in ranges_of if most < math.inf]
 
     def check(self) -> None:
         """Check the newest readings.
@@ -206,8 +208,12 @@ class Watch:
         TripError
             Naming the reading and its value.
         """
-        for value, low, high in zip(self._values.tolist(), self._low, self._high, strict=True):
-            if not low <= value <= high:  # also true for what is not a number
+        values: list[float] = self._values.tolist()
+        total = sum(values)
+        if total - total != 0.0:  # something is not a number, or infinite
+            self._explain()
+        for index, low, high in self._bounded:
+            if not low <= values[index] <= high:
                 self._explain()
 
     def _explain(self) -> None:

@@ -45,6 +45,7 @@ class Toucher:
         self.plate = state[f"{name}.plate"]
         self.current, self.separated = state[f"{name}.contact.object"], state[f"{name}.contact.separated"]
         self.begin = state[f"{name}.contact.begin"]
+        self.trips = self._nearest = 0
         self._patience = round(SEPARATION_TIME / model.period)
         self._constants = _constants(model, probe, arm, table, offset)
         self._bind(model, probe, state, tracker, arm, table)
@@ -98,9 +99,10 @@ class Toucher:
         render.follow(*self._follows, tick == 0)
         if self.model.objects:
             step(*self._steps)
-        primary, nearest, plate = render.render(*self._renders, self.load[2])
+        primary, nearest, bits = render.render(*self._renders, self.load[2])
         self.object[...] = primary
-        self.plate[...] = plate
+        self.plate[...] = bits & render.PLATE
+        self.trips = bits & ~render.PLATE
         self._nearest = nearest
 
     def events(self, tick: int, tell: Listener, moves: bool) -> None:
@@ -171,6 +173,8 @@ def _constants(
         render.PERIOD: model.period,
         render.SMOOTH: 1.0 - math.exp(-model.period / VELOCITY_FILTER),
         render.PLATE_LIMIT: default.PLATE_FORCE,
+        render.SPEED_TRIP: default.ARM_SPEED_TRIP,
+        render.FORCE_TRIP: default.PLATE_FORCE_TRIP,
         render.HAS_ARM: float(arm is not None),
         render.HAS_TABLE: float(table is not None),
     }

@@ -67,15 +67,16 @@ class Coupling:
         self.true_top, self.total = state[f"{name}.plate_true_top"], state[f"{name}.total_force"]
         self._push: Floats = arm.sent["wrench"][:3] if arm is not None and "wrench" in arm.sent else np.zeros(3)
         self._load: Floats = table.touch.wrench[:3] if table is not None else np.zeros(3)
-        self._end, self._goal, self._finger = np.zeros(6), np.zeros(6), np.zeros(9)
+        self._goal, self._finger = np.zeros(6), np.zeros(9)
+        self._end, self._pace = np.zeros(7), np.zeros(6)
         self._carrier = np.array([0.0, 0.0, -1e3])
         if arm is not None:
-            self._pose, self._twist = arm.touch.finger_pose[:3], arm.touch.finger_twist[:3]
+            self._end, self._pace = arm.touch.finger_pose, arm.touch.finger_twist
             arm.touch.finger_attached = hand is not None
-        at.step_finger(
-            self._constants, self._finger.copy(), self._goal, self._push, self._carrier, self.figures.copy(), self._end,
-            self._load.copy(),
-        )  # compiled now, not in the first tick  # fmt: skip
+        at.step_finger(  # compiled now, not in the first tick
+            self._constants, self._finger.copy(), self._goal, self._push, self._carrier, self.figures.copy(),
+            self._end.copy(), self._pace.copy(), self._load.copy(),
+        )  # fmt: skip
 
     def reset(self) -> None:
         """Begin apart."""
@@ -85,8 +86,7 @@ class Coupling:
     def place(self) -> None:
         """Tell the arm where the finger is, before anything has moved."""
         if self.hand is not None:
-            at.tell_arm(self._constants, self.hand.motion, self._end)
-            self._tell()
+            at.tell_arm(self._constants, self.hand.motion, self._end, self._pace)
 
     def step(self, moving: bool) -> None:
         """Advance the finger by one period; ``moving``: the hand follows its script."""
@@ -100,22 +100,17 @@ class Coupling:
             finger = self._finger
             finger[:3] = self._hip
         gap = at.step_finger(
-            self._constants, finger, self._goal, self._push, self._carrier, self.figures, self._end, self._load
-        )
+            self._constants, finger, self._goal, self._push, self._carrier, self.figures, self._end, self._pace,
+            self._load,
+        )  # fmt: skip
         push = self.figures[at.FORCE].item()
         if push <= 0.0:
             if self.touched.item() >= 0:
                 self.touched[...] = -1
         elif self.touched.item() < 0:
             self.touched[...] = self._tick
-        if self._arm is not None:
-            self._tell()
         if self._face is not None:
             self._face.touch.force, self._face.touch.gap = push, gap
-
-    def _tell(self) -> None:
-        self._pose[:] = self._end[:3]
-        self._twist[:] = self._end[3:]
 
 
 def _constants(

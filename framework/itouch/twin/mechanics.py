@@ -77,6 +77,7 @@ def step_finger(
     table: Floats,
     figures: Floats,
     end: Floats,
+    pace: Floats,
     load: Floats,
 ) -> float:
     """Advance the finger by one period.
@@ -95,8 +96,8 @@ def step_finger(
         Where the plate's carrier is, in the table's frame, shape (3,).
     figures
         Of the plate, shape (FIGURES,); written.
-    end
-        The finger's position and velocity in the arm's frame, shape (6,); written.
+    end, pace
+        The finger's pose and twist in the arm's frame, shapes (7,) and (6,); position and velocity are written.
     load
         The plate's force on the table in the table's frame, shape (3,); written.
 
@@ -118,14 +119,14 @@ def step_finger(
             hand[3 + i] += period * (spring + force) / mass
             hand[i] += period * hand[3 + i]
             hand[6 + i] = goal[i]
-    tell_arm(constants, hand, end)
+    tell_arm(constants, hand, end, pace)
     return gap
 
 
 @njit(cache=True, error_model="numpy")
-def tell_arm(constants: Floats, hand: Floats, end: Floats) -> None:
+def tell_arm(constants: Floats, hand: Floats, end: Floats, pace: Floats) -> None:
     """Write the finger's position and velocity in the arm's frame."""
     end[0], end[1], end[2] = _in(
         constants, ARM, hand[0] - constants[ARM], hand[1] - constants[ARM + 1], hand[2] - constants[ARM + 2]
     )
-    end[3], end[4], end[5] = _in(constants, ARM, hand[3], hand[4], hand[5])
+    pace[0], pace[1], pace[2] = _in(constants, ARM, hand[3], hand[4], hand[5])
