@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from itouch.contact import layout as at
 from itouch.contact.cast import sphere_cast
+from itouch.twin.turning import turned_in, turned_out
 
 Floats = NDArray[np.float64]
 
@@ -48,31 +49,9 @@ REACH = 0.2
 
 
 @njit(cache=True, error_model="numpy")
-def _out(c: Floats, frame: int, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Turn a direction out of a frame."""
-    r = frame + 3
-    return (
-        c[r] * x + c[r + 1] * y + c[r + 2] * z,
-        c[r + 3] * x + c[r + 4] * y + c[r + 5] * z,
-        c[r + 6] * x + c[r + 7] * y + c[r + 8] * z,
-    )
-
-
-@njit(cache=True, error_model="numpy")
-def _in(c: Floats, frame: int, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Turn a direction into a frame."""
-    r = frame + 3
-    return (
-        c[r] * x + c[r + 3] * y + c[r + 6] * z,
-        c[r + 1] * x + c[r + 4] * y + c[r + 7] * z,
-        c[r + 2] * x + c[r + 5] * y + c[r + 8] * z,
-    )
-
-
-@njit(cache=True, error_model="numpy")
 def follow(c: Floats, tracker: Floats, figures: Floats, first: bool) -> None:
     """Take the tracker's position as the HIP, and filter its velocity."""
-    x, y, z = _out(c, TRACKER, tracker[0], tracker[1], tracker[2])
+    x, y, z = turned_out(c, TRACKER, tracker[0], tracker[1], tracker[2])
     place = (x + c[TRACKER], y + c[TRACKER + 1], z + c[TRACKER + 2])
     for i in range(3):
         if not first:
@@ -140,7 +119,7 @@ def _carry(
 ) -> None:
     """Find the virtual surface under the finger and command the plate to it."""
     lowest = figures[HIP + 2] - c[RADIUS]
-    x, y, z = _out(c, TABLE, table[0] + c[OFFSET], table[1] + c[OFFSET + 1], table[2] + c[OFFSET + 2])
+    x, y, z = turned_out(c, TABLE, table[0] + c[OFFSET], table[1] + c[OFFSET + 1], table[2] + c[OFFSET + 2])
     top = z + c[TABLE + 2]
     height = -np.inf
     if world.shape[0] > 0:
@@ -152,7 +131,7 @@ def _carry(
     figures[PLATE_TOP], figures[SURFACE_HEIGHT] = top, height
     figures[PLATE_GAP] = height - top if height > -np.inf else np.inf
     wanted = max(height, lowest - c[CLEARANCE]) - _yield(c, figures, abs(load))
-    goal[0], goal[1], goal[2] = _in(
+    goal[0], goal[1], goal[2] = turned_in(
         c, TABLE, figures[HIP] - c[TABLE], figures[HIP + 1] - c[TABLE + 1], wanted - c[TABLE + 2]
     )
     for i in range(3):
@@ -171,7 +150,7 @@ def _share(c: Floats, figures: Floats, plate: bool, wrench: Floats) -> None:
     for i in range(3):
         along += figures[CONTACT_FORCE + i] * figures[NORMAL + i]
     along *= 1.0 - keep
-    fx, fy, fz = _in(
+    fx, fy, fz = turned_in(
         c, ARM,
         figures[CONTACT_FORCE] - along * figures[NORMAL],
         figures[CONTACT_FORCE + 1] - along * figures[NORMAL + 1],

@@ -11,6 +11,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from itouch.twin.turning import turned_in, turned_out
+
 Floats = NDArray[np.float64]
 
 # The constants: frames as origin and rotation matrix, then numbers.
@@ -27,34 +29,12 @@ BESIDE, FAR = 1e-3, 0.5
 
 
 @njit(cache=True, error_model="numpy")
-def _out(constants: Floats, at: int, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Turn a direction out of a frame."""
-    r = at + 3
-    return (
-        constants[r] * x + constants[r + 1] * y + constants[r + 2] * z,
-        constants[r + 3] * x + constants[r + 4] * y + constants[r + 5] * z,
-        constants[r + 6] * x + constants[r + 7] * y + constants[r + 8] * z,
-    )
-
-
-@njit(cache=True, error_model="numpy")
-def _in(constants: Floats, at: int, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Turn a direction into a frame."""
-    r = at + 3
-    return (
-        constants[r] * x + constants[r + 3] * y + constants[r + 6] * z,
-        constants[r + 1] * x + constants[r + 4] * y + constants[r + 7] * z,
-        constants[r + 2] * x + constants[r + 5] * y + constants[r + 8] * z,
-    )
-
-
-@njit(cache=True, error_model="numpy")
 def plate_force(constants: Floats, finger: Floats, table: Floats, figures: Floats) -> float:
     """Write force, top and distance of the plate under a finger (3,); return the gap between them [m]."""
     px, py, pz = table[0] + constants[OFFSET], table[1] + constants[OFFSET + 1], table[2] + constants[OFFSET + 2]
-    _, _, up = _out(constants, TABLE, px, py, pz)
+    _, _, up = turned_out(constants, TABLE, px, py, pz)
     figures[TOP] = constants[TABLE + 2] + up
-    x, y, z = _in(
+    x, y, z = turned_in(
         constants, TABLE, finger[0] - constants[TABLE], finger[1] - constants[TABLE + 1],
         finger[2] - constants[TABLE + 2],
     )  # fmt: skip
@@ -107,8 +87,8 @@ def step_finger(
         The gap between plate and finger pad before the step [m].
     """
     gap = plate_force(constants, hand, table, figures)
-    ax, ay, az = _out(constants, ARM, push[0], push[1], push[2])
-    nx, ny, nz = _out(constants, TABLE, 0.0, 0.0, figures[FORCE])
+    ax, ay, az = turned_out(constants, ARM, push[0], push[1], push[2])
+    nx, ny, nz = turned_out(constants, TABLE, 0.0, 0.0, figures[FORCE])
     fx, fy, fz = ax + nx, ay + ny, az + nz
     figures[TOTAL] = math.sqrt(fx * fx + fy * fy + fz * fz)
     load[0], load[1], load[2] = 0.0, 0.0, -figures[FORCE]
@@ -126,7 +106,7 @@ def step_finger(
 @njit(cache=True, error_model="numpy")
 def tell_arm(constants: Floats, hand: Floats, end: Floats, pace: Floats) -> None:
     """Write the finger's position and velocity in the arm's frame."""
-    end[0], end[1], end[2] = _in(
+    end[0], end[1], end[2] = turned_in(
         constants, ARM, hand[0] - constants[ARM], hand[1] - constants[ARM + 1], hand[2] - constants[ARM + 2]
     )
-    pace[0], pace[1], pace[2] = _in(constants, ARM, hand[3], hand[4], hand[5])
+    pace[0], pace[1], pace[2] = turned_in(constants, ARM, hand[3], hand[4], hand[5])

@@ -1,0 +1,31 @@
+"""Directions into and out of a frame that stands in an array: origin, then rotation matrix row by row; compiled."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@njit(cache=True, error_model="numpy")
+def turned_out(frames: Floats, at: int, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Turn a direction out of the frame that begins at index ``at``."""
+    r = at + 3
+    return (
+        frames[r] * x + frames[r + 1] * y + frames[r + 2] * z,
+        frames[r + 3] * x + frames[r + 4] * y + frames[r + 5] * z,
+        frames[r + 6] * x + frames[r + 7] * y + frames[r + 8] * z,
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def turned_in(frames: Floats, at: int, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Turn a direction into the frame that begins at index ``at``."""
+    r = at + 3
+    return (
+        frames[r] * x + frames[r + 3] * y + frames[r + 6] * z,
+        frames[r + 1] * x + frames[r + 4] * y + frames[r + 7] * z,
+        frames[r + 2] * x + frames[r + 5] * y + frames[r + 8] * z,
+    )
