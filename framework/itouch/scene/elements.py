@@ -124,8 +124,26 @@ class Plane(_Placed):
     TAG: ClassVar[str] = "plane"
 
 
+@dataclass(frozen=True, slots=True)
+class Capsule(_Placed):
+    """A cylinder along its own z axis with round ends, centred on its origin."""
+
+    TAG: ClassVar[str] = "capsule"
+    radius: float = quantity("m", low=1e-5, high=100, doc="its radius")
+    length: float = quantity("m", low=1e-5, high=100, doc="distance between the centres of its ends")
+
+
+@dataclass(frozen=True, slots=True)
+class Cylinder(_Placed):
+    """A cylinder along its own z axis with flat ends, centred on its origin."""
+
+    TAG: ClassVar[str] = "cylinder"
+    radius: float = quantity("m", low=1e-5, high=100, doc="its radius")
+    length: float = quantity("m", low=1e-5, high=100, doc="distance between its ends")
+
+
 #: The kinds of object that may stand in a world.
-OBJECTS: tuple[type, ...] = (Box, Sphere, Plane)
+OBJECTS: tuple[type, ...] = (Box, Sphere, Plane, Capsule, Cylinder)
 
 
 @dataclass(frozen=True, slots=True)

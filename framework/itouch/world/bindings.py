@@ -125,6 +125,8 @@ def _extent(element: Any) -> tuple[Any, Any] | None:
             half = np.abs(poses.matrix(poses.normalized(quat))) @ (np.array(element.size) / 2)
         except ValueError:
             return None
+    elif hasattr(element, "length"):  # the ball that holds it, whichever way it stands
+        half = np.full(3, float(np.hypot(element.radius, element.radius + element.length / 2)))
     elif hasattr(element, "radius"):
         half = np.full(3, element.radius)
     else:

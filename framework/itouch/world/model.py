@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.contact import Box, Friction, Geometry, Plane, Shape, Sphere, layout
+from itouch.contact import Box, Capsule, Cylinder, Friction, Geometry, Plane, Shape, Sphere, layout
 from itouch.plugin import Modality, World, WorldDevice, WorldObject
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene, elements
@@ -117,6 +117,10 @@ def _shape(element: Any) -> Shape:
         return Box((x / 2, y / 2, z / 2))
     if isinstance(element, elements.Sphere):
         return Sphere(element.radius)
+    if isinstance(element, elements.Capsule):
+        return Capsule(element.radius, element.length / 2)
+    if isinstance(element, elements.Cylinder):
+        return Cylinder(element.radius, element.length / 2)
     return Plane()
 
 
