@@ -13,14 +13,20 @@ from typing import Any
 from itouch.plugin import Contact, ContactEvent, Field, Modality, Record, World, schema
 from itouch_thermal.display.params import DisplayParams
 from itouch_thermal.flux import account
+from itouch_thermal.flux.law import ModelLaw
+from itouch_thermal.flux.preview import Preview, preview, run_ahead
 from itouch_thermal.flux.proportional import proportional_integral
 from itouch_thermal.flux.start import equation_three, outer_effusivity
 from itouch_thermal.heat import FINGER, HeatParams, ThermalMaterial
+from itouch_thermal.solver.live import state_size
 
 #: The plate is ready within this of its start temperature [K].
 READY = 0.1
 #: Time constant [s] of the approach to the start temperature of `paper` and `hold`.
 APPROACH = 0.25
+#: Force [N] on the plate that means a finger.
+TOUCHED = 0.03
+_BAND = (288.15, 313.15)
 _READS = ("plate_temperature", "sink_temperature", "heat_flux")
 
 
@@ -31,7 +37,10 @@ class FluxControlParams:
     display: str = schema.ref("device", reads=_READS, commands=("current",), doc="the thermal display")
     desired_from: str = schema.ref("modality", doc="what computes the desired flux")
     controller: str = schema.choice(
-        "model", "paper", "hold", default="paper", doc="ours, the paper's, or its start temperature alone"
+        "model", "paper", "hold", default="model", doc="ours, the paper's, or its start temperature alone"
+    )
+    force_from: str = schema.ref(
+        "device", reads=("wrench",), default="", doc="what measures the force on the plate; default: who can"
     )
     proportional: float = schema.quantity("", low=0.0, high=1e4, default=40.0, doc="gain of `paper`")
     integral: float = schema.quantity("Hz", low=0.0, high=1e5, default=100.0, doc="integral gain of `paper`")
@@ -53,7 +62,11 @@ class FluxModel:
     ambient: float
     skin: float
     skin_from: str
+    force_from: str
     truth: bool
+    period: float
+    law: ModelLaw | None
+    preview: Preview | None
 
 
 class FluxControl(Modality):
@@ -68,9 +81,13 @@ class FluxControl(Modality):
         if not isinstance(heat, HeatParams):
             raise ValueError(f"desired_from = '{params.desired_from}' is no modality that computes a heat flux")
         display = device.params if isinstance(device.params, DisplayParams) else DisplayParams()
-        band = device.limits.get("temperature", (288.15, 313.15))
+        band = device.limits.get("temperature", _BAND)
         limit = device.limits.get("current", display.max_current)
         names = [channel.name for channel in device.reads]
+        ceiling = limit if isinstance(limit, float) else display.max_current
+        law, course = None, None
+        if params.controller == "model":
+            law, course = _model(name, display, heat, world, band if isinstance(band, tuple) else _BAND, ceiling)
         return FluxModel(
             name=name,
             params=params,
@@ -79,12 +96,16 @@ class FluxControl(Modality):
             tissue=outer_effusivity(heat.layers or FINGER),
             effusivities=tuple(_effusivity(element.material) for element in world.objects),
             temperatures=tuple(element.temperature for element in world.objects),
-            band=band if isinstance(band, tuple) else (288.15, 313.15),
-            current=limit if isinstance(limit, float) else display.max_current,
+            band=band if isinstance(band, tuple) else _BAND,
+            current=ceiling,
             ambient=world.ambient,
             skin=world.skin_temperature,
             skin_from=f"{params.display}.skin_temperature" if "skin_temperature" in names else "",
+            force_from=_force(params, world),
             truth=device.twin,
+            period=world.period,
+            law=law,
+            preview=course,
         )
 
     def fields(self, model: FluxModel) -> tuple[Field, ...]:
@@ -96,9 +117,11 @@ class FluxControl(Modality):
             Field("touching", "i8"),
             Field("flux"),
             Field("integral"),
+            Field("ticks", "i8"),
+            Field("on_plate", "i8"),
             Field("plate_limited", "i8"),
         )
-        return own + account.FIELDS
+        return own + account.FIELDS + _memory(model)
 
     def commands(self, model: FluxModel) -> tuple[str, ...]:
         """Return the display's current."""
@@ -108,6 +131,8 @@ class FluxControl(Modality):
         """Begin with no object approached and the plate at the room's temperature."""
         state[f"{model.name}.approached"] = -1
         state[f"{model.name}.start_temperature"] = min(model.band[1], max(model.band[0], model.ambient))
+        if model.law is not None:
+            model.law.reset(state)
 
     def on_contact(self, event: ContactEvent, model: FluxModel, state: Record) -> None:
         """Aim for the object that comes near; begin and end the touch."""
@@ -120,8 +145,12 @@ class FluxControl(Modality):
             rendered = bool(state[f"{model.probe}.plate"].item())
             account.begin(state, name, rendered, state[f"{name}.readiness"].item() >= 1.0)
             state[f"{name}.touching"] = int(rendered)
+            state[f"{name}.ticks"] = 0
             state[f"{name}.integral"] = state[f"{name}.flux"].item()
         elif event.kind is Contact.END:
+            if model.law is not None and state[f"{name}.on_plate"].item():
+                model.law.end(state)
+                state[f"{name}.on_plate"] = 0
             state[f"{name}.touching"] = 0
 
     def _aim(self, model: FluxModel, state: Record, index: int) -> None:
@@ -132,6 +161,8 @@ class FluxControl(Modality):
         skin = state[model.skin_from].item() if model.skin_from else model.skin
         plate = model.display.plate[-1].effusivity
         wanted = equation_three(effusivity, plate, model.tissue, model.temperatures[index], skin)
+        if model.preview is not None:
+            wanted = model.preview.start(index, skin) or wanted
         low, high = model.band
         state[f"{name}.approached"] = index
         state[f"{name}.start_temperature"] = min(high, max(low, wanted))
@@ -139,21 +170,104 @@ class FluxControl(Modality):
 
     def update(self, model: FluxModel, state: Record, period: float) -> None:
         """Command the current."""
-        name, display = model.name, model.params.display
-        plate = state[f"{display}.plate_temperature"].item()
-        sink = state[f"{display}.sink_temperature"].item()
-        desired = state[f"{model.params.desired_from}.desired"].item()
+        name = model.name
         touching = bool(state[f"{name}.touching"].item())
         if touching:
-            flux = self._touch(model, state, desired, period)
-            self._note(model, state, desired, period)
+            self._note(model, state, state[f"{model.params.desired_from}.desired"].item(), period)
         else:
             near = state[f"{model.probe}.near_object"].item()
             if near >= 0 and near != state[f"{name}.approached"].item():
                 self._aim(model, state, near)
-            flux = self._approach(model, state, plate)
+        if model.law is not None and model.preview is not None:
+            current, flux = self._predictive(model, model.law, model.preview, state, touching, period)
+        else:
+            current, flux = self._published(model, state, touching, period)
         state[f"{name}.flux"] = flux
-        state[f"{display}.command.current"] = self._current(model, flux, plate, sink)
+        state[f"{model.params.display}.command.current"] = current
+
+    def _published(self, model: FluxModel, state: Record, touching: bool, period: float) -> tuple[float, float]:
+        """Return current and flux of `paper` and `hold`."""
+        display = model.params.display
+        plate = state[f"{display}.plate_temperature"].item()
+        sink = state[f"{display}.sink_temperature"].item()
+        if touching:
+            flux = self._touch(model, state, state[f"{model.params.desired_from}.desired"].item(), period)
+        else:
+            flux = self._approach(model, state, plate)
+        return self._current(model, flux, plate, sink), flux
+
+    def _predictive(
+        self, model: FluxModel, law: ModelLaw, course: Preview, state: Record, touching: bool, period: float
+    ) -> tuple[float, float]:
+        """Return current and flux of `model`; slower than the servo, the periods between are caught up with."""
+        name, display = model.name, model.params.display
+        hold = max(1, round(period / model.period))
+        readings = [state[f"{display}.{channel}"].item() for channel in ("heat_flux", "plate_temperature")]
+        sink, sent = state[f"{display}.sink_temperature"].item(), state[f"{display}.sent.current"].item()
+        for _ in range(hold - 1):
+            law.track(state, sent, math.nan, math.nan, math.nan)
+        pressed = self._pressed(model, state)
+        if state[f"{display}.age"].item() or (touching and not pressed):
+            law.track(state, sent, math.nan, math.nan, math.nan)
+        else:
+            law.track(state, sent, readings[0], readings[1], sink)
+        if pressed and not state[f"{name}.on_plate"].item():
+            law.disturb(state)
+        if touching:
+            ticks = state[f"{name}.ticks"].item()
+            if ticks == 0:
+                self._begin(model, law, course, state)
+            else:
+                self._continue(model, law, course, state, ticks, hold)
+            state[f"{name}.ticks"] = ticks + hold
+            if pressed and not state[f"{name}.on_plate"].item():
+                law.begin(state, state[f"{name}.flux"].item())
+                state[f"{name}.on_plate"] = 1
+            if state[f"{name}.on_plate"].item():
+                self._want(model, law, state, ticks)
+                return law.follow(state, 1.0, hold)
+        current, flux, error = law.approach(state, state[f"{name}.start_temperature"].item(), hold)
+        state[f"{name}.readiness"] = max(0.0, min(1.0, 2.0 - abs(error) / READY))
+        return current, flux
+
+    def _pressed(self, model: FluxModel, state: Record) -> bool:
+        """Tell whether the finger is on the plate: by the measured force, else as the virtual contact says."""
+        if model.force_from:
+            return bool(abs(state[model.force_from][2].item()) > TOUCHED)
+        return math.isfinite(state[f"{model.params.desired_from}.resistance"].item())
+
+    def _begin(self, model: FluxModel, law: ModelLaw, course: Preview, state: Record) -> None:
+        """Copy the model finger and object as they are after their first step, and run them ahead."""
+        name, heat = model.name, model.params.desired_from
+        index = state[f"{heat}.object"].item()
+        body = course.bodies[index]
+        if body is None:
+            return
+        finger = state[f"{heat}.finger"]
+        above, below = state[f"{name}.preview_finger"], state[f"{name}.preview_object"]
+        above[:] = finger
+        below[:] = state[f"{heat}.objects"][index][: len(below)]
+        state[f"{name}.preview_index"] = index
+        future = state[f"{name}.future"]
+        future[0] = state[f"{heat}.desired"].item()
+        run_ahead(course.finger, above, body, below, course.resistance, future, 1, law.ahead)
+        law.place(state, course.into @ finger[: course.into.shape[1]])
+
+    def _continue(
+        self, model: FluxModel, law: ModelLaw, course: Preview, state: Record, ticks: int, hold: int
+    ) -> None:
+        name = model.name
+        body = course.bodies[state[f"{name}.preview_index"].item()]
+        if body is not None:
+            above, below = state[f"{name}.preview_finger"], state[f"{name}.preview_object"]
+            first = ticks - hold + law.ahead + 1
+            run_ahead(course.finger, above, body, below, course.resistance, state[f"{name}.future"], first, hold)
+
+    def _want(self, model: FluxModel, law: ModelLaw, state: Record, ticks: int) -> None:
+        """Fill the plan's desired flux; what the flux is now beside its preview, it is taken to be later too."""
+        future = state[f"{model.name}.future"]
+        now = state[f"{model.params.desired_from}.desired"].item() - float(future[ticks % len(future)])
+        state[f"{model.name}.wanted"] = future[(ticks + law.offsets) % len(future)] + now
 
     def _approach(self, model: FluxModel, state: Record, plate: float) -> float:
         """Return the flux that brings the plate to its start temperature."""
@@ -193,6 +307,40 @@ class FluxControl(Modality):
             return {}
         truth = model.truth and f"{model.params.display}.twin.true_flux" in state
         return account.measures(state, model.name, "twin" if truth else "sensor")
+
+
+def _force(params: FluxControlParams, world: World) -> str:
+    """Return the State field of the measured force on the plate, empty if nothing measures it."""
+    for device in world.devices.values():
+        if params.force_from in ("", device.name) and any(channel.name == "wrench" for channel in device.reads):
+            return f"{device.name}.wrench"
+    return ""
+
+
+def _model(
+    name: str, display: DisplayParams, heat: HeatParams, world: World, band: tuple[float, float], ceiling: float
+) -> tuple[ModelLaw, Preview]:
+    """Build the constants of `model`; what is on its way is always known from what was sent."""
+    law = ModelLaw(
+        display, heat.layers or FINGER, heat.arterial, world.skin_temperature, heat.contact_resistance, world.ambient,
+        world.period, band=band, ceiling=ceiling, prefix=f"{name}.",
+    )  # fmt: skip
+    return law, preview(heat, world, law.trial, law.coarse_ticks)
+
+
+def _memory(model: FluxModel) -> tuple[Field, ...]:
+    """Return the State of `model`: its law and the contact that runs ahead; names without the modality's own."""
+    if model.law is None or model.preview is None:
+        return ()
+    cut = len(model.name) + 1
+    own = tuple(Field(field.name[cut:], field.dtype, field.size) for field in model.law.fields())
+    size = state_size(model.preview.finger)
+    return (
+        *own,
+        Field("preview_finger", "f8", size),
+        Field("preview_object", "f8", model.preview.widest),
+        Field("preview_index", "i8"),
+    )
 
 
 def _effusivity(material: Any) -> float | None:

@@ -3,8 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch_thermal.display.column import F_END, F_PORT, P_END, P_PORT, Array, Column
+from itouch_thermal.flux import planner
 from itouch_thermal.solver.layers import Layer
+
+#: Steps over which flux and skin are weighed, knots of the trial pump, and the seconds after which flux counts.
+STEPS, KNOTS, COUNTED_FROM = 80, 8, 0.1
+#: One kelvin of skin weighs as much as this flux [W/m2] at first; a pump at its limit as much as this.
+SKIN_WEIGHT, PUMP_WEIGHT = 2e3, 3.0
+#: Until the flux error, relative to at least this [W/m2], is this small over so long [s], skin weighs less and less.
+FLOOR, FLUX_FIRST, SCORED_FOR, TRIES = 200.0, 7e-4, 10.0, 12
 
 
 def equation_three(material: float, plate: float, tissue: float, object_temperature: float, skin: float) -> float:
@@ -24,3 +37,98 @@ def equation_three(material: float, plate: float, tissue: float, object_temperat
 def outer_effusivity(layers: Sequence[Layer]) -> float:
     """Return the effusivity of the first layer."""
     return layers[0].effusivity
+
+
+class Trial(NamedTuple):
+    """A column at coarse steps and what drives it: delay in steps, expected resistance, greatest flux."""
+
+    column: Column
+    constants: Array
+    resistance: float
+    delay: int
+    limit: float
+    reference: float
+
+
+def start_temperature(trial: Trial, finger: Array, desired: Array, skin: Array) -> tuple[float, Array]:
+    """Return the start temperature [K] from which the first moments come closest, and the flux they then have.
+
+    A pump that begins after the delay and the plate's temperature are chosen together by least squares, so that from
+    0.1 s on the flux is the desired one and all the time the skin is as warm as it should be.
+
+    Parameters
+    ----------
+    finger
+        Coordinates of the finger at the begin, shape (n,).
+    desired, skin
+        Desired flux [W/m2] and skin temperature [K] at the ends of the coarse steps, shape (STEPS,).
+    """
+    free, warmer, pumps = _responses(trial, finger)
+    columns = np.stack([warmer, *pumps], axis=-1)
+    times = np.arange(1, STEPS + 1) * trial.column.period
+    scored = times >= COUNTED_FROM
+    scale = np.maximum(np.abs(desired), FLOOR)[scored]
+    weight = SKIN_WEIGHT
+    for _ in range(TRIES):
+        found = _least(columns, desired - free[0], skin - free[1], scored, weight)
+        flux = free[0] + columns[0] @ found
+        error = (flux - desired)[scored] / scale
+        if np.sqrt(np.sum(error**2) * trial.column.period / SCORED_FOR) <= FLUX_FIRST:
+            break
+        weight *= 0.6
+    return trial.reference + float(found[0]), flux
+
+
+def _least(columns: Array, flux: Array, skin: Array, scored: NDArray[np.bool_], skin_weight: float) -> Array:
+    """Return plate temperature and pump knots, within the pump's limits, that come closest to flux and skin."""
+    rows = np.concatenate((columns[0][scored], skin_weight * columns[1]))
+    aim = np.concatenate((flux[scored], skin_weight * skin))
+    count = columns.shape[-1]
+    weight = np.diag(np.concatenate(([0.0], np.full(count - 1, PUMP_WEIGHT))))
+    found, held = np.zeros(count), np.zeros(count, bool)
+    for _ in range(count):
+        stacked = np.concatenate((rows[:, ~held], weight[:, ~held]))
+        target = np.concatenate((aim - rows[:, held] @ found[held], np.zeros(count)))
+        found[~held] = np.linalg.lstsq(stacked, target, rcond=None)[0]
+        over = ~held & (np.abs(found) > 1.0)
+        over[0] = False
+        if not over.any():
+            break
+        found[over] = np.sign(found[over])
+        held |= over
+    return found
+
+
+def _responses(trial: Trial, finger: Array) -> tuple[Array, Array, list[Array]]:
+    """Return flux and skin, shape (2, STEPS): by itself, of 1 K more in the plate, and of each knot of the pump."""
+    still = np.zeros_like(finger)
+    cold = np.zeros(trial.column.plate.shape[1])
+    rest = trial.column.rest - trial.reference
+    silent = np.zeros(STEPS)
+    free = _run(trial, finger, cold, silent, rest)
+    free[1] += trial.column.rest
+    warmer = _run(trial, still, np.array(trial.column.flat), silent, 0.0)
+    return free, warmer, [_run(trial, still, cold, trial.limit * hat, 0.0) for hat in _hats(trial.delay)]
+
+
+def _hats(delay: int) -> list[Array]:
+    """Return the pump's knots as shapes over the steps, closer together at first."""
+    places = delay + np.concatenate(([0.0], np.cumsum(np.geomspace(1.5, 0.35 * STEPS, KNOTS - 1))))
+    steps = np.arange(STEPS) + 0.5
+    found = [np.interp(steps, places, unit) for unit in np.eye(KNOTS)]
+    return [np.where(steps > delay, hat, 0.0) for hat in found]
+
+
+def _run(trial: Trial, finger: Array, plate: Array, pump: Array, rest: float) -> Array:
+    above, below = finger.copy(), plate.copy()
+    tissue, lower = trial.column.tissue, trial.column.plate
+    selves = float(tissue[F_PORT] @ tissue[F_END]), float(lower[P_PORT] @ lower[P_END])
+    flux = (rest + float(tissue[F_PORT] @ above) - float(lower[P_PORT] @ below)) / trial.resistance
+    found = np.empty((2, STEPS))
+    for i in range(STEPS):
+        flux = planner.ahead(
+            trial.constants, tissue, lower, above, below, flux, float(pump[i]), trial.resistance, 1.0, 1.0, *selves,
+            rest,
+        )  # fmt: skip
+        found[:, i] = flux, float(tissue[F_PORT] @ above)
+    return found

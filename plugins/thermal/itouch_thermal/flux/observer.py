@@ -1,0 +1,285 @@
+"""The estimator of the `model` controller: what the plate and finger are really like, found out while they touch.
+
+The model is the display's column itself.  Everything that may differ is a parameter: contact resistance, Seebeck
+coefficient, legs, electrical resistance, plate, finger, sensor lag, an offset and an unexplained flux.  The column is
+driven by the currents that were sent; its derivatives with respect to the parameters run beside it, and each reading
+corrects the parameters by recursive Gauss-Newton (an extended Kalman filter whose state covariance is that of the
+parameters).  A correction moves the column to where it would be had the parameters been so all the time.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from numba import njit
+
+from itouch_thermal.display.column import (
+    F_BEGIN,
+    F_DECAY,
+    F_END,
+    F_PORT,
+    P_BACK,
+    P_BEGIN,
+    P_DECAY,
+    P_END,
+    P_HALF,
+    P_MEAN,
+    P_PORT,
+    P_PUMP,
+    P_SENSE,
+)
+
+#: Parameters: logarithms of contact resistance and sensor lag, relative changes, offset [K], flux [W/m2].
+RESISTANCE, SEEBECK, LEGS, OHMIC, PLATE, TISSUE, LAG, OFFSET, FLUX, COUNT = range(10)
+#: How far each parameter may be moved: what is beyond is no tolerance but a fault.
+AUTHORITY = (1.2, 0.3, 0.4, 0.4, 0.3, 0.5, 0.6, 0.3, 300.0)
+#: Numbers behind the modes in each row of the column's memory.
+X_FLUX, X_BACK, X_FACE, X_SEEN, X_FILM, X_TAIL = range(6)
+#: Constants.
+(
+    O_PERIOD, O_REST, O_REFERENCE, O_CONTACT, O_SEEBECK, O_RESISTANCE, O_CONDUCTANCE, O_AREA, O_FLUX_LAG, O_PLATE_LAG,
+    O_FLUX_NOISE, O_PLATE_NOISE, O_SINK_CAPACITY, O_SINK_RESISTANCE, O_SINK_LAG, O_AIR, O_COVER, O_SEEN, O_AMBIENT,
+    O_DRIFT_FLUX, O_DRIFT_OFFSET, O_CEILING, O_CONSTANTS,
+) = range(23)  # fmt: skip
+#: Numbers of the scalar memory.
+M_TOUCHING, M_SINK, M_SINK_SEEN, M_CONTACT, M_TICKS, M_QUIET, M_TAIL = range(7)
+#: Ticks without corrections after a flux that air cannot explain: something touches the plate that should not.
+QUIET = 200.0
+
+
+@njit(cache=True, error_model="numpy")
+def advance(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, current: float, scale: float) -> None:
+    """Advance column and derivatives by one period.
+
+    Parameters
+    ----------
+    c
+        Constants, shape (O_CONSTANTS,).
+    tissue, plate
+        Packed column, shapes (4, n) and (9, m).
+    x
+        Row 0 the column, row 1 + k its derivative with respect to parameter k; shape (1 + COUNT, n + m + X_TAIL).
+    theta, memory
+        Parameters (COUNT,) and scalar memory (M_TAIL,).
+    current
+        Current [A] that flowed in this period.
+    scale
+        Contact resistance that the force explains, as a multiple of the nominal one.
+    """
+    dt = c[O_PERIOD]
+    n, m = tissue.shape[1], plate.shape[1]
+    o = n + m
+    touching = memory[M_TOUCHING] > 0.0
+    gp, gf = 1.0 / (1.0 + theta[PLATE]), 1.0 / (1.0 + theta[TISSUE])
+    seebeck, legs = c[O_SEEBECK] * (1.0 + theta[SEEBECK]), c[O_CONDUCTANCE] * (1.0 + theta[LEGS])
+    ohmic = c[O_RESISTANCE] * (1.0 + theta[OHMIC])
+    contact = c[O_CONTACT] * math.exp(theta[RESISTANCE]) * scale
+    cover = c[O_COVER] if touching else 0.0
+    cold, hot, face = x[0, o + X_BACK], memory[M_SINK], x[0, o + X_FACE]
+    pump = (seebeck * cold * current - 0.5 * current * current * ohmic - legs * (hot - cold)) / c[O_AREA] + theta[FLUX]
+    slope = (seebeck * current + legs) / c[O_AREA]
+    electric = seebeck * (hot - cold) * current + current * current * ohmic
+    heat = (pump - theta[FLUX]) * c[O_AREA] + electric - (hot - c[O_AMBIENT]) / c[O_SINK_RESISTANCE]
+    memory[M_SINK] += dt / c[O_SINK_CAPACITY] * heat
+    memory[M_SINK_SEEN] += dt / (c[O_SINK_LAG] + dt) * (memory[M_SINK] - memory[M_SINK_SEEN])
+
+    tissue_self = plate_self = 0.0
+    if touching:
+        for i in range(n):
+            tissue_self += tissue[F_PORT, i] * tissue[F_END, i]
+    for i in range(m):
+        plate_self += plate[P_PORT, i] * plate[P_END, i]
+    closing = contact + gf * tissue_self + gp * cover * plate_self
+    keep_flux = math.exp(-dt / (c[O_FLUX_LAG] * math.exp(theta[LAG])))
+    keep_film = math.exp(-dt / (c[O_PLATE_LAG] * math.exp(theta[LAG])))
+    rise_flux = keep_flux * dt / (c[O_FLUX_LAG] * math.exp(theta[LAG]))
+    rise_film = keep_film * dt / (c[O_PLATE_LAG] * math.exp(theta[LAG]))
+
+    j0 = x[0, o + X_FLUX]
+    j1 = middle = film = base_seen = memory_seen = memory_film = 0.0
+    for k in range(COUNT + 1):
+        base = k == 0
+        r = x[k]
+        dj0 = r[o + X_FLUX]
+        if base:
+            air = c[O_AIR] * (c[O_AMBIENT] - face)
+            du = pump
+        else:
+            air = -c[O_AIR] * r[o + X_FACE]
+            du = slope * r[o + X_BACK]
+            if k - 1 == SEEBECK:
+                du += c[O_SEEBECK] * cold * current / c[O_AREA]
+            elif k - 1 == LEGS:
+                du -= c[O_CONDUCTANCE] * (hot - cold) / c[O_AREA]
+            elif k - 1 == OHMIC:
+                du -= 0.5 * current * current * c[O_RESISTANCE] / c[O_AREA]
+            elif k - 1 == FLUX:
+                du += 1.0
+        # A gain's derivative acts on what the base took in: its begin and end fluxes and the pumped one.
+        of_tissue = -gf * gf if k - 1 == TISSUE else 0.0
+        of_plate = -gp * gp if k - 1 == PLATE else 0.0
+        spill = (1.0 - cover) * air
+        s = c[O_REST] if base else 0.0
+        if touching:
+            begin = gf * dj0 + of_tissue * j0
+            for i in range(n):
+                r[i] = tissue[F_DECAY, i] * r[i] - tissue[F_BEGIN, i] * begin
+                s += tissue[F_PORT, i] * r[i]
+            if not base:
+                s -= of_tissue * tissue_self * j1
+        base_spill = (1.0 - cover) * c[O_AIR] * (c[O_AMBIENT] - face)
+        begin = gp * (cover * dj0 + spill) + of_plate * (cover * j0 + base_spill)
+        end = gp * spill + of_plate * (cover * j1 + base_spill)
+        if base:
+            end = gp * spill
+        push = gp * du + of_plate * pump
+        p = c[O_REFERENCE] if base else 0.0
+        before = 0.0
+        for i in range(m):
+            before += plate[P_HALF, i] * r[n + i]
+            r[n + i] = (
+                plate[P_DECAY, i] * r[n + i]
+                + plate[P_BEGIN, i] * begin
+                + plate[P_END, i] * end
+                - plate[P_PUMP, i] * push
+            )
+            p += plate[P_PORT, i] * r[n + i]
+        dj1 = 0.0
+        if touching:
+            explicit = contact * j1 if k - 1 == RESISTANCE else 0.0
+            dj1 = (s - p - explicit) / closing
+            late = gf * dj1 + of_tissue * (0.0 if base else j1)
+            for i in range(n):
+                r[i] -= tissue[F_END, i] * late
+        p, back, t, h = (c[O_REFERENCE], c[O_REFERENCE], c[O_REFERENCE], 0.0) if base else (0.0, 0.0, 0.0, 0.0)
+        late = gp * cover * dj1
+        for i in range(m):
+            r[n + i] += plate[P_END, i] * late
+            p += plate[P_PORT, i] * r[n + i]
+            back += plate[P_BACK, i] * r[n + i]
+            t += plate[P_SENSE, i] * r[n + i]
+            h += plate[P_HALF, i] * r[n + i]
+        into = 0.5 * (dj0 + dj1)
+        seen = (c[O_SEEN] * into + (1.0 - c[O_SEEN]) * air if touching else air) - (h - before) / (gp * dt)
+        if base:
+            j1, middle, film = dj1, (h - before) / dt, t
+            memory_seen, memory_film = r[o + X_SEEN], r[o + X_FILM]
+        elif k - 1 == PLATE:
+            seen -= middle  # d(1 / gp) = d(1 + theta)
+        lag_seen = lag_film = 0.0
+        if k - 1 == LAG:
+            lag_seen, lag_film = rise_flux * (memory_seen - base_seen), rise_film * (memory_film - film)
+        if base:
+            base_seen = seen
+        r[o + X_SEEN] = keep_flux * r[o + X_SEEN] + (1.0 - keep_flux) * seen + lag_seen
+        r[o + X_FILM] = keep_film * r[o + X_FILM] + (1.0 - keep_film) * t + lag_film
+        r[o + X_FLUX], r[o + X_BACK], r[o + X_FACE] = dj1, back, p
+
+
+@njit(cache=True, error_model="numpy")
+def correct(
+    x: Any, theta: Any, cover: Any, gain: Any, column: int, explicit: int, innovation: float, noise: float
+) -> None:
+    """Take in one reading: move parameters and column; ``cover`` is the parameters' covariance (COUNT, COUNT)."""
+    total = noise * noise
+    for a in range(COUNT):
+        gain[a] = 0.0
+        for b in range(COUNT):
+            slope = x[1 + b, column] + (1.0 if b == explicit else 0.0)
+            gain[a] += cover[a, b] * slope
+    for a in range(COUNT):
+        total += (x[1 + a, column] + (1.0 if a == explicit else 0.0)) * gain[a]
+    for a in range(COUNT):
+        step = gain[a] * innovation / total
+        step = min(AUTHORITY[a] - theta[a], max(-AUTHORITY[a] - theta[a], step))
+        theta[a] += step
+        for i in range(x.shape[1]):
+            x[0, i] += x[1 + a, i] * step
+        for b in range(COUNT):
+            cover[a, b] -= gain[a] * gain[b] / total
+
+
+@njit(cache=True, error_model="numpy")
+def observe(
+    c: Any, tissue: Any, plate: Any, x: Any, theta: Any, cover: Any, gain: Any, memory: Any,
+    current: float, scale: float, flux: float, film: float, sink: float,
+) -> None:  # fmt: skip
+    """Advance by one period under ``current`` [A] and take in the readings of flux, film and sink; NaN: none."""
+    advance(c, tissue, plate, x, theta, memory, current, scale)
+    if sink == sink:
+        memory[M_SINK] += 0.002 * (sink - memory[M_SINK_SEEN])
+    o = tissue.shape[1] + plate.shape[1]
+    if memory[M_TOUCHING] == 0.0 and _disturbed(c, x, memory, flux, o):
+        _resume(plate, x, theta, film, tissue.shape[1])
+        return
+    cover[FLUX, FLUX] += c[O_DRIFT_FLUX]
+    cover[OFFSET, OFFSET] += c[O_DRIFT_OFFSET]
+    # A reading at the end of the scale says nothing but that.
+    if abs(flux) < c[O_CEILING] and abs(x[0, o + X_SEEN]) < c[O_CEILING]:
+        correct(x, theta, cover, gain, o + X_SEEN, -1, flux - x[0, o + X_SEEN], c[O_FLUX_NOISE])
+    if film == film:
+        correct(x, theta, cover, gain, o + X_FILM, OFFSET, film - x[0, o + X_FILM] - theta[OFFSET], c[O_PLATE_NOISE])
+
+
+@njit(cache=True, error_model="numpy")
+def _disturbed(c: Any, x: Any, memory: Any, flux: float, o: int) -> bool:
+    """Tell whether the flux on the bare plate was, not long ago, none that air explains."""
+    if abs(flux - x[0, o + X_SEEN]) > 6.0 * c[O_FLUX_NOISE] + 0.3 * abs(x[0, o + X_SEEN]):
+        memory[M_QUIET] = QUIET
+    if memory[M_QUIET] > 0.0:
+        memory[M_QUIET] -= 1.0
+        return True
+    return False
+
+
+@njit(cache=True, error_model="numpy")
+def _resume(plate: Any, x: Any, theta: Any, film: float, n: int) -> None:
+    """Follow the readings without learning from them; what the parameters had to do with the state is forgotten."""
+    m = plate.shape[1]
+    o = n + m
+    square = 0.0
+    for i in range(m):
+        square += plate[P_MEAN, i] * plate[P_MEAN, i]
+    x[1:, :] = 0.0
+    if film == film:
+        shift = 0.02 * (film - theta[OFFSET] - x[0, o + X_FILM])
+        for i in range(m):
+            x[0, n + i] += shift * plate[P_MEAN, i] / square
+        x[0, o + X_FILM] += shift
+
+
+@njit(cache=True, error_model="numpy")
+def begin_touch(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, cover: Any, memory: Any, prior: Any) -> None:
+    """Set the finger, whose modes stand in row 0, on the plate: resistance and finger are unknown again."""
+    n, m = tissue.shape[1], plate.shape[1]
+    o = n + m
+    memory[M_TOUCHING] = 1.0
+    memory[M_QUIET] = 0.0
+    for which in (RESISTANCE, TISSUE):
+        for b in range(COUNT):
+            cover[which, b] = cover[b, which] = 0.0
+        cover[which, which] = prior[which] * prior[which]
+        theta[which] = 0.0
+        for i in range(o + X_TAIL):
+            x[1 + which, i] = 0.0
+    s = c[O_REST]
+    for i in range(n):
+        s += tissue[F_PORT, i] * x[0, i]
+        for k in range(COUNT):
+            x[1 + k, i] = 0.0
+    contact = c[O_CONTACT] * memory[M_CONTACT]
+    flux = (s - x[0, o + X_FACE]) / contact
+    x[0, o + X_FLUX] = flux
+    for k in range(COUNT):
+        x[1 + k, o + X_FLUX] = -x[1 + k, o + X_FACE] / contact
+    x[1 + RESISTANCE, o + X_FLUX] = -flux
+
+
+@njit(cache=True, error_model="numpy")
+def end_touch(tissue: Any, plate: Any, x: Any, memory: Any) -> None:
+    """Take the finger off."""
+    memory[M_TOUCHING] = 0.0
+    o = tissue.shape[1] + plate.shape[1]
+    for k in range(COUNT + 1):
+        x[k, o + X_FLUX] = 0.0

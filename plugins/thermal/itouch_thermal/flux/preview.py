@@ -1,0 +1,110 @@
+"""The desired flux of the time to come: the model finger on the virtual object, run ahead of the real time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from itouch.plugin import World
+from itouch_thermal.display.column import REACH, Array, Column, tissue_side
+from itouch_thermal.flux.start import STEPS, Trial, start_temperature
+from itouch_thermal.heat import FINGER, HeatParams, finger_side, object_side
+from itouch_thermal.solver import live
+from itouch_thermal.solver.layers import Layer, Side
+from itouch_thermal.solver.modes import layer_modes, side_modes
+
+#: Skin temperatures [K] round the expected one for which start temperatures are found; between them linear.
+SKIN_STEP = 2.0
+
+
+@njit(cache=True, error_model="numpy")
+def run_ahead(
+    finger: Any, above: Any, body: Any, below: Any, resistance: float, out: Any, first: int, count: int
+) -> None:
+    """Step the contact ``count`` times into the ring ``out`` from index ``first`` on."""
+    size = out.shape[0]
+    for i in range(count):
+        out[(first + i) % size] = live.contact_step(finger, above, body, below, resistance)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Preview:
+    """Packed models of the desired contact, what takes the model finger into the controller's modes, and starts.
+
+    ``starts`` holds per object the start temperatures [K] at three skin temperatures, None without a material.
+    """
+
+    finger: Array
+    bodies: tuple[Array | None, ...]
+    widest: int
+    resistance: float
+    into: Array
+    skin: float
+    starts: tuple[tuple[float, float, float] | None, ...]
+
+    def start(self, index: int, skin: float) -> float | None:
+        """Return the start temperature [K] for an object and a skin temperature [K]."""
+        found = self.starts[index]
+        if found is None:
+            return None
+        low, middle, high = found
+        away = max(-1.5, min(1.5, (skin - self.skin) / SKIN_STEP))
+        return middle + away * ((high - middle) if away > 0.0 else (middle - low))
+
+
+def preview(heat: HeatParams, world: World, trial: Trial, delay: int) -> Preview:
+    """Build the preview of a scene; ``delay`` is the coarse step in servo periods."""
+    layers = heat.layers or FINGER
+    side = finger_side(layers, heat.arterial, world.skin_temperature, world.ambient)
+    sides = [object_side(o.material, o.temperature, heat.object_depth) for o in world.objects]
+    bodies = tuple(None if s is None else live.side_model(s, world.period, finger=False) for s in sides)
+    finger = live.side_model(side, world.period, finger=True)
+    skins = [world.skin_temperature + step for step in (-SKIN_STEP, 0.0, SKIN_STEP)]
+    starts: list[tuple[float, float, float] | None] = []
+    for body in sides:
+        if body is None:
+            starts.append(None)
+            continue
+        low, middle, high = (_start(layers, heat, body, skin, world.period, trial, delay) for skin in skins)
+        starts.append((low, middle, high))
+    widest = max((live.state_size(body) for body in bodies if body is not None), default=1)
+    into = conversion(side, layers, heat.arterial, world.period)
+    return Preview(finger, bodies, widest, heat.contact_resistance, into, world.skin_temperature, tuple(starts))
+
+
+def conversion(side: Side, layers: tuple[Layer, ...], core: float, period: float) -> Array:
+    """Return the matrix that takes the solver's finger coordinates into those of the controller's column."""
+    ours = layer_modes(layers, tissue_side(layers, core, core).back, REACH / 1e-3)
+    theirs = side_modes(side, period)
+    rows = np.stack([theirs.row(float(depth)) for depth in ours.depths])
+    found = np.asarray(ours.shapes.T @ (ours.weights[:, None] * rows))
+    found.setflags(write=False)
+    return found
+
+
+def _start(
+    layers: tuple[Layer, ...], heat: HeatParams, body: Side, skin: float, period: float, trial: Trial, coarse: int
+) -> float:
+    side = finger_side(layers, heat.arterial, skin, skin)
+    flux, warmth = contact_course(side, body, heat.contact_resistance, period, STEPS * coarse)
+    every = slice(coarse - 1, None, coarse)
+    return start_temperature(trial, rising(trial.column, skin), flux[every], warmth[every])[0]
+
+
+def rising(parts: Column, skin: float) -> Array:
+    """Return the coordinates of a finger at rest with a skin temperature [K]."""
+    return np.asarray(parts.rise * (skin - parts.rest))
+
+
+def contact_course(side: Side, body: Side, resistance: float, period: float, count: int) -> tuple[Array, Array]:
+    """Return flux [W/m2] and skin temperature [K] at the end of each step of an ideal contact, shape (count,)."""
+    finger, other = live.side_model(side, period, finger=True), live.side_model(body, period, finger=False)
+    above, below = live.initial_state(side, period, finger=True), live.initial_state(body, period, finger=False)
+    flux, warmth = np.empty(count), np.empty(count)
+    for i in range(count):
+        flux[i] = live.contact_step(finger, above, other, below, resistance)
+        warmth[i] = live.surface_temperature(finger, above)
+    return flux, warmth
