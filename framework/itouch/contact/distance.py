@@ -7,23 +7,23 @@ that property carries the whole solver.
 """
 
 import numpy as np
-from numba import njit
 
+from itouch.contact.compiling import inner
 from itouch.contact.layout import (
+    FRAME_KIND,
+    FRAME_SIZE,
     KIND_BOX,
     KIND_CAPSULE,
     KIND_CYLINDER,
     KIND_PLANE,
     KIND_SPHERE,
-    WORLD_KIND,
-    WORLD_SIZE,
 )
 from itouch.contact.vectors import Floats, Vector
 
 Answer = tuple[float, Vector, int]
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def sphere_distance(q: Vector, radius: float) -> Answer:
     """Sphere about the origin."""
     length = np.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2])
@@ -32,7 +32,7 @@ def sphere_distance(q: Vector, radius: float) -> Answer:
     return length - radius, (q[0] / length, q[1] / length, q[2] / length), 0
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def box_distance(q: Vector, x: float, y: float, z: float) -> Answer:
     """Box of half extents x, y, z. Feature: 9 (sx + 1) + 3 (sy + 1) + sz + 1 of the sides that touch (-1, 0, 1)."""
     ex, ey, ez = abs(q[0]) - x, abs(q[1]) - y, abs(q[2]) - z
@@ -54,7 +54,7 @@ def box_distance(q: Vector, x: float, y: float, z: float) -> Answer:
     return length, (sx * ex / length, sy * ey / length, sz * ez / length), code
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def capsule_distance(q: Vector, radius: float, half: float) -> Answer:
     """Capsule along z. Feature: 0 side, 1 upper, 2 lower end."""
     z = min(max(q[2], -half), half)
@@ -64,7 +64,7 @@ def capsule_distance(q: Vector, radius: float, half: float) -> Answer:
     return distance, normal, 1 if q[2] > half else (2 if q[2] < -half else 0)
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def cylinder_distance(q: Vector, radius: float, half: float) -> Answer:
     """Cylinder along z. Feature: 0 side, 1 upper, 2 lower end, 3 upper, 4 lower rim."""
     rho = np.sqrt(q[0] * q[0] + q[1] * q[1])
@@ -80,12 +80,11 @@ def cylinder_distance(q: Vector, radius: float, half: float) -> Answer:
     return side, (cx, cy, 0.0), 0
 
 
-@njit(cache=True, error_model="numpy")
-def distance(world: Floats, obj: int, q: Vector) -> Answer:
-    """Signed distance from the primitive of one row of the world table."""
-    kind = int(world[obj, WORLD_KIND])
-    c = WORLD_SIZE
-    x, y, z = world[obj, c], world[obj, c + 1], world[obj, c + 2]
+@inner
+def distance(site: Floats, k: int, q: Vector) -> Answer:
+    """Signed distance from the primitive of one of the site's objects."""
+    kind = int(site[k, FRAME_KIND])
+    x, y, z = site[k, FRAME_SIZE], site[k, FRAME_SIZE + 1], site[k, FRAME_SIZE + 2]
     if kind == KIND_BOX:
         return box_distance(q, x, y, z)
     if kind == KIND_PLANE:

@@ -1,12 +1,11 @@
 """Poses of the objects that are near enough to matter, as rows of a scratch table."""
 
-from numba import njit
-
+from itouch.contact.compiling import inner
 from itouch.contact.layout import FRAME_NOW, FRAME_POSE
 from itouch.contact.vectors import Floats, Vector
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def rotate(f: Floats, k: int, v: Vector) -> Vector:
     """Object's direction to world, by the present pose."""
     c = FRAME_NOW
@@ -17,7 +16,18 @@ def rotate(f: Floats, k: int, v: Vector) -> Vector:
     )
 
 
-@njit(cache=True, error_model="numpy")
+@inner
+def unrotate(f: Floats, k: int, v: Vector) -> Vector:
+    """World direction to object's, by the present pose."""
+    c = FRAME_NOW
+    return (
+        f[k, c + 3] * v[0] + f[k, c + 6] * v[1] + f[k, c + 9] * v[2],
+        f[k, c + 4] * v[0] + f[k, c + 7] * v[1] + f[k, c + 10] * v[2],
+        f[k, c + 5] * v[0] + f[k, c + 8] * v[1] + f[k, c + 11] * v[2],
+    )
+
+
+@inner
 def to_world(f: Floats, k: int, q: Vector) -> Vector:
     """Object's point to the world, by the present pose."""
     v = rotate(f, k, q)
@@ -25,7 +35,7 @@ def to_world(f: Floats, k: int, q: Vector) -> Vector:
     return (f[k, c] + v[0], f[k, c + 1] + v[1], f[k, c + 2] + v[2])
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def to_local(f: Floats, k: int, p: Vector) -> Vector:
     """World point to the object's frame, by the present pose."""
     c = FRAME_NOW
@@ -37,7 +47,7 @@ def to_local(f: Floats, k: int, p: Vector) -> Vector:
     )
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def to_local_then(f: Floats, k: int, p: Vector) -> Vector:
     """World point to the object's frame, by the pose of the last step."""
     c = FRAME_NOW + FRAME_POSE
@@ -49,7 +59,7 @@ def to_local_then(f: Floats, k: int, p: Vector) -> Vector:
     )
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def set_frame(f: Floats, k: int, then: int, poses: Floats, obj: int) -> None:
     """Write one pose (x, y, z, quaternion w, x, y, z of any length but zero) as present (0) or last (1)."""
     c = FRAME_NOW + then * FRAME_POSE

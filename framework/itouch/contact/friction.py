@@ -6,92 +6,81 @@ god-object; Melder and Harwin 2004 for several surfaces at once). With several c
 normal force and mu the mean of the contacts' coefficients, weighted by their shares.
 """
 
-from numba import njit
-
-from itouch.contact.halfspaces import Solution, nearest_inside, normal_of, set_loads
-from itouch.contact.layout import (
-    PLANE_GAP,
-    PLANE_LOAD,
-    PLANE_OBJECT,
-    SLIP_NONE,
-    SLIP_SLIDE,
-    SLIP_STICK,
-    WORLD_DYNAMIC_FRICTION,
-    WORLD_STATIC_FRICTION,
-)
-from itouch.contact.slide import gather, slide
-from itouch.contact.vectors import Floats, Vector, add, along, dot, norm, sub
+from itouch.contact import layout as at
+from itouch.contact.compiling import inner
+from itouch.contact.gather import gather, touching
+from itouch.contact.halfspaces import Solution, nearest_allowed, normal_of, set_loads
+from itouch.contact.site import Mesh
+from itouch.contact.slide import cut, slide
+from itouch.contact.vectors import Floats, Vector, along, dot, norm, sub
 
 MAX_SLIPS = 6
 _MARGIN = 1e-9  # relative slack of the cone against rounding
+_MARGIN_SLIDING = 1e-3  # likewise after a slide over a curved surface, whose normal has turned on the way
 
 
-@njit(cache=True, error_model="numpy")
-def coefficients(world: Floats, planes: Floats, count: int, goal: Vector, solution: Solution) -> tuple[float, float]:
+@inner
+def coefficients(site: Floats, count: int, goal: Vector, solution: Solution) -> tuple[float, float]:
     """Return static and dynamic friction, means over the active planes weighted by load; writes the loads."""
-    total = set_loads(planes, count, goal, solution)
+    total = set_loads(site, count, goal, solution)
     static, dynamic = 0.0, 0.0
     for k in range(count):
-        share = planes[k, PLANE_LOAD] / total if total > 0.0 else 0.0
-        obj = int(planes[k, PLANE_OBJECT])
-        static += share * world[obj, WORLD_STATIC_FRICTION]
-        dynamic += share * world[obj, WORLD_DYNAMIC_FRICTION]
+        share = site[k, at.PLANE_LOAD] / total if total > 0.0 else 0.0
+        frame = int(site[k, at.PLANE_FRAME])
+        static += share * site[frame, at.FRAME_STATIC]
+        dynamic += share * site[frame, at.FRAME_DYNAMIC]
     return static, dynamic
 
 
-@njit(cache=True, error_model="numpy")
-def drag(
-    world: Floats, frames: Floats, m: int, start: Vector, hip: Vector, radius: float, slip: int, planes: Floats
-) -> tuple[Vector, int]:
+@inner
+def drag(site: Floats, mesh: Mesh | None, start: Vector, hip: Vector, slip: int) -> tuple[Vector, int]:
     """Move a proxy with friction from ``start``, where it touches or is about to; returns place and slip state."""
-    p, state = start, slip
+    p, state, margin = start, slip, _MARGIN
     for _ in range(MAX_SLIPS):
         to_hip = sub(hip, p)
-        count = gather(world, frames, m, p, radius, 2.0 * norm(to_hip) + 1e-13, planes)
-        solution = nearest_inside(planes, count, to_hip)
-        if solution[1] < 0 or not solution[4]:
-            place, _, _ = slide(world, frames, m, p, hip, radius, planes)
-            return place, SLIP_NONE
-        static, dynamic = coefficients(world, planes, count, to_hip, solution)
-        settle = (0.0, 0.0, 0.0)
-        if solution[2] < 0:  # a proxy that hovers above a single plane comes down to it, friction or not
-            i = solution[1]
-            settle = along(settle, -planes[i, PLANE_GAP], normal_of(planes, i))
-        tangential = sub(solution[0], settle)
-        normal, wanted = norm(sub(solution[0], to_hip)), norm(tangential)
-        limit = (dynamic if state == SLIP_SLIDE else static) * normal
-        if wanted <= limit * (1.0 + _MARGIN) + 1e-15:
-            kept = SLIP_STICK if state != SLIP_SLIDE or wanted < dynamic * normal * (1.0 - 1e-6) else SLIP_SLIDE
-            return add(p, nearest_inside(planes, count, settle)[0]), kept
-        state = SLIP_SLIDE
-        left = dynamic * normal / wanted
-        p, _, _ = slide(world, frames, m, p, along(hip, -left, tangential), radius, planes)
-    return p, SLIP_SLIDE
+        count = touching(site, mesh, p)
+        solution = nearest_allowed(site, count, to_hip)
+        static, dynamic = coefficients(site, count, to_hip, solution)
+        last, goal = static == 0.0 or not solution[4], hip  # without a contact that rubs: straight on
+        if not last:
+            tangential = solution[0]
+            normal, wanted = norm(sub(solution[0], to_hip)), norm(tangential)
+            limit = (dynamic if state == at.SLIP_SLIDE else static) * normal
+            if wanted <= limit * (1.0 + margin) + 1e-15:
+                if state == at.SLIP_SLIDE and wanted < dynamic * normal * (1.0 - margin):
+                    state = at.SLIP_STICK
+                return p, max(state, at.SLIP_STICK)
+            state, margin = at.SLIP_SLIDE, _MARGIN_SLIDING
+            goal = along(hip, -dynamic * normal / wanted, tangential)
+        p, _, solution = slide(site, mesh, p, goal)
+        if last:
+            return p, at.SLIP_NONE if solution[1] < 0 else at.SLIP_SLIDE
+    return p, at.SLIP_SLIDE
 
 
-@njit(cache=True, error_model="numpy")
-def first_touch(
-    world: Floats, frames: Floats, m: int, start: Vector, goal: Vector, radius: float, planes: Floats
-) -> Vector:
+@inner
+def first_touch(site: Floats, mesh: Mesh | None, start: Vector, goal: Vector) -> Vector:
     """Where a free probe on its straight way to the goal first meets a surface (the goal itself if it meets none)."""
     p = start
     for _ in range(32):
         way = sub(goal, p)
         length = norm(way)
-        count = gather(world, frames, m, p, radius, length, planes)
+        count = gather(site, mesh, p, length)
         share = 1.0
         for k in range(count):
-            n = normal_of(planes, k)
-            rate = -dot(n, way)
-            if rate > 0.0 and max(planes[k, PLANE_GAP], 0.0) < share * rate:
-                share = max(planes[k, PLANE_GAP], 0.0) / rate
+            rate = -dot(normal_of(site, k), way)
+            if rate > 0.0 and max(site[k, at.PLANE_GAP], 0.0) < share * rate:
+                share = max(site[k, at.PLANE_GAP], 0.0) / rate
+        if mesh is not None:
+            _, free = cut(site, mesh, p, way, count)
+            share = min(share, free)
         p = along(p, share, way)
         if share == 1.0 or share * length <= 1e-12:
             break
     return p
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def into_cone(force: Vector, direction: Vector, mu: float) -> Vector:
     """Cut the tangential part of a force to the cone of ``mu`` about the unit normal ``direction``."""
     push = dot(force, direction)

@@ -7,7 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from itouch.contact import layout
-from itouch.contact.shapes import Shape
+from itouch.contact.bvh import CHILD_COUNT, CHILD_REF, MAX_TRIANGLES
+from itouch.contact.shapes import Mesh, Shape
+from itouch.contact.site import Mesh as Tables
+from itouch.contact.surface import Surface
 from itouch.contact.vectors import Floats
 
 
@@ -31,6 +34,38 @@ class Friction:
             raise ValueError(f"Friction: dynamic is {self.dynamic!r}; it must not exceed static, {self.static!r}")
 
 
+def join_tables(surfaces: Sequence[Surface]) -> tuple[list[int], Tables | None]:
+    """Join the tables of several surfaces; returns the row of each one's root. A single surface is not copied."""
+    distinct: list[Surface] = []
+    for surface in surfaces:
+        if not any(surface is other for other in distinct):
+            distinct.append(surface)
+    if not distinct:
+        return [], None
+    if len(distinct) == 1:
+        return [0] * len(surfaces), distinct[0].tables
+    vertices, triangles, nodes, roots = [], [], [], []
+    first_vertex = first_triangle = first_node = 0
+    for surface in distinct:
+        v, t, n = surface.tables
+        t, n = t.copy(), n.copy()
+        t[:, :3] += first_vertex
+        for side in range(2):
+            is_leaf = n[:, CHILD_COUNT + side] > 0
+            n[:, CHILD_REF + side] += np.where(is_leaf, first_triangle, first_node)
+        vertices.append(v)
+        triangles.append(t)
+        nodes.append(n)
+        roots.append(first_node)
+        first_vertex, first_triangle, first_node = first_vertex + len(v), first_triangle + len(t), first_node + len(n)
+    if first_triangle > MAX_TRIANGLES:
+        raise ValueError(f"the meshes have {first_triangle} triangles together; at most {MAX_TRIANGLES} are allowed")
+    tables = (np.concatenate(vertices), np.concatenate(triangles), np.concatenate(nodes))
+    for table in tables:
+        table.flags.writeable = False
+    return [next(r for r, d in zip(roots, distinct, strict=True) if d is s) for s in surfaces], tables
+
+
 @dataclass(frozen=True, slots=True)
 class Geometry:
     """Shapes of all objects as flat read-only arrays; make one with :meth:`build`.
@@ -40,11 +75,11 @@ class Geometry:
     world
         One row per object, shape (n, layout.WORLD_WIDTH).
     mesh
-        Every mesh's triangles and hierarchy, flat; None without a mesh (the kernels then hold no mesh code).
+        Vertices, triangles and hierarchies of all meshes; None without a mesh (the kernels then hold no mesh code).
     """
 
     world: Floats
-    mesh: Floats | None
+    mesh: Tables | None
 
     @classmethod
     def build(cls, shapes: Sequence[Shape], surfaces: Sequence[Friction] = ()) -> "Geometry":
@@ -72,11 +107,18 @@ class Geometry:
             world[i, layout.WORLD_BOUND] = shape.bound()
             world[i, layout.WORLD_STATIC_FRICTION] = surface.static
             world[i, layout.WORLD_DYNAMIC_FRICTION] = surface.dynamic
-            world[i, layout.WORLD_TWO_SIDED] = surface.two_sided
             world[i, layout.WORLD_SHADING] = surface.shading
-            world[i, layout.WORLD_SOLID] = 1.0
+            world[i, layout.WORLD_SIDES] = layout.SOLID
+            if isinstance(shape, Mesh):
+                if surface.two_sided or shape.surface.two_sided:
+                    world[i, layout.WORLD_SIDES] = layout.TWO_SIDED
+                elif not shape.surface.is_solid:
+                    world[i, layout.WORLD_SIDES] = layout.ONE_SIDED
+                world[i, layout.WORLD_SKIN] = shape.surface.skin
+        roots, mesh = join_tables([shape.surface for shape in shapes if isinstance(shape, Mesh)])
+        world[[isinstance(shape, Mesh) for shape in shapes], layout.WORLD_MESH] = roots
         world.flags.writeable = False
-        return cls(world=world, mesh=None)
+        return cls(world=world, mesh=mesh)
 
     @property
     def count(self) -> int:

@@ -7,8 +7,8 @@ Coordinates are relative to an anchor, so that rounding does not grow with the d
 """
 
 import numpy as np
-from numba import njit
 
+from itouch.contact.compiling import inner
 from itouch.contact.layout import PLANE_GAP, PLANE_LOAD, PLANE_NORMAL
 from itouch.contact.vectors import Floats, Vector, along, cross, dot, norm, sub
 
@@ -16,13 +16,13 @@ Solution = tuple[Vector, int, int, int, bool]
 _PARALLEL = 1e-20  # squared sine below which two planes count as parallel
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def normal_of(planes: Floats, k: int) -> Vector:
     """Return the normal of one plane."""
     return (planes[k, PLANE_NORMAL], planes[k, PLANE_NORMAL + 1], planes[k, PLANE_NORMAL + 2])
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _on_line(planes: Floats, i: int, j: int, goal: Vector, slack: float) -> Solution:
     """Nearest point on the line of planes i and j inside the planes before j."""
     ni, nj = normal_of(planes, i), normal_of(planes, j)
@@ -57,7 +57,7 @@ def _on_line(planes: Floats, i: int, j: int, goal: Vector, slack: float) -> Solu
     return y, i, j, -1, feasible
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def nearest_inside(planes: Floats, count: int, goal: Vector) -> Solution:
     """Point nearest to ``goal`` with normal . y >= -gap for the first ``count`` planes.
 
@@ -91,7 +91,18 @@ def nearest_inside(planes: Floats, count: int, goal: Vector) -> Solution:
     return best
 
 
-@njit(cache=True, error_model="numpy")
+@inner
+def nearest_allowed(planes: Floats, count: int, goal: Vector) -> Solution:
+    """Like ``nearest_inside``; an anchor that violates some planes and cannot get out of all of them may stay."""
+    solution = nearest_inside(planes, count, goal)
+    if not solution[4]:
+        for k in range(count):
+            planes[k, PLANE_GAP] = max(planes[k, PLANE_GAP], 0.0)
+        solution = nearest_inside(planes, count, goal)
+    return solution
+
+
+@inner
 def set_loads(planes: Floats, count: int, goal: Vector, solution: Solution) -> float:
     """Write each active plane's multiplier: solution - goal = sum of load x normal. Returns the sum of the loads."""
     for k in range(count):

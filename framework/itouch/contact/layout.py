@@ -8,7 +8,8 @@ from typing import Final
 
 import numpy as np
 
-ZERO = np.int64(0)  # a plain 0 would make the compiler specialise on the literal first
+ZERO = np.int64(0)  # plain literals would make the compiler specialise on each of them
+ONE = np.int64(1)
 
 # --- Geometry.world: one row per object -----------------------------------------------------------------------
 WORLD_KIND: Final = 0
@@ -16,12 +17,11 @@ WORLD_SIZE: Final = 1  # three numbers whose meaning depends on the kind
 WORLD_BOUND: Final = 4  # radius of a sphere about the object's origin that holds it [m]
 WORLD_STATIC_FRICTION: Final = 5
 WORLD_DYNAMIC_FRICTION: Final = 6
-WORLD_TWO_SIDED: Final = 7
-WORLD_SOLID: Final = 8  # 1: has an inside that a probe is pushed out of
-WORLD_MESH: Final = 9  # offset of the mesh's header in Geometry.mesh
-WORLD_SHADING: Final = 10  # 1: force shading by vertex normals
-WORLD_SKIN: Final = 11  # distance that stands for r = 0 on a surface without thickness [m]
-WORLD_WIDTH: Final = 12
+WORLD_SIDES: Final = 7  # ONE_SIDED, TWO_SIDED or SOLID
+WORLD_MESH: Final = 8  # the row of the mesh's root in the table of nodes
+WORLD_SHADING: Final = 9  # 1: force shading by vertex normals
+WORLD_SKIN: Final = 10  # distance that stands for r = 0 on a surface without thickness [m]
+WORLD_WIDTH: Final = 11
 
 KIND_PLANE: Final = 0
 KIND_SPHERE: Final = 1
@@ -29,6 +29,10 @@ KIND_BOX: Final = 2
 KIND_CAPSULE: Final = 3
 KIND_CYLINDER: Final = 4
 KIND_MESH: Final = 5
+
+ONE_SIDED: Final = 0  # a surface that lets through what comes from behind
+TWO_SIDED: Final = 1
+SOLID: Final = 2  # has an inside that a probe is pushed out of
 
 # --- one contact ----------------------------------------------------------------------------------------------
 CONTACT_OBJECT: Final = 0
@@ -66,22 +70,49 @@ MEMORY_READY: Final = 0  # 0: the next step is a reset
 MEMORY_PROXY: Final = 1  # three numbers
 MEMORY_SLIP: Final = 4
 MEMORY_COUNT: Final = 5  # contacts remembered
-MEMORY_CONTACTS: Final = 6  # MAX_CONTACTS pairs (object, feature), largest share first
+MEMORY_CONTACTS: Final = 6  # MAX_CONTACTS pairs (object, feature or triangle), largest share first
 MEMORY_POSES: Final = MEMORY_CONTACTS + 2 * MAX_CONTACTS  # seven numbers per object: the poses of the last step
 
-# --- a half-space of positions that the probe's centre may take (scratch of the solver) ------------------------
+# --- the site of one step: a scratch table, one kind of row after the other -----------------------------------
+# A half-space of positions that the probe's centre may take: rows 0 to MAX_PLANES - 1.
 PLANE_OBJECT: Final = 0
 PLANE_FEATURE: Final = 1
 PLANE_NORMAL: Final = 2  # three numbers, world frame
 PLANE_GAP: Final = 5  # distance of the solver's anchor from the plane; < 0: the anchor violates it [m]
 PLANE_LOAD: Final = 6  # multiplier: depth that this plane takes of (solution - goal) [m]
-PLANE_FRAME: Final = 7  # row of the frames table
-PLANE_WIDTH: Final = 8
+PLANE_FRAME: Final = 7  # row of the object
 MAX_PLANES: Final = 16
 
-# --- poses of one object that is near enough to matter (scratch) ------------------------------------------------
+# A triangle that the solver keeps in view.
+SEED_FIRST: Final = MAX_PLANES
+SEED_FRAME: Final = 0  # row of the object
+SEED_TRIANGLE: Final = 1
+SEED_NORMAL: Final = 2  # three numbers, object's frame: of the contact that the step began with; else 0
+SEED_LAST: Final = SEED_FIRST + 8
+
+# How many rows are in use.
+ENDS: Final = SEED_LAST
+END_SEEDS: Final = 0
+END_FRAMES: Final = 1
+
+# An object that is near enough to matter.
+FRAME_FIRST: Final = ENDS + 1
 FRAME_OBJECT: Final = 0
 FRAME_MOVED: Final = 1  # 1: the pose differs from that of the last step
 FRAME_NOW: Final = 2  # position, then rotation row by row (object frame -> world): twelve numbers
 FRAME_POSE: Final = 12  # width of one pose; that of the last step follows, filled in only where it differs
-FRAME_WIDTH: Final = 26
+FRAME_KIND: Final = 26
+FRAME_SIZE: Final = 27  # three numbers, as in the world table
+FRAME_REACH: Final = 30  # the probe's radius; for a surface without thickness at least its skin [m]
+FRAME_SLACK: Final = 31  # depth of a triangle in the probe that is let be [m]
+FRAME_ROOT: Final = 32
+FRAME_BOUND: Final = 33
+FRAME_SIDES: Final = 34  # of a mesh: ONE_SIDED, TWO_SIDED or SOLID
+FRAME_STATIC: Final = 35
+FRAME_DYNAMIC: Final = 36
+
+# The searches' stack, in the last columns of the first rows.
+STACK_KEY: Final = 37
+STACK_NODE: Final = 38
+STACK_ROWS: Final = 80  # deeper than any tree that bvh.build makes
+SITE_WIDTH: Final = 39

@@ -2,11 +2,12 @@
 
 import math
 from dataclasses import dataclass, fields
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from itouch.contact import layout
 
-_NO_FRICTION = 0.0
+if TYPE_CHECKING:
+    from itouch.contact.surface import Surface
 
 
 def _check_lengths(shape: object, values: tuple[float, ...], names: tuple[str, ...]) -> None:
@@ -111,5 +112,21 @@ class Cylinder:
         return math.hypot(self.radius, self.half_length)
 
 
-Shape = Plane | Sphere | Box | Capsule | Cylinder
-"""Any shape; a mesh joins with :class:`itouch.contact.Mesh`."""
+@dataclass(frozen=True, slots=True)
+class Mesh:
+    """Triangles; several objects may share one surface."""
+
+    surface: "Surface"
+    kind: ClassVar[int] = layout.KIND_MESH
+
+    def sizes(self) -> tuple[float, float, float]:
+        """Three numbers for the world table."""
+        return (0.0, 0.0, 0.0)
+
+    def bound(self) -> float:
+        """Radius about the origin that holds the shape [m]."""
+        return self.surface.bound
+
+
+Shape = Plane | Sphere | Box | Capsule | Cylinder | Mesh
+"""Any shape."""

@@ -1,0 +1,44 @@
+"""The planes that hold a probe back at a place: one of each near primitive, and of each triangle in view."""
+
+from itouch.contact import layout as at
+from itouch.contact.compiling import inner
+from itouch.contact.distance import distance
+from itouch.contact.frames import rotate, to_local
+from itouch.contact.layout import ZERO
+from itouch.contact.meshcast import off_triangle
+from itouch.contact.site import Mesh, put_plane
+from itouch.contact.vectors import Floats, Vector
+
+TOUCH = 1e-10  # nearer than this is contact, whatever the size of the probe [m]
+
+
+@inner
+def gather(site: Floats, mesh: Mesh | None, p: Vector, reach: float) -> int:
+    """Fill the planes of all that is within ``reach`` of the probe's surface at ``p``; returns how many."""
+    count = int(ZERO)
+    for k in range(at.FRAME_FIRST, int(site[at.ENDS, at.END_FRAMES])):
+        if site[k, at.FRAME_KIND] != at.KIND_MESH:
+            depth, normal, feature = distance(site, k, to_local(site, k, p))
+            gap = depth - site[k, at.FRAME_REACH]
+            if gap <= reach:
+                count = put_plane(site, count, k, feature, rotate(site, k, normal), gap)
+    if mesh is not None:
+        for s in range(at.SEED_FIRST, int(site[at.ENDS, at.END_SEEDS])):
+            k, t = int(site[s, at.SEED_FRAME]), int(site[s, at.SEED_TRIANGLE])
+            away, normal = off_triangle(mesh[0], mesh[1], t, to_local(site, k, p))
+            gap = away - site[k, at.FRAME_REACH]
+            if gap <= reach:
+                count = put_plane(site, count, k, t, rotate(site, k, normal), gap)
+    return count
+
+
+@inner
+def touching(site: Floats, mesh: Mesh | None, p: Vector) -> int:
+    """Fill the planes of all that touches a probe at ``p``; returns how many.
+
+    A plane that does not touch yet is a safe bound for a move, but it exerts no force.
+    """
+    slack = 0.0
+    for k in range(at.FRAME_FIRST, int(site[at.ENDS, at.END_FRAMES])):
+        slack = max(slack, site[k, at.FRAME_SLACK])
+    return gather(site, mesh, p, 2.0 * slack + TOUCH)

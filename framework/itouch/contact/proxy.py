@@ -1,0 +1,118 @@
+"""The proxy as an object of its own: surfaces that stand still, one probe, forces out."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from itouch.contact import layout as at
+from itouch.contact.compiling import entry
+from itouch.contact.geometry import Friction, Geometry
+from itouch.contact.shapes import Mesh, Shape
+from itouch.contact.site import Mesh as Tables
+from itouch.contact.step import step
+from itouch.contact.surface import Surface
+from itouch.contact.vectors import Floats
+
+
+@entry
+def follow_path(
+    world: Floats,
+    mesh: Tables | None,
+    poses: Floats,
+    twists: Floats,
+    stiffness: Floats,
+    hips: Floats,
+    radius: float,
+    memory: Floats,
+    result: Floats,
+    forces: Floats,
+) -> None:
+    """Step along the rows of ``hips`` (n, 3) and write the forces (n, 3)."""
+    for i in range(hips.shape[0]):
+        step(world, mesh, poses, twists, stiffness, hips[i], radius, 0.0, memory, result)
+        for c in range(3):
+            forces[i, c] = result[at.RESULT_FORCE + c]
+
+
+class Proxy:
+    """A sphere-tipped probe's god-object on surfaces that stand still, with friction.
+
+    Parameters
+    ----------
+    surfaces
+        One or several surfaces or shapes, all in world coordinates.
+    radius
+        Of the probe's sphere [m]; 0 is a point.
+    stiffness
+        Of the spring between proxy and HIP [N/m].
+    static_friction, dynamic_friction
+        Coulomb coefficients; dynamic must not exceed static.
+
+    Raises
+    ------
+    ValueError
+        A number out of its range, or no surface.
+    """
+
+    __slots__ = ("_arguments", "_hip", "_memory", "_result", "geometry", "radius", "stiffness")
+
+    def __init__(
+        self,
+        surfaces: Surface | Shape | Sequence[Surface | Shape],
+        *,
+        radius: float = 0.0,
+        stiffness: float = 1000.0,
+        static_friction: float = 0.0,
+        dynamic_friction: float = 0.0,
+    ) -> None:
+        given = list(surfaces) if isinstance(surfaces, Sequence) else [surfaces]
+        if not given:
+            raise ValueError("surfaces is empty; a proxy needs at least one surface")
+        for name, value in (("radius", radius), ("stiffness", stiffness)):
+            if not (np.isfinite(value) and value >= 0.0):
+                raise ValueError(f"{name} is {value!r}; it must be a finite number >= 0")
+        shapes = [Mesh(s) if isinstance(s, Surface) else s for s in given]
+        friction = Friction(static_friction, dynamic_friction)
+        self.geometry = Geometry.build(shapes, [friction] * len(shapes))
+        self.radius, self.stiffness = float(radius), float(stiffness)
+        self._memory, self._result = self.geometry.new_memory(), self.geometry.new_result()
+        self._hip = np.zeros(3)
+        poses = np.tile(np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]), (len(shapes), 1))
+        twists, stiffnesses = np.zeros((len(shapes), 6)), np.full(len(shapes), self.stiffness)
+        self._arguments = (self.geometry.world, self.geometry.mesh, poses, twists, stiffnesses)
+
+    def step(self, hip: ArrayLike) -> Floats:
+        """Move the HIP (3,) [m]; returns the force on the operator (3,) [N]. The first step equals ``reset(hip)``."""
+        self._hip[:] = hip
+        step(*self._arguments, self._hip, self.radius, 0.0, self._memory, self._result)
+        return self._result[:3].copy()
+
+    def follow(self, hips: ArrayLike) -> Floats:
+        """Step along a path (n, 3) in compiled code, from the present state; returns the forces (n, 3)."""
+        path = np.ascontiguousarray(hips, dtype=np.float64)
+        if path.ndim != 2 or path.shape[1] != 3:
+            raise ValueError(f"hips has shape {path.shape}; it must be (n, 3)")
+        forces = np.empty_like(path)
+        follow_path(*self._arguments, path, self.radius, self._memory, self._result, forces)
+        return forces
+
+    def reset(self, hip: ArrayLike) -> Floats:
+        """Forget the past: the proxy starts at the HIP, or at the nearest free point inside a solid."""
+        self._memory[:] = 0.0
+        return self.step(hip)
+
+    @property
+    def position(self) -> Floats:
+        """Centre of the proxy (3,) [m]."""
+        return self._result[at.RESULT_PROXY : at.RESULT_PROXY + 3].copy()
+
+    @property
+    def normal(self) -> Floats:
+        """Direction of the normal force (3,), out of what is touched; zero without contact."""
+        return self._result[at.RESULT_NORMAL : at.RESULT_NORMAL + 3].copy()
+
+    @property
+    def in_contact(self) -> bool:
+        """Whether the probe touches anything."""
+        return bool(self._result[at.RESULT_COUNT] > 0.0)

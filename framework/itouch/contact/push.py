@@ -1,0 +1,60 @@
+"""Objects that move: the proxy rides on what it touches and is pushed by what comes."""
+
+from itouch.contact import layout as at
+from itouch.contact.compiling import inner
+from itouch.contact.distance import distance
+from itouch.contact.frames import rotate, to_local, to_local_then, to_world
+from itouch.contact.halfspaces import nearest_inside
+from itouch.contact.layout import ZERO
+from itouch.contact.meshcast import mesh_cast
+from itouch.contact.site import Mesh, add_seed, put_plane
+from itouch.contact.vectors import Floats, Vector, add, along, dot, norm, sub
+
+_ROUNDS = 12
+
+
+@inner
+def _then(site: Floats, k: int, p: Vector) -> Vector:
+    """Return a place of the last step in the frame that the object had then."""
+    if site[k, at.FRAME_MOVED] > 0.0:
+        return to_local_then(site, k, p)
+    return to_local(site, k, p)
+
+
+@inner
+def pushed(site: Floats, mesh: Mesh | None, old: Vector, p: Vector) -> Vector:
+    """Place of the proxy after the objects have moved: out of the way of those that came, not through the others.
+
+    In each object's own frame the proxy was at the old place; the plane that held it back there moves with the object.
+    """
+    count = int(ZERO)
+    for k in range(at.FRAME_FIRST, int(site[at.ENDS, at.END_FRAMES])):
+        if site[k, at.FRAME_KIND] == at.KIND_MESH:
+            continue
+        q = _then(site, k, old)
+        depth, normal, feature = distance(site, k, q)
+        normal = rotate(site, k, normal)
+        gap = depth - site[k, at.FRAME_REACH] + dot(normal, sub(p, to_world(site, k, q)))
+        count = put_plane(site, count, k, feature, normal, gap)
+    y = nearest_inside(site, count, (0.0, 0.0, 0.0))[0]
+    if mesh is not None:
+        for _ in range(_ROUNDS):
+            before = count
+            for k in range(at.FRAME_FIRST, int(site[at.ENDS, at.END_FRAMES])):
+                if site[k, at.FRAME_KIND] == at.KIND_MESH:
+                    q = _then(site, k, old)
+                    step = sub(to_local(site, k, add(p, y)), q)
+                    length = norm(step)
+                    if length < 1e-14:
+                        continue
+                    way = along((0.0, 0.0, 0.0), 1.0 / length, step)
+                    hit = mesh_cast(site, mesh, k, q, way, length)
+                    if hit[1] >= 0:
+                        normal = rotate(site, k, hit[2])
+                        gap = hit[3] + dot(normal, sub(p, to_world(site, k, q)))
+                        add_seed(site, k, hit[1], hit[2])
+                        count = put_plane(site, count, k, hit[1], normal, gap)
+            if count == before:
+                break
+            y = nearest_inside(site, count, (0.0, 0.0, 0.0))[0]
+    return add(p, y)

@@ -1,0 +1,120 @@
+"""The short way for small moves over a mesh: guess the place, prove that it is right.
+
+When the probe is large against the move, two free places that lie less than a quarter of its radius apart are joined
+by a path that is free for a probe one percent smaller; so it is enough that the new place is free and that the
+planes which touch there hold the goal back. Most steps then cost a single search of the hierarchy, for an intruder.
+"""
+
+from itouch.contact import layout as at
+from itouch.contact.compiling import inner
+from itouch.contact.frames import rotate, to_local
+from itouch.contact.gather import gather
+from itouch.contact.halfspaces import Solution, nearest_inside
+from itouch.contact.meshcast import counts
+from itouch.contact.search import intruder
+from itouch.contact.site import Mesh, add_seed
+from itouch.contact.triangle import nearest_of
+from itouch.contact.vectors import Floats, Vector, add, along, dot, norm, sub
+
+NEAR = 0.25  # of the radius: farthest place that the short way goes to
+ROUNDS = 12
+
+
+@inner
+def _lead(site: Floats, mesh: Mesh, goal: Vector) -> int:
+    """Return the triangle in view that is nearest to the goal; -1 if none is."""
+    best, lead = 1e300, -1
+    for s in range(at.SEED_FIRST, int(site[at.ENDS, at.END_SEEDS])):
+        k, t = int(site[s, at.SEED_FRAME]), int(site[s, at.SEED_TRIANGLE])
+        q = to_local(site, k, goal)
+        d = sub(q, nearest_of(mesh[0], mesh[1], t, q))
+        if dot(d, d) < best:
+            best, lead = dot(d, d), s
+    return lead
+
+
+@inner
+def _guess(site: Floats, mesh: Mesh, lead: int, p: Vector, goal: Vector) -> Vector:
+    """Place nearest to the goal on the leading triangle grown by the radius; for a goal beyond it, by its plane."""
+    if lead < 0:
+        return goal
+    k, t = int(site[lead, at.SEED_FRAME]), int(site[lead, at.SEED_TRIANGLE])
+    radius = site[k, at.FRAME_REACH]
+    q = to_local(site, k, goal)
+    foot = nearest_of(mesh[0], mesh[1], t, q)
+    d = sub(q, foot)
+    away = norm(d)
+    if away >= radius:
+        return goal
+    if away > 0.02 * radius and dot(d, sub(to_local(site, k, p), foot)) > 0.0:
+        return along(goal, (radius - away) / away, rotate(site, k, d))
+    to_goal = sub(goal, p)
+    count = gather(site, mesh, p, 2.0 * norm(to_goal))
+    return add(p, nearest_inside(site, count, to_goal)[0])
+
+
+@inner
+def _intrusion(site: Floats, mesh: Mesh, lead: int, p: Vector, x: Vector) -> int:
+    """Look for a triangle that a probe at ``x`` would cut: 0 none, 1 found and kept in view, 2 one to be ignored."""
+    found = 0
+    for k in range(at.FRAME_FIRST, int(site[at.ENDS, at.END_FRAMES])):
+        if site[k, at.FRAME_KIND] != at.KIND_MESH:
+            continue
+        radius = site[k, at.FRAME_REACH]
+        q = to_local(site, k, x)
+        normal, level = (0.0, 0.0, 0.0), -1.0
+        if lead >= 0 and site[lead, at.SEED_FRAME] == k:
+            foot = nearest_of(mesh[0], mesh[1], int(site[lead, at.SEED_TRIANGLE]), q)
+            d = sub(q, foot)
+            away = norm(d)
+            if away > 0.5 * radius:
+                normal = (d[0] / away, d[1] / away, d[2] / away)
+                level = dot(normal, foot) + 1e-9 * radius
+        t = intruder(
+            mesh[0],
+            mesh[1],
+            mesh[2],
+            int(site[k, at.FRAME_ROOT]),
+            q,
+            radius - site[k, at.FRAME_SLACK],
+            normal,
+            level,
+            site,
+        )
+        if t >= 0:
+            if not counts(site, mesh, k, t, to_local(site, k, p)):
+                return 2
+            add_seed(site, k, t, (0.0, 0.0, 0.0))
+            found = 1
+    return found
+
+
+@inner
+def quick(site: Floats, mesh: Mesh, p: Vector, goal: Vector) -> tuple[bool, Vector, int, Solution]:
+    """Try the short way; returns whether it led anywhere, the place, and the planes there with their solution."""
+    solution: Solution = ((0.0, 0.0, 0.0), -1, -1, -1, True)
+    smallest, slack = 1e300, 0.0
+    for k in range(at.FRAME_FIRST, int(site[at.ENDS, at.END_FRAMES])):
+        if site[k, at.FRAME_KIND] == at.KIND_MESH and site[k, at.FRAME_REACH] < smallest:
+            smallest, slack = site[k, at.FRAME_REACH], site[k, at.FRAME_SLACK]
+    if smallest == 1e300:
+        return False, p, 0, solution
+    lead = _lead(site, mesh, goal)
+    x = _guess(site, mesh, lead, p, goal)
+    for _ in range(ROUNDS):
+        if norm(sub(x, p)) > NEAR * smallest:
+            break
+        found = _intrusion(site, mesh, lead, p, x)
+        if found == 2:
+            break
+        to_goal = sub(goal, x)
+        count = gather(site, mesh, x, 2.0 * norm(to_goal) + slack)
+        solution = nearest_inside(site, count, to_goal)
+        if not solution[4]:
+            break
+        if found == 0 and norm(solution[0]) <= slack:
+            return True, goal if solution[1] < 0 else x, count, solution
+        better = _lead(site, mesh, goal) if found > 0 else lead
+        x = _guess(site, mesh, better, p, goal) if better != lead else add(x, solution[0])
+        lead = better
+    return False, p, 0, solution

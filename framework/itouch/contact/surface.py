@@ -1,0 +1,107 @@
+"""A triangle mesh that can be touched and searched."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from itouch.contact import bvh, search
+from itouch.contact.site import Mesh as Tables
+from itouch.contact.solid import encloses
+from itouch.contact.vectors import Floats
+
+_SKIN = 1e-7  # of the size: how far a point stays off a surface without thickness
+_SKIN_FAR = 1e-8  # of the greatest coordinate: rounding must stay far below the skin
+
+
+def checked_vertices(vertices: ArrayLike) -> Floats:
+    """Vertices as a contiguous (n, 3) float array; raises ValueError when they are not."""
+    array = np.ascontiguousarray(vertices, dtype=np.float64)
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise ValueError(f"vertices has shape {array.shape}; it must be (n, 3)")
+    bad = ~np.isfinite(array).all(axis=1)
+    if bad.any():
+        raise ValueError(f"vertices[{int(np.argmax(bad))}] is not finite ({int(bad.sum())} such vertices)")
+    return array
+
+
+def checked_faces(faces: ArrayLike, vertex_count: int) -> NDArray[np.int32]:
+    """Faces as a contiguous (m, 3) int32 array; raises ValueError when they are not faces of these vertices."""
+    array = np.asarray(faces)
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise ValueError(f"faces has shape {array.shape}; it must be (m, 3)")
+    if array.shape[0] == 0:
+        raise ValueError("faces is empty; a surface needs at least one triangle")
+    if array.shape[0] > bvh.MAX_TRIANGLES:
+        raise ValueError(f"faces has {array.shape[0]} triangles; at most {bvh.MAX_TRIANGLES} are allowed")
+    if not np.issubdtype(array.dtype, np.integer):
+        raise ValueError(f"faces has type {array.dtype}; it must hold whole numbers")
+    low, high = int(array.min()), int(array.max())
+    if low < 0 or high >= vertex_count:
+        given = low if low < 0 else high
+        raise ValueError(f"faces names vertex {given}; there are vertices 0 to {vertex_count - 1}")
+    return np.ascontiguousarray(array, dtype=np.int32)
+
+
+class Surface:
+    """A triangle mesh with its bounding-volume hierarchy.
+
+    Parameters
+    ----------
+    vertices
+        (n, 3) [m].
+    faces
+        (m, 3) indices of vertices; the winding gives the front.
+    two_sided
+        False: contact from the front only; what starts behind is let through. A mesh that is closed and has its front
+        outside is a solid: what is inside is pushed out.
+
+    Raises
+    ------
+    ValueError
+        Wrong shapes, no triangle, too many, a vertex that is not finite or does not exist.
+    """
+
+    __slots__ = ("bound", "face_count", "is_solid", "skin", "tables", "two_sided")
+
+    def __init__(self, vertices: ArrayLike, faces: ArrayLike, two_sided: bool = False) -> None:
+        points = checked_vertices(vertices)
+        corners = checked_faces(faces, points.shape[0])
+        nodes, order = bvh.build(points, corners)
+        packed, triangles = bvh.pack(points, corners, order)
+        for array in (packed, triangles, nodes):
+            array.flags.writeable = False
+        self.tables: Tables = (packed, triangles, nodes)
+        self.two_sided = bool(two_sided)
+        self.face_count = int(triangles.shape[0])
+        self.is_solid = not self.two_sided and bool(encloses(packed, triangles))
+        self.bound = float(np.sqrt((packed**2).sum(axis=1).max()))
+        size = float(np.linalg.norm(packed.max(axis=0) - packed.min(axis=0)))
+        self.skin = max(_SKIN * size, _SKIN_FAR * float(np.abs(packed).max()), 1e-12)
+
+    def closest(self, points: ArrayLike) -> tuple[Floats, Floats, NDArray[np.int32]]:
+        """Nearest points of the surface.
+
+        Parameters
+        ----------
+        points
+            (3,) or (n, 3) [m].
+
+        Returns
+        -------
+        tuple
+            Nearest points, like ``points``; unsigned distances [m], () or (n,); indices of faces, () or (n,).
+        """
+        asked = np.ascontiguousarray(points, dtype=np.float64)
+        if asked.ndim not in (1, 2) or asked.shape[-1] != 3:
+            raise ValueError(f"points has shape {asked.shape}; it must be (3,) or (n, 3)")
+        rows = asked.reshape(-1, 3)
+        found, distances = np.empty_like(rows), np.empty(rows.shape[0])
+        faces = np.empty(rows.shape[0], np.int32)
+        search.nearest_many(*self.tables, rows, found, distances, faces)
+        if asked.ndim == 1:
+            return found[0], distances[0], faces[0]
+        return found, distances, faces
+
+    @property
+    def memory_bytes(self) -> int:
+        """Bytes that vertices, triangles and hierarchy take."""
+        return sum(array.nbytes for array in self.tables)
