@@ -43,6 +43,7 @@ class ProbeRig:
             if runner is not None
         ]
         self._placed: dict[int, Frame] = {}
+        self._fixed = False
         self._moves = any(runner.model.carrier for _, runner in self._stands)
 
     def _plate_offset(self) -> Vector:
@@ -86,6 +87,7 @@ class ProbeRig:
         """Tell the arm's twin where the finger is, from State; frames are found anew."""
         self.coupling.place()
         self._placed.clear()
+        self._fixed = False
 
     @property
     def ready(self) -> bool:
@@ -106,7 +108,8 @@ class ProbeRig:
 
     def touch(self, tick: int, tell: Listener, moves: bool, ready: bool) -> None:
         """Contact, its events, and the commands that belong to it, from this tick's readings."""
-        if not ready or self._moves or not self._placed:  # a calibration, or what carries a device, may move frames
+        if not self._fixed:  # a calibration, or what carries a device, may move frames
+            self._fixed = ready and not self._moves
             for which, runner in self._stands:
                 frame = self.frame_of(runner)
                 if self._placed.get(which) is not frame:
