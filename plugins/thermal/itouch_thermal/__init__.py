@@ -9,11 +9,13 @@ from itouch_thermal.heat import Heat
 from itouch_thermal.solver.layers import Back, Contact, Film, Initial, Layer, Probe, Side
 
 if TYPE_CHECKING:
+    from itouch_thermal.solver.batch import BatchSolution, LockStep, solve_many
     from itouch_thermal.solver.exact import ContactSolution, solve
     from itouch_thermal.solver.stepper import Stepper
 
 __all__ = [
     "Back",
+    "BatchSolution",
     "Contact",
     "ContactSolution",
     "Film",
@@ -21,18 +23,23 @@ __all__ = [
     "Heat",
     "Initial",
     "Layer",
+    "LockStep",
     "Probe",
     "Side",
     "Stepper",
     "ThermalDisplay",
     "solve",
+    "solve_many",
 ]
 
 #: Names whose modules compile kernels: imported when they are first used.
 _LAZY = {
+    "BatchSolution": "itouch_thermal.solver.batch",
     "ContactSolution": "itouch_thermal.solver.exact",
+    "LockStep": "itouch_thermal.solver.batch",
     "Stepper": "itouch_thermal.solver.stepper",
     "solve": "itouch_thermal.solver.exact",
+    "solve_many": "itouch_thermal.solver.batch",
 }
 
 

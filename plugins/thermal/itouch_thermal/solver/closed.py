@@ -35,6 +35,8 @@ class ClosedLoop:
         Factor of each mode per step and its flux [W/m2], shape (live padded,).
     heat
         Integral of the flux of each mode [J/m2] until it is gone, shape (live padded,).
+    coming
+        Integral of the flux beyond the stationary one per coordinate off rest, gone modes included, shape (size,).
     vectors
         The modes in the coordinates of the pair, shape (live padded, size).
     rest
@@ -46,6 +48,7 @@ class ClosedLoop:
     decay: Array
     gain: Array
     heat: Array
+    coming: Array
     vectors: Array
     rest: Array
     flux: float
@@ -71,9 +74,10 @@ def close_loop(rates: Array, port: Array, level: float, resistance: float, perio
     decay[:count], gain[:count] = np.exp(-roots * period), 1.0 / norms
     heat[:count] = gain[:count] / np.maximum(roots, _STILL)
     decay[count : count + len(still)] = np.exp(-period * (still**2 @ rates[order]))
-    compliance = port**2 / np.maximum(rates, _STILL)
-    flux = level / (resistance + float(compliance.sum()))
-    return ClosedLoop(decay, gain, heat, vectors, port * flux / np.maximum(rates, _STILL), flux)
+    slow = port / np.maximum(rates, _STILL)
+    total = resistance + float(port @ slow)
+    flux = level / total
+    return ClosedLoop(decay, gain, heat, -slow / total, vectors, slow * flux, flux)
 
 
 def _merged(rates: Array, port: Array) -> tuple[Array, Array, Array, Array]:

@@ -8,6 +8,7 @@ its surface temperature and flux alone; a uniform start that is not in balance w
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +20,9 @@ from itouch_thermal.solver.laplace import NODES, STEP, combine, side_table
 from itouch_thermal.solver.layers import Contact, Side, SideName
 from itouch_thermal.solver.stack import Array, imbalance, stack_of
 from itouch_thermal.solver.steady import initial_profile
+
+if TYPE_CHECKING:
+    from itouch_thermal.solver.differences import DifferencesSolution
 
 NO_DRIVE: Complex = np.empty((0, NODES), dtype=np.complex128)
 
@@ -85,8 +89,18 @@ class ContactSolution:
         return before[0] + next(change), sign * (before[1] + next(change))
 
 
-def solve(contact: Contact, times: ArrayLike) -> ContactSolution:
-    """Evaluate a contact exactly.
+@overload
+def solve(contact: Contact, times: ArrayLike, *, method: Literal["exact"] = "exact") -> ContactSolution: ...
+
+
+@overload
+def solve(contact: Contact, times: ArrayLike, *, method: Literal["paper"]) -> DifferencesSolution: ...
+
+
+def solve(
+    contact: Contact, times: ArrayLike, *, method: Literal["exact", "paper"] = "exact"
+) -> ContactSolution | DifferencesSolution:
+    """Solve a contact at constant resistance.
 
     Parameters
     ----------
@@ -94,12 +108,25 @@ def solve(contact: Contact, times: ArrayLike) -> ContactSolution:
         The problem; its resistance holds from t = 0 on.
     times
         Ascending, more than 0 [s], shape (times,) or a single one.
+    method
+        ``exact``, or ``paper`` for the paper's differences at 0.1 mm; see `differences.solve_differences` for others.
 
     Raises
     ------
     ValueError
-        If the times are not ascending, positive and finite.
+        If the times are not ascending, positive and finite, or the method is unknown.
     """
+    if method == "paper":
+        from itouch_thermal.solver.differences import solve_differences
+
+        return solve_differences(contact, times)
+    if method != "exact":
+        raise ValueError(f"method = {method!r} is unknown; allowed: exact, paper")
+    return solve_exactly(contact, times)
+
+
+def solve_exactly(contact: Contact, times: ArrayLike) -> ContactSolution:
+    """Evaluate a contact without stepping; see `solve`."""
     moments = np.atleast_1d(np.array(times, dtype=np.float64))
     check_times(moments)
     finger, body = (side_table(stack_of(side), moments) for side in (contact.finger, contact.object))

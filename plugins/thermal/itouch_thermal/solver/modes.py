@@ -23,7 +23,7 @@ RATIO = 1.6
 #: Slowest rate of interest [1/s].
 SLOWEST = 2e-5
 #: Shifts reach this many times 1/period.
-REACH = 3e3
+REACH = 1e4
 
 _RANK = 1e-10
 

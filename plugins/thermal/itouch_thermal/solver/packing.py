@@ -50,20 +50,32 @@ def side_pack(modes: Modes, period: float, *, rest: float, film: Film | None) ->
     film
         Air on the bare surface, None for none.
     """
-    count = len(modes.rates)
-    spare = (0, padded(count + TAIL_LENGTH) - count)
+    return _joined(_side_rows(modes, period), period, rest=rest, film=film, tail=len(modes.rates))
+
+
+def _joined(rows: Array, period: float, *, rest: float, film: Film | None, tail: int) -> Array:
+    """Put a head before the rows."""
+    size = (len(rows) - STAGES * STAGES - 2 * NODES) // ROWS
+    ambient = (film.coefficient, film.ambient) if film else (0.0, 0.0)
+    head = np.zeros(HEAD)
+    head[: TAIL + 1] = (size, period, rest, *ambient, tail)
+    model = np.concatenate((head, rows))
+    model.setflags(write=False)
+    return model
+
+
+@lru_cache(maxsize=64)
+def _side_rows(modes: Modes, period: float) -> Array:
+    spare = (0, padded(len(modes.rates) + TAIL_LENGTH) - len(modes.rates))
     rates, port, rise = (np.pad(part, spare) for part in (modes.rates, modes.contact, modes.unit_rise))
-    return pack(rates, port, rise, period, rest=rest, film=film, tail=count)
+    return model_rows(rates, port, rise, period)
 
 
-def pack(rates: Array, port: Array, rise: Array, period: float, *, rest: float, film: Film | None, tail: int) -> Array:
-    """Return the flat model of modes with rates [1/s], port and stationary rise of shape (size,)."""
+def model_rows(rates: Array, port: Array, rise: Array, period: float) -> Array:
+    """Return what follows the head of a model, flat, for rates [1/s], port and stationary rise of shape (size,)."""
     points = Z[:, None] / period
     kernel = port / (points + rates)
     gain = collocation.response(rates * period) * period
-    head = np.zeros(HEAD)
-    ambient = (film.coefficient, film.ambient) if film else (0.0, 0.0)
-    head[: TAIL + 1] = (len(rates), period, rest, *ambient, tail)
     rows = np.concatenate(
         (
             np.stack((np.exp(-rates * period), port, rise)),
@@ -76,9 +88,7 @@ def pack(rates: Array, port: Array, rise: Array, period: float, *, rest: float, 
     # Numbers too small to matter would only become subnormal products, which are very slow.
     rows[np.abs(rows) < 1e-150] = 0.0
     impedance = kernel @ port
-    model = np.concatenate((head, rows.ravel(), (gain @ port**2).ravel(), impedance.real, impedance.imag))
-    model.setflags(write=False)
-    return model
+    return np.concatenate((rows.ravel(), (gain @ port**2).ravel(), impedance.real, impedance.imag))
 
 
 def film_of(side: Side, *, finger: bool) -> Film | None:
@@ -115,14 +125,19 @@ class Pair:
 @lru_cache(maxsize=256)
 def pair_of(finger: Side, body: Side, period: float) -> Pair:
     """Return two sides as one; cached by content."""
-    sides = (side_modes(finger, period), side_modes(body, period))
     models = (side_model(finger, period, finger=True), side_model(body, period, finger=False))
-    spare = [(0, int(model[SIZE]) - len(side.rates)) for side, model in zip(sides, models, strict=True)]
-    rates = np.concatenate([np.pad(side.rates, gap) for side, gap in zip(sides, spare, strict=True)])
-    port = np.concatenate((np.pad(-sides[0].contact, spare[0]), np.pad(sides[1].contact, spare[1])))
     level = float(models[0][REST] - models[1][REST])
-    model = pack(rates, port, np.zeros_like(port), period, rest=-level, film=None, tail=0)
-    return Pair(rates, port, level, model)
+    rates, port, rows = _pair_rows(side_modes(finger, period), side_modes(body, period), period)
+    return Pair(rates, port, level, _joined(rows, period, rest=-level, film=None, tail=0))
+
+
+@lru_cache(maxsize=64)
+def _pair_rows(finger: Modes, body: Modes, period: float) -> tuple[Array, Array, Array]:
+    """Return rates and port of both sides end to end, shape (size,), and the rows of their model."""
+    spare = [(0, padded(len(side.rates) + TAIL_LENGTH) - len(side.rates)) for side in (finger, body)]
+    rates = np.concatenate((np.pad(finger.rates, spare[0]), np.pad(body.rates, spare[1])))
+    port = np.concatenate((np.pad(-finger.contact, spare[0]), np.pad(body.contact, spare[1])))
+    return rates, port, model_rows(rates, port, np.zeros_like(port), period)
 
 
 def state_size(model: Array) -> int:
