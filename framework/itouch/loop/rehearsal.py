@@ -6,39 +6,45 @@ from collections.abc import Iterable
 
 from itouch.loop.runner import Runner
 from itouch.plugin import Contact, ContactEvent, Record, Touch
-from itouch.world import ModalityModel, Model, make_state
+from itouch.world import Model, make_state
 
 
 def rehearse(model: Model, state: Record, runners: Iterable[Runner]) -> None:
     """Exercise every twin and every modality; ``state`` stays what it is."""
     scratch = state.copy()
-    for modality in model.modalities:
-        rehearse_modality(model, modality, scratch)
+    _rehearse_touches(model, scratch)
     for runner in runners:
         rehearse_twin(runner, scratch, model.period)
 
 
 def rehearse_modalities(model: Model) -> None:
-    """Exercise every modality of a model that no engine runs yet."""
+    """Exercise the modalities of a model that no engine runs yet."""
     scratch = make_state(model)
     for modality in model.modalities:
         modality.instance.reset(modality.model, scratch)
+    _rehearse_touches(model, scratch)
+
+
+def _rehearse_touches(model: Model, scratch: Record) -> None:
+    """Take all modalities together through approach, touch and release of the first and the last object."""
     for modality in model.modalities:
-        rehearse_modality(model, modality, scratch)
-
-
-def rehearse_modality(model: Model, modality: ModalityModel, scratch: Record) -> None:
-    """Take a modality through approach, touch and release on every kind of object that comes first and last."""
-    instance, period = modality.instance, model.period * modality.every
-    instance.update(modality.model, scratch, period)
+        modality.instance.update(modality.model, scratch, model.period * modality.every)
     for probe in model.probes:
         for index in sorted({0, len(model.objects) - 1} - {-1}):
             for kind in (Contact.NEAR, Contact.BEGIN, Contact.MOVE, Contact.END):
                 _pretend(scratch, probe.name, index if kind in (Contact.BEGIN, Contact.MOVE) else -1)
-                if kind in instance.hears:
-                    instance.on_contact(_event(model, kind, probe.name, index), modality.model, scratch)
-                instance.update(modality.model, scratch, period)
-                instance.measures(modality.model, scratch, probe.name, index)
+                _rehearse_event(model, scratch, _event(model, kind, probe.name, index))
+
+
+def _rehearse_event(model: Model, scratch: Record, event: ContactEvent) -> None:
+    for modality in model.modalities:
+        if event.kind in modality.instance.hears:
+            modality.instance.on_contact(event, modality.model, scratch)
+    for _ in range(2):
+        for modality in model.modalities:
+            modality.instance.update(modality.model, scratch, model.period * modality.every)
+    for modality in model.modalities:
+        modality.instance.measures(modality.model, scratch, event.probe, event.object_index)
 
 
 def _pretend(scratch: Record, probe: str, index: int) -> None:
