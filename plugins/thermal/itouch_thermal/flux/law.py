@@ -220,9 +220,10 @@ class ModelLaw:
         """Say what finger is about to touch, by its coordinates."""
         state[self.prefix + "x"][0, : len(finger)] = finger
 
-    def begin(self, state: Record, flux: float) -> None:
-        """Set the finger on the plate; ``flux`` [W/m2] is the last one pumped."""
+    def begin(self, state: Record, flux: float, scale: float = 1.0) -> None:
+        """Set the finger on the plate; ``flux`` [W/m2] is the last one pumped, ``scale`` as in `track`."""
         s, p = state, self.prefix
+        s[p + "memory"][at.M_CONTACT] = scale
         at.begin_touch(
             self.constants, self.fine.tissue, self.fine.plate, s[p + "x"], s[p + "theta"], s[p + "cover"],
             s[p + "memory"], self.prior,

@@ -18,6 +18,10 @@ STEPS, KNOTS, COUNTED_FROM = 80, 8, 0.1
 SKIN_WEIGHT, PUMP_WEIGHT = 2e3, 3.0
 #: Until the flux error, relative to at least this [W/m2], is this small over so long [s], skin weighs less and less.
 FLOOR, FLUX_FIRST, SCORED_FOR, TRIES = 200.0, 7e-4, 10.0, 12
+#: Parts of the pump's limit to plan with: the rest is for what differs.  The first is taken with which the skin stays
+#: this close [K], ever and from 0.3 s on; if none does, the flux comes first.
+SHARES, SHARE_OTHERWISE = (0.5, 0.6, 0.7, 0.85, 1.0), 0.6
+SKIN_EVER, SKIN_LATER = 0.117, 0.016
 
 
 def equation_three(material: float, plate: float, tissue: float, object_temperature: float, skin: float) -> float:
@@ -64,19 +68,28 @@ def start_temperature(trial: Trial, finger: Array, desired: Array, skin: Array) 
         Desired flux [W/m2] and skin temperature [K] at the ends of the coarse steps, shape (STEPS,).
     """
     free, warmer, pumps = _responses(trial, finger)
-    columns = np.stack([warmer, *pumps], axis=-1)
     times = np.arange(1, STEPS + 1) * trial.column.period
-    scored = times >= COUNTED_FROM
-    scale = np.maximum(np.abs(desired), FLOOR)[scored]
-    weight = SKIN_WEIGHT
+    found = np.zeros(0)
+    for share in (*SHARES, SHARE_OTHERWISE):
+        columns = np.stack([warmer, *(share * pump for pump in pumps)], axis=-1)
+        found = _weighed(columns, desired - free[0], skin - free[1], times, np.maximum(np.abs(desired), FLOOR))
+        apart = np.abs(skin - free[1] - columns[1] @ found)
+        if apart.max() <= SKIN_EVER and apart[times >= 0.3].max() <= SKIN_LATER:
+            break
+    return trial.reference + float(found[0]), free[0] + columns[0] @ found
+
+
+def _weighed(columns: Array, flux: Array, skin: Array, times: Array, scale: Array) -> Array:
+    """Return the least squares with as much weight on the skin as leaves the flux right."""
+    scored, weight = times >= COUNTED_FROM, SKIN_WEIGHT
+    found = np.zeros(columns.shape[-1])
     for _ in range(TRIES):
-        found = _least(columns, desired - free[0], skin - free[1], scored, weight)
-        flux = free[0] + columns[0] @ found
-        error = (flux - desired)[scored] / scale
-        if np.sqrt(np.sum(error**2) * trial.column.period / SCORED_FOR) <= FLUX_FIRST:
+        found = _least(columns, flux, skin, scored, weight)
+        error = ((columns[0] @ found - flux) / scale)[scored]
+        if np.sqrt(np.sum(error**2) * (times[1] - times[0]) / SCORED_FOR) <= FLUX_FIRST:
             break
         weight *= 0.6
-    return trial.reference + float(found[0]), flux
+    return found
 
 
 def _least(columns: Array, flux: Array, skin: Array, scored: NDArray[np.bool_], skin_weight: float) -> Array:

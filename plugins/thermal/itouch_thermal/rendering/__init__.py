@@ -1,0 +1,1 @@
+"""How well the display renders: contacts in closed loop on the twin, without a scene, and what bounds them."""

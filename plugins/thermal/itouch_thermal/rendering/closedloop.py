@@ -1,0 +1,227 @@
+"""One contact in closed loop: the display's twin under a controller, with the desired flux of the ideal contact."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from itouch.plugin import Field, Record, Touch
+from itouch_thermal.display.column import Array
+from itouch_thermal.display.device import DisplayTwin, ThermalDisplay
+from itouch_thermal.display.params import DisplayParams
+from itouch_thermal.display.peltier import current_for
+from itouch_thermal.flux.law import ModelLaw
+from itouch_thermal.flux.preview import contact_course, rising
+from itouch_thermal.flux.proportional import proportional_integral
+from itouch_thermal.flux.start import STEPS, equation_three, start_temperature
+from itouch_thermal.heat import FINGER, ThermalMaterial, finger_side, object_side
+
+PERIOD = 1e-3
+CORE, AMBIENT, DEPTH = 310.15, 296.15, 0.02
+BAND = (288.15, 313.15)
+#: Seconds that the plate has to reach its start temperature.
+BEFORE = 3.0
+#: Gains of `paper`: the best pair of the grid of ``bench display --grid``.
+GAINS = (40.0, 100.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """What is touched and how: temperatures [K], resistance [K m2/W], seconds; ``press`` is a time constant [s].
+
+    With ``press`` the resistance falls as ``R / (1 - exp(-t / press))``; the plant's press is ``press * press_off``.
+    """
+
+    material: ThermalMaterial
+    object_temperature: float = AMBIENT
+    skin: float = 306.15
+    resistance: float = 2e-3
+    seconds: float = 10.0
+    press: float = 0.0
+    press_off: float = 1.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Course:
+    """What a contact should be: flux [W/m2] and skin [K] at the ends of the periods; longer than the contact."""
+
+    flux: Array
+    skin: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Run:
+    """What a contact was: true flux, skin, plate face, pumped flux and sensor reading at the ends of the periods."""
+
+    flux: Array
+    skin: Array
+    plate: Array
+    pump: Array
+    sensed: Array
+    start: float
+    desired: Array
+    ideal_skin: Array
+
+
+def desired_course(case: Case) -> Course:
+    """Return the ideal finger's contact with the bare object, and as much beyond as a controller looks ahead."""
+    from itouch_thermal.solver import live
+
+    side = finger_side(FINGER, CORE, case.skin, case.skin)
+    body = object_side(case.material, case.object_temperature, DEPTH)
+    if body is None:
+        raise ValueError("material: missing")
+    count = round(case.seconds / PERIOD) + 400
+    if case.press == 0.0:
+        return Course(*contact_course(side, body, case.resistance, PERIOD, count))
+    finger, other = live.side_model(side, PERIOD, finger=True), live.side_model(body, PERIOD, finger=False)
+    above, below = live.initial_state(side, PERIOD, finger=True), live.initial_state(body, PERIOD, finger=False)
+    flux, skin = np.empty(count), np.empty(count)
+    for i in range(count):
+        resistance = case.resistance * press_factor((i + 1) * PERIOD, case.press)
+        flux[i] = live.contact_step(finger, above, other, below, resistance)
+        skin[i] = live.surface_temperature(finger, above)
+    return Course(flux, skin)
+
+
+def press_factor(time: float, press: float) -> float:
+    """Return by how much the resistance is higher while the finger is being pressed on."""
+    return 1.0 if press == 0.0 else 1.0 / -math.expm1(-time / press)
+
+
+def simulate(
+    case: Case, course: Course, display: DisplayParams, controller: str, *, believed: DisplayParams | None = None,
+    seed: int = 0, hold: int = 1, stream: int = 1, gains: tuple[float, float] = GAINS, start: float | None = None,
+) -> Run:  # fmt: skip
+    """Run one contact.
+
+    Parameters
+    ----------
+    case, course
+        What is touched, and what it should feel like.
+    display, believed
+        The plant, and what the controller thinks it is; default: the plant without its mismatch.
+    controller
+        ``hold``, ``paper`` or ``model``.
+    seed
+        Of the noise.
+    hold, stream
+        Periods between two commands, and between two readings.
+    gains
+        Of ``paper``.
+    start
+        Start temperature [K]; default: the controller's own.
+    """
+    plant = replace(display, contact_resistance=case.resistance, skin_temperature=case.skin, core=CORE)
+    twin = DisplayTwin(replace(plant, full_force=1.0 if case.press else 0.0))
+    state = Record.of(twin.fields())
+    twin.reset(state, np.random.default_rng(seed))
+    brain = _Brain(case, course, believed or replace(display, mismatch=type(display.mismatch)()), controller, gains)
+    if start is not None:
+        brain.start = start
+    reads, commands = ThermalDisplay.channels(plant)
+    reading = Record.of(Field(c.name, "f8", c.size) for c in reads)
+    command = Record.of(Field(c.name, "f8", c.size) for c in commands)
+    touch = Touch(ambient=AMBIENT)
+    before, count = round(BEFORE / PERIOD), round(case.seconds / PERIOD)
+    found = np.empty((5, count))
+    for k in range(before + count):
+        i = k - before
+        twin.read(state, reading)
+        brain.take(reading, k % stream == 0, i)
+        if k % hold == 0 or i == 0:
+            command["current"][0] = brain.command(i, hold)
+        if i >= 0:
+            touch.gap = 0.0
+            touch.force = 1.0 / press_factor((i + 1) * PERIOD, case.press * case.press_off)
+        twin.step(state, command, touch, PERIOD)
+        brain.sent = float(command["current"][0])
+        if i >= 0:
+            found[:, i] = (
+                state["true_flux"].item(), state["true_skin"].item(), state["true_plate"].item(), brain.flux,
+                reading["heat_flux"].item(),
+            )  # fmt: skip
+    flux, skin, plate, pump, sensed = found
+    return Run(flux, skin, plate, pump, sensed, brain.start, course.flux[:count], course.skin[:count])
+
+
+class _Brain:
+    """A controller outside a scene."""
+
+    def __init__(
+        self, case: Case, course: Course, display: DisplayParams, controller: str, gains: tuple[float, float]
+    ) -> None:
+        self.case, self.course, self.display, self.controller, self.gains = case, course, display, controller, gains
+        self.sent = self.flux = 0.0
+        self.memory = Record.of([Field("pi.integral")])
+        self.reading = (0.0, AMBIENT, AMBIENT)
+        self.law: ModelLaw | None = None
+        if controller == "model":
+            self.law = law = _law(display, case.skin, case.resistance)
+            self.state = Record.of(law.fields())
+            law.reset(self.state)
+            every = slice(law.coarse_ticks - 1, None, law.coarse_ticks)
+            self.finger = rising(law.fine, case.skin)
+            wanted, _ = start_temperature(
+                law.trial, self.finger, course.flux[every][:STEPS], course.skin[every][:STEPS]
+            )
+        else:
+            wanted = equation_three(
+                case.material.effusivity, display.plate[-1].effusivity, FINGER[0].effusivity,
+                case.object_temperature, case.skin,
+            )  # fmt: skip
+        self.start = min(BAND[1], max(BAND[0], wanted))
+
+    def take(self, reading: Record, new: bool, i: int) -> None:
+        """Take in a reading, or only that time has passed."""
+        if new:
+            names = ("heat_flux", "plate_temperature", "sink_temperature")
+            self.reading = (reading[names[0]].item(), reading[names[1]].item(), reading[names[2]].item())
+        if self.law is not None:
+            scale = press_factor((i or 1) * PERIOD, self.case.press) if i >= 0 else 1.0
+            self.law.track(self.state, self.sent, *(self.reading if new else (math.nan,) * 3), scale)
+
+    def command(self, i: int, hold: int) -> float:
+        """Return the current [A]."""
+        if self.law is not None:
+            return self._predictive(self.law, i, hold)
+        flux, plate, sink = self.reading
+        if i >= 0 and self.controller == "paper":
+            if i == 0:
+                self.memory["pi.integral"] = self.flux
+            error = float(self.course.flux[i]) - flux
+            self.flux = proportional_integral(
+                self.memory, "pi", error, self.gains, self.display.flux_limit, hold * PERIOD
+            )
+        else:
+            limit = self.display.flux_limit
+            self.flux = min(limit, max(-limit, 2.8e3 * (plate - self.start) / 0.25))
+        p = self.display
+        wanted = current_for(p.seebeck, p.resistance, p.conductance, self.flux * p.area, plate, sink)
+        return float(min(p.max_current, max(-p.max_current, wanted)))
+
+    def _predictive(self, law: ModelLaw, i: int, hold: int) -> float:
+        if i < 0:
+            current, self.flux, _ = law.approach(self.state, self.start, hold)
+            return current
+        if i == 0:
+            law.place(self.state, self.finger)
+            law.begin(self.state, self.flux, press_factor(PERIOD, self.case.press))
+        self.state["wanted"][:] = self.course.flux[i + law.offsets]
+        scale = press_factor(max(i, 1) * PERIOD + self.display.delay, self.case.press)
+        current, self.flux = law.follow(self.state, scale, hold)
+        return current
+
+
+_LAWS: dict[tuple[object, ...], ModelLaw] = {}
+
+
+def _law(display: DisplayParams, skin: float, resistance: float) -> ModelLaw:
+    key = (display, skin, resistance)
+    if key not in _LAWS:
+        _LAWS[key] = ModelLaw(
+            display, FINGER, CORE, skin, resistance, AMBIENT, PERIOD, band=BAND, ceiling=display.max_current
+        )
+    return _LAWS[key]

@@ -1,0 +1,57 @@
+"""Materials that the bench knows by name: conductivity [W/mK], specific heat [J/kgK], density [kg/m3].
+
+The first four are those of the paper; the others are rounded handbook values at room temperature.
+"""
+
+from __future__ import annotations
+
+from itouch_thermal.heat import ThermalMaterial
+
+#: Effusivity [W s^1/2 / m2K] below which a material counts as a foam.
+FOAM = 300.0
+
+_VALUES: dict[str, tuple[float, float, float]] = {
+    "aluminium": (200.0, 900.0, 2750.0),
+    "pyrex": (1.4, 835.0, 2225.0),
+    "wood": (0.11, 2720.0, 415.0),
+    "polystyrene": (0.027, 1210.0, 55.0),
+    "copper": (400.0, 385.0, 8933.0),
+    "steel": (15.0, 480.0, 7900.0),
+    "brass": (115.0, 380.0, 8500.0),
+    "granite": (2.9, 820.0, 2650.0),
+    "marble": (2.6, 880.0, 2700.0),
+    "concrete": (1.4, 880.0, 2300.0),
+    "glass": (1.0, 840.0, 2500.0),
+    "ice": (2.2, 2050.0, 917.0),
+    "brick": (0.7, 840.0, 1800.0),
+    "PMMA": (0.19, 1470.0, 1180.0),
+    "nylon": (0.25, 1700.0, 1140.0),
+    "PTFE": (0.25, 1050.0, 2200.0),
+    "rubber": (0.16, 1900.0, 1150.0),
+    "leather": (0.16, 1500.0, 860.0),
+    "oak": (0.17, 2400.0, 720.0),
+    "cork": (0.045, 1800.0, 160.0),
+    "balsa": (0.05, 2000.0, 140.0),
+    "polyurethane foam": (0.026, 1400.0, 30.0),
+}
+
+
+def material(text: str) -> tuple[str, ThermalMaterial]:
+    """Return a material by name, or one written ``NAME:CONDUCTIVITY:SPECIFIC-HEAT:DENSITY`` in SI.
+
+    Raises
+    ------
+    ValueError
+        If the name is unknown or the numbers are none.
+    """
+    name, *numbers = text.split(":")
+    values = _VALUES.get(name)
+    if numbers:
+        try:
+            values = tuple(float(number) for number in numbers)  # type: ignore[assignment]
+        except ValueError:
+            values = None
+    if values is None or len(values) != 3:
+        known = ", ".join(_VALUES)
+        raise ValueError(f"materials: '{text}' is unknown; known are {known}; or NAME:k:c:rho in SI")
+    return name, ThermalMaterial(conductivity=values[0], specific_heat=values[1], density=values[2])
