@@ -32,7 +32,7 @@ def _rehearse_touches(model: Model, scratch: Record) -> None:
     for probe in model.probes:
         for index in sorted({0, len(model.objects) - 1} - {-1}):
             for kind in (Contact.NEAR, Contact.BEGIN, Contact.MOVE, Contact.END):
-                _pretend(scratch, probe.name, index if kind in (Contact.BEGIN, Contact.MOVE) else -1)
+                _pretend(model, scratch, probe.name, index if kind in (Contact.BEGIN, Contact.MOVE) else -1)
                 _rehearse_event(model, scratch, _event(model, kind, probe.name, index))
 
 
@@ -47,12 +47,16 @@ def _rehearse_event(model: Model, scratch: Record, event: ContactEvent) -> None:
         modality.instance.measures(modality.model, scratch, event.probe, event.object_index)
 
 
-def _pretend(scratch: Record, probe: str, index: int) -> None:
+def _pretend(model: Model, scratch: Record, probe: str, index: int) -> None:
+    """Write what contact and force sensors would say of a touch, or of none."""
     touching = index >= 0
     scratch[f"{probe}.object"] = index
     scratch[f"{probe}.contact.object"] = index
     scratch[f"{probe}.plate"] = touching
     scratch[f"{probe}.normal_force"] = 1.0 if touching else 0.0
+    for device in model.devices.values():
+        if device.reading("wrench") is not None:
+            scratch[f"{device.name}.wrench"][2] = -1.0 if touching else 0.0
 
 
 def _event(model: Model, kind: Contact, probe: str, index: int) -> ContactEvent:
