@@ -73,7 +73,8 @@ class WorldDevice:
 class World:
     """What a modality may know of the scene when it is compiled.
 
-    ``ambient`` is the room's temperature [K], ``skin_temperature`` [K] the operator twin's, if there is one.
+    ``ambient`` is the room's temperature [K], ``skin_temperature`` [K] the operator twin's, if there is one;
+    ``period`` [s] is that of the modality's own updates, ``servo_period`` [s] that of a tick.
     """
 
     objects: tuple[WorldObject, ...]
@@ -83,6 +84,7 @@ class World:
     period: float
     ambient: float
     skin_temperature: float
+    servo_period: float = 1e-3
 
 
 class Modality(ABC):

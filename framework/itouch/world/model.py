@@ -192,7 +192,7 @@ def _modalities(scene: Scene, catalog: Catalog, world: World, problems: list[Pro
         instance = cls()
         own = World(
             _objects(scene, part.plugin), world.devices, world.probes, world.modalities, world.period * every,
-            world.ambient, world.skin_temperature,
+            world.ambient, world.skin_temperature, world.period,
         )  # fmt: skip
         try:
             model = instance.compile(part.name, part.params, own)

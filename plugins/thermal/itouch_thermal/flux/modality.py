@@ -73,6 +73,7 @@ class FluxControl(Modality):
     """Makes the plate draw the desired flux."""
 
     Params = FluxControlParams
+    hears = frozenset({Contact.NEAR, Contact.BEGIN, Contact.END})
 
     def compile(self, name: str, params: FluxControlParams, world: World) -> FluxModel:
         """Gather what is known of display, finger and objects."""
@@ -103,7 +104,7 @@ class FluxControl(Modality):
             skin_from=f"{params.display}.skin_temperature" if "skin_temperature" in names else "",
             force_from=_force(params, world),
             truth=device.twin,
-            period=world.period,
+            period=world.servo_period,
             law=law,
             preview=course,
         )
@@ -172,8 +173,10 @@ class FluxControl(Modality):
         """Command the current."""
         name = model.name
         touching = bool(state[f"{name}.touching"].item())
+        heat = model.params.desired_from
         if touching:
-            self._note(model, state, state[f"{model.params.desired_from}.desired"].item(), period)
+            if math.isfinite(state[f"{heat}.resistance"].item()):  # not while the contact is about to end
+                self._note(model, state, state[f"{heat}.desired"].item(), period)
         else:
             near = state[f"{model.probe}.near_object"].item()
             if near >= 0 and near != state[f"{name}.approached"].item():
@@ -253,9 +256,7 @@ class FluxControl(Modality):
         run_ahead(course.finger, above, body, below, course.resistance, future, 1, law.ahead)
         law.place(state, course.into @ finger[: course.into.shape[1]])
 
-    def _continue(
-        self, model: FluxModel, law: ModelLaw, course: Preview, state: Record, ticks: int, hold: int
-    ) -> None:
+    def _continue(self, model: FluxModel, law: ModelLaw, course: Preview, state: Record, ticks: int, hold: int) -> None:
         name = model.name
         body = course.bodies[state[f"{name}.preview_index"].item()]
         if body is not None:
@@ -323,7 +324,7 @@ def _model(
     """Build the constants of `model`; what is on its way is always known from what was sent."""
     law = ModelLaw(
         display, heat.layers or FINGER, heat.arterial, world.skin_temperature, heat.contact_resistance, world.ambient,
-        world.period, band=band, ceiling=ceiling, prefix=f"{name}.",
+        world.servo_period, band=band, ceiling=ceiling, prefix=f"{name}.",
     )  # fmt: skip
     return law, preview(heat, world, law.trial, law.coarse_ticks)
 

@@ -60,18 +60,18 @@ def preview(heat: HeatParams, world: World, trial: Trial, delay: int) -> Preview
     layers = heat.layers or FINGER
     side = finger_side(layers, heat.arterial, world.skin_temperature, world.ambient)
     sides = [object_side(o.material, o.temperature, heat.object_depth) for o in world.objects]
-    bodies = tuple(None if s is None else live.side_model(s, world.period, finger=False) for s in sides)
-    finger = live.side_model(side, world.period, finger=True)
+    bodies = tuple(None if s is None else live.side_model(s, world.servo_period, finger=False) for s in sides)
+    finger = live.side_model(side, world.servo_period, finger=True)
     skins = [world.skin_temperature + step for step in (-SKIN_STEP, 0.0, SKIN_STEP)]
     starts: list[tuple[float, float, float] | None] = []
     for body in sides:
         if body is None:
             starts.append(None)
             continue
-        low, middle, high = (_start(layers, heat, body, skin, world.period, trial, delay) for skin in skins)
+        low, middle, high = (_start(layers, heat, body, skin, world.servo_period, trial, delay) for skin in skins)
         starts.append((low, middle, high))
     widest = max((live.state_size(body) for body in bodies if body is not None), default=1)
-    into = conversion(side, layers, heat.arterial, world.period)
+    into = conversion(side, layers, heat.arterial, world.servo_period)
     return Preview(finger, bodies, widest, heat.contact_resistance, into, world.skin_temperature, tuple(starts))
 
 
