@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numpy.polynomial import legendre
 
 from itouch_thermal.solver.layers import Back, Layer, Side
 from itouch_thermal.solver.stack import Array, Stack, imbalance, layer_stack
@@ -26,6 +27,9 @@ SLOWEST = 2e-5
 REACH = 1e4
 
 _RANK = 1e-10
+
+# From values at the Gauss points of a panel to Legendre coefficients.
+_FIT = np.linalg.inv(legendre.legvander(legendre.leggauss(PANEL_POINTS)[0], PANEL_POINTS - 1))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,12 +72,21 @@ class Modes:
 
     def row(self, depth: float) -> Array:
         """Return the mode values at a depth [m], shape (n,), interpolated within its panel."""
+        inside, place, _ = self._panel(depth)
+        return np.asarray(legendre.legvander(np.array([place]), PANEL_POINTS - 1)[0] @ _FIT @ self.shapes[inside])
+
+    def slope(self, depth: float) -> Array:
+        """Return the mode gradients at a depth [1/m], shape (n,)."""
+        inside, place, half = self._panel(depth)
+        terms = [legendre.legval(place, legendre.legder(unit)) for unit in np.eye(PANEL_POINTS)]
+        return np.asarray(np.array(terms) @ _FIT @ self.shapes[inside] / half)
+
+    def _panel(self, depth: float) -> tuple[slice, float, float]:
+        """Return the points of a depth's panel, its place there from -1 to 1, and half the panel's width [m]."""
         panel = int(np.clip(np.searchsorted(self.edges, depth, side="right") - 1, 0, len(self.edges) - 2))
+        half = 0.5 * float(self.edges[panel + 1] - self.edges[panel])
         inside = slice(panel * PANEL_POINTS, (panel + 1) * PANEL_POINTS)
-        near = self.depths[inside]
-        ratios = (depth - near)[None, :] / (near[:, None] - near + np.eye(len(near)))
-        np.fill_diagonal(ratios, 1.0)
-        return np.asarray(ratios.prod(axis=1) @ self.shapes[inside])
+        return inside, (depth - float(self.edges[panel])) / half - 1.0, half
 
     @property
     def unit_rise(self) -> Array:

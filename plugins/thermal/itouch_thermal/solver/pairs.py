@@ -24,6 +24,7 @@ MEMORY = 8
 
 @njit(cache=True, error_model="numpy")
 def enter_loop(state: Array, vectors: Array, rest: Array, size: int) -> None:
+    """Put the amplitudes of the closed loop behind the pair."""
     for k in range(len(vectors)):
         total = 0.0
         for i in range(size):

@@ -1,7 +1,7 @@
 """The live stepper of one contact: any history of resistances, one flux a step.
 
-While the resistance changes, a step is that of `live` on the pair of sides.  After `pairs.SETTLED` steps at one value the
-state is carried over into the modes of the closed loop at that value, in which a step is one product a mode, and
+While the resistance changes, a step is that of `live` on the pair of sides.  After `pairs.SETTLED` steps at one value
+the state is carried over into the modes of the closed loop at that value, in which a step is one product a mode, and
 back when the value changes.  The rule looks only at the state, so that cutting a history into calls changes no bit.
 """
 
@@ -12,10 +12,12 @@ from numpy.typing import ArrayLike
 
 from itouch_thermal.solver import live
 from itouch_thermal.solver.closed import ClosedLoop, close_loop
-from itouch_thermal.solver.layers import Contact
+from itouch_thermal.solver.layers import Contact, Side, SideName
+from itouch_thermal.solver.modes import Modes, side_modes
 from itouch_thermal.solver.packing import HEAT, PHASE, RESISTANCE, TAIL, pair_of
 from itouch_thermal.solver.pairs import BASE, CLOSED, COUNT, MEMORY, advance_pair, enter_loop, leave_loop
-from itouch_thermal.solver.stack import Array
+from itouch_thermal.solver.stack import Array, stack_of
+from itouch_thermal.solver.steady import initial_profile
 
 _KEPT_LOOPS = 16
 
@@ -176,6 +178,42 @@ class Stepper:
     def object_temperature(self) -> float:
         """Temperature of the object's contact face [K]."""
         return float(live.surface_temperature(self._object, self._sides()[self._split :]))
+
+    def temperature(self, side: SideName, depth: float) -> float:
+        """Return the temperature [K] at a depth [m] from the contact.
+
+        Raises
+        ------
+        ValueError
+            If the side is unknown or the depth is outside it.
+        """
+        body, modes, moved = self._moved(side, depth)
+        return float(initial_profile(body).temperature(np.array([depth]))[0] + modes.row(depth) @ moved)
+
+    def flux_at(self, side: SideName, depth: float) -> float:
+        """Return the flux [W/m2] at a depth [m]; positive from the finger's core towards the object's.
+
+        Raises
+        ------
+        ValueError
+            If the side is unknown or the depth is outside it.
+        """
+        body, modes, moved = self._moved(side, depth)
+        stack = stack_of(body)
+        conductivity = float(stack.conductivity[stack.locate(depth)[0]])
+        inward = initial_profile(body).flux_at(depth) - conductivity * float(modes.slope(depth) @ moved)
+        return inward if side == "object" else -inward
+
+    def _moved(self, side: SideName, depth: float) -> tuple[Side, Modes, Array]:
+        """Return a side, its modes and how far their coordinates are from the start, shape (n,)."""
+        body = self.contact.side(side)
+        if not 0.0 <= depth <= min(body.depth, 1e6):
+            raise ValueError(f"depth = {depth!r} is out of range: 0 to {body.depth:g} m on the {side}")
+        finger = side == "finger"
+        modes = side_modes(body, self.period)
+        first = 0 if finger else self._split
+        now = self._sides()[first : first + len(modes.rates)]
+        return body, modes, now - live.initial_state(body, self.period, finger=finger)[: len(now)]
 
     @property
     def heat(self) -> float:
