@@ -9,58 +9,48 @@ from itouch.plugin import Field, Record
 #: Seconds after the begin from which the flux error counts, and the least flux [W/m2] it is relative to.
 SCORED_FROM, FLOOR = 0.1, 50.0
 
-FIELDS: tuple[Field, ...] = (
-    Field("account.rendered", "i8"),
-    Field("account.ticks", "i8"),
-    Field("account.sum"),
-    Field("account.peak"),
-    Field("account.skin_begin"),
-    Field("account.skin_extreme"),
-    Field("account.squares"),
-    Field("account.scored", "i8"),
-    Field("account.ready", "i8"),
-)
+#: The numbers of the account, in their order.
+_RENDERED, _READY, _TICKS, _SUM, _PEAK, _SKIN_BEGIN, _SKIN_EXTREME, _SQUARES, _SCORED = range(9)
+
+FIELDS: tuple[Field, ...] = (Field("account", "f8", 9),)
 
 
 def begin(state: Record, name: str, rendered: bool, ready: bool) -> None:
     """Open the account of a contact."""
-    for field in FIELDS:
-        state[f"{name}.{field.name}"] = 0
-    state[f"{name}.account.rendered"] = int(rendered)
-    state[f"{name}.account.ready"] = int(ready)
+    account = state[f"{name}.account"]
+    account[:] = 0.0
+    account[_RENDERED], account[_READY] = rendered, ready
 
 
 def add(state: Record, name: str, flux: float, desired: float, skin: float, period: float) -> None:
     """Take in one tick: obtained and desired flux [W/m2] and skin temperature [K] (NaN: unknown)."""
-    prefix = f"{name}.account."
-    ticks = state[prefix + "ticks"].item()
-    if ticks == 0:
-        state[prefix + "skin_begin"] = state[prefix + "skin_extreme"] = skin
-    state[prefix + "ticks"] = ticks + 1
-    state[prefix + "sum"] += flux
-    if abs(flux) > abs(state[prefix + "peak"].item()):
-        state[prefix + "peak"] = flux
-    first = state[prefix + "skin_begin"].item()
-    if abs(skin - first) > abs(state[prefix + "skin_extreme"].item() - first):
-        state[prefix + "skin_extreme"] = skin
+    view = state[f"{name}.account"]
+    rendered, ready, ticks, total, peak, first, extreme, squares, scored = view.tolist()
+    if ticks == 0.0:
+        first = extreme = skin
+    if abs(flux) > abs(peak):
+        peak = flux
+    if abs(skin - first) > abs(extreme - first):
+        extreme = skin
     if ticks * period >= SCORED_FROM:
-        state[prefix + "squares"] += ((flux - desired) / max(abs(desired), FLOOR)) ** 2
-        state[prefix + "scored"] += 1
+        error = (flux - desired) / max(abs(desired), FLOOR)
+        squares += error * error
+        scored += 1.0
+    view[:] = (rendered, ready, ticks + 1.0, total + flux, peak, first, extreme, squares, scored)
 
 
 def measures(state: Record, name: str, source: str) -> dict[str, float | str | bool | None]:
     """Return the report's figures of the contact."""
-    prefix = f"{name}.account."
-    ticks, scored = state[prefix + "ticks"].item(), state[prefix + "scored"].item()
-    if not state[prefix + "rendered"].item() or ticks == 0:
+    rendered, ready, ticks, total, peak, first, extreme, squares, scored = state[f"{name}.account"].tolist()
+    if not rendered or not ticks:
         keys = ("flux_source", "mean_flux_W_m2", "peak_flux_W_m2", "skin_drop_K", "flux_error_rms", "plate_ready")
         return dict.fromkeys(keys)
-    drop = state[prefix + "skin_begin"].item() - state[prefix + "skin_extreme"].item()
+    drop = first - extreme
     return {
         "flux_source": source,
-        "mean_flux_W_m2": state[prefix + "sum"].item() / ticks,
-        "peak_flux_W_m2": state[prefix + "peak"].item(),
+        "mean_flux_W_m2": total / ticks,
+        "peak_flux_W_m2": peak,
         "skin_drop_K": drop if math.isfinite(drop) else None,
-        "flux_error_rms": math.sqrt(state[prefix + "squares"].item() / scored) if scored else None,
-        "plate_ready": bool(state[prefix + "ready"].item()),
+        "flux_error_rms": math.sqrt(squares / scored) if scored else None,
+        "plate_ready": bool(ready),
     }
