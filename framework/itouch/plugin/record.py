@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,14 +27,15 @@ class Field:
         return (prefix + self.name, self.dtype) if self.size == 0 else (prefix + self.name, self.dtype, shape)
 
 
-class Record:
+class Record(dict[str, NDArray[Any]]):
     """Named views of one packed record.
 
     ``record["pose"]`` is an array view (a 0-d one for a scalar), ``record["pose"] = x`` writes into it.  The views
-    stay valid for the life of the record: nothing is ever reallocated.
+    stay valid for the life of the record: nothing is ever reallocated.  (It is a dictionary of its views, because a
+    tick looks up some fifty of them.)
     """
 
-    __slots__ = ("_buffer", "_views")
+    __slots__ = ("_buffer",)
 
     def __init__(self, dtype: np.dtype[Any], buffer: NDArray[np.uint8] | None = None) -> None:
         if buffer is None:
@@ -43,27 +44,15 @@ class Record:
             raise ValueError(f"a buffer of {buffer.size} bytes cannot hold a record of {dtype.itemsize}")
         whole = buffer.view(dtype) if dtype.itemsize else np.zeros(1, dtype)
         self._buffer: NDArray[Any] = whole.reshape(())
-        self._views: dict[str, NDArray[Any]] = {name: self._buffer[name] for name in dtype.names or ()}
+        super().__init__({name: self._buffer[name] for name in dtype.names or ()})
 
     @classmethod
     def of(cls, fields: Iterable[Field]) -> Record:
         """Make a zeroed record of these fields."""
         return cls(dtype_of(fields))
 
-    def __getitem__(self, name: str) -> NDArray[Any]:
-        return self._views[name]
-
     def __setitem__(self, name: str, value: ArrayLike) -> None:
-        self._views[name][...] = value
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._views
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._views)
-
-    def __len__(self) -> int:
-        return len(self._views)
+        self[name][...] = value
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
         """Return the structured array behind the views, or a copy of it."""
@@ -72,10 +61,10 @@ class Record:
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Record) and self.dtype == other.dtype and self.tobytes() == other.tobytes()
 
-    __hash__ = None  # type: ignore[assignment]  # mutable
+    __hash__ = None  # mutable
 
     def __repr__(self) -> str:
-        return f"{type(self).__name__}({len(self._views)} fields, {self._buffer.nbytes} bytes)"
+        return f"{type(self).__name__}({len(self)} fields, {self._buffer.nbytes} bytes)"
 
     @property
     def dtype(self) -> np.dtype[Any]:
@@ -131,7 +120,7 @@ class Record:
             If no field is chosen or they are not contiguous.
         """
         table: Any = self.dtype.fields or {}
-        wanted = [prefix + name for name in names] if names is not None else list(self._views)
+        wanted = [prefix + name for name in names] if names is not None else list(self)
         chosen = [(name, table[name][0], table[name][1]) for name in wanted if name.startswith(prefix)]
         if not chosen:
             raise ValueError(f"no field starts with '{prefix}'")
