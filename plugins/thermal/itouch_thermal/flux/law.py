@@ -20,7 +20,7 @@ from itouch_thermal.solver.layers import Layer
 #: Coarse steps that cover the delay; without a delay a coarse step is FREE long [s].
 GROUPS, FREE = 4, 5e-3
 #: What is thought possible before anything is measured: one standard deviation of each parameter.
-PRIOR = (0.25, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.05, 20.0)
+PRIOR = (0.25, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.05, 20.0, 0.4)
 #: Random walk of the unexplained flux [W/m2 per root second] and of the plate sensor's offset [K per root second].
 DRIFT_FLUX, DRIFT_OFFSET = 10.0, 1e-3
 #: Part of the squared response below which a change of the plan is not worth its noise.

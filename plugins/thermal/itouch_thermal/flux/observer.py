@@ -30,10 +30,14 @@ from itouch_thermal.display.column import (
     P_SENSE,
 )
 
-#: Parameters: logarithms of contact resistance and sensor lag, relative changes, offset [K], flux [W/m2].
-RESISTANCE, SEEBECK, LEGS, OHMIC, PLATE, TISSUE, LAG, OFFSET, FLUX, COUNT = range(10)
+#: Parameters: logarithms of contact resistance, sensor lag and press, relative changes, offset [K], flux [W/m2].
+RESISTANCE, SEEBECK, LEGS, OHMIC, PLATE, TISSUE, LAG, OFFSET, FLUX, PRESS, COUNT = range(11)
 #: How far each parameter may be moved: what is beyond is no tolerance but a fault.
-AUTHORITY = (1.2, 0.3, 0.4, 0.4, 0.3, 0.5, 0.6, 0.3, 300.0)
+AUTHORITY = (1.2, 0.3, 0.4, 0.4, 0.3, 0.5, 0.6, 0.3, 300.0, 1.5)
+#: Part of the flux by which the press may be misjudged.
+DOUBT = 0.3
+#: Random walk of the logarithm of the resistance during a press [per root second].
+DRIFT_PRESS = 1.0
 #: Numbers behind the modes in each row of the column's memory.
 X_FLUX, X_BACK, X_FACE, X_SEEN, X_FILM, X_TAIL = range(6)
 #: Constants.
@@ -74,7 +78,8 @@ def advance(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, cu
     gp, gf = 1.0 / (1.0 + theta[PLATE]), 1.0 / (1.0 + theta[TISSUE])
     seebeck, legs = c[O_SEEBECK] * (1.0 + theta[SEEBECK]), c[O_CONDUCTANCE] * (1.0 + theta[LEGS])
     ohmic = c[O_RESISTANCE] * (1.0 + theta[OHMIC])
-    contact = c[O_CONTACT] * math.exp(theta[RESISTANCE]) * scale
+    pressing = (scale - 1.0) * math.exp(theta[PRESS])
+    contact = c[O_CONTACT] * math.exp(theta[RESISTANCE]) * (1.0 + pressing)
     cover = c[O_COVER] if touching else 0.0
     cold, hot, face = x[0, o + X_BACK], memory[M_SINK], x[0, o + X_FACE]
     pump = (seebeck * cold * current - 0.5 * current * current * ohmic - legs * (hot - cold)) / c[O_AREA] + theta[FLUX]
@@ -148,6 +153,8 @@ def advance(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, cu
         dj1 = 0.0
         if touching:
             explicit = contact * j1 if k - 1 == RESISTANCE else 0.0
+            if k - 1 == PRESS:
+                explicit = contact * pressing / (1.0 + pressing) * j1
             dj1 = (s - p - explicit) / closing
             late = gf * dj1 + of_tissue * (0.0 if base else j1)
             for i in range(n):
@@ -190,6 +197,8 @@ def correct(
             gain[a] += cover[a, b] * slope
     for a in range(COUNT):
         total += (x[1 + a, column] + (1.0 if a == explicit else 0.0)) * gain[a]
+    # What is beyond three deviations is the model's fault: it moves less and makes nothing more certain.
+    total = max(total, innovation * innovation / 9.0)
     for a in range(COUNT):
         step = gain[a] * innovation / total
         step = min(AUTHORITY[a] - theta[a], max(-AUTHORITY[a] - theta[a], step))
@@ -217,7 +226,11 @@ def observe(
     cover[OFFSET, OFFSET] += c[O_DRIFT_OFFSET]
     # A reading at the end of the scale says nothing but that.
     if abs(flux) < c[O_CEILING] and abs(x[0, o + X_SEEN]) < c[O_CEILING]:
-        correct(x, theta, cover, gain, o + X_SEEN, -1, flux - x[0, o + X_SEEN], c[O_FLUX_NOISE])
+        # While the finger is being pressed on, the law of the press is not believed to the last watt.
+        doubt = DOUBT * math.sqrt(min(1.0, scale - 1.0)) * abs(x[0, o + X_FLUX])
+        cover[RESISTANCE, RESISTANCE] += DRIFT_PRESS * DRIFT_PRESS * math.sqrt(min(1.0, scale - 1.0)) * c[O_PERIOD]
+        noise = math.sqrt(c[O_FLUX_NOISE] ** 2 + doubt * doubt)
+        correct(x, theta, cover, gain, o + X_SEEN, -1, flux - x[0, o + X_SEEN], noise)
     if film == film:
         correct(x, theta, cover, gain, o + X_FILM, OFFSET, film - x[0, o + X_FILM] - theta[OFFSET], c[O_PLATE_NOISE])
 
@@ -256,7 +269,7 @@ def begin_touch(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, cover: Any,
     o = n + m
     memory[M_TOUCHING] = 1.0
     memory[M_QUIET] = 0.0
-    for which in (RESISTANCE, TISSUE):
+    for which in (RESISTANCE, TISSUE, PRESS):
         for b in range(COUNT):
             cover[which, b] = cover[b, which] = 0.0
         cover[which, which] = prior[which] * prior[which]
@@ -274,6 +287,7 @@ def begin_touch(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, cover: Any,
     for k in range(COUNT):
         x[1 + k, o + X_FLUX] = -x[1 + k, o + X_FACE] / contact
     x[1 + RESISTANCE, o + X_FLUX] = -flux
+    x[1 + PRESS, o + X_FLUX] = -flux * (memory[M_CONTACT] - 1.0) / memory[M_CONTACT]
 
 
 @njit(cache=True, error_model="numpy")

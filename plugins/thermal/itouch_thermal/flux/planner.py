@@ -75,7 +75,7 @@ def ahead(
 @njit(cache=True, error_model="numpy")
 def respond(c: Any, tissue: Any, plate: Any, theta: Any, scale: float, above: Any, below: Any, response: Any) -> None:
     """Fill ``response`` (HATS, AHEAD): the contact flux that each hat of the pumped flux would add."""
-    contact = c[at.O_CONTACT] * math.exp(theta[at.RESISTANCE]) * scale
+    contact = c[at.O_CONTACT] * math.exp(theta[at.RESISTANCE]) * (1.0 + (scale - 1.0) * math.exp(theta[at.PRESS]))
     gp, gf = 1.0 / (1.0 + theta[at.PLATE]), 1.0 / (1.0 + theta[at.TISSUE])
     tissue_self, plate_self = selves(tissue, plate)
     for hat in range(HATS):
@@ -119,7 +119,7 @@ def plan(
     """
     n, m = tissue.shape[1], plate.shape[1]
     o = n + m
-    contact = c[at.O_CONTACT] * math.exp(theta[at.RESISTANCE]) * scale
+    contact = c[at.O_CONTACT] * math.exp(theta[at.RESISTANCE]) * (1.0 + (scale - 1.0) * math.exp(theta[at.PRESS]))
     gp, gf = 1.0 / (1.0 + theta[at.PLATE]), 1.0 / (1.0 + theta[at.TISSUE])
     seebeck, legs = c[at.O_SEEBECK] * (1.0 + theta[at.SEEBECK]), c[at.O_CONDUCTANCE] * (1.0 + theta[at.LEGS])
     ohmic = c[at.O_RESISTANCE] * (1.0 + theta[at.OHMIC])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +16,14 @@ from itouch_thermal.solver.layers import Layer
 STEPS, KNOTS, COUNTED_FROM = 80, 8, 0.1
 #: One kelvin of skin weighs as much as this flux [W/m2] at first; a pump at its limit as much as this.
 SKIN_WEIGHT, PUMP_WEIGHT = 2e3, 3.0
-#: Until the flux error, relative to at least this [W/m2], is this small over so long [s], skin weighs less and less.
-FLOOR, FLUX_FIRST, SCORED_FOR, TRIES = 200.0, 7e-4, 10.0, 12
-#: Parts of the pump's limit to plan with: the rest is for what differs.  The first is taken with which the skin stays
-#: this close [K], ever and from 0.3 s on; if none does, the flux comes first.
-SHARES, SHARE_OTHERWISE = (0.5, 0.6, 0.7, 0.85, 1.0), 0.6
-SKIN_EVER, SKIN_LATER = 0.117, 0.016
+#: Errors are relative to at least this flux [W/m2]; seconds of contact; how often the skin's weight is lessened.
+FLOOR, SCORED_FOR, TRIES = 200.0, 10.0, 12
+#: Parts of the pump's limit to plan with, the rest being for what differs, and the flux error that they must leave,
+#: relative and as a mean over SCORED_FOR.  The first is taken with which the skin stays this close [K], ever and from
+#: 0.3 s on; if none does, the flux comes first.
+TRIALS = ((0.5, 7e-4), (0.6, 7e-4), (0.7, 7e-4), (0.85, 7e-4), (1.0, 7e-4), (1.0, 2e-3), (1.0, 4e-3))
+OTHERWISE = (0.6, 7e-4)
+SKIN_EVER, SKIN_LATER = 0.119, 0.018
 
 
 def equation_three(material: float, plate: float, tissue: float, object_temperature: float, skin: float) -> float:
@@ -70,23 +72,24 @@ def start_temperature(trial: Trial, finger: Array, desired: Array, skin: Array) 
     free, warmer, pumps = _responses(trial, finger)
     times = np.arange(1, STEPS + 1) * trial.column.period
     found = np.zeros(0)
-    for share in (*SHARES, SHARE_OTHERWISE):
+    for share, first in (*TRIALS, OTHERWISE):
         columns = np.stack([warmer, *(share * pump for pump in pumps)], axis=-1)
-        found = _weighed(columns, desired - free[0], skin - free[1], times, np.maximum(np.abs(desired), FLOOR))
+        found = _weighed(columns, desired - free[0], skin - free[1], times, desired, first)
         apart = np.abs(skin - free[1] - columns[1] @ found)
         if apart.max() <= SKIN_EVER and apart[times >= 0.3].max() <= SKIN_LATER:
             break
     return trial.reference + float(found[0]), free[0] + columns[0] @ found
 
 
-def _weighed(columns: Array, flux: Array, skin: Array, times: Array, scale: Array) -> Array:
+def _weighed(columns: Array, flux: Array, skin: Array, times: NDArray[Any], desired: Array, first: float) -> Array:
     """Return the least squares with as much weight on the skin as leaves the flux right."""
     scored, weight = times >= COUNTED_FROM, SKIN_WEIGHT
+    scale = np.maximum(np.abs(desired), FLOOR)
     found = np.zeros(columns.shape[-1])
     for _ in range(TRIES):
         found = _least(columns, flux, skin, scored, weight)
         error = ((columns[0] @ found - flux) / scale)[scored]
-        if np.sqrt(np.sum(error**2) * (times[1] - times[0]) / SCORED_FOR) <= FLUX_FIRST:
+        if np.sqrt(np.sum(error**2) * (times[1] - times[0]) / SCORED_FOR) <= first:
             break
         weight *= 0.6
     return found
