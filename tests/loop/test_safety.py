@@ -17,7 +17,7 @@ LIMITS = DeviceLimits(3.0, 0.25, 0.10, 2.0, None, 0.02)
 _any = st.floats(-1e6, 1e6)
 
 
-@given(st.lists(_any, min_size=6, max_size=6), st.lists(_any, min_size=6, max_size=6), st.floats(0, 1))
+@given(st.lists(_any, min_size=6, max_size=6), st.lists(_any, min_size=6, max_size=6), st.floats(1e-6, 1))
 def test_a_wrench_keeps_its_direction_and_never_passes_the_limit(
     wanted: list[float], last: list[float], ramp: float
 ) -> None:
