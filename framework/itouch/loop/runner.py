@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from itouch.loop.frames import Frame, frame
 from itouch.loop.safety import Guard, Trip, TripError, Watch
@@ -236,9 +237,9 @@ class Runner:
         if self.twin is not None:
             self.twin.step(self.twin_state, self.sent, self.touch, self._period)
 
-    def true_position(self) -> tuple[float, float, float] | None:
-        """Return the true position of what the twin carries, in its frame."""
-        return self.twin.pose(self.twin_state) if self.twin is not None else None
+    def true_position(self) -> NDArray[np.float64] | None:
+        """Return the view of State that is the true position of what the twin carries, in its frame."""
+        return self.twin.position(self.twin_state) if self.twin is not None else None
 
 
 def _part(state: Record, prefix: str, channels: Sequence[Channel]) -> Record:

@@ -49,11 +49,14 @@ class TripError(ItouchError):
 class Guard:
     """Limits one command channel: hardware ceiling, then the limits in force, then ramp and slew."""
 
-    __slots__ = ("_apply", "_high", "_limits", "_locked", "_low", "channel")
+    __slots__ = ("_apply", "_high", "_limits", "_locked", "_low", "_resting", "_shut", "channel")
 
     def __init__(self, channel: Channel, limits: DeviceLimits) -> None:
         self.channel, self._limits = channel, limits
-        self._locked = _locked_components(channel)
+        self._shut = _locked_components(channel)
+        tail = [rest for index, rest in self._shut if index >= 3]
+        self._resting = tail if len(tail) == channel.size - 3 else None  # what all but x, y, z must be, if locked
+        self._locked = self._resting is None or len(tail) < len(self._shut)
         self._high, self._low = channel.high, channel.low
         kinds = {"wrench": self._wrench, "pose_target": self._pose_target}
         self._apply = kinds.get(channel.name, self._plain)
@@ -87,10 +90,11 @@ class Guard:
         if total - total != 0.0:
             raise TripError(Trip.NOT_A_NUMBER, f"was commanded with {_not_finite(values)} ({self.channel.name})")
         dropped = 0
-        for index, rest in self._locked:
-            if values[index] != rest:
-                values[index] = rest
-                dropped += 1
+        if values[3:] != self._resting or self._locked:
+            for index, rest in self._shut:
+                if values[index] != rest:
+                    values[index] = rest
+                    dropped += 1
         clamped = self._apply(values, sent.tolist(), ramp, period, closing)
         sent[:] = values
         return clamped, dropped
@@ -106,26 +110,27 @@ class Guard:
             scale = allowed / size
             values[0], values[1], values[2] = values[0] * scale, values[1] * scale, values[2] * scale
             clamped = 1
+        if self._resting is not None:
+            return clamped
         for index in (3, 4, 5):
             top = self._high[index] * ramp if self._high else 0.0
-            if values[index] and abs(values[index]) > top:
+            if abs(values[index]) > top:
                 values[index] = math.copysign(top, values[index])
                 clamped = 1
         return clamped
 
     def _pose_target(self, values: list[float], last: list[float], ramp: float, period: float, closing: float) -> int:
         clamped = _into_box(values, self.channel, 3)
-        step = [values[i] - last[i] for i in range(3)]
-        rise = closing * period
-        if step[2] > rise:
-            step[2], clamped = rise, 1
-        length = math.sqrt(step[0] * step[0] + step[1] * step[1] + step[2] * step[2])
-        reach = (self._limits.speed or 0.0) * period
-        if length > reach:
-            scale = reach / length
-            step, clamped = [s * scale for s in step], 1
-        for i in range(3):
-            values[i] = last[i] + step[i]
+        x, y, z = last[0:3]
+        dx, dy, dz = values[0] - x, values[1] - y, values[2] - z
+        rise, reach = closing * period, (self._limits.speed or 0.0) * period
+        if dz > rise:
+            dz, clamped = rise, 1
+        square = dx * dx + dy * dy + dz * dz
+        if square > reach * reach:
+            scale = reach / math.sqrt(square)
+            dx, dy, dz, clamped = dx * scale, dy * scale, dz * scale, 1
+        values[0], values[1], values[2] = x + dx, y + dy, z + dz
         return clamped
 
     def _plain(self, values: list[float], last: list[float], ramp: float, period: float, closing: float) -> int:

@@ -49,8 +49,8 @@ class Twin(ABC):
     def reset(self, state: Record, rng: np.random.Generator) -> None:  # noqa: B027
         """Set the State to its start; draw the words of random generators from ``rng``."""
 
-    def pose(self, state: Record) -> tuple[float, float, float] | None:
-        """Return the true position [m] of what the device carries, in its own frame; None if it carries nothing."""
+    def position(self, state: Record) -> NDArray[np.float64] | None:
+        """Return the view of State, shape (3,), that is the true position [m] of what the device carries, or None."""
         return None
 
     @abstractmethod

@@ -39,8 +39,8 @@ class Stand(Protocol):
     def true_frame(self) -> Body:
         """Return the device's true frame in its carrier."""
 
-    def true_position(self) -> Vector | None:
-        """Return the true position of what a twin carries."""
+    def true_position(self) -> Floats | None:
+        """Return the view of State that is the true position of what a twin carries."""
 
 
 class Coupling:
@@ -69,7 +69,8 @@ class Coupling:
         self._load: Floats = table.touch.wrench[:3] if table is not None else np.zeros(3)
         self._goal, self._finger = np.zeros(6), np.zeros(9)
         self._end, self._pace = np.zeros(7), np.zeros(6)
-        self._carrier = np.array([0.0, 0.0, -1e3])
+        carried = table.true_position() if table is not None else None
+        self._carrier: Floats = np.array([0.0, 0.0, -1e3]) if carried is None else carried
         if arm is not None:
             self._end, self._pace = arm.touch.finger_pose, arm.touch.finger_twist
             arm.touch.finger_attached = hand is not None
@@ -90,9 +91,6 @@ class Coupling:
 
     def step(self, moving: bool) -> None:
         """Advance the finger by one period; ``moving``: the hand follows its script."""
-        carried = self._table.true_position() if self._table is not None else None
-        if carried is not None:
-            self._carrier[:] = carried
         if self.hand is not None:
             self._goal[:] = self.hand.goal(moving)
             finger = self.hand.motion

@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from itouch.plugin import Field, Record, Touch, Twin
 
@@ -42,10 +43,9 @@ class XyzTableTwin(Twin):
         state["sensed"] = 0.0
         state["noise"] = rng.integers(0, 1 << 63)
 
-    def pose(self, state: Record) -> tuple[float, float, float] | None:
+    def position(self, state: Record) -> NDArray[np.float64] | None:
         """Return where the plate's carrier truly is."""
-        x, y, z = state["axes"][0].tolist()
-        return x, y, z
+        return state["axes"][0]
 
     def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
         """Move the axes by one period."""
