@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import enum
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -140,9 +139,11 @@ class Runner:
         status = self._status.item()
         if status == _CLOSED or tick % self._every:
             return
-        source: Any = self.device.read if self.device is not None else None
         try:
-            new = source(self.reading) if source else self._read_twin()
+            if self.twin is not None:
+                new = self.twin.read(self.twin_state, self.reading)
+            elif self.device is not None:
+                new = self.device.read(self.reading)
         except DeviceError as error:
             raise DeviceFaultError(self.model.name, tick, Trip.DEVICE_ERROR, f"failed: {error}") from error
         except Exception as error:
@@ -163,9 +164,6 @@ class Runner:
                 self._watch.check()
             except TripError as error:
                 raise DeviceFaultError(self.model.name, tick, error.trip, str(error)) from error
-
-    def _read_twin(self) -> bool | None:
-        return self.twin.read(self.twin_state, self.reading) if self.twin is not None else None
 
     def write(self, tick: int) -> None:
         """Send the commands through the guards; only safe ones unless ENABLED."""

@@ -5,8 +5,6 @@ Minimum-jerk paths: Flash and Hogan 1985.
 
 from __future__ import annotations
 
-import bisect
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,34 +17,19 @@ LEAD_SPEED = 0.08
 
 
 class Path:
-    """The motion of the hand's target: pieces of minimum jerk, each followed by a rest."""
+    """The motion of the hand's target: pieces of minimum jerk, each followed by a rest; see ``mechanics.aim``."""
 
     def __init__(self, operator: Operator) -> None:
         targets = operator.motion.targets
         self.start: Vector = targets[0].pos if targets else (0.0, 0.0, 0.0)
-        self._pieces: list[tuple[float, float, Vector, Vector]] = []
-        self._begins: list[float] = []
-        here, time = self.start, 0.0
+        rows, here, time = [], self.start, 0.0
         for target in targets:
-            self._begins.append(time)
-            self._pieces.append((time, target.in_, here, target.pos))
+            rows.append((time, target.in_, *here, *target.pos))
             time += target.in_ + target.hold
             here = target.pos
         self.duration = time
-
-    def at(self, time: float) -> tuple[float, float, float, float, float, float]:
-        """Return position [m] and velocity [m/s] of the target at a time [s]."""
-        if not self._pieces:
-            return (*self.start, 0.0, 0.0, 0.0)
-        begin, duration, here, there = self._pieces[max(0, bisect.bisect_right(self._begins, time) - 1)]
-        s = (time - begin) / duration
-        if s >= 1.0:
-            return (*there, 0.0, 0.0, 0.0)
-        blend = s * s * s * (10.0 + s * (6.0 * s - 15.0))
-        rate = 30.0 * s * s * (1.0 - s) * (1.0 - s) / duration
-        (ax, ay, az), (bx, by, bz) = here, there
-        dx, dy, dz = bx - ax, by - ay, bz - az
-        return ax + blend * dx, ay + blend * dy, az + blend * dz, rate * dx, rate * dy, rate * dz
+        self.pieces = np.array(rows or [(0.0, 1.0, *self.start, *self.start)], np.float64)
+        self.pieces.setflags(write=False)
 
 
 class Hand:
@@ -75,11 +58,10 @@ class Hand:
             step = LEAD_SPEED * self._period
             self.offset[...] = now + max(-step, min(step, offset - now))
 
-    def goal(self, moving: bool) -> tuple[float, ...]:
-        """Return the target's position and velocity for the next step; it moves on if ``moving``."""
-        ticks = self.ticks.item()
+    def advance(self, moving: bool) -> float:
+        """Return the time [s] on the path for the next step; it moves on if ``moving``."""
+        ticks: int = self.ticks.item()
         if moving:
             ticks += 1
             self.ticks[...] = ticks
-        x, y, z, u, v, w = self.path.at(ticks * self._period)
-        return x, y, z + self.offset.item(), u, v, w
+        return ticks * self._period

@@ -49,10 +49,30 @@ def plate_force(constants: Floats, finger: Floats, table: Floats, figures: Float
 
 
 @njit(cache=True, error_model="numpy")
+def aim(pieces: Floats, time: float, goal: Floats) -> None:
+    """Write the place and velocity of the hand's target at a time [s], shape (6,).
+
+    ``pieces`` has a row for each movement of minimum jerk: begin and duration [s], from and to [m], shape (n, 8).
+    """
+    last = 0
+    while last + 1 < pieces.shape[0] and pieces[last + 1, 0] <= time:
+        last += 1
+    s = min(1.0, (time - pieces[last, 0]) / pieces[last, 1])
+    blend = s * s * s * (10.0 + s * (6.0 * s - 15.0))
+    rate = 30.0 * s * s * (1.0 - s) * (1.0 - s) / pieces[last, 1]
+    for i in range(3):
+        here, there = pieces[last, 2 + i], pieces[last, 5 + i]
+        goal[i] = here + blend * (there - here) if s < 1.0 else there
+        goal[3 + i] = rate * (there - here)
+
+
+@njit(cache=True, error_model="numpy")
 def step_finger(
     constants: Floats,
+    pieces: Floats,
+    time: float,
+    offset: float,
     hand: Floats,
-    goal: Floats,
     push: Floats,
     table: Floats,
     figures: Floats,
@@ -66,10 +86,10 @@ def step_finger(
     ----------
     constants
         Shape (CONSTANTS,); a mass of 0 leaves the finger where it is (it is a real one).
+    pieces, time, offset
+        The hand's path, where on it the target is [s], and how far it is led away from it upwards [m].
     hand
         Position, velocity and target of the finger, shape (9,), world frame; changed.
-    goal
-        Where the hand's target is now, and its velocity, shape (6,).
     push
         The arm's force on the finger in the arm's frame, shape (3,).
     table
@@ -94,6 +114,9 @@ def step_finger(
     load[0], load[1], load[2] = 0.0, 0.0, -figures[FORCE]
     mass, period = constants[MASS], constants[PERIOD]
     if mass > 0.0:
+        goal = np.empty(6)
+        aim(pieces, time, goal)
+        goal[2] += offset
         for i, force in enumerate((fx, fy, fz)):
             spring = constants[STIFFNESS] * (goal[i] - hand[i]) + constants[DAMPING] * (goal[3 + i] - hand[3 + i])
             hand[3 + i] += period * (spring + force) / mass

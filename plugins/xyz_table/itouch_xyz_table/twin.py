@@ -45,7 +45,8 @@ class XyzTableTwin(Twin):
 
     def position(self, state: Record) -> NDArray[np.float64] | None:
         """Return where the plate's carrier truly is."""
-        return state["axes"][0]
+        place: NDArray[np.float64] = state["axes"][0]
+        return place
 
     def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
         """Move the axes by one period."""
