@@ -1,0 +1,134 @@
+"""The display's twin: energy, agreement with the solver, sensors, restore."""
+
+import numpy as np
+import pytest
+
+from itouch.plugin import Field, Record, Touch
+from itouch_thermal.display import DisplayParams, Mismatch
+from itouch_thermal.display import plant as at
+from itouch_thermal.display.column import plate_capacity, tissue_side
+from itouch_thermal.display.device import DisplayTwin
+from itouch_thermal.display.peltier import Module, current_for, dew_point, pumped_heat
+from itouch_thermal.heat import FINGER
+from itouch_thermal.solver.layers import Back, Contact, Initial, Side
+from itouch_thermal.solver.stepper import Stepper
+
+PERIOD = 1e-3
+
+
+def twin_of(**params):
+    twin = DisplayTwin(DisplayParams(**params))
+    state = Record.of(twin.fields())
+    twin.reset(state, np.random.default_rng(3))
+    return twin, state, Record.of([Field("current", "f8", 1)])
+
+
+def test_contact_flux_is_that_of_the_solver_on_the_same_layers():
+    twin, state, command = twin_of(film_coefficient=0.0, conductance=1e-3)
+    params = twin.params
+    body = Side(
+        layers=params.plate, initial=Initial(kind="uniform", temperature=296.15), back=Back(kind="insulated")
+    )
+    exact = Stepper(Contact(finger=tissue_side(FINGER, 310.15, 306.15), object=body), PERIOD).advance(2e-3, 500)
+    found = []
+    for _ in range(500):
+        twin.step(state, command, Touch(force=1.0, gap=0.0), PERIOD)
+        found.append(state["true_flux"].item())
+    np.testing.assert_allclose(found, exact, rtol=2e-4)
+
+
+def test_energy_closes_over_currents_touches_and_air():
+    twin, state, command = twin_of(mismatch=Mismatch(seebeck=0.1, plate_effusivity=-0.1))
+    params, memory = twin.params, state["memory"]
+    capacity = plate_capacity(params.plate) * 0.9 * params.area
+    begin = capacity * memory[at.MEAN] + params.sink_capacity * memory[at.SINK]
+    rng = np.random.default_rng(0)
+    for i in range(4000):
+        if i % 200 == 0:
+            command["current"] = rng.uniform(-5, 5)
+        twin.step(state, command, Touch(force=float(i % 1500 > 700), gap=0.0), PERIOD)
+    end = capacity * memory[at.MEAN] + params.sink_capacity * memory[at.SINK]
+    came = memory[at.ENERGY_ELECTRIC] + memory[at.ENERGY_FINGER] + memory[at.ENERGY_AIR] - memory[at.ENERGY_ROOM]
+    assert abs(came) > 1.0
+    assert end - begin == pytest.approx(came, rel=1e-9)
+
+
+def test_heat_beside_the_sensor_enters_the_plate_unseen():
+    twin, state, command = twin_of(contact_area=4e-4, sensor_area=8e-4, flux_noise=0.0, film_coefficient=0.0)
+    for _ in range(2000):
+        twin.step(state, command, Touch(force=1.0, gap=0.0), PERIOD)
+    flux, memory = state["true_flux"].item(), state["memory"]
+    assert memory[at.READ_FLUX] == pytest.approx(0.5 * flux, rel=0.03)
+    assert memory[at.ENERGY_FINGER] == pytest.approx(4e-4 * flux * 2.0, rel=0.25)
+
+
+def test_command_is_delayed_saturated_and_counted():
+    twin, state, command = twin_of(max_current=2.0, current_bits=8)
+    command["current"] = 7.0
+    for i in range(25):
+        twin.step(state, command, Touch(), PERIOD)
+        assert (state["memory"][at.CURRENT] != 0.0) == (i >= 20)
+    assert state["memory"][at.CURRENT] == pytest.approx(2.0, abs=4.0 / 256)
+
+
+def test_infrared_holds_its_last_value_under_the_finger():
+    twin, state, command = twin_of()
+    twin.step(state, command, Touch(gap=0.01), PERIOD)
+    seen = state["memory"][at.READ_SKIN]
+    for _ in range(50):
+        twin.step(state, command, Touch(force=1.0, gap=0.0), PERIOD)
+    assert state["memory"][at.READ_VALID] == 0.0
+    assert state["memory"][at.READ_SKIN] == seen
+    assert state["true_skin"].item() < 306.0
+
+
+def test_a_copied_state_goes_on_bit_for_bit():
+    twin, state, command = twin_of()
+    command["current"] = 1.5
+    for _ in range(100):
+        twin.step(state, command, Touch(force=1.0, gap=0.0), PERIOD)
+    other, copy = DisplayTwin(twin.params), state.copy()
+    for _ in range(100):
+        twin.step(state, command, Touch(), PERIOD)
+        other.step(copy, command, Touch(), PERIOD)
+    assert state == copy
+
+
+def test_press_raises_the_resistance():
+    twin, state, command = twin_of(full_force=1.0)
+    twin.step(state, command, Touch(force=0.25, gap=0.0), PERIOD)
+    light = state["true_flux"].item()
+    other, fresh, _ = twin_of(full_force=1.0)
+    other.step(fresh, command, Touch(force=2.0, gap=0.0), PERIOD)
+    assert fresh["true_flux"].item() == pytest.approx(4.0 * light, rel=0.05)
+
+
+def test_datasheet_gives_back_its_own_figures():
+    module = Module.from_datasheet(voltage=15.4, current=6.4, difference=68.0, hot=300.0)
+    assert module.seebeck == pytest.approx(15.4 / 300)
+    cold = 300.0 - 68.0
+    most = module.seebeck * cold / module.resistance
+    assert most == pytest.approx(6.4, rel=1e-9)
+    assert pumped_heat(module.seebeck, module.resistance, module.conductance, most, cold, 300.0) == pytest.approx(
+        0.0, abs=1e-9
+    )
+    with pytest.raises(ValueError, match="difference"):
+        Module.from_datasheet(voltage=15.4, current=6.4, difference=310.0, hot=300.0)
+
+
+@pytest.mark.parametrize("heat", [-40.0, -1.0, 0.0, 5.0, 35.0])
+def test_current_for_a_heat_pumps_it(heat):
+    current = current_for(0.051, 1.86, 0.56, heat, 297.0, 305.0)
+    assert pumped_heat(0.051, 1.86, 0.56, current, 297.0, 305.0) == pytest.approx(heat, abs=1e-9)
+
+
+def test_dew_point_of_known_air():
+    assert dew_point(298.15, 0.5) - 273.15 == pytest.approx(13.9, abs=0.1)
+    assert dew_point(293.15, 1.0) == pytest.approx(293.15)
+    with pytest.raises(ValueError, match="humidity"):
+        dew_point(293.15, 1.2)
+
+
+def test_areas_must_fit_the_plate():
+    with pytest.raises(ValueError, match="contact_area"):
+        DisplayParams(contact_area=20e-4)
