@@ -46,5 +46,5 @@ def _draw_fluxes(axes: Any, times: Any, fluxes: dict[str, Any]) -> None:
     for name, values in fluxes.items():
         size = np.where(np.abs(values) >= floor, np.abs(values), np.nan)
         (line,) = axes.plot(times, np.where(values >= 0.0, size, np.nan), label=name)
-        if np.any(values < 0.0):
+        if np.any(values <= -floor):
             axes.plot(times, np.where(values < 0.0, size, np.nan), "--", color=line.get_color(), label=f"{name} < 0")

@@ -120,16 +120,17 @@ def solve_differences(
     return DifferencesSolution(contact, moments, flux, skin, face, heat, (finger, body), fields, step)
 
 
-def chain_of(side: Side, spacing: float, duration: float) -> Chain:
-    """Cut a side into nodes for a time span [s]."""
+def chain_of(side: Side, spacing: float, duration: float, *, growth: float = 1.0) -> Chain:
+    """Cut a side into nodes for a time span [s]; cells start at ``spacing`` [m] and grow by a ratio."""
     stack = stack_of(side)
     widths, slabs = [], []
     for index, length in enumerate(stack.thickness):
         diffusion = np.sqrt(stack.conductivity[index] / stack.capacity[index] * duration)
         reach = max(_FAR * diffusion, 4.0 * spacing) if np.isinf(length) else length
-        cells = max(1, int(np.ceil(reach / spacing)))
-        widths += [reach / cells] * cells
-        slabs += [index] * cells
+        cells = _cells(float(reach), spacing, growth)
+        spacing = cells[-1] * growth if growth > 1.0 else spacing
+        widths += cells
+        slabs += [index] * len(cells)
     width, slab = np.array(widths), np.array(slabs)
     depths = np.concatenate(([0.0], np.cumsum(width)))
     profile = initial_profile(side)
@@ -149,6 +150,16 @@ def chain_of(side: Side, spacing: float, duration: float) -> Chain:
         layer.conductivity / layer.heat_capacity,
         layer.effusivity,
     )
+
+
+def _cells(reach: float, first: float, growth: float) -> list[float]:
+    """Cut a layer into cells that grow by a ratio and fill it."""
+    if growth == 1.0:
+        count = max(1, int(np.ceil(reach / first)))
+        return [reach / count] * count
+    count = max(1, int(np.ceil(np.log1p(reach / first * (growth - 1.0)) / np.log(growth))))
+    cells = first * growth ** np.arange(count)
+    return [float(cell) for cell in cells * (reach / cells.sum())]
 
 
 def _nodal(cells: Array) -> Array:

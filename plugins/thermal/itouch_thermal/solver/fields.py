@@ -88,14 +88,29 @@ class Waves:
 
     def temperature_within(self, index: int, x: Array, flux: Values) -> Values:
         """Return the deviation [K] at depths x in a layer which ``flux`` enters, shape (depths, points)."""
-        e, g, length = self.decay[index], self.growth[index], self.stack.thickness[index]
-        drive = 0.5 * self.passing[index] * (self.open[index] - self.source[index])
-        ahead = (flux / self.admittance[index] + e * drive) / self.closed(index)
+        g, length = self.growth[index], self.stack.thickness[index]
+        ahead, behind = self._amplitudes(index, flux)
         x = np.asarray(x)[:, None]
         fall = ahead * np.exp(-g * x) + self.source[index]
         if np.isinf(length):
             return np.asarray(fall)
-        return np.asarray(fall + (drive + self.reflection[index] * ahead * e) * np.exp(-g * (length - x)))
+        return np.asarray(fall + behind * np.exp(-g * (length - x)))
+
+    def content(self, index: int, flux: Values) -> Values:
+        """Return the integral of the deviation [K m] over a layer which ``flux`` enters, shape (points,)."""
+        ahead, behind = self._amplitudes(index, flux)
+        length = float(self.stack.thickness[index])
+        if np.isinf(length):
+            return np.asarray(ahead / self.growth[index])
+        spread = -np.expm1(-self.growth[index] * length) / self.growth[index]
+        return np.asarray((ahead + behind) * spread + self.source[index] * length)
+
+    def _amplitudes(self, index: int, flux: Values) -> tuple[Values, Values]:
+        """Return F and B of a layer, shape (points,)."""
+        e = self.decay[index]
+        drive = 0.5 * self.passing[index] * (self.open[index] - self.source[index])
+        ahead = (flux / self.admittance[index] + e * drive) / self.closed(index)
+        return ahead, drive + self.reflection[index] * ahead * e
 
 
 def waves(stack: Stack, s: Values, *, arterial: Values | float = 0.0, back: Values | float = 0.0) -> Waves:

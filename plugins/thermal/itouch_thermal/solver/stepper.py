@@ -48,6 +48,8 @@ class Stepper:
         self._pair = pair_of(contact.finger, contact.object, period)
         self._split = live.state_size(self._finger)
         self._size = len(self._pair.rates)
+        self._tail = int(self._finger[TAIL])
+        self._one, self._flux = np.empty(1), np.empty(1)
         self._loops: dict[float, ClosedLoop] = {}
         self._state = np.zeros(2 * self._size + MEMORY)
         self._state[: self._split] = live.initial_state(contact.finger, period, finger=True)
@@ -78,7 +80,11 @@ class Stepper:
         ValueError
             If the resistance is negative or not a number.
         """
-        return float(self.advance(resistance, 1)[0])
+        if not resistance >= 0.0:
+            raise ValueError(f"resistance = {resistance!r} is out of range: 0 or more, infinite for a step apart")
+        self._one[0] = resistance
+        self._run(self._one, self._flux)
+        return float(self._flux[0])
 
     def advance(self, resistances: ArrayLike, steps: int | None = None) -> Array:
         """Advance many steps; return the contact flux at the end of each [W/m2], shape (steps,).
@@ -97,9 +103,14 @@ class Stepper:
         """
         given = history(resistances, steps)
         flux = np.empty(len(given))
+        self._run(given, flux)
+        return flux
+
+    def _run(self, given: Array, flux: Array) -> None:
+        """Step through a history; whenever a resistance has settled, close the loop and go on."""
         done = 0
         while done < len(given):
-            loop = self._loop(float(self._state[int(self._finger[TAIL]) + RESISTANCE]))
+            loop = self._loop(float(self._state[self._tail + RESISTANCE]))
             done = advance_pair(
                 self._pair.model,
                 self._finger,
@@ -117,7 +128,6 @@ class Stepper:
             )
             if done < len(given):
                 self._enter(float(given[done]))
-        return flux
 
     def settle(self, resistance: float) -> tuple[ClosedLoop, Array]:
         """Return the closed loop at a finite resistance and the amplitudes of its modes now, shape (modes,).
@@ -150,7 +160,7 @@ class Stepper:
     def _enter(self, resistance: float) -> None:
         """Carry the state over into the modes of the closed loop."""
         size, state = self._size, self._state
-        for tail in (int(self._finger[TAIL]), self._split + int(self._object[TAIL])):
+        for tail in (self._tail, self._split + int(self._object[TAIL])):
             state[tail + PHASE] = max(state[tail + PHASE], 0.0)
             state[tail + RESISTANCE] = resistance
         state[size + CLOSED] = 1.0
@@ -164,8 +174,8 @@ class Stepper:
         """Return the state of the pair as it is now, shape (size,)."""
         state = self._state.copy()
         if state[self._size + CLOSED]:
-            loop = self._loop(float(state[int(self._finger[TAIL]) + RESISTANCE]))
-            tails = (int(self._finger[TAIL]), self._split + int(self._object[TAIL]))
+            loop = self._loop(float(state[self._tail + RESISTANCE]))
+            tails = (self._tail, self._split + int(self._object[TAIL]))
             leave_loop(state, loop.vectors, loop.rest, loop.flux, loop.heat, self._size, *tails, self.period)
         return state[: self._size]
 

@@ -1,0 +1,72 @@
+"""``itouch-py bench thermal``: accuracy and speed of every contact solver, side by side with the installed peers."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Iterator, Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from itouch_thermal.solver.layers import Contact
+    from itouch_thermal.solver.measure import Row
+
+
+def main(argv: Sequence[str]) -> int:
+    """Measure accuracy and speed of the contact solvers; returns the exit code."""
+    options = _parser().parse_args(list(argv))
+    try:
+        rows = list(_printed(options))
+    except OSError as error:
+        print(f"error: {error.filename}: {error.strerror}", file=sys.stderr)
+        return 2
+    except ValueError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    if options.json is not None:
+        options.json.write_text(json.dumps([row.as_dict() for row in rows], indent=1) + "\n", encoding="utf-8")
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="itouch-py bench thermal", description=__doc__)
+    parser.add_argument("--case", metavar="FILE.json", help="measure on this case in place of the stated ones")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the rows to this file too")
+    parser.add_argument("--no-peers", action="store_true", help="leave SciPy out")
+    parser.add_argument("--no-batch", action="store_true", help="leave the batches out")
+    return parser
+
+
+def _printed(options: argparse.Namespace) -> Iterator[Row]:
+    from itouch_thermal.solver import measure
+
+    peers = not options.no_peers and find_spec("scipy") is not None
+    print(f"{'case':<22}{'method':<34}{'error 10 us..':>14}{'error 1 ms..':>14}{'cost':>12} unit")
+    cases = _cases(options.case)
+    for name, contact in cases.items():
+        for row in measure.case_rows(name, contact, peers=peers):
+            print(_line(row), flush=True)
+            yield row
+    if not options.no_batch:
+        for row in measure.batch_rows(next(iter(cases.values()))):
+            print(_line(row), flush=True)
+            yield row
+    if not peers:
+        print("scipy is left out or not installed: pip install 'itouch-py[bench]'")
+
+
+def _cases(path: str | None) -> dict[str, Contact]:
+    """Return the stated cases: the finger in air at 23 degC that touches 20 mm blocks."""
+    from itouch_thermal.solver.casefile import read_case
+    from itouch_thermal.solver.stated import stated_cases
+
+    return stated_cases() if path is None else {Path(path).stem: read_case(path)}
+
+
+def _line(row: Row) -> str:
+    errors = "".join(f"{'' if error is None else f'{error:.1e}':>14}" for error in (row.error_10us, row.error_1ms))
+    cost = "" if row.cost is None else f"{row.cost:.4g}"
+    return f"{row.case:<22}{row.method:<34}{errors}{cost:>12} {row.unit:<21}{row.note}".rstrip()
