@@ -14,7 +14,7 @@ from itouch.plugin import Contact, ContactEvent, Field, Modality, Record, World,
 from itouch_thermal.display.params import DisplayParams
 from itouch_thermal.flux import account
 from itouch_thermal.flux.law import ModelLaw
-from itouch_thermal.flux.preview import Preview, preview, run_ahead
+from itouch_thermal.flux.preview import Preview, look_ahead, preview, run_ahead
 from itouch_thermal.flux.proportional import proportional_integral
 from itouch_thermal.flux.start import equation_three, outer_effusivity
 from itouch_thermal.heat import FINGER, HeatParams, ThermalMaterial
@@ -265,10 +265,9 @@ class FluxControl(Modality):
             run_ahead(course.finger, above, body, below, course.resistance, state[f"{name}.future"], first, hold)
 
     def _want(self, model: FluxModel, law: ModelLaw, state: Record, ticks: int) -> None:
-        """Fill the plan's desired flux; what the flux is now beside its preview, it is taken to be later too."""
-        future = state[f"{model.name}.future"]
-        now = state[f"{model.params.desired_from}.desired"].item() - float(future[ticks % len(future)])
-        state[f"{model.name}.wanted"] = future[(ticks + law.offsets) % len(future)] + now
+        """Fill the plan's desired flux."""
+        desired = state[f"{model.params.desired_from}.desired"].item()
+        look_ahead(state[f"{model.name}.future"], ticks, law.offsets, desired, state[f"{model.name}.wanted"])
 
     def _approach(self, model: FluxModel, state: Record, plate: float) -> float:
         """Return the flux that brings the plate to its start temperature."""

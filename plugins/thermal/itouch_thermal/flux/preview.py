@@ -30,6 +30,15 @@ def run_ahead(
         out[(first + i) % size] = live.contact_step(finger, above, body, below, resistance)
 
 
+@njit(cache=True, error_model="numpy")
+def look_ahead(future: Any, ticks: int, offsets: Any, desired: float, wanted: Any) -> None:
+    """Fill the desired flux at ``offsets`` ticks from now; what it is now beside its preview, it stays later too."""
+    size = future.shape[0]
+    lift = desired - future[ticks % size]
+    for k in range(offsets.shape[0]):
+        wanted[k] = future[(ticks + offsets[k]) % size] + lift
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Preview:
     """Packed models of the desired contact, what takes the model finger into the controller's modes, and starts.
