@@ -88,8 +88,8 @@ def _run(session: Session, options: argparse.Namespace, screen: Any) -> int:
 
 def _until(session: Session, stop: _Stop, duration: float | None) -> Callable[[], bool]:
     if duration is not None:
-        return lambda: bool(stop.signal)
-    return lambda: bool(stop.signal) or session.done
+        return lambda: stop.signal != 0
+    return lambda: stop.signal != 0 or session.done
 
 
 class _Stop:

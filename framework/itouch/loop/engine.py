@@ -47,6 +47,9 @@ class Engine:
         self._runners = {name: Runner(device, self.state, model.period) for name, device in model.devices.items()}
         self._rigs = [ProbeRig(model, probe, self.state, self._runners, self.ledger) for probe in model.probes]
         self._all = list(self._runners.values())
+        self._hands = [rig.coupling.hand for rig in self._rigs if rig.coupling.hand is not None]
+        #: Whether an operator twin follows a motion.
+        self.scripted = any(hand.path.duration > 0 for hand in self._hands)
         self._modalities = [(m.instance, m.model, m.every) for m in model.modalities]
         self._tick, self._ready = self.state["tick"], self.state["ready"]
         self._moves = any(Contact.MOVE in instance.hears for instance, _, _ in self._modalities)
@@ -89,8 +92,12 @@ class Engine:
     @property
     def done(self) -> bool:
         """Whether every scripted motion has ended; never true without one."""
-        hands = [rig.coupling.hand for rig in self._rigs if rig.coupling.hand is not None]
-        return self.scripted and all(hand.done for hand in hands)
+        if not self.scripted:
+            return False
+        for hand in self._hands:  # asked for in every tick
+            if not hand.done:
+                return False
+        return True
 
     def status(self, device: str) -> Status:
         """Return what a device may do now."""
@@ -268,11 +275,6 @@ class Engine:
             self.wall += now() - begin
             if collecting:
                 gc.enable()
-
-    @property
-    def scripted(self) -> bool:
-        """Whether an operator twin follows a motion."""
-        return any(rig.coupling.hand.path.duration > 0 for rig in self._rigs if rig.coupling.hand is not None)
 
     def _loop(self, last: int | None, until: Callable[[], bool] | None, each: Callable[[], None] | None) -> None:
         real = self.clock.pace == "real"
