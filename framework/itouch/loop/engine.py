@@ -92,12 +92,7 @@ class Engine:
     @property
     def done(self) -> bool:
         """Whether every scripted motion has ended; never true without one."""
-        if not self.scripted:
-            return False
-        for hand in self._hands:  # asked for in every tick
-            if not hand.done:
-                return False
-        return True
+        return self.scripted and all(hand.done for hand in self._hands)
 
     def status(self, device: str) -> Status:
         """Return what a device may do now."""

@@ -92,16 +92,13 @@ class DisplayTwin(Twin):
 
     def read(self, state: Record, reading: Record) -> bool | None:
         """Give what the sensors say."""
-        skin, valid, plate, sink, flux = state["memory"][_READ].tolist()
-        reading["skin_temperature"][0] = skin
-        reading["skin_valid"][0] = valid
-        reading["plate_temperature"][0] = plate
-        reading["sink_temperature"][0] = sink
-        reading["heat_flux"][0] = flux
+        memory = state["memory"].tolist()
+        reading["skin_temperature"][0] = memory[plant.READ_SKIN]
+        reading["skin_valid"][0] = memory[plant.READ_VALID]
+        reading["plate_temperature"][0] = memory[plant.READ_PLATE]
+        reading["sink_temperature"][0] = memory[plant.READ_SINK]
+        reading["heat_flux"][0] = memory[plant.READ_FLUX]
         return True
-
-
-_READ = [plant.READ_SKIN, plant.READ_VALID, plant.READ_PLATE, plant.READ_SINK, plant.READ_FLUX]
 
 
 def _keep(period: float, lag: float) -> float:
