@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,11 +66,32 @@ class HeatParams:
     layers: tuple[Layer, ...] = schema.children(Layer, doc="tissue from the skin inwards; default: a fingertip")
 
 
+class Names(NamedTuple):
+    """Names of the fields that a tick touches; put together once."""
+
+    desired: str
+    finger: str
+    objects: str
+    object: str
+    touched: str
+    resistance: str
+    skin_temperature: str
+    skin_ring: str
+    skin_count: str
+    normal_force: str
+
+    @classmethod
+    def of(cls, name: str, probe: str) -> Names:
+        """Return the names for a modality and its probe."""
+        return cls(*(f"{name}.{field}" for field in cls._fields[:-1]), f"{probe}.normal_force")
+
+
 @dataclass(frozen=True, slots=True)
 class HeatModel:
     """The packed models of finger and objects; an object without a thermal material has none."""
 
     name: str
+    names: Names
     live: Any
     probe: str
     finger: Array
@@ -106,6 +127,7 @@ class Heat(Modality):
         skin_from, valid = _skin_source(params, world)
         return HeatModel(
             name=name,
+            names=Names.of(name, params.probe),
             live=live,
             probe=params.probe,
             finger=live.side_model(finger, period, finger=True),
@@ -170,10 +192,10 @@ class Heat(Modality):
 
     def update(self, model: HeatModel, state: Record, period: float) -> None:
         """Advance the finger and every object that was touched."""
-        name, live = model.name, model.live
-        finger, objects = state[f"{name}.finger"], state[f"{name}.objects"]
-        index = state[f"{name}.object"].item()
-        pressed = index >= 0 and state[f"{model.probe}.normal_force"].item() > 0.0
+        names, live = model.names, model.live
+        finger, objects = state[names.finger], state[names.objects]
+        index = state[names.object].item()
+        pressed = index >= 0 and state[names.normal_force].item() > 0.0
         body = model.bodies[index] if pressed else None
         flux, resistance = 0.0, np.inf
         if body is not None:
@@ -182,18 +204,18 @@ class Heat(Modality):
         else:
             live.air_step(model.finger, finger)
             self._watch_skin(model, state)
-        for other, touched in enumerate(state[f"{name}.touched"].tolist()):
+        for other, touched in enumerate(state[names.touched].tolist()):
             cooling = model.bodies[other] if touched else None
             if cooling is not None and not (body is not None and other == index):
                 live.air_step(cooling, objects[other])
-        state[f"{name}.desired"][...] = flux
-        state[f"{name}.resistance"][...] = resistance
-        state[f"{name}.skin_temperature"][...] = live.surface_temperature(model.finger, finger)
+        state[names.desired][...] = flux
+        state[names.resistance][...] = resistance
+        state[names.skin_temperature][...] = live.surface_temperature(model.finger, finger)
 
     def _watch_skin(self, model: HeatModel, state: Record) -> None:
         if not model.skin_from or (model.valid_from and state[model.valid_from].item() < 0.5):
             return
-        ring, count = state[f"{model.name}.skin_ring"], state[f"{model.name}.skin_count"]
+        ring, count = state[model.names.skin_ring], state[model.names.skin_count]
         seen = count.item()
         ring[seen % model.window] = state[model.skin_from].item()
         count[...] = seen + 1
