@@ -83,7 +83,7 @@ class Names(NamedTuple):
     @classmethod
     def of(cls, name: str, probe: str) -> Names:
         """Return the names for a modality and its probe."""
-        return cls(*(f"{name}.{field}" for field in cls._fields[:-1]), f"{probe}.normal_force")
+        return cls._make([*(f"{name}.{field}" for field in cls._fields[:-1]), f"{probe}.normal_force"])
 
 
 @dataclass(frozen=True, slots=True)
