@@ -108,7 +108,8 @@ def _rows(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     for name in options.materials.split(","):
         case = _case(options, name)
         course = desired_course(case)
-        best = None if options.no_bound else bound(case, course, believed)
+        spread = max(abs(plant.mismatch.contact_resistance) for plant, _ in plants)
+        best = None if options.no_bound else bound(case, course, believed, spread)
         for controller in options.controller.split(","):
             if controller not in ("hold", "paper", "model"):
                 raise ValueError(f"controller '{controller}' is unknown: hold, paper or model")

@@ -16,7 +16,7 @@ from itouch_thermal.flux import account
 from itouch_thermal.flux.law import ModelLaw
 from itouch_thermal.flux.preview import Preview, look_ahead, preview, run_ahead
 from itouch_thermal.flux.proportional import proportional_integral
-from itouch_thermal.flux.start import equation_three, outer_effusivity
+from itouch_thermal.flux.start import equation_three, outer_effusivity, within
 from itouch_thermal.heat import FINGER, HeatParams, ThermalMaterial
 from itouch_thermal.solver.live import state_size
 
@@ -131,7 +131,7 @@ class FluxControl(Modality):
     def reset(self, model: FluxModel, state: Record) -> None:
         """Begin with no object approached and the plate at the room's temperature."""
         state[f"{model.name}.approached"] = -1
-        state[f"{model.name}.start_temperature"] = min(model.band[1], max(model.band[0], model.ambient))
+        state[f"{model.name}.start_temperature"] = within(model.band, model.ambient)
         if model.law is not None:
             model.law.reset(state)
 
@@ -166,7 +166,7 @@ class FluxControl(Modality):
             wanted = model.preview.start(index, skin) or wanted
         low, high = model.band
         state[f"{name}.approached"] = index
-        state[f"{name}.start_temperature"] = min(high, max(low, wanted))
+        state[f"{name}.start_temperature"] = within(model.band, wanted)
         state[f"{name}.plate_limited"] = int(not low <= wanted <= high)
 
     def update(self, model: FluxModel, state: Record, period: float) -> None:

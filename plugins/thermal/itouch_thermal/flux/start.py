@@ -22,8 +22,12 @@ FLOOR, SCORED_FOR, TRIES = 200.0, 10.0, 12
 #: relative and as a mean over SCORED_FOR.  The first is taken with which the skin stays this close [K], ever and from
 #: 0.3 s on; if none does, the flux comes first.
 TRIALS = ((0.5, 7e-4), (0.6, 7e-4), (0.7, 7e-4), (0.85, 7e-4), (1.0, 7e-4), (1.0, 2e-3), (1.0, 4e-3))
-OTHERWISE = (0.6, 7e-4)
+OTHERWISE = (0.55, 6e-4)
 SKIN_EVER, SKIN_LATER = 0.119, 0.018
+#: Difference of skin and object [K] from which on the flux comes first.
+WIDE = 11.0
+#: How far start temperatures stay from the ends of the band [K].
+MARGIN = 0.1
 
 
 def equation_three(material: float, plate: float, tissue: float, object_temperature: float, skin: float) -> float:
@@ -38,6 +42,11 @@ def equation_three(material: float, plate: float, tissue: float, object_temperat
     """
     contact = (material * object_temperature + tissue * skin) / (material + tissue)
     return contact * (plate + tissue) / plate - tissue * skin / plate
+
+
+def within(band: tuple[float, float], wanted: float) -> float:
+    """Return the nearest start temperature [K] that stays inside the band by what the sensor may be off."""
+    return min(band[1] - MARGIN, max(band[0] + MARGIN, wanted))
 
 
 def outer_effusivity(layers: Sequence[Layer]) -> float:
@@ -72,7 +81,9 @@ def start_temperature(trial: Trial, finger: Array, desired: Array, skin: Array) 
     free, warmer, pumps = _responses(trial, finger)
     times = np.arange(1, STEPS + 1) * trial.column.period
     found = np.zeros(0)
-    for share, first in (*TRIALS, OTHERWISE):
+    # With a greater difference than that between skin and room no pump holds the skin so close: then flux is first.
+    wide = abs(float(desired[0])) * trial.resistance > WIDE
+    for share, first in (OTHERWISE,) if wide else (*TRIALS, OTHERWISE):
         columns = np.stack([warmer, *(share * pump for pump in pumps)], axis=-1)
         found = _weighed(columns, desired - free[0], skin - free[1], times, desired, first)
         apart = np.abs(skin - free[1] - columns[1] @ found)

@@ -29,11 +29,12 @@ class Bound:
     limited: str | None
 
 
-def bound(case: Case, course: Course, display: DisplayParams) -> Bound:
+def bound(case: Case, course: Course, display: DisplayParams, spread: float = 0.0) -> Bound:
     """Return the best that the nominal plant can do; needs scipy.
 
     Bounded least squares in the plate's start temperature and the knots of the pumped flux, which may begin with the
-    contact.  The face's temperature is fixed by the flux that is wanted, so its band is checked, not traded.
+    contact.  The face's temperature is fixed by the flux that is wanted, so its band is checked, not traded;
+    ``spread`` is the part by which the plants' contact resistance may be off.
     """
     try:
         from scipy.optimize import lsq_linear
@@ -60,9 +61,9 @@ def bound(case: Case, course: Course, display: DisplayParams) -> Bound:
     high = np.concatenate(([BAND[1] - REFERENCE], np.full(KNOTS, 1.0)))
     found = lsq_linear(rows[scored], ((wanted - free) * scale)[scored], (low, high), method="bvls", max_iter=200)
     left = (rows @ found.x - (wanted - free) * scale)[scored]
-    face = skin - resistance * wanted
+    faces = np.stack([skin - (1.0 + part) * resistance * wanted for part in (-spread, 0.0, spread)])
     return Bound(
-        100.0 * float(np.sqrt(np.mean(left**2))), REFERENCE + float(found.x[0]), _limit(face[scored])
+        100.0 * float(np.sqrt(np.mean(left**2))), REFERENCE + float(found.x[0]), _limit(faces[:, scored])
     )
 
 

@@ -15,7 +15,7 @@ from itouch_thermal.display.peltier import current_for
 from itouch_thermal.flux.law import ModelLaw
 from itouch_thermal.flux.preview import contact_course, rising
 from itouch_thermal.flux.proportional import proportional_integral
-from itouch_thermal.flux.start import STEPS, equation_three, start_temperature
+from itouch_thermal.flux.start import STEPS, equation_three, start_temperature, within
 from itouch_thermal.heat import FINGER, ThermalMaterial, finger_side, object_side
 
 PERIOD = 1e-3
@@ -172,7 +172,7 @@ class _Brain:
                 case.material.effusivity, display.plate[-1].effusivity, FINGER[0].effusivity,
                 case.object_temperature, case.skin,
             )  # fmt: skip
-        self.start = min(BAND[1], max(BAND[0], wanted))
+        self.start = within(BAND, wanted)
 
     def take(self, reading: Record, new: bool, i: int) -> None:
         """Take in a reading, or only that time has passed."""
