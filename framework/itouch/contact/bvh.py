@@ -1,10 +1,13 @@
 """Bounding-volume hierarchy over triangles, in flat arrays.
 
-A node is one row of sixteen float32 (one cache line): the boxes of its two children, then for each child a reference
-and a count. Count 0: the reference is a node; else a leaf: the first of ``count`` triangles, which lie side by side.
-Boxes are rounded outwards, so that a box never hides a triangle; references are whole numbers that float32 holds
-exactly (below 2**24). Splits minimise the surface area heuristic over bins along the widest axis of the centroids
-(Wald, "On fast construction of SAH-based bounding volume hierarchies", 2007).
+A node is one row of float32: for each of its two children a box and a slab (mean normal n, and the bounds of n . x),
+then for each child a reference and a count. Count 0: the reference is a node; else a leaf: the first of ``count``
+triangles, which lie side by side. Boxes and slabs are rounded outwards, so that they never hide a triangle; references
+are whole numbers that float32 holds exactly (below 2**24). On a smooth surface a slab is far thinner than a box: it
+tells that a patch beside the point of contact does not reach into a probe.
+
+Splits minimise the surface area heuristic over bins along the widest axis of the centroids (Wald, "On fast
+construction of SAH-based bounding volume hierarchies", 2007).
 """
 
 import numpy as np
@@ -19,9 +22,12 @@ Ints32 = NDArray[np.int32]
 LEAF = 4  # most triangles in a leaf
 BINS = 16
 MAX_DEPTH = 60
+TRIANGLE_WIDTH = 7
 MAX_TRIANGLES = 8_000_000  # so that a reference stays below 2**24
-NODE_WIDTH = 16
-CHILD_REF, CHILD_COUNT = 12, 14
+CHILD_WIDTH = 11
+CHILD_NORMAL, CHILD_LOW, CHILD_HIGH = 6, 9, 10  # within a child's numbers, after the box's corners
+CHILD_REF, CHILD_COUNT = 22, 24
+NODE_WIDTH = 26
 
 
 @entry
@@ -45,7 +51,9 @@ def triangle_boxes(vertices: Floats, faces: Ints32) -> Floats32:
 @inner
 def _put_child(nodes: Floats32, node: int, side: int, box: Floats32, ref: int, count: int) -> None:
     for c in range(6):
-        nodes[node, 6 * side + c] = box[c]
+        nodes[node, CHILD_WIDTH * side + c] = box[c]
+    for c in range(CHILD_NORMAL, CHILD_WIDTH):
+        nodes[node, CHILD_WIDTH * side + c] = 0.0
     nodes[node, CHILD_REF + side] = ref
     nodes[node, CHILD_COUNT + side] = count
 
@@ -173,15 +181,91 @@ def build(vertices: Floats, faces: Ints32) -> tuple[Floats32, Ints32]:
     return nodes[:used].copy(), order
 
 
+@inner
+def _leaf_slab(vertices: Floats, triangles: Ints32, nodes: Floats32, node: int, side: int, normals: Floats) -> None:
+    """Slab of a leaf, and its summed normal."""
+    first, count = int(nodes[node, CHILD_REF + side]), int(nodes[node, CHILD_COUNT + side])
+    base = CHILD_WIDTH * side
+    x, y, z = 0.0, 0.0, 0.0
+    for t in range(first, first + count):
+        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        ux, uy, uz = vertices[b, 0] - vertices[a, 0], vertices[b, 1] - vertices[a, 1], vertices[b, 2] - vertices[a, 2]
+        vx, vy, vz = vertices[c, 0] - vertices[a, 0], vertices[c, 1] - vertices[a, 1], vertices[c, 2] - vertices[a, 2]
+        x, y, z = x + uy * vz - uz * vy, y + uz * vx - ux * vz, z + ux * vy - uy * vx
+    size = np.sqrt(x * x + y * y + z * z)
+    normals[2 * node + side, 0], normals[2 * node + side, 1], normals[2 * node + side, 2] = x, y, z
+    if size == 0.0:
+        return
+    nodes[node, base + CHILD_NORMAL] = x / size
+    nodes[node, base + CHILD_NORMAL + 1] = y / size
+    nodes[node, base + CHILD_NORMAL + 2] = z / size
+    low, high = np.inf, -np.inf
+    for t in range(first, first + count):
+        for corner in range(3):
+            v = triangles[t, corner]
+            level = 0.0
+            for c in range(3):
+                level += nodes[node, base + CHILD_NORMAL + c] * vertices[v, c]
+            low, high = min(low, level), max(high, level)
+    nodes[node, base + CHILD_LOW] = low - 1.3e-7 * abs(low)
+    nodes[node, base + CHILD_HIGH] = high + 1.3e-7 * abs(high)
+
+
+@inner
+def _reach(nodes: Floats32, node: int, side: int, x: float, y: float, z: float, sign: float) -> float:
+    """Greatest value (sign 1) or least (-1) of (x, y, z) . p over what a child holds, from its slab and box."""
+    base = CHILD_WIDTH * side
+    value = float(nodes[node, base + (CHILD_HIGH if sign > 0.0 else CHILD_LOW)])
+    x -= nodes[node, base + CHILD_NORMAL]
+    y -= nodes[node, base + CHILD_NORMAL + 1]
+    z -= nodes[node, base + CHILD_NORMAL + 2]
+    value += x * nodes[node, base + (3 if sign * x > 0.0 else 0)]
+    value += y * nodes[node, base + (4 if sign * y > 0.0 else 1)]
+    return float(value + z * nodes[node, base + (5 if sign * z > 0.0 else 2)])
+
+
+@entry
+def add_slabs(vertices: Floats, triangles: Ints32, nodes: Floats32) -> None:
+    """Fill in the slabs, from the leaves up; children have higher rows than their parents."""
+    normals = np.zeros((2 * nodes.shape[0], 3))
+    for i in range(nodes.shape[0]):
+        node = nodes.shape[0] - 1 - i
+        for side in range(2):
+            if nodes[node, CHILD_WIDTH * side] == np.inf:
+                continue
+            if nodes[node, CHILD_COUNT + side] > 0.0:
+                _leaf_slab(vertices, triangles, nodes, node, side, normals)
+                continue
+            child, base = int(nodes[node, CHILD_REF + side]), CHILD_WIDTH * side
+            size = 0.0
+            for c in range(3):
+                normals[2 * node + side, c] = normals[2 * child, c] + normals[2 * child + 1, c]
+                size += normals[2 * node + side, c] ** 2
+            if size == 0.0:
+                continue
+            for c in range(3):
+                nodes[node, base + CHILD_NORMAL + c] = normals[2 * node + side, c] / np.sqrt(size)
+            x, y, z = (
+                nodes[node, base + CHILD_NORMAL],
+                nodes[node, base + CHILD_NORMAL + 1],
+                nodes[node, base + CHILD_NORMAL + 2],
+            )
+            low = min(_reach(nodes, child, 0, x, y, z, -1.0), _reach(nodes, child, 1, x, y, z, -1.0))
+            high = max(_reach(nodes, child, 0, x, y, z, 1.0), _reach(nodes, child, 1, x, y, z, 1.0))
+            nodes[node, base + CHILD_LOW] = low - 1.3e-7 * abs(low)
+            nodes[node, base + CHILD_HIGH] = high + 1.3e-7 * abs(high)
+
+
 @entry
 def pack(vertices: Floats, faces: Ints32, order: Ints32) -> tuple[Floats, Ints32]:
     """Vertices and triangles in the order of the leaves, so that what is near in space is near in memory.
 
-    Returns (v, 3) vertices that are used, and (n, 4): three vertices and the face's number as given.
+    Returns (v, 3) vertices that are used, and (n, TRIANGLE_WIDTH): three vertices, the face's number as given, and room
+    for the neighbours.
     """
     number = np.full(vertices.shape[0], -1, np.int32)
     packed = np.empty_like(vertices)
-    triangles = np.empty((faces.shape[0], 4), np.int32)
+    triangles = np.empty((faces.shape[0], TRIANGLE_WIDTH), np.int32)
     used = 0
     for t in range(order.shape[0]):
         face = order[t]
@@ -194,4 +278,6 @@ def pack(vertices: Floats, faces: Ints32, order: Ints32) -> tuple[Floats, Ints32
                 used += 1
             triangles[t, c] = number[v]
         triangles[t, 3] = face
+        for c in range(4, TRIANGLE_WIDTH):
+            triangles[t, c] = -1
     return packed[:used].copy(), triangles

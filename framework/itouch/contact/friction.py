@@ -14,6 +14,7 @@ from itouch.contact.site import Mesh
 from itouch.contact.slide import cut, slide
 from itouch.contact.vectors import Floats, Vector, along, dot, norm, sub
 
+Pressed = tuple[int, Solution, float, float]
 MAX_SLIPS = 6
 _MARGIN = 1e-9  # relative slack of the cone against rounding
 _MARGIN_SLIDING = 1e-3  # likewise after a slide over a curved surface, whose normal has turned on the way
@@ -33,29 +34,38 @@ def coefficients(site: Floats, count: int, goal: Vector, solution: Solution) -> 
 
 
 @inner
-def drag(site: Floats, mesh: Mesh | None, start: Vector, hip: Vector, slip: int) -> tuple[Vector, int]:
-    """Move a proxy with friction from ``start``, where it touches or is about to; returns place and slip state."""
+def press(site: Floats, mesh: Mesh | None, p: Vector, hip: Vector) -> Pressed:
+    """Find what holds a proxy at ``p`` back from the HIP: planes with loads, their solution, and the friction."""
+    to_hip = sub(hip, p)
+    count = touching(site, mesh, p)
+    solution = nearest_allowed(site, count, to_hip)
+    static, dynamic = coefficients(site, count, to_hip, solution)
+    return count, solution, static, dynamic
+
+
+@inner
+def drag(site: Floats, mesh: Mesh | None, start: Vector, hip: Vector, slip: int) -> tuple[Vector, int, Pressed]:
+    """Move a proxy with friction from ``start``, where it touches; returns place, slip state and what holds it."""
     p, state, margin = start, slip, _MARGIN
+    pressed = press(site, mesh, p, hip)
     for _ in range(MAX_SLIPS):
-        to_hip = sub(hip, p)
-        count = touching(site, mesh, p)
-        solution = nearest_allowed(site, count, to_hip)
-        static, dynamic = coefficients(site, count, to_hip, solution)
-        last, goal = static == 0.0 or not solution[4], hip  # without a contact that rubs: straight on
-        if not last:
+        _, solution, static, dynamic = pressed
+        goal, rubs = hip, static > 0.0 and solution[4]  # without a contact that rubs: straight on
+        if rubs:
             tangential = solution[0]
-            normal, wanted = norm(sub(solution[0], to_hip)), norm(tangential)
+            normal, wanted = norm(sub(tangential, sub(hip, p))), norm(tangential)
             limit = (dynamic if state == at.SLIP_SLIDE else static) * normal
             if wanted <= limit * (1.0 + margin) + 1e-15:
                 if state == at.SLIP_SLIDE and wanted < dynamic * normal * (1.0 - margin):
                     state = at.SLIP_STICK
-                return p, max(state, at.SLIP_STICK)
+                return p, max(state, at.SLIP_STICK), pressed
             state, margin = at.SLIP_SLIDE, _MARGIN_SLIDING
             goal = along(hip, -dynamic * normal / wanted, tangential)
-        p, _, solution = slide(site, mesh, p, goal)
-        if last:
-            return p, at.SLIP_NONE if solution[1] < 0 else at.SLIP_SLIDE
-    return p, at.SLIP_SLIDE
+        p, solution = slide(site, mesh, p, goal)
+        pressed = press(site, mesh, p, hip)
+        if not rubs:
+            return p, at.SLIP_NONE if solution[1] < 0 else at.SLIP_SLIDE, pressed
+    return p, at.SLIP_SLIDE, pressed
 
 
 @inner

@@ -9,8 +9,6 @@ from itouch.contact.meshcast import off_triangle
 from itouch.contact.site import Mesh, put_plane
 from itouch.contact.vectors import Floats, Vector
 
-TOUCH = 1e-10  # nearer than this is contact, whatever the size of the probe [m]
-
 
 @inner
 def gather(site: Floats, mesh: Mesh | None, p: Vector, reach: float) -> int:
@@ -38,7 +36,4 @@ def touching(site: Floats, mesh: Mesh | None, p: Vector) -> int:
 
     A plane that does not touch yet is a safe bound for a move, but it exerts no force.
     """
-    slack = 0.0
-    for k in range(at.FRAME_FIRST, int(site[at.ENDS, at.END_FRAMES])):
-        slack = max(slack, site[k, at.FRAME_SLACK])
-    return gather(site, mesh, p, 2.0 * slack + TOUCH)
+    return gather(site, mesh, p, site[at.ENDS, at.END_TOUCH])

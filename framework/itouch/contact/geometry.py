@@ -8,6 +8,7 @@ import numpy as np
 
 from itouch.contact import layout
 from itouch.contact.bvh import CHILD_COUNT, CHILD_REF, MAX_TRIANGLES
+from itouch.contact.neighbours import NEIGHBOUR
 from itouch.contact.shapes import Mesh, Shape
 from itouch.contact.site import Mesh as Tables
 from itouch.contact.surface import Surface
@@ -50,6 +51,7 @@ def join_tables(surfaces: Sequence[Surface]) -> tuple[list[int], Tables | None]:
         v, t, n = surface.tables
         t, n = t.copy(), n.copy()
         t[:, :3] += first_vertex
+        t[:, NEIGHBOUR:][t[:, NEIGHBOUR:] >= 0] += first_triangle
         for side in range(2):
             is_leaf = n[:, CHILD_COUNT + side] > 0
             n[:, CHILD_REF + side] += np.where(is_leaf, first_triangle, first_node)

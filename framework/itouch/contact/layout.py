@@ -87,13 +87,15 @@ MAX_PLANES: Final = 16
 SEED_FIRST: Final = MAX_PLANES
 SEED_FRAME: Final = 0  # row of the object
 SEED_TRIANGLE: Final = 1
-SEED_NORMAL: Final = 2  # three numbers, object's frame: of the contact that the step began with; else 0
+SEED_BEGAN: Final = 2  # 1: the step began with a contact here
 SEED_LAST: Final = SEED_FIRST + 8
 
 # How many rows are in use.
 ENDS: Final = SEED_LAST
 END_SEEDS: Final = 0
 END_FRAMES: Final = 1
+END_TOUCH: Final = 2  # and the greatest gap that counts as contact [m]
+END_OLD: Final = 3  # and the place of the proxy at the end of the last step: three numbers
 
 # An object that is near enough to matter.
 FRAME_FIRST: Final = ENDS + 1

@@ -3,8 +3,9 @@
 import numpy as np
 
 from itouch.contact import layout as at
-from itouch.contact.bvh import CHILD_COUNT, CHILD_REF, Floats32, Ints32
+from itouch.contact.bvh import CHILD_COUNT, CHILD_REF, CHILD_WIDTH, Floats32, Ints32
 from itouch.contact.compiling import inner
+from itouch.contact.frames import to_local, to_local_then
 from itouch.contact.search import box_distance2
 from itouch.contact.site import Mesh
 from itouch.contact.triangle import face_normal, height, nearest_of, plane_distance2
@@ -24,6 +25,16 @@ def off_triangle(vertices: Floats, triangles: Ints32, t: int, q: Vector) -> tupl
 
 
 @inner
+def place_then(site: Floats, k: int) -> Vector:
+    """Return the proxy's place at the end of the last step, in the frame that the object had then."""
+    c = at.END_OLD
+    old = (site[at.ENDS, c], site[at.ENDS, c + 1], site[at.ENDS, c + 2])
+    if site[k, at.FRAME_MOVED] > 0.0:
+        return to_local_then(site, k, old)
+    return to_local(site, k, old)
+
+
+@inner
 def counts(site: Floats, mesh: Mesh, k: int, t: int, q: Vector) -> bool:
     """Whether a triangle can hold back a probe that is at ``q``.
 
@@ -40,11 +51,12 @@ def counts(site: Floats, mesh: Mesh, k: int, t: int, q: Vector) -> bool:
         return False
     if in_front:
         return True
-    c = at.SEED_NORMAL
+    old = place_then(site, k)
     for s in range(at.SEED_FIRST, int(site[at.ENDS, at.END_SEEDS])):
-        began = (site[s, c], site[s, c + 1], site[s, c + 2])
-        if site[s, at.SEED_FRAME] == k and dot(normal, began) > 0.5:
-            return True
+        if site[s, at.SEED_FRAME] == k and site[s, at.SEED_BEGAN] > 0.0:
+            _, began = off_triangle(mesh[0], mesh[1], int(site[s, at.SEED_TRIANGLE]), old)
+            if dot(normal, began) > 0.5:
+                return True
     return False
 
 
@@ -78,7 +90,10 @@ def _entry(nodes: Floats32, node: int, side: int, start: Vector, way: Vector, le
     """Way gone when a point enters a child's box grown by the radius; inf if it does not within the length."""
     low, high = 0.0, length
     for c in range(3):
-        down, up = nodes[node, 6 * side + c] - radius - start[c], nodes[node, 6 * side + c + 3] + radius - start[c]
+        down, up = (
+            nodes[node, CHILD_WIDTH * side + c] - radius - start[c],
+            nodes[node, CHILD_WIDTH * side + c + 3] + radius - start[c],
+        )
         if abs(way[c]) < 1e-12:
             if down > 1e-12 * length or up < -1e-12 * length:
                 return np.inf

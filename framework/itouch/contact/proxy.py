@@ -6,33 +6,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from itouch.contact import layout as at
-from itouch.contact.compiling import entry
 from itouch.contact.geometry import Friction, Geometry
 from itouch.contact.shapes import Mesh, Shape
-from itouch.contact.site import Mesh as Tables
-from itouch.contact.step import step
+from itouch.contact.step import follow_path, step
 from itouch.contact.surface import Surface
 from itouch.contact.vectors import Floats
-
-
-@entry
-def follow_path(
-    world: Floats,
-    mesh: Tables | None,
-    poses: Floats,
-    twists: Floats,
-    stiffness: Floats,
-    hips: Floats,
-    radius: float,
-    memory: Floats,
-    result: Floats,
-    forces: Floats,
-) -> None:
-    """Step along the rows of ``hips`` (n, 3) and write the forces (n, 3)."""
-    for i in range(hips.shape[0]):
-        step(world, mesh, poses, twists, stiffness, hips[i], radius, 0.0, memory, result)
-        for c in range(3):
-            forces[i, c] = result[at.RESULT_FORCE + c]
 
 
 class Proxy:

@@ -3,10 +3,10 @@
 from itouch.contact import layout as at
 from itouch.contact.compiling import inner
 from itouch.contact.distance import distance
-from itouch.contact.frames import rotate, to_local, to_local_then, to_world
+from itouch.contact.frames import rotate, to_local, to_world
 from itouch.contact.halfspaces import nearest_inside
 from itouch.contact.layout import ZERO
-from itouch.contact.meshcast import mesh_cast
+from itouch.contact.meshcast import mesh_cast, place_then
 from itouch.contact.site import Mesh, add_seed, put_plane
 from itouch.contact.vectors import Floats, Vector, add, along, dot, norm, sub
 
@@ -14,15 +14,7 @@ _ROUNDS = 12
 
 
 @inner
-def _then(site: Floats, k: int, p: Vector) -> Vector:
-    """Return a place of the last step in the frame that the object had then."""
-    if site[k, at.FRAME_MOVED] > 0.0:
-        return to_local_then(site, k, p)
-    return to_local(site, k, p)
-
-
-@inner
-def pushed(site: Floats, mesh: Mesh | None, old: Vector, p: Vector) -> Vector:
+def pushed(site: Floats, mesh: Mesh | None, p: Vector) -> Vector:
     """Place of the proxy after the objects have moved: out of the way of those that came, not through the others.
 
     In each object's own frame the proxy was at the old place; the plane that held it back there moves with the object.
@@ -31,7 +23,7 @@ def pushed(site: Floats, mesh: Mesh | None, old: Vector, p: Vector) -> Vector:
     for k in range(at.FRAME_FIRST, int(site[at.ENDS, at.END_FRAMES])):
         if site[k, at.FRAME_KIND] == at.KIND_MESH:
             continue
-        q = _then(site, k, old)
+        q = place_then(site, k)
         depth, normal, feature = distance(site, k, q)
         normal = rotate(site, k, normal)
         gap = depth - site[k, at.FRAME_REACH] + dot(normal, sub(p, to_world(site, k, q)))
@@ -42,7 +34,7 @@ def pushed(site: Floats, mesh: Mesh | None, old: Vector, p: Vector) -> Vector:
             before = count
             for k in range(at.FRAME_FIRST, int(site[at.ENDS, at.END_FRAMES])):
                 if site[k, at.FRAME_KIND] == at.KIND_MESH:
-                    q = _then(site, k, old)
+                    q = place_then(site, k)
                     step = sub(to_local(site, k, add(p, y)), q)
                     length = norm(step)
                     if length < 1e-14:
@@ -52,7 +44,7 @@ def pushed(site: Floats, mesh: Mesh | None, old: Vector, p: Vector) -> Vector:
                     if hit[1] >= 0:
                         normal = rotate(site, k, hit[2])
                         gap = hit[3] + dot(normal, sub(p, to_world(site, k, q)))
-                        add_seed(site, k, hit[1], hit[2])
+                        add_seed(site, k, hit[1], 0.0)
                         count = put_plane(site, count, k, hit[1], normal, gap)
             if count == before:
                 break

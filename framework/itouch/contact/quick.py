@@ -7,10 +7,12 @@ planes which touch there hold the goal back. Most steps then cost a single searc
 
 from itouch.contact import layout as at
 from itouch.contact.compiling import inner
+from itouch.contact.distance import distance
 from itouch.contact.frames import rotate, to_local
 from itouch.contact.gather import gather
 from itouch.contact.halfspaces import Solution, nearest_inside
 from itouch.contact.meshcast import counts
+from itouch.contact.neighbours import NEIGHBOUR
 from itouch.contact.search import intruder
 from itouch.contact.site import Mesh, add_seed
 from itouch.contact.triangle import nearest_of
@@ -18,13 +20,38 @@ from itouch.contact.vectors import Floats, Vector, add, along, dot, norm, sub
 
 NEAR = 0.25  # of the radius: farthest place that the short way goes to
 ROUNDS = 12
+WALK = 16  # triangles at most that are walked over in search of the nearest one
+
+
+@inner
+def _walk(mesh: Mesh, first: int, q: Vector) -> tuple[int, Vector]:
+    """Go from a triangle to its neighbours for as long as that leads nearer to ``q``; triangle and nearest point."""
+    nearest = first
+    foot = nearest_of(mesh[0], mesh[1], first, q)
+    d = sub(q, foot)
+    best = dot(d, d)
+    for _ in range(WALK):
+        here = nearest
+        for e in range(3):
+            t = int(mesh[1][here, NEIGHBOUR + e])
+            if t >= 0:
+                point = nearest_of(mesh[0], mesh[1], t, q)
+                d = sub(q, point)
+                if dot(d, d) < best:
+                    best, nearest, foot = dot(d, d), t, point
+        if nearest == here:
+            break
+    return nearest, foot
 
 
 @inner
 def _lead(site: Floats, mesh: Mesh, goal: Vector) -> int:
-    """Return the triangle in view that is nearest to the goal; -1 if none is."""
+    """Return the row of the triangle in view that is nearest to the goal; -1 if none is."""
     best, lead = 1e300, -1
-    for s in range(at.SEED_FIRST, int(site[at.ENDS, at.END_SEEDS])):
+    first, end = at.SEED_FIRST, int(site[at.ENDS, at.END_SEEDS])
+    if end == first + 1:
+        return first
+    for s in range(first, end):
         k, t = int(site[s, at.SEED_FRAME]), int(site[s, at.SEED_TRIANGLE])
         q = to_local(site, k, goal)
         d = sub(q, nearest_of(mesh[0], mesh[1], t, q))
@@ -34,28 +61,36 @@ def _lead(site: Floats, mesh: Mesh, goal: Vector) -> int:
 
 
 @inner
-def _guess(site: Floats, mesh: Mesh, lead: int, p: Vector, goal: Vector) -> Vector:
-    """Place nearest to the goal on the leading triangle grown by the radius; for a goal beyond it, by its plane."""
+def _guess(site: Floats, mesh: Mesh, lead: int, p: Vector, goal: Vector) -> tuple[bool, Vector, Vector]:
+    """Guess the place from the leading triangle; returns whether it is the exact one for that triangle, and its foot.
+
+    That is the place nearest to the goal on the triangle grown by the radius; for a goal beyond the triangle, the one
+    that the planes of all triangles in view allow.
+    """
     if lead < 0:
-        return goal
-    k, t = int(site[lead, at.SEED_FRAME]), int(site[lead, at.SEED_TRIANGLE])
+        return False, goal, goal
+    k = int(site[lead, at.SEED_FRAME])
     radius = site[k, at.FRAME_REACH]
     q = to_local(site, k, goal)
-    foot = nearest_of(mesh[0], mesh[1], t, q)
+    t, foot = _walk(mesh, int(site[lead, at.SEED_TRIANGLE]), q)
+    site[lead, at.SEED_TRIANGLE] = t
     d = sub(q, foot)
     away = norm(d)
     if away >= radius:
-        return goal
+        return False, goal, foot
     if away > 0.02 * radius and dot(d, sub(to_local(site, k, p), foot)) > 0.0:
-        return along(goal, (radius - away) / away, rotate(site, k, d))
+        return True, along(goal, (radius - away) / away, rotate(site, k, d)), foot
     to_goal = sub(goal, p)
     count = gather(site, mesh, p, 2.0 * norm(to_goal))
-    return add(p, nearest_inside(site, count, to_goal)[0])
+    return False, add(p, nearest_inside(site, count, to_goal)[0]), foot
 
 
 @inner
-def _intrusion(site: Floats, mesh: Mesh, lead: int, p: Vector, x: Vector) -> int:
-    """Look for a triangle that a probe at ``x`` would cut: 0 none, 1 found and kept in view, 2 one to be ignored."""
+def _intrusion(site: Floats, mesh: Mesh, lead: int, foot: Vector, p: Vector, x: Vector) -> int:
+    """Look for a triangle that a probe at ``x`` would cut: 0 none, 1 found and kept in view, 2 one to be ignored.
+
+    The leading triangle and its point ``foot`` give a plane under which there is no need to look.
+    """
     found = 0
     for k in range(at.FRAME_FIRST, int(site[at.ENDS, at.END_FRAMES])):
         if site[k, at.FRAME_KIND] != at.KIND_MESH:
@@ -64,12 +99,11 @@ def _intrusion(site: Floats, mesh: Mesh, lead: int, p: Vector, x: Vector) -> int
         q = to_local(site, k, x)
         normal, level = (0.0, 0.0, 0.0), -1.0
         if lead >= 0 and site[lead, at.SEED_FRAME] == k:
-            foot = nearest_of(mesh[0], mesh[1], int(site[lead, at.SEED_TRIANGLE]), q)
             d = sub(q, foot)
             away = norm(d)
-            if away > 0.5 * radius:
+            if away >= radius - 0.5 * site[k, at.FRAME_SLACK]:
                 normal = (d[0] / away, d[1] / away, d[2] / away)
-                level = dot(normal, foot) + 1e-9 * radius
+                level = dot(normal, foot)
         t = intruder(
             mesh[0],
             mesh[1],
@@ -84,37 +118,56 @@ def _intrusion(site: Floats, mesh: Mesh, lead: int, p: Vector, x: Vector) -> int
         if t >= 0:
             if not counts(site, mesh, k, t, to_local(site, k, p)):
                 return 2
-            add_seed(site, k, t, (0.0, 0.0, 0.0))
+            add_seed(site, k, t, 0.0)
             found = 1
     return found
 
 
 @inner
-def quick(site: Floats, mesh: Mesh, p: Vector, goal: Vector) -> tuple[bool, Vector, int, Solution]:
-    """Try the short way; returns whether it led anywhere, the place, and the planes there with their solution."""
+def _primitives_allow(site: Floats, x: Vector) -> bool:
+    """Whether a probe at ``x`` is outside of all primitives."""
+    for k in range(at.FRAME_FIRST, int(site[at.ENDS, at.END_FRAMES])):
+        if site[k, at.FRAME_KIND] != at.KIND_MESH:
+            depth, _, _ = distance(site, k, to_local(site, k, x))
+            if depth < site[k, at.FRAME_REACH]:
+                return False
+    return True
+
+
+@inner
+def quick(site: Floats, mesh: Mesh, p: Vector, goal: Vector) -> tuple[bool, Vector, Solution]:
+    """Try the short way; returns whether it led anywhere, the place, and the solution there."""
     solution: Solution = ((0.0, 0.0, 0.0), -1, -1, -1, True)
     smallest, slack = 1e300, 0.0
     for k in range(at.FRAME_FIRST, int(site[at.ENDS, at.END_FRAMES])):
         if site[k, at.FRAME_KIND] == at.KIND_MESH and site[k, at.FRAME_REACH] < smallest:
             smallest, slack = site[k, at.FRAME_REACH], site[k, at.FRAME_SLACK]
     if smallest == 1e300:
-        return False, p, 0, solution
+        return False, p, solution
     lead = _lead(site, mesh, goal)
-    x = _guess(site, mesh, lead, p, goal)
+    exact, x, foot = _guess(site, mesh, lead, p, goal)
     for _ in range(ROUNDS):
         if norm(sub(x, p)) > NEAR * smallest:
             break
-        found = _intrusion(site, mesh, lead, p, x)
+        found = _intrusion(site, mesh, lead, foot, p, x)
         if found == 2:
             break
+        if found == 0 and exact and _primitives_allow(site, x):
+            return True, x, ((0.0, 0.0, 0.0), 0, -1, -1, True)
         to_goal = sub(goal, x)
         count = gather(site, mesh, x, 2.0 * norm(to_goal) + slack)
         solution = nearest_inside(site, count, to_goal)
         if not solution[4]:
             break
         if found == 0 and norm(solution[0]) <= slack:
-            return True, goal if solution[1] < 0 else x, count, solution
+            return True, goal if solution[1] < 0 else x, solution
         better = _lead(site, mesh, goal) if found > 0 else lead
-        x = _guess(site, mesh, better, p, goal) if better != lead else add(x, solution[0])
-        lead = better
-    return False, p, 0, solution
+        if better != lead:
+            lead = better
+            exact, x, foot = _guess(site, mesh, lead, p, goal)
+        else:
+            exact, x = False, add(x, solution[0])
+            if lead >= 0:
+                k = int(site[lead, at.SEED_FRAME])
+                foot = nearest_of(mesh[0], mesh[1], int(site[lead, at.SEED_TRIANGLE]), to_local(site, k, x))
+    return False, p, solution

@@ -6,9 +6,8 @@ from itouch.contact import layout as at
 from itouch.contact.compiling import inner
 from itouch.contact.distance import distance
 from itouch.contact.frames import rotate, to_local
-from itouch.contact.friction import coefficients, into_cone
-from itouch.contact.gather import touching
-from itouch.contact.halfspaces import nearest_allowed, normal_of
+from itouch.contact.friction import Pressed, into_cone
+from itouch.contact.halfspaces import normal_of
 from itouch.contact.search import nearest
 from itouch.contact.site import Mesh
 from itouch.contact.triangle import height
@@ -102,23 +101,21 @@ def surface_velocity(poses: Floats, twists: Floats, obj: int, point: Vector) -> 
 @inner
 def report(
     site: Floats,
-    mesh: Mesh | None,
     poses: Floats,
     twists: Floats,
     stiffness: Floats,
     p: Vector,
     hip: Vector,
+    pressed: Pressed,
     result: Floats,
 ) -> bool:
     """Write force, normal, contacts and velocity of the surface for a proxy at ``p``; returns whether it touches."""
+    count, solution, static, _ = pressed
     to_hip = sub(hip, p)
-    count = touching(site, mesh, p)
-    solution = nearest_allowed(site, count, to_hip)
     lift = sub(solution[0], to_hip)
     size = norm(lift)
     if solution[1] < 0 or size == 0.0:
         return False
-    static, _ = coefficients(site, count, to_hip, solution)
     total, k_mean = 0.0, 0.0
     for k in range(count):
         total += site[k, at.PLANE_LOAD]

@@ -52,7 +52,7 @@ def overlaps(site: Floats, mesh: Mesh | None, p: Vector) -> int:
         elif mesh is not None:
             gap, normal, t = mesh_overlap(site, mesh, k, to_local(site, k, p))
             if gap < -_ABSOLUTE:
-                add_seed(site, k, t, (0.0, 0.0, 0.0))
+                add_seed(site, k, t, 0.0)
                 count = put_plane(site, count, k, t, rotate(site, k, normal), gap)
     return count
 

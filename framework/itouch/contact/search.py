@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from itouch.contact.bvh import CHILD_COUNT, CHILD_REF, Floats32, Ints32
+from itouch.contact.bvh import CHILD_COUNT, CHILD_HIGH, CHILD_LOW, CHILD_REF, CHILD_WIDTH, Floats32, Ints32
 from itouch.contact.compiling import entry, inner
 from itouch.contact.layout import SITE_WIDTH, STACK_KEY, STACK_NODE, STACK_ROWS
 from itouch.contact.triangle import corner, nearest_of, plane_distance2
@@ -12,7 +12,7 @@ from itouch.contact.vectors import Floats, Vector, dot, sub
 @inner
 def box_distance2(nodes: Floats32, node: int, side: int, p: Vector) -> float:
     """Squared distance of a point from a child's box."""
-    c = 6 * side
+    c = CHILD_WIDTH * side
     x = max(max(nodes[node, c] - p[0], p[0] - nodes[node, c + 3]), 0.0)
     y = max(max(nodes[node, c + 1] - p[1], p[1] - nodes[node, c + 4]), 0.0)
     z = max(max(nodes[node, c + 2] - p[2], p[2] - nodes[node, c + 5]), 0.0)
@@ -88,13 +88,22 @@ def nearest(
 
 
 @inner
+def slab_distance(nodes: Floats32, node: int, side: int, p: Vector) -> float:
+    """Distance of a point from a child's slab, a bound from below for its distance from the triangles."""
+    c = CHILD_WIDTH * side
+    level = nodes[node, c + 6] * p[0] + nodes[node, c + 7] * p[1] + nodes[node, c + 8] * p[2]
+    return float(max(level - nodes[node, c + CHILD_HIGH], nodes[node, c + CHILD_LOW] - level))
+
+
+@inner
 def _above(nodes: Floats32, node: int, side: int, n: Vector, level: float) -> bool:
-    """Whether a child's box reaches above the plane n . x = level."""
-    c = 6 * side
-    x = nodes[node, c + 3] if n[0] > 0.0 else nodes[node, c]
-    y = nodes[node, c + 4] if n[1] > 0.0 else nodes[node, c + 1]
-    z = nodes[node, c + 5] if n[2] > 0.0 else nodes[node, c + 2]
-    return bool(n[0] * x + n[1] * y + n[2] * z > level)
+    """Whether a child may reach above the plane n . x = level, by its slab and what its box adds to that."""
+    c = CHILD_WIDTH * side
+    x, y, z = n[0] - nodes[node, c + 6], n[1] - nodes[node, c + 7], n[2] - nodes[node, c + 8]
+    high = nodes[node, c + CHILD_HIGH] + x * (nodes[node, c + 3] if x > 0.0 else nodes[node, c])
+    high += y * (nodes[node, c + 4] if y > 0.0 else nodes[node, c + 1])
+    high += z * (nodes[node, c + 5] if z > 0.0 else nodes[node, c + 2])
+    return bool(high > level)
 
 
 @inner
@@ -120,7 +129,7 @@ def intruder(
         following = -1
         for side in range(2):
             away = box_distance2(nodes, node, side, p)
-            if away >= best or not _above(nodes, node, side, n, level):
+            if away >= best or slab_distance(nodes, node, side, p) >= radius or not _above(nodes, node, side, n, level):
                 continue
             ref, count = int(nodes[node, CHILD_REF + side]), int(nodes[node, CHILD_COUNT + side])
             if count == 0:

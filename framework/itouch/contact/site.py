@@ -10,6 +10,7 @@ Mesh = tuple[Floats, Ints32, Floats32]
 """Vertices, triangles and nodes of all meshes together; see :mod:`itouch.contact.bvh`."""
 
 TOLERANCE = 2e-6  # of the radius: a triangle that reaches into the probe less than this is let be
+TOUCH = 1e-10  # nearer than this is contact, whatever the size of the probe [m]
 TOLERANCE_SKIN = 1e-2  # of the skin, likewise
 
 
@@ -56,13 +57,15 @@ def put_near_objects(
     site: Floats, world: Floats, poses: Floats, last: Floats, p: Vector, radius: float, reach: float
 ) -> None:
     """Write the rows of all objects that a probe at ``p`` may meet within ``reach`` of its surface."""
-    end = int(at.FRAME_FIRST + at.ZERO)
+    end, slack = int(at.FRAME_FIRST + at.ZERO), 0.0
     for obj in range(world.shape[0]):
         place, old = place_of(poses, obj), place_of(last, obj)
         if norm(sub(place, p)) - world[obj, at.WORLD_BOUND] - norm(sub(place, old)) <= radius + reach:
             put_object(site, end, world, poses, last, obj, radius)
+            slack = max(slack, site[end, at.FRAME_SLACK])
             end += 1
     site[at.ENDS, at.END_FRAMES] = end
+    site[at.ENDS, at.END_TOUCH] = 2.0 * slack + TOUCH
 
 
 @inner
@@ -88,7 +91,7 @@ def put_plane(site: Floats, count: int, frame: int, feature: int, normal: Vector
 
 
 @inner
-def add_seed(site: Floats, frame: int, triangle: int, normal: Vector) -> None:
+def add_seed(site: Floats, frame: int, triangle: int, began: float) -> None:
     """Keep a triangle in view; in a full table the last one has to go."""
     end = int(site[at.ENDS, at.END_SEEDS])
     for s in range(at.SEED_FIRST, end):
@@ -98,6 +101,4 @@ def add_seed(site: Floats, frame: int, triangle: int, normal: Vector) -> None:
     site[at.ENDS, at.END_SEEDS] = row + 1
     site[row, at.SEED_FRAME] = frame
     site[row, at.SEED_TRIANGLE] = triangle
-    site[row, at.SEED_NORMAL] = normal[0]
-    site[row, at.SEED_NORMAL + 1] = normal[1]
-    site[row, at.SEED_NORMAL + 2] = normal[2]
+    site[row, at.SEED_BEGAN] = began

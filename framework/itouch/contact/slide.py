@@ -26,7 +26,7 @@ from itouch.contact.vectors import Floats, Vector, add, along, dot, norm, sub
 MAX_MOVES = 64
 MAX_CUTS = 24
 RELATIVE, ABSOLUTE = 1e-10, 1e-13  # a shorter move ends the search; of the distance to the goal, and [m]
-Slid = tuple[Vector, int, Solution]
+Slid = tuple[Vector, Solution]
 
 
 @inner
@@ -60,25 +60,24 @@ def cut(site: Floats, mesh: Mesh, p: Vector, y: Vector, count: int) -> tuple[int
                 best, which, triangle, normal, gap = hit[0], k, hit[1], hit[2], hit[3]
     if which < 0:
         return count, 1.0
-    add_seed(site, which, triangle, (0.0, 0.0, 0.0))
+    add_seed(site, which, triangle, 0.0)
     return put_plane(site, count, which, triangle, rotate(site, which, normal), gap), best / length
 
 
 @inner
-def slide(site: Floats, mesh: Mesh | None, start: Vector, goal: Vector) -> Slid:
-    """Slide from ``start`` towards ``goal``; returns the place, and the planes there with their solution."""
+def creep(site: Floats, mesh: Mesh | None, start: Vector, goal: Vector) -> Slid:
+    """Slide by safe straight moves, each as far as the planes allow."""
     p = start
     count = int(ZERO)
     solution: Solution = ((0.0, 0.0, 0.0), -1, -1, -1, True)
-    jumped, tries = mesh is not None, 2
-    for _ in range(MAX_MOVES):
+    jumped = mesh is not None
+    for move in range(MAX_MOVES):
         to_goal = sub(goal, p)
         length = norm(to_goal)
-        if mesh is not None and tries > 0:
-            tries -= 1
-            done, place, count, solution = quick(site, mesh, p, goal)
+        if mesh is not None and move == 1:
+            done, place, solution = quick(site, mesh, p, goal)
             if done:
-                return place, count, solution
+                return place, solution
         count = gather(site, mesh, p, 2.0 * length + ABSOLUTE)
         solution = nearest_allowed(site, count, to_goal)
         y = solution[0]
@@ -95,7 +94,7 @@ def slide(site: Floats, mesh: Mesh | None, start: Vector, goal: Vector) -> Slid:
         if not solution[4]:
             break
         if solution[1] < 0:
-            return goal, count, solution
+            return goal, solution
         if norm(y) <= RELATIVE * length + ABSOLUTE:
             break
         if solution[2] < 0 and not jumped:
@@ -104,4 +103,14 @@ def slide(site: Floats, mesh: Mesh | None, start: Vector, goal: Vector) -> Slid:
         else:
             jumped = mesh is not None
             p = add(p, y)
-    return p, count, solution
+    return p, solution
+
+
+@inner
+def slide(site: Floats, mesh: Mesh | None, start: Vector, goal: Vector) -> Slid:
+    """Slide from ``start`` towards ``goal``; returns the place and the solution there."""
+    if mesh is not None:
+        done, place, solution = quick(site, mesh, start, goal)
+        if done:
+            return place, solution
+    return creep(site, mesh, start, goal)

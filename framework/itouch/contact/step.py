@@ -7,9 +7,8 @@ from itouch.contact.borrow import borrowed
 from itouch.contact.compiling import entry, inner
 from itouch.contact.distance import distance
 from itouch.contact.frames import to_local, to_local_then, to_world
-from itouch.contact.friction import coefficients, drag, first_touch
+from itouch.contact.friction import Pressed, drag, first_touch, press
 from itouch.contact.gather import touching
-from itouch.contact.meshcast import off_triangle
 from itouch.contact.push import pushed
 from itouch.contact.report import clear, report, report_near
 from itouch.contact.reset import nearest_free
@@ -29,17 +28,16 @@ def last_poses(memory: Floats, poses: Floats, last: Floats) -> None:
 
 
 @inner
-def recall(site: Floats, mesh: Mesh | None, memory: Floats, old: Vector) -> None:
-    """Take the triangles that were touched in the last step into view, with their normals as they were then."""
+def recall(site: Floats, mesh: Mesh | None, memory: Floats) -> None:
+    """Take the triangles that were touched in the last step into view."""
+    for c in range(3):
+        site[at.ENDS, at.END_OLD + c] = memory[at.MEMORY_PROXY + c]
     if mesh is not None:
         for c in range(int(memory[at.MEMORY_COUNT])):
             obj, t = memory[at.MEMORY_CONTACTS + 2 * c], int(memory[at.MEMORY_CONTACTS + 2 * c + 1])
             for k in range(at.FRAME_FIRST, int(site[at.ENDS, at.END_FRAMES])):
                 if site[k, at.FRAME_OBJECT] == obj and site[k, at.FRAME_KIND] == at.KIND_MESH:
-                    moved = site[k, at.FRAME_MOVED] > 0.0
-                    q = to_local_then(site, k, old) if moved else to_local(site, k, old)
-                    _, normal = off_triangle(mesh[0], mesh[1], t, q)
-                    add_seed(site, k, t, normal)
+                    add_seed(site, k, t, 1.0)
 
 
 @inner
@@ -60,15 +58,6 @@ def is_covered(site: Floats, mesh: Mesh | None, hip: Vector) -> bool:
 
 
 @inner
-def rubs(site: Floats) -> bool:
-    """Whether any near object has friction."""
-    rough = False
-    for k in range(at.FRAME_FIRST, int(site[at.ENDS, at.END_FRAMES])):
-        rough = rough or site[k, at.FRAME_STATIC] > 0.0
-    return rough
-
-
-@inner
 def follow(
     site: Floats,
     mesh: Mesh | None,
@@ -79,12 +68,12 @@ def follow(
     hip: Vector,
     radius: float,
     near: float,
-) -> tuple[Vector, int]:
-    """Place of the proxy and its slip state, from the memory of the last step."""
+) -> tuple[Vector, int, Pressed]:
+    """Place of the proxy, its slip state and what holds it, from the memory of the last step."""
     if memory[at.MEMORY_READY] == 0.0:
         put_near_objects(site, world, poses, last, hip, radius, np.inf)
-        place, _, _ = slide(site, mesh, nearest_free(site, mesh, hip), hip)
-        return place, at.SLIP_STICK
+        place, _ = slide(site, mesh, nearest_free(site, mesh, hip), hip)
+        return place, at.SLIP_STICK, press(site, mesh, place, hip)
     old = vector(memory, at.MEMORY_PROXY)
     p = old
     in_contact = memory[at.MEMORY_COUNT] > 0.0
@@ -93,20 +82,21 @@ def follow(
         if put_object(site, k, world, poses, last, int(memory[at.MEMORY_CONTACTS]), radius):
             p = to_world(site, k, to_local_then(site, k, old))
     put_near_objects(site, world, poses, last, old, radius, norm(sub(p, old)) + max(2.0 * norm(sub(hip, p)), near))
-    recall(site, mesh, memory, old)
+    recall(site, mesh, memory)
+    rough = False
     for k in range(at.FRAME_FIRST, int(site[at.ENDS, at.END_FRAMES])):
+        rough = rough or site[k, at.FRAME_STATIC] > 0.0
         if site[k, at.FRAME_MOVED] > 0.0:
-            p = pushed(site, mesh, old, p)
+            p = pushed(site, mesh, p)
             break
-    if not (in_contact and rubs(site) and is_covered(site, mesh, hip)):
-        place, count, solution = slide(site, mesh, p, hip)
+    if not (in_contact and rough and is_covered(site, mesh, hip)):
+        place, solution = slide(site, mesh, p, hip)
         if solution[1] < 0:
-            return place, at.SLIP_NONE
-        static, _ = coefficients(site, count, sub(hip, place), solution)
-        if static == 0.0:
-            return place, at.SLIP_SLIDE
-    if rubs(site) and touching(site, mesh, p) == 0:
-        p = first_touch(site, mesh, p, hip)
+            return place, at.SLIP_NONE, (0, solution, 0.0, 0.0)
+        if not rough:
+            return place, at.SLIP_SLIDE, press(site, mesh, place, hip)
+        if touching(site, mesh, p) == 0:
+            p = first_touch(site, mesh, p, hip)
     return drag(site, mesh, p, hip, int(memory[at.MEMORY_SLIP]))
 
 
@@ -135,6 +125,37 @@ def name_faces(world: Floats, mesh: Mesh | None, result: Floats) -> None:
             if world[int(result[row + at.CONTACT_OBJECT]), at.WORLD_KIND] == at.KIND_MESH:
                 t = int(result[row + at.CONTACT_FEATURE])
                 result[row + at.CONTACT_FEATURE] = mesh[1][t, 3]
+
+
+@inner
+def advance(
+    site: Floats,
+    mesh: Mesh | None,
+    world: Floats,
+    poses: Floats,
+    last: Floats,
+    twists: Floats,
+    stiffness: Floats,
+    hip: Vector,
+    radius: float,
+    near: float,
+    memory: Floats,
+    result: Floats,
+) -> None:
+    """Move one probe by one step; like ``step``, with scratch of its caller's: a site and room for the last poses."""
+    clear(result)
+    put(result, at.RESULT_PROXY, vector(memory, at.MEMORY_PROXY))
+    if not (np.isfinite(hip[0]) and np.isfinite(hip[1]) and np.isfinite(hip[2])):
+        return
+    empty_site(site)
+    last_poses(memory, poses, last)
+    p, slip, pressed = follow(site, mesh, world, poses, last, memory, hip, radius, near)
+    put(result, at.RESULT_PROXY, p)
+    if report(site, poses, twists, stiffness, p, hip, pressed, result):
+        result[at.RESULT_SLIP] = slip
+    report_near(site, mesh, p, radius, near, result)
+    remember(poses, memory, result)
+    name_faces(world, mesh, result)
 
 
 @entry
@@ -173,22 +194,44 @@ def step(
     result
         (layout.RESULT_SIZE,), rewritten. For a HIP that is not finite it says "no contact", and the memory stays.
     """
-    hip = vector(hip_at, 0)
-    clear(result)
-    put(result, at.RESULT_PROXY, vector(memory, at.MEMORY_PROXY))
-    if not (np.isfinite(hip[0]) and np.isfinite(hip[1]) and np.isfinite(hip[2])):
-        return
     own_site, own_last = np.empty((site_rows(world.shape[0]), at.SITE_WIDTH)), np.empty(poses.shape)
-    site, last, meshes = borrowed(own_site), borrowed(own_last), borrowed(mesh)
-    objects, now, past = borrowed(world), borrowed(poses), borrowed(memory)
-    empty_site(site)
-    last_poses(past, now, last)
-    p, slip = follow(site, meshes, objects, now, last, past, hip, radius, near)
-    answer = borrowed(result)
-    put(answer, at.RESULT_PROXY, p)
-    if report(site, meshes, now, borrowed(twists), borrowed(stiffness), p, hip, answer):
-        answer[at.RESULT_SLIP] = slip
-    report_near(site, meshes, p, radius, near, answer)
-    remember(now, past, answer)
-    name_faces(objects, meshes, answer)
-    own_site[0, 0] = own_last[0, 0]  # a last use: the scratch must live until here
+    advance(
+        borrowed(own_site),
+        borrowed(mesh),
+        borrowed(world),
+        borrowed(poses),
+        borrowed(own_last),
+        borrowed(twists),
+        borrowed(stiffness),
+        vector(hip_at, 0),
+        radius,
+        near,
+        borrowed(memory),
+        borrowed(result),
+    )
+    own_site[0, 0] = own_last.size  # a last use: the scratch must live until here
+
+
+@entry
+def follow_path(
+    world: Floats,
+    mesh: Mesh | None,
+    poses: Floats,
+    twists: Floats,
+    stiffness: Floats,
+    hips: Floats,
+    radius: float,
+    memory: Floats,
+    result: Floats,
+    forces: Floats,
+) -> None:
+    """Step along the rows of ``hips`` (n, 3), objects standing still, and write the forces (n, 3)."""
+    own_site, own_last = np.empty((site_rows(world.shape[0]), at.SITE_WIDTH)), np.empty(poses.shape)
+    site, last, meshes, objects = borrowed(own_site), borrowed(own_last), borrowed(mesh), borrowed(world)
+    now, turns, springs, past = borrowed(poses), borrowed(twists), borrowed(stiffness), borrowed(memory)
+    answer, path, out = borrowed(result), borrowed(hips), borrowed(forces)
+    for i in range(path.shape[0]):
+        hip = (path[i, 0], path[i, 1], path[i, 2])
+        advance(site, meshes, objects, now, last, turns, springs, hip, radius, 0.0, past, answer)
+        out[i, 0], out[i, 1], out[i, 2] = vector(answer, at.RESULT_FORCE)
+    own_site[0, 0] = own_last.size  # a last use: the scratch must live until here

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from itouch.contact import bvh, search
+from itouch.contact.neighbours import add_neighbours
 from itouch.contact.site import Mesh as Tables
 from itouch.contact.solid import encloses
 from itouch.contact.vectors import Floats
@@ -67,6 +68,8 @@ class Surface:
         corners = checked_faces(faces, points.shape[0])
         nodes, order = bvh.build(points, corners)
         packed, triangles = bvh.pack(points, corners, order)
+        bvh.add_slabs(packed, triangles, nodes)
+        add_neighbours(packed.shape[0], triangles)
         for array in (packed, triangles, nodes):
             array.flags.writeable = False
         self.tables: Tables = (packed, triangles, nodes)

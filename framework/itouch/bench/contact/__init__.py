@@ -1,0 +1,100 @@
+"""``itouch-py bench contact``: what a step of contact costs beside what a Python user would pick instead."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from itouch.bench.contact.measure import Row, closest_row, peer_row, proxy_rows, resident_mb
+from itouch.bench.contact.peers import PEERS
+from itouch.bench.contact.work import HEIGHT_FIELD_CELLS, Work, around, standard
+from itouch.contact import Proxy, Surface
+
+FRICTION = (0.5, 0.3)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="itouch-py bench contact", description=__doc__)
+    parser.add_argument("--mesh", type=Path, help="measure on this mesh file in place of the standard surfaces")
+    parser.add_argument("--json", type=Path, help="write the figures to this file too")
+    parser.add_argument("--sizes", nargs="+", choices=list(HEIGHT_FIELD_CELLS), default=["10k", "100k", "1M"])
+    parser.add_argument("--surfaces", nargs="+", choices=["hf", "ico"], default=["hf", "ico"])
+    parser.add_argument("--speed", type=float, default=1.0, help="1: brisk (the default), 0.1: slow exploration")
+    parser.add_argument("--steps", type=int, default=4000, help="length of the path [ms]")
+    parser.add_argument("--no-peers", action="store_true", help="leave the other libraries out")
+    return parser
+
+
+def _works(options: argparse.Namespace) -> Iterator[Work]:
+    if options.mesh is not None:
+        from itouch.contact.meshfile import read_mesh
+
+        vertices, faces = read_mesh(options.mesh).arrays()
+        yield around(options.mesh.name, vertices, faces, options.steps, options.speed)
+        return
+    for kind in options.surfaces:
+        for size in options.sizes:
+            yield standard(kind, size, options.steps, options.speed, 0.02)
+
+
+def _rows(work: Work, with_peers: bool) -> tuple[list[Row], list[str]]:
+    """All rows of one work, and why peers are missing."""
+    before, begin = resident_mb(), time.perf_counter()
+    surface = Surface(work.vertices, work.faces)
+    built, after = (time.perf_counter() - begin) * 1e3, resident_mb()
+    rows = [*proxy_rows(surface, work, FRICTION), *proxy_rows(surface, work, (0.0, 0.0))]
+    rows.append(closest_row(surface, work, built, max(after - before, surface.memory_bytes / 1e6)))
+    missing = []
+    for name, (peer, most_queries, most_triangles) in PEERS.items() if with_peers else ():
+        if len(work.faces) > most_triangles:
+            missing.append(f"{name}: not at this size")
+            continue
+        try:
+            rows.append(peer_row(name, peer, work, most_queries))
+        except ImportError as reason:
+            missing.append(f"{name}: not installed ({reason})")
+    return rows, missing
+
+
+def _line(row: Row) -> str:
+    extra = []
+    if row.build_ms is not None:
+        extra.append(f"build {row.build_ms:8.1f} ms {row.memory_mb:7.1f} MB")
+    if row.locked is not None:
+        extra.append(f"locked {row.locked}, force in free space {row.force_in_free_space}")
+    if row.error_p99_n is not None:
+        extra.append(f"force error p99 {row.error_p99_n:.4f} N")
+    return f"  {row.name:<62}{row.p50_us:9.2f}{row.p99_us:10.2f}{row.max_us:10.1f}   {'; '.join(extra)}"
+
+
+def main(argv: list[str]) -> int:
+    """Measure and print; returns the exit code."""
+    options = _parser().parse_args(argv)
+    warm = Proxy(Surface(np.eye(3), np.array([[0, 1, 2]])), radius=0.01)
+    warm.step((0.0, 0.0, 0.0))
+    warm.follow(np.zeros((2, 3)))
+    document = []
+    for work in _works(options):
+        rows, missing = _rows(work, not options.no_peers)
+        print(f"{work.name}: {len(work.faces)} triangles, {len(work.hips)} steps, speed {options.speed:g}")
+        print(f"  {'us, the best of 3 passes for each step or query':<62}{'p50':>9}{'p99':>10}{'max':>10}")
+        print("\n".join(map(_line, rows)))
+        print("".join(f"  - {reason}\n" for reason in missing))
+        document.append(
+            {
+                "name": work.name,
+                "triangles": len(work.faces),
+                "steps": len(work.hips),
+                "speed": options.speed,
+                "rows": [row.as_dict() for row in rows],
+                "missing": missing,
+            }
+        )
+    if options.json is not None:
+        options.json.write_text(json.dumps({"contact": document}, indent=1))
+    return 0

@@ -1,0 +1,115 @@
+"""Time one engine or peer on one work."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from itouch.bench.contact.peers import Peer
+from itouch.bench.contact.work import Work
+from itouch.contact import Proxy, Surface
+from itouch.contact.vectors import Floats
+
+PASSES = 3
+CHUNK = 40  # steps of the compiled loop that are timed together
+STIFFNESS = 1000.0
+TOO_MUCH = 2.0  # a force above this times the greatest that is right counts as locked
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One line of the table; times in microseconds per step or query, the best of three passes for each."""
+
+    name: str
+    p50_us: float
+    p99_us: float
+    max_us: float
+    build_ms: float | None = None
+    memory_mb: float | None = None
+    locked: int | None = None
+    force_in_free_space: int | None = None
+    error_p99_n: float | None = None
+
+    def as_dict(self) -> dict[str, object]:
+        """Only what was measured."""
+        return {key: value for key, value in asdict(self).items() if value is not None}
+
+
+def resident_mb() -> float:
+    """Memory of this process [MB]."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * 4096 / 1e6
+
+
+def times(call: Callable[[Floats], object], start: Callable[[], object], points: Floats) -> Floats:
+    """Seconds of each call, the least of three passes over the same points."""
+    best = np.full(len(points), np.inf)
+    clock = time.perf_counter
+    for turn in range(PASSES + 1):
+        start()
+        for i, point in enumerate(points):
+            begin = clock()
+            call(point)
+            spent = clock() - begin
+            if turn > 0 and spent < best[i]:
+                best[i] = spent
+    return best
+
+
+def _row(name: str, seconds: Floats, **more: float | None) -> Row:
+    us = seconds * 1e6
+    return Row(name, float(np.median(us)), float(np.percentile(us, 99)), float(us.max()), **more)  # type: ignore[arg-type]
+
+
+def closest_row(surface: Surface, work: Work, build_ms: float, memory_mb: float) -> Row:
+    """Search alone, called from Python."""
+    seconds = times(surface.closest, lambda: None, work.hips)
+    return _row("itouch closest", seconds, build_ms=build_ms, memory_mb=memory_mb)
+
+
+def proxy_rows(surface: Surface, work: Work, friction: tuple[float, float]) -> list[Row]:
+    """Step called from Python, and step inside the compiled loop while in contact."""
+    proxy = Proxy(surface, radius=work.radius, stiffness=STIFFNESS, static_friction=friction[0],
+                  dynamic_friction=friction[1])  # fmt: skip
+    first = work.hips[0]
+    forces = np.concatenate([[proxy.reset(first)], proxy.follow(work.hips[1:])])
+    size = np.linalg.norm(forces, axis=1)
+    _, away, _ = surface.closest(work.hips)
+    right = STIFFNESS * np.maximum(work.radius - away, 0.0)
+    error = None if friction[0] > 0 else float(np.percentile(np.abs(size - right), 99))
+    kind = f"friction {friction[0]:g}/{friction[1]:g}" if friction[0] > 0 else "no friction"
+    called = _row(
+        f"itouch step, {kind}",
+        times(proxy.step, lambda: proxy.reset(first), work.hips),
+        locked=int((size > TOO_MUCH * right.max()).sum()),
+        force_in_free_space=int((size[away >= work.radius] > 1e-9).sum()),
+        error_p99_n=error,
+    )
+    return [called, _looped(proxy, work, size, kind)]
+
+
+def _looped(proxy: Proxy, work: Work, size: Floats, kind: str) -> Row:
+    chunks = [slice(i, i + CHUNK) for i in range(0, len(work.hips) - CHUNK, CHUNK)]
+    best = np.full(len(chunks), np.inf)
+    for turn in range(PASSES + 1):
+        proxy.reset(work.hips[0])
+        for i, chunk in enumerate(chunks):
+            begin = time.perf_counter()
+            proxy.follow(work.hips[chunk])
+            spent = (time.perf_counter() - begin) / CHUNK
+            if turn > 0:
+                best[i] = min(best[i], spent)
+    touching = np.array([(size[chunk] > 0).all() for chunk in chunks])
+    return _row(f"itouch step in the compiled loop, in contact, {kind}", best[touching])
+
+
+def peer_row(name: str, peer: Peer, work: Work, most: int) -> Row:
+    """One query of another library."""
+    before, begin = resident_mb(), time.perf_counter()
+    query = peer(work.vertices, work.faces, work.radius)
+    built, after = time.perf_counter() - begin, resident_mb()
+    seconds = times(query, lambda: None, work.hips[:: max(1, len(work.hips) // most)])
+    return _row(name, seconds, build_ms=built * 1e3, memory_mb=after - before)

@@ -1,0 +1,41 @@
+"""Which triangles share an edge: lets the solver walk over a surface without a search."""
+
+import numpy as np
+
+from itouch.contact.bvh import Ints32
+from itouch.contact.compiling import entry
+
+NEIGHBOUR = 4  # first of the three columns of the triangles table: across the edges 0-1, 1-2 and 2-0; -1: none
+
+
+@entry
+def add_neighbours(vertex_count: int, triangles: Ints32) -> None:
+    """Fill in the neighbours. At an edge of more than two triangles they are paired as they come."""
+    count = triangles.shape[0]
+    start = np.zeros(vertex_count + 1, np.int32)
+    for t in range(count):
+        for e in range(3):
+            a, b = triangles[t, e], triangles[t, (e + 1) % 3]
+            start[min(a, b) + 1] += 1
+            triangles[t, NEIGHBOUR + e] = -1
+    for v in range(vertex_count):
+        start[v + 1] += start[v]
+    half_edges = np.empty(3 * count, np.int32)  # 3 t + e, grouped by the lesser end
+    filled = start[:-1].copy()
+    for t in range(count):
+        for e in range(3):
+            low = min(triangles[t, e], triangles[t, (e + 1) % 3])
+            half_edges[filled[low]] = 3 * t + e
+            filled[low] += 1
+    for v in range(vertex_count):
+        for i in range(start[v], start[v + 1]):
+            t, e = half_edges[i] // 3, half_edges[i] % 3
+            if triangles[t, NEIGHBOUR + e] >= 0:
+                continue
+            high = max(triangles[t, e], triangles[t, (e + 1) % 3])
+            for j in range(i + 1, start[v + 1]):
+                u, f = half_edges[j] // 3, half_edges[j] % 3
+                same = max(triangles[u, f], triangles[u, (f + 1) % 3]) == high
+                if same and u != t and triangles[u, NEIGHBOUR + f] < 0:
+                    triangles[t, NEIGHBOUR + e], triangles[u, NEIGHBOUR + f] = u, t
+                    break
