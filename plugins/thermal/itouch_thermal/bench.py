@@ -41,21 +41,27 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _printed(options: argparse.Namespace) -> Iterator[Row]:
-    from itouch_thermal.solver import measure
-
     peers = not options.no_peers and find_spec("scipy") is not None
     print(f"{'case':<22}{'method':<34}{'error 10 us..':>14}{'error 1 ms..':>14}{'cost':>12} unit")
-    cases = _cases(options.case)
-    for name, contact in cases.items():
-        for row in measure.case_rows(name, contact, peers=peers):
-            print(_line(row), flush=True)
-            yield row
-    if not options.no_batch:
-        for row in measure.batch_rows(next(iter(cases.values()))):
-            print(_line(row), flush=True)
-            yield row
+    for row in _rows(options, peers=peers):
+        print(_line(row), flush=True)
+        yield row
     if not peers:
         print("scipy is left out or not installed: pip install 'itouch-py[bench]'")
+
+
+def _rows(options: argparse.Namespace, *, peers: bool) -> Iterator[Row]:
+    from itouch_thermal.solver import measure
+    from itouch_thermal.solver.stated import many_layers, stated_cases
+
+    cases = _cases(options.case)
+    for name, contact in cases.items():
+        yield from measure.case_rows(name, contact, peers=peers)
+    if options.case is None:
+        yield from measure.order_rows(*next(iter(stated_cases().items())))
+        yield measure.build_row("many layers", many_layers())
+    if not options.no_batch:
+        yield from measure.batch_rows(next(iter(cases.values())))
 
 
 def _cases(path: str | None) -> dict[str, Contact]:

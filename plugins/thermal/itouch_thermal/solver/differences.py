@@ -75,12 +75,12 @@ class DifferencesSolution:
         return np.array([np.interp(depth, self.chains[index].depths, row) for row in self.fields[index]])
 
     def flux_at(self, side: SideName, depth: float) -> Array:
-        """Return the flux [W/m2] at a depth [m], from the difference of the nodes around it."""
+        """Return the flux [W/m2] at a depth [m], linear between the middles of cells."""
         index, sign = (0, 1.0) if side == "finger" else (1, -1.0)
-        chain = self.chains[index]
-        cell = int(np.clip(np.searchsorted(chain.depths, depth) - 1, 0, len(chain.conductance) - 1))
-        rows = self.fields[index]
-        return np.asarray(sign * chain.conductance[cell] * (rows[:, cell + 1] - rows[:, cell]))
+        chain, rows = self.chains[index], self.fields[index]
+        middles = 0.5 * (chain.depths[1:] + chain.depths[:-1])
+        fluxes = sign * chain.conductance * np.diff(rows, axis=1)
+        return np.array([np.interp(depth, middles, row) for row in fluxes])
 
 
 def solve_differences(

@@ -114,7 +114,13 @@ def _live_rows(name: str, contact: Contact) -> Iterator[Row]:
     values = iter(np.tile(resistances, 100).tolist())
     cost = best_of(lambda: [stepper.step(next(values)) for _ in range(1000)]) / 1000 * 1e6
     yield Row(name, "live, one step from Python", cost=cost, unit="us/step")
-    yield Row(name, "live, model build", cost=_build_time(contact) * 1e3, unit="ms", note=_layers(contact))
+    yield build_row(name, contact)
+
+
+def build_row(name: str, contact: Contact) -> Row:
+    """Measure how long the live model of a contact takes to build."""
+    note = f"{len(contact.finger.layers)} + {len(contact.object.layers)} layers"
+    return Row(name, "live, model build", cost=_build_time(contact) * 1e3, unit="ms", note=note)
 
 
 def _stepping(contact: Contact, resistances: Array) -> float:
@@ -150,10 +156,6 @@ def _build_time(contact: Contact) -> float:
     return best_of(build, 3)
 
 
-def _layers(contact: Contact) -> str:
-    return f"{len(contact.finger.layers)} + {len(contact.object.layers)} layers"
-
-
 def _paper_rows(name: str, contact: Contact) -> Iterator[Row]:
     times = np.geomspace(1e-5, 10.0, 61)
     reference = solve_exactly(contact, times).flux
@@ -168,6 +170,16 @@ def _paper_rows(name: str, contact: Contact) -> Iterator[Row]:
             yield _timed_row(name, method, times, flux, reference, cost)
         if longest > _LONG:
             return
+
+
+def order_rows(name: str, contact: Contact) -> Iterator[Row]:
+    """Measure the orders of the paper's scheme from three meshes and three time steps, in the skin temperature."""
+    meshes = [solve_differences(contact, [5.0], spacing=spacing, step=5e-4) for spacing in (1e-4, 5e-5, 2.5e-5)]
+    steps = [solve_differences(contact, [5.0], spacing=1e-4, step=step) for step in (0.02, 0.01, 0.005)]
+    for what, theory, found in (("space", 2, meshes), ("time", 1, steps)):
+        first, second = np.diff([solution.skin_temperature[0] for solution in found])
+        order = float(np.log2(abs(first / second)))
+        yield Row(name, f"paper, observed order in {what}", cost=order, note=f"theory: {theory}")
 
 
 def _peer_rows(name: str, contact: Contact) -> Iterator[Row]:
@@ -190,21 +202,15 @@ def batch_rows(contact: Contact, count: int = 1000) -> Iterator[Row]:
     """Measure batches made from one case: other temperatures and resistances, and other materials."""
     rng = np.random.default_rng(1)
     times = np.linspace(0.1, 10.0, 100)
-    for what, contacts in (
-        ("temperatures", _tempered(contact, rng, count)),
-        ("materials", _made_of(contact, rng, count)),
-    ):
-        cost = best_of(lambda batch=contacts: solve_many(batch, times, workers=1), 3)
-        yield Row(
-            "batch", f"exact, {count} {what}", cost=count / cost, unit="contacts/s/core", note="100 times in 10 s"
-        )
+    batches = {"temperatures": _tempered(contact, rng, count), "materials": _made_of(contact, rng, count)}
+    for what, batch in batches.items():
+        rate = count / best_of(partial(solve_many, batch, times, workers=1), 3)
+        yield Row("batch", f"exact, {count} {what}", cost=rate, unit="contacts/s/core", note="100 times in 10 s")
     contacts = _tempered(contact, rng, count)
     together = LockStep(contacts, PERIOD, workers=1)
     resistances = np.array([one.resistance for one in contacts])
-    cost = best_of(lambda: together.advance(resistances, 10_000, every=100), 2)
-    yield Row(
-        "batch", f"lock-step, {count} contacts", cost=count * 1e4 / cost, unit="contact-steps/s/core", note="1 ms"
-    )
+    rate = count * 1e4 / best_of(partial(together.advance, resistances, 10_000, every=100), 2)
+    yield Row("batch", f"lock-step, {count} contacts", cost=rate, unit="contact-steps/s/core", note="1 ms")
 
 
 def _tempered(contact: Contact, rng: np.random.Generator, count: int) -> list[Contact]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from itouch_thermal.solver.layers import Back, Contact, Initial, Layer, Side
 
 _ROOM, _BLOOD = 296.15, 310.15
@@ -39,3 +41,11 @@ def stated_cases() -> dict[str, Contact]:
         "sensor + al, R 1e-4": Contact(FINGERTIP, block(SENSOR, ALUMINIUM), 1e-4),
         "polystyrene, R 2e-3": Contact(FINGERTIP, block(FOAM), 2e-3),
     }
+
+
+def many_layers() -> Contact:
+    """Return a contact with 16 layers on each side."""
+    tissue = tuple(replace(layer, thickness=(layer.thickness or 0.0) / 5.0) for layer in FINGERTIP.layers * 5)
+    finger = replace(FINGERTIP, layers=(*tissue, tissue[-1]))
+    stack = (SENSOR, *((replace(WOOD, thickness=1e-3), replace(ALUMINIUM, thickness=2e-4)) * 7), WOOD)
+    return Contact(finger, block(*stack), 1e-3)

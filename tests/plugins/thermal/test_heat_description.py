@@ -1,0 +1,106 @@
+"""The problem description: ranges, case files with closed keys, resistance laws, the material library."""
+
+import json
+
+import heat_cases
+import pytest
+
+from itouch_thermal import Back, Contact, Initial, Layer, Side
+from itouch_thermal.solver.casefile import case_data, case_of
+from itouch_thermal.solver.materials import library
+from itouch_thermal.solver.resistance import (
+    DEFAULT_RESISTANCE,
+    ConstantResistance,
+    PressureResistance,
+    TableResistance,
+    contact_area,
+    material_resistance,
+)
+
+
+@pytest.mark.parametrize("name", heat_cases.SOLVED)
+def test_case_files_round_trip(name):
+    contact = Contact.from_json(heat_cases.FOLDER / f"{name}.json")
+    again = case_of(json.loads(json.dumps(case_data(contact))))
+    assert again.finger.layers == contact.finger.layers
+    assert again.times == contact.times
+    assert again.probes == contact.probes
+    assert again.finger.initial.kind == contact.finger.initial.kind
+
+
+BAD = [
+    (lambda c: c.update(foo=1), "unknown key 'foo'"),
+    (lambda c: c["finger"].update(foo=1), "finger: unknown key 'foo'"),
+    (
+        lambda c: c["finger"]["layers"][0].update(k=-1),
+        r"finger.layers\[0\]: conductivity = -1.0 is out of range: 0.0001",
+    ),
+    (lambda c: c["finger"]["layers"][0].update(L=0), r"layers\[0\]: thickness = 0.0 is out of range"),
+    (lambda c: c["object"]["layers"][0].update(rho=float("nan")), r"object.layers\[0\].rho = nan"),
+    (lambda c: c["object"]["layers"][0].update(rho="heavy"), r"object.layers\[0\].rho = 'heavy'"),
+    (lambda c: c["object"]["layers"][0].pop("c"), r"object.layers\[0\]: 'c' is missing"),
+    (lambda c: c["finger"].update(layers=c["finger"]["layers"] * 6), "18 given; there may be 1 to 16"),
+    (lambda c: c["finger"].update(layers=[]), "0 given"),
+    (lambda c: c.update(Rth=-1), "Rth"),
+    (lambda c: c.update(Rth=True), "Rth = True"),
+    (lambda c: c.pop("Rth"), "'Rth' is missing"),
+    (lambda c: c.update(times={"at": [2, 1]}), r"times\[1\]"),
+    (lambda c: c.update(times={"at": [-1, 1]}), r"times\[0\]"),
+    (lambda c: c.update(times={"from": 2, "to": 1, "per_decade": 3}), "times.from"),
+    (lambda c: c["finger"].pop("back"), "finger: back: missing"),
+    (lambda c: c["finger"].pop("T_art"), "arterial: missing"),
+    (lambda c: c["object"].update(initial={"type": "odd"}), "object.initial: initial = 'odd' is unknown"),
+    (lambda c: c["object"].update(initial={"type": "steady", "h": 1}), "needs 'surface'"),
+    (lambda c: c["object"].update(back={"type": "convection", "T": 3}), "needs 'coefficient'"),
+    (lambda c: c.update(probes=[{"side": "finger", "depth": 1}]), "probes.depth = 1.0 is out of range"),
+    (lambda c: c.update(finger=[]), "finger: expected an object"),
+]
+
+
+@pytest.mark.parametrize(("spoil", "message"), BAD)
+def test_bad_cases_name_the_field(spoil, message):
+    case, _ = heat_cases.solved("b_wood_R0")
+    spoil(case)
+    with pytest.raises(ValueError, match=message):
+        case_of(case)
+
+
+def test_a_broken_file_is_named(tmp_path):
+    path = tmp_path / "broken.json"
+    path.write_text("{")
+    with pytest.raises(ValueError, match=r"broken\.json: not JSON"):
+        Contact.from_json(path)
+
+
+def test_only_the_last_layer_may_be_endless():
+    endless = Layer(conductivity=1, density=1000, specific_heat=1000)
+    thin = Layer(thickness=1e-3, conductivity=1, density=1000, specific_heat=1000)
+    start = Initial(kind="uniform", temperature=300)
+    with pytest.raises(ValueError, match="only the last"):
+        Side(layers=(endless, thin), initial=start, back=Back(kind="insulated"))
+    with pytest.raises(ValueError, match="semi-infinite side has none"):
+        Side(layers=(endless,), initial=start, back=Back(kind="insulated"))
+
+
+def test_resistance_laws():
+    assert ConstantResistance().at(1.0) == DEFAULT_RESISTANCE
+    assert ConstantResistance().at(0.0) == float("inf")
+    law = PressureResistance()
+    assert law.at(1.0) == pytest.approx(DEFAULT_RESISTANCE)
+    assert law.at(0.1) > law.at(1.0) > law.at(10.0)
+    table = TableResistance((0.5, 1.0), (4e-3, 2e-3))
+    assert table.at(0.75) == pytest.approx(3e-3)
+    assert table.at(0.1) == 4e-3
+    with pytest.raises(ValueError, match="ascend"):
+        TableResistance((1.0, 0.5), (1e-3, 1e-3))
+    assert contact_area(8.0) == pytest.approx(2.0 * contact_area(1.0))
+    assert material_resistance(200.0) == pytest.approx(5.36e-4, rel=1e-2)
+
+
+def test_the_library_has_the_paper_and_a_handbook_with_sources():
+    found = {material.name: material for material in library()}
+    assert len(found) >= 29
+    assert all(material.source for material in found.values())
+    assert found["wood"].layer.density == 415.0
+    assert "swapped" in found["wood"].source
+    assert found["aluminium"].effusivity == pytest.approx(22249, rel=1e-3)
