@@ -65,7 +65,7 @@ class Runner:
         self._framed_for: list[float] = []
         error = model.mount_error
         self._true_frame = self._mount.moved((-error[0], -error[1], -error[2]))
-        self.touch = Touch()
+        self.touch = Touch(ambient=model.ambient)
         self.twin: Twin | None = model.make_twin() if model.twin else None
         self.device: Device | None = None if model.twin else model.cls(model.params)
         has_twin_state = model.twin and any(n.startswith(f"{name}.twin.") for n in state)

@@ -42,6 +42,9 @@ class Twin(ABC):
     def __init__(self, params: Any) -> None:
         self.params = params
 
+    def stand(self, ambient: float, skin_temperature: float | None) -> None:  # noqa: B027
+        """Learn, before anything else, the temperatures [K] of the room and of the operator's skin, if there is one."""
+
     def fields(self) -> tuple[Field, ...]:
         """Return the State that the twin needs."""
         return ()

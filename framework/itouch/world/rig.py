@@ -38,6 +38,8 @@ class DeviceModel:
     twin: bool
     optional: bool
     touch_off: int
+    ambient: float
+    skin_temperature: float | None
 
     def command(self, name: str) -> Channel | None:
         """Return a command channel, or None."""
@@ -49,8 +51,10 @@ class DeviceModel:
 
     def make_twin(self) -> Twin:
         """Return the twin that the plugin brings, or the ideal one."""
-        twin = self.cls.Twin
-        return IdealTwin(self.params, self.cls) if twin is None else twin(self.params)
+        cls = self.cls.Twin
+        twin: Twin = IdealTwin(self.params, self.cls) if cls is None else cls(self.params)
+        twin.stand(self.ambient, self.skin_temperature)
+        return twin
 
 
 def build_devices(scene: Scene, catalog: Catalog, problems: list[Problem]) -> dict[str, DeviceModel]:
@@ -83,7 +87,8 @@ def _build(scene: Scene, element: DeviceElement, catalog: Catalog, problems: lis
     touch_off = calibration.points if calibration is not None and calibration.method == "touch-off" else 0
     return DeviceModel(
         element.name, element.plugin, cls, params, reads, commands, mount, element.mount.mount_error, element.mount.on,
-        limits, element.twin, element.optional, touch_off,
+        limits, element.twin, element.optional, touch_off, scene.world.temperature,
+        next((operator.skin_temperature for operator in scene.operators), None),
     )  # fmt: skip
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -35,7 +36,16 @@ class DisplayTwin(Twin):
 
     def __init__(self, params: DisplayParams) -> None:
         super().__init__(params)
+        self._ambient = REFERENCE
         self._built: dict[float, tuple[Column, Array]] = {}
+        self._column, _ = self._for(1e-3)
+
+    def stand(self, ambient: float, skin_temperature: float | None) -> None:
+        """Take the room's temperature, and the operator's finger where there is an operator."""
+        self._ambient = ambient
+        if skin_temperature is not None:
+            self.params = replace(self.params, skin_temperature=skin_temperature)
+        self._built.clear()
         self._column, _ = self._for(1e-3)
 
     def _for(self, period: float) -> tuple[Column, Array]:
@@ -44,7 +54,7 @@ class DisplayTwin(Twin):
         if found is None:
             p = self.params
             parts = column(p.tissue or FINGER, p.core, p.skin_temperature, p.plate, period, REACH / 1e-3)
-            found = self._built[period] = (parts, constants(p, parts))
+            found = self._built[period] = (parts, constants(p, parts, self._ambient))
         return found
 
     def fields(self) -> tuple[Field, ...]:
@@ -65,10 +75,10 @@ class DisplayTwin(Twin):
         memory, p = state["memory"], self.params
         memory[:] = 0.0
         state["tissue"] = self._column.rise * (p.skin_temperature - self._column.rest)
-        state["plate"] = 0.0
+        state["plate"] = self._column.flat * (self._ambient - REFERENCE)
         for index in (plant.PLATE, plant.SINK, plant.BACK, plant.PLATE_LAG, plant.SINK_LAG, plant.MEAN):
-            memory[index] = REFERENCE
-        memory[plant.READ_PLATE] = memory[plant.READ_SINK] = REFERENCE
+            memory[index] = self._ambient
+        memory[plant.READ_PLATE] = memory[plant.READ_SINK] = self._ambient
         memory[plant.SKIN] = memory[plant.READ_SKIN] = p.skin_temperature
         memory[plant.READ_VALID] = 1.0
         state["line"] = 0.0
@@ -105,7 +115,7 @@ def _keep(period: float, lag: float) -> float:
     return math.exp(-period / lag) if lag > 0.0 else 0.0
 
 
-def constants(p: DisplayParams, parts: Column) -> Array:
+def constants(p: DisplayParams, parts: Column, ambient: float = REFERENCE) -> Array:
     """Return the constants of `plant.plant_step`."""
     c, off = np.zeros(plant.CONSTANTS), p.mismatch
     c[plant.C_PERIOD], c[plant.C_REST], c[plant.C_REFERENCE] = parts.period, parts.rest, REFERENCE
@@ -120,7 +130,7 @@ def constants(p: DisplayParams, parts: Column) -> Array:
     c[plant.C_SEEN] = min(1.0, p.contact_area / p.sensor_area)
     c[plant.C_SINK_CAPACITY], c[plant.C_SINK_RESISTANCE] = p.sink_capacity, p.sink_resistance
     c[plant.C_FILM] = p.film_coefficient
-    gap = p.skin_temperature - REFERENCE
+    gap = p.skin_temperature - ambient
     loss = parts.resting_flux * (1.0 + off.finger_effusivity)
     c[plant.C_FINGER_FILM] = loss / gap if abs(gap) > 0.5 and loss / gap > 1.0 else 10.0
     c[plant.C_CONTACT], c[plant.C_FULL_FORCE] = p.contact_resistance * (1.0 + off.contact_resistance), p.full_force
