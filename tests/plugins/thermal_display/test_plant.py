@@ -26,9 +26,7 @@ def twin_of(**params):
 def test_contact_flux_is_that_of_the_solver_on_the_same_layers():
     twin, state, command = twin_of(film_coefficient=0.0, conductance=1e-3)
     params = twin.params
-    body = Side(
-        layers=params.plate, initial=Initial(kind="uniform", temperature=296.15), back=Back(kind="insulated")
-    )
+    body = Side(layers=params.plate, initial=Initial(kind="uniform", temperature=296.15), back=Back(kind="insulated"))
     exact = Stepper(Contact(finger=tissue_side(FINGER, 310.15, 306.15), object=body), PERIOD).advance(2e-3, 500)
     found = []
     for _ in range(500):

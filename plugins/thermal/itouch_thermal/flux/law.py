@@ -97,7 +97,7 @@ def _follow(
 ) -> Any:  # fmt: skip
     """Return the current [A] that follows the plan, and the flux behind it."""
     n, m = tissue.shape[1], plate.shape[1]
-    above, below = work[: n], work[n : n + m]
+    above, below = work[:n], work[n : n + m]
     rest = work[n + m :]
     _queue(line, int(slots[0]), int(slots[1]), queue)
     ticks = memory[at.M_TICKS]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from itouch.plugin import Contact, ContactEvent, Field, Modality, Record, World, schema
 from itouch_thermal.display.params import DisplayParams
@@ -51,6 +51,7 @@ class FluxModel:
     """What the modality knows of the scene; ``effusivities`` and ``temperatures`` are per object."""
 
     name: str
+    names: Names
     params: FluxControlParams
     display: DisplayParams
     probe: str
@@ -67,6 +68,40 @@ class FluxModel:
     period: float
     law: ModelLaw | None
     preview: Preview | None
+
+
+class Names(NamedTuple):
+    """Names of the fields that a tick touches; put together once."""
+
+    touching: str
+    approached: str
+    on_plate: str
+    ticks: str
+    flux: str
+    start_temperature: str
+    readiness: str
+    preview_finger: str
+    preview_object: str
+    preview_index: str
+    future: str
+    wanted: str
+    desired: str
+    resistance: str
+    sink: str
+    sent: str
+    age: str
+    command: str
+    heat_flux: str
+    plate_temperature: str
+    near_object: str
+
+    @classmethod
+    def of(cls, name: str, heat: str, display: str, probe: str) -> Names:
+        """Return the names for a modality, the one that it follows, its display and its probe."""
+        own = [f"{name}.{field}" for field in cls._fields[:12]]
+        there = ("sink_temperature", "sent.current", "age", "command.current", "heat_flux", "plate_temperature")
+        others = [f"{heat}.desired", f"{heat}.resistance", *(f"{display}.{field}" for field in there)]
+        return cls._make([*own, *others, f"{probe}.near_object"])
 
 
 class FluxControl(Modality):
@@ -91,6 +126,7 @@ class FluxControl(Modality):
             law, course = _model(name, display, heat, world, band if isinstance(band, tuple) else _BAND, ceiling)
         return FluxModel(
             name=name,
+            names=Names.of(name, params.desired_from, params.display, heat.probe),
             params=params,
             display=display,
             probe=heat.probe,
@@ -171,30 +207,28 @@ class FluxControl(Modality):
 
     def update(self, model: FluxModel, state: Record, period: float) -> None:
         """Command the current."""
-        name = model.name
-        touching = bool(state[f"{name}.touching"].item())
-        heat = model.params.desired_from
+        touching = bool(state[model.names.touching].item())
         if touching:
-            if math.isfinite(state[f"{heat}.resistance"].item()):  # not while the contact is about to end
-                self._note(model, state, state[f"{heat}.desired"].item(), period)
+            if math.isfinite(state[model.names.resistance].item()):  # not while the contact is about to end
+                self._note(model, state, state[model.names.desired].item(), period)
         else:
-            near = state[f"{model.probe}.near_object"].item()
-            if near >= 0 and near != state[f"{name}.approached"].item():
+            near = state[model.names.near_object].item()
+            if near >= 0 and near != state[model.names.approached].item():
                 self._aim(model, state, near)
         if model.law is not None and model.preview is not None:
             current, flux = self._predictive(model, model.law, model.preview, state, touching, period)
         else:
             current, flux = self._published(model, state, touching, period)
-        state[f"{name}.flux"] = flux
-        state[f"{model.params.display}.command.current"] = current
+        state[model.names.flux] = flux
+        state[model.names.command] = current
 
     def _published(self, model: FluxModel, state: Record, touching: bool, period: float) -> tuple[float, float]:
         """Return current and flux of `paper` and `hold`."""
         display = model.params.display
         plate = state[f"{display}.plate_temperature"].item()
-        sink = state[f"{display}.sink_temperature"].item()
+        sink = state[model.names.sink].item()
         if touching:
-            flux = self._touch(model, state, state[f"{model.params.desired_from}.desired"].item(), period)
+            flux = self._touch(model, state, state[model.names.desired].item(), period)
         else:
             flux = self._approach(model, state, plate)
         return self._current(model, flux, plate, sink), flux
@@ -203,71 +237,69 @@ class FluxControl(Modality):
         self, model: FluxModel, law: ModelLaw, course: Preview, state: Record, touching: bool, period: float
     ) -> tuple[float, float]:
         """Return current and flux of `model`; slower than the servo, the periods between are caught up with."""
-        name, display = model.name, model.params.display
         hold = max(1, round(period / model.period))
-        readings = [state[f"{display}.{channel}"].item() for channel in ("heat_flux", "plate_temperature")]
-        sink, sent = state[f"{display}.sink_temperature"].item(), state[f"{display}.sent.current"].item()
+        readings = (state[model.names.heat_flux].item(), state[model.names.plate_temperature].item())
+        sink, sent = state[model.names.sink].item(), state[model.names.sent].item()
         for _ in range(hold - 1):
             law.track(state, sent, math.nan, math.nan, math.nan)
         pressed = self._pressed(model, state)
-        if state[f"{display}.age"].item() or (touching and not pressed):
+        if state[model.names.age].item() or (touching and not pressed):
             law.track(state, sent, math.nan, math.nan, math.nan)
         else:
             law.track(state, sent, readings[0], readings[1], sink)
-        if pressed and not state[f"{name}.on_plate"].item():
+        if pressed and not state[model.names.on_plate].item():
             law.disturb(state)
         if touching:
-            ticks = state[f"{name}.ticks"].item()
+            ticks = state[model.names.ticks].item()
             if ticks == 0:
                 self._begin(model, law, course, state)
             else:
                 self._continue(model, law, course, state, ticks, hold)
-            state[f"{name}.ticks"] = ticks + hold
-            if pressed and not state[f"{name}.on_plate"].item():
-                law.begin(state, state[f"{name}.flux"].item())
-                state[f"{name}.on_plate"] = 1
-            if state[f"{name}.on_plate"].item():
+            state[model.names.ticks] = ticks + hold
+            if pressed and not state[model.names.on_plate].item():
+                law.begin(state, state[model.names.flux].item())
+                state[model.names.on_plate] = 1
+            if state[model.names.on_plate].item():
                 self._want(model, law, state, ticks)
                 return law.follow(state, 1.0, hold)
-        current, flux, error = law.approach(state, state[f"{name}.start_temperature"].item(), hold)
-        state[f"{name}.readiness"] = max(0.0, min(1.0, 2.0 - abs(error) / READY))
+        current, flux, error = law.approach(state, state[model.names.start_temperature].item(), hold)
+        state[model.names.readiness] = max(0.0, min(1.0, 2.0 - abs(error) / READY))
         return current, flux
 
     def _pressed(self, model: FluxModel, state: Record) -> bool:
         """Tell whether the finger is on the plate: by the measured force, else as the virtual contact says."""
         if model.force_from:
             return bool(abs(state[model.force_from][2].item()) > TOUCHED)
-        return math.isfinite(state[f"{model.params.desired_from}.resistance"].item())
+        return math.isfinite(state[model.names.resistance].item())
 
     def _begin(self, model: FluxModel, law: ModelLaw, course: Preview, state: Record) -> None:
         """Copy the model finger and object as they are after their first step, and run them ahead."""
-        name, heat = model.name, model.params.desired_from
+        heat = model.params.desired_from
         index = state[f"{heat}.object"].item()
         body = course.bodies[index]
         if body is None:
             return
         finger = state[f"{heat}.finger"]
-        above, below = state[f"{name}.preview_finger"], state[f"{name}.preview_object"]
+        above, below = state[model.names.preview_finger], state[model.names.preview_object]
         above[:] = finger
         below[:] = state[f"{heat}.objects"][index][: len(below)]
-        state[f"{name}.preview_index"] = index
-        future = state[f"{name}.future"]
-        future[0] = state[f"{heat}.desired"].item()
+        state[model.names.preview_index] = index
+        future = state[model.names.future]
+        future[0] = state[model.names.desired].item()
         run_ahead(course.finger, above, body, below, course.resistance, future, 1, law.ahead)
         law.place(state, course.into @ finger[: course.into.shape[1]])
 
     def _continue(self, model: FluxModel, law: ModelLaw, course: Preview, state: Record, ticks: int, hold: int) -> None:
-        name = model.name
-        body = course.bodies[state[f"{name}.preview_index"].item()]
+        body = course.bodies[state[model.names.preview_index].item()]
         if body is not None:
-            above, below = state[f"{name}.preview_finger"], state[f"{name}.preview_object"]
+            above, below = state[model.names.preview_finger], state[model.names.preview_object]
             first = ticks - hold + law.ahead + 1
-            run_ahead(course.finger, above, body, below, course.resistance, state[f"{name}.future"], first, hold)
+            run_ahead(course.finger, above, body, below, course.resistance, state[model.names.future], first, hold)
 
     def _want(self, model: FluxModel, law: ModelLaw, state: Record, ticks: int) -> None:
         """Fill the plan's desired flux."""
-        desired = state[f"{model.params.desired_from}.desired"].item()
-        look_ahead(state[f"{model.name}.future"], ticks, law.offsets, desired, state[f"{model.name}.wanted"])
+        desired = state[model.names.desired].item()
+        look_ahead(state[model.names.future], ticks, law.offsets, desired, state[model.names.wanted])
 
     def _approach(self, model: FluxModel, state: Record, plate: float) -> float:
         """Return the flux that brings the plate to its start temperature."""

@@ -134,9 +134,7 @@ def plan(
         current = queue[step]
         pump = (seebeck * back * current - 0.5 * current * current * ohmic - legs * (hot - back)) / c[at.O_AREA]
         pump += theta[at.FLUX]
-        flux = ahead(
-            c, tissue, plate, above, below, flux, pump, contact, gf, gp, tissue_self, plate_self, rest
-        )
+        flux = ahead(c, tissue, plate, above, below, flux, pump, contact, gf, gp, tissue_self, plate_self, rest)
         back = c[at.O_REFERENCE]
         for i in range(m):
             back += plate[P_BACK, i] * below[i]
@@ -145,9 +143,7 @@ def plan(
         pump = 0.0
         for hat in range(HATS):
             pump += last[hat] * _hat(hat, i + 0.5)
-        flux = ahead(
-            c, tissue, plate, above, below, flux, pump, contact, gf, gp, tissue_self, plate_self, rest
-        )
+        flux = ahead(c, tissue, plate, above, below, flux, pump, contact, gf, gp, tissue_self, plate_self, rest)
         work[HATS * HATS + HATS + i] = wanted[i] - flux
     for a in range(HATS):
         total = 0.0

@@ -62,9 +62,7 @@ def bound(case: Case, course: Course, display: DisplayParams, spread: float = 0.
     found = lsq_linear(rows[scored], ((wanted - free) * scale)[scored], (low, high), method="bvls", max_iter=200)
     left = (rows @ found.x - (wanted - free) * scale)[scored]
     faces = np.stack([skin - (1.0 + part) * resistance * wanted for part in (-spread, 0.0, spread)])
-    return Bound(
-        100.0 * float(np.sqrt(np.mean(left**2))), REFERENCE + float(found.x[0]), _limit(faces[:, scored])
-    )
+    return Bound(100.0 * float(np.sqrt(np.mean(left**2))), REFERENCE + float(found.x[0]), _limit(faces[:, scored]))
 
 
 def _limit(face: Array) -> str | None:

@@ -22,9 +22,14 @@ def corners(*, exact_finger: bool = False) -> tuple[Mismatch, ...]:
     for r, s, k, e, p, f, lag, offset in SIGNS:
         found.append(
             Mismatch(
-                contact_resistance=PART * r, seebeck=PART * s, conductance=PART * k, resistance=PART * e,
-                plate_effusivity=PART * p, finger_effusivity=0.0 if exact_finger else PART * f,
-                sensor_lag=PART * lag, plate_offset=OFFSET * offset,
+                contact_resistance=PART * r,
+                seebeck=PART * s,
+                conductance=PART * k,
+                resistance=PART * e,
+                plate_effusivity=PART * p,
+                finger_effusivity=0.0 if exact_finger else PART * f,
+                sensor_lag=PART * lag,
+                plate_offset=OFFSET * offset,
             )  # fmt: skip
         )
     return tuple(found)

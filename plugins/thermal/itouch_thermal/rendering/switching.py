@@ -52,9 +52,7 @@ def switching_time(display: DisplayParams, begin: float, end: float, *, seed: in
     twin, believed = DisplayTwin(display), replace(display, mismatch=Mismatch())
     state = Record.of(twin.fields())
     twin.reset(state, np.random.default_rng(seed))
-    law = ModelLaw(
-        believed, FINGER, CORE, 306.15, 2e-3, AMBIENT, PERIOD, band=BAND, ceiling=display.max_current
-    )
+    law = ModelLaw(believed, FINGER, CORE, 306.15, 2e-3, AMBIENT, PERIOD, band=BAND, ceiling=display.max_current)
     memory = Record.of(law.fields())
     law.reset(memory)
     reads, commands = ThermalDisplay.channels(display)
