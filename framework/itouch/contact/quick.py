@@ -45,6 +45,27 @@ def _walk(mesh: Mesh, first: int, q: Vector) -> tuple[int, Vector]:
 
 
 @inner
+def _follow_seeds(site: Floats, mesh: Mesh, x: Vector) -> None:
+    """Let each triangle in view give way to a neighbour that is nearer to ``x``, unless that is in view itself."""
+    first, end = at.SEED_FIRST, int(site[at.ENDS, at.END_SEEDS])
+    for s in range(first, end):
+        k, here = int(site[s, at.SEED_FRAME]), int(site[s, at.SEED_TRIANGLE])
+        q = to_local(site, k, x)
+        d = sub(q, nearest_of(mesh[0], mesh[1], here, q))
+        best = dot(d, d) * (1.0 - 1e-12)
+        for e in range(3):
+            t = int(mesh[1][here, NEIGHBOUR + e])
+            known = t < 0
+            for other in range(first, end):
+                known = known or (site[other, at.SEED_TRIANGLE] == t and site[other, at.SEED_FRAME] == k)
+            if not known:
+                d = sub(q, nearest_of(mesh[0], mesh[1], t, q))
+                if dot(d, d) < best:
+                    best = dot(d, d)
+                    site[s, at.SEED_TRIANGLE] = t
+
+
+@inner
 def _lead(site: Floats, mesh: Mesh, goal: Vector) -> int:
     """Return the row of the triangle in view that is nearest to the goal; -1 if none is."""
     best, lead = 1e300, -1
@@ -167,6 +188,7 @@ def quick(site: Floats, mesh: Mesh, p: Vector, goal: Vector) -> tuple[bool, Vect
             exact, x, foot = _guess(site, mesh, lead, p, goal)
         else:
             exact, x = False, add(x, solution[0])
+            _follow_seeds(site, mesh, x)
             if lead >= 0:
                 k = int(site[lead, at.SEED_FRAME])
                 foot = nearest_of(mesh[0], mesh[1], int(site[lead, at.SEED_TRIANGLE]), to_local(site, k, x))
