@@ -12,6 +12,7 @@ from functools import lru_cache
 import numpy as np
 
 from itouch_thermal.solver.stack import Array
+from itouch_thermal.solver.tall import product
 
 #: Exponents of time in the basis of the flux within a step.
 POWERS = (0.0, 1.0, 1.5, 2.0, 2.5, 3.0)
@@ -65,4 +66,5 @@ def _integrals(decay: Array, end: float) -> Array:
     u = np.sqrt(end) - left
     measure = (width * weights).ravel() * u
     fading = np.exp(-decay[:, None] * (left * (np.sqrt(end) + u)))
-    return np.stack([fading @ (measure * u ** (2.0 * p)) for p in POWERS])
+    basis = measure[:, None] * u[:, None] ** (2.0 * np.array(POWERS))
+    return product(fading, basis).T

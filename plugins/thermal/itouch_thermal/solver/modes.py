@@ -17,6 +17,7 @@ from numpy.polynomial import legendre
 
 from itouch_thermal.solver.layers import Back, Layer, Side
 from itouch_thermal.solver.stack import Array, Stack, imbalance, layer_stack
+from itouch_thermal.solver.tall import product, right_vectors, triangle
 from itouch_thermal.solver.trial import PANEL_POINTS, Span, quadrature, trial_span
 
 #: Ratio of neighbouring shifts; 1.6 gives about 1e-9 in the contact flux.
@@ -68,7 +69,7 @@ class Modes:
 
     def project(self, deviation: Array) -> Array:
         """Return the coordinates, shape (n,), of a field [K] given at ``depths``."""
-        return np.asarray(self.shapes.T @ (self.weights * deviation))
+        return product(self.weights * deviation, self.shapes)
 
     def row(self, depth: float) -> Array:
         """Return the mode values at a depth [m], shape (n,), interpolated within its panel."""
@@ -141,12 +142,12 @@ def _project(stack: Stack, shifts: Array, back_port: bool, drive: tuple[float, f
     gradient.append(np.sqrt(weight * stack.perfusion[index])[:, None] * span.values)
     if np.isfinite(stack.back):
         gradient.append(np.sqrt(stack.back) * span.back[None, :])
-    _, roots, rows = np.linalg.svd(np.concatenate(gradient), full_matrices=False)
+    roots, rows = right_vectors(np.concatenate(gradient))
     span = span.times(rows[::-1].T)
     depths = np.concatenate([x + face for x, face in zip(points, stack.faces, strict=False)])
     back = np.zeros_like(span.back) if stack.endless else span.back
-    blood = (weight * stack.perfusion[index]) @ span.values
-    content = mass @ span.values
+    blood = product(weight * stack.perfusion[index], span.values)
+    content = product(mass, span.values)
     found = (roots[::-1] ** 2, span.contact, back, content, blood, depths, mass, span.values, edges)
     for array in found:
         array.setflags(write=False)
@@ -155,9 +156,9 @@ def _project(stack: Stack, shifts: Array, back_port: bool, drive: tuple[float, f
 
 def _orthonormal(span: Span, mass: Array) -> Span:
     """Return an orthonormal basis of the span without its weakest directions; the second pass mends rounding."""
-    span = span.scaled(np.sqrt(np.maximum(mass @ span.values**2, 1e-300)))
+    span = span.scaled(np.sqrt(np.maximum(product(mass, span.values**2), 1e-300)))
     root = np.sqrt(mass)[:, None]
-    _, sizes, rows = np.linalg.svd(root * span.values, full_matrices=False)
+    sizes, rows = right_vectors(root * span.values)
     kept = sizes > _RANK * sizes[0]
     span = span.times(rows[kept].T / sizes[kept])
-    return span.times(np.linalg.inv(np.linalg.qr(root * span.values, mode="r")))
+    return span.times(np.asarray(np.linalg.inv(triangle(root * span.values))))
