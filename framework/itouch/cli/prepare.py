@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from itouch.session import Session
 
 #: A start that has not ended after this time [s] is a first one: later ones load what is compiled.
-_PATIENCE = 1.0
+_PATIENCE = 1.6
 _LONGEST = 120.0
 
 

@@ -7,7 +7,7 @@ import json
 import signal
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from itouch.cli.arguments import output_file, seconds
@@ -69,13 +69,13 @@ def _prepare(options: argparse.Namespace) -> Session:
 def _run(session: Session, options: argparse.Namespace, screen: Any) -> int:
     from itouch.loop import DeviceFaultError
 
-    stop = _Stop()
+    stop = _Stop(session)
     with stop:
         try:
             if options.duration is None and not session.scripted:
                 raise ItouchError("the scene has no scripted motion: say for how long to run, with --for 30s")
             session.enable()
-            session.run(options.duration, until=_until(session, stop, options.duration), each=screen.tick)
+            session.run(options.duration, each=screen.show, every=50)
         except DeviceFaultError:
             return 1
         finally:
@@ -86,16 +86,11 @@ def _run(session: Session, options: argparse.Namespace, screen: Any) -> int:
     return 0
 
 
-def _until(session: Session, stop: _Stop, duration: float | None) -> Callable[[], bool]:
-    if duration is not None:
-        return lambda: stop.signal != 0
-    return lambda: stop.signal != 0 or session.done
-
-
 class _Stop:
-    """Turns Ctrl-C, SIGTERM and SIGHUP into a flag that is looked at between ticks."""
+    """Lets Ctrl-C, SIGTERM and SIGHUP end the run between two ticks."""
 
-    def __init__(self) -> None:
+    def __init__(self, session: Session) -> None:
+        self._session = session
         self.signal = 0
         self._before: dict[int, Any] = {}
 
@@ -110,6 +105,7 @@ class _Stop:
 
     def _note(self, number: int, frame: object) -> None:
         self.signal = number
+        self._session.stop()
 
 
 def _write(session: Session, options: argparse.Namespace, report: dict[str, Any]) -> None:

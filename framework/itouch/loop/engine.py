@@ -57,6 +57,7 @@ class Engine:
         self._probe_index = {probe.name: probe.index for probe in model.probes}
         self.fault: DeviceFaultError | None = None
         self._enabled = False
+        self._stopping = False
         self.wall = 0.0  # host seconds spent running
         self.state["seed"] = seed
         self._reset(seed)
@@ -235,6 +236,7 @@ class Engine:
         *,
         until: Callable[[], bool] | None = None,
         each: Callable[[], None] | None = None,
+        every: int = 1,
     ) -> None:
         """Run for a time, or until the scripted motion ends.
 
@@ -244,8 +246,8 @@ class Engine:
             Simulated seconds; None: until the scripted motion has ended.
         until
             Asked after every tick; true ends the run.
-        each
-            Called after every tick, for progress; it must not change the State.
+        each, every
+            Called after every so many ticks, for progress; it must not change the State.
 
         Raises
         ------
@@ -265,23 +267,35 @@ class Engine:
         gc.collect()
         gc.disable()
         try:
-            self._loop(last, until, each)
+            self._loop(last, until, each, every)
         finally:
             self.wall += now() - begin
+            self._stopping = False
             if collecting:
                 gc.enable()
 
-    def _loop(self, last: int | None, until: Callable[[], bool] | None, each: Callable[[], None] | None) -> None:
-        real = self.clock.pace == "real"
-        while last is None or self._tick < last:
-            if last is None and until is None and self.done:
+    def stop(self) -> None:
+        """Ask the run that is under way to end after its tick; may be called from a signal handler."""
+        self._stopping = True
+
+    def _loop(
+        self, last: int | None, until: Callable[[], bool] | None, each: Callable[[], None] | None, every: int
+    ) -> None:
+        real, scripted = self.clock.pace == "real", last is None and until is None
+        tick, count = self._tick.item(), 0
+        while not self._stopping and (last is None or tick < last):
+            if scripted and self.done:
                 return
-            late = self.clock.wait()
+            late = self.clock.wait() if real else 0.0
             self.tick()
+            tick += 1
             if real:
                 self._watch_pace(late)
             if each is not None:
-                each()
+                count += 1
+                if count >= every:
+                    count = 0
+                    each()
             if until is not None and until():
                 return
 

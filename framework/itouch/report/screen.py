@@ -20,13 +20,9 @@ class Screen:
         self._live = stream.isatty()
         self._next = 0.0
         self._told = len(engine.ledger.contacts)
-        self._ticks = 0
 
-    def tick(self) -> None:
-        """Show progress; called after every tick, looks at the host's clock now and then."""
-        self._ticks += 1
-        if self._ticks % 50:
-            return
+    def show(self) -> None:
+        """Show progress; called every now and then."""
         if not self._live:
             self._new_contacts()
             return

@@ -5,6 +5,8 @@ Minimum-jerk paths: Flash and Hogan 1985.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,6 +39,7 @@ class Hand:
 
     def __init__(self, operator: Operator, name: str, state: Record, period: float) -> None:
         self.operator, self.path, self._period = operator, Path(operator), period
+        self._end = math.ceil(self.path.duration / period - 1e-9)
         self.ticks, self.offset = state[f"{name}.hand.ticks"], state[f"{name}.hand.offset"]
         self.motion: NDArray[np.float64] = state.flat(f"{name}.hand.position", f"{name}.hand.target")
 
@@ -49,7 +52,7 @@ class Hand:
     @property
     def done(self) -> bool:
         """Whether the scripted motion has ended."""
-        return bool(self.ticks.item() * self._period >= self.path.duration)
+        return bool(self.ticks.item() >= self._end)
 
     def lower(self, offset: float) -> None:
         """Move the hand's target towards a height above (or below) its path [m], as slowly as a person would."""
