@@ -29,7 +29,7 @@ def triangle(matrix: Array) -> Array:
 
 def right_vectors(matrix: Array) -> tuple[Array, Array]:
     """Return singular values, descending, and right singular vectors as rows of a tall matrix."""
-    _, sizes, rows = np.linalg.svd(triangle(matrix))
+    _, sizes, rows = np.linalg.svd(triangle(matrix), full_matrices=False)
     return sizes, rows
 
 
