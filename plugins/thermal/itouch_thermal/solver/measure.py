@@ -154,7 +154,7 @@ def _build_time(contact: Contact) -> float:
             cached.cache_clear()
         Stepper(contact, PERIOD)
 
-    return best_of(build, 3)
+    return best_of(build, 9)
 
 
 def _paper_rows(name: str, contact: Contact) -> Iterator[Row]:
