@@ -16,7 +16,6 @@ from numba import njit
 
 from itouch_thermal.solver.lanes import padded
 from itouch_thermal.solver.stack import Array
-from itouch_thermal.solver.tall import product
 
 #: Rates above this over the period are gone after one step.
 _GONE = 40.0
@@ -69,7 +68,7 @@ def close_loop(rates: Array, port: Array, level: float, resistance: float, perio
     _roots(poles, weights, resistance, roots, rows)
     norms = np.sqrt((rows**2).sum(axis=1))
     vectors = np.zeros((padded(count + len(still)), len(rates)))
-    vectors[:count, order] = product(rows / norms[:, None], mixing)
+    vectors[:count, order] = (rows / norms[:, None]) @ mixing
     vectors[count : count + len(still), order] = still
     decay, gain, heat = np.zeros((3, len(vectors)))
     decay[:count], gain[:count] = np.exp(-roots * period), 1.0 / norms

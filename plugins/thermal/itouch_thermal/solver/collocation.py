@@ -12,7 +12,6 @@ from functools import lru_cache
 import numpy as np
 
 from itouch_thermal.solver.stack import Array
-from itouch_thermal.solver.tall import product
 
 #: Exponents of time in the basis of the flux within a step.
 POWERS = (0.0, 1.0, 1.5, 2.0, 2.5, 3.0)
@@ -67,4 +66,4 @@ def _integrals(decay: Array, end: float) -> Array:
     measure = (width * weights).ravel() * u
     fading = np.exp(-decay[:, None] * (left * (np.sqrt(end) + u)))
     basis = measure[:, None] * u[:, None] ** (2.0 * np.array(POWERS))
-    return product(fading, basis).T
+    return np.asarray((fading @ basis).T)

@@ -15,9 +15,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.polynomial import legendre
 
+from itouch_thermal.solver.blas import one_thread
 from itouch_thermal.solver.layers import Back, Layer, Side
 from itouch_thermal.solver.stack import Array, Stack, imbalance, layer_stack
-from itouch_thermal.solver.tall import product, right_vectors, triangle
 from itouch_thermal.solver.trial import PANEL_POINTS, Span, quadrature, trial_span
 
 #: Ratio of neighbouring shifts; 1.6 gives about 1e-9 in the contact flux.
@@ -69,7 +69,7 @@ class Modes:
 
     def project(self, deviation: Array) -> Array:
         """Return the coordinates, shape (n,), of a field [K] given at ``depths``."""
-        return product(self.weights * deviation, self.shapes)
+        return np.asarray((self.weights * deviation) @ self.shapes)
 
     def row(self, depth: float) -> Array:
         """Return the mode values at a depth [m], shape (n,), interpolated within its panel."""
@@ -123,7 +123,8 @@ def layer_modes(
     drive: tuple[float, float] | None = None,
 ) -> Modes:
     """Return the modes of layers for rates from `SLOWEST` to ``fastest`` [1/s]; see `side_modes`."""
-    return _project(layer_stack(layers, back), _shifts(fastest), back_port, drive)
+    with one_thread():
+        return _project(layer_stack(layers, back), _shifts(fastest), back_port, drive)
 
 
 def _shifts(fastest: float) -> Array:
@@ -142,12 +143,12 @@ def _project(stack: Stack, shifts: Array, back_port: bool, drive: tuple[float, f
     gradient.append(np.sqrt(weight * stack.perfusion[index])[:, None] * span.values)
     if np.isfinite(stack.back):
         gradient.append(np.sqrt(stack.back) * span.back[None, :])
-    roots, rows = right_vectors(np.concatenate(gradient))
+    _, roots, rows = np.linalg.svd(np.concatenate(gradient), full_matrices=False)
     span = span.times(rows[::-1].T)
     depths = np.concatenate([x + face for x, face in zip(points, stack.faces, strict=False)])
     back = np.zeros_like(span.back) if stack.endless else span.back
-    blood = product(weight * stack.perfusion[index], span.values)
-    content = product(mass, span.values)
+    blood = (weight * stack.perfusion[index]) @ span.values
+    content = mass @ span.values
     found = (roots[::-1] ** 2, span.contact, back, content, blood, depths, mass, span.values, edges)
     for array in found:
         array.setflags(write=False)
@@ -156,9 +157,9 @@ def _project(stack: Stack, shifts: Array, back_port: bool, drive: tuple[float, f
 
 def _orthonormal(span: Span, mass: Array) -> Span:
     """Return an orthonormal basis of the span without its weakest directions; the second pass mends rounding."""
-    span = span.scaled(np.sqrt(np.maximum(product(mass, span.values**2), 1e-300)))
+    span = span.scaled(np.sqrt(np.maximum(mass @ span.values**2, 1e-300)))
     root = np.sqrt(mass)[:, None]
-    sizes, rows = right_vectors(root * span.values)
+    _, sizes, rows = np.linalg.svd(root * span.values, full_matrices=False)
     kept = sizes > _RANK * sizes[0]
     span = span.times(rows[kept].T / sizes[kept])
-    return span.times(np.asarray(np.linalg.inv(triangle(root * span.values))))
+    return span.times(np.asarray(np.linalg.inv(np.linalg.qr(root * span.values, mode="r"))))

@@ -14,6 +14,7 @@ from functools import lru_cache
 import numpy as np
 
 from itouch_thermal.solver import collocation
+from itouch_thermal.solver.blas import one_thread
 from itouch_thermal.solver.contour import Z
 from itouch_thermal.solver.lanes import padded
 from itouch_thermal.solver.layers import FINGER_FILM, ROOM, Film, Side
@@ -73,6 +74,11 @@ def _side_rows(modes: Modes, period: float) -> Array:
 
 def model_rows(rates: Array, port: Array, rise: Array, period: float) -> Array:
     """Return what follows the head of a model, flat, for rates [1/s], port and stationary rise of shape (size,)."""
+    with one_thread():
+        return _model_rows(rates, port, rise, period)
+
+
+def _model_rows(rates: Array, port: Array, rise: Array, period: float) -> Array:
     points = Z[:, None] / period
     kernel = port / (points + rates)
     gain = collocation.response(rates * period) * period

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from itouch_thermal.solver import live
+from itouch_thermal.solver.blas import one_thread
 from itouch_thermal.solver.closed import ClosedLoop, close_loop
 from itouch_thermal.solver.layers import Contact, Side, SideName
 from itouch_thermal.solver.modes import Modes, side_modes
@@ -154,7 +155,8 @@ class Stepper:
             if len(self._loops) >= _KEPT_LOOPS:
                 del self._loops[next(iter(self._loops))]
             pair = self._pair
-            self._loops[resistance] = close_loop(pair.rates, pair.port, pair.level, resistance, self.period)
+            with one_thread():
+                self._loops[resistance] = close_loop(pair.rates, pair.port, pair.level, resistance, self.period)
         return self._loops[resistance]
 
     def _enter(self, resistance: float) -> None:

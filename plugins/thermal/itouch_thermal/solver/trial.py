@@ -8,7 +8,6 @@ import numpy as np
 
 from itouch_thermal.solver.fields import waves
 from itouch_thermal.solver.stack import Array, Stack
-from itouch_thermal.solver.tall import product
 
 #: Gauss points per panel.
 PANEL_POINTS = 14
@@ -40,7 +39,7 @@ class Span:
 
     def times(self, matrix: Array) -> Span:
         """Return combinations of the functions, one per column of the matrix."""
-        return Span(*(product(part, matrix) for part in self._all()))
+        return Span(*(part @ matrix for part in self._all()))
 
     def _all(self) -> tuple[Array, Array, Array, Array]:
         return self.values, self.gradients, self.contact, self.back
