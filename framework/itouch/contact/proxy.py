@@ -62,7 +62,10 @@ class Proxy:
 
     def step(self, hip: ArrayLike) -> Floats:
         """Move the HIP (3,) [m]; returns the force on the operator (3,) [N]. The first step equals ``reset(hip)``."""
-        self._hip[:] = hip
+        place = np.asarray(hip, dtype=np.float64)
+        if place.shape != (3,):
+            raise ValueError(f"hip has shape {place.shape}; it must be (3,)")
+        self._hip[:] = place
         step(*self._arguments, self._hip, self.radius, 0.0, self._memory, self._result)
         return self._result[:3].copy()
 

@@ -81,7 +81,8 @@ def follow(
         k = int(at.FRAME_FIRST + at.ZERO)
         if put_object(site, k, world, poses, last, int(memory[at.MEMORY_CONTACTS]), radius):
             p = to_world(site, k, to_local_then(site, k, old))
-    put_near_objects(site, world, poses, last, old, radius, norm(sub(p, old)) + max(2.0 * norm(sub(hip, p)), near))
+    way = norm(sub(hip, p))
+    put_near_objects(site, world, poses, last, old, radius, norm(sub(p, old)) + way + max(way, near))
     recall(site, mesh, memory)
     rough = False
     for k in range(at.FRAME_FIRST, int(site[at.ENDS, at.END_FRAMES])):

@@ -23,6 +23,7 @@ from itouch.plugin.modality import Contact, ContactEvent, Modality, World, World
 from itouch.plugin.noise import gaussian
 from itouch.plugin.record import Field, Record
 from itouch.schema import ItouchError
+from itouch.schema.quantities import QuantityError, parse_quantity
 
 __all__ = [
     "HOLD",
@@ -37,6 +38,7 @@ __all__ = [
     "IdealTwin",
     "ItouchError",
     "Modality",
+    "QuantityError",
     "Record",
     "Safe",
     "Touch",
@@ -48,6 +50,7 @@ __all__ = [
     "gaussian",
     "heat_flux",
     "measured_wrench",
+    "parse_quantity",
     "pose",
     "pose_target",
     "poses",

@@ -12,8 +12,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from itouch.plugin import ItouchError
-from itouch.schema.quantities import parse_quantity
+from itouch.plugin import ItouchError, parse_quantity
 from itouch_thermal.display.params import DisplayParams, Mismatch
 from itouch_thermal.rendering.bound import bound
 from itouch_thermal.rendering.closedloop import GAINS, PERIOD, Case, Course, Run, desired_course, simulate

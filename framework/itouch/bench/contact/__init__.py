@@ -9,11 +9,15 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from itouch.bench.contact.measure import Row, closest_row, peer_row, proxy_rows, resident_mb
 from itouch.bench.contact.peers import PEERS
 from itouch.bench.contact.work import HEIGHT_FIELD_CELLS, Work, around, standard
 from itouch.contact import Proxy, Surface
+from itouch.schema import ItouchError
+
+Floats = NDArray[np.float64]
 
 FRICTION = (0.5, 0.3)
 
@@ -32,9 +36,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _works(options: argparse.Namespace) -> Iterator[Work]:
     if options.mesh is not None:
-        from itouch.contact.meshfile import read_mesh
-
-        vertices, faces = read_mesh(options.mesh).arrays()
+        vertices, faces = _read(options.mesh)
         yield around(options.mesh.name, vertices, faces, options.steps, options.speed)
         return
     for kind in options.surfaces:
@@ -42,10 +44,31 @@ def _works(options: argparse.Namespace) -> Iterator[Work]:
             yield standard(kind, size, options.steps, options.speed, 0.02)
 
 
+def _read(path: Path) -> tuple[Floats, Floats]:
+    """Return the triangles of a mesh file.
+
+    Raises
+    ------
+    ItouchError
+        If it is no mesh that can be read.
+    """
+    import trimesh
+
+    try:
+        mesh = trimesh.load_mesh(path, process=False)
+        vertices = np.ascontiguousarray(mesh.vertices, np.float64)
+        faces = np.ascontiguousarray(mesh.faces, np.float64)
+    except Exception as error:  # a reader of a stranger's file may raise anything
+        raise ItouchError(f"cannot read a mesh from '{path}': {error}") from error
+    if not len(faces) or not np.isfinite(vertices).all():
+        raise ItouchError(f"'{path}' holds no triangles, or coordinates that are no numbers")
+    return vertices, faces
+
+
 def _rows(work: Work, with_peers: bool) -> tuple[list[Row], list[str]]:
     """All rows of one work, and why peers are missing."""
     before, begin = resident_mb(), time.perf_counter()
-    surface = Surface(work.vertices, work.faces)
+    surface = Surface(work.vertices, work.faces, work.two_sided)
     built, after = (time.perf_counter() - begin) * 1e3, resident_mb()
     rows = [*proxy_rows(surface, work, FRICTION), *proxy_rows(surface, work, (0.0, 0.0))]
     rows.append(closest_row(surface, work, built, max(after - before, surface.memory_bytes / 1e6)))

@@ -88,10 +88,10 @@ def proxy_rows(surface: Surface, work: Work, friction: tuple[float, float]) -> l
         force_in_free_space=int((size[away >= work.radius] > 1e-9).sum()),
         error_p99_n=error,
     )
-    return [called, _looped(proxy, work, size, kind)]
+    return [called, *_looped(proxy, work, size, kind)]
 
 
-def _looped(proxy: Proxy, work: Work, size: Floats, kind: str) -> Row:
+def _looped(proxy: Proxy, work: Work, size: Floats, kind: str) -> list[Row]:
     chunks = [slice(i, i + CHUNK) for i in range(0, len(work.hips) - CHUNK, CHUNK)]
     best = np.full(len(chunks), np.inf)
     for turn in range(PASSES + 1):
@@ -102,8 +102,10 @@ def _looped(proxy: Proxy, work: Work, size: Floats, kind: str) -> Row:
             spent = (time.perf_counter() - begin) / CHUNK
             if turn > 0:
                 best[i] = min(best[i], spent)
-    touching = np.array([(size[chunk] > 0).all() for chunk in chunks])
-    return _row(f"itouch step in the compiled loop, in contact, {kind}", best[touching])
+    touching = np.array([(size[chunk] > 0).all() for chunk in chunks], dtype=bool)
+    if not touching.any():
+        return []
+    return [_row(f"itouch step in the compiled loop, in contact, {kind}", best[touching])]
 
 
 def peer_row(name: str, peer: Peer, work: Work, most: int) -> Row:

@@ -34,6 +34,7 @@ class Work:
     faces: Floats
     hips: Floats
     radius: float
+    two_sided: bool = False
 
 
 def height_field(cells: int) -> tuple[Floats, Floats]:
@@ -106,11 +107,15 @@ def standard(kind: str, size: str, steps: int, speed: float, radius: float) -> W
 
 
 def around(name: str, vertices: Floats, faces: Floats, steps: int, speed: float) -> Work:
-    """Path over any surface: what is nearest to a point that circles about it; lengths in proportion to its size."""
+    """Path over any surface: what is nearest to a point that circles about it; lengths in proportion to its size.
+
+    A surface that is no solid is touched from both sides, because the path goes round it.
+    """
     middle = (vertices.max(axis=0) + vertices.min(axis=0)) / 2
     size = float(np.linalg.norm(vertices.max(axis=0) - vertices.min(axis=0)))
     radius = 0.02 * size
     outside = middle + size * directions(steps, speed)
-    feet, away, _ = Surface(vertices, faces).closest(outside)
+    surface = Surface(vertices, faces)
+    feet, away, _ = surface.closest(outside)
     hips = feet + (outside - feet) / away[:, None] * (radius + size * depth(steps))[:, None]
-    return Work(name, vertices, faces, hips, radius)
+    return Work(name, vertices, faces, hips, radius, two_sided=not surface.is_solid)

@@ -1,0 +1,84 @@
+"""The hierarchy: every triangle in one leaf, every box and slab around what it holds."""
+
+import numpy as np
+import pytest
+from probing import Floats, box_mesh, grid, needle
+
+from itouch.bench.contact.work import height_field, icosphere
+from itouch.contact import Surface, bvh
+from itouch.contact.neighbours import NEIGHBOUR
+
+SOUP = np.random.default_rng(5).normal(size=(600, 3))
+MESHES = {
+    "one triangle": (np.eye(3), [[0, 1, 2]]),
+    "five triangles": (SOUP[:15], np.arange(15).reshape(5, 3)),
+    "soup": (SOUP, np.arange(600).reshape(200, 3)),
+    "points": (np.zeros((30, 3)), np.arange(30).reshape(10, 3)),
+    "the same triangle": (np.tile(np.eye(3), (50, 1)), np.arange(150).reshape(50, 3)),
+    "on one line": (np.arange(90)[:, None] * np.ones(3), np.arange(90).reshape(30, 3)),
+    "far away": (SOUP * 1e-3 + 1e4, np.arange(600).reshape(200, 3)),
+    "growing": (np.exp(np.arange(300))[:, None] ** 0.1 * SOUP[:300], np.arange(300).reshape(100, 3)),
+    "box": box_mesh(1, 2, 3),
+    "needle": needle(),
+    "grid": grid(17),
+    "sphere": icosphere(3),
+    "field": height_field(22),
+}
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_boxes_and_slabs_hold_what_is_below_them(name: str) -> None:
+    surface = Surface(*MESHES[name])
+    vertices, triangles, nodes = surface.tables
+    held = np.zeros(len(triangles), dtype=int)
+
+    def visit(node: int, above: list[Floats]) -> None:
+        for side in range(2):
+            part = nodes[node, bvh.CHILD_WIDTH * side : bvh.CHILD_WIDTH * (side + 1)].astype(float)
+            if part[0] == np.inf:
+                continue
+            ref, count = int(nodes[node, bvh.CHILD_REF + side]), int(nodes[node, bvh.CHILD_COUNT + side])
+            if count == 0:
+                assert ref > node
+                visit(ref, [*above, part])
+                continue
+            assert count <= bvh.LEAF
+            held[ref : ref + count] += 1
+            corners = vertices[triangles[ref : ref + count, :3]].reshape(-1, 3)
+            for box in [*above, part]:
+                levels = corners @ box[bvh.CHILD_NORMAL : bvh.CHILD_NORMAL + 3]
+                assert (corners >= box[:3]).all()
+                assert (corners <= box[3:6]).all()
+                slack = 1e-9 * np.abs(corners).max()
+                assert levels.min() >= box[bvh.CHILD_LOW] - slack
+                assert levels.max() <= box[bvh.CHILD_HIGH] + slack
+
+    visit(0, [])
+    assert (held == 1).all()
+    assert sorted(triangles[:, 3]) == list(range(len(triangles)))
+    given = np.asarray(MESHES[name][0])[np.asarray(MESHES[name][1])]
+    np.testing.assert_array_equal(vertices[triangles[:, :3]], given[triangles[:, 3]])
+
+
+@pytest.mark.parametrize("name", ["box", "needle", "grid", "sphere", "field", "soup"])
+def test_neighbours_share_an_edge_and_know_each_other(name: str) -> None:
+    _, triangles, _ = Surface(*MESHES[name]).tables
+    shared = 0
+    for t, row in enumerate(triangles):
+        for e in range(3):
+            other = row[NEIGHBOUR + e]
+            if other < 0:
+                continue
+            shared += 1
+            assert {row[e], row[(e + 1) % 3]} < set(triangles[other, :3])
+            assert t in triangles[other, NEIGHBOUR:]
+    assert shared == {"box": 36, "needle": 72, "soup": 0, "sphere": 3 * 1280}.get(name, shared)
+
+
+def test_a_deep_tree_stays_within_the_stack() -> None:
+    powers = 2.0 ** np.arange(-200, 200)
+    vertices = np.repeat(powers, 3)[:, None] * np.tile(np.eye(3), (400, 1))
+    surface = Surface(vertices, np.arange(1200).reshape(400, 3))
+    point, distance, face = surface.closest([1.0, 0.0, 0.0])
+    assert (distance, face) == (0.0, 200)
+    np.testing.assert_array_equal(point, [1, 0, 0])
