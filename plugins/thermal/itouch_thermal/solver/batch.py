@@ -19,10 +19,9 @@ from numba import njit
 from numpy.typing import ArrayLike
 
 from itouch_thermal.solver.casefile import check_times
-from itouch_thermal.solver.contour import Complex, Z
+from itouch_thermal.solver.contour import Complex
 from itouch_thermal.solver.exact import NO_DRIVE, start_numbers
-from itouch_thermal.solver.fields import waves
-from itouch_thermal.solver.laplace import NODES, combine, side_table
+from itouch_thermal.solver.laplace import NODES, combine, side_table, warmed_table
 from itouch_thermal.solver.layers import Contact, Side
 from itouch_thermal.solver.stack import Array, imbalance, stack_of
 from itouch_thermal.solver.stepper import Stepper
@@ -108,12 +107,11 @@ class _Tables:
             return NO_DRIVE
         key = (side.layers, side.back)
         if key not in self._drives:
-            points, shape = (Z / self._times[:, None]).ravel(), (len(self._times), NODES)
-            units = (waves(stack_of(side), points, arterial=1.0), waves(stack_of(side), points, back=1.0))
-            blood, back = (found.surface.reshape(shape) for found in units)
             if key not in self._shared:
-                return np.asarray(temperatures[0] * blood + temperatures[1] * back)
-            self._drives[key] = (blood, back)
+                return warmed_table(stack_of(side), temperatures, self._times)
+            units = ((1.0, 0.0), (0.0, 1.0))
+            one, other = (warmed_table(stack_of(side), unit, self._times) for unit in units)
+            self._drives[key] = (one, other)
         blood, back = self._drives[key]
         return np.asarray(temperatures[0] * blood + temperatures[1] * back)
 

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from itouch_thermal.solver.casefile import check_times
 from itouch_thermal.solver.contour import Complex, Z
 from itouch_thermal.solver.fields import Waves, waves
-from itouch_thermal.solver.laplace import NODES, STEP, combine, side_table
+from itouch_thermal.solver.laplace import NODES, STEP, combine, side_table, warmed_table
 from itouch_thermal.solver.layers import Contact, Side, SideName
 from itouch_thermal.solver.stack import Array, imbalance, stack_of
 from itouch_thermal.solver.steady import initial_profile
@@ -146,9 +146,8 @@ def start_numbers(contact: Contact) -> Array:
 
 def side_drive(side: Side, times: Array) -> Complex:
     """Return what blood and back do to the contact face of a uniform start, shape (times, NODES) or (0, NODES)."""
-    if imbalance(side) is None:
-        return NO_DRIVE
-    return np.asarray(side_waves(side, (Z / times[:, None]).ravel()).surface.reshape(len(times), NODES))
+    warmth = imbalance(side)
+    return NO_DRIVE if warmth is None else warmed_table(stack_of(side), warmth, times)
 
 
 def side_waves(side: Side, points: Complex) -> Waves:

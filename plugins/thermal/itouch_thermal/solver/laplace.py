@@ -82,6 +82,45 @@ def impedance_table(
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
+def drive_table(
+    resistance: Array,
+    conductivity: Array,
+    capacity: Array,
+    perfusion: Array,
+    back: float,
+    warmth: tuple[float, float],
+    times: Array,
+    table: Any,
+) -> None:
+    """Fill the open contact temperature [K] under steps of arterial and back temperature, shape (times, NODES)."""
+    last = len(resistance) - 1
+    for n in range(len(times)):
+        for k in range(NODES):
+            s = Z[k] / times[n]
+            echo, level, behind = 0.0j, 0.0j, 0.0j
+            for i in range(last, -1, -1):
+                square = s * capacity[i] + perfusion[i]
+                y = _root(conductivity[i] * square)
+                source = _over(complex(perfusion[i] * warmth[0], 0.0), square)
+                bounce, passing = 0.0j, complex(1.0, 0.0)
+                if i < last:
+                    near = y * (1.0 + echo)
+                    bounce, passing = _over(near - behind, near + behind), 2.0 * _over(behind, near + behind)
+                elif resistance[i] < np.inf:
+                    held = back == np.inf
+                    bounce = complex(-1.0, 0.0) if held else _over(y - back, y + back)
+                    passing = complex(2.0, 0.0) if held else 2.0 * _over(complex(back, 0.0), y + back)
+                    level = source if back == 0.0 else complex(warmth[1], 0.0)
+                else:
+                    level = source
+                fade = _fade(y, resistance[i])
+                echo = bounce * fade * fade
+                level = source + _over(fade * passing * (level - source), 1.0 - echo)
+                behind = y * (1.0 - echo)
+            table[n, k] = level
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
 def combine(
     finger: Any,
     body: Any,
@@ -126,4 +165,13 @@ def side_table(stack: Stack, times: Array) -> Complex:
     table = np.empty((len(times), NODES), dtype=np.complex128)
     resistance = stack.thickness / stack.conductivity
     impedance_table(resistance, stack.conductivity, stack.capacity, stack.perfusion, stack.back, times, table)
+    return table
+
+
+def warmed_table(stack: Stack, warmth: tuple[float, float], times: Array) -> Complex:
+    """Return the drive table of a side whose blood and back are warmer [K] than its start, shape (times, NODES)."""
+    table = np.empty((len(times), NODES), dtype=np.complex128)
+    resistance = stack.thickness / stack.conductivity
+    parts = (resistance, stack.conductivity, stack.capacity, stack.perfusion)
+    drive_table(*parts, stack.back, warmth, times, table)
     return table
