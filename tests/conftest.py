@@ -7,9 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-
-REPOSITORY = Path(__file__).parents[1]
-SCENES = REPOSITORY / "scenes"
+from shipped import SCENES
 
 
 @pytest.fixture

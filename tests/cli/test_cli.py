@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
-from conftest import SCENES
+from shipped import SCENES
 
 FIRST = str(SCENES / "first_touch.xml")
 

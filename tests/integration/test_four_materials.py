@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import SCENES
+from shipped import SCENES
 
 import itouch
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import SCENES
+from shipped import SCENES
 
 import itouch
 from itouch.loop import Status

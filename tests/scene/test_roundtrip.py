@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from conftest import SCENES
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from shipped import SCENES
 
 import itouch
 from itouch.plugin.discovery import Catalog
