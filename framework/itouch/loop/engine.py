@@ -59,6 +59,8 @@ class Engine:
         self._enabled = False
         self._stopping = False
         self.wall = 0.0  # host seconds spent running
+        #: Called with the number of a tick when it is over, also in the safe sequence; they must not change the State.
+        self.taps: list[Callable[[int], None]] = []
         self.state["seed"] = seed
         self._reset(seed)
         rehearse(model, self.state, self._all)
@@ -154,6 +156,8 @@ class Engine:
             raise
         self._tick[...] = tick + 1
         self.times.add(now() - begin)
+        for tap in self.taps:
+            tap(tick)
 
     def _work(self, tick: int) -> None:
         for runner in self._all:
@@ -217,6 +221,8 @@ class Engine:
                 if runner.twin is not None and runner.model.name != fault.device:
                     with contextlib.suppress(Exception):  # one fault is told; a second one must not stop the rest
                         runner.twin.read(runner.twin_state, runner.reading)
+            for tap in self.taps:
+                tap(int(self._tick) - 1)
 
     def _describe(self, fault: DeviceFaultError) -> dict[str, Any]:
         element = self.model.scene.device(fault.device)
