@@ -1,0 +1,41 @@
+"""The scene language: frozen descriptions in SI, one class an element; the fields are the grammar."""
+
+from itouch.scene.elements.document import Include, PluginPart
+from itouch.scene.elements.interaction import Interaction, Motion, Operator, Probe, To
+from itouch.scene.elements.materials import ContactMaterial, Material, Materials, Visual
+from itouch.scene.elements.objects import OBJECTS, Box, Capsule, Cylinder, Plane, Sphere, WorldElement
+from itouch.scene.elements.rates import Rates
+from itouch.scene.elements.rig import Calibration, DeviceElement, Devices, Limits, Mount
+from itouch.scene.elements.safety import Safety
+
+#: Format version that this program writes, and the newest that it reads.
+VERSION = "1.0"
+
+__all__ = [
+    "Box",
+    "Calibration",
+    "Capsule",
+    "ContactMaterial",
+    "Cylinder",
+    "DeviceElement",
+    "Devices",
+    "Include",
+    "Interaction",
+    "Limits",
+    "Material",
+    "Materials",
+    "Motion",
+    "Mount",
+    "OBJECTS",
+    "Operator",
+    "Plane",
+    "PluginPart",
+    "Probe",
+    "Rates",
+    "Safety",
+    "Sphere",
+    "To",
+    "VERSION",
+    "Visual",
+    "WorldElement",
+]

@@ -1,0 +1,82 @@
+"""What touches, and who moves it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from itouch.scene.elements.document import PluginPart
+from itouch.schema.fields import child, children, name, plugin_parts, quantity, ref, temperature
+
+
+@dataclass(frozen=True, slots=True)
+class Probe:
+    """What touches: a finger of a given radius bound to devices."""
+
+    TAG: ClassVar[str] = "probe"
+    name: str = name()
+    radius: float = quantity("m", low=0.0, high=0.1, default=0.008, doc="radius of the fingertip; 0 is a point")
+    pose_from: str = ref("device", reads=("pose",), doc="the device that tracks it")
+    force_to: str = ref("device", commands=("wrench",), default="", doc="the device that gives it contact forces")
+    surface_to: str = ref(
+        "device", reads=("pose",), commands=("pose_target",), default="", doc="the table that carries surfaces to it"
+    )
+    clearance: float = quantity(
+        "m", low=1e-3, high=0.05, default=0.005, doc="how far the plate stays below in free space"
+    )
+    plate_angle: float = quantity(
+        "rad",
+        low=0.0,
+        high=1.0,
+        default=0.4363323129985824,
+        doc="greatest angle between surface and plate that the plate renders",
+    )
+    near: float = quantity(
+        "m", low=1e-3, high=1.0, default=0.05, doc="distance at which an object counts as approached"
+    )
+    hand_damping: float = quantity(
+        "N*s/m", low=0.0, high=50, default=5.0, doc="damping that the hand is counted on for"
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class To:
+    """A target of the hand: go there in a time, on a minimum-jerk path, then hold."""
+
+    TAG: ClassVar[str] = "to"
+    pos: tuple[float, float, float] = quantity("m", size=3, low=-10, high=10, doc="target of the fingertip's centre")
+    in_: float = quantity("s", positive=True, high=3600, doc="duration of the movement")
+    hold: float = quantity("s", low=0.0, high=3600, default=0.0, doc="how long to stay there")
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """What the operator's hand does; the first target is where it starts."""
+
+    TAG: ClassVar[str] = "motion"
+    targets: tuple[To, ...] = children(To, doc="one after the other")
+
+
+@dataclass(frozen=True, slots=True)
+class Operator:
+    """The operator's twin: a fingertip mass on a hand spring that follows a motion."""
+
+    TAG: ClassVar[str] = "operator"
+    probe: str = ref("probe", doc="the probe that it moves")
+    mass: float = quantity("kg", low=1e-3, high=10, default=0.08, doc="moving mass of finger and hand")
+    stiffness: float = quantity("N/m", low=1.0, high=1e5, default=300.0, doc="stiffness of the hand")
+    damping: float = quantity("N*s/m", low=0.0, high=1e3, default=6.0, doc="damping of the hand")
+    skin_temperature: float = temperature(low=283.15, high=313.15, default=306.15, doc="of the fingertip at start")
+    pad_stiffness: float = quantity("N/m", low=10, high=1e5, default=1000.0, doc="of the finger pad against the plate")
+    pad_damping: float = quantity("N*s/m", low=0.0, high=100, default=2.0, doc="of the finger pad against the plate")
+    motion: Motion = child(Motion, default=Motion())
+
+
+@dataclass(frozen=True, slots=True)
+class Interaction:
+    """What touches, who moves it, and the modalities of plugins."""
+
+    TAG: ClassVar[str] = "interaction"
+    probes: tuple[Probe, ...] = children(Probe)
+    operators: tuple[Operator, ...] = children(Operator)
+    parts: tuple[PluginPart, ...] = plugin_parts(doc="modalities, <PLUGIN:MODALITY>")

@@ -1,0 +1,19 @@
+"""How fast the loop and the modalities run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from itouch.schema.fields import Spec, quantity
+
+
+@dataclass(frozen=True, slots=True)
+class Rates:
+    """Rates of the servo loop and, by name, of modalities; each must divide the servo rate."""
+
+    TAG: ClassVar[str] = "rates"
+    OPEN: ClassVar[str] = "modalities"
+    OPEN_SPEC: ClassVar[Spec] = Spec("quantity", "rate of a modality", "Hz", low=1e-3, high=4000)
+    servo: float = quantity("Hz", low=100, high=4000, default=1000.0, doc="rate of the servo loop")
+    modalities: tuple[tuple[str, float], ...] = ()
