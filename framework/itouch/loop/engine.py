@@ -5,9 +5,6 @@ The order of a tick is fixed: all reads, contact, events, modalities, safety, al
 
 from __future__ import annotations
 
-import contextlib
-import gc
-import math
 from collections.abc import Callable
 from types import TracebackType
 from typing import Any
@@ -15,18 +12,16 @@ from typing import Any
 import numpy as np
 
 from itouch.loop.clock import Clock, VirtualClock, now
+from itouch.loop.events import Events
 from itouch.loop.ledger import Ledger, TickTimes
+from itouch.loop.pacing import Pacing
 from itouch.loop.rehearsal import rehearse
 from itouch.loop.rig import ProbeRig
 from itouch.loop.runner import DeviceFaultError, Runner, Status
-from itouch.loop.safety import Trip
-from itouch.plugin import Contact, ContactEvent, DeviceError, Record
+from itouch.loop.safestop import SafeStop
+from itouch.plugin import DeviceError, Record
 from itouch.schema import ItouchError
 from itouch.world import Model, make_state
-from itouch.world.state import EVENTS
-
-#: How long [s] the devices get to reach their safe state after a fault.
-SAFE_TIME = 0.3
 
 
 class EngineError(ItouchError):
@@ -52,13 +47,11 @@ class Engine:
         self.scripted = any(hand.path.duration > 0 for hand in self._hands)
         self._modalities = [(m.instance, m.model, m.every) for m in model.modalities]
         self._tick, self._ready = self.state["tick"], self.state["ready"]
-        self._moves = any(Contact.MOVE in instance.hears for instance, _, _ in self._modalities)
-        self._events, self._count = self.state["events.table"], self.state["events.count"]
-        self._probe_index = {probe.name: probe.index for probe in model.probes}
+        self._events = Events(model, self.state, self._rigs, self._modalities)
+        self._safe_stop = SafeStop(model, self.state, self._all, self._rigs, self.ledger)
         self.fault: DeviceFaultError | None = None
         self._enabled = False
-        self._stopping = False
-        self.wall = 0.0  # host seconds spent running
+        self._pacing = Pacing(self)
         #: Called with the number of a tick when it is over, also in the safe sequence; they must not change the State.
         self.taps: list[Callable[[int], None]] = []
         self.state["seed"] = seed
@@ -86,6 +79,16 @@ class Engine:
     def seconds(self) -> float:
         """Simulated time [s]."""
         return int(self._tick) * self.model.period
+
+    @property
+    def ticks(self) -> int:
+        """How many ticks have been run since the start of the session."""
+        return int(self._tick.item())
+
+    @property
+    def wall(self) -> float:
+        """Host time spent running [s]."""
+        return self._pacing.wall
 
     @property
     def notices(self) -> tuple[str, ...]:
@@ -152,7 +155,7 @@ class Engine:
         try:
             self._work(tick)
         except DeviceFaultError as fault:
-            self._stop(fault)
+            self.make_safe(fault)
             raise
         self._tick[...] = tick + 1
         self.times.add(now() - begin)
@@ -164,7 +167,7 @@ class Engine:
             runner.read(tick)
         ready = bool(self._ready)
         for rig in self._rigs:
-            rig.touch(tick, self._tell, self._moves, ready)
+            rig.touch(tick, self._events.tell, self._events.moves, ready)
         for instance, model, every in self._modalities:
             if tick % every == 0:
                 instance.update(model, self.state, self.model.period * every)
@@ -183,58 +186,10 @@ class Engine:
         for runner in self._all:
             runner.step_twin()
 
-    def _tell(self, event: ContactEvent) -> None:
-        """Deliver an event within the tick, in declared order; remember it unless it is a MOVE."""
-        if event.kind is not Contact.MOVE:
-            count = int(self._count)
-            self._events[count % EVENTS] = (
-                event.kind, event.tick, self._probe_index[event.probe], event.object_index, event.point, event.normal,
-            )  # fmt: skip
-            self._count[...] = count + 1
-            for rig in self._rigs:
-                if rig.probe.name == event.probe:
-                    rig.log.hear(event) if event.kind is Contact.BEGIN else None
-        for instance, model, _ in self._modalities:
-            if event.kind in instance.hears:
-                instance.on_contact(event, model, self.state)
-        if event.kind is Contact.END:
-            for rig in self._rigs:
-                if rig.probe.name == event.probe:
-                    rig.log.hear(event)
-
-    def _stop(self, fault: DeviceFaultError) -> None:
-        """Make every device safe, then note the cause."""
+    def make_safe(self, fault: DeviceFaultError) -> None:
+        """Make every device safe because of a fault, and note it."""
         self.fault = fault
-        for runner in self._all:
-            if runner.model.name == fault.device:
-                runner.fault(fault.trip)
-            else:
-                runner.disable()
-        self.ledger.faults.append(self._describe(fault))
-        for _ in range(round(SAFE_TIME / self.model.period)):
-            for runner in self._all:
-                if runner.model.name != fault.device or runner.model.twin:
-                    runner.write(int(self._tick))
-            self._move(False)
-            self._tick += 1
-            for runner in self._all:
-                if runner.twin is not None and runner.model.name != fault.device:
-                    with contextlib.suppress(Exception):  # one fault is told; a second one must not stop the rest
-                        runner.twin.read(runner.twin_state, runner.reading)
-            for tap in self.taps:
-                tap(int(self._tick) - 1)
-
-    def _describe(self, fault: DeviceFaultError) -> dict[str, Any]:
-        element = self.model.scene.device(fault.device)
-        place = self.model.scene.places.of(element)
-        return {
-            "device": fault.device,
-            "tick": fault.tick,
-            "time_s": fault.tick * self.model.period,
-            "trip": fault.trip.name.lower().replace("_", "-"),
-            "cause": fault.cause,
-            "scene": str(place) if place else None,
-        }
+        self._safe_stop.carry_out(fault, self.taps)
 
     def run(
         self,
@@ -262,59 +217,13 @@ class Engine:
         DeviceFaultError
             If a device failed; all devices have been made safe.
         """
-        if seconds is not None and not (math.isfinite(seconds) and seconds >= 0.0):
-            raise ValueError(f"seconds = {seconds!r} must be a finite number, at least 0")
-        if seconds is None and until is None and not self.scripted:
-            raise ValueError("the scene has no scripted motion: say for how many seconds to run")
+        self._pacing.check(seconds, until)
         self._require_enabled()
-        last = int(self._tick) + round(seconds / self.model.period) if seconds is not None else None
-        self.clock.start(self.model.period)
-        collecting, begin = gc.isenabled(), now()
-        gc.collect()
-        gc.disable()
-        try:
-            self._loop(last, until, each, every)
-        finally:
-            self.wall += now() - begin
-            self._stopping = False
-            if collecting:
-                gc.enable()
+        self._pacing.run(seconds, until, each, every)
 
     def stop(self) -> None:
         """Ask the run that is under way to end after its tick; may be called from a signal handler."""
-        self._stopping = True
-
-    def _loop(
-        self, last: int | None, until: Callable[[], bool] | None, each: Callable[[], None] | None, every: int
-    ) -> None:
-        real, scripted = self.clock.pace == "real", last is None and until is None
-        tick, count = self._tick.item(), 0
-        while not self._stopping and (last is None or tick < last):
-            if scripted and self.done:
-                return
-            late = self.clock.wait() if real else 0.0
-            self.tick()
-            tick += 1
-            if real:
-                self._watch_pace(late)
-            if each is not None:
-                count += 1
-                if count >= every:
-                    count = 0
-                    each()
-            if until is not None and until():
-                return
-
-    def _watch_pace(self, late: float) -> None:
-        self.times.lateness.add(late)
-        if late <= self.model.period:
-            return
-        self.times.overruns += 1
-        if self.model.scene.safety.servo_overrun == "stop" and late > 20 * self.model.period and self._all:
-            cause = f"was {late * 1e3:.1f} ms late: the servo loop cannot keep up"
-            fault = DeviceFaultError(self._all[0].model.name, int(self._tick), Trip.OVERRUN, cause)
-            self._stop(fault)
-            raise fault
+        self._pacing.stop()
 
     def close(self) -> None:
         """Make every device safe and release it; the state stays readable."""
@@ -353,4 +262,4 @@ class Engine:
         """Return the report; see ``itouch.report`` for its keys."""
         from itouch.loop.summary import summary
 
-        return summary(self, [rig.log.entry(None) for rig in self._rigs if rig.log.open], self.wall)
+        return summary(self, [rig.log.entry(None) for rig in self._rigs if rig.log.open], self._pacing.wall)

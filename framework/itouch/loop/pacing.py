@@ -1,0 +1,102 @@
+"""The loop round the ticks: when the next one begins, when the run is over, what an overrun does."""
+
+from __future__ import annotations
+
+import gc
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from itouch.loop.clock import now
+from itouch.loop.runner import DeviceFaultError
+from itouch.loop.safety import Trip
+
+if TYPE_CHECKING:
+    from itouch.loop.engine import Engine
+
+#: With servo-overrun="stop", how many periods late is too late.
+HOPELESS = 20
+
+
+class Pacing:
+    """Runs one engine on its clock."""
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+        self._stopping = False
+        #: Host seconds spent running.
+        self.wall = 0.0
+
+    def stop(self) -> None:
+        """End the run that is under way after its tick; may be called from a signal handler."""
+        self._stopping = True
+
+    def run(
+        self,
+        seconds: float | None,
+        until: Callable[[], bool] | None,
+        each: Callable[[], None] | None,
+        every: int,
+    ) -> None:
+        """Run as ``Engine.run`` says; the garbage collector rests meanwhile."""
+        engine = self._engine
+        last = engine.ticks + round(seconds / engine.model.period) if seconds is not None else None
+        engine.clock.start(engine.model.period)
+        collecting, begin = gc.isenabled(), now()
+        gc.collect()
+        gc.disable()
+        try:
+            self._loop(last, until, each, every)
+        finally:
+            self.wall += now() - begin
+            self._stopping = False
+            if collecting:
+                gc.enable()
+
+    def check(self, seconds: float | None, until: Callable[[], bool] | None) -> None:
+        """Check what a run is asked for.
+
+        Raises
+        ------
+        ValueError
+            If there is neither a time nor a scripted motion.
+        """
+        if seconds is not None and not (math.isfinite(seconds) and seconds >= 0.0):
+            raise ValueError(f"seconds = {seconds!r} must be a finite number, at least 0")
+        if seconds is None and until is None and not self._engine.scripted:
+            raise ValueError("the scene has no scripted motion: say for how many seconds to run")
+
+    def _loop(
+        self, last: int | None, until: Callable[[], bool] | None, each: Callable[[], None] | None, every: int
+    ) -> None:
+        engine = self._engine
+        real, scripted = engine.clock.pace == "real", last is None and until is None
+        tick, count = engine.ticks, 0
+        while not self._stopping and (last is None or tick < last):
+            if scripted and engine.done:
+                return
+            late = engine.clock.wait() if real else 0.0
+            engine.tick()
+            tick += 1
+            if real:
+                self._watch_pace(late)
+            if each is not None:
+                count += 1
+                if count >= every:
+                    count = 0
+                    each()
+            if until is not None and until():
+                return
+
+    def _watch_pace(self, late: float) -> None:
+        engine = self._engine
+        engine.times.lateness.add(late)
+        if late <= engine.model.period:
+            return
+        engine.times.overruns += 1
+        stops = engine.model.scene.safety.servo_overrun == "stop"
+        if stops and late > HOPELESS * engine.model.period and engine.model.devices:
+            cause = f"was {late * 1e3:.1f} ms late: the servo loop cannot keep up"
+            fault = DeviceFaultError(next(iter(engine.model.devices)), engine.ticks, Trip.OVERRUN, cause)
+            engine.make_safe(fault)
+            raise fault
