@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, field, replace
-from typing import Any, Protocol
+from typing import Any
 
+from itouch.scene.constraints import broken_constraints
 from itouch.scene.elements import PluginPart
+from itouch.scene.extensions import Extensions, missing_part
 from itouch.scene.names import Names
+from itouch.scene.places import Places
 from itouch.scene.source import Attribute, Node
 from itouch.scene.values import ValueProblemError, parse_value
 from itouch.schema.diagnostics import Place, Problem, did_you_mean, nearest
@@ -17,48 +20,6 @@ PLUGIN_NAMESPACE = "urn:itouch:plugin:"
 
 #: Given for a field that could not be read; the problem is already told.
 BROKEN: Any = object()
-
-
-class Extensions(Protocol):
-    """Where the scene language can be extended: the plugins, as the binder sees them."""
-
-    @property
-    def plugin_names(self) -> Sequence[str]:
-        """Names of the installed plugins."""
-
-    def element_class(self, plugin: str, host: str, local: str) -> type | None:
-        """Return the dataclass of ``<plugin:local>`` inside ``host``, or None."""
-
-    def locals(self, plugin: str, host: str) -> Sequence[str]:
-        """Return the local names that a plugin offers inside ``host``."""
-
-    def failure(self, plugin: str) -> str:
-        """Return why an installed plugin can't be loaded, or an empty string."""
-
-
-@dataclass
-class Places:
-    """Where every bound element and attribute stands; kept apart from the frozen description."""
-
-    _elements: dict[int, tuple[Any, Place]] = field(default_factory=dict)
-    _attributes: dict[tuple[int, str], Place] = field(default_factory=dict)
-
-    def put(self, element: Any, place: Place, attributes: Mapping[str, Place]) -> None:
-        """Note an element's place, and those of its fields."""
-        self._elements[id(element)] = (element, place)  # the reference keeps the id from being used again
-        for name, spot in attributes.items():
-            self._attributes[(id(element), name)] = spot
-
-    def of(self, element: Any, name: str = "") -> Place | None:
-        """Return the place of an element's field, or of the element, or None if it came from no file."""
-        found = self._elements.get(id(element))
-        if found is None:
-            return None
-        return self._attributes.get((id(element), name), found[1])
-
-    def given(self, element: Any, name: str) -> bool:
-        """Tell whether the file gave a field, or its default holds."""
-        return (id(element), name) in self._attributes
 
 
 @dataclass
@@ -93,7 +54,7 @@ class Binder:
                 continue
             spots[name] = attribute.place
             values[name] = self._value(node, name, spec, attribute)
-        self._constraints(node, cls, attributes)
+        self.problems += broken_constraints(node, cls, attributes)
         if hasattr(cls, "OPEN"):
             values[cls.OPEN] = self._open(node, attributes, table, cls, spots)
         values.update(self._children(node, cls, table))
@@ -171,32 +132,6 @@ class Binder:
         else:
             self.names.refer(spec.target, renamed, attribute.place, self.section)
         return renamed
-
-    def _constraints(self, node: Node, cls: type, attributes: Mapping[str, Attribute]) -> None:
-        def given(group: Sequence[str]) -> list[str]:
-            return [xml_name(name) for name in group if xml_name(name) in attributes]
-
-        for group in constraint(cls, "EXCLUSIVE"):
-            found = given(group)
-            if len(found) > 1:
-                sentence = f"<{node.written}> takes only one of {_listed(found)}"
-                last = max((attributes[name].place for name in found), key=lambda place: (place.line, place.column))
-                self.problems.append(Problem("exclusive", sentence, last, "remove the others"))
-        for group in constraint(cls, "TOGETHER"):
-            found = given(group)
-            if found and len(found) < len(group):
-                missing = [xml_name(name) for name in group if xml_name(name) not in found]
-                sentence = f"<{node.written}> with '{found[0]}' also needs {_listed(missing)}"
-                self.problems.append(Problem("together", sentence, attributes[found[0]].place))
-        for group in constraint(cls, "ONE_OF"):
-            if not given(group):
-                names = [xml_name(name) for name in group]
-                sentence = f"<{node.written}> needs one of {_listed(names)}"
-                self.problems.append(Problem("one-of", sentence, node.place))
-        for name, other in constraint(cls, "REQUIRES"):
-            if given([name]) and not given([other]):
-                sentence = f"<{node.written}> with '{xml_name(name)}' also needs '{xml_name(other)}'"
-                self.problems.append(Problem("requires", sentence, attributes[xml_name(name)].place))
 
     def _open(
         self,
@@ -283,7 +218,7 @@ class Binder:
         plugin = node.namespace.removeprefix(PLUGIN_NAMESPACE)
         cls = self.extensions.element_class(plugin, host.tag, node.tag)
         if cls is None:
-            problem = self._plugin_problem(host, node, plugin)
+            problem = missing_part(self.extensions, host, node, plugin)
             optional = host.attributes.get("optional")
             if host.tag == "device" and optional is not None and optional.value in ("true", "yes", "1"):
                 problem = replace(problem, severity="warning")
@@ -304,20 +239,6 @@ class Binder:
         self.names.define(node.tag, name, given.place if given else node.place, "modality")
         return name
 
-    def _plugin_problem(self, host: Node, node: Node, plugin: str) -> Problem:
-        if failure := self.extensions.failure(plugin):
-            return Problem("plugin-failed", failure, node.place, "`itouch-py devices` shows the whole reason")
-        if plugin not in self.extensions.plugin_names:
-            advice = did_you_mean(plugin, self.extensions.plugin_names, "installed plugins are")
-            advice += f"; else install the distribution that offers it, for example `pip install itouch-{plugin}`"
-            return Problem("unknown-plugin", f"there is no plugin named '{plugin}'", node.place, advice)
-        names = [f"{plugin}:{local}" for local in self.extensions.locals(plugin, host.tag)]
-        advice = (
-            did_you_mean(f"{plugin}:{node.tag}", names, "it offers") or f"it offers nothing inside <{host.written}>"
-        )
-        sentence = f"plugin '{plugin}' has no element <{node.written}> inside <{host.written}>"
-        return Problem("unknown-element", sentence, node.place, advice)
-
     def _unknown_element(self, node: Node, child: Node, known: list[str], parts: bool) -> None:
         sentence = f"<{node.written}> has no element <{child.written}>"
         advice = did_you_mean(child.tag, known, "its elements are")
@@ -326,11 +247,6 @@ class Binder:
         elif child.namespace and not self._same_namespace(node, child):
             advice = f"the namespace '{child.namespace}' is not one of a plugin ({PLUGIN_NAMESPACE}NAME)"
         self.problems.append(Problem("unknown-element", sentence, child.place, advice or "remove it"))
-
-
-def _listed(names: Sequence[str]) -> str:
-    quoted = [f"'{name}'" for name in names]
-    return " and ".join(quoted) if len(quoted) < 3 else ", ".join(quoted[:-1]) + f" and {quoted[-1]}"
 
 
 def _short(text: str, width: int = 40) -> str:

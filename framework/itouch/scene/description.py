@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from itouch.scene.binding import Places
 from itouch.scene.elements import (
     VERSION,
     DeviceElement,
@@ -17,6 +16,7 @@ from itouch.scene.elements import (
     Safety,
     WorldElement,
 )
+from itouch.scene.places import Places
 
 
 @dataclass(frozen=True, slots=True)

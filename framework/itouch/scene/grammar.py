@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from itouch.scene import elements
-from itouch.scene.binding import Extensions
+from itouch.scene.extensions import Extensions
 from itouch.schema.fields import REQUIRED, Spec, default_of, specs, tag_of, xml_name
 from itouch.schema.quantities import describe, format_quantity
 

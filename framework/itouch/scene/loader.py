@@ -8,10 +8,12 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from itouch.scene import elements
-from itouch.scene.binding import Binder, Extensions, Places
+from itouch.scene.binding import Binder
 from itouch.scene.description import Scene
 from itouch.scene.documents import Document, DocumentReader
+from itouch.scene.extensions import Extensions
 from itouch.scene.names import Names, defined_names
+from itouch.scene.places import Places
 from itouch.scene.source import Node
 from itouch.schema.diagnostics import Problem, SceneError, did_you_mean
 from itouch.schema.fields import tag_of

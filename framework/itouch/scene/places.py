@@ -1,0 +1,34 @@
+"""Where every element and attribute of a scene was written; kept apart from the frozen description."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from itouch.schema.diagnostics import Place
+
+
+@dataclass
+class Places:
+    """Where every bound element and attribute stands; kept apart from the frozen description."""
+
+    _elements: dict[int, tuple[Any, Place]] = field(default_factory=dict)
+    _attributes: dict[tuple[int, str], Place] = field(default_factory=dict)
+
+    def put(self, element: Any, place: Place, attributes: Mapping[str, Place]) -> None:
+        """Note an element's place, and those of its fields."""
+        self._elements[id(element)] = (element, place)  # the reference keeps the id from being used again
+        for name, spot in attributes.items():
+            self._attributes[(id(element), name)] = spot
+
+    def of(self, element: Any, name: str = "") -> Place | None:
+        """Return the place of an element's field, or of the element, or None if it came from no file."""
+        found = self._elements.get(id(element))
+        if found is None:
+            return None
+        return self._attributes.get((id(element), name), found[1])
+
+    def given(self, element: Any, name: str) -> bool:
+        """Tell whether the file gave a field, or its default holds."""
+        return (id(element), name) in self._attributes
