@@ -53,6 +53,7 @@ class Model:
     period: float
     objects: tuple[str, ...]
     poses: NDArray[np.float64]
+    shapes: tuple[Shape, ...]
     geometry: Geometry
     devices: Mapping[str, DeviceModel]
     probes: tuple[ProbeModel, ...]
@@ -95,7 +96,7 @@ def compile_scene(scene: Scene, catalog: Catalog) -> tuple[Model | None, list[Pr
         return None, problems
     poses.setflags(write=False)
     model = Model(
-        scene, period, tuple(o.name for o in scene.objects), poses, Geometry.build(shapes, surfaces), devices,
+        scene, period, tuple(o.name for o in scene.objects), poses, tuple(shapes), Geometry.build(shapes, surfaces), devices,
         tuple(probes), tuple(modalities), tuple(notices), layout.MEMORY_POSES + 7 * len(shapes), layout.RESULT_SIZE,
     )  # fmt: skip
     return model, problems
