@@ -26,6 +26,7 @@ from itouch.contact.vectors import Floats, Vector, add, along, dot, norm, sub
 MAX_MOVES = 64
 MAX_CUTS = 24
 RELATIVE, ABSOLUTE = 1e-10, 1e-13  # a shorter move ends the search; of the distance to the goal, and [m]
+ROUNDED = 1e-2  # and of the gap that counts as contact
 Slid = tuple[Vector, Solution]
 
 
@@ -70,7 +71,9 @@ def creep(site: Floats, mesh: Mesh | None, start: Vector, goal: Vector) -> Slid:
     p = start
     count = int(ZERO)
     solution: Solution = ((0.0, 0.0, 0.0), -1, -1, -1, True)
-    jumped = mesh is not None
+    jumped, fine = mesh is not None, ABSOLUTE
+    if mesh is not None:  # directions away from a triangle are only as exact as rounding over the reach
+        fine += ROUNDED * site[at.ENDS, at.END_TOUCH]
     for move in range(MAX_MOVES):
         to_goal = sub(goal, p)
         length = norm(to_goal)
@@ -81,6 +84,8 @@ def creep(site: Floats, mesh: Mesh | None, start: Vector, goal: Vector) -> Slid:
         count = gather(site, mesh, p, 2.0 * length + ABSOLUTE)
         solution = nearest_allowed(site, count, to_goal)
         y = solution[0]
+        if solution[1] >= 0 and norm(y) <= RELATIVE * length + fine:
+            break
         if mesh is not None:
             for i in range(MAX_CUTS):
                 count, free = cut(site, mesh, p, y, count)
@@ -95,7 +100,7 @@ def creep(site: Floats, mesh: Mesh | None, start: Vector, goal: Vector) -> Slid:
             break
         if solution[1] < 0:
             return goal, solution
-        if norm(y) <= RELATIVE * length + ABSOLUTE:
+        if norm(y) <= RELATIVE * length + fine:
             break
         if solution[2] < 0 and not jumped:
             jumped, exact = _onto_surface(site, count, solution[1], p, to_goal)
