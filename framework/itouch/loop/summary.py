@@ -4,8 +4,20 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from itouch.loop.timing import Timing
+
 if TYPE_CHECKING:
     from itouch.loop.engine import Engine
+
+
+def timing_report(times: Timing, real: bool) -> dict[str, Any]:
+    """Return what a tick is made of, and in real time what made it overrun, with histograms [us, us, count]."""
+    paced = {
+        "culprits": times.culprits(),
+        "skipped": times.skipped,
+        "histograms_us": {"lateness": times.histogram(0), "tick": times.histogram(1)},
+    }
+    return {"parts_us": times.split(), **(paced if real else {})}
 
 
 def summary(engine: Engine, open_contacts: list[dict[str, Any]], wall: float) -> dict[str, Any]:
@@ -35,7 +47,8 @@ def summary(engine: Engine, open_contacts: list[dict[str, Any]], wall: float) ->
             "ticks": int(engine.state["tick"]),
             "overruns": times.overruns if real else None,
             "tick_us": times.summary(),
-            "lateness_us": times.lateness.summary(1e6) if real else None,
+            "lateness_us": times.lateness() if real else None,
+            **timing_report(times, real),
         },
         "table": {"tracking_mm": tracking, "height_error_mm_max": ledger.height_error * 1e3},
         "devices": {
@@ -47,6 +60,7 @@ def summary(engine: Engine, open_contacts: list[dict[str, Any]], wall: float) ->
             for name in model.devices
         },
         "notices": list(model.notices),
+        "modalities": {m.name: m.instance.report(m.model, engine.state) for m in model.modalities},
         "contacts": [*ledger.contacts, *open_contacts],
         "faults": list(ledger.faults),
     }

@@ -2,6 +2,7 @@
 
 from itouch import schema
 from itouch.plugin import poses
+from itouch.plugin.bases import building, kept
 from itouch.plugin.channel import (
     HOLD,
     RETRACT,
@@ -19,9 +20,10 @@ from itouch.plugin.channel import (
 )
 from itouch.plugin.device import Device, DeviceError, Touch, Twin
 from itouch.plugin.ideal import IdealTwin
-from itouch.plugin.modality import Contact, ContactEvent, Modality, World, WorldDevice, WorldObject
+from itouch.plugin.modality import Contact, ContactEvent, Modality, ParameterError, World, WorldDevice, WorldObject
 from itouch.plugin.noise import gaussian
 from itouch.plugin.record import Field, Record
+from itouch.plugin.trace import Trace, read_trace
 from itouch.schema import ItouchError
 from itouch.schema.quantities import QuantityError, parse_quantity
 
@@ -38,22 +40,27 @@ __all__ = [
     "IdealTwin",
     "ItouchError",
     "Modality",
+    "ParameterError",
     "QuantityError",
     "Record",
     "Safe",
     "Touch",
+    "Trace",
     "Twin",
     "World",
     "WorldDevice",
     "WorldObject",
+    "building",
     "current",
     "gaussian",
     "heat_flux",
+    "kept",
     "measured_wrench",
     "parse_quantity",
     "pose",
     "pose_target",
     "poses",
+    "read_trace",
     "schema",
     "temperature",
     "twist",

@@ -74,7 +74,8 @@ class World:
     """What a modality may know of the scene when it is compiled.
 
     ``ambient`` is the room's temperature [K], ``skin_temperature`` [K] the operator twin's, if there is one;
-    ``period`` [s] is that of the modality's own updates, ``servo_period`` [s] that of a tick.
+    ``period`` [s] is that of the modality's own updates, ``servo_period`` [s] that of a tick; ``folder`` is that of the
+    scene's file, which files named in it are relative to.
     """
 
     objects: tuple[WorldObject, ...]
@@ -85,6 +86,15 @@ class World:
     ambient: float
     skin_temperature: float
     servo_period: float = 1e-3
+    folder: str = "."
+
+
+class ParameterError(ValueError):
+    """A parameter that cannot work; ``field`` names it, so that the problem points at its attribute."""
+
+    def __init__(self, field: str, message: str) -> None:
+        super().__init__(message)
+        self.field = field
 
 
 class Modality(ABC):
@@ -108,8 +118,13 @@ class Modality(ABC):
         Raises
         ------
         ValueError
-            If the parameters cannot work together; the message becomes a problem at the element's place.
+            If the parameters cannot work together; the message becomes a problem at the element's place, that of a
+            `ParameterError` at the attribute's.
         """
+
+    def notices(self, model: Any) -> tuple[str, ...]:
+        """Return what must be known before a run, one sentence each; shown by check and run, kept in the report."""
+        return ()
 
     def fields(self, model: Any) -> tuple[Field, ...]:
         """Return the State that the modality needs."""
@@ -134,4 +149,12 @@ class Modality(ABC):
         self, model: Any, state: Record, probe: str, object_index: int
     ) -> dict[str, float | str | bool | None]:
         """Return what the report shall say of the contact that has just ended, or is still open."""
+        return {}
+
+    def status(self, model: Any, state: Record) -> str:
+        """Return the few words that the live line shows of it, such as ``plate 60 %``; empty: nothing."""
+        return ""
+
+    def report(self, model: Any, state: Record) -> dict[str, Any]:
+        """Return what the report shall say of the whole run, as plain data for JSON; empty: nothing."""
         return {}

@@ -42,15 +42,14 @@ class Screen:
             if index < 0 <= near:
                 where = f"near {engine.model.objects[near]}"
             parts.append(f"{probe.name} {where:<18}")
-        for name in ("heat.desired",):
-            if name in engine.state:
-                parts.append(f"desired {float(engine.state[name]):7.0f} W/m2")
+        told = (m.instance.status(m.model, engine.state) for m in engine.model.modalities)
+        parts += [words for words in told if words]
         times = engine.times.summary()
         if times["p99"] is not None:
             parts.append(f"tick p99 {times['p99']:.0f} us")
         if engine.clock.pace == "real":
-            late = engine.times.lateness.percentile(99) or 0.0
-            parts.append(f"late p99 {late * 1e6:.0f} us, {engine.times.overruns} overruns")
+            late = engine.times.lateness()["p99"] or 0.0
+            parts.append(f"late p99 {late:.0f} us, {engine.times.overruns} overruns")
         if not engine.state["ready"]:
             parts.append("calibrating")
         return "  ".join(parts)

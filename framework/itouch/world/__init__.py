@@ -1,6 +1,7 @@
 """Scene -> Model (read-only arrays) and State (one record)."""
 
-from itouch.world.model import ModalityModel, Model, ProbeModel, compile_scene
+from itouch.world.modalities import ModalityModel
+from itouch.world.model import Model, ProbeModel, compile_scene
 from itouch.world.rig import DeviceModel
 from itouch.world.state import layout, make_state
 

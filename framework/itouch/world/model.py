@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.contact import Box, Capsule, Cylinder, Friction, Geometry, Plane, Shape, Sphere, layout
-from itouch.plugin import Modality, World, WorldDevice, WorldObject
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene, elements
-from itouch.scene.elements import Operator, PluginPart, Probe
+from itouch.scene.elements import Operator, Probe
 from itouch.schema import Problem, SceneError
 from itouch.world.bindings import check_bindings, check_reach, check_writers
 from itouch.world.coupling import Coupling, couplings
 from itouch.world.limits import check_safety
+from itouch.world.modalities import ModalityModel, build_modalities, notices_of
 from itouch.world.rig import DeviceModel, build_devices, orientation
 
 
@@ -31,18 +31,6 @@ class ProbeModel:
     operator: Operator | None
     coupling: tuple[Coupling, ...]
     face: str
-
-
-@dataclass(frozen=True, slots=True)
-class ModalityModel:
-    """A modality, its read-only model, and every how many ticks it is updated."""
-
-    name: str
-    plugin: str
-    instance: Modality
-    model: Any
-    every: int
-    commands: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,8 +77,8 @@ def compile_scene(scene: Scene, catalog: Catalog) -> tuple[Model | None, list[Pr
     poses = _poses(scene, problems)
     probes = _probes(scene, devices, notices, problems)
     period = 1.0 / scene.rates.servo
-    world = _world(scene, devices, period)
-    modalities = _modalities(scene, catalog, world, problems)
+    modalities = build_modalities(scene, catalog, devices, period, problems)
+    notices += notices_of(modalities)
     problems += check_writers(scene, _writers(scene, modalities))
     if any(problem.severity == "error" for problem in problems):
         return None, problems
@@ -154,68 +142,6 @@ def _probes(
         face = next((d.name for d in devices.values() if d.carrier and d.carrier == probe.surface_to), probe.surface_to)
         found.append(ProbeModel(probe.name, index, probe, operator, coupling, face))
     return found
-
-
-def _world(scene: Scene, devices: Mapping[str, DeviceModel], period: float) -> World:
-    skin = next((operator.skin_temperature for operator in scene.operators), Operator(probe="x").skin_temperature)
-    return World(
-        objects=(),
-        devices={
-            d.name: WorldDevice(d.name, d.plugin, d.params, d.reads, d.commands, d.limits.table(), d.twin)
-            for d in devices.values()
-        },
-        probes={probe.name: probe.radius for probe in scene.probes},
-        modalities={part.name: part.params for part in scene.modalities},
-        period=period,
-        ambient=scene.world.temperature,
-        skin_temperature=skin,
-    )
-
-
-def _objects(scene: Scene, plugin: str) -> tuple[WorldObject, ...]:
-    found = []
-    for index, element in enumerate(scene.objects):
-        material = next((m for m in scene.materials if m.name == element.material), None)
-        part = next((p.params for p in material.parts if p.plugin == plugin), None) if material else None
-        temperature = scene.world.temperature if element.temperature is None else element.temperature
-        found.append(WorldObject(element.name, index, element.material, temperature, part))
-    return tuple(found)
-
-
-def _modalities(scene: Scene, catalog: Catalog, world: World, problems: list[Problem]) -> list[ModalityModel]:
-    rates = dict(scene.rates.modalities)
-    found = []
-    for part in scene.modalities:
-        every = _every(scene, part, rates.get(part.name, scene.rates.servo), problems)
-        cls = catalog.modality(part.plugin, part.local)
-        if cls is None:  # told while the scene was read
-            continue
-        instance = cls()
-        own = World(
-            _objects(scene, part.plugin), world.devices, world.probes, world.modalities, world.period * every,
-            world.ambient, world.skin_temperature, world.period,
-        )  # fmt: skip
-        try:
-            model = instance.compile(part.name, part.params, own)
-        except ValueError as error:
-            place = scene.places.of(part.params) or scene.places.of(part)
-            problems.append(Problem("modality", f"modality '{part.name}': {error}", place))
-            continue
-        found.append(ModalityModel(part.name, part.plugin, instance, model, every, instance.commands(model)))
-    return found
-
-
-def _every(scene: Scene, part: PluginPart, rate: float, problems: list[Problem]) -> int:
-    servo = scene.rates.servo
-    every = round(servo / rate) if rate <= servo else 0
-    if every >= 1 and abs(every * rate - servo) < 1e-9 * servo:
-        return every
-    divisors = [servo / n for n in range(1, 1001)]
-    best = min(divisors, key=lambda divisor: abs(divisor - rate))
-    sentence = f"the rate of '{part.name}', {rate:g} Hz, does not divide the servo rate of {servo:g} Hz"
-    place = scene.places.of(scene.rates, part.name)
-    problems.append(Problem("rate", sentence, place, f"the nearest that does is {best:g} Hz"))
-    return 1
 
 
 def _writers(scene: Scene, modalities: list[ModalityModel]) -> list[tuple[str, Any, str, str]]:

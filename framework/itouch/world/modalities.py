@@ -1,0 +1,142 @@
+"""The modalities of a scene: compiled with what they may know of it, each after those that it refers to."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from itouch.plugin import Modality, ParameterError, World, WorldDevice, WorldObject
+from itouch.plugin.discovery import Catalog
+from itouch.scene import Scene
+from itouch.scene.elements import Operator, PluginPart
+from itouch.schema import Problem
+from itouch.schema.fields import specs
+from itouch.world.rig import DeviceModel
+
+
+@dataclass(frozen=True, slots=True)
+class ModalityModel:
+    """A modality, its read-only model, and every how many ticks it is updated."""
+
+    name: str
+    plugin: str
+    instance: Modality
+    model: Any
+    every: int
+    commands: tuple[str, ...]
+
+
+def build_modalities(
+    scene: Scene, catalog: Catalog, devices: Mapping[str, DeviceModel], period: float, problems: list[Problem]
+) -> list[ModalityModel]:
+    """Return the modalities in the order of their updates; what is wrong becomes problems, and those are left out."""
+    world = _world(scene, devices, period)
+    rates = dict(scene.rates.modalities)
+    found = []
+    for part in _ordered(scene, problems):
+        every = _every(scene, part, rates.get(part.name, scene.rates.servo), problems)
+        cls = catalog.modality(part.plugin, part.local)
+        if cls is None or not _has_devices(scene, part, devices, problems):  # told while the scene was read
+            continue
+        instance = cls()
+        own = replace(world, objects=_objects(scene, part.plugin), period=period * every)
+        try:
+            model = instance.compile(part.name, part.params, own)
+        except ValueError as error:
+            field = error.field if isinstance(error, ParameterError) else ""
+            place = scene.places.of(part.params, field) or scene.places.of(part)
+            problems.append(Problem("modality", f"modality '{part.name}': {error}", place))
+            continue
+        found.append(ModalityModel(part.name, part.plugin, instance, model, every, instance.commands(model)))
+    return found
+
+
+def _has_devices(scene: Scene, part: PluginPart, devices: Mapping[str, DeviceModel], problems: list[Problem]) -> bool:
+    """Tell whether every device that a modality refers to could be built; only an optional one's lack is told here."""
+    for name, spec in specs(type(part.params)).items():
+        wanted = getattr(part.params, name) if spec.kind == "ref" and spec.target == "device" else ""
+        if not wanted or wanted in devices:
+            continue
+        if any(device.name == wanted and device.optional for device in scene.devices):
+            sentence = f"modality '{part.name}' is left out: its device '{wanted}' is missing"
+            place = scene.places.of(part.params, name)
+            problems.append(Problem("modality", sentence, place, severity="warning"))
+        return False
+    return True
+
+
+def _ordered(scene: Scene, problems: list[Problem]) -> list[PluginPart]:
+    """Return the modalities in file order, but each after those that it takes something from."""
+    parts = {part.name: part for part in scene.modalities}
+    found: list[PluginPart] = []
+    for part in scene.modalities:
+        _visit(scene, part, parts, found, (), problems)
+    return found
+
+
+def _visit(
+    scene: Scene,
+    part: PluginPart,
+    parts: Mapping[str, PluginPart],
+    found: list[PluginPart],
+    chain: tuple[str, ...],
+    problems: list[Problem],
+) -> None:
+    if any(part is other for other in found):
+        return
+    for name, spec in specs(type(part.params)).items():
+        wanted = getattr(part.params, name) if spec.kind == "ref" and spec.target == "modality" else ""
+        if wanted == part.name or wanted in chain:
+            sentence = f"modality '{part.name}' takes from '{wanted}', which takes from it in turn"
+            problems.append(Problem("modality-cycle", sentence, scene.places.of(part.params, name), "break the circle"))
+        elif wanted in parts:
+            _visit(scene, parts[wanted], parts, found, (*chain, part.name), problems)
+    found.append(part)
+
+
+def _world(scene: Scene, devices: Mapping[str, DeviceModel], period: float) -> World:
+    skin = next((operator.skin_temperature for operator in scene.operators), Operator(probe="x").skin_temperature)
+    return World(
+        objects=(),
+        devices={
+            d.name: WorldDevice(d.name, d.plugin, d.params, d.reads, d.commands, d.limits.table(), d.twin)
+            for d in devices.values()
+        },
+        probes={probe.name: probe.radius for probe in scene.probes},
+        modalities={part.name: part.params for part in scene.modalities},
+        period=period,
+        ambient=scene.world.temperature,
+        skin_temperature=skin,
+        servo_period=period,
+        folder=os.path.dirname(scene.source) or ".",
+    )
+
+
+def _objects(scene: Scene, plugin: str) -> tuple[WorldObject, ...]:
+    found = []
+    for index, element in enumerate(scene.objects):
+        material = next((m for m in scene.materials if m.name == element.material), None)
+        part = next((p.params for p in material.parts if p.plugin == plugin), None) if material else None
+        temperature = scene.world.temperature if element.temperature is None else element.temperature
+        found.append(WorldObject(element.name, index, element.material, temperature, part))
+    return tuple(found)
+
+
+def _every(scene: Scene, part: PluginPart, rate: float, problems: list[Problem]) -> int:
+    servo = scene.rates.servo
+    every = round(servo / rate) if rate <= servo else 0
+    if every >= 1 and abs(every * rate - servo) < 1e-9 * servo:
+        return every
+    divisors = [servo / n for n in range(1, 1001)]
+    best = min(divisors, key=lambda divisor: abs(divisor - rate))
+    sentence = f"the rate of '{part.name}', {rate:g} Hz, does not divide the servo rate of {servo:g} Hz"
+    place = scene.places.of(scene.rates, part.name)
+    problems.append(Problem("rate", sentence, place, f"the nearest that does is {best:g} Hz"))
+    return 1
+
+
+def notices_of(modalities: Sequence[ModalityModel]) -> list[str]:
+    """Return what the modalities want to be known before a run."""
+    return [f"{m.name}: {notice}" for m in modalities for notice in m.instance.notices(m.model)]
