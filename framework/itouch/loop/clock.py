@@ -32,7 +32,10 @@ class VirtualClock:
 
 
 class WallClock:
-    """Waits for absolute deadlines: sleeps, then spins through the last part."""
+    """Waits for absolute deadlines: sleeps, then spins through the last part.
+
+    What is late is caught up with; whoever does not want that calls ``start`` again.
+    """
 
     pace = "real"
     _SPIN = 60e-6
@@ -52,8 +55,6 @@ class WallClock:
         while (left := self._deadline - time.perf_counter()) > 0.0:
             if left > self._SPIN:
                 time.sleep(left - self._SPIN)
-        if -left > 1.0:  # suspended: do not try to make up for it
-            self._deadline += -left
         return -left
 
 

@@ -13,15 +13,19 @@ import numpy as np
 
 from itouch.loop.clock import Clock, VirtualClock, now
 from itouch.loop.events import Events
-from itouch.loop.ledger import Ledger, TickTimes
+from itouch.loop.ledger import Ledger
 from itouch.loop.pacing import Pacing
 from itouch.loop.rehearsal import rehearse
 from itouch.loop.rig import ProbeRig
 from itouch.loop.runner import DeviceFaultError, Runner, Status
 from itouch.loop.safestop import SafeStop
+from itouch.loop.timing import Timing
 from itouch.plugin import DeviceError, Record
 from itouch.schema import ItouchError
 from itouch.world import Model, make_state
+
+#: On a virtual clock every so many ticks are timed part by part; in real time all are.
+_SAMPLED = 16
 
 
 class EngineError(ItouchError):
@@ -38,7 +42,7 @@ class Engine:
     def __init__(self, model: Model, *, seed: int = 0, clock: Clock | None = None) -> None:
         self.model, self.clock = model, clock or VirtualClock()
         self.state: Record = make_state(model)
-        self.ledger, self.times = Ledger(), TickTimes()
+        self.ledger, self.times = Ledger(), Timing(_parts(model))
         self._runners = {name: Runner(device, self.state, model.period) for name, device in model.devices.items()}
         self._rigs = [ProbeRig(model, probe, self.state, self._runners, self.ledger) for probe in model.probes]
         self._all = list(self._runners.values())
@@ -52,6 +56,8 @@ class Engine:
         self.fault: DeviceFaultError | None = None
         self._enabled = False
         self._pacing = Pacing(self)
+        #: Host seconds at the begin of the last tick, after its parts if they were timed, and at its end.
+        self.stamps: list[float] = []
         #: Called with the number of a tick when it is over, also in the safe sequence; they must not change the State.
         self.taps: list[Callable[[int], None]] = []
         self.state["seed"] = seed
@@ -89,6 +95,10 @@ class Engine:
     def wall(self) -> float:
         """Host time spent running [s]."""
         return self._pacing.wall
+
+    @property
+    def _paced(self) -> bool:
+        return self.clock.pace == "real"
 
     @property
     def notices(self) -> tuple[str, ...]:
@@ -150,35 +160,51 @@ class Engine:
         """
         if not self._enabled:
             self._require_enabled()
-        begin = now()
-        tick = int(self._tick)
+        tick, stamps = int(self._tick), self.stamps
+        stamps.clear()
+        stamps.append(now())
+        mark = stamps.append if self._paced or not tick % _SAMPLED else None
         try:
-            self._work(tick)
+            self._work(tick, mark)
         except DeviceFaultError as fault:
             self.make_safe(fault)
             raise
         self._tick[...] = tick + 1
-        self.times.add(now() - begin)
+        if mark is None:
+            stamps.append(now())
+        self.times.add(stamps)
         for tap in self.taps:
             tap(tick)
 
-    def _work(self, tick: int) -> None:
+    def _work(self, tick: int, mark: Callable[[float], None] | None) -> None:
         for runner in self._all:
             runner.read(tick)
+            if mark:
+                mark(now())
         ready = bool(self._ready)
         for rig in self._rigs:
             rig.touch(tick, self._events.tell, self._events.moves, ready)
+        if mark:
+            mark(now())
         for instance, model, every in self._modalities:
             if tick % every == 0:
                 instance.update(model, self.state, self.model.period * every)
+            if mark:
+                mark(now())
         for rig in self._rigs:
             rig.command()
             rig.check(tick, ready)
+        if mark:
+            mark(now())
         for runner in self._all:
             runner.write(tick)
+            if mark:
+                mark(now())
         self._move(ready)
         if not ready and all(rig.ready for rig in self._rigs):
             self._ready[...] = 1
+        if mark:
+            mark(now())
 
     def _move(self, ready: bool) -> None:
         for rig in self._rigs:
@@ -263,3 +289,9 @@ class Engine:
         from itouch.loop.summary import summary
 
         return summary(self, [rig.log.entry(None) for rig in self._rigs if rig.log.open], self._pacing.wall)
+
+
+def _parts(model: Model) -> list[str]:
+    """Return the names of what a tick consists of, in order."""
+    reads, writes = ([f"{verb} {name}" for name in model.devices] for verb in ("read", "write"))
+    return [*reads, "contact", *(f"modality {m.name}" for m in model.modalities), "safety", *writes, "twins"]

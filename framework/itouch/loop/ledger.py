@@ -5,9 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 
 class Histogram:
     """Counts of positive numbers in bins of equal width: percentiles without keeping the numbers."""
@@ -90,26 +87,3 @@ class Ledger:
         self.contacts, self.faults = list(data["contacts"]), list(data["faults"])
         self.tracking.load(data["tracking"])
         self.height_error = float(data["height_error"])
-
-
-class TickTimes:
-    """How long ticks took: a ring of the last ones and the greatest; Timing, never State."""
-
-    def __init__(self, size: int = 1 << 16) -> None:
-        self._ring: NDArray[np.float64] = np.zeros(size)
-        self.count = 0
-        self.overruns = 0
-        self.lateness = Histogram(1e-6)
-
-    def add(self, seconds: float) -> None:
-        """Note one tick."""
-        self._ring[self.count % len(self._ring)] = seconds
-        self.count += 1
-
-    def summary(self) -> dict[str, float | None]:
-        """Return p50, p99 and max of the last ticks [us]."""
-        known = self._ring[: min(self.count, len(self._ring))]
-        if not len(known):
-            return {"p50": None, "p99": None, "max": None}
-        p50, p99 = np.percentile(known, [50, 99])
-        return {"p50": float(p50) * 1e6, "p99": float(p99) * 1e6, "max": float(known.max()) * 1e6}

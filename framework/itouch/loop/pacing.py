@@ -14,7 +14,7 @@ from itouch.loop.safety import Trip
 if TYPE_CHECKING:
     from itouch.loop.engine import Engine
 
-#: With servo-overrun="stop", how many periods late is too late.
+#: How many periods late is too late: with servo-overrun="stop" the run ends, else it goes on from now.
 HOPELESS = 20
 
 
@@ -90,13 +90,15 @@ class Pacing:
 
     def _watch_pace(self, late: float) -> None:
         engine = self._engine
-        engine.times.lateness.add(late)
-        if late <= engine.model.period:
+        culprit = engine.times.pace(late, engine.model.period, engine.stamps)
+        if culprit is None:
             return
-        engine.times.overruns += 1
         stops = engine.model.scene.safety.servo_overrun == "stop"
         if stops and late > HOPELESS * engine.model.period and engine.model.devices:
-            cause = f"was {late * 1e3:.1f} ms late: the servo loop cannot keep up"
+            cause = f"was {late * 1e3:.1f} ms late: the servo loop cannot keep up ({culprit})"
             fault = DeviceFaultError(next(iter(engine.model.devices)), engine.ticks, Trip.OVERRUN, cause)
             engine.make_safe(fault)
             raise fault
+        if late > HOPELESS * engine.model.period:  # a burst of ticks would not undo what was missed
+            engine.times.skip(round(late / engine.model.period))
+            engine.clock.start(engine.model.period)

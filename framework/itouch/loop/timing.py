@@ -1,0 +1,163 @@
+"""Timing: how late ticks began, how long they took, on what, and what made them overrun.
+
+It is a second record beside State, never in it, and nothing in a tick reads it.  Everything is counted in bins of
+equal ratio, so that hours need no more memory than seconds.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.plugin import Field, Record
+
+#: Bins an octave, least duration [s] that is told apart, and how many bins there are: up to some 16 s.
+PER_OCTAVE, LEAST, BINS = 16, 0.25e-6, 416
+#: Culprit of a tick that was woken late: the machine, not the loop.
+WAKE_UP = "wake-up"
+_SCALE = 1.0 / LEAST
+
+
+def edges() -> NDArray[np.float64]:
+    """Return the edges of the bins [s], shape (BINS + 1,); what is shorter than the first is in the first bin."""
+    return LEAST * 2.0 ** (np.arange(BINS + 1) / PER_OCTAVE)
+
+
+def percentile(counts: NDArray[Any], percent: float, greatest: float = math.inf) -> float | None:
+    """Return a percentile [s] of binned durations to within 2 %, or None if there are none."""
+    total = int(counts.sum())
+    if total == 0:
+        return None
+    rank = percent / 100 * total
+    below = np.cumsum(counts)
+    index = int(np.searchsorted(below, rank))
+    before = int(below[index - 1]) if index else 0
+    share = (rank - before) / int(counts[index])
+    return min(greatest, LEAST * 2.0 ** ((index + share) / PER_OCTAVE))
+
+
+def timing_fields(parts: int) -> tuple[Field, ...]:
+    """Return the fields of a Timing record for a tick of so many parts."""
+    return (
+        Field("ticks", "i8"),
+        Field("overruns", "i8"),
+        Field("skipped", "i8"),
+        Field("greatest", "f8", 2 + parts),
+        Field("culprits", "i8", 1 + parts),
+        Field("counts", "u4", (2 + parts, BINS)),
+    )
+
+
+class Timing:
+    """Counts ticks.
+
+    Attributes
+    ----------
+    parts
+        Names of the parts of a tick, in order: ``read DEVICE``, ``contact``, ``modality NAME``, ``safety``,
+        ``write DEVICE``, ``twins``.
+    record
+        The numbers; ``counts`` has lateness in row 0, whole ticks in row 1, then a row a part.
+    """
+
+    def __init__(self, parts: Sequence[str], record: Record | None = None) -> None:
+        self.parts = tuple(parts)
+        self.record = record if record is not None else Record.of(timing_fields(len(self.parts)))
+        self._counts = self.record["counts"]
+        self._greatest = self.record["greatest"]
+        self._worst = self._greatest.tolist()
+        self._ticks, self._overruns, self._skipped = (self.record[n] for n in ("ticks", "overruns", "skipped"))
+        self._culprit = -1  # of the overrun that the loop has not caught up with
+
+    @property
+    def ticks(self) -> int:
+        """How many ticks were timed."""
+        return int(self._ticks)
+
+    @property
+    def overruns(self) -> int:
+        """How many ticks ended after the next one was due."""
+        return int(self._overruns)
+
+    @property
+    def skipped(self) -> int:
+        """How many periods were given up after the loop had been held for too long."""
+        return int(self._skipped)
+
+    def _add(self, row: int, seconds: float) -> None:
+        index = int(math.log2(seconds * _SCALE) * PER_OCTAVE) if seconds > LEAST else 0
+        self._counts[row, index if index < BINS else BINS - 1] += 1
+        if seconds > self._worst[row]:
+            self._worst[row] = seconds
+            self._greatest[row] = seconds
+
+    def add(self, stamps: Sequence[float]) -> None:
+        """Note one tick; ``stamps`` [s] are taken at its begin, after each part (or none) and at its end."""
+        self._ticks += 1
+        self._add(1, stamps[-1] - stamps[0])
+        if len(stamps) > 2:
+            for row in range(len(stamps) - 1):
+                self._add(2 + row, stamps[row + 1] - stamps[row])
+
+    def pace(self, late: float, period: float, stamps: Sequence[float]) -> str | None:
+        """Note how late [s] a tick began in real time; return the culprit if it overran."""
+        self._add(0, max(late, 0.0))
+        work = stamps[-1] - stamps[0]
+        if late + work <= period:
+            self._culprit = -1
+            return None
+        if self._culprit < 0 or work > period:  # else it is still the backlog of an earlier culprit
+            self._culprit = self._blame(late, stamps)
+        self._overruns += 1
+        self.record["culprits"][self._culprit] += 1
+        return self.culprit_names[self._culprit]
+
+    def _blame(self, late: float, stamps: Sequence[float]) -> int:
+        shares = [after - before for before, after in zip(stamps, stamps[1:], strict=False)]
+        if late >= max(shares) or len(shares) != len(self.parts):
+            return 0
+        return 1 + shares.index(max(shares))
+
+    def skip(self, periods: int) -> None:
+        """Note that periods were given up."""
+        self._skipped += periods
+
+    @property
+    def culprit_names(self) -> tuple[str, ...]:
+        """Return what may be the culprit of an overrun, in the order of ``culprits``."""
+        return (WAKE_UP, *self.parts)
+
+    def figures(self, row: int) -> dict[str, float | None]:
+        """Return p50, p99, p99.9 and max of one row of ``counts`` [us]."""
+        counts, worst = self.record["counts"][row], float(self.record["greatest"][row])
+        named = (("p50", 50.0), ("p99", 99.0), ("p99.9", 99.9))
+        found = {name: percentile(counts, percent, worst) for name, percent in named}
+        found["max"] = worst if counts.any() else None
+        return {name: None if value is None else value * 1e6 for name, value in found.items()}
+
+    def summary(self) -> dict[str, float | None]:
+        """Return p50, p99, p99.9 and max of whole ticks [us]."""
+        return self.figures(1)
+
+    def lateness(self) -> dict[str, float | None]:
+        """Return p50, p99, p99.9 and max of how late ticks began [us]."""
+        return self.figures(0)
+
+    def split(self) -> dict[str, dict[str, float | None]]:
+        """Return p50, p99, p99.9 and max of each part of a tick [us]."""
+        return {name: self.figures(2 + index) for index, name in enumerate(self.parts)}
+
+    def culprits(self) -> dict[str, int]:
+        """Return how many overruns each part, or the wake-up, was the cause of."""
+        counts = self.record["culprits"].tolist()
+        return {name: count for name, count in zip(self.culprit_names, counts, strict=True) if count}
+
+    def histogram(self, row: int) -> list[list[float]]:
+        """Return the bins of one row that hold anything: lower edge [us], upper edge [us], count."""
+        counts, borders = self.record["counts"][row], edges() * 1e6
+        used = np.nonzero(counts)[0].tolist()
+        return [[round(float(borders[i]), 3), round(float(borders[i + 1]), 3), int(counts[i])] for i in used]
