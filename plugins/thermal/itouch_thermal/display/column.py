@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from itouch.plugin import building
 from itouch_thermal.solver.layers import Back, Initial, Layer, Side
 from itouch_thermal.solver.modes import Modes, layer_modes
 from itouch_thermal.solver.steady import initial_profile, resting_profile
@@ -50,11 +51,17 @@ def tissue_side(layers: Sequence[Layer], core: float, skin: float) -> Side:
     return Side(layers=tuple(layers), initial=start, back=Back(kind="temperature", temperature=core), arterial=core)
 
 
-@lru_cache(maxsize=32)
 def column(
     tissue: tuple[Layer, ...], core: float, skin: float, plate: tuple[Layer, ...], period: float, fastest: float
 ) -> Column:
     """Return the column for steps of ``period`` [s] with rates up to ``fastest`` [1/s]."""
+    build = _column if building() else _cached_column
+    return build(tissue, core, skin, plate, period, fastest)
+
+
+def _column(
+    tissue: tuple[Layer, ...], core: float, skin: float, plate: tuple[Layer, ...], period: float, fastest: float
+) -> Column:
     side = tissue_side(tissue, core, skin)
     above = layer_modes(side.layers, side.back, fastest)
     below = layer_modes(plate, Back(kind="insulated"), fastest, True)
@@ -70,6 +77,9 @@ def column(
     for array in (found.tissue, found.plate, found.rise, found.flat):
         array.setflags(write=False)
     return found
+
+
+_cached_column = lru_cache(maxsize=32)(_column)
 
 
 def ramp_weights(rates: Array, period: float) -> tuple[Array, Array]:

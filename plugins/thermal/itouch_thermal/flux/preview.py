@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from itouch.plugin import World
+from itouch.plugin import World, kept
 from itouch_thermal.display.column import REACH, Array, Column, tissue_side
 from itouch_thermal.flux.start import STEPS, Trial, start_temperature
 from itouch_thermal.heat import FINGER, HeatParams, finger_side, object_side
@@ -74,11 +74,7 @@ def preview(heat: HeatParams, world: World, trial: Trial, delay: int) -> Preview
     skins = [world.skin_temperature + step for step in (-SKIN_STEP, 0.0, SKIN_STEP)]
     starts: list[tuple[float, float, float] | None] = []
     for body in sides:
-        if body is None:
-            starts.append(None)
-            continue
-        low, middle, high = (_start(layers, heat, body, skin, world.servo_period, trial, delay) for skin in skins)
-        starts.append((low, middle, high))
+        starts.append(None if body is None else _starts(layers, heat, body, skins, world.servo_period, trial, delay))
     widest = max((live.state_size(body) for body in bodies if body is not None), default=1)
     into = conversion(side, layers, heat.arterial, world.servo_period)
     return Preview(finger, bodies, widest, heat.contact_resistance, into, world.skin_temperature, tuple(starts))
@@ -88,10 +84,34 @@ def conversion(side: Side, layers: tuple[Layer, ...], core: float, period: float
     """Return the matrix that takes the solver's finger coordinates into those of the controller's column."""
     ours = layer_modes(layers, tissue_side(layers, core, core).back, REACH / 1e-3)
     theirs = side_modes(side, period)
-    rows = np.stack([theirs.row(float(depth)) for depth in ours.depths])
-    found = np.asarray(ours.shapes.T @ (ours.weights[:, None] * rows))
+    shape = (len(ours.rates), len(theirs.rates))
+
+    def make() -> Array:
+        rows = np.stack([theirs.row(float(depth)) for depth in ours.depths])
+        return np.asarray(ours.shapes.T @ (ours.weights[:, None] * rows))
+
+    found = kept(("conversion", side, layers, core, period), make, lambda a: (a,), lambda a: _fits(a, shape))
     found.setflags(write=False)
     return found
+
+
+def _fits(arrays: tuple[Array, ...], shape: tuple[int, ...]) -> Array:
+    if len(arrays) != 1 or arrays[0].shape != shape:
+        raise ValueError(f"a stored array should have the shape {shape}")
+    return arrays[0]
+
+
+def _starts(
+    layers: tuple[Layer, ...], heat: HeatParams, body: Side, skins: list[float], period: float, trial: Trial, delay: int
+) -> tuple[float, float, float]:
+    """Return the start temperatures [K] for three skin temperatures; they come from a least-squares solve."""
+
+    def make() -> Array:
+        return np.array([_start(layers, heat, body, skin, period, trial, delay) for skin in skins])
+
+    given = (layers, heat, body, skins, period, trial[2:], trial.constants.tolist(), delay)
+    low, middle, high = kept(("starts", given), make, lambda a: (a,), lambda a: _fits(a, (3,))).tolist()
+    return low, middle, high
 
 
 def _start(

@@ -16,8 +16,8 @@ from itouch_thermal.solver.differences import solve_differences
 from itouch_thermal.solver.energy import energy_balance
 from itouch_thermal.solver.exact import side_waves, solve_exactly, start_numbers
 from itouch_thermal.solver.layers import Contact, Initial, Layer
-from itouch_thermal.solver.modes import layer_modes
-from itouch_thermal.solver.packing import pair_of, side_model
+from itouch_thermal.solver.modes import solved_modes
+from itouch_thermal.solver.packing import cached_side_model, pair_of
 from itouch_thermal.solver.peers import method_of_lines
 from itouch_thermal.solver.stack import Array
 from itouch_thermal.solver.stepper import Stepper
@@ -150,7 +150,7 @@ def fine(contact: Contact, resistances: Array, parts: int) -> Array:
 
 def _build_time(contact: Contact) -> float:
     def build() -> None:
-        for cached in (layer_modes, side_model, pair_of):
+        for cached in (solved_modes, cached_side_model, pair_of):
             cached.cache_clear()
         Stepper(contact, PERIOD)
 

@@ -15,6 +15,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.polynomial import legendre
 
+from itouch.plugin import kept
 from itouch_thermal.solver.blas import one_thread
 from itouch_thermal.solver.layers import Back, Layer, Side
 from itouch_thermal.solver.stack import Array, Stack, imbalance, layer_stack
@@ -114,7 +115,6 @@ def _ratios(temperatures: tuple[float, float] | None) -> tuple[float, float] | N
     return temperatures[0] / scale, temperatures[1] / scale
 
 
-@lru_cache(maxsize=256)
 def layer_modes(
     layers: tuple[Layer, ...],
     back: Back | None,
@@ -122,7 +122,45 @@ def layer_modes(
     back_port: bool = False,
     drive: tuple[float, float] | None = None,
 ) -> Modes:
-    """Return the modes of layers for rates from `SLOWEST` to ``fastest`` [1/s]; see `side_modes`."""
+    """Return the modes of layers for rates from `SLOWEST` to ``fastest`` [1/s]; see `side_modes`.
+
+    A restored session uses the modes that were stored with it.
+
+    Raises
+    ------
+    ValueError
+        If stored modes do not fit together.
+    """
+
+    def solve() -> Modes:
+        return solved_modes(layers, back, fastest, back_port, drive)
+
+    return kept(("modes", layers, back, fastest, back_port, drive), solve, _packed, _loaded)
+
+
+def _packed(modes: Modes) -> tuple[Array, ...]:
+    return tuple(getattr(modes, name) for name in Modes.__dataclass_fields__)
+
+
+def _loaded(arrays: tuple[Array, ...]) -> Modes:
+    """Return stored arrays as modes; compiled steps do not check sizes."""
+    shapes = [array.shape for array in arrays]
+    n, m = (shapes[0][0], shapes[5][0]) if len(shapes) == 9 and shapes[0] and shapes[5] else (0, 0)
+    edges = m // PANEL_POINTS + 1
+    if n == 0 or shapes != [(n,)] * 5 + [(m,), (m,), (m, n), (edges,)]:
+        raise ValueError(f"stored modes have the shapes {shapes}, which do not fit together")
+    return Modes(*arrays)
+
+
+@lru_cache(maxsize=256)
+def solved_modes(
+    layers: tuple[Layer, ...],
+    back: Back | None,
+    fastest: float,
+    back_port: bool,
+    drive: tuple[float, float] | None,
+) -> Modes:
+    """Return the modes of layers by a new solve; cached by content."""
     with one_thread():
         return _project(layer_stack(layers, back), _shifts(fastest), back_port, drive)
 

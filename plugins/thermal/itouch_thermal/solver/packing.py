@@ -13,6 +13,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from itouch.plugin import building
 from itouch_thermal.solver import collocation
 from itouch_thermal.solver.blas import one_thread
 from itouch_thermal.solver.contour import Z
@@ -107,11 +108,17 @@ def film_of(side: Side, *, finger: bool) -> Film | None:
     return Film(coefficient=FINGER_FILM, ambient=ROOM) if finger else None
 
 
-@lru_cache(maxsize=256)
 def side_model(side: Side, period: float, *, finger: bool) -> Array:
-    """Return the packed model of a side; cached by content."""
+    """Return the packed model of a side; cached by content, except for a session, which may bring its own modes."""
+    return (_side_model if building() else cached_side_model)(side, period, finger)
+
+
+def _side_model(side: Side, period: float, finger: bool) -> Array:
     modes = side_modes(side, period)
     return side_pack(modes, period, rest=start(side, modes)[1], film=film_of(side, finger=finger))
+
+
+cached_side_model = lru_cache(maxsize=256)(_side_model)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
