@@ -251,6 +251,22 @@ class Engine:
         """Ask the run that is under way to end after its tick; may be called from a signal handler."""
         self._pacing.stop()
 
+    def steer(self, probe: str, step: tuple[float, float, float] | None) -> None:
+        """Move the hand of an operator twin by a step [m] while its script waits; None gives it back to its script.
+
+        Raises
+        ------
+        EngineError
+            If the probe is not moved by an operator twin.
+        ValueError
+            If the step is not finite.
+        """
+        for rig in self._rigs:
+            if rig.probe.name == probe and rig.coupling.hand is not None:
+                rig.coupling.hand.steer(step)
+                return
+        raise EngineError(f"probe '{probe}' is not moved by an operator twin: it can't be steered from here")
+
     def close(self) -> None:
         """Make every device safe and release it; the state stays readable."""
         for runner in self._all:

@@ -94,7 +94,7 @@ class ProbeRig:
         """Whether the rig is calibrated and the hand back on its path."""
         hand = self.coupling.hand
         calibrated = self.touch_off is None or self.touch_off.done
-        return calibrated and (hand is None or hand.offset.item() == 0.0)
+        return calibrated and (hand is None or hand.home)
 
     def frame_of(self, runner: Runner) -> Frame:
         """Return the frame of a device in the world, through what carries it."""

@@ -67,7 +67,7 @@ class Coupling:
         self.true_top, self.total = state[f"{name}.plate_true_top"], state[f"{name}.total_force"]
         self._push: Floats = arm.sent["wrench"][:3] if arm is not None and "wrench" in arm.sent else np.zeros(3)
         self._load: Floats = table.touch.wrench[:3] if table is not None else np.zeros(3)
-        self._finger = np.zeros(9)
+        self._finger, self._still = np.zeros(9), np.zeros(3)
         self._pieces: Floats = hand.path.pieces if hand is not None else np.ones((1, 8))
         self._pieces.setflags(write=False)
         self._end, self._pace = np.zeros(7), np.zeros(6)
@@ -77,7 +77,7 @@ class Coupling:
             self._end, self._pace = arm.touch.finger_pose, arm.touch.finger_twist
             arm.touch.finger_attached = hand is not None
         at.step_finger(  # compiled now, not in the first tick
-            self._constants, self._pieces, 0.0, 0.0, self._finger.copy(), self._push, self._carrier,
+            self._constants, self._pieces, 0.0, np.zeros(3), self._finger.copy(), self._push, self._carrier,
             self.figures.copy(), self._end.copy(), self._pace.copy(), self._load.copy(),
         )  # fmt: skip
 
@@ -93,9 +93,9 @@ class Coupling:
 
     def step(self, moving: bool) -> None:
         """Advance the finger by one period; ``moving``: the hand follows its script."""
-        time, offset, finger = 0.0, 0.0, self._finger
+        time, offset, finger = 0.0, self._still, self._finger
         if self.hand is not None:
-            time, offset, finger = self.hand.advance(moving), self.hand.offset.item(), self.hand.motion
+            time, offset, finger = self.hand.advance(moving), self.hand.offset, self.hand.motion
         else:
             finger[:3] = self._hip
         gap = at.step_finger(

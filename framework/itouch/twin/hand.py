@@ -16,6 +16,8 @@ from itouch.scene.elements import Operator
 Vector = tuple[float, float, float]
 #: Speed at which a hand is led away from its path for a calibration, and back [m/s].
 LEAD_SPEED = 0.08
+#: Greatest speed of a hand that is steered by mouse or keys [m/s].
+STEER_SPEED = 0.3
 
 
 class Path:
@@ -41,13 +43,14 @@ class Hand:
         self.operator, self.path, self._period = operator, Path(operator), period
         self._end = math.ceil(self.path.duration / period - 1e-9)
         self.ticks, self.offset = state[f"{name}.hand.ticks"], state[f"{name}.hand.offset"]
+        self._steered, self._wanted = state[f"{name}.hand.steered"], state[f"{name}.hand.wanted"]
         self.motion: NDArray[np.float64] = state.flat(f"{name}.hand.position", f"{name}.hand.target")
 
     def reset(self) -> None:
         """Rest at the first target."""
         self.motion[:] = (*self.path.start, 0.0, 0.0, 0.0, *self.path.start)
-        self.offset[...] = 0.0
-        self.ticks[...] = 0
+        self.offset[:] = self._wanted[:] = 0.0
+        self.ticks[...] = self._steered[...] = 0
 
     @property
     def done(self) -> bool:
@@ -56,15 +59,45 @@ class Hand:
 
     def lower(self, offset: float) -> None:
         """Move the hand's target towards a height above (or below) its path [m], as slowly as a person would."""
-        now = self.offset.item()
+        now = self.offset[2].item()
         if now != offset:
             step = LEAD_SPEED * self._period
-            self.offset[...] = now + max(-step, min(step, offset - now))
+            self.offset[2] = now + max(-step, min(step, offset - now))
+
+    @property
+    def home(self) -> bool:
+        """Whether the hand's target is on its path."""
+        return not self.offset.any()
+
+    def steer(self, step: Vector | None) -> None:
+        """Move the target by a step [m], away from its path, which waits; None leads it back to its path.
+
+        Raises
+        ------
+        ValueError
+            If the step is not finite.
+        """
+        if step is not None and not all(math.isfinite(part) for part in step):
+            raise ValueError(f"step = {step!r} must be three finite numbers of metres")
+        self._steered[...] = 1 if step is not None or not self.home else 0
+        self._wanted[:] = 0.0 if step is None else self._wanted + np.asarray(step)
+
+    def _follow(self) -> bool:
+        """Lead the target towards where it is steered, as fast as a hand may; return whether the path waits."""
+        if not self._steered.item():
+            return False
+        away = self._wanted - self.offset
+        distance = math.sqrt(float(away @ away))
+        reach = STEER_SPEED * self._period
+        self.offset[:] = self._wanted if distance <= reach else self.offset + away * (reach / distance)
+        if distance <= reach and not self._wanted.any():
+            self._steered[...] = 0
+        return True
 
     def advance(self, moving: bool) -> float:
         """Return the time [s] on the path for the next step; it moves on if ``moving``."""
         ticks: int = self.ticks.item()
-        if moving:
+        if moving and not self._follow():
             ticks += 1
             self.ticks[...] = ticks
         return ticks * self._period

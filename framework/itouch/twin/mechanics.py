@@ -71,7 +71,7 @@ def step_finger(
     constants: Floats,
     pieces: Floats,
     time: float,
-    offset: float,
+    offset: Floats,
     hand: Floats,
     push: Floats,
     table: Floats,
@@ -87,7 +87,7 @@ def step_finger(
     constants
         Shape (CONSTANTS,); a mass of 0 leaves the finger where it is (it is a real one).
     pieces, time, offset
-        The hand's path, where on it the target is [s], and how far it is led away from it upwards [m].
+        The hand's path, where on it the target is [s], and how far it is led away from it, shape (3,) [m].
     hand
         Position, velocity and target of the finger, shape (9,), world frame; changed.
     push
@@ -116,8 +116,8 @@ def step_finger(
     if mass > 0.0:
         goal = np.empty(6)
         aim(pieces, time, goal)
-        goal[2] += offset
         for i, force in enumerate((fx, fy, fz)):
+            goal[i] += offset[i]
             spring = constants[STIFFNESS] * (goal[i] - hand[i]) + constants[DAMPING] * (goal[3 + i] - hand[3 + i])
             hand[3 + i] += period * (spring + force) / mass
             hand[i] += period * hand[3 + i]

@@ -86,7 +86,9 @@ _HAND = (
     Field("velocity", "f8", 3),
     Field("target", "f8", 3),
     Field("ticks", "i8"),
-    Field("offset"),
+    Field("offset", "f8", 3),
+    Field("steered", "i8"),
+    Field("wanted", "f8", 3),
 )
 
 

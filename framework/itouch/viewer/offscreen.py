@@ -1,0 +1,103 @@
+"""Pictures without a window: an OpenGL context by EGL where there is no display."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.plugin import Record
+from itouch.schema import ItouchError
+from itouch.viewer.overlay import Situation
+from itouch.world import Model
+
+if TYPE_CHECKING:
+    from itouch.viewer.picture import Picture
+
+ADVICE = "install OpenGL and EGL (on Debian: apt install libegl1 libgl1 libgl1-mesa-dri libglx-mesa0 libfontconfig1)"
+
+
+class GraphicsError(ItouchError):
+    """There is no OpenGL 3.3 here; the message says what to install."""
+
+
+def has_display() -> bool:
+    """Tell whether there is a screen to open a window on."""
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def config() -> Any:
+    """Return what is asked of a context: 3.3 core, eight bits a colour (EGL chooses fewer if it is not told)."""
+    from pyglet import gl
+
+    return gl.Config(
+        red_size=8, green_size=8, blue_size=8, alpha_size=8, depth_size=24, double_buffer=True,
+        major_version=3, minor_version=3, forward_compatible=True,
+    )  # fmt: skip
+
+
+def open_context(width: int, height: int) -> Any:
+    """Return an invisible window whose context is current.
+
+    Raises
+    ------
+    GraphicsError
+        If there is no usable OpenGL.
+    """
+    import pyglet
+
+    if not has_display():
+        pyglet.options.headless = True
+    pyglet.options.shadow_window = False
+    pyglet.options.audio = ("silent",)
+    try:
+        import pyglet.window
+
+        return pyglet.window.Window(width, height, visible=False, config=config(), vsync=False)
+    except Exception as error:  # pyglet raises many kinds, one a platform
+        raise GraphicsError(f"no OpenGL 3.3 context: {error or type(error).__name__}\n  = help: {ADVICE}") from error
+
+
+class Offscreen:
+    """Draws States of one model to pixels."""
+
+    def __init__(self, model: Model, *, width: int = 1280, height: int = 720) -> None:
+        self._window = open_context(width, height)
+        from itouch.viewer.buffers import Frame
+        from itouch.viewer.picture import Picture
+
+        self.picture: Picture = Picture(model, scale=min(width / 1280, height / 720))
+        self._frame = Frame(width, height)
+
+    def shoot(self, state: Record, now: Situation | None = None) -> NDArray[np.uint8]:
+        """Return the picture of a State, shape (height, width, 3)."""
+        self._window.switch_to()
+        self.picture.draw(state, self._frame, now or Situation())
+        return self._frame.read()
+
+    def close(self) -> None:
+        """Give the context back."""
+        self._frame.delete()
+        self._window.close()
+
+
+def write_png(path: str | os.PathLike[str], pixels: NDArray[np.uint8]) -> None:
+    """Write a picture of shape (height, width, 3).
+
+    Raises
+    ------
+    ItouchError
+        If the file can't be written.
+    """
+    from pyglet.image import ImageData
+    from pyglet.image.codecs.png import PNGImageEncoder
+
+    height, width, _ = pixels.shape
+    image = ImageData(width, height, "RGB", pixels.tobytes(), pitch=-3 * width)
+    try:
+        with open(path, "wb") as stream:
+            image.save(str(path), file=stream, encoder=PNGImageEncoder())
+    except OSError as error:
+        raise ItouchError(f"cannot write '{os.fspath(path)}': {error.strerror or error}") from error

@@ -1,0 +1,150 @@
+"""The words over the picture: clock, devices, contact, heat, faults and keys; pure text, without graphics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from itouch.loop import Status
+from itouch.plugin import Record
+from itouch.viewer.stage import plate_temperature
+from itouch.world import Model
+
+#: Key -> what it does, in the order of the help.
+KEYS = {
+    "H": "show or hide this help",
+    "P": "pause and go on (simulated sessions)",
+    "Space": "hold to run: the machine moves only while it is held, where the scene asks for it",
+    "S": "save the session",
+    "R": "re-arm after a fault",
+    "T": "colour objects by temperature or by material",
+    "G": "show or hide grid and workspace",
+    "C": "show or hide the curves",
+    "1 .. 5": "views: operator, front, side, top, corner",
+    "F": "frame everything",
+    "M": "move the finger with the mouse or the arrow keys (simulated sessions)",
+    "Esc": "stop safely and close",
+    "drag": "orbit; with Shift or the middle button: pan; wheel: zoom; click: properties",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Words:
+    """Lines of text with their weight: "plain", "good", "warn" or "bad"."""
+
+    lines: tuple[tuple[str, str], ...]
+
+
+@dataclass(slots=True)
+class Situation:
+    """What a viewer knows besides State: how the loop goes, what was said, faults in words."""
+
+    pace: str = "fast"
+    paused: bool = False
+    tick_us: float | None = None
+    late_us: float | None = None
+    overruns: int | None = None
+    faults: list[dict[str, Any]] = field(default_factory=list)
+    message: str = ""
+    picked: str = ""
+
+
+def status(model: Model, state: Record, now: Situation) -> Words:
+    """Return the lines of the status corner."""
+    lines = [(_clock(model, state, now), "plain")]
+    for device in model.devices.values():
+        lines.append(_device(device.name, device.twin, state))
+    for probe in model.probes:
+        lines.append((_probe(model, probe.name, state), "plain"))
+    lines += [(line, "plain") for line in _heat(model, state)]
+    if not int(state["ready"]) and not now.faults:
+        lines.append(("calibrating: the machine finds its heights by touch", "warn"))
+    for fault in now.faults:
+        lines.append((f"FAULT {fault['trip']}: device '{fault['device']}' {fault['cause']}", "bad"))
+    if now.faults:
+        lines.append(("all devices have been made safe; R re-arms", "bad"))
+    if now.paused:
+        lines.append(("paused: P goes on", "warn"))
+    if now.message:
+        lines.append((now.message, "good"))
+    return Words(tuple(lines))
+
+
+def _clock(model: Model, state: Record, now: Situation) -> str:
+    parts = [f"{int(state['tick']) * model.period:8.3f} s", f"{1.0 / model.period:.0f} Hz"]
+    if now.tick_us is not None:
+        parts.append(f"tick p99 {now.tick_us:.0f} us")
+    if now.late_us is not None:
+        parts.append(f"late p99 {now.late_us:.0f} us")
+    if now.overruns is not None:
+        parts.append(f"{now.overruns} overruns")
+    return "   ".join(parts)
+
+
+def _device(name: str, twin: bool, state: Record) -> tuple[str, str]:
+    status = Status(int(state[f"{name}.status"]))
+    words = f"{name}: {status.name.lower()}{' (twin)' if twin else ''}"
+    age = int(state[f"{name}.age"])
+    if age > 1:
+        words += f", reading {age} ticks old"
+    return words, {"ENABLED": "good", "FAULT": "bad"}.get(status.name, "warn")
+
+
+def _probe(model: Model, name: str, state: Record) -> str:
+    index, near = int(state[f"{name}.object"]), int(state[f"{name}.near_object"])
+    if index >= 0:
+        force = float(np.linalg.norm(state[f"{name}.force"]))
+        return f"{name}: touches {model.objects[index]}, {force:.2f} N"
+    if near >= 0:
+        return f"{name}: {float(state[f'{name}.near_distance']) * 1e3:.1f} mm from {model.objects[near]}"
+    return f"{name}: free"
+
+
+def _heat(model: Model, state: Record) -> list[str]:
+    lines = []
+    for device in model.devices.values():
+        kelvin = plate_temperature(state, device)
+        if kelvin is not None:
+            lines.append(f"{device.name}: plate {kelvin - 273.15:.2f} degC{_readiness(model, state)}")
+    return lines
+
+
+def _readiness(model: Model, state: Record) -> str:
+    for modality in model.modalities:
+        for key in (f"{modality.name}.readiness", f"{modality.name}.plate_ready"):
+            if key in state:
+                return f", ready {100 * float(state[key]):.0f} %"
+    return ""
+
+
+def properties(model: Model, state: Record, name: str) -> Words:
+    """Return what is known of an object or a device, for the corner that picking fills."""
+    if name in model.objects:
+        return Words(tuple((line, "plain") for line in _object(model, state, name)))
+    device = model.devices[name]
+    lines = [f"device {name}: plugin {device.plugin}{', twin' if device.twin else ''}"]
+    for channel in device.reads:
+        numbers = " ".join(f"{value:.4g}" for value in np.ravel(state[f"{name}.{channel.name}"])[:3])
+        lines.append(f"{channel.name}: {numbers} {channel.unit}")
+    return Words(tuple((line, "plain") for line in lines))
+
+
+def _object(model: Model, state: Record, name: str) -> list[str]:
+    index = model.objects.index(name)
+    element = model.scene.objects[index]
+    kelvin = model.scene.world.temperature if element.temperature is None else element.temperature
+    place = " ".join(f"{1e3 * value:.1f}" for value in state["objects.pose"][index][:3])
+    lines = [f"object {name}", f"material: {element.material}", f"position: {place} mm", f"{kelvin - 273.15:.1f} degC"]
+    material = next((m for m in model.scene.materials if m.name == element.material), None)
+    if material is not None and material.contact is not None:
+        contact = material.contact
+        lines.append(f"stiffness: {contact.stiffness / 1e3:g} N/mm")
+        lines.append(f"friction: {contact.static_friction:g} static, {contact.dynamic_friction:g} dynamic")
+    return lines
+
+
+def help_words() -> Words:
+    """Return the list of keys."""
+    return Words(tuple((f"{key:<9}{what}", "plain") for key, what in KEYS.items()))

@@ -1,0 +1,154 @@
+"""Triangles of the shapes that are drawn: positions, normals and faces, without graphics."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float32]
+
+#: Segments of a round shape.
+SEGMENTS = 48
+
+
+@dataclass(frozen=True, slots=True)
+class Solid:
+    """A triangle mesh: ``positions`` and ``normals`` (n, 3) float32, ``faces`` (m, 3) uint32, in metres."""
+
+    positions: Floats
+    normals: Floats
+    faces: NDArray[np.uint32]
+
+
+def _solid(positions: object, normals: object, faces: object) -> Solid:
+    return Solid(
+        np.ascontiguousarray(positions, np.float32),
+        np.ascontiguousarray(normals, np.float32),
+        np.ascontiguousarray(faces, np.uint32),
+    )
+
+
+def box(half: tuple[float, float, float]) -> Solid:
+    """Return a box of these half extents [m] about the origin, with flat sides."""
+    positions, normals, faces = [], [], []
+    for axis in range(3):
+        for sign in (-1.0, 1.0):
+            u, v = (axis + 1) % 3, (axis + 2) % 3
+            first = len(positions)
+            for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
+                corner = [0.0, 0.0, 0.0]
+                corner[axis], corner[u], corner[v] = sign * half[axis], a * half[u], b * half[v]
+                positions.append(corner)
+                normals.append([sign if i == axis else 0.0 for i in range(3)])
+            quad = [(0, 1, 2), (0, 2, 3)] if sign > 0 else [(0, 2, 1), (0, 3, 2)]
+            faces += [tuple(first + i for i in corner_of) for corner_of in quad]
+    return _solid(positions, normals, faces)
+
+
+def sphere(radius: float) -> Solid:
+    """Return a sphere of this radius [m] about the origin."""
+    return lathe(_arc(radius, 0.0, -math.pi / 2, math.pi / 2))
+
+
+def capsule(radius: float, half_length: float) -> Solid:
+    """Return a capsule along z: a cylinder of this half length [m] between two hemispheres."""
+    lower = _arc(radius, -half_length, -math.pi / 2, 0.0)
+    return lathe(lower + _arc(radius, half_length, 0.0, math.pi / 2))
+
+
+def cylinder(radius: float, half_length: float) -> Solid:
+    """Return a cylinder along z with flat ends."""
+    side = [(radius, -half_length, 1.0, 0.0), (radius, half_length, 1.0, 0.0)]
+    return join(lathe(side), disc(radius, -half_length, -1.0), disc(radius, half_length, 1.0))
+
+
+def cone(radius: float, length: float) -> Solid:
+    """Return a cone whose base stands in the plane z = 0 and whose tip is at z = ``length``."""
+    slope = math.hypot(radius, length)
+    side = [(radius, 0.0, length / slope, radius / slope), (0.0, length, length / slope, radius / slope)]
+    return join(lathe(side), disc(radius, 0.0, -1.0))
+
+
+def disc(radius: float, height: float, up: float) -> Solid:
+    """Return a flat disc at z = ``height`` that looks along ``up`` (1 or -1)."""
+    angles = np.linspace(0.0, 2 * math.pi, SEGMENTS, endpoint=False)
+    ring = np.stack([radius * np.cos(angles), radius * np.sin(angles), np.full(SEGMENTS, height)], 1)
+    positions = np.vstack([[0.0, 0.0, height], ring])
+    index = np.arange(SEGMENTS)
+    following = (index + 1) % SEGMENTS
+    faces = np.stack([np.zeros(SEGMENTS, int), index + 1, following + 1], 1)
+    return _solid(positions, np.tile([0.0, 0.0, up], (SEGMENTS + 1, 1)), faces if up > 0 else faces[:, ::-1])
+
+
+def lathe(profile: list[tuple[float, float, float, float]]) -> Solid:
+    """Return the surface that a profile makes about z; rows of radius, height, normal's radius and height, upwards."""
+    rows = np.asarray(profile, float)
+    angles = np.linspace(0.0, 2 * math.pi, SEGMENTS + 1)
+    cosine, sine = np.cos(angles), np.sin(angles)
+    positions = np.stack([np.outer(rows[:, 0], cosine), np.outer(rows[:, 0], sine),
+                          np.repeat(rows[:, 1:2], SEGMENTS + 1, 1)], 2)  # fmt: skip
+    normals = np.stack([np.outer(rows[:, 2], cosine), np.outer(rows[:, 2], sine),
+                        np.repeat(rows[:, 3:4], SEGMENTS + 1, 1)], 2)  # fmt: skip
+    return _solid(positions.reshape(-1, 3), normals.reshape(-1, 3), _strip(len(rows), SEGMENTS + 1))
+
+
+def join(*solids: Solid) -> Solid:
+    """Return several solids as one."""
+    starts = np.cumsum([0, *(len(solid.positions) for solid in solids[:-1])])
+    faces = [solid.faces + np.uint32(start) for solid, start in zip(solids, starts, strict=True)]
+    return _solid(np.vstack([s.positions for s in solids]), np.vstack([s.normals for s in solids]), np.vstack(faces))
+
+
+def from_mesh(vertices: NDArray[np.float64], faces: NDArray[np.integer]) -> Solid:
+    """Return a mesh to draw: vertices are shared where its surface is smooth, and parted at sharp edges.
+
+    A corner's normal is the mean of the faces about its vertex that lie within 40 degrees of its own face.
+    """
+    corners = np.asarray(vertices, np.float64)[faces]
+    flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(flat, axis=1, keepdims=True)
+    unit = np.divide(flat, length, out=np.zeros_like(flat), where=length > 0)
+    smooth = np.zeros((len(vertices), 3))
+    for corner in range(3):
+        np.add.at(smooth, faces[:, corner], flat)
+    size = np.linalg.norm(smooth, axis=1, keepdims=True)
+    smooth = np.divide(smooth, size, out=np.zeros_like(smooth), where=size > 0)
+    sharp = (smooth[faces] * unit[:, None, :]).sum(2) < math.cos(math.radians(40.0))
+    if not sharp.any():
+        return _solid(vertices, smooth, faces)
+    index = np.array(faces, np.int64)
+    index[sharp] = len(vertices) + np.arange(int(sharp.sum()))
+    row = np.nonzero(sharp)[0]
+    return _solid(np.vstack([vertices, corners[sharp]]), np.vstack([smooth, unit[row]]), index)
+
+
+def grid(half: float, step: float) -> Floats:
+    """Return line ends (n, 3) of a square grid in the plane z = 0 with lines every ``step`` [m]."""
+    count = max(1, round(half / step))
+    lines = []
+    for i in range(-count, count + 1):
+        at = i * step
+        lines += [(at, -count * step, 0.0), (at, count * step, 0.0), (-count * step, at, 0.0), (count * step, at, 0.0)]
+    return np.array(lines, np.float32)
+
+
+def box_edges(low: tuple[float, float, float], high: tuple[float, float, float]) -> Floats:
+    """Return the line ends (24, 3) of a box's twelve edges."""
+    corners = [[(low, high)[i >> axis & 1][axis] for axis in range(3)] for i in range(8)]
+    pairs = [(i, i | 1 << axis) for axis in range(3) for i in range(8) if not i >> axis & 1]
+    return np.array([corners[end] for pair in pairs for end in pair], np.float32)
+
+
+def _arc(radius: float, height: float, first: float, last: float) -> list[tuple[float, float, float, float]]:
+    angles = np.linspace(first, last, SEGMENTS // 2 + 1)
+    return [(radius * math.cos(a), height + radius * math.sin(a), math.cos(a), math.sin(a)) for a in angles]
+
+
+def _strip(rows: int, columns: int) -> NDArray[np.int64]:
+    row, column = np.meshgrid(np.arange(rows - 1), np.arange(columns - 1), indexing="ij")
+    a = (row * columns + column).ravel()
+    b, c, d = a + 1, a + columns + 1, a + columns
+    return np.vstack([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])

@@ -1,0 +1,206 @@
+"""The window: keys and mouse, and a picture at most sixty times a second."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from typing import Any
+
+import pyglet
+import pyglet.window
+from pyglet.window import key, mouse
+
+from itouch.viewer.buffers import Frame
+from itouch.viewer.offscreen import config, write_png
+from itouch.viewer.picture import Picture
+from itouch.viewer.source import Source
+
+#: Greatest frames a second; with software rendering a frame may take one core's whole time, never more.
+RATE = 60.0
+#: Share of one core that drawing may take.
+SHARE = 0.8
+#: Step [m] of the finger for an arrow key's press in a frame, and for a pixel of the mouse.
+KEY_STEP, MOUSE_STEP = 0.5e-3, 0.1e-3
+_NUMBERS = {key._1: "operator", key._2: "front", key._3: "side", key._4: "top", key._5: "corner"}  # noqa: SLF001
+_ARROWS = {
+    key.LEFT: (-1, 0, 0), key.RIGHT: (1, 0, 0), key.UP: (0, 1, 0), key.DOWN: (0, -1, 0),
+    key.PAGEUP: (0, 0, 1), key.PAGEDOWN: (0, 0, -1),
+}  # fmt: skip
+
+
+class Window(pyglet.window.Window):  # type: ignore[misc]
+    """Shows a session and hands the person's wishes to it; ``frame`` draws one picture, ``show`` does it until closed.
+
+    Parameters
+    ----------
+    source
+        The session.
+    now
+        Returns the host's time [s]; tests give their own.
+    """
+
+    def __init__(
+        self, source: Source, now: Callable[[], float], *, width: int = 1280, height: int = 720, visible: bool = True
+    ) -> None:
+        super().__init__(
+            width, height, caption=f"itouch-py: {os.path.basename(source.model.scene.source) or 'scene'}",
+            resizable=True, visible=visible, config=config(), vsync=False,
+        )  # fmt: skip
+        self.source, self._now = source, now
+        self.picture = Picture(source.model, scale=self.get_pixel_ratio())
+        self._target = Frame(*self.get_framebuffer_size())
+        self._keys: set[int] = set()
+        self._steering = False
+        self._moved = False
+        self._last = now()
+        self._said_at = -10.0
+        self.cost = 0.0  # seconds that the last picture took
+        self.closed = False
+
+    def show(self) -> None:
+        """Draw and answer until the window is closed."""
+        while not self.closed:
+            begin = self._now()
+            self.dispatch_events()
+            if self.closed:
+                return
+            self.frame()
+            rest = max(1.0 / RATE - self.cost, self.cost * (1.0 / SHARE - 1.0))
+            pyglet.clock.sleep(1e6 * max(0.0, rest - (self._now() - begin - self.cost)))
+
+    def frame(self) -> None:
+        """Bring the session up to date and draw it once."""
+        begin = self._now()
+        elapsed, self._last = begin - self._last, begin
+        self._steer_by_keys()
+        self.source.advance(elapsed, self.picture.ring)
+        self.picture.ring.add(self.source.state)
+        if begin - self._said_at > 4.0:
+            self.source.situation.message = ""
+        self.switch_to()
+        self.picture.draw(self.source.state, self._target, self.source.situation)
+        self._target.blit()
+        self.flip()
+        self.cost = self._now() - begin
+
+    def screenshot(self, path: str | os.PathLike[str]) -> None:
+        """Write the picture as it is now."""
+        self.switch_to()
+        self.picture.draw(self.source.state, self._target, self.source.situation)
+        write_png(path, self._target.read())
+
+    def _say(self, words: str) -> None:
+        if words:
+            self.source.situation.message, self._said_at = words, self._now()
+
+    def _steer_by_keys(self) -> None:
+        for symbol in self._keys & _ARROWS.keys():
+            x, y, z = _ARROWS[symbol]
+            self._say(self.source.steer((KEY_STEP * x, KEY_STEP * y, KEY_STEP * z)))
+
+    def on_key_press(self, symbol: int, modifiers: int) -> None:
+        """Act on a key; see ``overlay.KEYS``."""
+        chosen, source = self.picture.choices, self.source
+        self._keys.add(symbol)
+        if symbol == key.H:
+            chosen.help = not chosen.help
+        elif symbol == key.T:
+            chosen.thermal = not chosen.thermal
+        elif symbol == key.G:
+            chosen.aids = not chosen.aids
+        elif symbol == key.C:
+            chosen.curves = not chosen.curves
+        elif symbol == key.F:
+            self.picture.reframe(source.state, self._target)
+        elif symbol in _NUMBERS:
+            self.picture.camera.look(_NUMBERS[symbol])
+        else:
+            self._ask(symbol)
+
+    def _ask(self, symbol: int) -> None:
+        """Ask the session for what a key stands for."""
+        source = self.source
+        if symbol == key.P:
+            self._say(source.pause())
+        elif symbol == key.S:
+            self._say(source.save())
+        elif symbol == key.R:
+            self._say(source.rearm())
+        elif symbol == key.M:
+            self._steering = not self._steering
+            self._say(source.steer((0.0, 0.0, 0.0) if self._steering else None) or
+                      ("the mouse moves the finger" if self._steering else "the finger follows its script"))  # fmt: skip
+        elif symbol == key.SPACE:
+            source.hold(True)
+        elif symbol == key.ESCAPE:
+            self.on_close()
+
+    def on_key_release(self, symbol: int, modifiers: int) -> None:
+        """Let a held key go."""
+        self._keys.discard(symbol)
+        if symbol == key.SPACE:
+            self.source.hold(False)
+
+    def on_deactivate(self) -> None:
+        """Let go of everything when another window takes the keys."""
+        self._keys.clear()
+        self.source.hold(False)
+
+    def on_mouse_press(self, x: int, y: int, button: int, modifiers: int) -> None:
+        """Begin a drag, or a click."""
+        self._moved = False
+
+    def on_mouse_drag(self, x: int, y: int, dx: int, dy: int, buttons: int, modifiers: int) -> None:
+        """Orbit, or pan with Shift or another button than the left."""
+        self._moved = self._moved or abs(dx) + abs(dy) > 0
+        if buttons & mouse.LEFT and not modifiers & key.MOD_SHIFT:
+            self.picture.camera.orbit(0.4 * dx, 0.4 * dy)
+        else:
+            self.picture.camera.pan(dx / self.height, dy / self.height)
+
+    def on_mouse_release(self, x: int, y: int, button: int, modifiers: int) -> None:
+        """Show the properties of what was clicked."""
+        if self._moved or button != mouse.LEFT:
+            return
+        ratio = self.get_pixel_ratio()
+        self.switch_to()
+        self.source.situation.picked = self.picture.canvas.pick(
+            self.source.state, self.picture.camera, self._target, int(x * ratio), int(y * ratio)
+        )
+
+    def on_mouse_motion(self, x: int, y: int, dx: int, dy: int) -> None:
+        """Move the finger across, if the mouse has it."""
+        if self._steering:
+            self._say(self.source.steer((MOUSE_STEP * dx, MOUSE_STEP * dy, 0.0)))
+
+    def on_mouse_scroll(self, x: int, y: int, scroll_x: float, scroll_y: float) -> None:
+        """Zoom, or raise and lower the finger, if the mouse has it."""
+        if self._steering:
+            self._say(self.source.steer((0.0, 0.0, 10 * MOUSE_STEP * scroll_y)))
+        else:
+            self.picture.camera.zoom(scroll_y)
+
+    def on_resize(self, width: int, height: int) -> None:
+        """Take the new size; a window of no height keeps its picture."""
+        self.switch_to()
+        size = self.get_framebuffer_size()
+        if hasattr(self, "_target") and min(size) > 0 and size != (self._target.width, self._target.height):
+            self._target.delete()
+            self._target = Frame(*size)
+        self._orthogonal(*size)
+
+    def _orthogonal(self, width: int, height: int) -> None:
+        from pyglet.math import Mat4
+
+        self.projection = Mat4.orthogonal_projection(0, max(width, 1), 0, max(height, 1), -255, 255)
+
+    def on_close(self) -> None:
+        """Stop safely and close."""
+        self.closed = True
+        self.source.hold(False)
+        self.source.stop()
+        self.close()
+
+    def on_refresh(self, *_: Any) -> None:
+        """Redraw what was uncovered, or lost with its context."""
+        self._last = self._now()

@@ -1,0 +1,50 @@
+"""A hand that is led by mouse or keys, and gives itself back to its script."""
+
+import numpy as np
+import pytest
+
+import itouch
+from itouch.loop.engine import EngineError
+from tests.shipped import SCENES
+
+SCENE = SCENES / "first_touch.xml"
+
+
+def test_a_steered_hand_goes_where_it_is_led_and_its_script_waits():
+    session = itouch.build(SCENE)
+    session.run(0.5)
+    ticks = int(session.state["finger.hand.ticks"])
+    before = session.state["finger.hand.target"].copy()
+    session.steer("finger", (0.02, -0.01, 0.005))
+    session.run(0.3)
+    moved = session.state["finger.hand.target"] - before
+    np.testing.assert_allclose(moved, (0.02, -0.01, 0.005), atol=1e-12)
+    assert int(session.state["finger.hand.ticks"]) == ticks
+    session.steer("finger", None)
+    session.run(0.3)
+    assert not session.state["finger.hand.offset"].any()
+    assert int(session.state["finger.hand.ticks"]) > ticks
+
+
+def test_a_steered_hand_never_jumps():
+    session = itouch.build(SCENE)
+    session.run(0.2)
+    session.steer("finger", (1.0, 0.0, 0.0))
+    last = session.state["finger.hand.target"].copy()
+    for _ in range(50):
+        session.tick()
+        assert np.linalg.norm(session.state["finger.hand.target"] - last) <= 0.3e-3 * (1 + 1e-9)
+        last = session.state["finger.hand.target"].copy()
+
+
+@pytest.mark.parametrize("step", [(float("nan"), 0.0, 0.0), (float("inf"), 0.0, 0.0)])
+def test_what_is_no_number_does_not_steer(step):
+    session = itouch.build(SCENE)
+    with pytest.raises(ValueError, match="finite"):
+        session.steer("finger", step)
+
+
+def test_an_unknown_probe_is_named():
+    session = itouch.build(SCENE)
+    with pytest.raises(EngineError, match="thumb"):
+        session.steer("thumb", (0.0, 0.0, 0.0))
