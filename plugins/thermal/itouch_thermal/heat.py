@@ -7,7 +7,8 @@ temperature is added, so that each touch starts from the finger as it is (what t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
@@ -16,7 +17,9 @@ from numpy.typing import NDArray
 
 from itouch.plugin import Contact as ContactKind
 from itouch.plugin import ContactEvent, Field, Modality, Record, World, schema
+from itouch_thermal.laws import KINDS, ForceLaw, check_laws, law_of, press_factor
 from itouch_thermal.solver.layers import FINGER_FILM, Back, Film, Initial, Layer, Side
+from itouch_thermal.solver.resistance import ResistanceLaw, contact_area
 
 Array = NDArray[np.float64]
 
@@ -63,7 +66,27 @@ class HeatParams:
     arterial: float = schema.temperature(low=283.15, high=315.15, default=310.15, doc="of the blood, and of the core")
     object_depth: float = schema.quantity("m", low=1e-4, high=1.0, default=0.02, doc="depth of the virtual objects")
     skin_from: str = schema.ref("device", reads=("skin_temperature",), default="", doc="device that measures the skin")
+    press: float = schema.quantity(
+        "s", low=0.0, high=10.0, default=0.0, doc="time constant with which R / (1 - exp(-t / press)) falls; 0: at once"
+    )
+    expected_force: float = schema.quantity(
+        "N", low=1e-3, high=20.0, default=1.0, doc="of a touch, for what is computed before it"
+    )
     layers: tuple[Layer, ...] = schema.children(Layer, doc="tissue from the skin inwards; default: a fingertip")
+    laws: tuple[ForceLaw, ...] = schema.children(KINDS, doc="resistance as a function of the force")
+
+    def __post_init__(self) -> None:
+        schema.validate(self)
+        check_laws(self.laws, self.contact_resistance)
+
+    def law(self) -> ResistanceLaw:
+        """Return the law from force to contact resistance."""
+        return law_of(self.laws, self.contact_resistance)
+
+    @property
+    def expected_resistance(self) -> float:
+        """Contact resistance [K m2/W] at the force that a touch is expected to have."""
+        return self.law().at(self.expected_force)
 
 
 class Names(NamedTuple):
@@ -78,6 +101,8 @@ class Names(NamedTuple):
     skin_temperature: str
     skin_ring: str
     skin_count: str
+    since: str
+    contact_area: str
     normal_force: str
 
     @classmethod
@@ -99,7 +124,9 @@ class HeatModel:
     bodies: tuple[Array | None, ...]
     body_starts: tuple[Array | None, ...]
     widest: int
-    resistance: float
+    law: ResistanceLaw
+    area: Callable[[float], float]
+    press: float
     skin_from: str
     valid_from: str
     window: int
@@ -135,7 +162,9 @@ class Heat(Modality):
             bodies=tuple(bodies),
             body_starts=tuple(starts),
             widest=max((len(start) for start in starts if start is not None), default=1),
-            resistance=params.contact_resistance,
+            law=params.law(),
+            area=params.laws[0].area if params.laws else contact_area,
+            press=params.press,
             skin_from=skin_from,
             valid_from=valid,
             window=max(1, round(SKIN_WINDOW / period)),
@@ -150,6 +179,8 @@ class Heat(Modality):
             Field("object", "i8"),
             Field("skin_temperature"),
             Field("resistance"),
+            Field("contact_area"),
+            Field("since", "i8"),
             Field("finger", "f8", len(model.finger_start)),
             Field("objects", "f8", (count, model.widest)),
             Field("touched", "i8", count),
@@ -175,6 +206,7 @@ class Heat(Modality):
             self._start(model, state)
             state[f"{name}.object"] = event.object_index
             state[f"{name}.in_contact"] = 1
+            state[f"{name}.since"] = 0
             state[f"{name}.touched"][event.object_index] = 1
         elif event.kind is ContactKind.END:
             state[f"{name}.object"] = -1
@@ -195,11 +227,10 @@ class Heat(Modality):
         names, live = model.names, model.live
         finger, objects = state[names.finger], state[names.objects]
         index = state[names.object].item()
-        pressed = index >= 0 and state[names.normal_force].item() > 0.0
-        body = model.bodies[index] if pressed else None
-        flux, resistance = 0.0, np.inf
+        force = state[names.normal_force].item() if index >= 0 else 0.0
+        flux, resistance = 0.0, self._resistance(model, state, force, period)
+        body = model.bodies[index] if math.isfinite(resistance) else None
         if body is not None:
-            resistance = model.resistance
             flux = live.contact_step(model.finger, finger, body, objects[index], resistance)
         else:
             live.air_step(model.finger, finger)
@@ -210,7 +241,17 @@ class Heat(Modality):
                 live.air_step(cooling, objects[other])
         state[names.desired][...] = flux
         state[names.resistance][...] = resistance
+        state[names.contact_area][...] = model.area(force)
         state[names.skin_temperature][...] = live.surface_temperature(model.finger, finger)
+
+    def _resistance(self, model: HeatModel, state: Record, force: float, period: float) -> float:
+        """Return the contact resistance at the end of this period [K m2/W]; infinite without force."""
+        resistance = model.law.at(force)
+        if model.press > 0.0 and force > 0.0:
+            since = state[model.names.since].item() + 1
+            state[model.names.since] = since
+            resistance *= press_factor(since * period, model.press)
+        return resistance
 
     def _watch_skin(self, model: HeatModel, state: Record) -> None:
         if not model.skin_from or (model.valid_from and state[model.valid_from].item() < 0.5):

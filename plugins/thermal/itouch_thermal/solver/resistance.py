@@ -6,9 +6,8 @@ metal ask for a few times 1e-3 m2K/W in a light touch, which is the default here
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from dataclasses import dataclass
-
-import numpy as np
 
 from itouch_thermal.solver.layers import check_resistance
 
@@ -46,13 +45,21 @@ class PressureResistance:
         h1 per pascal to the exponent; the default gives `DEFAULT_RESISTANCE` at 1 N.
     exponent
         0.95 for rough surfaces that yield (Cooper, Mikic and Yovanovich 1969).
+    area, area_exponent
+        Contact area at 1 N [m2], and the exponent of the force in it.
     """
 
     base: float = 200.0
     slope: float = 300.0 / (1.0 / AREA_AT_1N) ** 0.95
     exponent: float = 0.95
+    area: float = AREA_AT_1N
+    area_exponent: float = AREA_EXPONENT
 
     def __post_init__(self) -> None:
+        if not 0.0 < self.area < float("inf"):
+            raise ValueError(f"area = {self.area!r} m^2 must be finite and more than 0")
+        if not 0.0 <= self.area_exponent <= 1.0:
+            raise ValueError(f"area_exponent = {self.area_exponent!r} is out of range: 0 to 1")
         for name in ("base", "slope"):
             if not 0.0 <= getattr(self, name) < float("inf"):
                 raise ValueError(f"{name} = {getattr(self, name)!r} is out of range: 0 or more, finite")
@@ -63,7 +70,8 @@ class PressureResistance:
         """Return the resistance [K m2/W] at a normal force [N]; infinite without force."""
         if force <= 0.0:
             return float("inf")
-        conductance = self.base + self.slope * (force / contact_area(force)) ** self.exponent
+        pressure = force / (self.area * force**self.area_exponent)
+        conductance = self.base + self.slope * pressure**self.exponent
         return 1.0 / conductance if conductance > 0.0 else float("inf")
 
 
@@ -86,7 +94,14 @@ class TableResistance:
         """Return the resistance [K m2/W] at a normal force [N]; infinite without force."""
         if force <= 0.0:
             return float("inf")
-        return float(np.interp(force, self.forces, self.resistances))
+        upper = bisect_right(self.forces, force)
+        if upper == 0:
+            return self.resistances[0]
+        if upper == len(self.forces):
+            return self.resistances[-1]
+        low, high = self.forces[upper - 1], self.forces[upper]
+        part = (force - low) / (high - low)
+        return self.resistances[upper - 1] + part * (self.resistances[upper] - self.resistances[upper - 1])
 
 
 ResistanceLaw = ConstantResistance | PressureResistance | TableResistance

@@ -1,0 +1,160 @@
+"""The force laws of the contact resistance as a scene writes them; the laws themselves are in ``solver.resistance``."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+from itouch.plugin import schema
+from itouch_thermal.solver.resistance import (
+    AREA_AT_1N,
+    AREA_EXPONENT,
+    DEFAULT_RESISTANCE,
+    ConstantResistance,
+    PressureResistance,
+    ResistanceLaw,
+    TableResistance,
+    contact_area,
+)
+
+__all__ = ["ConstantLaw", "ForceLaw", "ForcePoint", "PressureLaw", "TableLaw", "law_of", "press_factor"]
+
+_DEFAULT = PressureResistance()
+
+
+@dataclass(frozen=True, slots=True)
+class ConstantLaw:
+    """The same contact resistance at any force."""
+
+    TAG: ClassVar[str] = "constant-resistance"
+
+    resistance: float = schema.quantity(
+        "m^2*K/W", low=0.0, high=1.0, default=DEFAULT_RESISTANCE, doc="between skin and object"
+    )
+
+    def __post_init__(self) -> None:
+        schema.validate(self)
+
+    def law(self) -> ConstantResistance:
+        """Return the law."""
+        return ConstantResistance(self.resistance)
+
+    def area(self, force: float) -> float:
+        """Return the contact area [m2] at a force [N]."""
+        return contact_area(force)
+
+
+@dataclass(frozen=True, slots=True)
+class PressureLaw:
+    """Skin that yields: 1/R = base + slope p^exponent, p the force in N over the contact area in m2."""
+
+    TAG: ClassVar[str] = "pressure-resistance"
+
+    base: float = schema.quantity(
+        "W/(m^2*K)", low=0.0, high=1e5, default=_DEFAULT.base, doc="what moisture and air conduct without pressure"
+    )
+    slope: float = schema.quantity(
+        "", low=0.0, high=1e5, default=_DEFAULT.slope, doc="conductance [W/(m^2*K)] at a pressure of 1 Pa"
+    )
+    exponent: float = schema.quantity("", low=1e-3, high=2.0, default=_DEFAULT.exponent, doc="of the pressure in Pa")
+    contact_area: float = schema.quantity(
+        "m^2", low=1e-7, high=1e-2, default=AREA_AT_1N, doc="contact area of the fingertip at 1 N"
+    )
+    area_exponent: float = schema.quantity(
+        "", low=0.0, high=1.0, default=AREA_EXPONENT, doc="of the force in the contact area; Hertz: a third"
+    )
+
+    def __post_init__(self) -> None:
+        schema.validate(self)
+        if self.base == 0.0 and self.slope == 0.0:
+            raise ValueError("base and slope are both 0: nothing would be conducted at any force")
+
+    def law(self) -> PressureResistance:
+        """Return the law."""
+        return PressureResistance(self.base, self.slope, self.exponent, self.contact_area, self.area_exponent)
+
+    def area(self, force: float) -> float:
+        """Return the contact area [m2] at a force [N]."""
+        return contact_area(force, at_1n=self.contact_area, exponent=self.area_exponent)
+
+
+@dataclass(frozen=True, slots=True)
+class ForcePoint:
+    """A point of a table: a contact resistance that was found at a force."""
+
+    TAG: ClassVar[str] = "point"
+
+    force: float = schema.quantity("N", low=1e-6, high=100.0, doc="normal force")
+    resistance: float = schema.quantity("m^2*K/W", low=0.0, high=1.0, doc="contact resistance at that force")
+
+    def __post_init__(self) -> None:
+        schema.validate(self)
+
+
+@dataclass(frozen=True, slots=True)
+class TableLaw:
+    """Contact resistances at forces, linear between them and constant outside; forces ascend."""
+
+    TAG: ClassVar[str] = "table-resistance"
+
+    points: tuple[ForcePoint, ...] = schema.children(ForcePoint, doc="at least one")
+
+    def __post_init__(self) -> None:
+        self.law()
+
+    def law(self) -> TableResistance:
+        """Return the law.
+
+        Raises
+        ------
+        ValueError
+            If there is no point, or the forces do not ascend.
+        """
+        if not self.points:
+            raise ValueError('a table needs at least one <point force="..." resistance="..."/>')
+        return TableResistance(
+            tuple(point.force for point in self.points), tuple(point.resistance for point in self.points)
+        )
+
+    def area(self, force: float) -> float:
+        """Return the contact area [m2] at a force [N]."""
+        return contact_area(force)
+
+
+ForceLaw = ConstantLaw | PressureLaw | TableLaw
+#: The elements of which one may stand in a finger's element.
+KINDS: tuple[type, ...] = (ConstantLaw, PressureLaw, TableLaw)
+
+
+def law_of(laws: tuple[ForceLaw, ...], resistance: float) -> ResistanceLaw:
+    """Return the one law that is given, or the constant resistance [K m2/W]."""
+    return laws[0].law() if laws else ConstantResistance(resistance)
+
+
+def check_laws(laws: tuple[ForceLaw, ...], resistance: float) -> None:
+    """Check that there is at most one law, and not besides a constant that the scene gives.
+
+    Raises
+    ------
+    ValueError
+        Naming what stands there.
+    """
+    names = [f"<{law.TAG}>" for law in laws]
+    if len(names) > 1:
+        raise ValueError(f"only one force law may stand here, not {' and '.join(names)}")
+    if names and resistance != DEFAULT_RESISTANCE:
+        raise ValueError(f"contact-resistance and {names[0]} say the same thing: remove one of them")
+
+
+def press_factor(time: float, press: float) -> float:
+    """Return by how much the resistance is higher while the skin flattens: ``1 / (1 - exp(-time / press))``.
+
+    Parameters
+    ----------
+    time
+        Since the touch began [s], more than 0.
+    press
+        Time constant [s]; 0: none.
+    """
+    return 1.0 if press <= 0.0 else 1.0 / -math.expm1(-time / press)
