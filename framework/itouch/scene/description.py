@@ -8,6 +8,7 @@ from typing import Any
 from itouch.scene.elements import (
     VERSION,
     DeviceElement,
+    Fault,
     Material,
     Operator,
     PluginPart,
@@ -34,6 +35,7 @@ class Scene:
     modalities: tuple[PluginPart, ...] = ()
     rates: Rates = Rates()
     safety: Safety = Safety()
+    faults: tuple[Fault, ...] = ()
     version: str = VERSION
     source: str = field(default="", compare=False)
     places: Places = field(default_factory=Places, compare=False, repr=False, hash=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from itouch.scene.elements import VERSION
@@ -12,7 +12,7 @@ from itouch.schema.diagnostics import Place, Problem, did_you_mean
 
 MAX_INCLUDE_DEPTH = 16
 MAX_DOCUMENTS = 256
-SECTIONS = ("include", "defaults", "materials", "world", "devices", "interaction", "rates", "safety")
+SECTIONS = ("include", "defaults", "materials", "world", "devices", "interaction", "rates", "safety", "fault")
 
 
 @dataclass(slots=True)
@@ -134,6 +134,9 @@ class DocumentReader:
             self.problems.append(Problem("unknown-element", sentence, node.place, advice))
         elif node.tag == "include":
             self._include(document, node)
+        elif node.tag == "fault":  # any number of them; kept as if they stood in an element of their own
+            faults = document.sections.setdefault("faults", replace(node, tag="faults", attributes={}, children=[]))
+            faults.children.append(node)
         elif node.tag in document.sections:
             related = ((document.sections[node.tag].place, "first here"),)
             sentence = f"<{node.tag}> may stand only once in a file"

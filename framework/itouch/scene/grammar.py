@@ -18,6 +18,7 @@ _SECTIONS: tuple[tuple[type, str], ...] = (
     (elements.Interaction, "inside `<itouch>`"),
     (elements.Rates, "inside `<itouch>`"),
     (elements.Safety, "inside `<itouch>`"),
+    (elements.Fault, "inside `<itouch>`, any number of times"),
 )
 
 

@@ -25,6 +25,7 @@ _SECTION_CLASSES: dict[str, type] = {
     "interaction": elements.Interaction,
     "rates": elements.Rates,
     "safety": elements.Safety,
+    "faults": elements.Faults,
 }
 #: Elements that <defaults> may name.
 _DEFAULTABLE: dict[str, type] = {
@@ -114,6 +115,7 @@ class _Assembly:
     probes: list[elements.Probe] = field(default_factory=list)
     operators: list[elements.Operator] = field(default_factory=list)
     modalities: list[elements.PluginPart] = field(default_factory=list)
+    faults: list[elements.Fault] = field(default_factory=list)
     single: dict[str, Any] = field(default_factory=dict)
     names: Names = field(default_factory=Names)
 
@@ -163,6 +165,8 @@ class _Assembly:
             self.probes += bound.probes
             self.operators += bound.operators
             self.modalities += bound.parts
+        elif tag == "faults":
+            self.faults += [fault for fault in bound.faults if fault is not None]
         elif tag == "world":
             self.objects += bound.objects
             if self.places.given(bound, "temperature") or tag not in self.single:
@@ -211,6 +215,7 @@ class _Assembly:
             modalities=tuple(self.modalities),
             rates=self.single.get("rates", elements.Rates()),
             safety=self.single.get("safety", elements.Safety()),
+            faults=tuple(self.faults),
             source=source,
             places=self.places,
         )

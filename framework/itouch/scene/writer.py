@@ -25,6 +25,7 @@ def write(scene: Scene) -> str:
     lines += _section("interaction", [*interaction, *(_part(part) for part in scene.modalities)])
     lines += _indent(_element(scene.rates, "rates"))
     lines += _indent(_element(scene.safety, "safety"))
+    lines += [line for fault in scene.faults for line in _indent(_element(fault, "fault"))]
     return "\n".join([*lines, "</itouch>", ""])
 
 

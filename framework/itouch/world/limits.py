@@ -1,168 +1,217 @@
-"""The limits in force: the hardware's ceiling, the defaults, and what the scene tightens; nothing can loosen them.
+"""The limits in force: the hardware's ceiling, then what the scene tightens, then the defaults; nothing can loosen them.
 
-The defaults are for healthy adults touching with a fingertip.  Their basis is in ``docs/reference/safety-limits.md``.
+The defaults are for healthy adults touching with a fingertip.  Their basis is in ``docs/reference/safety-limits.md``,
+where T, K and W number them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 from itouch.plugin import Channel
 from itouch.scene import Scene
 from itouch.scene.elements import DeviceElement
 from itouch.schema import Problem
+from itouch.world import limitcheck
 
-#: Greatest force of an arm on the operator [N].
-FORCE = 3.0
-#: Greatest speed [m/s] of a carried surface: towards the finger when near, and otherwise.
-SPEED_NEAR, SPEED = 0.10, 0.25
-#: Distance [m] from the finger below which a surface is near.
-NEAR = 0.020
-#: Lowest and highest commanded plate temperature [K], and where it trips.
+# --- heat (T) -----------------------------------------------------------------------------------------------------
+#: T1, T2: lowest and highest plate temperature [K]: where the drive is cut down, where it trips, and what never passes.
 PLATE_TEMPERATURE = (288.15, 313.15)
 PLATE_TRIP = (285.15, 315.15)
-#: Hottest heat sink [K] before a trip.
-SINK_TRIP = 328.15
-#: Force of the plate on the finger [N]: where the plate yields, and where it trips.
-PLATE_FORCE, PLATE_FORCE_TRIP = 2.0, 5.0
-#: Distance [m] between a surface and its command that trips, and for how long [s].
-TRACKING_TRIP, TRACKING_TIME = 0.005, 0.1
-#: Speed of the finger on an arm [m/s] that trips.
-ARM_SPEED_TRIP = 1.2
-#: Greatest increase of |force| [N/s].
-FORCE_SLEW = 1000.0
-#: Ramp-in [s] after enabling hardware.
-RAMP = 1.0
-#: Greatest age of a reading [s], by what the device commands.
-WATCHDOG = {"wrench": 0.020, "pose_target": 0.100, "current": 0.500}
+PLATE_ABSOLUTE = (281.15, 318.15)
+#: T3: thermal dose of a session [s of CEM43] that is told, and that trips.
+DOSE_WARNING, DOSE = 60.0, 120.0
+#: T4: time [s] of one contact after which the plate withdraws, the longest that a scene may ask for, and the trip.
+CONTACT_TIME, CONTACT_TIME_LONGEST, CONTACT_TIME_TRIP = 10.0, 60.0, 60.0
+#: T5: rate [K/s] of the plate in contact, as a mean over half a second, that cuts the drive down; twice as much trips.
+PLATE_RATE = 10.0
+#: T6: mean over a second of |flux| [W/m2] that cuts the drive down; 4/3 of it trips.
+FLUX = 15e3
+#: T7: heat sink [K]: where the drive is cut down, where it trips, and what never passes.
+SINK, SINK_TRIP, SINK_ABSOLUTE = 323.15, 328.15, 333.15
+# --- motion and force (K) -----------------------------------------------------------------------------------------
+#: K1: greatest force of an arm on the operator [N].
+FORCE = 3.0
+#: K2: speed of the finger on an arm [m/s] from which forces that drive it fade, and that trips.
+ARM_SPEED, ARM_SPEED_TRIP = 0.8, 1.2
+#: K3: greatest increase of |force| [N/s], and ramp-in [s] after enabling hardware and after every re-arming.
+FORCE_SLEW, RAMP = 1000.0, 1.0
+#: K4: force of the plate on the finger [N]: where the plate yields, where it trips, and what never passes.
+PLATE_FORCE, PLATE_FORCE_TRIP, PLATE_FORCE_ABSOLUTE = 2.0, 5.0, 10.0
+#: K5: distance [m] below which a surface is near the finger; its speed [m/s] towards a near finger, and otherwise.
+NEAR = 0.020
+SPEED_NEAR, SPEED = 0.10, 0.25
+SPEED_NEAR_TRIP, SPEED_TRIP = 0.15, 0.30
+#: K6: distance [m] of a surface from its command that stops its approach, that trips, and for how long [s] it must last.
+TRACKING, TRACKING_TRIP, TRACKING_TIME = 0.003, 0.005, 0.1
+# --- watchdogs (W) ------------------------------------------------------------------------------------------------
+#: W1: greatest age of a reading [s], by what the device commands.
+WATCHDOG = {"wrench": 0.020, "pose_target": 0.100, "current": 0.500, "temperature_target": 0.500}
 WATCHDOG_OTHER = 0.500
+#: W3: how long [s] one word of the dead-man's switch holds.
+HOLD = 0.080
+
+DEFAULT, CEILING = "the default", "the device's ceiling"
 
 
 @dataclass(frozen=True, slots=True)
 class DeviceLimits:
-    """The limits in force for one device, SI; None where the device has nothing to limit."""
+    """The limits in force for one device, SI; None where the device has nothing to limit.
 
-    force: float | None
-    speed: float | None
-    speed_near: float | None
-    current: float | None
-    temperature: tuple[float, float] | None
-    watchdog: float
+    ``sources`` says for each field who has set it.
+    """
+
+    force: float | None = None
+    speed: float | None = None
+    speed_near: float | None = None
+    current: float | None = None
+    temperature: tuple[float, float] | None = None
+    watchdog: float = WATCHDOG_OTHER
+    plate_force: float | None = None
+    contact_time: float | None = None
+    plate_rate: float | None = None
+    flux: float | None = None
+    dose: float | None = None
+    ramp: float = 0.0
+    sources: Mapping[str, str] = field(default_factory=dict, compare=False)
 
     def table(self) -> dict[str, float | tuple[float, float]]:
-        """Return the limits by name."""
-        named = {name: getattr(self, name) for name in ("force", "speed", "current", "temperature", "watchdog")}
+        """Return the limits that there are, by name."""
+        named = {name: getattr(self, name) for name in NAMES}
         return {name: value for name, value in named.items() if value is not None}
 
-
-@dataclass(frozen=True, slots=True)
-class _Ceilings:
-    """What holds before the scene says anything: the smaller of default and hardware, with who set it."""
-
-    force: tuple[float, str] | None
-    speed: tuple[float, str] | None
-    current: tuple[float, str] | None
-    temperature: tuple[float, float] | None
-
-    @classmethod
-    def of(cls, reads: tuple[Channel, ...], commands: tuple[Channel, ...]) -> _Ceilings:
-        by_name = {channel.name: channel for channel in commands}
-        wrench, target, current = (by_name.get(name) for name in ("wrench", "pose_target", "current"))
-        plate = any(channel.name == "plate_temperature" for channel in reads)
-        return cls(
-            _least(FORCE, wrench.magnitude) if wrench else None,
-            _least(SPEED, min(target.slew[:3]) if target.slew else None) if target else None,
-            (current.high[0], "the device's ceiling") if current and current.high else None,
-            PLATE_TEMPERATURE if plate or "temperature_target" in by_name else None,
+    @property
+    def temperature_trip(self) -> tuple[float, float]:
+        """Lowest and highest plate temperature [K] before a trip: as far beyond the limits as the default trips are."""
+        low, high = self.temperature or PLATE_TEMPERATURE
+        return (
+            max(PLATE_TRIP[0], low - (PLATE_TEMPERATURE[0] - PLATE_TRIP[0])),
+            min(PLATE_TRIP[1], high + (PLATE_TRIP[1] - PLATE_TEMPERATURE[1])),
         )
 
+    @property
+    def plate_force_trip(self) -> float:
+        """Force [N] of the plate on the finger that trips, in the ratio of the defaults."""
+        return (PLATE_FORCE if self.plate_force is None else self.plate_force) * PLATE_FORCE_TRIP / PLATE_FORCE
 
-def _least(default: float, hardware: float | None) -> tuple[float, str]:
+    @property
+    def contact_time_trip(self) -> float:
+        """Time [s] of one contact that trips: the plate was to withdraw long before."""
+        wanted = CONTACT_TIME if self.contact_time is None else self.contact_time
+        return min(CONTACT_TIME_TRIP, wanted * CONTACT_TIME_TRIP / CONTACT_TIME)
+
+
+#: The limits of ``DeviceLimits.table``.
+NAMES = (
+    "force", "speed", "current", "temperature", "plate_force", "contact_time", "plate_rate", "flux", "dose", "watchdog",
+)  # fmt: skip
+
+Ceiling = tuple[Any, str]
+
+
+def ceilings(reads: tuple[Channel, ...], commands: tuple[Channel, ...]) -> dict[str, Ceiling]:
+    """Return what holds before the scene says anything, with who set it: the smaller of default and hardware."""
+    by_name = {channel.name: channel for channel in commands}
+    found: dict[str, Ceiling] = {}
+    if "wrench" in by_name:
+        found["force"] = _least(FORCE, by_name["wrench"].magnitude)
+    if "pose_target" in by_name:
+        slew = by_name["pose_target"].slew
+        found["speed"] = _least(SPEED, min(slew[:3]) if slew else None)
+        found["plate_force"], found["contact_time"] = (PLATE_FORCE, DEFAULT), (CONTACT_TIME, DEFAULT)
+    if "current" in by_name and by_name["current"].high:
+        found["current"] = (by_name["current"].high[0], CEILING)
+    if "temperature_target" in by_name or any(channel.name == "plate_temperature" for channel in reads):
+        found["temperature"], found["dose"] = (PLATE_TEMPERATURE, DEFAULT), (DOSE, DEFAULT)
+        found["plate_rate"] = (PLATE_RATE, DEFAULT)
+    if any(channel.name == "heat_flux" for channel in reads):
+        found["flux"] = (FLUX, DEFAULT)
+    patience = min((WATCHDOG.get(channel.name, WATCHDOG_OTHER) for channel in commands), default=WATCHDOG_OTHER)
+    found["watchdog"] = (patience, DEFAULT)
+    return found
+
+
+def _least(default: float, hardware: float | None) -> Ceiling:
     if hardware is not None and hardware < default:
-        return hardware, "the device's ceiling"
-    return default, "the default"
+        return hardware, CEILING
+    return default, DEFAULT
 
 
 def resolve(
     scene: Scene, device: DeviceElement, reads: tuple[Channel, ...], commands: tuple[Channel, ...]
 ) -> tuple[DeviceLimits, list[Problem]]:
     """Return the limits in force for a device, and what is wrong with those that the scene asks for."""
-    ceilings = _Ceilings.of(reads, commands)
-    problems = list(_loosened(scene, device, ceilings)) + list(_without_channel(scene, device, ceilings))
-    safety, own = scene.safety, device.limits
-    speed = _tightest(ceilings.speed, own.speed, safety.speed)
-    limits = DeviceLimits(
-        _tightest(ceilings.force, own.force, safety.force),
-        speed,
-        min(SPEED_NEAR, speed) if speed is not None else None,
-        _tightest(ceilings.current, own.current, None),
-        _narrowest(ceilings.temperature, own.temperature, safety.temperature),
-        _watchdog(scene, commands),
-    )
-    return limits, problems
+    before = ceilings(reads, commands)
+    values: dict[str, Any] = {}
+    sources: dict[str, str] = {}
+    for name, ceiling in before.items():
+        asked = list(_asked(scene, device, name))
+        values[name], sources[name] = _narrowed(ceiling, asked) if name == "temperature" else _tightened(ceiling, asked)
+    if "contact_time" in before:
+        values["contact_time"], sources["contact_time"] = _contact_time(scene, before["contact_time"])
+    if "speed" in values:
+        values["speed_near"] = min(SPEED_NEAR, values["speed"])
+    values["ramp"], sources["ramp"] = _ramp(scene, device)
+    problems = list(limitcheck.device_problems(scene, device, before))
+    return DeviceLimits(**values, sources=sources), problems
 
 
-def _tightest(ceiling: tuple[float, str] | None, *wanted: float | None) -> float | None:
-    if ceiling is None:
-        return None
-    return min(ceiling[0], *(value for value in wanted if value is not None), ceiling[0])
+def _asked(scene: Scene, device: DeviceElement, name: str) -> Iterator[Ceiling]:
+    """Yield what device and scene ask for, with where they do."""
+    for element in (device.limits, scene.safety):
+        wanted = getattr(element, name, None)
+        if wanted is not None:
+            yield wanted, _said_by(scene, element, name)
 
 
-def _narrowest(ceiling: tuple[float, float] | None, *wanted: tuple[float, float] | None) -> tuple[float, float] | None:
-    if ceiling is None:
-        return None
-    given = [ceiling, *(pair for pair in wanted if pair is not None)]
-    return max(pair[0] for pair in given), min(pair[1] for pair in given)
+def _said_by(scene: Scene, element: Any, name: str) -> str:
+    place = scene.places.of(element, name)
+    return f"<{element.TAG}> at {place}" if place else f"<{element.TAG}>"
 
 
-def _watchdog(scene: Scene, commands: tuple[Channel, ...]) -> float:
-    default = min((WATCHDOG.get(channel.name, WATCHDOG_OTHER) for channel in commands), default=WATCHDOG_OTHER)
-    return min(default, scene.safety.watchdog or default)
+def _tightened(ceiling: Ceiling, asked: list[Ceiling]) -> Ceiling:
+    found = ceiling
+    for value, source in asked:
+        if value <= found[0]:
+            found = (value, source)
+    return found
 
 
-def _loosened(scene: Scene, device: DeviceElement, ceilings: _Ceilings) -> Iterator[Problem]:
-    for name, unit in (("force", "N"), ("speed", "m/s"), ("current", "A")):
-        wanted, ceiling = getattr(device.limits, name), getattr(ceilings, name)
-        if wanted is not None and ceiling is not None and wanted > ceiling[0]:
-            what = f"{name} {wanted:g} {unit} is above {ceiling[1]} of {ceiling[0]:g} {unit}"
-            yield _loose(scene, device.limits, name, f"device '{device.name}': {what}")
-    if device.limits.temperature is not None and ceilings.temperature is not None:
-        yield from _loosened_temperature(scene, device.limits, f"device '{device.name}'")
+def _narrowed(ceiling: Ceiling, asked: list[Ceiling]) -> Ceiling:
+    (low, high), source = ceiling
+    for (least, most), by in asked:
+        if least >= low and most <= high:
+            low, high, source = least, most, by
+        elif least > low or most < high:
+            low, high, source = max(low, least), min(high, most), f"{source} and {by}"
+    return (low, high), source
+
+
+def _contact_time(scene: Scene, ceiling: Ceiling) -> Ceiling:
+    """Return how long a contact may last: a scene may ask for less, and for as much as 60 s."""
+    wanted = scene.safety.contact_time
+    if wanted is None:
+        return ceiling
+    return min(wanted, CONTACT_TIME_LONGEST - 1.0), _said_by(scene, scene.safety, "contact_time")
+
+
+def _ramp(scene: Scene, device: DeviceElement) -> Ceiling:
+    """Return the ramp-in after enabling: at least that of the default on hardware; on twins what the scene says."""
+    wanted, least = scene.safety.ramp, 0.0 if device.twin else RAMP
+    if wanted is not None and wanted >= least:
+        return wanted, _said_by(scene, scene.safety, "ramp")
+    return least, DEFAULT
 
 
 def check_safety(scene: Scene) -> Iterator[Problem]:
     """Find limits of ``<safety>`` that are looser than the defaults."""
-    for name, unit, default in (("force", "N", FORCE), ("speed", "m/s", SPEED), ("watchdog", "s", WATCHDOG_OTHER)):
-        wanted = getattr(scene.safety, name)
-        if wanted is not None and wanted > default:
-            what = f"<safety {name}>: {wanted:g} {unit} is above the default of {default:g} {unit}"
-            yield _loose(scene, scene.safety, name, what)
-    if scene.safety.temperature is not None:
-        yield from _loosened_temperature(scene, scene.safety, "<safety>")
-
-
-def _loosened_temperature(scene: Scene, element: Any, what: str) -> Iterator[Problem]:
-    low, high = element.temperature
-    if low >= high:
-        sentence = f"{what}: the lowest temperature is not below the highest"
-        yield Problem("bad-value", sentence, scene.places.of(element, "temperature"), "write lowest, then highest")
-    elif low < PLATE_TEMPERATURE[0] or high > PLATE_TEMPERATURE[1]:
-        low_c, high_c = (value - 273.15 for value in PLATE_TEMPERATURE)
-        sentence = f"{what}: the temperatures go beyond the default of {low_c:g} to {high_c:g} degC"
-        yield _loose(scene, element, "temperature", sentence)
-
-
-def _loose(scene: Scene, element: Any, name: str, sentence: str) -> Problem:
-    return Problem(
-        "loosened-limit", sentence, scene.places.of(element, name), "a scene may tighten limits, never loosen"
-    )
-
-
-def _without_channel(scene: Scene, device: DeviceElement, ceilings: _Ceilings) -> Iterator[Problem]:
-    for name in ("force", "speed", "current", "temperature"):
-        if getattr(device.limits, name) is not None and getattr(ceilings, name) is None:
-            sentence = f"device '{device.name}' has no {name} to limit"
-            place = scene.places.of(device.limits, name)
-            yield Problem("limit-without-channel", sentence, place, "remove the limit")
+    yield from limitcheck.safety_problems(
+        scene,
+        {
+            "force": FORCE, "speed": SPEED, "watchdog": WATCHDOG_OTHER, "plate_force": PLATE_FORCE,
+            "contact_time": CONTACT_TIME_LONGEST, "plate_rate": PLATE_RATE, "flux": FLUX, "dose": DOSE,
+            "temperature": PLATE_TEMPERATURE,
+        },
+    )  # fmt: skip

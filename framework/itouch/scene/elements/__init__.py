@@ -6,7 +6,7 @@ from itouch.scene.elements.materials import ContactMaterial, Material, Materials
 from itouch.scene.elements.objects import OBJECTS, Box, Capsule, Cylinder, Plane, Sphere, WorldElement
 from itouch.scene.elements.rates import Rates
 from itouch.scene.elements.rig import Calibration, DeviceElement, Devices, Limits, Mount
-from itouch.scene.elements.safety import Safety
+from itouch.scene.elements.safety import FAULTS, Fault, Faults, Safety
 
 #: Format version that this program writes, and the newest that it reads.
 VERSION = "1.0"
@@ -19,6 +19,9 @@ __all__ = [
     "Cylinder",
     "DeviceElement",
     "Devices",
+    "FAULTS",
+    "Fault",
+    "Faults",
     "Include",
     "Interaction",
     "Limits",
