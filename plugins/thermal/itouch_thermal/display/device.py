@@ -24,6 +24,7 @@ from itouch_thermal.display import plant
 from itouch_thermal.display.column import REACH, Array, Column, column
 from itouch_thermal.display.params import DisplayParams
 from itouch_thermal.heat import FINGER
+from itouch_thermal.laws import law_of
 
 #: Shortest servo period [s] for which the delay line has room.
 SHORTEST = 2e-4
@@ -39,6 +40,7 @@ class DisplayTwin(Twin):
         self._ambient = REFERENCE
         self._built: dict[float, tuple[Column, Array]] = {}
         self._column, _ = self._for(1e-3)
+        self._law = law_of(params.laws, params.contact_resistance)
 
     def stand(self, ambient: float, skin_temperature: float | None) -> None:
         """Take the room's temperature, and the operator's finger where there is an operator."""
@@ -96,9 +98,18 @@ class DisplayTwin(Twin):
         parts, numbers = self._for(period)
         plant.plant_step(
             numbers, parts.tissue, parts.plate, state["memory"], state["tissue"], state["plate"], state["line"],
-            state["noise"], command["current"].item(), float(touch.force), float(touch.gap), float(touch.ambient),
+            state["noise"], command["current"].item(), self.resistance(float(touch.force)), float(touch.gap),
+            float(touch.ambient),
         )  # fmt: skip
         self._publish(state)
+
+    def resistance(self, force: float) -> float:
+        """Return the true contact resistance [K m2/W] at a force [N] on the plate; infinite without force."""
+        if force <= 0.0:
+            return math.inf
+        full = self.params.full_force
+        scale = max(1.0, full / force) if full > 0.0 else 1.0
+        return float(self._law.at(force) * (1.0 + self.params.mismatch.contact_resistance) * scale)
 
     def read(self, state: Record, reading: Record) -> bool | None:
         """Give what the sensors say."""
@@ -133,7 +144,6 @@ def constants(p: DisplayParams, parts: Column, ambient: float = REFERENCE) -> Ar
     gap = p.skin_temperature - ambient
     loss = parts.resting_flux * (1.0 + off.finger_effusivity)
     c[plant.C_FINGER_FILM] = loss / gap if abs(gap) > 0.5 and loss / gap > 1.0 else 10.0
-    c[plant.C_CONTACT], c[plant.C_FULL_FORCE] = p.contact_resistance * (1.0 + off.contact_resistance), p.full_force
     c[plant.C_MAX_CURRENT] = p.max_current
     c[plant.C_CURRENT_STEP] = 2.0 * p.max_current / 2**p.current_bits
     slower = 1.0 + off.sensor_lag

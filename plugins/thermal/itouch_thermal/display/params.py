@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from itouch.plugin import schema
+from itouch_thermal.laws import KINDS, ForceLaw, check_laws
 from itouch_thermal.solver.layers import Layer
 
 #: Copper-clad film sensor of the paper: thickness from 15e-6 K m2/W and k = 2.5 W/mK.
@@ -83,11 +84,15 @@ class DisplayParams:
         low=273.15, high=318.15, default=306.15, doc="of the twin's finger at rest in air"
     )
     humidity: float = schema.quantity("", low=0.0, high=1.0, default=0.5, doc="relative humidity of the room")
+    laws: tuple[ForceLaw, ...] = schema.children(KINDS, doc="of the twin: resistance as a function of the force")
     tissue: tuple[Layer, ...] = schema.children(Layer, tag="tissue", doc="the twin's finger from the skin inwards")
     mismatch: Mismatch = schema.child(Mismatch, default=Mismatch())
 
     def __post_init__(self) -> None:
         schema.validate(self)
+        check_laws(self.laws, self.contact_resistance)
+        if self.laws and self.full_force > 0.0:
+            raise ValueError(f"full-force and <{self.laws[0].TAG}> say the same thing: remove one of them")
         for name in ("contact_area", "sensor_area"):
             if getattr(self, name) > self.area * (1.0 + 1e-9):
                 raise ValueError(f"{name} = {getattr(self, name)!r} m^2 is more than the plate's area of {self.area:g}")

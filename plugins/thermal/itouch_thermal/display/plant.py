@@ -38,11 +38,11 @@ from itouch_thermal.display.peltier import pumped_heat
 #: Numbers of ``constants``.
 (
     C_PERIOD, C_REST, C_TISSUE_GAIN, C_PLATE_GAIN, C_TISSUE_SELF, C_PLATE_SELF, C_SEEBECK, C_RESISTANCE, C_CONDUCTANCE,
-    C_AREA, C_COVER, C_SEEN, C_SINK_CAPACITY, C_SINK_RESISTANCE, C_FILM, C_FINGER_FILM, C_CONTACT, C_FULL_FORCE,
+    C_AREA, C_COVER, C_SEEN, C_SINK_CAPACITY, C_SINK_RESISTANCE, C_FILM, C_FINGER_FILM,
     C_MAX_CURRENT, C_CURRENT_STEP, C_FLUX_KEEP, C_PLATE_KEEP, C_SINK_KEEP, C_FLUX_NOISE, C_PLATE_NOISE, C_SINK_NOISE,
     C_SKIN_NOISE, C_FLUX_STEP, C_PLATE_STEP, C_SINK_STEP, C_SKIN_STEP, C_FLUX_GAIN, C_FLUX_BIAS, C_PLATE_OFFSET,
     C_CLEAR, C_REFERENCE, C_CEILING, C_SLOTS, CONSTANTS,
-) = range(39)  # fmt: skip
+) = range(37)  # fmt: skip
 
 _TWO_PI = 2.0 * math.pi
 
@@ -72,7 +72,7 @@ def _counted(value: float, step: float) -> float:
 @njit(cache=True, error_model="numpy")
 def plant_step(
     c: Any, tissue: Any, plate: Any, memory: Any, above: Any, below: Any, line: Any, words: Any,
-    command: float, force: float, gap: float, ambient: float,
+    command: float, contact: float, gap: float, ambient: float,
 ) -> None:  # fmt: skip
     """Advance the twin by one step.
 
@@ -84,16 +84,13 @@ def plant_step(
         Packed column, shapes (4, n) and (9, m).
     memory, above, below, line, words
         What changes: shape (MEMORY,), mode coordinates (n,) and (m,), delayed currents (d,), generator word (1,).
-    command, force, gap, ambient
-        Current [A], force on the plate [N], gap to the finger [m], room [K].
+    command, contact, gap, ambient
+        Current [A], resistance to the finger [K m2/W] (infinite: apart), gap to the finger [m], room [K].
     """
     dt = c[C_PERIOD]
     n, m = above.shape[0], below.shape[0]
     current = _drive(c, memory, line, command)
-    touching = force > 0.0
-    contact = c[C_CONTACT]
-    if touching and c[C_FULL_FORCE] > 0.0:
-        contact *= max(1.0, c[C_FULL_FORCE] / force)
+    touching = contact < np.inf
     flux, air = memory[FLUX], memory[PLATE_AIR]
     skin, face, cold, hot = memory[SKIN], memory[PLATE], memory[BACK], memory[SINK]
     if touching != (memory[TOUCHING] > 0.0):
