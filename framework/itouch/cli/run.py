@@ -10,6 +10,7 @@ import threading
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from itouch.cli import pictures
 from itouch.cli.arguments import output_file, seconds
 from itouch.schema import ItouchError
 
@@ -26,7 +27,8 @@ def main(argv: Sequence[str]) -> int:
     for notice in session.notices:
         print(f"note: {notice}", file=sys.stderr)
     screen = Screen(session, sys.stdout)
-    code = _run(session, options, screen)
+    with pictures.taking(session, options):
+        code = _run(session, options, screen)
     report = session.report()
     screen.finish(report)
     _write(session, options, report)
@@ -46,6 +48,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--report", type=output_file, metavar="FILE.json", help="write the report as JSON")
     parser.add_argument("--save", type=output_file, metavar="FILE.itouch", help="save the session at the end")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of all noise (default 0)")
+    pictures.add_options(parser)
     return parser
 
 
