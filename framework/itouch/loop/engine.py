@@ -296,7 +296,8 @@ class Engine:
         hardware = [runner for runner in self._all if not runner.model.twin]
         for runner in hardware:
             self.state[f"{runner.model.name}.status"] = Status.CLOSED
-        self._enabled = not hardware and any(r.status is Status.ENABLED for r in self._all)
+        begun = int(self._tick) > 0  # a session that has run is not enabled a second time
+        self._enabled = not hardware and (begun or any(r.status is Status.ENABLED for r in self._all))
         for rig in self._rigs:
             rig.restore()
 

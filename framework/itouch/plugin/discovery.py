@@ -83,6 +83,11 @@ class Catalog:
         """Return where a device plugin comes from."""
         return self._devices[name]
 
+    def version(self, plugin: str) -> str:
+        """Return the version of the distribution that offers a plugin, or an empty string."""
+        every = {**self._modalities, **self._devices}
+        return next((found.version for name, found in every.items() if _plugin_of(name) == plugin), "")
+
     def device(self, name: str) -> type[Device] | None:
         """Return a device class, or None if there is none or it failed to load (see ``failures``)."""
         cls: type[Device] | None = self._load(self._devices.get(name), Device)

@@ -1,69 +1,84 @@
-"""Snapshots: a zip of the canonical scene, the one record of State, a manifest and the ledger.  No pickle."""
+"""Snapshots: the canonical scene, the one record of State, the bases, a manifest and the ledger.  No pickle."""
 
 from __future__ import annotations
 
-import hashlib
-import io
 import json
 import os
-import tempfile
-import zipfile
-from dataclasses import dataclass, replace
-from importlib import metadata
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
-import numpy as np
+from numpy.typing import NDArray
 
 from itouch.plugin import Record
+from itouch.plugin.bases import Arrays, Bases
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene, loads, write
-from itouch.schema import ItouchError, SceneError
-
-#: Version of the snapshot format.
-FORMAT = "1.0"
-#: Caps against hostile files: one member, and the whole archive [bytes].
-MAX_MEMBER = 64 << 20
-_MEMBERS = ("scene.xml", "state.npy", "manifest.json", "ledger.json")
-
-
-class SessionError(ItouchError):
-    """A snapshot that can't be written, read, or used here."""
+from itouch.schema import SceneError
+from itouch.session.archive import ArchiveWriter, read_members
+from itouch.session.arrays import load_bases, npy_header, pack_bases, record_from, write_record
+from itouch.session.durable import write_whole
+from itouch.session.errors import SessionError
+from itouch.session.manifest import FORMAT, constant_part, digest
+from itouch.world import Model
 
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """What a snapshot holds."""
+    """What a snapshot holds; ``state`` is one record, shape (1,)."""
 
     scene: Scene
-    state: bytes
-    dtype: np.dtype[Any]
+    state: NDArray[Any]
     manifest: dict[str, Any]
     ledger: dict[str, Any]
+    bases: dict[str, Arrays] = field(default_factory=dict)
 
-    def check_layout(self, state: Record) -> None:
-        """Compare the stored layout with that of this program, field by field.
-
-        Raises
-        ------
-        SessionError
-            Naming the fields that differ.
-        """
-        if self.dtype == state.dtype:
-            return
-        old, new = _fields(self.dtype), _fields(state.dtype)
-        changed = [f"  - {name}: {kind}" for name, kind in old.items() if new.get(name) != kind]
-        changed += [f"  + {name}: {kind}" for name, kind in new.items() if old.get(name) != kind]
-        listed = "\n".join(changed) or "  the order of the fields"
-        versions = ", ".join(f"{name} {version}" for name, version in self.manifest.get("plugins", {}).items())
-        raise SessionError(f"the layout of State has changed since the snapshot ({versions}):\n{listed}")
+    @property
+    def seed(self) -> int:
+        """Seed of all noise."""
+        return int(self.manifest.get("seed", 0))
 
 
-def _fields(dtype: np.dtype[Any]) -> dict[str, str]:
-    return {name: str(dtype[name]) for name in dtype.names or ()}
+class SnapshotWriter:
+    """Packs the snapshots of one session: what does not change is packed once."""
+
+    def __init__(self, model: Model, state: Record, bases: Bases, catalog: Catalog) -> None:
+        self._model = model
+        xml = write(model.scene).encode()
+        self._constant = constant_part(model, catalog, xml, state.dtype)
+        members = {"scene.xml": xml}
+        if bases.used:
+            packed, shapes = pack_bases(bases.used)
+            self._constant["bases"] = {"digest": digest(packed), "shapes": shapes}
+            members["bases.npy"] = packed
+        self._archive = ArchiveWriter(members)
+        self._header = npy_header(state.dtype)
+        self._calibrated = [name for name in model.devices if f"{name}.calibration" in state]
+
+    def manifest(self, state: Record) -> dict[str, Any]:
+        """Return the manifest for this State."""
+        return {
+            **self._constant,
+            "state": digest(state.tobytes()),
+            "tick": int(state["tick"]),
+            "seed": int(state["seed"]),
+            "calibration": {name: state[f"{name}.calibration"].tolist() for name in self._calibrated},
+        }
+
+    def pack(self, state: Record, ledger: Mapping[str, Any]) -> bytes:
+        """Return the whole file."""
+        members = {
+            "state.npy": write_record(self._header, state),
+            "manifest.json": json.dumps(self.manifest(state)).encode(),
+            "ledger.json": json.dumps(ledger).encode(),
+        }
+        return self._archive.pack(members)
 
 
-def write_snapshot(path: str | os.PathLike[str], scene: Scene, state: Record, ledger: dict[str, Any]) -> None:
-    """Write a snapshot to a temporary file beside ``path``, sync it, and put it in place.
+def write_snapshot(
+    path: str | os.PathLike[str], data: bytes, *, writer: Callable[[str, bytes], None] = write_whole
+) -> None:
+    """Put a packed snapshot in place.
 
     Raises
     ------
@@ -71,64 +86,10 @@ def write_snapshot(path: str | os.PathLike[str], scene: Scene, state: Record, le
         If the disk refuses; an earlier file at ``path`` is untouched.
     """
     target = os.fspath(path)
-    folder = os.path.dirname(target) or "."
     try:
-        os.makedirs(folder, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(prefix=".itouch-", dir=folder)
-        try:
-            with os.fdopen(handle, "wb") as stream:
-                stream.write(_archive(scene, state, ledger))
-                stream.flush()
-                os.fsync(stream.fileno())
-            os.chmod(temporary, 0o644)
-            os.replace(temporary, target)
-        except BaseException:
-            os.unlink(temporary)
-            raise
-        _sync_folder(folder)
+        writer(target, data)
     except OSError as error:
         raise SessionError(f"cannot save '{target}': {error.strerror or error}") from error
-
-
-def _sync_folder(folder: str) -> None:
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
-
-
-def _archive(scene: Scene, state: Record, ledger: dict[str, Any]) -> bytes:
-    array = io.BytesIO()
-    np.save(array, np.asarray(state).reshape(1), allow_pickle=False)
-    xml = write(scene).encode()
-    manifest = {
-        "format": FORMAT,
-        "itouch-py": metadata.version("itouch-py"),
-        "plugins": _versions(scene),
-        "source": scene.source,
-        "layout": hashlib.sha256(repr(state.dtype.descr).encode()).hexdigest(),
-        "scene": hashlib.sha256(xml).hexdigest(),
-        "state": hashlib.sha256(state.tobytes()).hexdigest(),
-        "tick": int(state["tick"]),
-        "seed": int(state["seed"]),
-    }
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
-        archive.writestr("scene.xml", xml)
-        archive.writestr("state.npy", array.getvalue())
-        archive.writestr("manifest.json", json.dumps(manifest, indent=1))
-        archive.writestr("ledger.json", json.dumps(ledger))
-    return buffer.getvalue()
-
-
-def _versions(scene: Scene) -> dict[str, str]:
-    catalog = Catalog()
-    versions = {}
-    for plugin in sorted({device.plugin for device in scene.devices}):
-        if plugin in catalog.device_names:
-            versions[plugin] = catalog.found(plugin).version
-    return versions
 
 
 def read_snapshot(path: str | os.PathLike[str], catalog: Catalog) -> Snapshot:
@@ -140,54 +101,69 @@ def read_snapshot(path: str | os.PathLike[str], catalog: Catalog) -> Snapshot:
         If it is missing, cut, altered, hostile, of a newer format, or its scene does not load here.
     """
     name = os.fspath(path)
-    members = _read_members(name)
+    members = read_members(name)
     try:
-        manifest, ledger = json.loads(members["manifest.json"]), json.loads(members["ledger.json"])
-        _check_format(name, manifest)
-        array = np.lib.format.read_array(io.BytesIO(members["state.npy"]), allow_pickle=False, max_header_size=1 << 20)
+        manifest, ledger = _document(members["manifest.json"]), _document(members["ledger.json"])
+        check_format(name, manifest)
+        state = record_from(members["state.npy"])
+        bases = _bases(name, manifest, members.get("bases.npy"))
     except SessionError:
         raise
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError, MemoryError, SyntaxError) as error:
         raise SessionError(f"'{name}' is not a whole snapshot: {error}") from error
-    if array.shape != (1,) or array.dtype.names is None or array.dtype.hasobject:
-        raise SessionError(f"'{name}' is not a snapshot: its state is not one record")
-    if hashlib.sha256(array.tobytes()).hexdigest() != manifest.get("state"):
-        raise SessionError(f"'{name}' was altered: the digest of its state does not fit")
+    _check_digest(name, "state", manifest, state.tobytes())
+    if manifest.get("format") != "1.0":
+        _check_digest(name, "scene", manifest, members["scene.xml"])
+    scene = read_scene(name, members["scene.xml"], manifest, catalog)
+    return Snapshot(scene, state, manifest, ledger, bases)
+
+
+def read_scene(name: str, xml: bytes, manifest: Mapping[str, Any], catalog: Catalog) -> Scene:
+    """Return the scene of a stored session.
+
+    Raises
+    ------
+    SessionError
+        If it does not load here.
+    """
     try:
-        scene = loads(members["scene.xml"], catalog, shown=f"{name}/scene.xml")
+        scene = loads(xml, catalog, shown=f"{name}/scene.xml")
     except SceneError as error:
         raise SessionError(f"the scene in '{name}' does not load here:\n\n{error}") from error
-    return Snapshot(
-        replace(scene, source=str(manifest.get("source", ""))), array.tobytes(), array.dtype, manifest, ledger
-    )
+    return replace(scene, source=str(manifest.get("source", "")))
 
 
-def _check_format(name: str, manifest: dict[str, Any]) -> None:
+def _document(data: bytes) -> dict[str, Any]:
+    found = json.loads(data)
+    if not isinstance(found, dict):
+        raise ValueError("a document of it is not a JSON object")
+    return found
+
+
+def _bases(name: str, manifest: Mapping[str, Any], data: bytes | None) -> dict[str, Arrays]:
+    if data is None:
+        return {}
+    stated = manifest["bases"]
+    if digest(data) != stated["digest"]:
+        raise SessionError(f"'{name}' was altered: the digest of its bases does not fit")
+    return load_bases(data, stated["shapes"])
+
+
+def _check_digest(name: str, what: str, manifest: Mapping[str, Any], data: bytes) -> None:
+    if digest(data) != manifest.get(what):
+        raise SessionError(f"'{name}' was altered: the digest of its {what} does not fit")
+
+
+def check_format(name: str, manifest: Mapping[str, Any]) -> None:
+    """Refuse what a newer program wrote.
+
+    Raises
+    ------
+    SessionError
+        Naming both versions.
+    """
     written = str(manifest["format"])
-    if written.split(".")[0] != FORMAT.split(".")[0] or [int(p) for p in written.split(".")] > [
-        int(p) for p in FORMAT.split(".")
-    ]:
-        raise SessionError(f"'{name}' has snapshot format {written}; this program reads up to {FORMAT}")
-
-
-def _read_members(name: str) -> dict[str, bytes]:
-    try:
-        with zipfile.ZipFile(name) as archive:
-            return {member: _member(archive, name, member) for member in _MEMBERS}
-    except OSError as error:
-        raise SessionError(f"cannot read '{name}': {error.strerror or error}") from error
-    except SessionError:
-        raise
-    except Exception as error:  # BadZipFile, zlib.error and what else a mutated archive may raise
-        raise SessionError(f"'{name}' is not a whole snapshot: {error}") from error
-
-
-def _member(archive: zipfile.ZipFile, name: str, member: str) -> bytes:
-    info = archive.getinfo(member)
-    if info.file_size > MAX_MEMBER:
-        raise SessionError(f"'{name}': {member} would unpack to {info.file_size >> 20} MiB")
-    with archive.open(info) as stream:
-        data = stream.read(MAX_MEMBER + 1)
-    if len(data) > MAX_MEMBER:
-        raise SessionError(f"'{name}': {member} is larger than it says")
-    return data
+    parts = [int(part) for part in written.split(".")]
+    own = [int(part) for part in FORMAT.split(".")]
+    if len(parts) != 2 or parts[0] != own[0] or parts > own:
+        raise SessionError(f"'{name}' has snapshot format {written[:40]}; this program reads up to {FORMAT}")

@@ -1,0 +1,74 @@
+"""Files that are whole or not there: written beside the target, synced, renamed, the folder synced."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+from collections.abc import Callable
+
+#: How much is written at once [bytes]; between two blocks the process may die, and nothing is lost.
+BLOCK = 16384
+
+Step = Callable[[str], None]
+
+
+def _nothing(where: str) -> None:
+    """Stand at a point of the writing; tests put something there that dies or fails."""
+
+
+def write_whole(path: str, data: bytes, *, step: Step = _nothing) -> None:
+    """Write a file so that at every instant the old one or the new one is there, whole.
+
+    Parameters
+    ----------
+    path
+        The file.
+    data
+        All of it.
+    step
+        Called with its name at each point of the writing.
+
+    Raises
+    ------
+    OSError
+        If the disk refuses; an earlier file at ``path`` is untouched, and nothing is left beside it.
+    """
+    folder = os.path.dirname(path) or "."
+    os.makedirs(folder, exist_ok=True)
+    step("begin")
+    handle, temporary = tempfile.mkstemp(prefix=".itouch-", suffix=".part", dir=folder)
+    try:
+        try:
+            _write(handle, data, step)
+            step("sync")
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+        step("chmod")
+        os.chmod(temporary, 0o644)
+        step("rename")
+        os.replace(temporary, path)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            os.unlink(temporary)
+        raise
+    step("folder")
+    sync_folder(folder)
+    step("done")
+
+
+def _write(handle: int, data: bytes, step: Step) -> None:
+    view = memoryview(data)
+    while view:
+        step("block")
+        view = view[os.write(handle, view[:BLOCK]) :]
+
+
+def sync_folder(folder: str) -> None:
+    """Sync a folder, so that a rename in it survives a loss of power."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

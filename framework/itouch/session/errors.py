@@ -1,0 +1,7 @@
+"""What goes wrong with sessions."""
+
+from itouch.schema import ItouchError
+
+
+class SessionError(ItouchError):
+    """A snapshot that can't be written, read, or used here."""

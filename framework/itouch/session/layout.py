@@ -1,0 +1,99 @@
+"""From a stored State to this program's: field by field where the layout has changed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.plugin import Record
+from itouch.session.errors import SessionError
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """How two layouts differ: names with their types.
+
+    ``added`` fields are new here and take their defaults; ``widened`` ones hold the same numbers in a wider type;
+    ``lost`` and ``changed`` can't be mapped.
+    """
+
+    added: tuple[str, ...]
+    widened: tuple[str, ...]
+    lost: tuple[str, ...]
+    changed: tuple[str, ...]
+    moved: bool
+
+    @property
+    def fits(self) -> bool:
+        """Whether every stored number has a place."""
+        return not (self.lost or self.changed)
+
+    def lines(self) -> list[str]:
+        """Say it, one line a field."""
+        found = [f"  + {text}: new, starts at its default" for text in self.added]
+        found += [f"  ~ {text}: the same numbers in a wider type" for text in self.widened]
+        found += [f"  - {text}: there is no such field any more" for text in self.lost]
+        found += [f"  ! {text}" for text in self.changed]
+        return found or (["  the order of the fields"] if self.moved else [])
+
+
+def compare(old: np.dtype[Any], new: np.dtype[Any]) -> Difference:
+    """Compare a stored layout with this program's."""
+    before: Mapping[str, Any] = old.fields or {}
+    after: Mapping[str, Any] = new.fields or {}
+    added = tuple(f"{name}: {kind[0]}" for name, kind in after.items() if name not in before)
+    lost = tuple(f"{name}: {kind[0]}" for name, kind in before.items() if name not in after)
+    widened, changed = [], []
+    for name, kind in before.items():
+        if name not in after or kind[0] == after[name][0]:
+            continue
+        text = f"{name}: {kind[0]} -> {after[name][0]}"
+        if _maps(kind[0], after[name][0]):
+            widened.append(text)
+        else:
+            changed.append(f"{text}: its shape or type has changed")
+    return Difference(added, tuple(widened), lost, tuple(changed), tuple(before) != tuple(after))
+
+
+def _maps(old: np.dtype[Any], new: np.dtype[Any]) -> bool:
+    """Tell whether all numbers of one type are exactly numbers of the other, in the same shape."""
+    same = tuple(n for n in old.shape if n != 1) == tuple(n for n in new.shape if n != 1)
+    plain = old.base.names is None and new.base.names is None
+    return same and plain and np.can_cast(old.base, new.base, "safe")
+
+
+def adopt(stored: NDArray[Any], state: Record, versions: Mapping[str, str]) -> tuple[bytes, list[str]]:
+    """Return the stored State in this program's layout, and what is said about it.
+
+    Parameters
+    ----------
+    stored
+        One record, shape (1,).
+    state
+        The State of a fresh engine: where fields take their defaults from.  It is not changed.
+    versions
+        Plugins and versions that wrote it, for the message.
+
+    Raises
+    ------
+    SessionError
+        If a stored number has no place; every field that differs is named.
+    """
+    if stored.dtype == state.dtype:
+        return stored.tobytes(), []
+    difference = compare(stored.dtype, state.dtype)
+    listed = "\n".join(difference.lines())
+    written = ", ".join(f"{name} {version}" for name, version in versions.items())
+    if not difference.fits:
+        raise SessionError(
+            f"the layout of State has changed since the snapshot (written by {written}), and not all of it can be "
+            f"mapped:\n{listed}"
+        )
+    mapped = state.copy()
+    for name in stored.dtype.names or ():
+        mapped[name][...] = stored[name][0].reshape(mapped[name].shape)
+    return mapped.tobytes(), [f"the layout of State has changed since the snapshot:\n{listed}"] if listed else []

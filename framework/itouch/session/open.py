@@ -1,0 +1,49 @@
+"""Opening a session, whichever of its two forms a file has."""
+
+from __future__ import annotations
+
+import os
+
+from itouch.plugin.discovery import Catalog
+from itouch.session.document import MAX_DOCUMENT, from_xml
+from itouch.session.errors import SessionError
+from itouch.session.snapshot import Snapshot, read_snapshot
+
+Path = str | os.PathLike[str]
+
+
+def is_session(path: Path) -> bool:
+    """Tell whether a file is a stored session: a snapshot by its name, or a document with a ``<session>``."""
+    name = os.fspath(path)
+    if name.endswith(".itouch"):
+        return True
+    if not name.endswith(".xml"):
+        return False
+    try:
+        with open(name, "rb") as stream:
+            return b"<session " in stream.read(MAX_DOCUMENT)
+    except OSError:
+        return False
+
+
+def read_session(path: Path, catalog: Catalog) -> Snapshot:
+    """Read a snapshot, or the XML document of a session.
+
+    Raises
+    ------
+    SessionError
+        If it is neither, or not whole.
+    """
+    name = os.fspath(path)
+    try:
+        with open(name, "rb") as stream:
+            head = stream.read(256)
+            document = head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<")
+            data = head + stream.read(MAX_DOCUMENT + 1 - len(head)) if document else b""
+    except OSError as error:
+        raise SessionError(f"cannot read '{name}': {error.strerror or error}") from error
+    if not document:
+        return read_snapshot(name, catalog)
+    if len(data) > MAX_DOCUMENT:
+        raise SessionError(f"'{name}' is larger than {MAX_DOCUMENT >> 20} MiB")
+    return from_xml(name, data, catalog)
