@@ -45,7 +45,8 @@ class Histogram:
 
     def dump(self) -> dict[str, Any]:
         """Return the content as plain data."""
-        used = {str(i): count for i, count in enumerate(self.counts) if count}
+        filled = self.counts[: int(self.greatest * self._per_unit) + 1]  # what is above the greatest is empty
+        used = {str(i): count for i, count in enumerate(filled) if count}
         return {"counts": used, "total": self.total, "greatest": self.greatest}
 
     def load(self, data: dict[str, Any]) -> None:
