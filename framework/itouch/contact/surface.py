@@ -61,7 +61,7 @@ class Surface:
         Wrong shapes, no triangle, too many, a vertex that is not finite or does not exist.
     """
 
-    __slots__ = ("bound", "face_count", "is_solid", "skin", "tables", "two_sided")
+    __slots__ = ("_encloses", "bound", "face_count", "skin", "tables", "two_sided")
 
     def __init__(self, vertices: ArrayLike, faces: ArrayLike, two_sided: bool = False) -> None:
         points = checked_vertices(vertices)
@@ -70,15 +70,39 @@ class Surface:
         packed, triangles = bvh.pack(points, corners, order)
         bvh.add_slabs(packed, triangles, nodes)
         add_neighbours(packed.shape[0], triangles)
-        for array in (packed, triangles, nodes):
+        self._set((packed, triangles, nodes), bool(two_sided), bool(encloses(packed, triangles)))
+
+    def _set(self, tables: Tables, two_sided: bool, encloses_volume: bool) -> None:
+        for array in tables:
             array.flags.writeable = False
-        self.tables: Tables = (packed, triangles, nodes)
-        self.two_sided = bool(two_sided)
-        self.face_count = int(triangles.shape[0])
-        self.is_solid = not self.two_sided and bool(encloses(packed, triangles))
+        packed = tables[0]
+        self.tables: Tables = tables
+        self.two_sided = two_sided
+        self.face_count = int(tables[1].shape[0])
+        self._encloses = encloses_volume
         self.bound = float(np.sqrt((packed**2).sum(axis=1).max()))
         size = float(np.linalg.norm(packed.max(axis=0) - packed.min(axis=0)))
         self.skin = max(_SKIN * size, _SKIN_FAR * float(np.abs(packed).max()), 1e-12)
+
+    @classmethod
+    def of_tables(cls, tables: Tables, *, is_solid: bool) -> "Surface":
+        """Make a surface of the tables of another one, as they were kept; they are not checked."""
+        surface = cls.__new__(cls)
+        surface._set(tables, False, is_solid)  # noqa: SLF001 (its own class)
+        return surface
+
+    def seen_from(self, *, two_sided: bool) -> "Surface":
+        """Return the same surface, touched from the front only or from both sides; the tables are shared."""
+        if two_sided == self.two_sided:
+            return self
+        surface = type(self).__new__(type(self))
+        surface._set(self.tables, two_sided, self._encloses)  # noqa: SLF001 (its own class)
+        return surface
+
+    @property
+    def is_solid(self) -> bool:
+        """Whether it encloses a volume that the probe is kept out of."""
+        return self._encloses and not self.two_sided
 
     def closest(self, points: ArrayLike) -> tuple[Floats, Floats, NDArray[np.int32]]:
         """Nearest points of the surface.

@@ -1,0 +1,184 @@
+"""Surfaces that were built before, kept by the digest of what they were built from.
+
+An entry is a file of its own: a line that names the format, the length and checksum of a JSON header, the header, then
+the three tables as they lie in memory. An entry that is cut, altered, or of another version counts as absent and is
+written anew, to a temporary file that takes its place at once. Nothing in an entry is code.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import struct
+import sys
+import tempfile
+import zlib
+from collections.abc import Iterator
+from dataclasses import asdict
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.contact import bvh
+from itouch.contact.meshfile.limits import MAX_FACES, MAX_VERTICES
+from itouch.contact.meshfile.mend import MeshFacts
+from itouch.contact.surface import Surface
+
+#: Names another folder for the cache, or ``off`` for none.
+SWITCH = "ITOUCH_MESH_CACHE"
+#: Raised whenever tables or mends change their meaning.
+VERSION = 1
+#: What all entries together may take [bytes]; the ones that were not used for longest go first.
+CAPACITY = 2 << 30
+
+_MAGIC = b"itouch-py mesh\n"
+_HEAD = struct.Struct("<II")
+_LONGEST_HEADER = 1 << 16
+_TABLES = (("<f8", 3), ("<i4", bvh.TRIANGLE_WIDTH), ("<f4", bvh.NODE_WIDTH))
+
+
+def folder() -> Path | None:
+    """Return where entries are kept, or None if nothing is kept."""
+    given = os.environ.get(SWITCH, "")
+    if given.lower() in ("off", "no", "0", "none"):
+        return None
+    if given:
+        return Path(given)
+    if sys.platform == "darwin":
+        root = Path("~/Library/Caches").expanduser()
+    elif sys.platform == "win32":
+        root = Path(os.environ.get("LOCALAPPDATA") or "~/AppData/Local").expanduser()
+    else:
+        xdg = os.environ.get("XDG_CACHE_HOME", "")
+        root = Path(xdg) if os.path.isabs(xdg) else Path("~/.cache").expanduser()
+    return root / "itouch-py" / "meshes" if root.is_absolute() else None
+
+
+def key(digest: str, kind: str, scale: float) -> str:
+    """Return the key of a surface: of the file's content, and of all else that its tables depend on."""
+    words = (digest, kind, float(scale).hex(), VERSION, metadata.version("trimesh"), sys.byteorder)
+    return hashlib.sha256(repr(words).encode()).hexdigest()[:40]
+
+
+def read(name: str) -> tuple[Surface, MeshFacts] | None:
+    """Return a kept surface, or None if there is no sound entry."""
+    place = folder()
+    if place is None:
+        return None
+    path = place / f"{name}.mesh"
+    try:
+        with path.open("rb") as stream:
+            header = _header(stream, name)
+            tables = [_table(stream, header, index) for index in range(len(_TABLES))]
+            if stream.read(1):
+                raise ValueError("surplus bytes")
+        _check(*tables)
+        facts = _facts(header["facts"])
+        with contextlib.suppress(OSError):
+            os.utime(path)  # it was used now
+        return Surface.of_tables((tables[0], tables[1], tables[2]), is_solid=bool(header["solid"])), facts
+    except (OSError, ValueError, KeyError, TypeError, IndexError, AttributeError, RecursionError, struct.error):
+        return None
+
+
+def write(name: str, surface: Surface, facts: MeshFacts) -> None:
+    """Keep a surface; a folder that can't be written is no fault."""
+    place = folder()
+    if place is None:
+        return
+    with contextlib.suppress(OSError):
+        place.mkdir(mode=0o700, parents=True, exist_ok=True)
+        size = surface.memory_bytes + _LONGEST_HEADER
+        if size > CAPACITY:
+            return
+        _make_room(place, size)
+        handle, temporary = tempfile.mkstemp(prefix=".", suffix=".part", dir=place)
+        try:
+            with os.fdopen(handle, "wb") as stream:
+                for block in _blocks(name, surface, facts):
+                    stream.write(block)
+            os.replace(temporary, place / f"{name}.mesh")
+        except BaseException:
+            os.unlink(temporary)
+            raise
+
+
+def _blocks(name: str, surface: Surface, facts: MeshFacts) -> Iterator[Any]:
+    tables = [np.ascontiguousarray(t, k).data for t, (k, _) in zip(surface.tables, _TABLES, strict=True)]
+    header = {
+        "version": VERSION, "key": name, "rows": [len(t) for t in surface.tables],
+        "sums": [zlib.crc32(t) for t in tables], "solid": surface.is_solid, "facts": asdict(facts),
+    }  # fmt: skip
+    text = json.dumps(header).encode()
+    yield _MAGIC
+    yield _HEAD.pack(len(text), zlib.crc32(text))
+    yield text
+    yield from tables
+
+
+def _header(stream: Any, name: str) -> dict[str, Any]:
+    if stream.read(len(_MAGIC)) != _MAGIC:
+        raise ValueError("another kind of file")
+    length, checksum = _HEAD.unpack(stream.read(_HEAD.size))
+    text = stream.read(min(length, _LONGEST_HEADER))
+    if len(text) != length or zlib.crc32(text) != checksum:
+        raise ValueError("the header is damaged")
+    header = json.loads(text)
+    if header["version"] != VERSION or header["key"] != name:
+        raise ValueError("another version")
+    return dict(header)
+
+
+def _table(stream: Any, header: dict[str, Any], index: int) -> NDArray[Any]:
+    kind, width = _TABLES[index]
+    rows = int(header["rows"][index])
+    if not 1 <= rows <= MAX_VERTICES:
+        raise ValueError("a table of an impossible size")
+    table = np.fromfile(stream, kind, rows * width)
+    if table.size != rows * width or zlib.crc32(table.data) != header["sums"][index]:
+        raise ValueError("a table is damaged")
+    return table.reshape(rows, width)
+
+
+def _check(vertices: NDArray[Any], triangles: NDArray[Any], nodes: NDArray[Any]) -> None:
+    """Raise ValueError unless every index is one of something: the kernels that follow them do not check."""
+    corners, faces, across = triangles[:, :3], triangles[:, 3], triangles[:, 4:]
+    sound = bool(np.isfinite(vertices).all()) and len(triangles) <= MAX_FACES
+    sound &= bool(corners.min() >= 0 and corners.max() < len(vertices))
+    sound &= bool(min(faces.min(), across.min() + 1) >= 0 and max(faces.max(), across.max()) < len(triangles))
+    refs, counts = nodes[:, bvh.CHILD_REF : bvh.CHILD_COUNT], nodes[:, bvh.CHILD_COUNT :]
+    inner = counts == 0
+    below = (refs > np.arange(len(nodes))[:, None]) & (refs < len(nodes))
+    leaf = (counts > 0) & (counts <= bvh.LEAF) & (refs >= 0) & (refs + counts <= len(triangles))
+    if not (sound and bool(np.where(inner, below, leaf).all())):
+        raise ValueError("an index leads nowhere")
+
+
+def _facts(values: dict[str, Any]) -> MeshFacts:
+    values = {name: tuple(map(float, v)) if isinstance(v, list) else v for name, v in values.items()}
+    if not all(isinstance(v, (int, float, tuple)) for v in values.values()):
+        raise ValueError("facts are numbers")
+    if set(values) != set(MeshFacts.__dataclass_fields__):
+        raise ValueError("other facts")
+    return MeshFacts(**values)
+
+
+def _make_room(place: Path, size: int) -> None:
+    """Remove the entries that were not used for longest until ``size`` bytes fit; and what a killed writer left."""
+    entries = []
+    for path in place.iterdir():
+        status = path.stat()
+        if path.suffix in (".mesh", ".part"):
+            entries.append((status.st_mtime, status.st_size, path))
+    total = sum(length for _, length, _ in entries) + size
+    for _, length, path in sorted(entries):
+        if total <= CAPACITY:
+            return
+        with contextlib.suppress(OSError):
+            path.unlink()
+        total -= length

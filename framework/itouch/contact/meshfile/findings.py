@@ -1,0 +1,123 @@
+"""What a mesh's user is told: the mends, and what may be meant otherwise."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.contact.meshfile.faults import Finding, MeshError
+from itouch.contact.meshfile.mend import MeshFacts
+
+#: Extents that a finger's world has [m]; a mesh beyond them was probably meant in another unit.
+SMALLEST, GREATEST = 1e-3, 10.0
+#: Extents that are no mesh to touch at all, and the farthest that a mesh may reach from its origin [m].
+TOO_SMALL, TOO_LARGE = 1e-5, 100.0
+
+
+def check_size(low: NDArray[np.float64], high: NDArray[np.float64], shown: str) -> None:
+    """Refuse a mesh that can't be meant in metres, by the corners of the box that holds it.
+
+    Raises
+    ------
+    MeshError
+        If it is smaller than TOO_SMALL, or reaches farther than TOO_LARGE from its origin.
+    """
+    extent, reach = float((high - low).max()), float(np.maximum(-low, high).max())
+    if extent > TOO_LARGE or extent < TOO_SMALL:
+        allowed = f"{_length(TOO_SMALL)} to {_length(TOO_LARGE)}"
+        sentence = f"'{shown}' is {_length(extent)} long; what can be touched is {allowed}"
+        raise MeshError("mesh-units", sentence, _units(extent))
+    if reach > TOO_LARGE:
+        sentence = f"'{shown}' reaches {_length(reach)} from its origin; at most {_length(TOO_LARGE)} is allowed"
+        raise MeshError("mesh-units", sentence, "move its origin to its middle, or give a scale")
+
+
+def findings(facts: MeshFacts, shown: str, *, sides: str | None, scaled: bool = False) -> tuple[Finding, ...]:
+    """Return what to tell of a mesh, in the order of weight.
+
+    Parameters
+    ----------
+    facts
+        Of the mended mesh.
+    shown
+        The file's name.
+    sides
+        "one" or "two" if its user said from which sides it is touched; None if nobody said.
+    scaled
+        Whether its user gave a scale: sizes are then meant as they are.
+    """
+    told = [*_sizes(facts, shown, scaled), *_surface(facts, shown, sides), *_mends(facts, shown)]
+    return tuple(sorted(told, key=lambda finding: finding.severity != "warning"))
+
+
+def _sizes(facts: MeshFacts, shown: str, scaled: bool) -> Iterator[Finding]:
+    extent = _extent(facts)
+    if not scaled and not SMALLEST <= extent <= GREATEST:
+        yield Finding("mesh-units", f"'{shown}' is {_length(extent)} long", _units(extent), "warning")
+
+
+def _units(extent: float) -> str:
+    if extent > GREATEST:
+        return 'are these millimetres? use scale="0.001" (or scale="1 mm")'
+    return 'was it scaled to metres twice? use scale="1000", or write scale="1" if it is right'
+
+
+def _extent(facts: MeshFacts) -> float:
+    return max(high - low for low, high in zip(facts.low, facts.high, strict=True))
+
+
+def _length(metres: float) -> str:
+    return f"{metres * 1e3:.4g} mm" if metres < 1.0 else f"{metres:.4g} m"
+
+
+def _surface(facts: MeshFacts, shown: str, sides: str | None) -> Iterator[Finding]:
+    if facts.one_sided:
+        advice = 'write sides="two"'
+        sentence = f"'{shown}' has no front and back: {_many(facts.one_sided, 'pair')} of triangles contradict"
+        yield Finding("mesh-winding", sentence, advice, "note" if sides == "two" else "warning")
+    if facts.open_edges:
+        torn = facts.open_length < _extent(facts)  # the border of a sheet is longer than the sheet
+        what = "has holes" if torn else "is an open surface"
+        how = {"two": "it is touched from both sides", "one": "it is touched from the front only"}
+        other = "one" if sides == "two" else "two"
+        advice = f'{how[sides or "one"]}; sides="{other}" changes that'
+        sentence = f"'{shown}' {what}: {_many(facts.open_edges, 'open edge')} of {facts.edges}"
+        yield Finding("mesh-open", sentence, advice, "warning" if sides is None and torn else "note")
+    if facts.crowded_edges:
+        sentence = f"'{shown}': {_many(facts.crowded_edges, 'edge')} with three triangles or more"
+        yield Finding("mesh-crowded-edges", sentence, "its inside may not be where it seems", "warning")
+    if facts.overlapping:
+        sentence = f"'{shown}': {_many(facts.overlapping, 'pair')} of parts reach into one another"
+        yield Finding("mesh-overlap", sentence, "make their union in a modeller; inner walls can be felt", "warning")
+    if facts.left_out:
+        sentence = f"'{shown}': {_many(facts.left_out, 'list')} of points or lines left out"
+        yield Finding("mesh-left-out", sentence)
+
+
+def _mends(facts: MeshFacts, shown: str) -> Iterator[Finding]:
+    if facts.turned_parts:
+        sentence = f"'{shown}': {_many(facts.turned_parts, 'closed part')} turned: inside out"
+        yield Finding("mesh-inverted", sentence)
+    if facts.turned_faces:
+        sentence = f"'{shown}': {_many(facts.turned_faces, 'triangle')} turned to agree with the others around"
+        yield Finding("mesh-winding", sentence)
+    if facts.repeated:
+        yield Finding("mesh-repeated", f"'{shown}': {_many(facts.repeated, 'triangle')} given twice removed")
+    if facts.collapsed or facts.flat:
+        sentence = f"'{shown}': {_many(facts.collapsed + facts.flat, 'triangle')} without area removed"
+        yield Finding("mesh-degenerate", sentence)
+    if facts.kept_flat:
+        sentence = f"'{shown}': {_many(facts.kept_flat, 'triangle')} without area kept, because they close the surface"
+        yield Finding("mesh-degenerate", sentence)
+    if facts.unused_bad:
+        sentence = f"'{shown}': {_many(facts.unused_bad, 'vertex')} that are no finite numbers, and unused, removed"
+        yield Finding("mesh-not-finite", sentence.replace("vertexs", "vertices"))
+    if facts.joined_vertices and not shown.lower().endswith(".stl"):  # an STL has no other way to say it
+        sentence = f"'{shown}': {_many(facts.joined_vertices, 'vertex')} given more than once joined"
+        yield Finding("mesh-joined", sentence.replace("vertexs", "vertices"))
+
+
+def _many(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"

@@ -1,0 +1,181 @@
+"""glTF 2.0 and its binary form GLB: the triangles of the scene, placed by its nodes; nothing else is looked at.
+
+Read here and not by trimesh, because a stranger's file must be checked before it is followed: counts against the bytes
+that there are, nodes against circles, references against the folder. Materials, images and extensions stay unread.
+The format: Khronos Group, glTF 2.0 Specification, 2021.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import struct
+from collections.abc import Callable, Iterator
+from typing import Any
+from urllib.parse import unquote
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.contact.meshfile.accessors import Accessors, item
+from itouch.contact.meshfile.faults import MeshError
+from itouch.contact.meshfile.limits import MAX_FACES, too_many_faces
+from itouch.contact.meshfile.nodes import placed_meshes
+
+Floats = NDArray[np.float64]
+Faces = NDArray[np.int64]
+Primitive = tuple[Floats, Faces]
+
+_JSON_CHUNK, _BINARY_CHUNK = 0x4E4F534A, 0x004E4942
+_GEOMETRY = ("asset", "buffers", "bufferViews", "accessors", "meshes", "nodes", "scenes", "scene", "extensionsRequired")
+_COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
+_TRIANGLES, _STRIP, _FAN = 4, 5, 6
+_BROKEN = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError, RecursionError, struct.error)
+
+
+def embedded(data: bytes, shown: str, fetch: Callable[[str], bytes]) -> bytes:
+    """Return a .gltf with the buffers that it has in other files put into it; without such files, as it is.
+
+    Raises
+    ------
+    MeshError
+        If it is damaged, or ``fetch`` refuses a file.
+    """
+    try:
+        document = _document(data)
+        outside = [b for b in document.get("buffers", ()) if "uri" in b and not b["uri"].startswith("data:")]
+        for buffer in outside:
+            content = fetch(unquote(buffer["uri"]))
+            buffer["uri"] = "data:application/octet-stream;base64," + base64.b64encode(content).decode()
+        if not outside:
+            return data
+        return json.dumps({key: document[key] for key in _GEOMETRY if key in document}, sort_keys=True).encode()
+    except _BROKEN as error:
+        raise _damaged(shown, error) from None
+
+
+def read_gltf(data: bytes, shown: str, *, binary: bool) -> tuple[list[Primitive], int]:
+    """Return the triangles of each placed primitive in the file's units, and how many points and lines were left out.
+
+    Raises
+    ------
+    MeshError
+        If it is damaged, compressed, or has more than MAX_FACES triangles.
+    """
+    try:
+        document, rest = _opened(data) if binary else (_document(data), b"")
+        _check_extensions(document, shown)
+        accessors = Accessors(document, _buffers(document, rest))
+        return _placed(document, accessors, shown)
+    except _BROKEN as error:
+        raise _damaged(shown, error) from None
+
+
+def _damaged(shown: str, error: Exception) -> MeshError:
+    if isinstance(error, MeshError):
+        return error
+    reason = f"no '{error.args[0]}'" if isinstance(error, KeyError) and error.args else str(error)
+    return MeshError("mesh-damaged", f"'{shown}' is not a sound glTF file: {reason[:120]}", "export it again")
+
+
+def _document(data: bytes) -> dict[str, Any]:
+    document = json.loads(data.decode("utf-8-sig"))
+    if not isinstance(document, dict):
+        raise ValueError("its outermost value is no object")
+    version = str(document["asset"]["version"])
+    if version.split(".")[0] != "2":
+        raise ValueError(f"it is version {version}; 2.0 can be read")
+    return document
+
+
+def _opened(data: bytes) -> tuple[dict[str, Any], bytes]:
+    """Take a GLB apart into its JSON and its binary chunk."""
+    magic, version, length = struct.unpack_from("<4sII", data)
+    if magic != b"glTF" or version != 2:
+        raise ValueError("it does not begin as a GLB of version 2")
+    if length > len(data):
+        raise ValueError(f"it says that it has {length} bytes, and has {len(data)}")
+    chunks: dict[int, bytes] = {}
+    at = 12
+    while at + 8 <= length:
+        size, kind = struct.unpack_from("<II", data, at)
+        if at + 8 + size > length:
+            raise ValueError(f"a chunk of {size} bytes does not fit into it")
+        chunks.setdefault(kind, data[at + 8 : at + 8 + size])
+        at += 8 + size
+    return _document(chunks[_JSON_CHUNK]), chunks.get(_BINARY_CHUNK, b"")
+
+
+def _check_extensions(document: dict[str, Any], shown: str) -> None:
+    found = [name for name in _COMPRESSED if name in document.get("extensionsRequired", ())]
+    if found:
+        sentence = f"'{shown}' is compressed by {found[0]}, which is not read"
+        raise MeshError("mesh-format", sentence, "export it without compression")
+
+
+def _buffers(document: dict[str, Any], rest: bytes) -> list[bytes]:
+    found = []
+    for index, buffer in enumerate(document.get("buffers", ())):
+        uri = buffer.get("uri")
+        if uri is None:
+            content = rest if index == 0 else b""
+        elif uri.startswith("data:") and ";base64," in uri[:200]:
+            content = base64.b64decode(uri.split(";base64,", 1)[1], validate=True)
+        else:
+            raise ValueError(f"a buffer is in another file, '{uri[:60]}'; only a .gltf may refer to files")
+        if len(content) < int(buffer["byteLength"]):
+            raise ValueError(f"buffer {index} has {len(content)} bytes and should have {buffer['byteLength']}")
+        found.append(content)
+    return found
+
+
+def _placed(document: dict[str, Any], accessors: Accessors, shown: str) -> tuple[list[Primitive], int]:
+    meshes: dict[int, list[Primitive]] = {}
+    placed: list[Primitive] = []
+    left_out = faces = 0
+    for index, matrix in placed_meshes(document):
+        if index not in meshes:
+            primitives = item(document["meshes"], index)["primitives"]
+            meshes[index] = list(_primitives(primitives, accessors))
+            left_out += sum(p.get("mode", _TRIANGLES) < _TRIANGLES for p in primitives)
+        faces += sum(len(corners) for _, corners in meshes[index])
+        if faces > MAX_FACES:
+            raise too_many_faces(shown, faces)
+        mirrored = np.linalg.det(matrix[:3, :3]) < 0.0
+        for vertices, corners in meshes[index]:
+            moved = vertices @ matrix[:3, :3].T + matrix[:3, 3]
+            placed.append((moved, corners[:, ::-1] if mirrored else corners))
+    return placed, left_out
+
+
+def _primitives(primitives: list[dict[str, Any]], accessors: Accessors) -> Iterator[Primitive]:
+    faces = 0
+    for primitive in primitives:
+        mode = primitive.get("mode", _TRIANGLES)
+        if mode not in (_TRIANGLES, _STRIP, _FAN):
+            continue
+        positions = accessors.read(primitive["attributes"]["POSITION"], columns=3)
+        if "indices" in primitive:
+            order = accessors.read(primitive["indices"], columns=1)[:, 0].astype(np.int64)
+        else:
+            order = np.arange(len(positions))
+        faces += len(order)
+        if faces > 3 * MAX_FACES:
+            raise ValueError(f"a mesh has more than {MAX_FACES} triangles")
+        corners = _corners(order, mode)
+        if corners.size and (corners.min() < 0 or corners.max() >= len(positions)):
+            raise ValueError(f"a triangle names vertex {int(corners.max())} of {len(positions)}")
+        # Primitives often share one long list of vertices: keep those that this one uses.
+        used, compact = np.unique(corners, return_inverse=True)
+        yield positions[used].astype(np.float64), compact.reshape(-1, 3)
+
+
+def _corners(order: NDArray[np.int64], mode: int) -> Faces:
+    if mode == _TRIANGLES:
+        return order[: len(order) // 3 * 3].reshape(-1, 3)
+    count = max(0, len(order) - 2)
+    first, second, third = order[:count], order[1 : count + 1], order[2 : count + 2]
+    if mode == _FAN:
+        return np.stack([np.repeat(order[:1], count), second, third], axis=1)
+    odd = np.arange(count) % 2 == 1  # every other triangle of a strip is wound the other way
+    return np.stack([first, np.where(odd, third, second), np.where(odd, second, third)], axis=1)

@@ -1,0 +1,91 @@
+"""From the bytes of a mesh file to triangles."""
+
+from __future__ import annotations
+
+import io
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.contact.meshfile.faults import MeshError
+from itouch.contact.meshfile.gltf import read_gltf
+from itouch.contact.meshfile.limits import MAX_FACES, too_many_faces
+from itouch.contact.meshfile.preflight import checked, pieces
+from itouch.contact.meshfile.source import MeshFile
+
+_LOADERS = {"stl": "load_stl", "ply": "load_ply", "off": "load_off", "obj": "load_obj"}
+
+
+@dataclass(frozen=True, slots=True)
+class Triangles:
+    """Triangles as a file has them, in its units.
+
+    Attributes
+    ----------
+    vertices
+        (n, 3), not necessarily finite.
+    faces
+        (m, 3), each an existing vertex.
+    left_out
+        How many points and lines the file also has.
+    """
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int64]
+    left_out: int = 0
+
+
+def parse(source: MeshFile) -> Triangles:
+    """Read the triangles of a mesh file; several parts become one list.
+
+    Raises
+    ------
+    MeshError
+        If it is damaged, too large, or has no triangles.
+    """
+    left_out = 0
+    if source.kind in ("glb", "gltf"):
+        parts, left_out = read_gltf(source.data, source.file, binary=source.kind == "glb")
+    else:
+        parts = list(_loaded(checked(source.data, source.kind, source.file), source.kind, source.file))
+    count = sum(len(faces) for _, faces in parts)
+    if count == 0:
+        raise MeshError("mesh-empty", f"'{source.file}' holds no triangles", "points and lines can't be touched")
+    if count > MAX_FACES:
+        raise too_many_faces(source.file, count)
+    firsts = np.cumsum([0, *(len(vertices) for vertices, _ in parts)])
+    vertices = np.concatenate([vertices for vertices, _ in parts])
+    faces = np.concatenate([faces + first for (_, faces), first in zip(parts, firsts, strict=False)])
+    return Triangles(vertices, faces, left_out)
+
+
+def _loaded(data: bytes, kind: str, shown: str) -> Iterator[tuple[NDArray[np.float64], NDArray[np.int64]]]:
+    loader: Any = getattr(import_module(f"trimesh.exchange.{kind}"), _LOADERS[kind])
+    more = {} if kind in ("stl", "off") else {"skip_materials": True}
+    try:
+        for piece in pieces(data, kind):
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")  # a number that can't be read is only a warning to numpy
+                loaded = loader(io.BytesIO(piece), **more)
+            for part in loaded["geometry"].values() if "geometry" in loaded else [loaded]:
+                if part.get("faces") is not None and len(part["faces"]):
+                    yield _part(part)
+    except Exception as error:  # a reader of a stranger's bytes may raise anything
+        reason = " ".join(str(error).split())[:120] or type(error).__name__
+        sentence = f"'{shown}' is not a sound {kind.upper()} file: {reason}"
+        raise MeshError("mesh-damaged", sentence, "is it complete? export it again") from None
+
+
+def _part(part: dict[str, Any]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    vertices, faces = np.asarray(part["vertices"], np.float64), np.asarray(part["faces"]).astype(np.int64)
+    if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
+        raise ValueError("its vertices or faces have not three columns")
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        wrong = int(faces.min()) if faces.min() < 0 else int(faces.max())
+        raise ValueError(f"a face names vertex {wrong} of {len(vertices)}")
+    return vertices, faces

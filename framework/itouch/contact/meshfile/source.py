@@ -1,0 +1,151 @@
+"""The bytes of a mesh file: from inside one folder, of bounded size, complete in themselves."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import stat
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from itouch.contact.meshfile.faults import MeshError
+from itouch.contact.meshfile.gltf import embedded
+
+#: The file formats that are read, by the end of the file's name.
+KINDS = ("stl", "obj", "ply", "glb", "gltf", "off")
+#: Greatest size of a file, and of all that it refers to together [bytes].
+MAX_BYTES = 320 << 20
+
+_PACKED = ((b"PK\x03\x04", "a zip archive"), (b"PK\x05\x06", "a zip archive"), (b"\x1f\x8b", "compressed by gzip"),
+           (b"BZh", "compressed by bzip2"), (b"\xfd7zXZ", "compressed by xz"), (b"7z\xbc\xaf", "a 7z archive"),
+           (b"\x28\xb5\x2f\xfd", "compressed by zstd"))  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class MeshFile:
+    """The whole content of a mesh file, with all that it needs from other files put into it.
+
+    Attributes
+    ----------
+    file
+        Its name as the scene says it; the end tells the format.
+    data
+        The content. Of a glTF that refers to other files: the same glTF with their content inside.
+    digest
+        SHA-256 of ``data``, hexadecimal.
+    """
+
+    file: str
+    data: bytes = field(repr=False)
+    digest: str
+
+    @classmethod
+    def of(cls, file: str, data: bytes) -> MeshFile:
+        """Make it from bytes, as from a snapshot.
+
+        Raises
+        ------
+        MeshError
+            If the name's end is none of KINDS.
+        """
+        kind_of(file)
+        return cls(file, data, hashlib.sha256(data).hexdigest())
+
+    @property
+    def kind(self) -> str:
+        """Which of KINDS it is."""
+        return kind_of(self.file)
+
+
+def kind_of(file: str) -> str:
+    """Tell a file's format by its name.
+
+    Raises
+    ------
+    MeshError
+        If it is none of KINDS.
+    """
+    kind = os.path.splitext(file)[1].lower().removeprefix(".")
+    if kind not in KINDS:
+        listed = ", ".join(f".{known}" for known in KINDS)
+        packed = kind in ("zip", "gz", "bz2", "xz", "7z", "zst", "tar", "tgz", "rar")
+        advice = "unpack it first" if packed else f"convert it to one of {listed}"
+        ends = f"ends in '.{kind}'" if kind else "has no ending"
+        raise MeshError("mesh-format", f"'{file}' {ends}; mesh files are {listed}", advice)
+    return kind
+
+
+def read_mesh_file(path: str | os.PathLike[str], *, folder: str | None = None, name: str = "") -> MeshFile:
+    """Read a mesh file, and what a glTF refers to.
+
+    Parameters
+    ----------
+    path
+        The file.
+    folder
+        Where everything must lie, links followed; default: the file's own folder.
+    name
+        What to call it in messages and in the result; default: the path as given.
+
+    Raises
+    ------
+    MeshError
+        If it is missing, no regular file, empty, too large, packed, outside ``folder``, or of another format.
+    """
+    shown = name or os.fspath(path)
+    kind = kind_of(shown)
+    root = os.path.realpath(folder if folder is not None else os.path.dirname(os.fspath(path)) or ".")
+    data = _inside(os.fspath(path), root, shown, MAX_BYTES)
+    if not data:
+        raise MeshError("mesh-empty", f"'{shown}' is empty", "is the file complete?")
+    for magic, what in _PACKED:
+        if data.startswith(magic):
+            raise MeshError("mesh-format", f"'{shown}' is {what}, not a .{kind} file", "unpack it first")
+    if kind == "gltf":
+        data = embedded(data, shown, _beside(os.fspath(path), root, MAX_BYTES - len(data)))
+    return MeshFile.of(shown, data)
+
+
+def _beside(path: str, root: str, budget: int) -> Callable[[str], bytes]:
+    """Return a reader of files beside ``path`` that gives out ``budget`` bytes in all."""
+    left = [budget]
+
+    def fetch(uri: str) -> bytes:
+        data = _inside(os.path.join(os.path.dirname(path), uri), root, uri, left[0])
+        left[0] -= len(data)
+        return data
+
+    return fetch
+
+
+def _inside(path: str, root: str, shown: str, most: int) -> bytes:
+    try:
+        real = os.path.realpath(path)
+        if real != root and not real.startswith(root.rstrip(os.sep) + os.sep):
+            advice = "copy it into the folder of the scene, or below it"
+            raise MeshError("outside-folder", f"'{shown}' lies outside the scene's folder", advice)
+        # Without O_NONBLOCK a named pipe would hold the program until somebody writes into it.
+        handle = os.open(real, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0))
+        with os.fdopen(handle, "rb") as stream:
+            mode = os.fstat(handle).st_mode
+            if not stat.S_ISREG(mode):
+                what = "a folder" if stat.S_ISDIR(mode) else "not a regular file"
+                raise MeshError("no-such-file", f"'{shown}' is {what}, not a mesh file", "check the path")
+            if os.fstat(handle).st_size > most:
+                raise _too_large(shown)
+            data = stream.read(most + 1)
+    except (OSError, ValueError) as error:
+        if isinstance(error, MeshError):
+            raise
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        advice = "paths are relative to the file that names them"
+        advice = "meshes are read from files only" if "://" in shown else advice
+        raise MeshError("no-such-file", f"cannot read '{shown}': {reason}", advice) from None
+    if len(data) > most:
+        raise _too_large(shown)
+    return data
+
+
+def _too_large(shown: str) -> MeshError:
+    sentence = f"'{shown}' is larger than {MAX_BYTES >> 20} MiB, the most that a mesh may take"
+    return MeshError("mesh-too-large", sentence, "simplify it, or save it in a binary format")

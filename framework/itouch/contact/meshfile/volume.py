@@ -1,0 +1,102 @@
+"""What closed parts of a mesh enclose, and whether they reach into one another."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+_MOST_PARTS = 200  # parts that are compared with one another
+_MOST_WORK = 20_000_000  # triangles that are looked at for it
+_SAMPLES = 12
+
+
+def signed_volumes(vertices: Floats, faces: Ints, parts: Ints) -> Floats:
+    """Return six times the volume of each part, negative if its front is inside; of use for closed parts."""
+    middle = vertices.mean(axis=0)
+    a, b, c = (vertices[faces[:, k]] - middle for k in range(3))
+    return np.asarray(np.bincount(parts, np.einsum("ij,ij->i", a, np.cross(b, c))), np.float64)
+
+
+def parts_to_turn(vertices: Floats, faces: Ints, parts: Ints, closed: Flags, volumes: Floats) -> Flags:
+    """Mark closed parts that are inside out, except the walls of cavities in other parts."""
+    inverted = closed & (volumes < 0.0)
+    if not inverted.any():
+        return inverted
+    shells = _Shells(vertices, faces, parts, np.flatnonzero(closed))
+    for part in map(int, np.flatnonzero(inverted)):
+        holders = [other for other in shells.around(part) if volumes[other] > 0.0]
+        if any(shells.inside(other, shells.samples(part, 1))[0] for other in holders):
+            inverted[part] = False
+    return inverted
+
+
+def overlapping_pairs(vertices: Floats, faces: Ints, parts: Ints, solid: Flags) -> int:
+    """Count pairs of solid parts of which one has a vertex inside the other; with very many parts, of the largest."""
+    which = np.flatnonzero(solid)
+    if len(which) < 2:
+        return 0
+    shells = _Shells(vertices, faces, parts, which)
+    count = 0
+    for part in shells.numbers:
+        for other in shells.touching(part):
+            if other < part:
+                hit = shells.inside(other, shells.samples(part, _SAMPLES)).any()
+                count += bool(hit or shells.inside(part, shells.samples(other, _SAMPLES)).any())
+    return count
+
+
+class _Shells:
+    """Closed parts with their boxes, made to ask whether a point is inside one."""
+
+    def __init__(self, vertices: Floats, faces: Ints, parts: Ints, which: Ints) -> None:
+        order = np.argsort(parts, kind="stable")
+        ends = np.searchsorted(parts[order], np.arange(int(parts.max()) + 2))
+        sizes = np.diff(ends)[which]
+        self.numbers = [int(p) for p in which[np.argsort(-sizes, kind="stable")][:_MOST_PARTS]]
+        self._vertices = vertices
+        self._faces = {p: faces[order[ends[p] : ends[p + 1]]] for p in {*self.numbers, *map(int, which)}}
+        self._boxes = {p: (vertices[f].min(axis=(0, 1)), vertices[f].max(axis=(0, 1))) for p, f in self._faces.items()}
+        self._work = _MOST_WORK
+
+    def around(self, part: int) -> list[int]:
+        """Parts whose box holds that of ``part``."""
+        low, high = self._boxes[part]
+        return [
+            p for p in self.numbers
+            if p != part and (self._boxes[p][0] <= low).all() and (self._boxes[p][1] >= high).all()
+        ]  # fmt: skip
+
+    def touching(self, part: int) -> list[int]:
+        """Parts whose box meets that of ``part``."""
+        low, high = self._boxes[part]
+        return [
+            p for p in self.numbers
+            if p != part and (self._boxes[p][0] < high).all() and (self._boxes[p][1] > low).all()
+        ]  # fmt: skip
+
+    def samples(self, part: int, count: int) -> Floats:
+        """Return some vertices of a part, spread over it."""
+        corners = np.unique(self._faces[part])
+        spread = np.linspace(0, len(corners) - 1, min(count, len(corners))).astype(np.int64)
+        return np.asarray(self._vertices[corners[spread]])
+
+    def inside(self, part: int, points: Floats) -> Flags:
+        """Whether points are inside a part, by the winding number (van Oosterom and Strackee, 1983)."""
+        corners = self._vertices[self._faces[part]]
+        low, high = self._boxes[part]
+        found = np.zeros(len(points), np.bool_)
+        for i, point in enumerate(points):
+            if (point <= low).any() or (point >= high).any() or self._work < len(corners):
+                continue
+            self._work -= len(corners)
+            a, b, c = (corners[:, k] - point for k in range(3))
+            la, lb, lc = (np.sqrt(np.einsum("ij,ij->i", x, x)) for x in (a, b, c))
+            volume = np.einsum("ij,ij->i", a, np.cross(b, c))
+            rest = la * lb * lc + np.einsum("ij,ij->i", a, b) * lc + np.einsum("ij,ij->i", b, c) * la
+            turns = np.arctan2(volume, rest + np.einsum("ij,ij->i", c, a) * lb).sum() / (2.0 * np.pi)
+            found[i] = abs(turns) > 0.75
+        return found
