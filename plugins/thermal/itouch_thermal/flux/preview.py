@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,8 +11,10 @@ from numba import njit
 
 from itouch.plugin import World, kept
 from itouch_thermal.display.column import REACH, Array, Column, tissue_side
-from itouch_thermal.flux.start import STEPS, Trial, start_temperature
+from itouch_thermal.flux.law import ModelLaw
+from itouch_thermal.flux.start import Touched, Trial, outer_effusivity, start_temperature
 from itouch_thermal.heat import FINGER, HeatParams, finger_side, object_side
+from itouch_thermal.laws import press_factor
 from itouch_thermal.solver import live
 from itouch_thermal.solver.layers import Layer, Side
 from itouch_thermal.solver.modes import layer_modes, side_modes
@@ -22,12 +25,19 @@ SKIN_STEP = 2.0
 
 @njit(cache=True, error_model="numpy")
 def run_ahead(
-    finger: Any, above: Any, body: Any, below: Any, resistance: float, out: Any, first: int, count: int
+    finger: Any, above: Any, body: Any, below: Any, resistance: float, press: float, out: Any, first: int, count: int
 ) -> None:
-    """Step the contact ``count`` times into the ring ``out`` from index ``first`` on."""
+    """Step the contact ``count`` times into the ring ``out`` from index ``first`` on.
+
+    Index k is the end of step k of the touch; ``press`` is the time constant, in steps, of a resistance that is still
+    falling, 0 if it is not.
+    """
     size = out.shape[0]
     for i in range(count):
-        out[(first + i) % size] = live.contact_step(finger, above, body, below, resistance)
+        now = resistance
+        if press > 0.0:
+            now = resistance / -math.expm1(-(first + i + 1) / press)
+        out[(first + i) % size] = live.contact_step(finger, above, body, below, now)
 
 
 @njit(cache=True, error_model="numpy")
@@ -64,8 +74,9 @@ class Preview:
         return middle + away * ((high - middle) if away > 0.0 else (middle - low))
 
 
-def preview(heat: HeatParams, world: World, trial: Trial, delay: int) -> Preview:
-    """Build the preview of a scene; ``delay`` is the coarse step in servo periods."""
+def preview(heat: HeatParams, world: World, law: ModelLaw) -> Preview:
+    """Build the preview of a scene for a controller."""
+    trial = Trial(law)
     layers = heat.layers or FINGER
     side = finger_side(layers, heat.arterial, world.skin_temperature, world.ambient)
     sides = [object_side(o.material, o.temperature, heat.object_depth) for o in world.objects]
@@ -74,10 +85,10 @@ def preview(heat: HeatParams, world: World, trial: Trial, delay: int) -> Preview
     skins = [world.skin_temperature + step for step in (-SKIN_STEP, 0.0, SKIN_STEP)]
     starts: list[tuple[float, float, float] | None] = []
     for body in sides:
-        starts.append(None if body is None else _starts(layers, heat, body, skins, world.servo_period, trial, delay))
+        starts.append(None if body is None else _starts(layers, heat, body, skins, law, trial))
     widest = max((live.state_size(body) for body in bodies if body is not None), default=1)
     into = conversion(side, layers, heat.arterial, world.servo_period)
-    return Preview(finger, bodies, widest, heat.contact_resistance, into, world.skin_temperature, tuple(starts))
+    return Preview(finger, bodies, widest, heat.expected_resistance, into, world.skin_temperature, tuple(starts))
 
 
 def conversion(side: Side, layers: tuple[Layer, ...], core: float, period: float) -> Array:
@@ -102,25 +113,28 @@ def _fits(arrays: tuple[Array, ...], shape: tuple[int, ...]) -> Array:
 
 
 def _starts(
-    layers: tuple[Layer, ...], heat: HeatParams, body: Side, skins: list[float], period: float, trial: Trial, delay: int
+    layers: tuple[Layer, ...], heat: HeatParams, body: Side, skins: list[float], law: ModelLaw, trial: Trial
 ) -> tuple[float, float, float]:
-    """Return the start temperatures [K] for three skin temperatures; they come from a least-squares solve."""
+    """Return the start temperatures [K] for three skin temperatures; they come from trials."""
 
     def make() -> Array:
-        return np.array([_start(layers, heat, body, skin, period, trial, delay) for skin in skins])
+        return np.array([_start(layers, heat, body, skin, law, trial) for skin in skins])
 
-    given = (layers, heat, body, skins, period, trial[2:], trial.constants.tolist(), delay)
+    given = (layers, heat, body, skins, law.display, law.given, law.period, law.band.tolist(), law.ceiling)
     low, middle, high = kept(("starts", given), make, lambda a: (a,), lambda a: _fits(a, (3,))).tolist()
     return low, middle, high
 
 
 def _start(
-    layers: tuple[Layer, ...], heat: HeatParams, body: Side, skin: float, period: float, trial: Trial, coarse: int
+    layers: tuple[Layer, ...], heat: HeatParams, body: Side, skin: float, law: ModelLaw, trial: Trial
 ) -> float:
-    side = finger_side(layers, heat.arterial, skin, skin)
-    flux, warmth = contact_course(side, body, heat.contact_resistance, period, STEPS * coarse)
+    side, coarse = finger_side(layers, heat.arterial, skin, skin), law.coarse_ticks
+    count = trial.needed * coarse
+    flux, warmth = contact_course(side, body, heat.expected_resistance, law.period, count, heat.press)
     every = slice(coarse - 1, None, coarse)
-    return start_temperature(trial, rising(trial.column, skin), flux[every], warmth[every])[0]
+    press = np.array([press_factor((i + 1) * law.step, heat.press) for i in range(trial.needed)])
+    touched = Touched(flux[every], warmth[every], press, outer_effusivity(body.layers))
+    return start_temperature(trial, rising(law.fine, skin), touched)
 
 
 def rising(parts: Column, skin: float) -> Array:
@@ -128,12 +142,18 @@ def rising(parts: Column, skin: float) -> Array:
     return np.asarray(parts.rise * (skin - parts.rest))
 
 
-def contact_course(side: Side, body: Side, resistance: float, period: float, count: int) -> tuple[Array, Array]:
-    """Return flux [W/m2] and skin temperature [K] at the end of each step of an ideal contact, shape (count,)."""
+def contact_course(
+    side: Side, body: Side, resistance: float, period: float, count: int, press: float = 0.0
+) -> tuple[Array, Array]:
+    """Return flux [W/m2] and skin temperature [K] at the end of each step of an ideal contact, shape (count,).
+
+    ``press`` is the time constant [s] of the press, 0 for none.
+    """
     finger, other = live.side_model(side, period, finger=True), live.side_model(body, period, finger=False)
     above, below = live.initial_state(side, period, finger=True), live.initial_state(body, period, finger=False)
     flux, warmth = np.empty(count), np.empty(count)
     for i in range(count):
-        flux[i] = live.contact_step(finger, above, other, below, resistance)
+        now = resistance * press_factor((i + 1) * period, press)
+        flux[i] = live.contact_step(finger, above, other, below, now)
         warmth[i] = live.surface_temperature(finger, above)
     return flux, warmth

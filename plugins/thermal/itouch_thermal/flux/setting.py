@@ -12,7 +12,10 @@ from itouch_thermal.flux.params import FluxControlParams
 from itouch_thermal.flux.preview import Preview, preview
 from itouch_thermal.flux.start import outer_effusivity
 from itouch_thermal.heat import FINGER, HeatParams, ThermalMaterial
+from itouch_thermal.solver.resistance import ConstantResistance, ResistanceLaw
 
+#: Least contact resistance [K m2/W] that the finger on the plate is thought to have.
+LEAST = 1e-5
 #: Plate temperatures [K] where no limits are known.
 BAND = (288.15, 313.15)
 
@@ -30,6 +33,7 @@ class Names(NamedTuple):
     preview_finger: str
     preview_object: str
     preview_index: str
+    reached: str
     future: str
     wanted: str
     desired: str
@@ -41,14 +45,15 @@ class Names(NamedTuple):
     heat_flux: str
     plate_temperature: str
     near_object: str
+    normal_force: str
 
     @classmethod
     def of(cls, name: str, heat: str, display: str, probe: str) -> Names:
         """Return the names for a modality, the one that it follows, its display and its probe."""
-        own = [f"{name}.{field}" for field in cls._fields[:12]]
+        own = [f"{name}.{field}" for field in cls._fields[:13]]
         there = ("sink_temperature", "sent.current", "age", "command.current", "heat_flux", "plate_temperature")
         others = [f"{heat}.desired", f"{heat}.resistance", *(f"{display}.{field}" for field in there)]
-        return cls._make([*own, *others, f"{probe}.near_object"])
+        return cls._make([*own, *others, f"{probe}.near_object", f"{probe}.normal_force"])
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,8 +76,16 @@ class FluxModel:
     force_from: str
     truth: bool
     period: float
+    resistance: ResistanceLaw
+    expected: float
+    press: float
     law: ModelLaw | None
     preview: Preview | None
+
+    @property
+    def steady(self) -> bool:
+        """Whether the contact resistance is the same at any force and time."""
+        return isinstance(self.resistance, ConstantResistance) and self.press == 0.0
 
 
 def setting(name: str, params: FluxControlParams, world: World) -> FluxModel:
@@ -110,6 +123,9 @@ def setting(name: str, params: FluxControlParams, world: World) -> FluxModel:
         force_from=_force(params, world),
         truth=device.twin,
         period=world.servo_period,
+        resistance=heat.law(),
+        expected=max(heat.expected_resistance, LEAST),
+        press=heat.press,
         law=law,
         preview=course,
     )
@@ -135,10 +151,10 @@ def _model(
 ) -> tuple[ModelLaw, Preview]:
     """Build the constants of `model`; what is on its way is always known from what was sent."""
     law = ModelLaw(
-        display, heat.layers or FINGER, heat.arterial, world.skin_temperature, heat.contact_resistance, world.ambient,
-        world.servo_period, band=band, ceiling=ceiling, prefix=f"{name}.",
+        display, heat.layers or FINGER, heat.arterial, world.skin_temperature, max(heat.expected_resistance, LEAST),
+        world.ambient, world.servo_period, band=band, ceiling=ceiling, prefix=f"{name}.",
     )  # fmt: skip
-    return law, preview(heat, world, law.trial, law.coarse_ticks)
+    return law, preview(heat, world, law)
 
 
 def _effusivity(material: Any) -> float | None:

@@ -1,0 +1,181 @@
+"""Recorded flux curves: CSV files with a time and a flux in each row, as a flux sensor under a finger gives them.
+
+The first row names the columns, ``t`` and ``j`` among them, each with a unit in brackets if it is not in SI::
+
+    t [ms],j [kW/m^2]
+    0,2.1
+    1,4.0
+
+Times count from the begin of the touch and ascend; fluxes are positive out of the finger.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import os
+import re
+import stat
+from bisect import bisect_right
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+from itouch.plugin import QuantityError, parse_quantity
+
+#: What a file may have at most: bytes, and the greatest flux [W/m2] and time [s] that are believed.
+LARGEST_FILE, LARGEST_FLUX, LONGEST = 32 << 20, 1e6, 86400.0
+
+_COLUMN = re.compile(r"\s*([A-Za-z_][A-Za-z_0-9]*)\s*(?:[\[(]\s*(.*?)\s*[\])])?\s*")
+_UNITS = {"t": "s", "j": "W/m^2"}
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """A flux over time: times [s], ascending, and fluxes [W/m2] out of the finger."""
+
+    times: tuple[float, ...]
+    fluxes: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.times) != len(self.fluxes) or len(self.times) < 2:
+            raise ValueError("a flux curve needs at least two times and as many fluxes")
+        if any(later <= earlier for earlier, later in zip(self.times, self.times[1:], strict=False)):
+            raise ValueError("the times of a flux curve must ascend")
+
+    def at(self, time: float) -> float:
+        """Return the flux [W/m2] at a time [s]: linear between the rows, the first and the last one outside."""
+        upper = bisect_right(self.times, time)
+        if upper == 0:
+            return self.fluxes[0]
+        if upper == len(self.times):
+            return self.fluxes[-1]
+        low, high = self.times[upper - 1], self.times[upper]
+        part = (time - low) / (high - low)
+        return self.fluxes[upper - 1] + part * (self.fluxes[upper] - self.fluxes[upper - 1])
+
+
+def read_curve(folder: str, name: str) -> Curve:
+    """Read a curve that a scene names.
+
+    Parameters
+    ----------
+    folder
+        The scene's folder, which the file must be in.
+    name
+        Path of the file, relative to the folder.
+
+    Raises
+    ------
+    ValueError
+        Naming the file, the row and what is wrong there.
+    """
+    path = _inside(folder, name)
+    try:
+        with open(path, "rb") as stream:
+            mode = os.fstat(stream.fileno()).st_mode
+            data = stream.read(LARGEST_FILE + 1) if stat.S_ISREG(mode) else None
+    except (OSError, ValueError) as error:
+        raise ValueError(f"'{name}': {getattr(error, 'strerror', None) or error}") from error
+    if data is None:
+        raise ValueError(f"'{name}' is no file")
+    if len(data) > LARGEST_FILE:
+        raise ValueError(f"'{name}' is larger than {LARGEST_FILE >> 20} MiB")
+    try:
+        return parse_curve(data.decode("utf-8-sig"))
+    except UnicodeDecodeError as error:
+        raise ValueError(f"'{name}' is no text: byte {error.start} is not UTF-8") from error
+    except ValueError as error:
+        raise ValueError(f"'{name}', {error}") from error
+
+
+def _inside(folder: str, name: str) -> str:
+    """Return the real path of a file in a folder."""
+    if not name or "\0" in name:
+        raise ValueError(f"{name!r} is no file name")
+    home = os.path.realpath(folder)
+    path = os.path.realpath(os.path.join(home, name))
+    if os.path.isabs(name) or os.path.commonpath([home, path]) != home:
+        raise ValueError(f"'{name}' is outside the scene's folder")
+    if not os.path.exists(path):
+        raise ValueError(f"there is no file '{name}' in the scene's folder")
+    if not os.path.isfile(path):
+        raise ValueError(f"'{name}' is no file")
+    return path
+
+
+def parse_curve(text: str) -> Curve:
+    """Return the curve that a text holds.
+
+    Raises
+    ------
+    ValueError
+        Naming the line and what is wrong there.
+    """
+    rows = _rows(text)
+    line, heading = next(rows, (1, []))
+    columns = _columns(line, heading)
+    times: list[float] = []
+    fluxes: list[float] = []
+    for line, row in rows:
+        time, flux = (_cell(line, row, column, name, factor) for name, column, factor in columns)
+        if not 0.0 <= time <= LONGEST:
+            raise ValueError(f"line {line}: t = {time:g} s is out of range: 0 to {LONGEST:g} s")
+        if abs(flux) > LARGEST_FLUX:
+            raise ValueError(f"line {line}: j = {flux:g} W/m^2 is out of range: up to {LARGEST_FLUX:g} W/m^2")
+        if times and time <= times[-1]:
+            raise ValueError(f"line {line}: t = {time:g} s does not come after {times[-1]:g} s: times must ascend")
+        times.append(time)
+        fluxes.append(flux)
+    if len(times) < 2:
+        raise ValueError(f"line {line}: a flux curve needs at least two rows of numbers, this has {len(times)}")
+    return Curve(tuple(times), tuple(fluxes))
+
+
+def _rows(text: str) -> Iterator[tuple[int, list[str]]]:
+    """Yield the rows that hold anything, with their line."""
+    reader = csv.reader(io.StringIO(text, newline=""))
+    try:
+        for row in reader:
+            if any(cell.strip() for cell in row) and not row[0].lstrip().startswith("#"):
+                yield reader.line_num, row
+    except csv.Error as error:
+        raise ValueError(f"line {reader.line_num}: {error}") from error
+
+
+def _columns(line: int, heading: Sequence[str]) -> list[tuple[str, int, float]]:
+    """Return name, index and factor to SI of the columns t and j."""
+    found: dict[str, tuple[int, float]] = {}
+    for index, title in enumerate(heading):
+        match = _COLUMN.fullmatch(title[:200])
+        if match is None or match.group(1) not in _UNITS:
+            continue
+        name, unit = match.group(1), match.group(2)
+        if name in found:
+            raise ValueError(f"line {line}: there are two columns {name}")
+        try:
+            found[name] = (index, parse_quantity(f"1 {unit}", _UNITS[name])[0] if unit else 1.0)
+        except QuantityError as error:
+            raise ValueError(f"line {line}: column {name}: {error}") from error
+    if set(found) != set(_UNITS):
+        raise ValueError(f"line {line}: the first row must name the columns t and j, such as: t [s],j [W/m^2]")
+    return [(name, *found[name]) for name in _UNITS]
+
+
+def _cell(line: int, row: Sequence[str], column: int, name: str, factor: float) -> float:
+    if column >= len(row) or not row[column].strip():
+        raise ValueError(f"line {line}: {name} is missing")
+    text = row[column].strip()
+    try:
+        value = math.nan if "_" in text else float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ValueError(f"line {line}: {name} = '{text[:40]}' is no finite number")
+    return value * factor
+
+
+def format_curve(times: Iterable[float], fluxes: Iterable[float]) -> str:
+    """Return a curve as the text of a CSV file, in SI with all digits."""
+    rows = (f"{time:.9g},{flux!r}" for time, flux in zip(times, fluxes, strict=True))
+    return "\n".join(["t,j", *rows, ""])
