@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from itouch.plugin.channel import Channel
 from itouch.plugin.record import Field, Record
+from itouch.plugin.trace import Trace
 from itouch.schema import ItouchError
 
 
@@ -81,11 +82,20 @@ class Device(ABC):
     blocking: ClassVar[bool] = False
     #: Seconds between two exchanges; 0 means one every servo tick.
     period: ClassVar[float] = 0.0
+    #: Seconds that one exchange of a blocking device takes; its twin's readings are that old, commands that late.
+    delay: ClassVar[float] = 0.0
+    #: Seconds without a command after which the device makes itself safe; armed by ``open``.  None: it does not.
+    watchdog: ClassVar[float | None] = None
+    #: True if another process may open the device too, and call ``make_safe``, when the servo process has died.
+    second_opener: ClassVar[bool] = False
     #: True if no working driver is shipped and only the twin can run.
     twin_only: ClassVar[bool] = False
     #: Greatest stiffness [N/m] that the device can render stably, and its own damping [N s/m]; None: not stated.
     max_stiffness: ClassVar[float | None] = None
     damping: ClassVar[float | None] = None
+
+    #: Where to write what goes over the wire; set before ``open``, None: nowhere.
+    trace: Trace | None = None
 
     def __init__(self, params: Any) -> None:
         self.params = params
@@ -120,3 +130,17 @@ class Device(ABC):
 
     def write(self, command: Record) -> None:  # noqa: B027
         """Send the command, which is already limited; do not keep the record."""
+
+    def make_safe(self, safe: Record) -> None:
+        """Make the device safe from a process that does not run it: called on a new instance, and only once.
+
+        Parameters
+        ----------
+        safe
+            The safe command, made from the channels and from what was sent last.
+        """
+        self.open()
+        try:
+            self.write(safe)
+        finally:
+            self.close()

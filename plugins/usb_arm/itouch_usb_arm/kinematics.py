@@ -6,8 +6,8 @@ parallel manipulator with only translational degrees of freedom*, University of 
 published by libnifalcon.  The Jacobian is derived from the closed form and agrees with its derivative.
 
 For each leg, turned by ``phi``: ``u = cos(phi) x + sin(phi) y - R``, ``v = -sin(phi) x + cos(phi) y - S``, ``w = z``
-and ``U = u + C``.  The lower link of length ``B`` leans sideways by ``theta3``, the plane of the leg holds the upper link
-``A`` at ``theta1`` and the lower one, of apparent length ``D + E + B sin(theta3)``, at ``theta2``.
+and ``U = u + C``.  The lower link of length ``B`` leans sideways by ``theta3``, the plane of the leg holds the upper
+link ``A`` at ``theta1`` and the lower one, of apparent length ``D + E + B sin(theta3)``, at ``theta2``.
 """
 
 from __future__ import annotations

@@ -1,0 +1,51 @@
+"""What can go wrong with the arm, each with a name of its own."""
+
+from __future__ import annotations
+
+from itouch.plugin import DeviceError
+
+#: The rule that lets members of ``plugdev`` use the arm, and how to put it in force.
+UDEV_RULE = 'SUBSYSTEM=="usb", ATTR{idVendor}=="0403", ATTR{idProduct}=="cb48", MODE="0664", GROUP="plugdev"'
+_UDEV_ADVICE = f"""write this line to /etc/udev/rules.d/99-falcon.rules:
+    {UDEV_RULE}
+then run  sudo udevadm control --reload && sudo udevadm trigger , join the group  sudo adduser $USER plugdev ,
+log in anew and replug the arm"""
+
+
+class FalconError(DeviceError):
+    """The arm is missing, refuses, or has failed."""
+
+
+class NotFound(FalconError):  # noqa: N818
+    """No arm is attached, or nothing can look for one."""
+
+
+class PermissionDenied(FalconError):  # noqa: N818
+    """The arm is attached but this user may not open it; the message holds the udev rule."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(f"no permission to open the arm ({reason}); {_UDEV_ADVICE}")
+
+
+class Disconnected(FalconError):  # noqa: N818
+    """The arm was unplugged; open it again after plugging it in."""
+
+
+class Timeout(FalconError, TimeoutError):  # noqa: N818
+    """The arm did not answer in time."""
+
+
+class ProtocolError(FalconError):
+    """What the arm sent is no valid frame, or no possible position."""
+
+
+class FirmwareError(FalconError):
+    """The firmware is missing, its file is not valid, or it could not be uploaded."""
+
+
+class NotHomed(FalconError):  # noqa: N818
+    """Not all axes are homed: positions mean nothing yet and no force may be sent."""
+
+
+class HomingTimeout(NotHomed, Timeout):
+    """The grip was not pulled out and pushed in during the time given."""

@@ -1,0 +1,355 @@
+"""A Novint Falcon on its wire: open it, home it, read positions, give forces.  Usable without the rest of itouch-py.
+
+>>> with Falcon("firmware.bin") as arm:              # doctest: +SKIP
+...     arm.home(timeout=60)                         # pull the grip out, then push it in
+...     while True:
+...         x, y, z = arm.read().position
+...         arm.write((0.0, 0.0, -200.0 * (z - 0.12)))
+
+The frame is that of `itouch_usb_arm.kinematics`; forces are those on the operator.
+"""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import math
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from itouch.plugin import Trace
+from itouch_usb_arm import boot, kinematics, link, loader
+from itouch_usb_arm.errors import (
+    Disconnected,
+    FalconError,
+    FirmwareError,
+    HomingTimeout,
+    NotHomed,
+    ProtocolError,
+    Timeout,
+)
+from itouch_usb_arm.exchange import Exchange
+from itouch_usb_arm.reading import Reading, Timing
+from itouch_usb_arm.wire import MOTOR_LIMIT, Leds, Reply, command
+
+#: Motor counts a newton metre.  The true value is not published: what the makers of libnifalcon guessed (10 000) is
+#: about four times what the recorded traffic of the vendor's own driver shows.  This is the lower, safe one; measure
+#: yours with `itouch-py calibrate force-scale`.
+FORCE_SCALE = 2200.0
+#: How often a frame is sent to find out whether the firmware runs, and how long [s] each answer may take.
+_PROBES, _PROBE_WAIT = 10, 0.03
+#: An arm moves less than this many counts between two frames, plus this many a second (2 m/s and more).
+_JUMP, _JUMP_RATE = 300, 150_000.0
+_NO_FORCE = (0.0, 0.0, 0.0)
+
+
+class Falcon:
+    """The driver of one arm; not to be used from two threads at once.
+
+    Parameters
+    ----------
+    firmware
+        The firmware's file, or its bytes; only needed after the arm was powered on.
+    backend
+        A pyusb backend object; None: the system's libusb.
+    serial
+        The arm's serial number, or "any".
+    force_scale
+        Motor counts a newton metre.
+    resume
+        Whether a homing that an earlier program left is kept.
+    trace
+        Where to write what goes over the wire.
+    clock
+        The host's time [s].
+    """
+
+    def __init__(
+        self,
+        firmware: str | Path | bytes | None = None,
+        backend: Any = None,
+        *,
+        serial: str = "any",
+        force_scale: float = FORCE_SCALE,
+        resume: bool = False,
+        trace: Trace | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        if not (math.isfinite(force_scale) and force_scale > 0.0):
+            raise ValueError(f"force_scale = {force_scale!r} is out of range: more than 0 counts/(N m)")
+        self._firmware, self._backend, self._serial = firmware, backend, serial
+        self._scale, self._resume, self._trace, self._clock = force_scale, resume, trace, clock
+        #: Lights to show; None: red until the arm is homed, then green.
+        self.leds: Leds | None = None
+        self.timing = Timing()
+        self._link: link.Link | None = None
+        self._wire: Exchange | None = None
+        self._forget()
+
+    def _forget(self) -> None:
+        self._force: tuple[float, float, float] = _NO_FORCE
+        self._homing = self._resume
+        self._last: Reply | None = None
+        self._position: kinematics.Vector | None = None
+        self._when = 0.0
+
+    def __enter__(self) -> Self:
+        return self if self.is_open else self.open()
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the arm is open."""
+        return self._link is not None
+
+    @property
+    def homed(self) -> bool:
+        """Whether the last frame said that all axes are homed."""
+        return self._last is not None and all(self._last.homed)
+
+    def open(self) -> Self:
+        """Find and claim the arm; load its firmware if it does not run.  An open arm stays open.
+
+        Raises
+        ------
+        NotFound, PermissionDenied, Disconnected
+            If it cannot be opened; the message says what to do.
+        FirmwareError
+            If the firmware is needed and missing, not valid, or could not be loaded.
+        """
+        if self.is_open:
+            return self
+        image = self._image()
+        opened = link.Link(link.find(self._backend, self._serial), self._trace)
+        try:
+            self._start(opened, image)
+        except BaseException:
+            opened.close()
+            self._link = self._wire = None
+            raise
+        atexit.register(self.close)
+        return self
+
+    def _image(self) -> boot.Image | None:
+        if self._firmware is None:
+            return None
+        try:
+            return boot.load(self._firmware)
+        except ValueError as error:
+            raise FirmwareError(str(error)) from error
+
+    def _start(self, opened: link.Link, image: boot.Image | None) -> None:
+        self._forget()
+        loader.purge(opened)
+        loader.normal_mode(opened)
+        wire = Exchange(opened, self._clock)
+        first = self._probe(wire)
+        if first is None:
+            if image is None:
+                raise FirmwareError(
+                    "the arm's firmware does not run and no firmware file was given; "
+                    "name the file that came with the arm (it is not part of this program)"
+                )
+            loader.upload(opened, image, clock=self._clock)
+            loader.normal_mode(opened)
+            wire = Exchange(opened, self._clock)
+            first = self._probe(wire)
+        if first is None:
+            raise FirmwareError("the firmware was loaded but does not answer; is it the arm's own?")
+        self._link, self._wire = opened, wire
+        self._note(first)
+
+    def _probe(self, wire: Exchange) -> Reply | None:
+        """Return the first answer to an idle frame, or None if no firmware runs."""
+        frame = command((0, 0, 0), homing=self._homing, leds=Leds.RED)
+        for _ in range(_PROBES):
+            with contextlib.suppress(Timeout, ProtocolError):
+                return wire.run(frame, _PROBE_WAIT)
+        return None
+
+    def close(self) -> None:
+        """Send zero force and release the arm; may be called at any time, more than once."""
+        opened, wire = self._link, self._wire
+        self._link = self._wire = None
+        self._force = _NO_FORCE
+        atexit.unregister(self.close)
+        if opened is None or wire is None:
+            return
+        try:
+            with contextlib.suppress(FalconError):
+                self._silence(wire)
+        finally:
+            opened.close()
+            self._last = self._position = None
+
+    def _silence(self, wire: Exchange) -> None:
+        """Send zero motors at once; again until an answer shows that they arrived, but not for ever."""
+        frame = command((0, 0, 0), homing=self._homing, leds=self._shown())
+        if wire.owed:
+            wire.post(frame)
+        for _ in range(2):
+            with contextlib.suppress(Timeout, ProtocolError):
+                wire.run(frame, _PROBE_WAIT)
+                return
+
+    def read(self) -> Reading:
+        """Exchange one frame: send the last written force, return what the arm says.
+
+        A frame that lost a byte or has a wrong one is asked for again; a reading is never made of one.
+
+        Returns
+        -------
+        Reading
+            Its position [m] is NaN until all axes are homed.
+
+        Raises
+        ------
+        Timeout, ProtocolError, Disconnected
+            If the arm does not answer, answers nonsense, or is gone.  The force is zero then, until it is written anew.
+        """
+        began = self._clock()
+        reply = self._guarded(self._motors())
+        if self._jumped(reply):
+            again = self._guarded((0, 0, 0))
+            if _far(again, reply, _JUMP) and self._jumped(again):
+                raise self._failed(ProtocolError("the arm's encoders jump: three frames disagree"))
+            reply = again
+        self._note(reply)
+        now = self._clock()
+        self.timing.add(now, now - began)
+        position = np.array(self._position or (math.nan,) * 3)
+        position.setflags(write=False)
+        return Reading(reply.encoders, position, reply.buttons, reply.homed)
+
+    def write(self, force: Sequence[float]) -> None:
+        """Set the force on the operator [N], three numbers; the next `read` sends it.
+
+        Raises
+        ------
+        NotHomed
+            If not all axes are homed; zero force was sent instead.
+        ValueError
+            If it is not three finite numbers.
+        """
+        numbers = tuple(float(part) for part in force)
+        if len(numbers) != 3 or not all(math.isfinite(part) for part in numbers):
+            self._force = _NO_FORCE
+            raise ValueError(f"force = {numbers} must be three finite numbers [N]")
+        if not self.homed:
+            self._force = _NO_FORCE
+            self.read()
+            if not self.homed:
+                raise NotHomed("the arm is not homed: pull the grip fully out, then push it in; zero force was sent")
+        self._force = numbers
+
+    def home(self, timeout: float = 60.0) -> Reading:
+        """Exchange frames without force until the operator has homed all axes: pull the grip out, then push it in.
+
+        Parameters
+        ----------
+        timeout
+            How long to wait [s].
+
+        Raises
+        ------
+        HomingTimeout
+            If it takes longer; it is a NotHomed too.
+        FalconError
+            If the exchange fails.
+        """
+        self._homing = True
+        self._force = _NO_FORCE
+        end = self._clock() + timeout
+        while True:
+            reading = self.read()
+            if reading.valid:
+                return reading
+            if self._clock() >= end:
+                missing = ", ".join(str(axis + 1) for axis, done in enumerate(reading.homed) if not done)
+                raise HomingTimeout(f"axis {missing} of the arm was not homed within {timeout:g} s")
+
+    def _guarded(self, motors: tuple[int, int, int]) -> Reply:
+        """Exchange a frame; after any failure the force is zero."""
+        if self._wire is None:
+            raise Disconnected("the arm is not open")
+        frame = command(motors, homing=self._homing, leds=self._shown())
+        try:
+            return self._wire.run(frame)
+        except Disconnected:
+            self._drop()
+            raise
+        except FalconError as error:
+            raise self._failed(error) from error.__cause__
+        except BaseException:
+            self._force = _NO_FORCE
+            raise
+
+    def _failed(self, error: FalconError) -> FalconError:
+        """Take the force away, on the wire too, and return the error to raise."""
+        self._force, self._position = _NO_FORCE, None
+        if self._wire is not None:
+            try:
+                self._wire.post(command((0, 0, 0), homing=self._homing, leds=Leds.RED))
+            except Disconnected:
+                self._drop()
+            except FalconError:
+                pass
+        return error
+
+    def _drop(self) -> None:
+        """Release an arm that is gone."""
+        opened, self._link, self._wire = self._link, None, None
+        atexit.unregister(self.close)
+        self._forget()
+        if opened is not None:
+            opened.close()
+
+    def _motors(self) -> tuple[int, int, int]:
+        """Return the motor commands of the force where the arm stands; scaled together so that its direction stays."""
+        if self._force == _NO_FORCE or self._position is None or not self.homed:
+            return (0, 0, 0)
+        try:
+            torques = kinematics.torques(self._position, self._force)
+        except kinematics.UnreachableError:
+            return (0, 0, 0)
+        counts = [-self._scale * torque for torque in torques]
+        shrink = min(1.0, MOTOR_LIMIT / max(map(abs, counts), default=1.0))
+        one, two, three = (max(-MOTOR_LIMIT, min(MOTOR_LIMIT, round(count * shrink))) for count in counts)
+        return one, two, three
+
+    def _shown(self) -> Leds:
+        return self.leds if self.leds is not None else Leds.GREEN if self.homed else Leds.RED
+
+    def _jumped(self, reply: Reply) -> bool:
+        """Tell whether the encoders moved faster than an arm can; homing moves their zero."""
+        last = self._last
+        if last is None or self._position is None or reply.homed != last.homed:
+            return False
+        return _far(reply, last, _JUMP + _JUMP_RATE * (self._clock() - self._when))
+
+    def _note(self, reply: Reply) -> None:
+        """Take over a reply; its position only if all axes are homed."""
+        if not all(reply.homed):
+            self._last, self._position, self._force = reply, None, _NO_FORCE
+            return
+        start = self._position or kinematics.CENTRE
+        try:
+            self._position = kinematics.forward(kinematics.angles_of(reply.encoders), start=start)
+        except kinematics.UnreachableError as error:
+            raise self._failed(
+                ProtocolError(f"encoders {reply.encoders} are no position of the arm: {error}")
+            ) from error
+        self._last, self._when = reply, self._clock()
+
+
+def _far(one: Reply, other: Reply, limit: float) -> bool:
+    return any(abs(a - b) > limit for a, b in zip(one.encoders, other.encoders, strict=True))
