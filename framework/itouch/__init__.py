@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from itouch.plugin import DeviceError
     from itouch.scene import Scene, write
     from itouch.schema import ItouchError, Place, Problem, SceneError
+    from itouch.servo import Handle, ServoError, launch
     from itouch.session import Session, SessionError, build, restore
     from itouch.session import load_scene as load
 
@@ -25,16 +26,19 @@ _HOMES = {
     "DeviceFaultError": "itouch.loop",
     "Engine": "itouch.loop",
     "EngineError": "itouch.loop",
+    "Handle": "itouch.servo",
     "ItouchError": "itouch.schema",
     "Place": "itouch.schema",
     "Problem": "itouch.schema",
     "Scene": "itouch.scene",
     "SceneError": "itouch.schema",
+    "ServoError": "itouch.servo",
     "Session": "itouch.session",
     "SessionError": "itouch.session",
     "VirtualClock": "itouch.loop",
     "WallClock": "itouch.loop",
     "build": "itouch.session",
+    "launch": "itouch.servo",
     "load": "itouch.session:load_scene",
     "restore": "itouch.session",
     "write": "itouch.scene",
@@ -45,16 +49,19 @@ __all__ = [
     "DeviceFaultError",
     "Engine",
     "EngineError",
+    "Handle",
     "ItouchError",
     "Place",
     "Problem",
     "Scene",
     "SceneError",
+    "ServoError",
     "Session",
     "SessionError",
     "VirtualClock",
     "WallClock",
     "build",
+    "launch",
     "load",
     "restore",
     "write",

@@ -58,7 +58,7 @@ def _prepare(options: argparse.Namespace) -> Session:
         raise ItouchError(f"--seed {options.seed} is out of range: 0 to 2^63 - 1")
     if options.scene.endswith(".itouch") and (options.twin or options.rig):
         raise ItouchError("--twin and --rig choose devices for a scene; a session has its own")
-    from itouch.cli.prepare import prepare
+    from itouch.servo.prepare import prepare
 
     session = prepare(options.scene, seed=options.seed, twin=options.twin, rig=options.rig)
     from itouch.loop import WallClock

@@ -75,7 +75,7 @@ class Pacing:
         while not self._stopping and (last is None or tick < last):
             if scripted and engine.done:
                 return
-            late = engine.clock.wait() if real else 0.0
+            late = engine.times.late = engine.clock.wait() if real else 0.0
             engine.tick()
             tick += 1
             if real:

@@ -37,7 +37,7 @@ def percentile(counts: NDArray[Any], percent: float, greatest: float = math.inf)
     index = int(np.searchsorted(below, rank))
     before = int(below[index - 1]) if index else 0
     share = (rank - before) / int(counts[index])
-    return min(greatest, LEAST * 2.0 ** ((index + share) / PER_OCTAVE))
+    return min(greatest, LEAST * math.pow(2.0, (index + share) / PER_OCTAVE))
 
 
 def timing_fields(parts: int) -> tuple[Field, ...]:
@@ -71,6 +71,8 @@ class Timing:
         self._greatest = self.record["greatest"]
         self._worst = self._greatest.tolist()
         self._ticks, self._overruns, self._skipped = (self.record[n] for n in ("ticks", "overruns", "skipped"))
+        #: How late [s] the tick that runs began.
+        self.late = 0.0
         self._culprit = -1  # of the overrun that the loop has not caught up with
 
     @property

@@ -26,7 +26,7 @@ class _Companion:
 
     def _start(self) -> None:
         print("preparing: the first start compiles the kernels, later ones load them ...", file=sys.stderr, flush=True)
-        command = [sys.executable, "-m", "itouch.cli.warm", *self._words]
+        command = [sys.executable, "-m", "itouch.servo.warm", *self._words]
         nothing = subprocess.DEVNULL
         self._process = subprocess.Popen(command, stdin=nothing, stdout=nothing, stderr=nothing)
 
@@ -80,3 +80,19 @@ def prepare(scene: str, *, seed: int, twin: str | None, rig: str | None) -> Sess
             rehearse_modalities(model)
         companion.wait()
         return Session(model, seed=seed)
+
+
+def prepare_text(scene: str, *, shown: str, seed: int) -> Session:
+    """Build an engine from the text of a canonical scene.
+
+    Raises
+    ------
+    SceneError
+        If it is wrong.
+    """
+    from itouch.plugin.discovery import Catalog
+    from itouch.scene import loads
+    from itouch.session import build
+
+    catalog = Catalog()
+    return build(loads(scene.encode(), catalog, shown=shown), seed=seed, catalog=catalog)

@@ -1,4 +1,4 @@
-"""``python -m itouch.cli.warm SCENE``: compile what a scene needs besides its modalities; used by a first start."""
+"""``python -m itouch.servo.warm SCENE``: compile what a scene needs besides its modalities; used by a first start."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from itouch.world import Model
 
 def main(argv: Sequence[str]) -> int:
     """Build the scene's engine without modalities; hardware is not opened."""
-    parser = argparse.ArgumentParser(prog="itouch.cli.warm")
+    parser = argparse.ArgumentParser(prog="itouch.servo.warm")
     parser.add_argument("scene")
     parser.add_argument("--twin")
     parser.add_argument("--rig")

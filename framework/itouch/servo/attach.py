@@ -1,0 +1,244 @@
+"""Attaching to sessions that run: the view that a window, a recorder or a terminal has of a servo process."""
+
+from __future__ import annotations
+
+import ast
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from itouch.loop.timing import Timing, timing_fields
+from itouch.plugin import Record
+from itouch.servo import box
+from itouch.servo import words as at
+from itouch.servo.reading import Follower, Ring, copy_timing
+from itouch.servo.segment import PREFIX, Segment, ServoError, monotonic
+
+#: How long [s] one ``hold`` lasts: whoever holds the dead-man's switch must say so again before.
+HOLD_TIME = 0.15
+#: Silence [s] after which a servo process counts as hung.
+SILENCE = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class SessionInfo:
+    """A session that runs: its name, the id of its servo process, its scene file, and what it is doing."""
+
+    name: str
+    pid: int
+    scene: str
+    phase: str
+
+
+class Link:
+    """Reads a session; the servo process does not notice.  Also a context manager."""
+
+    def __init__(self, segment: Segment) -> None:
+        segment.check()
+        if not int(segment.words[at.SIZE]):
+            raise ServoError(f"session '{segment.name}' is still being built")
+        segment.map()
+        self._segment, self._words = segment, segment.words
+        meta = segment.meta()
+        self.name: str = segment.name
+        self.source: str = meta["source"]
+        self.period: float = meta["period"]
+        self.objects: tuple[str, ...] = tuple(meta["objects"])
+        self.probes: tuple[str, ...] = tuple(meta["probes"])
+        self.devices: tuple[str, ...] = tuple(meta["devices"])
+        self.notices: tuple[str, ...] = tuple(meta["notices"])
+        #: The canonical scene as text; ``itouch.scene.loads`` reads it.
+        self.scene_xml: str = meta["scene_xml"]
+        #: Name, manifest and the like of what else the launcher told; for those who read the meta data themselves.
+        self.meta: dict[str, Any] = meta
+        self.dtype: np.dtype[Any] = np.lib.format.descr_to_dtype(ast.literal_eval(meta["dtype"]))
+        self._parts = tuple(meta["parts"])
+        self._ring = Ring(segment)
+        self._copy = Record(self.dtype)
+
+    @property
+    def pid(self) -> int:
+        """The id of the servo process."""
+        return int(self._words[at.SERVO])
+
+    @property
+    def phase(self) -> str:
+        """What the servo process says that it does: building, ready, running, ending or ended."""
+        return at.PHASES[self._segment.phase]
+
+    @property
+    def alive(self) -> bool:
+        """Whether the servo process exists, and has not been silent for longer than a second."""
+        silent = (monotonic() - int(self._words[at.BEAT])) * 1e-9
+        return self._segment.phase < at.ENDED and os.path.exists(f"/proc/{self.pid}") and silent < SILENCE
+
+    @property
+    def state(self) -> Record:
+        """A copy of the newest State, with the field names of ``Engine.state``.
+
+        Raises
+        ------
+        ServoError
+            If none has been published.
+        """
+        record = Record(self.dtype)
+        if not self.refresh(record):
+            raise ServoError(f"session '{self.name}' has not published a State yet")
+        return record
+
+    def refresh(self, record: Record) -> bool:
+        """Copy the newest State into a record of this layout; false before the first."""
+        return self._ring.newest(record.raw) is not None
+
+    @property
+    def tick(self) -> int:
+        """The tick count of the newest State; 0 before the first."""
+        return int(self._copy["tick"]) if self.refresh(self._copy) else 0
+
+    @property
+    def seconds(self) -> float:
+        """Simulated time of the newest State [s]."""
+        return self.tick * self.period
+
+    @property
+    def timing(self) -> Timing:
+        """A copy of Timing, at most 20 ticks old."""
+        record = Record.of(timing_fields(len(self._parts)))
+        copy_timing(self._segment, record.raw)
+        return Timing(self._parts, record)
+
+    def follow(self) -> Follower:
+        """Return a reader that takes every State from the next one on, and counts what it was too slow for."""
+        return Follower(self._ring)
+
+    def command(self, what: str, value: Any = None) -> None:
+        """Ask the servo process for something between two ticks.
+
+        Parameters
+        ----------
+        what
+            ``pause``, ``resume``, ``enable``, ``rearm``, ``steer``, or ``DEVICE.CHANNEL`` for a command channel that
+            nothing in the scene writes.
+        value
+            What goes with it: for ``steer`` a dictionary of ``probe`` and ``step`` [m] or None, for a channel its
+            numbers.
+
+        Raises
+        ------
+        ServoError
+            If the session has ended, or takes no commands.
+        """
+        if not self.alive:
+            raise ServoError(f"session '{self.name}' has ended")
+        box.put(self._segment, {"what": what, "value": value})
+
+    def stop(self) -> None:
+        """Ask for the end of the session; the devices are made safe first."""
+        self._words[at.STOP] = 1
+
+    def hold(self, held: bool = True) -> None:
+        """Hold the dead-man's switch for the next 150 ms, or let it go; who dies or hangs lets go by itself."""
+        self._words[at.HELD_UNTIL] = monotonic() + round(HOLD_TIME * 1e9) if held else 0
+
+    def close(self) -> None:
+        """Detach."""
+        self._segment.close()
+
+    def __enter__(self) -> Link:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def sessions() -> list[SessionInfo]:
+    """Return the sessions of this user that run, oldest process first."""
+    found = []
+    for segment in _segments():
+        source = segment.meta()["source"] if int(segment.words[at.SIZE]) else ""
+        pid, phase = int(segment.words[at.SERVO]), at.PHASES[segment.phase]
+        found.append(SessionInfo(segment.name, pid, source, phase))
+        segment.close()
+    return sorted(found, key=lambda info: info.pid)
+
+
+def attach(name: str | None = None) -> Link:
+    """Attach to a running session.
+
+    Parameters
+    ----------
+    name
+        Its name, or the id of its servo process; None if only one runs.
+
+    Raises
+    ------
+    ServoError
+        If there is no such session, or several to choose from.
+    """
+    segments = [s for s in _segments() if name is None or name in (s.name, str(int(s.words[at.SERVO])))]
+    ready = [segment for segment in segments if int(segment.words[at.SIZE])]
+    if len(ready) == 1:
+        return Link(ready[0])
+    for segment in segments:
+        segment.close()
+    if not segments:
+        raise ServoError("no session runs" if name is None else f"there is no running session named '{name}'")
+    if not ready:
+        raise ServoError(f"session '{segments[0].name}' is still being built")
+    listed = ", ".join(f"'{segment.name}'" for segment in ready)
+    raise ServoError(f"several sessions run: {listed}; name one")
+
+
+def _segments() -> Iterator[Segment]:
+    """Find the memory of every session whose servo process lives, each once."""
+    seen: set[int] = set()
+    for link in _links():
+        try:
+            name = os.readlink(link)
+            if not name.startswith(f"/memfd:{PREFIX}"):
+                continue
+            inode = os.stat(link).st_ino
+            if inode in seen:
+                continue
+            seen.add(inode)
+            handle = os.open(link, os.O_RDWR | os.O_CLOEXEC)
+        except OSError:
+            continue
+        segment = _usable(handle, name[len(f"/memfd:{PREFIX}") :].removesuffix(" (deleted)"))
+        if segment is not None:
+            yield segment
+
+
+def _links() -> Iterator[str]:
+    user = os.geteuid()
+    for folder in Path("/proc").iterdir():
+        if not folder.name.isdigit():
+            continue
+        try:
+            if folder.stat().st_uid != user:
+                continue
+            names = os.listdir(folder / "fd")
+        except OSError:
+            continue
+        yield from (f"{folder}/fd/{name}" for name in names)
+
+
+def _usable(handle: int, name: str) -> Segment | None:
+    try:
+        segment = Segment(handle, name)
+    except (ServoError, OSError, ValueError):
+        os.close(handle)
+        return None
+    pid = int(segment.words[at.SERVO])
+    whole = int(segment.words[at.MAGIC]) == at.MAGIC_VALUE and int(segment.words[at.FORMAT]) == at.FORMAT_VALUE
+    if whole and pid > 0 and os.path.exists(f"/proc/{pid}") and segment.phase < at.ENDED:
+        return segment
+    segment.close()
+    return None

@@ -1,0 +1,91 @@
+"""The box of commands: any process that holds a session's memory may put one in, the servo process takes them out.
+
+Writers exclude one another by a file lock, which the kernel releases if they die; the servo process takes no lock.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import struct
+import time
+from typing import Any
+
+from itouch.servo import words as at
+from itouch.servo.segment import Segment, ServoError
+
+_LENGTH = struct.Struct("<q")
+_PATIENCE = 1.0
+
+
+def put(segment: Segment, message: dict[str, Any]) -> None:
+    """Put a command into the box.
+
+    Raises
+    ------
+    ServoError
+        If the box stays full, which means that the servo process does not take any.
+    ValueError
+        If the command is too long.
+    """
+    text = json.dumps(message).encode()
+    if len(text) > at.BOX_SLOT_SIZE - _LENGTH.size:
+        raise ValueError(f"a command of {len(text)} bytes is too long, at most {at.BOX_SLOT_SIZE - _LENGTH.size}")
+    deadline = time.monotonic() + _PATIENCE
+    # a description of its own: two threads of one process must exclude one another, too
+    lock = os.open(f"/proc/self/fd/{segment.handle}", os.O_RDWR | os.O_CLOEXEC)
+    try:
+        while not _try_put(segment, lock, text):
+            if time.monotonic() > deadline:
+                raise ServoError("the servo process does not take commands any more")
+            time.sleep(0.002)
+    finally:
+        os.close(lock)
+
+
+def _try_put(segment: Segment, lock: int, text: bytes) -> bool:
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    words = segment.words
+    asked = int(words[at.ASKED])
+    if asked - int(words[at.TAKEN]) >= at.BOX_SLOTS:
+        fcntl.flock(lock, fcntl.LOCK_UN)
+        return False
+    where = at.BOX_AT + asked % at.BOX_SLOTS * at.BOX_SLOT_SIZE
+    _LENGTH.pack_into(segment.bytes.data, where, len(text))
+    segment.bytes[where + _LENGTH.size : where + _LENGTH.size + len(text)] = memoryview(text)
+    words[at.ASKED] = asked + 1
+    fcntl.flock(lock, fcntl.LOCK_UN)
+    return True
+
+
+class Inbox:
+    """The servo process's end of the box."""
+
+    def __init__(self, segment: Segment) -> None:
+        self._segment = segment
+        self._taken = int(segment.words[at.TAKEN])
+        self._words = segment.words
+
+    def take(self) -> list[dict[str, Any]]:
+        """Return the commands that are new; what is not a command is left out."""
+        asked = self._words[at.ASKED].item()
+        found: list[dict[str, Any]] = []
+        while self._taken < asked and len(found) < at.BOX_SLOTS:
+            where = at.BOX_AT + self._taken % at.BOX_SLOTS * at.BOX_SLOT_SIZE
+            (length,) = _LENGTH.unpack_from(self._segment.bytes.data, where)
+            length = max(0, min(length, at.BOX_SLOT_SIZE - _LENGTH.size))
+            self._taken += 1
+            try:
+                text = self._segment.bytes[where + _LENGTH.size : where + _LENGTH.size + length].tobytes()
+                message = json.loads(text)
+            except ValueError:
+                continue
+            if isinstance(message, dict):
+                found.append(message)
+        if found or self._taken != int(self._words[at.TAKEN]):
+            self._words[at.TAKEN] = self._taken
+        return found

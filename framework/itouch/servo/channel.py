@@ -1,0 +1,68 @@
+"""The line between the servo process and its launcher: one JSON text a message, never waited for inside the loop."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import socket
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+#: What may wait to be sent [bytes]; beyond that messages about progress are dropped, the last one never is.
+BACKLOG = 8 << 20
+#: How long [s] the last message may take: the launcher may be suspended.
+LAST_WAIT = 5.0
+
+
+class Outbox:
+    """The servo process's end: keeps what the launcher does not take at once."""
+
+    def __init__(self, line: socket.socket) -> None:
+        self._line = line
+        self._waiting = bytearray()
+        line.setblocking(False)
+
+    def tell(self, kind: str, content: Mapping[str, Any]) -> None:
+        """Send a message, now or at a later ``flush``."""
+        text = json.dumps({"kind": kind, **content}).encode() + b"\n"
+        if len(self._waiting) + len(text) <= BACKLOG:
+            self._waiting += text
+        self.flush()
+
+    def flush(self) -> None:
+        """Send what the launcher takes without waiting."""
+        with contextlib.suppress(BlockingIOError, InterruptedError):
+            while self._waiting:
+                try:
+                    sent = self._line.send(self._waiting[:65536])
+                except (BrokenPipeError, ConnectionError):
+                    self._waiting.clear()
+                    return
+                del self._waiting[:sent]
+
+    def finish(self, content: Mapping[str, Any]) -> None:
+        """Send the last message, and wait some seconds for it to be taken."""
+        self._line.setblocking(True)
+        self._line.settimeout(LAST_WAIT)
+        text = json.dumps({"kind": "end", **content}).encode() + b"\n"
+        with contextlib.suppress(OSError):
+            self._line.sendall(bytes(self._waiting) + text)
+        self._line.close()
+
+
+def messages(line: socket.socket) -> Iterator[dict[str, Any]]:
+    """Yield the messages that come, until the other end closes; used by the launcher."""
+    rest = b""
+    while True:
+        try:
+            piece = line.recv(1 << 16)
+        except OSError:
+            return
+        if not piece:
+            return
+        *whole, rest = (rest + piece).split(b"\n")
+        for text in whole:
+            with contextlib.suppress(ValueError):
+                message = json.loads(text)
+                if isinstance(message, dict):
+                    yield message

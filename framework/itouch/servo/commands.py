@@ -1,0 +1,103 @@
+"""What may be asked of a running session between two ticks.
+
+``enable``; ``pause`` and ``resume`` (twins only); ``steer`` with a probe and a step or null; ``rearm``; ``report``,
+which is answered to the launcher; and ``DEVICE.CHANNEL`` with a value, for a channel that nothing in the scene writes.
+``stop`` and the dead-man's switch have words of their own in the memory.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from itouch.schema import ItouchError
+from itouch.servo.segment import ServoError
+from itouch.world import Model
+
+if TYPE_CHECKING:
+    from itouch.servo.serve import Servo
+
+
+class Commands:
+    """Obeys commands; what can't be obeyed is told to the launcher and changes nothing."""
+
+    def __init__(self, servo: Servo) -> None:
+        self._servo = servo
+        #: What was obeyed, with the tick before which it took effect.
+        self.log: list[dict[str, Any]] = []
+        self._verbs: dict[str, Callable[[Any], None]] = {
+            "enable": self._enable,
+            "pause": self._pause,
+            "resume": self._resume,
+            "steer": self._steer,
+            "rearm": self._rearm,
+            "report": self._report,
+        }
+
+    def obey(self, message: dict[str, Any]) -> None:
+        """Do what a message asks for."""
+        what, value = str(message.get("what")), message.get("value")
+        try:
+            if "." in what:
+                self._write(what, value)
+            elif what in self._verbs:
+                self._verbs[what](value)
+            else:
+                known = ", ".join(self._verbs)
+                raise ServoError(f"there is no command '{what}'; commands are: {known}, and DEVICE.CHANNEL")
+        except (ItouchError, ValueError, TypeError, KeyError) as error:
+            self._servo.outbox.tell("refused", {"what": what, "cause": str(error) or type(error).__name__})
+            return
+        if what != "report":
+            self.log.append({"tick": self._servo.session.ticks, "what": what, "value": value})
+
+    def _enable(self, value: Any) -> None:
+        self._servo.enabled = True
+
+    def _pause(self, value: Any) -> None:
+        devices = self._servo.session.model.devices.values()
+        if any(not device.twin for device in devices):
+            raise ServoError("a session with hardware can't pause; stop it")
+        self._servo.paused = True
+
+    def _resume(self, value: Any) -> None:
+        self._servo.paused = False
+
+    def _steer(self, value: Any) -> None:
+        step = value["step"]
+        if step is not None:
+            x, y, z = step
+            step = (float(x), float(y), float(z))
+        self._servo.session.steer(str(value["probe"]), step)
+
+    def _rearm(self, value: Any) -> None:
+        rearm = getattr(self._servo.session, "rearm", None)
+        if rearm is None:
+            raise ServoError("this session can't be re-armed; start it again")
+        rearm()
+
+    def _report(self, value: Any) -> None:
+        self._servo.outbox.tell("report", {"report": self._servo.report()})
+
+    def _write(self, what: str, value: Any) -> None:
+        device, _, channel = what.partition(".")
+        session = self._servo.session
+        field = f"{device}.command.{channel}"
+        if field not in session.state:
+            raise ServoError(f"there is no command channel '{what}'")
+        if what in _written(session.model):
+            raise ServoError(f"'{what}' is written by the scene; each command has one writer")
+        numbers = np.asarray(value, np.float64)
+        if numbers.shape != session.state[field].shape or not np.isfinite(numbers).all():
+            raise ValueError(f"'{what}' takes {session.state[field].size} finite numbers")
+        session.state[field] = numbers
+
+
+def _written(model: Model) -> set[str]:
+    """Return the command channels that probes and modalities write."""
+    written = {command for modality in model.modalities for command in modality.commands}
+    for probe in model.scene.probes:
+        written |= {f"{probe.force_to}.wrench", f"{probe.surface_to}.pose_target"}
+    return written

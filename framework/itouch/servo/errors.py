@@ -1,0 +1,81 @@
+"""Errors on their way from the servo process to whoever launched it: as plain data, and back."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Mapping
+from typing import Any
+
+from itouch.loop import DeviceFaultError, EngineError
+from itouch.loop.safety import Trip
+from itouch.plugin import DeviceError
+from itouch.schema import ItouchError, Place, Problem, SceneError
+from itouch.servo.segment import ServoError
+from itouch.session import SessionError
+
+_PLAIN: Mapping[str, type[Exception]] = {
+    cls.__name__: cls for cls in (DeviceError, EngineError, SessionError, ServoError, ValueError)
+}
+
+
+class ServoTracebackError(ItouchError):
+    """The cause of an error that came out of the servo process: its traceback there, as text."""
+
+
+def encode(error: BaseException) -> dict[str, Any]:
+    """Return an error as plain data."""
+    told: dict[str, Any] = {
+        "type": type(error).__name__,
+        "message": str(error),
+        "traceback": "".join(traceback.format_exception(error)),
+    }
+    if isinstance(error, DeviceFaultError):
+        told["fault"] = [error.device, error.tick, int(error.trip), error.cause]
+    elif isinstance(error, SceneError):
+        told["type"] = "SceneError"
+        told["problems"] = [_problem(problem) for problem in error.problems]
+    elif isinstance(error, ItouchError) and told["type"] not in _PLAIN:
+        told["type"] = "ItouchError"
+    return told
+
+
+def decode(told: dict[str, Any]) -> Exception:
+    """Return the error that ``encode`` was given, with the traceback over there as its cause."""
+    error = _decode(told)
+    error.__cause__ = ServoTracebackError("\n" + str(told.get("traceback", "")))
+    return error
+
+
+def _decode(told: dict[str, Any]) -> Exception:
+    kind, message = str(told["type"]), str(told["message"])
+    if "fault" in told:
+        device, tick, trip, cause = told["fault"]
+        return DeviceFaultError(device, tick, Trip(trip), cause)
+    if "problems" in told:
+        return SceneError([_as_problem(entry) for entry in told["problems"]])
+    if kind in _PLAIN:
+        return _PLAIN[kind](message)
+    if kind == "ItouchError":
+        return ItouchError(message)
+    return ServoError(f"the servo process failed: {kind}: {message}")
+
+
+def _place(place: Place | None) -> list[Any] | None:
+    return None if place is None else [place.file, place.line, place.column, place.length, place.text]
+
+
+def _problem(problem: Problem) -> dict[str, Any]:
+    return {
+        "code": problem.code,
+        "sentence": problem.sentence,
+        "place": _place(problem.place),
+        "advice": problem.advice,
+        "related": [[_place(place), label] for place, label in problem.related],
+        "severity": problem.severity,
+    }
+
+
+def _as_problem(told: dict[str, Any]) -> Problem:
+    place = Place(*told["place"]) if told["place"] is not None else None
+    related = tuple((Place(*where), str(label)) for where, label in told["related"])
+    return Problem(told["code"], told["sentence"], place, told["advice"], related, told["severity"])

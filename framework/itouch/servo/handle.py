@@ -1,0 +1,347 @@
+"""Launching a session in a process of its own, and the handle on it."""
+
+from __future__ import annotations
+
+import math
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from itouch.loop.timing import Timing
+from itouch.plugin import Record
+from itouch.scene import Scene, write
+from itouch.servo import words as at
+from itouch.servo.attach import Link
+from itouch.servo.channel import messages
+from itouch.servo.guarding import Guarded
+from itouch.servo.segment import Segment, ServoError
+from itouch.session import choose_twins
+
+#: How long [s] the end of a session may take before the servo process is killed; its guardian acts long before.
+END_TIME = 10.0
+
+
+class Handle:
+    """A session in its servo process; also a context manager that ends it.
+
+    Attributes
+    ----------
+    link
+        What any process can read of the session: ``itouch.servo.attach(handle.name)`` gives another one.
+    contacts
+        Entries of the contacts that have ended so far.
+    notices
+        What is rendered otherwise than the scene says, and what could not be done for punctuality, once each.
+    """
+
+    def __init__(self, process: subprocess.Popen[bytes], segment: Segment, line: socket.socket) -> None:
+        self._process, self._segment, self._line = process, segment, line
+        self._guarded = Guarded(process, segment)
+        self.contacts: list[dict[str, Any]] = []
+        self.efforts: list[tuple[str, bool, str]] = []
+        self.refused: list[str] = []
+        self._report: dict[str, Any] | None = None
+        self._answers = threading.Condition()
+        self._answered = 0
+        self._error: Exception | None = None
+        self._raised = False
+        self._ready, self._over = threading.Event(), threading.Event()
+        self._link: Link | None = None
+        self._listener = threading.Thread(target=self._listen, name="itouch-listener", daemon=True)
+        self._listener.start()
+
+    def _listen(self) -> None:
+        """Take what the servo process tells; runs in a thread until it has ended."""
+        ended = False
+        for message in messages(self._line):
+            kind = message["kind"]
+            if kind == "ready":
+                self.efforts = [(what, done, said) for what, done, said in message["efforts"]]
+                self._ready.set()
+            elif kind == "contacts":
+                self.contacts += message["contacts"]
+            elif kind == "refused":
+                self.refused.append(f"{message['what']}: {message['cause']}")
+            elif kind == "report":
+                self._answer(message["report"])
+            elif kind == "end":
+                ended = True
+                self._finish(message)
+        self._line.close()
+        code = self._process.wait()
+        self._guarded.wait()
+        if not ended:
+            self._error = ServoError(_death(code, self._guarded.said))
+        self._over.set()
+        self._ready.set()
+        with self._answers:
+            self._answers.notify_all()
+
+    def _answer(self, report: dict[str, Any]) -> None:
+        with self._answers:
+            self._report = report
+            self._answered += 1
+            self._answers.notify_all()
+
+    def _finish(self, message: dict[str, Any]) -> None:
+        from itouch.servo.errors import decode
+
+        self._report = message["report"]
+        if message["error"] is not None:
+            self._error = decode(message["error"])
+
+    def await_ready(self) -> None:
+        """Wait until the engine is built.
+
+        Raises
+        ------
+        SceneError, SessionError, ServoError
+            If it can't be.
+        """
+        self._ready.wait()
+        if self._error is not None and not self._report:
+            self._raised = True
+            self._segment.close()
+            raise self._error
+
+    @property
+    def link(self) -> Link:
+        """The view of the session that any process can have."""
+        if self._link is None:
+            self._link = Link(self._segment)
+        return self._link
+
+    @property
+    def name(self) -> str:
+        """The session's name, for ``itouch.servo.attach``."""
+        return self._segment.name
+
+    @property
+    def pid(self) -> int:
+        """The id of the servo process."""
+        return self._process.pid
+
+    @property
+    def guardian_pid(self) -> int:
+        """The id of the guardian process."""
+        return self._guarded.pid
+
+    @property
+    def running(self) -> bool:
+        """Whether the servo process has not ended."""
+        return not self._over.is_set()
+
+    @property
+    def state(self) -> Record:
+        """A copy of the last published State, with the field names of ``Engine.state``."""
+        return self.link.state
+
+    @property
+    def timing(self) -> Timing:
+        """A copy of Timing, at most 20 ticks old while the loop runs."""
+        return self.link.timing
+
+    @property
+    def seconds(self) -> float:
+        """Simulated time of the last published State [s]."""
+        return self.link.seconds
+
+    @property
+    def notices(self) -> tuple[str, ...]:
+        """What is rendered otherwise than the scene says, and what was not granted for punctuality."""
+        lacking = [f"{what}: {said}" for what, done, said in self.efforts if not done]
+        return (*self.link.notices, *lacking)
+
+    def command(self, what: str, value: Any = None) -> None:
+        """Ask for something between two ticks; see ``Link.command``.
+
+        Raises
+        ------
+        ServoError
+            If the session has ended, or takes no commands.
+        """
+        self._raise()
+        self.link.command(what, value)
+
+    def enable(self) -> None:
+        """Let devices that are hardware move or heat: an act of the operator."""
+        self.command("enable")
+
+    def hold(self, held: bool = True) -> None:
+        """Hold the dead-man's switch for the next 150 ms, or let it go."""
+        self.link.hold(held)
+
+    def request_stop(self) -> None:
+        """Ask for the end of the session and return at once; may be called from a signal handler."""
+        self._segment.words[at.STOP] = 1
+
+    def stop(self) -> None:
+        """Make the devices safe, end the session and wait for its end.
+
+        Raises
+        ------
+        DeviceFaultError, ServoError, ...
+            What ended the session before, if it was an error and has not been raised yet.
+        """
+        self.request_stop()
+        if not self._over.wait(END_TIME):
+            self._process.kill()
+            self._over.wait()
+        self._raise()
+
+    def wait(self, timeout: float | None = None) -> bool:
+        """Wait for the session's end; return whether it has ended.
+
+        Raises
+        ------
+        DeviceFaultError, ServoError, ...
+            The error that ended it, with the servo process's traceback as its cause; once.
+        """
+        if not self._over.wait(timeout):
+            return False
+        self._raise()
+        return True
+
+    def report(self) -> dict[str, Any]:
+        """Return the report, of the whole session if it has ended, else so far.
+
+        Raises
+        ------
+        ServoError
+            If the servo process died and left none.
+        """
+        if not self._over.is_set():
+            with self._answers:
+                before = self._answered
+                self.link.command("report")
+                self._answers.wait_for(lambda: self._answered > before or self._over.is_set(), END_TIME)
+        if self._report is None:
+            self._raised = True
+            raise self._error or ServoError("the servo process left no report")
+        return self._report
+
+    def _raise(self) -> None:
+        if self._error is not None and self._over.is_set() and not self._raised:
+            self._raised = True
+            raise self._error
+
+    def close(self) -> None:
+        """End the session if it runs, and let go of its memory; the last State stays readable."""
+        self.request_stop()
+        if not self._over.wait(END_TIME):
+            self._process.kill()
+            self._over.wait()
+        self._segment.close()
+
+    def __enter__(self) -> Handle:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+        if kind is None:
+            self._raise()
+
+
+def _death(code: int, said: str) -> str:
+    how = f"was killed by {signal.Signals(-code).name}" if code < 0 else f"ended with code {code}"
+    return f"the servo process {how}{'; ' + said if said else ''}"
+
+
+def launch(
+    scene: str | os.PathLike[str] | Scene,
+    *,
+    seed: int = 0,
+    twin: str | None = None,
+    rig: str | os.PathLike[str] | None = None,
+    seconds: float | None = None,
+    save: str | os.PathLike[str] | None = None,
+    name: str | None = None,
+    enable: bool = False,
+    realtime: bool = True,
+) -> Handle:
+    """Run a scene or a saved session in real time, in a servo process of its own.
+
+    Parameters
+    ----------
+    scene
+        A scene, or the path of a scene or session.
+    seed, twin, rig
+        As in ``itouch.build``.
+    seconds
+        How long to run; None: until the scripted motion ends, or until ``stop`` without one.
+    save
+        Where to save the session at its end.
+    name
+        The session's name for ``itouch.servo.attach``; default: the scene's file name and the launcher's process id.
+    enable
+        Let hardware move or heat at once; without it ``Handle.enable`` is needed.  Twins enable by themselves.
+    realtime
+        Ask for real-time priority and locked memory.
+
+    Returns
+    -------
+    Handle
+        When the engine is built; a rig of twins runs already.
+
+    Raises
+    ------
+    SceneError, SessionError
+        If the scene or session is wrong.
+    ServoError
+        If the servo process can't be started.
+    """
+    if seconds is not None and not (math.isfinite(seconds) and seconds >= 0.0):
+        raise ValueError(f"seconds = {seconds!r} must be a finite number, at least 0")
+    if not 0 <= seed < 1 << 63:
+        raise ValueError(f"seed = {seed!r} is out of range: 0 to 2^63 - 1")
+    config = _config(scene, twin) | {
+        "seed": seed, "rig": None if rig is None else os.fspath(rig), "seconds": seconds, "enable": enable,
+        "save": None if save is None else os.fspath(save), "realtime": realtime, "sys_path": sys.path,
+    }  # fmt: skip
+    handle = _start(name or _name(config["scene"]), config)
+    handle.await_ready()
+    return handle
+
+
+def _name(scene: str) -> str:
+    return f"{Path(scene).stem or 'scene'}-{os.getpid()}-{time.monotonic_ns() // 1000 % 10**6}"
+
+
+def _config(scene: str | os.PathLike[str] | Scene, twin: str | None) -> dict[str, Any]:
+    if isinstance(scene, Scene):
+        chosen = scene if twin is None else choose_twins(scene, twin)
+        return {"scene": chosen.source, "scene_xml": write(chosen), "twin": None}
+    return {"scene": os.fspath(scene), "scene_xml": None, "twin": twin}
+
+
+def _start(name: str, config: dict[str, Any]) -> Handle:
+    import json
+
+    segment = Segment.create(name)
+    near, far = socket.socketpair()
+    words = [sys.executable, "-P", "-m", "itouch.servo.process", str(segment.handle), name, str(far.fileno())]
+    try:
+        process = subprocess.Popen(
+            words, pass_fds=(segment.handle, far.fileno()), stdin=subprocess.DEVNULL, start_new_session=True,
+            env=child_environment(),
+        )  # fmt: skip
+    except OSError as error:
+        raise ServoError(f"cannot start the servo process: {error.strerror}") from error
+    finally:
+        far.close()
+    near.sendall(json.dumps(config).encode() + b"\n")
+    return Handle(process, segment, near)
+
+
+def child_environment() -> dict[str, str]:
+    """Return an environment in which a child finds the modules that this process finds."""
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(os.path.abspath(entry) for entry in sys.path)}

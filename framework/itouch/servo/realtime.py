@@ -1,0 +1,115 @@
+"""What a process can do for punctuality.  All of it is best effort, and each attempt says how it ended.
+
+The figures behind it are printed by ``itouch-py bench loop``; how to give a user the rights is in
+``docs/how-to/real-time-kernel.md``.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import os
+import resource
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+#: Priorities of the servo process and, above it, of the guardian.
+SERVO_PRIORITY, GUARDIAN_PRIORITY, REMOTE_PRIORITY = 50, 60, 55
+#: How long [s] a wake-up may be put off to join it with others, and how often threads of Python take turns.
+TIMER_SLACK, SWITCH_INTERVAL = 1e-6, 1e-4
+_PR_SET_TIMERSLACK = 29
+_MCL_CURRENT, _MCL_FUTURE = 1, 2
+
+
+@dataclass(frozen=True, slots=True)
+class Effort:
+    """One attempt: what, whether it worked, and what was found or what to do."""
+
+    what: str
+    done: bool
+    said: str
+
+    def __str__(self) -> str:
+        return f"{self.what}: {self.said}"
+
+
+def _libc() -> ctypes.CDLL:
+    return ctypes.CDLL(None, use_errno=True)
+
+
+def _reason() -> str:
+    return os.strerror(ctypes.get_errno())
+
+
+def take_priority(priority: int) -> Effort:
+    """Ask for the first-in-first-out real-time class; children start without it."""
+    try:
+        policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
+        os.sched_setscheduler(0, policy, os.sched_param(priority))
+    except (OSError, AttributeError) as error:
+        limit = resource.getrlimit(resource.RLIMIT_RTPRIO)[0] if hasattr(resource, "RLIMIT_RTPRIO") else 0
+        advice = f"this user may use real-time priority up to {limit}; `itouch-py doctor` tells how to change that"
+        return Effort("real-time priority", False, f"not given ({getattr(error, 'strerror', error)}): {advice}")
+    return Effort("real-time priority", True, f"SCHED_FIFO {priority}")
+
+
+def lock_memory() -> Effort:
+    """Keep the whole process in memory, now and later."""
+    if _libc().mlockall(_MCL_CURRENT | _MCL_FUTURE) == 0:
+        return Effort("memory lock", True, "all pages stay in memory")
+    limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
+    return Effort("memory lock", False, f"not given ({_reason()}): this user may lock {limit >> 20} MiB")
+
+
+def unlock_memory() -> None:
+    """Give the lock up."""
+    _libc().munlockall()
+
+
+def sharpen_timer() -> Effort:
+    """Let sleeps end on time."""
+    nanoseconds = ctypes.c_ulong(round(TIMER_SLACK * 1e9))
+    nothing = ctypes.c_ulong(0)
+    if _libc().prctl(_PR_SET_TIMERSLACK, nanoseconds, nothing, nothing, nothing) == 0:
+        return Effort("timer slack", True, f"{TIMER_SLACK * 1e6:g} us")
+    return Effort("timer slack", False, f"stays as it is ({_reason()})")
+
+
+def isolated_cpus(folder: str = "/sys/devices/system/cpu") -> set[int]:
+    """Return the processors that the kernel keeps free of other work."""
+    try:
+        text = Path(folder, "isolated").read_text(encoding="ascii").strip()
+    except OSError:
+        return set()
+    found: set[int] = set()
+    for piece in filter(None, text.split(",")):
+        first, _, last = piece.partition("-")
+        found.update(range(int(first), int(last or first) + 1))
+    return found
+
+
+def choose_cpu() -> Effort:
+    """Stay on a processor that is kept free; without one the scheduler chooses better than we could."""
+    free = sorted(isolated_cpus() & set(range(os.cpu_count() or 1)))
+    if not free:
+        return Effort("processor", False, "not pinned: none is isolated from other work (kernel parameter isolcpus)")
+    try:
+        os.sched_setaffinity(0, {free[-1]})
+    except OSError as error:
+        return Effort("processor", False, f"not pinned ({error.strerror})")
+    return Effort("processor", True, f"pinned to {free[-1]}, which is isolated")
+
+
+def freeze_garbage() -> Effort:
+    """Collect once, then keep what is there out of all later collections."""
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    return Effort("garbage collector", True, f"{gc.get_freeze_count()} objects frozen, off while the loop runs")
+
+
+def be_punctual(priority: int = SERVO_PRIORITY) -> tuple[Effort, ...]:
+    """Do all of it, for a servo process that is about to run."""
+    sys.setswitchinterval(SWITCH_INTERVAL)
+    return take_priority(priority), lock_memory(), sharpen_timer(), choose_cpu(), freeze_garbage()

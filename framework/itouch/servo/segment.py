@@ -1,0 +1,120 @@
+"""A session's shared memory: one anonymous file that its processes hold open, so that none can leave it behind.
+
+It has no name in any folder.  Whoever wants to attach opens it through the file descriptors of the processes of the
+same user (``/proc/PID/fd``); when the last process that holds it has gone, by whatever death, the memory is gone.
+"""
+
+from __future__ import annotations
+
+import json
+import mmap
+import os
+import time
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.schema import ItouchError
+from itouch.servo import words as at
+
+#: What the memory of every session is called, with the session's name behind it.
+PREFIX = "itouch:"
+
+
+class ServoError(ItouchError):
+    """A servo process that can't be started, found or spoken to, or that has died."""
+
+
+class Segment:
+    """The mapped memory of one session; the first part is there at once, the rest when ``grow`` has been called."""
+
+    def __init__(self, handle: int, name: str) -> None:
+        self.handle, self.name = handle, name
+        self.map()
+
+    @classmethod
+    def create(cls, name: str) -> Segment:
+        """Make the memory of a new session, with its control words only."""
+        handle = os.memfd_create(PREFIX + name, os.MFD_CLOEXEC)
+        os.ftruncate(handle, at.HEAD_SIZE)
+        segment = cls(handle, name)
+        segment.words[at.FORMAT] = at.FORMAT_VALUE
+        segment.words[at.OWNER] = os.getpid()
+        segment.words[at.MAGIC] = at.MAGIC_VALUE
+        return segment
+
+    def map(self) -> None:
+        """Map as much as there is now."""
+        size = os.fstat(self.handle).st_size
+        if size < at.HEAD_SIZE:
+            raise ServoError("this is not the memory of a servo process: it is too short")
+        self._mapped = mmap.mmap(self.handle, size)
+        self.bytes: NDArray[np.uint8] = np.frombuffer(self._mapped, np.uint8)
+        self.words: NDArray[np.int64] = self.bytes[: at.WORDS * 8].view(np.int64)
+
+    def check(self) -> None:
+        """Check that this is the memory of a session whose layout this program knows.
+
+        Raises
+        ------
+        ServoError
+            If it is not.
+        """
+        if int(self.words[at.MAGIC]) != at.MAGIC_VALUE:
+            raise ServoError("this is not the memory of a servo process")
+        if int(self.words[at.FORMAT]) != at.FORMAT_VALUE:
+            raise ServoError(f"session '{self.name}' has memory format {int(self.words[at.FORMAT])}; this program "
+                             f"reads {at.FORMAT_VALUE}: run both with the same version of itouch-py")  # fmt: skip
+
+    def grow(self, meta: dict[str, Any], state_size: int, timing_size: int, slots: int, summed: bool) -> None:
+        """Lay out what follows the control words; called once, by the servo process."""
+        text = json.dumps(meta).encode()
+        timing_at = _aligned(at.HEAD_SIZE)
+        meta_at = _aligned(timing_at + timing_size)
+        ring_at = _aligned(meta_at + len(text))
+        slot_size = _aligned(SLOT_HEAD + state_size)
+        os.ftruncate(self.handle, ring_at + slots * slot_size)
+        self.map()
+        self.bytes[meta_at : meta_at + len(text)] = np.frombuffer(text, np.uint8)
+        for word, value in (
+            (at.META_AT, meta_at), (at.META_SIZE, len(text)), (at.TIMING_AT, timing_at), (at.TIMING_SIZE, timing_size),
+            (at.RING_AT, ring_at), (at.SLOTS, slots), (at.SLOT_SIZE, slot_size), (at.STATE_SIZE, state_size),
+            (at.SUMMED, int(summed)), (at.SIZE, len(self.bytes)),
+        ):  # fmt: skip
+            self.words[word] = value
+
+    def meta(self) -> dict[str, Any]:
+        """Return what the servo process says of the session: names, layout, scene."""
+        start, size = int(self.words[at.META_AT]), int(self.words[at.META_SIZE])
+        found: dict[str, Any] = json.loads(self.bytes[start : start + size].tobytes())
+        return found
+
+    def part(self, where: int, size: int) -> NDArray[np.uint8]:
+        """Return the bytes of one part."""
+        return self.bytes[where : where + size]
+
+    @property
+    def phase(self) -> int:
+        """What the servo process is doing, see ``words.PHASES``."""
+        return int(self.words[at.PHASE])
+
+    def close(self) -> None:
+        """Let go of the memory; views that are still held keep their part of it alive."""
+        if self.handle >= 0:
+            os.close(self.handle)
+            self.handle = -1
+
+
+#: Before each State in the ring: sequence at begin and end, tick, host time, lateness and duration [ns], flags, sum.
+SLOT_HEAD = 64
+_PAGE = 64
+
+
+def _aligned(size: int) -> int:
+    return -(-size // _PAGE) * _PAGE
+
+
+def monotonic() -> int:
+    """Return the time that all processes of this machine share [ns]."""
+    return time.monotonic_ns()

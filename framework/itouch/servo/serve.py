@@ -1,0 +1,172 @@
+"""What the servo process does with an engine: paces it, publishes it, and listens to commands between two ticks."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from itouch.loop import WallClock
+from itouch.scene import write
+from itouch.servo import realtime
+from itouch.servo import words as at
+from itouch.servo.box import Inbox
+from itouch.servo.channel import Outbox
+from itouch.servo.commands import Commands
+from itouch.servo.prepare import prepare, prepare_text
+from itouch.servo.publish import ORDERED, TIMING_EVERY, Publisher, slots_for
+from itouch.servo.remote import Remotes
+from itouch.servo.segment import Segment, monotonic
+from itouch.session import Session
+
+#: How often the servo process looks round while the engine rests [s].
+_IDLE = 1e-3
+
+
+def build(config: dict[str, Any]) -> Session:
+    """Build the engine that the launcher asks for.
+
+    Raises
+    ------
+    ItouchError
+        If the scene, the session or the rig is wrong.
+    """
+    if config.get("scene_xml") is not None:
+        return prepare_text(config["scene_xml"], shown=config["scene"], seed=config["seed"])
+    return prepare(config["scene"], seed=config["seed"], twin=config["twin"], rig=config["rig"])
+
+
+class Servo:
+    """Runs one session in this process."""
+
+    def __init__(self, session: Session, segment: Segment, outbox: Outbox, config: dict[str, Any]) -> None:
+        self.session, self.outbox, self._config = session, outbox, config
+        session.clock = WallClock()
+        self.remotes = Remotes(session, segment.name)
+        state, timing = session.state, session.times
+        segment.grow(
+            self._meta(), state.nbytes, timing.record.nbytes, slots_for(state.nbytes, session.model.period), not ORDERED
+        )
+        self.words = segment.words
+        self._publisher = Publisher(segment, state, timing)
+        self._inbox = Inbox(segment)
+        self._commands = Commands(self)
+        self._told = len(session.ledger.contacts)
+        self.paused = False
+        self.enabled = bool(config["enable"]) or not self._hardware()
+
+    def _hardware(self) -> list[str]:
+        return [device.name for device in self.session.model.devices.values() if not device.twin]
+
+    def _meta(self) -> dict[str, Any]:
+        model = self.session.model
+        return {
+            "source": model.scene.source,
+            "scene_xml": write(model.scene),
+            "period": model.period,
+            "dtype": repr(self.session.state.dtype.descr),
+            "parts": list(self.session.times.parts),
+            "objects": list(model.objects),
+            "probes": [probe.name for probe in model.probes],
+            "devices": list(model.devices),
+            "notices": list(self.session.notices),
+            "remotes": self.remotes.addresses,
+            "second_openers": [name for name in self._hardware() if model.devices[name].cls.second_opener],
+            "sys_path": [entry for entry in self._config["sys_path"] if entry],
+        }
+
+    def run(self) -> tuple[dict[str, Any], BaseException | None]:
+        """Run to the end; return the report, and the error that ended the run if one did."""
+        error: BaseException | None = None
+        try:
+            self._begin()
+            self._run()
+        except BaseException as raised:
+            error = raised
+        self.words[at.PHASE] = at.ENDING
+        try:
+            self.session.close()
+        except Exception as raised:
+            error = error or raised
+        self.remotes.close()
+        self.words[at.ARMED] = 0
+        self._publish(0.0, 0.0)
+        if self._config["save"]:
+            self.session.save(self._config["save"])
+        return self.report(), error
+
+    def _begin(self) -> None:
+        """Become punctual, say so, and wait until the devices may be enabled."""
+        efforts = realtime.be_punctual() if self._config["realtime"] else (realtime.sharpen_timer(),)
+        self._publish(0.0, 0.0)
+        self.words[at.PHASE] = at.READY
+        self.outbox.tell("ready", {"efforts": [[e.what, e.done, e.said] for e in efforts]})
+        while not self.enabled and not self.words[at.STOP]:
+            self._rest()
+        if self.words[at.STOP]:
+            return
+        self._await_guardian()
+        self.words[at.ARMED] = int(bool(self._hardware() or self.remotes.addresses))
+        self.remotes.connect()
+        self.session.enable()
+
+    def _await_guardian(self) -> None:
+        """Devices that obey need the guardian to live before they are enabled."""
+        deadline = time.monotonic() + 10.0
+        needed = self._hardware() or self.remotes.addresses
+        while needed and not self.words[at.GUARDIAN_BEAT] and time.monotonic() < deadline:
+            self._rest()
+
+    def _run(self) -> None:
+        session, seconds = self.session, self._config["seconds"]
+        last = None if seconds is None else session.ticks + round(seconds / session.model.period)
+        self._scripted = last is None and session.scripted
+        session.taps.append(self._tap)
+        self.words[at.PHASE] = at.RUNNING
+        while not self.words[at.STOP] and not self._over(last):
+            if self.paused:
+                self._rest()
+                continue
+            left = None if last is None else (last - session.ticks) * session.model.period
+            session.run(left, until=self._interrupted)
+
+    def _over(self, last: int | None) -> bool:
+        return self.session.ticks >= last if last is not None else self._scripted and self.session.done
+
+    def _interrupted(self) -> bool:
+        """Look at the control words after a tick; true if the run must pause or end."""
+        words = self.words
+        if words[at.ASKED] != words[at.TAKEN]:
+            for message in self._inbox.take():
+                self._commands.obey(message)
+        return bool(words[at.STOP]) or self.paused or (self._scripted and self.session.done)
+
+    def _rest(self) -> None:
+        """Do what the loop does between ticks, while it does not tick."""
+        self.words[at.BEAT] = monotonic()
+        for message in self._inbox.take():
+            self._commands.obey(message)
+        self.outbox.flush()
+        time.sleep(_IDLE)
+
+    def _tap(self, tick: int) -> None:
+        """Publish; called after every tick, also in the safe sequence."""
+        times, stamps = self.session.times, self.session.stamps
+        self._publish(times.late, stamps[-1] - stamps[0] if stamps else 0.0)
+        contacts = self.session.ledger.contacts
+        if len(contacts) > self._told:
+            self.outbox.tell("contacts", {"contacts": contacts[self._told :]})
+            self._told = len(contacts)
+        if tick % TIMING_EVERY == 0:
+            self._publisher.publish_timing()
+            self.outbox.flush()
+
+    def _publish(self, late: float, duration: float) -> None:
+        self.words[at.BEAT] = monotonic()
+        self._publisher.publish(self.session.ticks, late, duration)
+
+    def report(self) -> dict[str, Any]:
+        """Return the session's report with what only this process knows."""
+        return {**self.session.report(), "commands": self._commands.log, "publication": self._figures()}
+
+    def _figures(self) -> dict[str, Any]:
+        return {"published": int(self.words[at.HEAD]), "slots": int(self.words[at.SLOTS])}
