@@ -9,6 +9,7 @@ import numpy as np
 from itouch.contact import layout
 from itouch.contact.bvh import CHILD_COUNT, CHILD_REF, MAX_TRIANGLES
 from itouch.contact.neighbours import NEIGHBOUR
+from itouch.contact.shading import vertex_normals
 from itouch.contact.shapes import Mesh, Shape
 from itouch.contact.site import Mesh as Tables
 from itouch.contact.surface import Surface
@@ -118,6 +119,9 @@ class Geometry:
                     world[i, layout.WORLD_SIDES] = layout.ONE_SIDED
                 world[i, layout.WORLD_SKIN] = shape.surface.skin
         roots, mesh = join_tables([shape.surface for shape in shapes if isinstance(shape, Mesh)])
+        if mesh is not None and world[:, layout.WORLD_SHADING].any():
+            mesh = (np.hstack([mesh[0], vertex_normals(mesh[0], mesh[1])]), mesh[1], mesh[2])
+            mesh[0].flags.writeable = False
         world[[isinstance(shape, Mesh) for shape in shapes], layout.WORLD_MESH] = roots
         world.flags.writeable = False
         return cls(world=world, mesh=mesh)

@@ -112,9 +112,10 @@ FRAME_BOUND: Final = 33
 FRAME_SIDES: Final = 34  # of a mesh: ONE_SIDED, TWO_SIDED or SOLID
 FRAME_STATIC: Final = 35
 FRAME_DYNAMIC: Final = 36
+FRAME_SHADING: Final = 37
 
 # The searches' stack, in the last columns of the first rows.
-STACK_KEY: Final = 37
-STACK_NODE: Final = 38
+STACK_KEY: Final = 38
+STACK_NODE: Final = 39
 STACK_ROWS: Final = 80  # deeper than any tree that bvh.build makes
-SITE_WIDTH: Final = 39
+SITE_WIDTH: Final = 40

@@ -26,6 +26,8 @@ class Proxy:
         Of the spring between proxy and HIP [N/m].
     static_friction, dynamic_friction
         Coulomb coefficients; dynamic must not exceed static.
+    shading
+        Turn the force of meshes to their vertex normals, so that facets feel smooth.
 
     Raises
     ------
@@ -43,6 +45,7 @@ class Proxy:
         stiffness: float = 1000.0,
         static_friction: float = 0.0,
         dynamic_friction: float = 0.0,
+        shading: bool = False,
     ) -> None:
         given = list(surfaces) if isinstance(surfaces, Sequence) else [surfaces]
         if not given:
@@ -51,7 +54,7 @@ class Proxy:
             if not (np.isfinite(value) and value >= 0.0):
                 raise ValueError(f"{name} is {value!r}; it must be a finite number >= 0")
         shapes = [Mesh(s) if isinstance(s, Surface) else s for s in given]
-        friction = Friction(static_friction, dynamic_friction)
+        friction = Friction(static_friction, dynamic_friction, shading=shading)
         self.geometry = Geometry.build(shapes, [friction] * len(shapes))
         self.radius, self.stiffness = float(radius), float(stiffness)
         self._memory, self._result = self.geometry.new_memory(), self.geometry.new_result()

@@ -9,6 +9,7 @@ from itouch.contact.frames import rotate, to_local
 from itouch.contact.friction import Pressed, into_cone
 from itouch.contact.halfspaces import normal_of
 from itouch.contact.search import nearest
+from itouch.contact.shading import NORMAL, shaded, turned
 from itouch.contact.site import Mesh
 from itouch.contact.triangle import height
 from itouch.contact.vectors import Floats, Vector, add, along, cross, dot, norm, place_of, put, sub, vector
@@ -101,6 +102,7 @@ def surface_velocity(poses: Floats, twists: Floats, obj: int, point: Vector) -> 
 @inner
 def report(
     site: Floats,
+    mesh: Mesh | None,
     poses: Floats,
     twists: Floats,
     stiffness: Floats,
@@ -124,7 +126,11 @@ def report(
         return False
     k_mean /= total
     direction = (lift[0] / size, lift[1] / size, lift[2] / size)
-    put(result, at.RESULT_FORCE, into_cone(along((0.0, 0.0, 0.0), -k_mean, to_hip), direction, static))
+    force = into_cone(along((0.0, 0.0, 0.0), -k_mean, to_hip), direction, static)
+    if mesh is not None and mesh[0].shape[1] > NORMAL:
+        smooth = shaded(site, mesh, count, p, direction)
+        force, direction = turned(force, direction, smooth), smooth
+    put(result, at.RESULT_FORCE, force)
     put(result, at.RESULT_NORMAL, direction)
     result[at.RESULT_STIFFNESS] = k_mean
     result[at.RESULT_COUNT] = report_contacts(site, count, p, hip, total, result)

@@ -42,6 +42,7 @@ def put_object(site: Floats, k: int, world: Floats, poses: Floats, last: Floats,
     site[k, at.FRAME_SIDES] = world[obj, at.WORLD_SIDES]
     site[k, at.FRAME_STATIC] = world[obj, at.WORLD_STATIC_FRICTION]
     site[k, at.FRAME_DYNAMIC] = world[obj, at.WORLD_DYNAMIC_FRICTION]
+    site[k, at.FRAME_SHADING] = world[obj, at.WORLD_SHADING]
     site[k, at.FRAME_MOVED] = 0.0
     set_frame(site, k, int(at.ZERO), poses, obj)
     for c in range(7):

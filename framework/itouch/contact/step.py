@@ -152,7 +152,7 @@ def advance(
     last_poses(memory, poses, last)
     p, slip, pressed = follow(site, mesh, world, poses, last, memory, hip, radius, near)
     put(result, at.RESULT_PROXY, p)
-    if report(site, poses, twists, stiffness, p, hip, pressed, result):
+    if report(site, mesh, poses, twists, stiffness, p, hip, pressed, result):
         result[at.RESULT_SLIP] = slip
     report_near(site, mesh, p, radius, near, result)
     remember(poses, memory, result)

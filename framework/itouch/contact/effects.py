@@ -1,0 +1,199 @@
+"""What a surface adds to the proxy's spring: layers, texture, stick-slip, viscosity, vibration, attraction.
+
+The kernel runs between ``step`` and the force layer, and only where a scene asks for an effect.  It scales and turns
+the spring's force in the result (layers, texture), and writes what comes on top of it (the rest).
+
+* Layers: the spring's force becomes a function of the whole deflection r = |proxy - HIP|, by the sum of the layers'
+  stiffness over the way gone through each; it keeps its direction.  A radial force is the gradient of an energy.
+* Texture: the surface is carved by delta = depth (1 - h), h the height map's value 0 to 1 at the place of the surface
+  that is nearest to the HIP.  U = K/2 (d - delta)^2 while the HIP is d > delta deep; the force is -grad U, of which the
+  part along the surface is K (d - delta) grad delta (Ho, Basdogan and Srinivasan 1999).  Friction keeps to its cone
+  about the normal force that is left.
+* Stick-slip: a spring from the HIP to a point of the surface where it holds, up to a force; beyond it lets go and holds
+  anew where it is.  It never holds with more than the normal force.
+* Viscosity: -b times the HIP's velocity along the surface, relative to it.
+* Vibration: along the normal; a steady one while touched, and a decaying one after a tap whose size is in proportion
+  to the speed of impact (Okamura, Dennerlein and Howe 1998).  It never pulls the finger in.
+* Attraction: towards the nearest surface, F (1 - (g / range)^2)^2 at the gap g < range, F in contact.
+"""
+
+import math
+
+from itouch.contact import layout as at
+from itouch.contact.compiling import entry, inner
+from itouch.contact.heights import carved
+from itouch.contact.turning import to_body, to_space
+from itouch.contact.vectors import Floats, Vector, add, along, dot, norm, place_of, put, sub, vector
+
+# --- the table of effects: one row per object -----------------------------------------------------------------
+TEXTURE_AT = 0  # first sample of the height map, and its rows, columns, pitch [m], depth [m]; no map: depth 0
+TEXTURE_ROWS, TEXTURE_COLUMNS, TEXTURE_PITCH, TEXTURE_DEPTH, TEXTURE_AXIS = 1, 2, 3, 4, 5
+SLIP_STIFFNESS, SLIP_FORCE, VISCOSITY, MAGNET_FORCE, MAGNET_RANGE = 6, 7, 8, 9, 10
+BUZZ_FORCE, BUZZ_FREQUENCY, TAP_GAIN, TAP_FREQUENCY, TAP_TIME = 11, 12, 13, 14, 15
+LAYERS = 16  # how many; then thickness [m] and stiffness [N/m] of each
+LAYER_FIRST, MAX_LAYERS = 17, 4
+EFFECTS_WIDTH = LAYER_FIRST + 2 * MAX_LAYERS
+
+# --- what a probe remembers of the effects --------------------------------------------------------------------
+TOUCHED = 0  # 1 + the object touched in the last tick; 0: none
+SINCE = 1  # how long it has been touched [s]
+IMPACT = 2  # speed of impact [m/s]
+HELD = 3  # 1: stick-slip holds at a point
+HELD_AT = 4  # three numbers: that point, in the object's frame [m]
+EFFECTS_MEMORY = 7
+
+
+@inner
+def layered(table: Floats, obj: int, stiffness: float, r: float) -> float:
+    """Force of a deflection through an object's layers [N]."""
+    force, rest = 0.0, r
+    for i in range(int(table[obj, LAYERS])):
+        part = min(rest, table[obj, LAYER_FIRST + 2 * i])
+        force += min(table[obj, LAYER_FIRST + 2 * i + 1], stiffness) * part
+        rest -= part
+    return force + stiffness * rest
+
+
+@inner
+def _texture(
+    table: Floats, samples: Floats, poses: Floats, result: Floats, hip: Vector, proxy: Vector
+) -> tuple[float, Vector]:
+    """Depth carved out of the surface at the HIP [m] and its gradient along the surface, means over the contacts."""
+    depth, slope = 0.0, (0.0, 0.0, 0.0)
+    for c in range(int(result[at.RESULT_COUNT])):
+        row = at.RESULT_CONTACTS + c * at.CONTACT_WIDTH
+        obj, share = int(result[row + at.CONTACT_OBJECT]), result[row + at.CONTACT_SHARE]
+        if share <= 0.0 or table[obj, TEXTURE_DEPTH] <= 0.0:
+            continue
+        n, point = vector(result, row + at.CONTACT_NORMAL), vector(result, row + at.CONTACT_POINT)
+        aside = sub(hip, proxy)
+        aside = along(aside, -dot(aside, n), n)
+        q = to_body(poses, obj, sub(add(point, aside), place_of(poses, obj)))
+        local = to_body(poses, obj, n)
+        cut, rise = carved(table, obj, samples, q, local)
+        rise = to_space(poses, obj, along(rise, -dot(rise, local), local))
+        depth, slope = depth + share * cut, along(slope, share, rise)
+    return depth, slope
+
+
+@inner
+def _spring(
+    table: Floats, samples: Floats, world: Floats, poses: Floats, stiffness: Floats, hip: Vector, result: Floats
+) -> None:
+    """Replace the spring's force by that of layers and texture."""
+    n, k = vector(result, at.RESULT_NORMAL), result[at.RESULT_STIFFNESS]
+    force = vector(result, at.RESULT_FORCE)
+    push = dot(force, n)
+    cut, slope = _texture(table, samples, poses, result, hip, vector(result, at.RESULT_PROXY))
+    if cut > 0.0 or norm(slope) > 0.0:
+        tangential, static = along(force, -push, n), 0.0
+        for c in range(int(result[at.RESULT_COUNT])):
+            row = at.RESULT_CONTACTS + c * at.CONTACT_WIDTH
+            obj = int(result[row + at.CONTACT_OBJECT])
+            static += result[row + at.CONTACT_SHARE] * world[obj, at.WORLD_STATIC_FRICTION]
+        push = max(push - k * cut, 0.0)
+        size = norm(tangential)
+        keep = min(1.0, static * push / size) if size > 0.0 else 0.0
+        force = along(along(along((0.0, 0.0, 0.0), keep, tangential), push, n), push, slope)
+    r = norm(force) / k if k > 0.0 else 0.0
+    if r > 0.0:
+        scale = 0.0
+        for c in range(int(result[at.RESULT_COUNT])):
+            row = at.RESULT_CONTACTS + c * at.CONTACT_WIDTH
+            obj = int(result[row + at.CONTACT_OBJECT])
+            own = stiffness[obj]
+            scale += result[row + at.CONTACT_SHARE] * (layered(table, obj, own, r) / (own * r) if own > 0.0 else 1.0)
+        force = along((0.0, 0.0, 0.0), scale, force)
+    put(result, at.RESULT_FORCE, force)
+
+
+@inner
+def _stick_slip(table: Floats, poses: Floats, obj: int, hip: Vector, n: Vector, push: float, memory: Floats) -> Vector:
+    """Hold the HIP at a point of the surface, and let go beyond the greatest force."""
+    k, most = table[obj, SLIP_STIFFNESS], min(table[obj, SLIP_FORCE], push)
+    centre = place_of(poses, obj)
+    if memory[HELD] > 0.0:
+        pull = sub(add(to_space(poses, obj, vector(memory, HELD_AT)), centre), hip)
+        pull = along(pull, -dot(pull, n), n)
+        if k * norm(pull) <= most:
+            return along((0.0, 0.0, 0.0), k, pull)
+    memory[HELD] = 1.0
+    put(memory, HELD_AT, to_body(poses, obj, sub(hip, centre)))
+    return (0.0, 0.0, 0.0)
+
+
+@inner
+def _vibration(table: Floats, obj: int, push: float, memory: Floats) -> float:
+    """Force along the normal [N]: steady while touched, decaying after a tap; never more of a pull than the push."""
+    time = memory[SINCE]
+    force = table[obj, BUZZ_FORCE] * math.sin(2.0 * math.pi * table[obj, BUZZ_FREQUENCY] * time)
+    if table[obj, TAP_GAIN] > 0.0:
+        size = table[obj, TAP_GAIN] * memory[IMPACT] * math.exp(-time / table[obj, TAP_TIME])
+        force += size * math.sin(2.0 * math.pi * table[obj, TAP_FREQUENCY] * time)
+    return float(max(force, -push))
+
+
+@inner
+def _touch(
+    table: Floats, poses: Floats, velocity: Vector, hip: Vector, period: float, memory: Floats, result: Floats
+) -> Vector:
+    """Return the force on top of the spring's while an object is touched [N]."""
+    obj, n = int(result[at.RESULT_PRIMARY]), vector(result, at.RESULT_NORMAL)
+    relative = sub(velocity, vector(result, at.RESULT_SURFACE_VELOCITY))
+    closing = -dot(relative, n)
+    if memory[TOUCHED] != obj + 1.0:
+        memory[TOUCHED], memory[SINCE], memory[HELD], memory[IMPACT] = obj + 1.0, 0.0, 0.0, max(closing, 0.0)
+    else:
+        memory[SINCE] += period
+    push = max(dot(vector(result, at.RESULT_FORCE), n), 0.0)
+    extra = along((0.0, 0.0, 0.0), -table[obj, VISCOSITY], along(relative, closing, n))
+    if table[obj, SLIP_FORCE] > 0.0:
+        extra = add(extra, _stick_slip(table, poses, obj, hip, n, push, memory))
+    return along(extra, _vibration(table, obj, push, memory), n)
+
+
+@entry
+def render_effects(
+    table: Floats,
+    samples: Floats,
+    world: Floats,
+    poses: Floats,
+    stiffness: Floats,
+    hip_at: Floats,
+    velocity_at: Floats,
+    period: float,
+    memory: Floats,
+    result: Floats,
+    extra: Floats,
+) -> None:
+    """Render the effects of one probe for one tick.
+
+    Parameters
+    ----------
+    table, samples
+        From ``itouch.contact.surfaces``: (n, EFFECTS_WIDTH), and the samples of all height maps.
+    world, poses, stiffness, hip_at
+        As in ``step``.
+    velocity_at
+        (3,) of the HIP [m/s].
+    period
+        Of a tick [s].
+    memory
+        (EFFECTS_MEMORY,) what the probe remembers; all zero before the first tick.
+    result
+        Of ``step``; its force is rewritten.
+    extra
+        (3,), written: the force on the operator that comes on top [N].
+    """
+    hip, force = vector(hip_at, 0), (0.0, 0.0, 0.0)
+    if result[at.RESULT_PRIMARY] >= 0.0:
+        _spring(table, samples, world, poses, stiffness, hip, result)
+        force = _touch(table, poses, vector(velocity_at, 0), hip, period, memory, result)
+    else:
+        memory[:] = 0.0
+    near = int(result[at.RESULT_NEAREST])
+    if near >= 0 and table[near, MAGNET_FORCE] > 0.0:
+        gap = min(result[at.RESULT_DISTANCE] / table[near, MAGNET_RANGE], 1.0)
+        pull = -table[near, MAGNET_FORCE] * (1.0 - gap * gap) ** 2
+        force = along(force, pull, vector(result, at.RESULT_NEAREST_NORMAL))
+    put(extra, 0, force)
