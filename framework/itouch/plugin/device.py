@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from itouch.plugin.channel import Channel
 from itouch.plugin.record import Field, Record
+from itouch.plugin.trace import Trace
 from itouch.schema import ItouchError
 
 
@@ -92,6 +93,9 @@ class Device(ABC):
     #: Greatest stiffness [N/m] that the device can render stably, and its own damping [N s/m]; None: not stated.
     max_stiffness: ClassVar[float | None] = None
     damping: ClassVar[float | None] = None
+
+    #: Where to write what goes over the wire; set before ``open``, None: nowhere.
+    trace: Trace | None = None
 
     def __init__(self, params: Any) -> None:
         self.params = params
