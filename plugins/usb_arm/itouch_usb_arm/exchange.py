@@ -34,8 +34,8 @@ class Exchange:
         #: Frames that were asked for again because their answer was damaged.
         self.repeated = 0
 
-    def run(self, frame: bytes, patience: float = PATIENCE) -> Reply:
-        """Send a frame and return its answer.
+    def run(self, frame: bytes, again: bytes, patience: float = PATIENCE) -> Reply:
+        """Send a frame and return its answer; if that is damaged, ask with the frame ``again``, which is without force.
 
         Raises
         ------
@@ -56,6 +56,7 @@ class Exchange:
             except _DamagedError:
                 self.repeated += 1
                 self._clear()
+                frame = again
                 continue
             self.owed = 0
             return self._newest(reply) if self._watched else reply

@@ -43,6 +43,8 @@ from itouch_usb_arm.wire import MOTOR_LIMIT, Leds, Reply, command
 FORCE_SCALE = 2200.0
 #: How often a frame is sent to find out whether the firmware runs, and how long [s] each answer may take.
 _PROBES, _PROBE_WAIT = 10, 0.03
+#: How often zero force is tried to be sent after an error.
+_INSIST = 8
 #: An arm moves less than this many counts between two frames, plus this many a second (2 m/s and more).
 _JUMP, _JUMP_RATE = 300, 150_000.0
 _NO_FORCE = (0.0, 0.0, 0.0)
@@ -173,7 +175,7 @@ class Falcon:
         frame = command((0, 0, 0), homing=self._homing, leds=Leds.RED)
         for _ in range(_PROBES):
             with contextlib.suppress(Timeout, ProtocolError):
-                return wire.run(frame, _PROBE_WAIT)
+                return wire.run(frame, frame, _PROBE_WAIT)
         return None
 
     def close(self) -> None:
@@ -198,7 +200,7 @@ class Falcon:
             wire.post(frame)
         for _ in range(2):
             with contextlib.suppress(Timeout, ProtocolError):
-                wire.run(frame, _PROBE_WAIT)
+                wire.run(frame, frame, _PROBE_WAIT)
                 return
 
     def read(self) -> Reading:
@@ -281,9 +283,10 @@ class Falcon:
         """Exchange a frame; after any failure the force is zero."""
         if self._wire is None:
             raise Disconnected("the arm is not open")
-        frame = command(motors, homing=self._homing, leds=self._shown())
+        leds = self._shown()
+        idle = command((0, 0, 0), homing=self._homing, leds=leds)
         try:
-            return self._wire.run(frame)
+            return self._wire.run(command(motors, homing=self._homing, leds=leds), idle)
         except Disconnected:
             self._drop()
             raise
@@ -296,13 +299,16 @@ class Falcon:
     def _failed(self, error: FalconError) -> FalconError:
         """Take the force away, on the wire too, and return the error to raise."""
         self._force, self._position = _NO_FORCE, None
-        if self._wire is not None:
+        for _ in range(_INSIST):
+            if self._wire is None:
+                break
             try:
                 self._wire.post(command((0, 0, 0), homing=self._homing, leds=Leds.RED))
+                break
             except Disconnected:
                 self._drop()
-            except FalconError:
-                pass
+            except FalconError:  # a stall, for example; the force must go
+                continue
         return error
 
     def _drop(self) -> None:

@@ -220,7 +220,9 @@ def test_positions_buttons_and_one_exchange_a_read(simple: PlainFalcon) -> None:
 def force_on_operator(place: tuple[float, float, float], motors: tuple[int, int, int], scale: float) -> np.ndarray:
     """What motor counts do, by virtual work with a numerical derivative: nothing of the driver's own Jacobian."""
     step = 1e-6
-    columns = [np.subtract(k.inverse(np.add(place, step * e)), k.inverse(np.subtract(place, step * e))) for e in np.eye(3)]
+    columns = [
+        np.subtract(k.inverse(np.add(place, step * e)), k.inverse(np.subtract(place, step * e))) for e in np.eye(3)
+    ]
     return (np.array(columns) / (2 * step)) @ (-np.array(motors) / scale)
 
 

@@ -65,7 +65,7 @@ def test_a_fault_while_homing(fault: str) -> None:
     assert all(numbers.values == (0, 0, 0) for numbers in arm.commands)
 
 
-@pytest.mark.parametrize(("fault", "times"), itertools.product(FAULTS, [1, 3, 30]))
+@pytest.mark.parametrize(("fault", "times"), list(itertools.product(FAULTS, [1, 3, 30])))
 def test_a_fault_while_a_force_is_given(fault: str, times: int) -> None:
     arm, falcon, time = rig(running=True, seed=times)
     falcon.open()

@@ -55,7 +55,9 @@ def test_the_scanner_finds_every_whole_frame_in_any_stream(values: list[tuple[in
     rng = random.Random(seed)
     stream = b""
     for triple in values:
-        stream += bytes(rng.choice(b"AP>\x00\xff") for _ in range(rng.randrange(20))) + encode(triple, rng.randrange(128))
+        stream += bytes(rng.choice(b"AP>\x00\xff") for _ in range(rng.randrange(20))) + encode(
+            triple, rng.randrange(128)
+        )
     scanner, found = Scanner(), []
     while stream:
         size = rng.randrange(1, 20)
