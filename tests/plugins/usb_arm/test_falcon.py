@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from plain_falcon import PlainFalcon
 
 from itouch.plugin import DeviceError
 from itouch_usb_arm import (
@@ -27,7 +28,6 @@ from itouch_usb_arm import (
 )
 from itouch_usb_arm import kinematics as k
 from itouch_usb_arm.virtual import VirtualBackend, VirtualFalcon, VirtualTime
-from plain_falcon import PlainFalcon
 
 IMAGE = boot.build([boot.Block(0x3F8000, tuple(range(150))), boot.Block(0x8000, (7,))], entry=0x3F8002)
 

@@ -6,10 +6,10 @@ import itertools
 
 import numpy as np
 import pytest
+from plain_falcon import PlainFalcon
 
 from itouch_usb_arm import Disconnected, Falcon, FalconError, Timeout, boot
 from itouch_usb_arm.virtual import VirtualBackend, VirtualFalcon, VirtualTime
-from plain_falcon import PlainFalcon
 
 IMAGE = boot.build([boot.Block(0x3F8000, tuple(range(100)))], entry=0x3F8002)
 FAULTS = {
