@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, field, replace
 from typing import Any
@@ -27,7 +28,8 @@ class Binder:
     """Binds the nodes of one document.
 
     ``defaults`` maps a tag to the attributes that hold where an element says nothing; ``rename`` puts an include's
-    prefix before the names that its document defines.
+    prefix before the names that its document defines; ``folder`` is the document's, relative to the scene's,
+    which is ``root``.
     """
 
     extensions: Extensions
@@ -37,6 +39,8 @@ class Binder:
     rename: Callable[[str], str] = str
     names: Names = field(default_factory=Names)
     section: str = ""
+    folder: str = ""
+    root: str = "."
 
     def bind(self, node: Node, cls: type, *, extra: frozenset[str] = frozenset()) -> Any:
         """Return an instance of ``cls``, or None if a fault prevents it; ``extra`` attributes are the caller's."""
@@ -124,6 +128,8 @@ class Binder:
             sentence = f'<{node.written} {xml_name(name)}="{_short(attribute.value)}">: {fault}'
             self.problems.append(Problem(fault.code, sentence, attribute.place, fault.advice))
             return BROKEN
+        if spec.kind == "file":
+            return self._file(value, attribute)
         if spec.kind not in ("name", "ref") or not value:
             return value
         renamed = self.rename(value)
@@ -132,6 +138,20 @@ class Binder:
         else:
             self.names.refer(spec.target, renamed, attribute.place, self.section)
         return renamed
+
+    def _file(self, value: str, attribute: Attribute) -> Any:
+        """Return a path relative to the scene's folder; links are followed when the file is read."""
+        path = os.path.normpath(os.path.join(self.folder, value))
+        if os.path.isabs(path):
+            path = os.path.relpath(os.path.realpath(path), os.path.realpath(self.root))
+        if path.split(os.sep)[0] == os.pardir:
+            sentence = f"'{_short(value)}' lies outside the scene's folder"
+            advice = "copy it into the folder of the scene, or below it"
+            if "://" in value:
+                sentence, advice = f"'{_short(value)}' is not the path of a file", "files are read from disk only"
+            self.problems.append(Problem("outside-folder", sentence, attribute.place, advice))
+            return BROKEN
+        return path.replace(os.sep, "/")
 
     def _open(
         self,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -24,7 +25,8 @@ from itouch.scene.places import Places
 class Scene:
     """A scene in SI, with includes, defaults and bases resolved.
 
-    Two scenes are equal if they say the same; where they were written does not count.
+    Two scenes are equal if they say the same; where they were written does not count. Files that it names (meshes) lie
+    in ``folder`` and below, or their content is in ``files`` by name, as for a scene out of a session.
     """
 
     world: WorldElement = WorldElement()
@@ -38,6 +40,8 @@ class Scene:
     faults: tuple[Fault, ...] = ()
     version: str = VERSION
     source: str = field(default="", compare=False)
+    folder: str = field(default=".", compare=False)
+    files: Mapping[str, bytes] | None = field(default=None, compare=False, repr=False, hash=False)
     places: Places = field(default_factory=Places, compare=False, repr=False, hash=False)
 
     @property

@@ -17,11 +17,15 @@ SECTIONS = ("include", "defaults", "materials", "world", "devices", "interaction
 
 @dataclass(slots=True)
 class Document:
-    """One file: its root, its sections by tag, the prefix that its includer gave, and the defaults that hold in it."""
+    """One file: its root, its sections by tag, the prefix that its includer gave, and the defaults that hold in it.
+
+    ``folder`` is where it lies, relative to the scene's folder.
+    """
 
     shown: str
     root: Node
     prefix: str
+    folder: str = ""
     sections: dict[str, Node] = field(default_factory=dict)
     defaults: dict[str, dict[str, Attribute]] = field(default_factory=dict)
 
@@ -33,18 +37,21 @@ class DocumentReader:
     problems: list[Problem]
     root_folder: Path = field(default_factory=Path)
     documents: list[Document] = field(default_factory=list)
+    _top: str = ""
     _open: list[tuple[Path, Place | None]] = field(default_factory=list)
     _read: dict[tuple[Path, str], Place | None] = field(default_factory=dict)
 
     def read(self, path: str | os.PathLike[str]) -> list[Document]:
         """Read the file at ``path`` and its includes; faults become problems."""
         shown = os.fspath(path)
-        self.root_folder = Path(os.path.realpath(os.path.dirname(shown) or "."))
+        self._top = os.path.dirname(shown) or "."
+        self.root_folder = Path(os.path.realpath(self._top))
         self._document(Path(os.path.realpath(shown)), shown, "", None)
         return self.documents
 
     def read_text(self, data: bytes, shown: str) -> list[Document]:
         """Read a document from memory; its includes are relative to the working folder."""
+        self._top = os.path.dirname(shown) or "."
         self.root_folder = Path(os.path.realpath("."))
         self._parse(data, shown, "")
         return self.documents
@@ -91,7 +98,8 @@ class DocumentReader:
             return None
         if not self._check_root(root):
             return None
-        document = Document(shown, root, prefix)
+        folder = os.path.relpath(os.path.dirname(shown) or ".", self._top)
+        document = Document(shown, root, prefix, folder)
         for child in root.children:
             self._section(document, child)
         if root.text:

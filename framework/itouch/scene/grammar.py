@@ -84,9 +84,13 @@ def _what(spec: Spec) -> str:
         return " or ".join(f"`{value}`" for value in spec.values)
     if spec.kind == "ref":
         return f"name of a {spec.target}"
-    return {"flag": "yes or no", "integer": f"whole number, {spec.range_text()}", "name": "name", "text": "text"}[
-        spec.kind
-    ]
+    return {
+        "flag": "yes or no",
+        "integer": f"whole number, {spec.range_text()}",
+        "name": "name",
+        "text": "text",
+        "file": "file",
+    }[spec.kind]
 
 
 def _default(value: Any, spec: Spec) -> str:

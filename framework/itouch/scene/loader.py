@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -65,16 +65,31 @@ def read_scene(
 ) -> tuple[Scene, list[Problem]]:
     """Load as much of a scene as can be, with the problems found."""
     problems: list[Problem] = []
-    documents = DocumentReader(problems).read(path)
-    assembly = _Assembly(extensions, problems).add(documents)
+    reader = DocumentReader(problems)
+    documents = reader.read(path)
+    assembly = _Assembly(extensions, problems, root=os.fspath(reader.root_folder)).add(documents)
     if rig is not None:
         assembly.replace_devices(rig)
-    scene = assembly.scene(os.fspath(path))
+    scene = replace(assembly.scene(os.fspath(path)), folder=os.fspath(reader.root_folder))
     return scene, in_file_order(problems)
 
 
-def loads(data: bytes, extensions: Extensions, *, shown: str = "scene.xml") -> Scene:
+def loads(
+    data: bytes, extensions: Extensions, *, shown: str = "scene.xml", files: Mapping[str, bytes] | None = None
+) -> Scene:
     """Load a scene from memory; the same checks hold.
+
+    Parameters
+    ----------
+    data
+        The document.
+    extensions
+        The plugins, which check their own elements.
+    shown
+        What to call it in messages.
+    files
+        The content of the files that it names, by the names that it uses; default: they are read from the working
+        folder and below.
 
     Raises
     ------
@@ -82,8 +97,10 @@ def loads(data: bytes, extensions: Extensions, *, shown: str = "scene.xml") -> S
         With all problems in file order.
     """
     problems: list[Problem] = []
-    documents = DocumentReader(problems).read_text(data, shown)
+    reader = DocumentReader(problems)
+    documents = reader.read_text(data, shown)
     scene = _Assembly(extensions, problems).add(documents).scene(shown)
+    scene = replace(scene, folder=os.fspath(reader.root_folder), files=files)
     if any(problem.severity == "error" for problem in problems):
         raise SceneError(in_file_order(problems))
     return scene
@@ -118,6 +135,7 @@ class _Assembly:
     faults: list[elements.Fault] = field(default_factory=list)
     single: dict[str, Any] = field(default_factory=dict)
     names: Names = field(default_factory=Names)
+    root: str = "."
 
     def add(self, documents: list[Document]) -> _Assembly:
         bases = _Bases(documents, self.problems)
@@ -138,7 +156,8 @@ class _Assembly:
         def rename(name: str) -> str:
             return document.prefix + name if name in own else name
 
-        return Binder(self.extensions, self.problems, self.places, document.defaults, rename, self.names)
+        return Binder(self.extensions, self.problems, self.places, document.defaults, rename, self.names,
+                      folder=document.folder, root=self.root)  # fmt: skip
 
     def _check_defaults(self, document: Document) -> None:
         """Bind what <defaults> says on its own, so that a fault is told once and at its place."""

@@ -77,6 +77,12 @@ def _text(spec: Spec, text: str) -> str:
     return text
 
 
+def _file(spec: Spec, text: str) -> str:
+    if not text.strip() or "\0" in text:
+        raise ValueProblemError("bad-value", "it names no file", "a path relative to this file")
+    return text
+
+
 def _name(spec: Spec, text: str) -> str:
     if _NAME.fullmatch(text) is None:
         advice = "letters, digits, '_' and '-', beginning with a letter"
@@ -102,6 +108,7 @@ _PARSERS: dict[str, Any] = {
     "quantity": _quantity,
     "integer": _integer,
     "text": _text,
+    "file": _file,
     "name": _name,
     "ref": _name,
     "choice": _choice,

@@ -18,7 +18,7 @@ import math
 from dataclasses import MISSING, dataclass
 from typing import Any, ClassVar, Literal
 
-Kind = Literal["quantity", "integer", "text", "name", "ref", "choice", "flag", "child", "children", "plugin"]
+Kind = Literal["quantity", "integer", "text", "file", "name", "ref", "choice", "flag", "child", "children", "plugin"]
 
 #: Marks a field that must be given.
 REQUIRED = MISSING
@@ -102,6 +102,14 @@ def integer(*, low: float = -math.inf, high: float = math.inf, default: Any = RE
 def text(*, default: Any = REQUIRED, doc: str = "") -> Any:
     """Declare free text."""
     return _make(Spec("text", doc), default)
+
+
+def file(*, default: Any = REQUIRED, doc: str = "") -> Any:
+    """Declare the path of a file in the scene's folder; written relative to the file that names it.
+
+    What is bound is relative to the scene's folder.
+    """
+    return _make(Spec("file", doc), default)
 
 
 def name(*, default: Any = REQUIRED, doc: str = "its name, unique in the scene") -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -81,8 +82,13 @@ def check_writers(scene: Scene, writers: list[tuple[str, Any, str, str]]) -> Ite
         )
 
 
-def check_reach(scene: Scene, devices: Mapping[str, DeviceModel]) -> Iterator[Problem]:
-    """Warn of objects that the table under a probe can't carry a surface to."""
+def check_reach(
+    scene: Scene, devices: Mapping[str, DeviceModel], boxes: Mapping[str, Any] = MappingProxyType({})
+) -> Iterator[Problem]:
+    """Warn of objects that the table under a probe can't carry a surface to.
+
+    ``boxes`` has the lower and the upper corner of each mesh by object's name, in its own frame [m].
+    """
     for probe in scene.probes:
         table = devices.get(probe.surface_to)
         target = table.command("pose_target") if table else None
@@ -94,7 +100,7 @@ def check_reach(scene: Scene, devices: Mapping[str, DeviceModel]) -> Iterator[Pr
             np.array(table.mount), np.array(target.low[:3]) + offset, np.array(target.high[:3]) + offset
         )
         for element in scene.objects:
-            box = _extent(element)
+            box = _extent(element, boxes)
             if box is None:
                 continue
             top = box[1][2]
@@ -116,13 +122,17 @@ def _world_box(mount: Any, low: Any, high: Any) -> tuple[Any, Any]:
     return world.min(axis=0), world.max(axis=0)
 
 
-def _extent(element: Any) -> tuple[Any, Any] | None:
-    """Return the axis-aligned extent of a box or sphere in the world; None for what has no bounds."""
+def _extent(element: Any, boxes: Mapping[str, Any]) -> tuple[Any, Any] | None:
+    """Return the axis-aligned extent of a shape in the world; None for what has no bounds."""
     centre = np.array(element.pos)
+    if element.name in boxes:
+        try:
+            return _world_box(_pose(element), *boxes[element.name])
+        except ValueError:
+            return None
     if hasattr(element, "size"):
         try:
-            quat = element.quat or (poses.quaternion_from_rpy(element.rpy) if element.rpy else (1.0, 0.0, 0.0, 0.0))
-            half = np.abs(poses.matrix(poses.normalized(quat))) @ (np.array(element.size) / 2)
+            half = np.abs(poses.matrix(_pose(element)[3:])) @ (np.array(element.size) / 2)
         except ValueError:
             return None
     elif hasattr(element, "length"):  # the ball that holds it, whichever way it stands
@@ -132,3 +142,8 @@ def _extent(element: Any) -> tuple[Any, Any] | None:
     else:
         return None
     return centre - half, centre + half
+
+
+def _pose(element: Any) -> Any:
+    quat = element.quat or (poses.quaternion_from_rpy(element.rpy) if element.rpy else (1.0, 0.0, 0.0, 0.0))
+    return np.array([*element.pos, *poses.normalized(quat)])

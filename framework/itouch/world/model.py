@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.contact import Box, Capsule, Cylinder, Friction, Geometry, Plane, Shape, Sphere, layout
+from itouch.contact import Friction, Geometry, Shape, layout
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene, elements
 from itouch.scene.elements import Operator, Probe
 from itouch.schema import Problem, SceneError
 from itouch.world.bindings import check_bindings, check_reach, check_writers
 from itouch.world.coupling import Coupling, couplings
+from itouch.world.files import SceneFile, SceneFiles
 from itouch.world.limits import check_safety
 from itouch.world.modalities import ModalityModel, build_modalities, notices_of
 from itouch.world.rig import DeviceModel, build_devices, orientation
+from itouch.world.shapes import build_shapes
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +51,7 @@ class Model:
     notices: tuple[str, ...]
     memory_size: int
     result_size: int
+    files: tuple[SceneFile, ...] = ()
 
     @classmethod
     def of(cls, scene: Scene, catalog: Catalog) -> Model:
@@ -62,7 +65,8 @@ class Model:
         model, problems = compile_scene(scene, catalog)
         if model is None:
             raise SceneError(problems)
-        return model
+        warnings = (f"{problem.place}: {problem.sentence}" for problem in problems if problem.place is not None)
+        return replace(model, notices=(*model.notices, *warnings))
 
 
 def compile_scene(scene: Scene, catalog: Catalog) -> tuple[Model | None, list[Problem]]:
@@ -71,9 +75,12 @@ def compile_scene(scene: Scene, catalog: Catalog) -> tuple[Model | None, list[Pr
     devices = build_devices(scene, catalog, problems)
     problems += check_safety(scene)
     problems += check_bindings(scene, devices)
-    problems += check_reach(scene, devices)
     notices: list[str] = []
-    shapes, surfaces = _geometry(scene, problems)
+    reader = SceneFiles(scene)
+    built = build_shapes(scene, reader, problems)
+    notices += built.notices
+    problems += check_reach(scene, devices, built.boxes)
+    shapes, surfaces = built.shapes, _surfaces(scene, problems)
     poses = _poses(scene, problems)
     probes = _probes(scene, devices, notices, problems)
     period = 1.0 / scene.rates.servo
@@ -84,33 +91,16 @@ def compile_scene(scene: Scene, catalog: Catalog) -> tuple[Model | None, list[Pr
         return None, problems
     poses.setflags(write=False)
     model = Model(
-        scene, period, tuple(o.name for o in scene.objects), poses, tuple(shapes), Geometry.build(shapes, surfaces), devices,
-        tuple(probes), tuple(modalities), tuple(notices), layout.MEMORY_POSES + 7 * len(shapes), layout.RESULT_SIZE,
+        scene, period, tuple(o.name for o in scene.objects), poses, tuple(shapes), Geometry.build(shapes, surfaces),
+        devices, tuple(probes), tuple(modalities), tuple(notices), layout.MEMORY_POSES + 7 * len(shapes),
+        layout.RESULT_SIZE, reader.all(),
     )  # fmt: skip
     return model, problems
 
 
-def _geometry(scene: Scene, problems: list[Problem]) -> tuple[list[Shape], list[Friction]]:
-    shapes: list[Shape] = []
-    surfaces: list[Friction] = []
-    for element in scene.objects:
-        shapes.append(_shape(element))
-        contact = _contact(scene, element, problems)
-        surfaces.append(Friction(contact.static_friction, contact.dynamic_friction))
-    return shapes, surfaces
-
-
-def _shape(element: Any) -> Shape:
-    if isinstance(element, elements.Box):
-        x, y, z = element.size
-        return Box((x / 2, y / 2, z / 2))
-    if isinstance(element, elements.Sphere):
-        return Sphere(element.radius)
-    if isinstance(element, elements.Capsule):
-        return Capsule(element.radius, element.length / 2)
-    if isinstance(element, elements.Cylinder):
-        return Cylinder(element.radius, element.length / 2)
-    return Plane()
+def _surfaces(scene: Scene, problems: list[Problem]) -> list[Friction]:
+    contacts = [_contact(scene, element, problems) for element in scene.objects]
+    return [Friction(contact.static_friction, contact.dynamic_friction) for contact in contacts]
 
 
 def _contact(scene: Scene, element: Any, problems: list[Problem]) -> elements.ContactMaterial:

@@ -126,13 +126,14 @@ def mended(vertices: Floats, faces: Ints, shown: str, *, left_out: int = 0) -> t
     if turn.any():
         faces = np.where(turn[parts][:, None], faces[:, ::-1], faces)
         volumes = np.where(turn, -volumes, volumes)
+    used = vertices[faces]
     facts = MeshFacts(
         triangles=len(faces), parts=int(parts.max()) + 1, joined_vertices=joined_vertices, unused_bad=unused_bad,
         collapsed=collapsed, repeated=repeated, flat=flat, kept_flat=kept_flat, turned_faces=turned_faces,
-        turned_parts=int(turn.sum()), one_sided=one_sided, edges=len(edges.first), open_edges=edges.open, open_length=_open_length(vertices, faces, edges),
-        crowded_edges=edges.crowded, closed_parts=int(closed.sum()), left_out=left_out,
-        overlapping=overlapping_pairs(vertices, faces, parts, closed & (volumes > 0)),
-        low=tuple(vertices[faces].min(axis=(0, 1)).tolist()), high=tuple(vertices[faces].max(axis=(0, 1)).tolist()),
+        turned_parts=int(turn.sum()), one_sided=one_sided, edges=len(edges.first), open_edges=edges.open,
+        open_length=_open_length(vertices, faces, edges), crowded_edges=edges.crowded, closed_parts=int(closed.sum()),
+        overlapping=overlapping_pairs(vertices, faces, parts, closed & (volumes > 0)), left_out=left_out,
+        low=tuple(used.min(axis=(0, 1)).tolist()), high=tuple(used.max(axis=(0, 1)).tolist()),
     )  # fmt: skip
     return vertices, faces, facts
 

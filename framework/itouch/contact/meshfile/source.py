@@ -95,7 +95,7 @@ def read_mesh_file(path: str | os.PathLike[str], *, folder: str | None = None, n
     shown = name or os.fspath(path)
     kind = kind_of(shown)
     root = os.path.realpath(folder if folder is not None else os.path.dirname(os.fspath(path)) or ".")
-    data = _inside(os.fspath(path), root, shown, MAX_BYTES)
+    data = read_inside(os.fspath(path), root, shown, MAX_BYTES)
     if not data:
         raise MeshError("mesh-empty", f"'{shown}' is empty", "is the file complete?")
     for magic, what in _PACKED:
@@ -111,14 +111,21 @@ def _beside(path: str, root: str, budget: int) -> Callable[[str], bytes]:
     left = [budget]
 
     def fetch(uri: str) -> bytes:
-        data = _inside(os.path.join(os.path.dirname(path), uri), root, uri, left[0])
+        data = read_inside(os.path.join(os.path.dirname(path), uri), root, uri, left[0])
         left[0] -= len(data)
         return data
 
     return fetch
 
 
-def _inside(path: str, root: str, shown: str, most: int) -> bytes:
+def read_inside(path: str, root: str, shown: str, most: int) -> bytes:
+    """Read a regular file of at most ``most`` bytes that lies in the real folder ``root`` or below, links followed.
+
+    Raises
+    ------
+    MeshError
+        If it is missing, elsewhere, no regular file, or larger.
+    """
     try:
         real = os.path.realpath(path)
         if real != root and not real.startswith(root.rstrip(os.sep) + os.sep):
@@ -132,7 +139,7 @@ def _inside(path: str, root: str, shown: str, most: int) -> bytes:
                 what = "a folder" if stat.S_ISDIR(mode) else "not a regular file"
                 raise MeshError("no-such-file", f"'{shown}' is {what}, not a mesh file", "check the path")
             if os.fstat(handle).st_size > most:
-                raise _too_large(shown)
+                raise _too_large(shown, most)
             data = stream.read(most + 1)
     except (OSError, ValueError) as error:
         if isinstance(error, MeshError):
@@ -142,10 +149,10 @@ def _inside(path: str, root: str, shown: str, most: int) -> bytes:
         advice = "meshes are read from files only" if "://" in shown else advice
         raise MeshError("no-such-file", f"cannot read '{shown}': {reason}", advice) from None
     if len(data) > most:
-        raise _too_large(shown)
+        raise _too_large(shown, most)
     return data
 
 
-def _too_large(shown: str) -> MeshError:
-    sentence = f"'{shown}' is larger than {MAX_BYTES >> 20} MiB, the most that a mesh may take"
+def _too_large(shown: str, most: int) -> MeshError:
+    sentence = f"'{shown}' is larger than {most / (1 << 20):.4g} MiB, the most that it may take"
     return MeshError("mesh-too-large", sentence, "simplify it, or save it in a binary format")

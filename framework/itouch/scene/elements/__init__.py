@@ -3,7 +3,7 @@
 from itouch.scene.elements.document import Include, PluginPart
 from itouch.scene.elements.interaction import Interaction, Motion, Operator, Probe, To
 from itouch.scene.elements.materials import ContactMaterial, Material, Materials, Visual
-from itouch.scene.elements.objects import OBJECTS, Box, Capsule, Cylinder, Plane, Sphere, WorldElement
+from itouch.scene.elements.objects import OBJECTS, Box, Capsule, Cylinder, Mesh, Plane, Sphere, WorldElement
 from itouch.scene.elements.rates import Rates
 from itouch.scene.elements.rig import Calibration, DeviceElement, Devices, Limits, Mount
 from itouch.scene.elements.safety import FAULTS, Fault, Faults, Safety
@@ -27,6 +27,7 @@ __all__ = [
     "Limits",
     "Material",
     "Materials",
+    "Mesh",
     "Motion",
     "Mount",
     "OBJECTS",
@@ -41,4 +42,11 @@ __all__ = [
     "VERSION",
     "Visual",
     "WorldElement",
+    "Layer",
+    "Magnetic",
+    "Softness",
+    "StickSlip",
+    "Texture",
+    "Vibration",
+    "Viscosity",
 ]

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from itouch.scene.elements.document import PluginPart
-from itouch.schema.fields import child, children, name, plugin_parts, quantity, ref
+from itouch.scene.elements.surface import Magnetic, Softness, StickSlip, Texture, Vibration, Viscosity
+from itouch.schema.fields import child, children, flag, name, plugin_parts, quantity, ref
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,6 +19,7 @@ class ContactMaterial:
     damping: float = quantity("N*s/m", low=0.0, high=1e4, default=0.0, doc="damping of the virtual coupling")
     static_friction: float = quantity("", low=0.0, high=5.0, default=0.0, doc="coefficient of static friction")
     dynamic_friction: float = quantity("", low=0.0, high=5.0, default=0.0, doc="coefficient of dynamic friction")
+    shading: bool = flag(default=False, doc="whether meshes of it feel smooth: force turned to the vertex normals")
 
     def __post_init__(self) -> None:
         if self.dynamic_friction > self.static_friction:
@@ -41,8 +43,22 @@ class Material:
     name: str = name()
     base: str = ref("material", default="", doc="material whose properties hold where this one says nothing")
     contact: ContactMaterial | None = child(ContactMaterial)
+    texture: Texture | None = child(Texture)
+    softness: Softness | None = child(Softness)
+    stick_slip: StickSlip | None = child(StickSlip)
+    viscosity: Viscosity | None = child(Viscosity)
+    magnetic: Magnetic | None = child(Magnetic)
+    vibration: Vibration | None = child(Vibration)
     visual: Visual | None = child(Visual)
     parts: tuple[PluginPart, ...] = plugin_parts(doc="properties for plugins, <PLUGIN:material>")
+
+    def __post_init__(self) -> None:
+        if self.softness is None or self.contact is None:
+            return
+        stiffest = max(layer.stiffness for layer in self.softness.layers)
+        if stiffest > self.contact.stiffness:
+            core = self.contact.stiffness
+            raise ValueError(f"a layer's stiffness, {stiffest:g} N/m, is above that of <contact>, {core:g} N/m")
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from itouch.schema.fields import children, name, quantity, ref, temperature
+from itouch.schema.fields import children, choice, file, name, quantity, ref, temperature
 
 POS = "position of its origin in the world"
 QUAT = "orientation as a quaternion w x y z"
@@ -68,8 +68,20 @@ class Cylinder(_Placed):
     length: float = quantity("m", low=1e-5, high=100, doc="distance between its ends")
 
 
+@dataclass(frozen=True, slots=True)
+class Mesh(_Placed):
+    """The triangles of a file, about the origin that they have there."""
+
+    TAG: ClassVar[str] = "mesh"
+    file: str = file(doc="its file, relative to this one: STL, OBJ, PLY, GLB, glTF or OFF")
+    scale: float = quantity(
+        "m", positive=True, high=1e4, default=1.0, doc="length of one unit of the file, as `1 mm`, or a factor"
+    )
+    sides: str = choice("one", "two", default="one", doc="touched from the front only, or from both sides")
+
+
 #: The kinds of object that may stand in a world.
-OBJECTS: tuple[type, ...] = (Box, Sphere, Plane, Capsule, Cylinder)
+OBJECTS: tuple[type, ...] = (Box, Sphere, Plane, Capsule, Cylinder, Mesh)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,92 @@
+"""The files that a scene names besides XML: read once, from its folder or out of the session, and kept for sessions."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from itouch.contact.meshfile import MeshError, MeshFile, read_mesh_file
+from itouch.contact.meshfile.source import read_inside
+from itouch.scene import Scene
+
+
+@dataclass(frozen=True, slots=True)
+class SceneFile:
+    """A file that a scene names, complete in itself.
+
+    Attributes
+    ----------
+    file
+        Its name as the scene has it, relative to the scene's folder.
+    data
+        Its content. Of a glTF that refers to other files: the same glTF with their content inside.
+    digest
+        SHA-256 of ``data``, hexadecimal.
+    """
+
+    file: str
+    data: bytes = field(repr=False)
+    digest: str
+
+
+class SceneFiles:
+    """Reads the files of one scene, each once."""
+
+    __slots__ = ("_known", "_scene")
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        self._known: dict[str, SceneFile] = {}
+
+    def mesh(self, file: str) -> MeshFile:
+        """Read a mesh file.
+
+        Raises
+        ------
+        MeshError
+            If it is missing, outside the scene's folder, too large, or of another format.
+        """
+        if file in self._known:
+            known = self._known[file]
+            return MeshFile(file, known.data, known.digest)
+        if self._scene.files is not None:
+            found = MeshFile.of(file, self._given(file))
+        else:
+            path = os.path.join(self._scene.folder, file)
+            found = read_mesh_file(path, folder=self._scene.folder, name=file)
+        self._known[file] = SceneFile(file, found.data, found.digest)
+        return found
+
+    def read(self, file: str, most: int) -> bytes:
+        """Read any other file, of at most ``most`` bytes.
+
+        Raises
+        ------
+        MeshError
+            If it is missing, outside the scene's folder, or too large.
+        """
+        if file not in self._known:
+            if self._scene.files is not None:
+                data = self._given(file)
+            else:
+                root = os.path.realpath(self._scene.folder)
+                data = read_inside(os.path.join(root, file), root, file, most)
+            self._known[file] = SceneFile(file, data, hashlib.sha256(data).hexdigest())
+        return self._known[file].data
+
+    def all(self) -> tuple[SceneFile, ...]:
+        """Return what was read, sorted by name."""
+        return tuple(self._known[name] for name in sorted(self._known))
+
+    def _given(self, file: str) -> bytes:
+        files = self._scene.files or {}
+        if file not in files:
+            raise MeshError("no-such-file", f"the session does not hold '{file}'", "it was written by another program")
+        return files[file]
+
+
+def contents(files: Iterable[SceneFile]) -> dict[str, bytes]:
+    """Return file name -> content, as ``itouch.scene.loads(..., files=...)`` takes it."""
+    return {file.file: file.data for file in files}
