@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
-from itouch.plugin import Channel, Device, Field, Record, Touch, Twin, pose, schema, wrench
+from itouch.plugin import Channel, Device, DeviceError, Field, Record, Touch, Twin, pose, schema, wrench
+from itouch_usb_arm.errors import NotHomed
+from itouch_usb_arm.falcon import FORCE_SCALE, Falcon
+from itouch_usb_arm.wire import Buttons
 
 #: Greatest force [N] and stiffness [N/m] of a Novint Falcon, as CHAI3D 3.3 states them.
 FORCE, STIFFNESS = 8.0, 3000.0
@@ -17,8 +21,26 @@ _TO_INTEGER = 1.5 * 2.0**52
 
 @dataclass(frozen=True, slots=True)
 class UsbArmParams:
-    """What ``<usb-arm:hardware>`` may hold."""
+    """What ``<usb-arm:hardware>`` may hold.
 
+    The frame is that of `itouch_usb_arm.kinematics`; ``grip`` is where the fingertip's centre is in the grip's frame.
+    """
+
+    serial: str = schema.text(default="any", doc="serial number of the arm, or any")
+    firmware: str = schema.text(default="", doc="the arm's firmware file; needed after it was powered on")
+    usbip: str = schema.text(default="", doc="HOST:PORT of a USB/IP server that has the arm; empty: the own USB bus")
+    grip: tuple[float, float, float] = schema.quantity(
+        "m", size=3, low=-0.2, high=0.2, default=(0.0, 0.0, 0.0), doc="from the grip's centre to the fingertip's"
+    )
+    force_scale: float = schema.quantity(
+        "", low=100.0, high=20000.0, default=FORCE_SCALE, doc="motor counts a N m; low is safe, calibrate yours"
+    )
+    homing_time: float = schema.quantity(
+        "s", low=0.1, high=3600.0, default=60.0, doc="how long the operator has to pull the grip out and push it in"
+    )
+    deadman: str = schema.choice(
+        "none", "plus", "forward", "centre", "minus", default="none", doc="button of the grip that must be held to run"
+    )
     rotations: str = schema.choice(
         "locked", "sensed", default="locked", doc="whether the arm's end cannot turn, or its turning is sensed"
     )
@@ -57,22 +79,125 @@ class UsbArmTwin(Twin):
         if self.params.rotations == "locked":
             values[3:] = (1.0, 0.0, 0.0, 0.0)
         reading["pose"] = values
+        if "deadman" in reading:
+            reading["deadman"] = 1.0
         return True
 
 
 class UsbArm(Device):
-    """A desktop haptic arm presented with six degrees of freedom."""
+    """A desktop haptic arm (Novint Falcon) presented with six degrees of freedom."""
 
     Params = UsbArmParams
     reads = (pose(),)
     commands = (wrench(force=FORCE),)
     Twin = UsbArmTwin
-    twin_only: ClassVar[bool] = True
+    blocking: ClassVar[bool] = True
+    #: A process that dies lets go of the interface, so that another one can send zero force.
+    second_opener: ClassVar[bool] = True
     max_stiffness: ClassVar[float | None] = STIFFNESS
     damping: ClassVar[float | None] = 0.0
 
     @classmethod
     def channels(cls, params: Any) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
-        """Return the channels; what is not sensed is locked."""
+        """Return the channels; what is not sensed is locked, a switch is there if a button is one."""
         locked = (3, 4, 5) if params.rotations == "locked" else ()
-        return (pose(locked=locked),), cls.commands
+        switch = () if params.deadman == "none" else (Channel("deadman", 1, ""),)
+        return (pose(locked=locked), *switch), cls.commands
+
+    def __init__(self, params: UsbArmParams) -> None:
+        super().__init__(params)
+        #: A pyusb backend object; None: the system's, or the USB/IP server that the parameters name.
+        self.backend: Any = None
+        self.driver: Falcon | None = None
+        self._switch = None if params.deadman == "none" else Buttons[params.deadman.upper()]
+
+    def open(self) -> None:
+        """Open the arm, load its firmware if it must be, and wait until it is homed.
+
+        Raises
+        ------
+        DeviceError
+            If it is missing, refuses, or is not homed in time; the message says what to do.
+        """
+        if self.params.rotations != "locked":
+            raise DeviceError('the arm cannot sense rotations: write rotations="locked"')
+        driver = self._make()
+        driver.open()
+        try:
+            if not driver.homed and not driver.read().valid:
+                logging.getLogger(__name__).warning("arm: pull its grip fully out, then push it in, to home it")
+            driver.home(self.params.homing_time)
+        except BaseException:
+            driver.close()
+            raise
+        self.driver = driver
+
+    def _make(self) -> Falcon:
+        p = self.params
+        return Falcon(
+            p.firmware or None, self.backend or _remote(p.usbip), serial=p.serial, force_scale=p.force_scale,
+            resume=True, trace=self.trace,
+        )  # fmt: skip
+
+    def close(self) -> None:
+        """Send zero force and release the arm."""
+        driver, self.driver = self.driver, None
+        if driver is not None:
+            driver.close()
+
+    def read(self, reading: Record) -> bool:
+        """Exchange a frame; the pose is the fingertip's.
+
+        Raises
+        ------
+        DeviceError
+            If the arm does not answer, answers nonsense, is gone, or is not homed any more.
+        """
+        found = self._open().read()
+        if not found.valid:
+            raise NotHomed("the arm has lost its homing; home it again")
+        pose = reading["pose"]
+        pose[:3] = found.position
+        pose[:3] += self.params.grip
+        pose[3:] = (1.0, 0.0, 0.0, 0.0)
+        if self._switch is not None:
+            reading["deadman"] = float(bool(found.buttons & self._switch))
+        return True
+
+    def write(self, command: Record) -> None:
+        """Set the force, which the next exchange sends; the rotations are locked.
+
+        Raises
+        ------
+        ValueError
+            If a torque is asked for.
+        """
+        x, y, z, *torque = command["wrench"].tolist()
+        if any(torque):
+            raise ValueError(f"the arm's rotations are locked: no torque {torque} N m can be given")
+        self._open().write((x, y, z))
+
+    def make_safe(self, safe: Record) -> None:
+        """Take the force away: opening the arm sends zero motors, and nothing else is needed."""
+        driver = self._make()
+        driver.open()
+        driver.close()
+
+    def _open(self) -> Falcon:
+        if self.driver is None:
+            raise DeviceError("the arm is not open")
+        return self.driver
+
+
+def _remote(address: str) -> Any:
+    """Return the pyusb backend of a USB/IP server, or None for an empty address."""
+    if not address:
+        return None
+    host, _, port = address.rpartition(":")
+    if not host or not port.isdigit() or not 0 < int(port) < 65536:
+        raise DeviceError(f"usbip = '{address}' must be HOST:PORT, for example 127.0.0.1:3240")
+    try:
+        from usbip_backend import get_backend
+    except ImportError as error:
+        raise DeviceError("an arm over USB/IP needs a package more: pip install 'itouch-py[usbip]'") from error
+    return get_backend(host, int(port))
