@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from itouch.plugin import (
+    HOLD,
     Channel,
     Device,
     DeviceError,
@@ -24,12 +25,17 @@ from itouch_thermal.display import plant
 from itouch_thermal.display.column import REACH, Array, Column, column
 from itouch_thermal.display.params import DisplayParams
 from itouch_thermal.heat import FINGER
-from itouch_thermal.laws import law_of
+from itouch_thermal.laws import law_of, press_factor
 
 #: Shortest servo period [s] for which the delay line has room.
 SHORTEST = 2e-4
 #: Temperature [K] from which the plate's modes count.
 REFERENCE = 296.15
+#: Commands of a driver that holds a temperature: the temperature, and whether its output is on; off is safe.
+TEMPERATURE_COMMAND = (
+    Channel("temperature_target", 1, "K", (288.15,), (313.15,), safe=HOLD),
+    Channel("output", 1, "", (0.0,), (1.0,), safe=(0.0,)),
+)
 
 
 class DisplayTwin(Twin):
@@ -98,10 +104,26 @@ class DisplayTwin(Twin):
         parts, numbers = self._for(period)
         plant.plant_step(
             numbers, parts.tissue, parts.plate, state["memory"], state["tissue"], state["plate"], state["line"],
-            state["noise"], command["current"].item(), self.resistance(float(touch.force)), float(touch.gap),
-            float(touch.ambient),
+            state["noise"], self._commanded(command), self._contact(state, float(touch.force), period),
+            float(touch.gap), float(touch.ambient),
         )  # fmt: skip
         self._publish(state)
+
+    def _commanded(self, command: Record) -> float:
+        """Return the current [A], or the temperature [K] to hold; 0 K: the output is off."""
+        if self.params.command == "current":
+            return float(command["current"].item())
+        return float(command["temperature_target"].item()) if command["output"].item() >= 0.5 else 0.0
+
+    def _contact(self, state: Record, force: float, period: float) -> float:
+        """Return the contact resistance [K m2/W], and count for how long the finger has been pressing."""
+        found, press = self.resistance(force), self.params.press
+        if press > 0.0:
+            pressed = state["memory"][plant.PRESSED].item() + 1.0 if force > 0.0 else 0.0
+            state["memory"][plant.PRESSED] = pressed
+            if pressed > 0.0:
+                found *= press_factor(pressed * period, press)
+        return found
 
     def resistance(self, force: float) -> float:
         """Return the true contact resistance [K m2/W] at a force [N] on the plate; infinite without force."""
@@ -119,6 +141,8 @@ class DisplayTwin(Twin):
         reading["plate_temperature"][0] = memory[plant.READ_PLATE]
         reading["sink_temperature"][0] = memory[plant.READ_SINK]
         reading["heat_flux"][0] = memory[plant.READ_FLUX]
+        if self.params.command == "temperature":
+            reading["actual_current"][0] = memory[plant.CURRENT]
         return True
 
 
@@ -158,12 +182,14 @@ def constants(p: DisplayParams, parts: Column, ambient: float = REFERENCE) -> Ar
     c[plant.C_PLATE_OFFSET], c[plant.C_CLEAR] = off.plate_offset, p.skin_clear
     c[plant.C_CEILING] = p.full_scale
     c[plant.C_SLOTS] = round(p.delay / parts.period)
+    if p.command == "temperature":
+        c[plant.C_GAIN], c[plant.C_INTEGRAL] = p.target_gain, p.target_integral
     c.setflags(write=False)
     return c
 
 
 class ThermalDisplay(Device):
-    """A Peltier plate with infrared, plate, sink and flux sensors, driven by a current; twin only."""
+    """A Peltier plate with infrared, plate, sink and flux sensors, driven by a current or a temperature; twin only."""
 
     Params = DisplayParams
     reads = (
@@ -180,7 +206,11 @@ class ThermalDisplay(Device):
     @classmethod
     def channels(cls, params: Any) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
         """Return the channels with the sensor's full scale and the driver's limit of these parameters."""
-        return (*cls.reads[:-1], heat_flux(full_scale=params.full_scale)), (current(limit=params.max_current),)
+        reads = (*cls.reads[:-1], heat_flux(full_scale=params.full_scale))
+        if params.command == "current":
+            return reads, (current(limit=params.max_current),)
+        limit = 1.05 * params.max_current
+        return (*reads, Channel("actual_current", 1, "A", (-limit,), (limit,))), TEMPERATURE_COMMAND
 
     @classmethod
     def face(cls, params: Any) -> tuple[float, float] | None:

@@ -6,12 +6,16 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from itouch.plugin import schema
+from itouch_thermal.display.peltier import Module
 from itouch_thermal.laws import KINDS, ForceLaw, check_laws
 from itouch_thermal.solver.layers import Layer
 
 #: Copper-clad film sensor of the paper: thickness from 15e-6 K m2/W and k = 2.5 W/mK.
 FILM = Layer(name="flux sensor", thickness=37.5e-6, conductivity=2.5, density=8933.0, specific_heat=385.0)
 ALUMINA = Layer(name="alumina", thickness=0.8e-3, conductivity=27.0, density=3800.0, specific_heat=880.0)
+
+#: Seebeck coefficient [V/K], resistance [ohm] and conductance [W/K] of a 40 mm module with 127 couples.
+_MODULE = {"seebeck": 0.051, "resistance": 1.86, "conductance": 0.56}
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +39,34 @@ class Mismatch:
 
 
 @dataclass(frozen=True, slots=True)
+class Datasheet:
+    """What a module's data sheet says, in place of Seebeck coefficient, resistance and conductance."""
+
+    TAG: ClassVar[str] = "datasheet"
+
+    voltage: float = schema.quantity("V", low=1e-3, high=1e3, doc="U_max")
+    current: float = schema.quantity("A", low=1e-3, high=1e3, doc="I_max")
+    difference: float = schema.quantity("K", low=0.1, high=200.0, doc="dT_max, without heat pumped")
+    hot: float = schema.temperature(low=200.0, high=500.0, default=300.15, doc="T_h, the hot side's temperature")
+
+    def __post_init__(self) -> None:
+        schema.validate(self)
+        self.module()
+
+    def module(self) -> Module:
+        """Return the module's Seebeck coefficient, resistance and conductance.
+
+        Raises
+        ------
+        ValueError
+            If no module can be so.
+        """
+        return Module.from_datasheet(
+            voltage=self.voltage, current=self.current, difference=self.difference, hot=self.hot
+        )
+
+
+@dataclass(frozen=True, slots=True)
 class DisplayParams:
     """A Peltier module under an alumina plate with a flux film on top, on a heat sink.
 
@@ -42,9 +74,15 @@ class DisplayParams:
     film measures over ``sensor_area`` in the middle; what crosses the contact beside the film enters the plate too.
     """
 
-    seebeck: float = schema.quantity("V/K", low=1e-4, high=1.0, default=0.051, doc="Seebeck coefficient of the module")
-    resistance: float = schema.quantity("ohm", low=1e-3, high=100.0, default=1.86, doc="electrical resistance")
-    conductance: float = schema.quantity("W/K", low=1e-3, high=50.0, default=0.56, doc="heat conductance of the legs")
+    seebeck: float = schema.quantity(
+        "V/K", low=1e-4, high=1.0, default=_MODULE["seebeck"], doc="Seebeck coefficient of the module"
+    )
+    resistance: float = schema.quantity(
+        "ohm", low=1e-3, high=100.0, default=_MODULE["resistance"], doc="electrical resistance"
+    )
+    conductance: float = schema.quantity(
+        "W/K", low=1e-3, high=50.0, default=_MODULE["conductance"], doc="heat conductance of the legs"
+    )
     max_current: float = schema.quantity("A", low=0.01, high=50.0, default=6.4, doc="greatest current of the driver")
     current_bits: int = schema.integer(low=6, high=32, default=16, doc="resolution of the driver over both signs")
     area: float = schema.quantity("m^2", low=1e-5, high=0.1, default=16e-4, doc="area of the plate")
@@ -54,6 +92,15 @@ class DisplayParams:
     sink_resistance: float = schema.quantity("K/W", low=1e-3, high=20.0, default=0.5, doc="heat sink to the room")
     film_coefficient: float = schema.quantity("W/(m^2*K)", low=0.0, high=100.0, default=10.0, doc="air on the plate")
     delay: float = schema.quantity("s", low=0.0, high=0.2, default=0.02, doc="from command to current")
+    command: str = schema.choice(
+        "current", "temperature", default="current", doc="what the driver is told: a current, or a temperature to hold"
+    )
+    target_gain: float = schema.quantity(
+        "A/K", low=0.01, high=100.0, default=2.0, doc="of a driver that holds a temperature: its proportional gain"
+    )
+    target_integral: float = schema.quantity(
+        "A/(K*s)", low=0.0, high=100.0, default=2.0, doc="of a driver that holds a temperature: its integral gain"
+    )
     flux_limit: float = schema.quantity(
         "W/m^2", low=100.0, high=1e6, default=35e3, doc="greatest flux a controller asks of the module"
     )
@@ -79,6 +126,9 @@ class DisplayParams:
     full_force: float = schema.quantity(
         "N", low=0.0, high=20.0, default=0.0, doc="of the twin: below it 1/R falls with the force; 0: constant"
     )
+    press: float = schema.quantity(
+        "s", low=0.0, high=10.0, default=0.0, doc="of the twin: time constant with which its skin flattens; 0: at once"
+    )
     core: float = schema.temperature(low=283.15, high=315.15, default=310.15, doc="of the twin's finger, and its blood")
     skin_temperature: float = schema.temperature(
         low=273.15, high=318.15, default=306.15, doc="of the twin's finger at rest in air"
@@ -87,8 +137,11 @@ class DisplayParams:
     laws: tuple[ForceLaw, ...] = schema.children(KINDS, doc="of the twin: resistance as a function of the force")
     tissue: tuple[Layer, ...] = schema.children(Layer, tag="tissue", doc="the twin's finger from the skin inwards")
     mismatch: Mismatch = schema.child(Mismatch, default=Mismatch())
+    datasheet: Datasheet | None = schema.child(Datasheet, default=None, doc="of the module")
 
     def __post_init__(self) -> None:
+        if self.datasheet is not None:
+            self._take(self.datasheet.module())
         schema.validate(self)
         check_laws(self.laws, self.contact_resistance)
         if self.laws and self.full_force > 0.0:
@@ -96,6 +149,14 @@ class DisplayParams:
         for name in ("contact_area", "sensor_area"):
             if getattr(self, name) > self.area * (1.0 + 1e-9):
                 raise ValueError(f"{name} = {getattr(self, name)!r} m^2 is more than the plate's area of {self.area:g}")
+
+    def _take(self, module: Module) -> None:
+        """Take over what the data sheet gives; a value that the scene gives besides must be the same."""
+        for name in ("seebeck", "resistance", "conductance"):
+            value, given = getattr(module, name), getattr(self, name)
+            if given != _MODULE[name] and abs(given - value) > 1e-9 * value:
+                raise ValueError(f"{name} = {given:g} contradicts the data sheet, which gives {value:g}")
+            object.__setattr__(self, name, value)
 
     @property
     def plate(self) -> tuple[Layer, Layer]:

@@ -32,8 +32,8 @@ from itouch_thermal.display.peltier import pumped_heat
 (
     FLUX, SKIN, PLATE, SINK, BACK, PUMP, PLATE_AIR, FINGER_AIR, TOUCHING, FLUX_LAG, PLATE_LAG, SINK_LAG,
     READ_FLUX, READ_PLATE, READ_SINK, READ_SKIN, READ_VALID,
-    ENERGY_ELECTRIC, ENERGY_FINGER, ENERGY_AIR, ENERGY_ROOM, MEAN, CURRENT, SLOT, MEMORY,
-) = range(25)  # fmt: skip
+    ENERGY_ELECTRIC, ENERGY_FINGER, ENERGY_AIR, ENERGY_ROOM, MEAN, CURRENT, SLOT, INTEGRAL, PRESSED, MEMORY,
+) = range(27)  # fmt: skip
 
 #: Numbers of ``constants``.
 (
@@ -41,8 +41,8 @@ from itouch_thermal.display.peltier import pumped_heat
     C_AREA, C_COVER, C_SEEN, C_SINK_CAPACITY, C_SINK_RESISTANCE, C_FILM, C_FINGER_FILM,
     C_MAX_CURRENT, C_CURRENT_STEP, C_FLUX_KEEP, C_PLATE_KEEP, C_SINK_KEEP, C_FLUX_NOISE, C_PLATE_NOISE, C_SINK_NOISE,
     C_SKIN_NOISE, C_FLUX_STEP, C_PLATE_STEP, C_SINK_STEP, C_SKIN_STEP, C_FLUX_GAIN, C_FLUX_BIAS, C_PLATE_OFFSET,
-    C_CLEAR, C_REFERENCE, C_CEILING, C_SLOTS, CONSTANTS,
-) = range(37)  # fmt: skip
+    C_CLEAR, C_REFERENCE, C_CEILING, C_SLOTS, C_GAIN, C_INTEGRAL, CONSTANTS,
+) = range(39)  # fmt: skip
 
 _TWO_PI = 2.0 * math.pi
 
@@ -85,7 +85,8 @@ def plant_step(
     memory, above, below, line, words
         What changes: shape (MEMORY,), mode coordinates (n,) and (m,), delayed currents (d,), generator word (1,).
     command, contact, gap, ambient
-        Current [A], resistance to the finger [K m2/W] (infinite: apart), gap to the finger [m], room [K].
+        Current [A], or the temperature [K] of a driver that holds one (0: its output is off); resistance to the
+        finger [K m2/W] (infinite: apart), gap to the finger [m], room [K].
     """
     dt = c[C_PERIOD]
     n, m = above.shape[0], below.shape[0]
@@ -168,10 +169,28 @@ def _drive(c: Any, memory: Any, line: Any, command: float) -> float:
         current = line[slot]
         line[slot] = command
         memory[SLOT] = (slot + 1) % size
+    if c[C_GAIN] > 0.0:
+        current = _hold(c, memory, current)
     current = min(c[C_MAX_CURRENT], max(-c[C_MAX_CURRENT], current))
     current = _counted(current, c[C_CURRENT_STEP])
     memory[CURRENT] = current
     return current
+
+
+@njit(cache=True, error_model="numpy")
+def _hold(c: Any, memory: Any, target: float) -> float:
+    """Return the current of a driver that holds the plate at a temperature: proportional and integral action.
+
+    The integral stops while the current is at its limit and the error would drive it further.
+    """
+    if target <= 0.0:
+        memory[INTEGRAL] = 0.0
+        return 0.0
+    error = memory[READ_PLATE] - target
+    current = c[C_GAIN] * error + memory[INTEGRAL]
+    if abs(current) < c[C_MAX_CURRENT] or current * error < 0.0:
+        memory[INTEGRAL] += c[C_INTEGRAL] * error * c[C_PERIOD]
+    return float(current)
 
 
 @njit(cache=True, error_model="numpy")
