@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from itouch.exchange import LateTwin, ThreadedDevice
 from itouch.plugin import Channel, Device, IdealTwin, Twin, poses
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
@@ -40,6 +41,7 @@ class DeviceModel:
     touch_off: int
     ambient: float
     skin_temperature: float | None
+    servo_period: float = 1e-3
 
     def command(self, name: str) -> Channel | None:
         """Return a command channel, or None."""
@@ -54,7 +56,13 @@ class DeviceModel:
         cls = self.cls.Twin
         twin: Twin = IdealTwin(self.params, self.cls) if cls is None else cls(self.params)
         twin.stand(self.ambient, self.skin_temperature)
-        return twin
+        late = self.cls.blocking and (self.cls.delay > 0.0 or self.cls.period > self.servo_period)
+        return LateTwin(twin, self.cls, self.servo_period) if late else twin
+
+    def make_device(self) -> Device:
+        """Return the device itself; behind a thread if it makes its caller wait."""
+        device = self.cls(self.params)
+        return ThreadedDevice(device, patience=self.limits.watchdog) if self.cls.blocking else device
 
 
 def build_devices(scene: Scene, catalog: Catalog, problems: list[Problem]) -> dict[str, DeviceModel]:
@@ -88,7 +96,7 @@ def _build(scene: Scene, element: DeviceElement, catalog: Catalog, problems: lis
     return DeviceModel(
         element.name, element.plugin, cls, params, reads, commands, mount, element.mount.mount_error, element.mount.on,
         limits, element.twin, element.optional, touch_off, scene.world.temperature,
-        next((operator.skin_temperature for operator in scene.operators), None),
+        next((operator.skin_temperature for operator in scene.operators), None), 1.0 / scene.rates.servo,
     )  # fmt: skip
 
 

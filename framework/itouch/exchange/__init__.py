@@ -1,0 +1,6 @@
+"""Exchanging with a device that makes its caller wait: in a thread, or with the same delays on its twin."""
+
+from itouch.exchange.late import LateTwin
+from itouch.exchange.thread import ThreadedDevice
+
+__all__ = ["LateTwin", "ThreadedDevice"]

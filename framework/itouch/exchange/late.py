@@ -1,0 +1,120 @@
+"""The twin of a blocking device: readings come late and commands act late, as over the wire; all of it is State."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.plugin import Channel, Device, Field, Record, Touch, Twin
+
+
+class LateTwin(Twin):
+    """Puts a wire between the loop and another twin.
+
+    An exchange begins every ``period`` of the device: it takes the command of that moment and measures.  After
+    ``delay`` the command acts and the reading is there.
+    """
+
+    def __init__(self, twin: Twin, device: type[Device], servo_period: float) -> None:
+        super().__init__(twin.params)
+        self.twin = twin
+        self._reads, self._commands = device.channels(twin.params)
+        self._delay = math.ceil(device.delay / servo_period - 1e-9)
+        self._every = max(1, round(device.period / servo_period), self._delay)
+        self._names = [field.name for field in twin.fields()]
+        self._seen: Record | None = None
+
+    def fields(self) -> tuple[Field, ...]:
+        """Return the inner twin's State and the wire's."""
+        reads, commands = _size(self._reads), _size(self._commands)
+        return (
+            *self.twin.fields(),
+            Field("line.measured", "f8", reads),
+            Field("line.reading", "f8", reads),
+            Field("line.taken", "f8", commands),
+            Field("line.acting", "f8", commands),
+            Field("line.left", "i8"),
+            Field("line.due", "i8"),
+            Field("line.fresh", "i8"),
+            Field("line.begun", "i8"),
+        )
+
+    def stand(self, ambient: float, skin_temperature: float | None) -> None:
+        """Tell the inner twin."""
+        self.twin.stand(ambient, skin_temperature)
+
+    def _look(self, state: Record) -> Record:
+        """Return the inner twin's part of a State, and keep views of the wire's part."""
+        if state is not self._seen:
+            self._seen = state
+            self._inner = state.part("", self._names) if self._names else Record(np.dtype([]))
+            self._reading, self._acting = _record(self._reads), _record(self._commands)
+        return self._inner
+
+    def reset(self, state: Record, rng: np.random.Generator) -> None:
+        """Set the inner twin to its start; nothing is on the wire."""
+        self.twin.reset(self._look(state), rng)
+        for name in ("due", "fresh", "begun"):
+            state[f"line.{name}"] = 0
+        state["line.left"] = -1
+
+    def position(self, state: Record) -> NDArray[np.float64] | None:
+        """Return the true position of what the device carries: no wire is between."""
+        return self.twin.position(self._look(state))
+
+    def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+        """Begin or end an exchange if it is time, and advance the inner twin."""
+        inner = self._look(state)
+        if not state["line.begun"].item():
+            state["line.begun"] = 1
+            state["line.acting"] = _flat(command)
+        left, due = state["line.left"].item(), state["line.due"].item()
+        if left == 0:
+            self._end(state)
+            left = -1
+        begins = due <= 0
+        if begins:
+            left, due = self._delay, self._every
+            state["line.taken"] = _flat(command)
+            if left == 0:
+                state["line.acting"] = state["line.taken"]
+        _flat(self._acting)[:] = state["line.acting"]
+        self.twin.step(inner, self._acting, touch, period)
+        if begins:
+            self.twin.read(inner, self._reading)
+            state["line.measured"] = _flat(self._reading)
+            if left == 0:
+                self._end(state)
+                left = -1
+        state["line.left"] = left - 1 if left > 0 else left
+        state["line.due"] = due - 1
+
+    @staticmethod
+    def _end(state: Record) -> None:
+        state["line.acting"] = state["line.taken"]
+        state["line.reading"] = state["line.measured"]
+        state["line.fresh"] = 1
+
+    def read(self, state: Record, reading: Record) -> bool | None:
+        """Give the reading of the last exchange that has ended, once; before the first one, what is true now."""
+        if not state["line.begun"].item():
+            return self.twin.read(self._look(state), reading)
+        if not state["line.fresh"].item():
+            return False
+        state["line.fresh"] = 0
+        _flat(reading)[:] = state["line.reading"]
+        return True
+
+
+def _size(channels: tuple[Channel, ...]) -> int:
+    return max(1, sum(channel.size for channel in channels))
+
+
+def _record(channels: tuple[Channel, ...]) -> Record:
+    return Record.of(Field(channel.name, "f8", channel.size) for channel in channels)
+
+
+def _flat(record: Record) -> NDArray[np.float64]:
+    return record.raw.view(np.float64)

@@ -1,0 +1,157 @@
+"""A blocking device behind newest-value mailboxes: the tick puts a command in and takes the newest reading out."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+from itouch.plugin import RETRACT, Channel, Device, DeviceError, Field, Record
+
+#: A command with the time when it was asked for.
+Sent = tuple[float, bytes] | None
+
+#: How long [s] closing waits for an exchange that is under way; then the thread is left to end by itself.
+CLOSE_TIME = 0.5
+#: How long [s] opening waits for a first reading.
+FIRST_TIME = 1.0
+#: A device that does not make its caller wait, though it says so, is asked at most this often [s].
+_LEAST = 1e-4
+
+
+class ThreadedDevice(Device):
+    """Runs another device's ``open``, ``write``, ``read`` and ``close`` in one thread, one after the other.
+
+    An exchange is: write the newest command, if one has come since the last exchange; read; and again after the
+    device's period.  A command that has not been renewed for ``patience`` seconds is replaced by the safe one: a loop
+    that hangs must not leave its last force standing.
+    """
+
+    def __init__(self, device: Device, *, patience: float) -> None:
+        super().__init__(device.params)
+        self.device = device
+        self._reads, self._commands = type(device).channels(device.params)
+        self._patience = patience
+        self._reading, self._command = _record(self._reads), _record(self._commands)
+        self._newest: bytes | None = None
+        self._taken: bytes | None = None
+        self._wanted: Sent = None
+        self._error: Exception | None = None
+        self._ending = threading.Event()
+        self._thread: threading.Thread | None = None
+        #: How many exchanges there were, and the longest [s].
+        self.exchanges, self.longest = 0, 0.0
+
+    def open(self) -> None:
+        """Open the device and begin to exchange; returns with the first reading, or after a second without one."""
+        self._newest = self._taken = self._wanted = self._error = None
+        opened, read, self._ending = threading.Event(), threading.Event(), threading.Event()
+        self._thread = threading.Thread(target=self._live, args=(opened, read, self._ending), daemon=True)
+        self._thread.name = f"itouch-{type(self.device).__name__}"
+        self._thread.start()
+        opened.wait()
+        read.wait(FIRST_TIME)
+        self._raise()
+
+    def _raise(self) -> None:
+        if self._error is not None:
+            raise self._error
+
+    def read(self, reading: Record) -> bool | None:
+        """Take the newest reading; False if there is none since the last call."""
+        newest = self._newest
+        if newest is None or newest is self._taken:
+            self._raise()
+            return False
+        self._taken = newest
+        reading.raw.data[:] = newest
+        return True
+
+    def write(self, command: Record) -> None:
+        """Leave a command for the next exchange; it replaces one that was not sent yet."""
+        self._wanted = time.monotonic(), command.tobytes()
+
+    def close(self) -> None:
+        """Send what was left, close the device, and end the thread.
+
+        Raises
+        ------
+        DeviceError
+            If the exchange under way does not end; the thread closes the device when it does.
+        """
+        thread, self._thread = self._thread, None
+        self._ending.set()
+        if thread is None:
+            return
+        thread.join(CLOSE_TIME)
+        if thread.is_alive():
+            raise DeviceError("does not answer; it will be closed when its exchange ends")
+
+    def _live(self, opened: threading.Event, read: threading.Event, ending: threading.Event) -> None:
+        try:
+            self.device.open()
+        except Exception as error:
+            self._error = error
+            read.set()
+            return
+        finally:
+            opened.set()
+        try:
+            self._exchange(read, ending)
+        except Exception as error:
+            self._error = error
+        finally:
+            self._call(self.device.close)
+            read.set()
+
+    def _call(self, act: Callable[[], None]) -> None:
+        try:
+            act()
+        except Exception as error:
+            self._error = self._error or error
+
+    def _exchange(self, read: threading.Event, ending: threading.Event) -> None:
+        period, sent = type(self.device).period, None
+        due = time.monotonic()
+        while not ending.is_set():
+            begin = time.monotonic()
+            sent = self._send(sent, begin)
+            if self.device.read(self._reading) is not False:
+                self._newest = self._reading.tobytes()
+                read.set()
+            took = time.monotonic() - begin
+            self.exchanges += 1
+            self.longest = max(self.longest, took)
+            due = max(due + period, begin)
+            rest = max(due - time.monotonic(), _LEAST - took)
+            if rest > 0.0:
+                ending.wait(rest)
+        self._send(sent, time.monotonic())
+
+    def _send(self, sent: Sent, now: float) -> Sent:
+        """Write what is new, or the safe command if nothing was for too long; return what has been dealt with."""
+        wanted = self._wanted
+        if wanted is None:
+            return sent
+        old = now - wanted[0] > self._patience
+        if wanted is sent and not old:
+            return sent
+        self._command.raw.data[:] = wanted[1]
+        if old:
+            make_safe(self._command, self._commands)
+            self._wanted = None if self._wanted is wanted else self._wanted
+        self.device.write(self._command)
+        return wanted
+
+
+def make_safe(command: Record, channels: tuple[Channel, ...]) -> None:
+    """Turn a command that was sent into the safe one: each channel's safe value, hold, or retract."""
+    for channel in channels:
+        if isinstance(channel.safe, tuple):
+            command[channel.name] = channel.safe
+        elif channel.safe is RETRACT and channel.low:
+            command[channel.name][2] = channel.low[2]
+
+
+def _record(channels: tuple[Channel, ...]) -> Record:
+    return Record.of(Field(channel.name, "f8", channel.size) for channel in channels)

@@ -1,0 +1,177 @@
+"""A blocking device in its thread: the newest values pass, a hung device delays nobody, threads end."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from itouch.exchange import ThreadedDevice
+from itouch.plugin import Device, DeviceError, Field, Record, pose, wrench
+
+
+@dataclass(frozen=True)
+class _Params:
+    pass
+
+
+class _Slow(Device):
+    """Answers after a millisecond; can hang, fail, and remembers who called what."""
+
+    Params = _Params
+    reads = (pose(),)
+    commands = (wrench(force=3.0),)
+    blocking: ClassVar[bool] = True
+
+    def __init__(self) -> None:
+        super().__init__(_Params())
+        self.calls: list[tuple[str, int]] = []
+        self.written: list[float] = []
+        self.count = 0
+        self.hang = threading.Event()
+        self.hang.set()
+        self.failure: Exception | None = None
+        self.refusal: Exception | None = None
+
+    def _note(self, what: str) -> None:
+        self.calls.append((what, threading.get_ident()))
+
+    def open(self) -> None:
+        self._note("open")
+        if self.refusal is not None:
+            raise self.refusal
+
+    def close(self) -> None:
+        self._note("close")
+
+    def read(self, reading: Record) -> bool | None:
+        time.sleep(1e-3)
+        self.hang.wait(20)
+        if self.failure is not None:
+            raise self.failure
+        self.count += 1
+        reading["pose"] = (self.count, 0, 0, 1, 0, 0, 0)
+        return True
+
+    def write(self, command: Record) -> None:
+        self.written.append(float(command["wrench"][2]))
+
+
+def _reading() -> Record:
+    return Record.of([Field("pose", "f8", 7)])
+
+
+def _command(force: float) -> Record:
+    record = Record.of([Field("wrench", "f8", 6)])
+    record["wrench"][2] = force
+    return record
+
+
+@pytest.fixture
+def device() -> Iterator[_Slow]:
+    before = threading.active_count()
+    slow = _Slow()
+    yield slow
+    slow.hang.set()
+    deadline = time.monotonic() + 5
+    while threading.active_count() > before and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert threading.active_count() == before  # no thread is left, however it ended
+
+
+def test_the_newest_reading_is_given_once(device: _Slow) -> None:
+    threaded, reading = ThreadedDevice(device, patience=10.0), _reading()
+    threaded.open()
+    assert threaded.read(reading) is True
+    first = reading["pose"][0]
+    time.sleep(0.05)
+    assert threaded.read(reading) is True
+    assert reading["pose"][0] > first + 2  # those between are gone: the newest counts
+    device.hang.clear()
+    time.sleep(0.02)
+    threaded.read(reading)
+    assert threaded.read(reading) is False
+    device.hang.set()
+    threaded.close()
+
+
+def test_all_calls_come_from_one_other_thread(device: _Slow) -> None:
+    threaded = ThreadedDevice(device, patience=10.0)
+    for _ in range(2):
+        threaded.open()
+        threaded.close()
+    assert [what for what, _ in device.calls] == ["open", "close", "open", "close"]
+    assert threading.get_ident() not in {thread for _, thread in device.calls}
+
+
+def test_the_last_command_is_sent_before_closing_and_none_twice(device: _Slow) -> None:
+    threaded = ThreadedDevice(device, patience=10.0)
+    threaded.open()
+    threaded.write(_command(1.0))
+    time.sleep(0.03)
+    threaded.write(_command(0.0))
+    threaded.close()
+    assert device.written == [1.0, 0.0]
+
+
+def test_a_command_that_is_not_renewed_becomes_the_safe_one(device: _Slow) -> None:
+    threaded = ThreadedDevice(device, patience=0.02)
+    threaded.open()
+    threaded.write(_command(2.0))
+    deadline = time.monotonic() + 5
+    while len(device.written) < 2 and time.monotonic() < deadline:
+        time.sleep(0.005)
+    assert device.written == [2.0, 0.0]
+    threaded.write(_command(1.5))  # the loop lives again
+    deadline = time.monotonic() + 5
+    while len(device.written) < 4 and time.monotonic() < deadline:
+        time.sleep(0.005)
+    assert device.written[2:] == [1.5, 0.0]
+    threaded.close()
+
+
+def test_a_hung_device_does_not_hold_the_caller(device: _Slow) -> None:
+    threaded, reading = ThreadedDevice(device, patience=10.0), _reading()
+    threaded.open()
+    device.hang.clear()
+    time.sleep(0.02)
+    begin = time.monotonic()
+    for _ in range(1000):
+        threaded.read(reading)
+        threaded.write(_command(1.0))
+    assert time.monotonic() - begin < 5  # an exchange would last 20 s
+    with pytest.raises(DeviceError, match="does not answer"):
+        threaded.close()
+    assert ("close", threading.get_ident()) not in device.calls
+
+
+def test_an_error_comes_up_in_the_next_read_and_the_device_is_closed(device: _Slow) -> None:
+    threaded, reading = ThreadedDevice(device, patience=10.0), _reading()
+    threaded.open()
+    device.failure = DeviceError("the cable is out")
+    time.sleep(0.05)
+    threaded.read(reading)  # what was read before is still a reading
+    with pytest.raises(DeviceError, match="cable"):
+        threaded.read(reading)
+    assert [what for what, _ in device.calls] == ["open", "close"]
+    threaded.close()
+
+
+def test_a_device_that_refuses_to_open_says_why(device: _Slow) -> None:
+    device.refusal = DeviceError("no such port")
+    threaded = ThreadedDevice(device, patience=10.0)
+    with pytest.raises(DeviceError, match="no such port"):
+        threaded.open()
+    threaded.close()
+    assert [what for what, _ in device.calls] == ["open"]
+    device.refusal = None
+    threaded.open()
+    reading = _reading()
+    assert threaded.read(reading) is True
+    assert np.isfinite(reading["pose"]).all()
+    threaded.close()
