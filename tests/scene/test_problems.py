@@ -89,7 +89,7 @@ DEVICES = [
     ('<device name="a" plugin="usb-arm"><limits current="1 A"/></device>', "limit-without-channel", "current", "no current"),
     ('<device name="a" plugin="usb-arm"><limits froce="1 N"/></device>', "unknown-attribute", "froce", "did you mean 'force'"),
     ('<device name="a" plugin="usb-arm"><limits force="-1 N"/></device>', "out-of-range", "force", "more than 0"),
-    ('<device name="a" plugin="usb-arm" twin="no"/>', "twin-only", "twin", "twin only"),
+    ('<device name="a" plugin="xyz-table" twin="no"/>', "twin-only", "twin", "twin only"),
     ('<device name="a" plugin="usb-arm" twin="perhaps"/>', "bad-value", "twin", "yes or no"),
     ('<device name="a" plugin="usb-arm"><mount on="a"/></device>', "mount-cycle", 'on="a"', "mounted on itself"),
     ('<device name="a" plugin="usb-arm"><mount pos="0 0 0" pos="1 1 1"/></device>', "not-well-formed", "pos=\"1", "duplicate"),
