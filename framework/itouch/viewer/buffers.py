@@ -115,9 +115,7 @@ class ShadowMap:
         ):  # fmt: skip
             gl.glTexParameteri(gl.GL_TEXTURE_2D, name, value)
         gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, self._frame)
-        gl.glFramebufferTexture2D(
-            gl.GL_FRAMEBUFFER, gl.GL_DEPTH_ATTACHMENT, gl.GL_TEXTURE_2D, self.texture, 0
-        )
+        gl.glFramebufferTexture2D(gl.GL_FRAMEBUFFER, gl.GL_DEPTH_ATTACHMENT, gl.GL_TEXTURE_2D, self.texture, 0)
         gl.glDrawBuffer(gl.GL_NONE)
         gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, 0)
 
@@ -140,9 +138,7 @@ class Frame:
         self._colours, self._depth, self._plain = _names(gl.glGenRenderbuffers, 3)
         self._store(self._many, self._colours, self._samples)
         gl.glBindRenderbuffer(gl.GL_RENDERBUFFER, self._depth)
-        gl.glRenderbufferStorageMultisample(
-            gl.GL_RENDERBUFFER, self._samples, gl.GL_DEPTH_COMPONENT24, width, height
-        )
+        gl.glRenderbufferStorageMultisample(gl.GL_RENDERBUFFER, self._samples, gl.GL_DEPTH_COMPONENT24, width, height)
         gl.glFramebufferRenderbuffer(gl.GL_FRAMEBUFFER, gl.GL_DEPTH_ATTACHMENT, gl.GL_RENDERBUFFER, self._depth)
         self._store(self._one, self._plain, 0)
         gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, 0)

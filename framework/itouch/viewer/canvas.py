@@ -75,14 +75,15 @@ class Canvas:
         gl.glBindTexture(gl.GL_TEXTURE_2D, self._shadows.texture)
         for draw in sorted(draws, key=lambda draw: draw.opacity < 1.0):
             program.matrix("world", draw.matrix)
-            program.matrix("turned", np.linalg.inv(draw.matrix[:3, :3]).T)
+            turned = np.asarray(np.linalg.inv(draw.matrix[:3, :3]).T, np.float64)
+            program.matrix("turned", turned)
             program.vector("colour", *draw.colour, draw.opacity)
             program.vector("gloss", draw.gloss)
             self._meshes[draw.solid].draw(program)
 
     def _aids(self, state: Record, seen: Matrix, floor: float, width: float) -> None:
         step = 10.0 ** math.floor(math.log10(max(width, 1e-3) / 4.0))
-        lines = solids.grid(max(1.5 * width, 4 * step), step) + np.float32([0, 0, floor - 2e-4])
+        lines = solids.grid(max(1.5 * width, 4 * step), step) + np.array([0, 0, floor - 2e-4], np.float32)
         self.paint.draw(gl.GL_LINES, tinted(lines, (*colours.GRID, 0.8)), seen)
         for device in self._stage.tables:
             target = device.command("pose_target")
@@ -128,7 +129,7 @@ class _PerProgram:
 
 def tinted(points: NDArray[np.float32], colour: tuple[float, float, float, float]) -> NDArray[np.float32]:
     """Return rows of position and colour, shape (n, 7)."""
-    return np.hstack([points, np.tile(np.float32(colour), (len(points), 1))])
+    return np.hstack([points, np.tile(np.array(colour, np.float32), (len(points), 1))])
 
 
 def _sunlight(low: NDArray[np.float64], high: NDArray[np.float64]) -> Matrix:

@@ -58,22 +58,22 @@ def _paint(found: Iterator[_Named]) -> tuple[Signal, ...]:
 def _forces(model: Model) -> Iterator[_Named]:
     for probe in model.probes:
         key = f"{probe.name}.force"
-        yield f"{probe.name} rendered", lambda state, key=key: float(np.linalg.norm(state[key]))
+        yield f"{probe.name} rendered", _length(key)
         if probe.scene.surface_to:
             plate = f"{probe.name}.plate_force"
-            yield f"{probe.name} on plate", lambda state, key=plate: float(state[key])
+            yield f"{probe.name} on plate", _number(plate)
 
 
 def _fluxes(model: Model) -> Iterator[_Named]:
     for modality in model.modalities:
         if any(field.name == "desired" for field in modality.instance.fields(modality.model)):
             key = f"{modality.name}.desired"
-            yield "desired", lambda state, key=key: float(state[key])
+            yield "desired", _number(key)
     for device in model.devices.values():
         for channel in device.reads:
             if channel.unit == "W/m^2":
                 key = f"{device.name}.{channel.name}"
-                yield "obtained", lambda state, key=key: float(state[key][0])
+                yield "obtained", _number(key)
 
 
 def _currents(model: Model) -> Iterator[_Named]:
@@ -81,23 +81,35 @@ def _currents(model: Model) -> Iterator[_Named]:
         for channel in device.commands:
             if channel.unit == "A":
                 key = f"{device.name}.sent.{channel.name}"
-                yield f"{device.name}", lambda state, key=key: float(state[key][0])
+                yield f"{device.name}", _number(key)
 
 
 def _temperatures(model: Model) -> Iterator[_Named]:
     for modality in model.modalities:
         if any(field.name == "skin_temperature" for field in modality.instance.fields(modality.model)):
             key = f"{modality.name}.skin_temperature"
-            yield "skin (model)", lambda state, key=key: _celsius(state[key])
+            yield "skin (model)", _celsius(key)
     for device in model.devices.values():
         for channel in device.reads:
             if channel.unit == "K" and channel.size == 1 and "sink" not in channel.name:
                 key = f"{device.name}.{channel.name}"
-                yield channel.name.removesuffix("_temperature"), lambda state, key=key: _celsius(state[key][0])
+                yield channel.name.removesuffix("_temperature"), _celsius(key)
 
 
-def _celsius(kelvin: float) -> float:
-    return float(kelvin) - _KELVIN if 200.0 < kelvin < 1000.0 else float("nan")
+def _number(key: str) -> Callable[[Record], float]:
+    return lambda state: float(np.ravel(state[key])[0])
+
+
+def _length(key: str) -> Callable[[Record], float]:
+    return lambda state: float(np.linalg.norm(state[key]))
+
+
+def _celsius(key: str) -> Callable[[Record], float]:
+    def read(state: Record) -> float:
+        kelvin = float(np.ravel(state[key])[0])
+        return kelvin - _KELVIN if 200.0 < kelvin < 1000.0 else float("nan")
+
+    return read
 
 
 class Ring:
@@ -137,4 +149,5 @@ class Ring:
             if other is chart:
                 break
             first += len(other.signals)
-        return self._ticks[order] * self._period, self._values[first : first + len(chart.signals)][:, order]
+        times = np.asarray(self._ticks[order] * self._period, np.float64)
+        return times, self._values[first : first + len(chart.signals)][:, order]

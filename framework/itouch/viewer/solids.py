@@ -33,7 +33,9 @@ def _solid(positions: object, normals: object, faces: object) -> Solid:
 
 def box(half: tuple[float, float, float]) -> Solid:
     """Return a box of these half extents [m] about the origin, with flat sides."""
-    positions, normals, faces = [], [], []
+    positions: list[list[float]] = []
+    normals: list[list[float]] = []
+    faces: list[tuple[int, ...]] = []
     for axis in range(3):
         for sign in (-1.0, 1.0):
             u, v = (axis + 1) % 3, (axis + 2) % 3
@@ -109,20 +111,51 @@ def from_mesh(vertices: NDArray[np.float64], faces: NDArray[np.integer]) -> Soli
     """
     corners = np.asarray(vertices, np.float64)[faces]
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    length = np.linalg.norm(flat, axis=1, keepdims=True)
-    unit = np.divide(flat, length, out=np.zeros_like(flat), where=length > 0)
+    unit = _unit(flat)
     smooth = np.zeros((len(vertices), 3))
     for corner in range(3):
         np.add.at(smooth, faces[:, corner], flat)
-    size = np.linalg.norm(smooth, axis=1, keepdims=True)
-    smooth = np.divide(smooth, size, out=np.zeros_like(smooth), where=size > 0)
-    sharp = (smooth[faces] * unit[:, None, :]).sum(2) < math.cos(math.radians(40.0))
-    if not sharp.any():
+    smooth = _unit(smooth)
+    bent = np.zeros(len(vertices), bool)
+    agree = (smooth[faces] * unit[:, None, :]).sum(2)
+    bent[np.asarray(faces)[(agree < math.cos(math.radians(20.0))) & unit.any(1)[:, None]]] = True
+    if not bent.any():
         return _solid(vertices, smooth, faces)
-    index = np.array(faces, np.int64)
-    index[sharp] = len(vertices) + np.arange(int(sharp.sum()))
-    row = np.nonzero(sharp)[0]
-    return _solid(np.vstack([vertices, corners[sharp]]), np.vstack([smooth, unit[row]]), index)
+    apart = bent[faces].ravel()
+    index = np.array(faces, np.int64).ravel()
+    normals = _parted(index[apart], np.nonzero(apart)[0] // 3, flat, unit)
+    index[apart] = len(vertices) + np.arange(len(normals))
+    return _solid(np.vstack([vertices, corners.reshape(-1, 3)[apart]]), np.vstack([smooth, normals]),
+                  index.reshape(-1, 3))  # fmt: skip
+
+
+def _parted(
+    vertex: NDArray[np.int64], face: NDArray[np.int64], flat: NDArray[np.float64], unit: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the normal of each corner, given its vertex and its face, from the neighbours that bend little."""
+    order = np.argsort(vertex, kind="stable")
+    vertex, face = vertex[order], face[order]
+    total = flat[face].copy()
+    apart = 1
+    while apart < len(vertex):
+        same = vertex[apart:] == vertex[:-apart]
+        if not same.any():
+            break
+        first = np.nonzero(same)[0]
+        near = (unit[face[first]] * unit[face[first + apart]]).sum(1) > math.cos(math.radians(40.0))
+        first = first[near]
+        total[first] += flat[face[first + apart]]
+        total[first + apart] += flat[face[first]]
+        apart += 1
+    normals = np.empty_like(total)
+    normals[order] = _unit(total)
+    return normals
+
+
+def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    unit: NDArray[np.float64] = np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
+    return unit
 
 
 def grid(half: float, step: float) -> Floats:

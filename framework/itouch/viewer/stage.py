@@ -148,7 +148,7 @@ def solid_of(shape: Any) -> Solid:
         return solids.cylinder(shape.radius, shape.half_length)
     if isinstance(shape, Plane):
         flat = solids.box((PLANE_HALF, PLANE_HALF, 5e-4))
-        return Solid(flat.positions - np.float32([0, 0, 5e-4]), flat.normals, flat.faces)
+        return Solid(flat.positions - np.array([0, 0, 5e-4], np.float32), flat.normals, flat.faces)
     return solids.from_mesh(shape.surface.vertices, shape.surface.faces)
 
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable
 from typing import Any
 
-import pyglet
 import pyglet.window
 from pyglet.window import key, mouse
 
@@ -28,7 +28,7 @@ _ARROWS = {
 }  # fmt: skip
 
 
-class Window(pyglet.window.Window):  # type: ignore[misc]
+class Window(pyglet.window.Window):
     """Shows a session and hands the person's wishes to it; ``frame`` draws one picture, ``show`` does it until closed.
 
     Parameters
@@ -62,11 +62,10 @@ class Window(pyglet.window.Window):  # type: ignore[misc]
         while not self.closed:
             begin = self._now()
             self.dispatch_events()
-            if self.closed:
-                return
-            self.frame()
+            if not self.closed:
+                self.frame()
             rest = max(1.0 / RATE - self.cost, self.cost * (1.0 / SHARE - 1.0))
-            pyglet.clock.sleep(1e6 * max(0.0, rest - (self._now() - begin - self.cost)))
+            time.sleep(max(0.0, rest - (self._now() - begin - self.cost)))
 
     def frame(self) -> None:
         """Bring the session up to date and draw it once."""
@@ -128,8 +127,8 @@ class Window(pyglet.window.Window):  # type: ignore[misc]
             self._say(source.rearm())
         elif symbol == key.M:
             self._steering = not self._steering
-            self._say(source.steer((0.0, 0.0, 0.0) if self._steering else None) or
-                      ("the mouse moves the finger" if self._steering else "the finger follows its script"))  # fmt: skip
+            refused = source.steer((0.0, 0.0, 0.0) if self._steering else None)
+            self._say(refused or ("the mouse moves the finger" if self._steering else "the finger follows its script"))
         elif symbol == key.SPACE:
             source.hold(True)
         elif symbol == key.ESCAPE:
@@ -200,6 +199,13 @@ class Window(pyglet.window.Window):  # type: ignore[misc]
         self.source.hold(False)
         self.source.stop()
         self.close()
+
+    def on_context_lost(self) -> None:
+        """Make everything in graphics memory anew; what is seen, and how, stays."""
+        before = self.picture
+        self.picture = Picture(self.source.model, scale=before.scale)
+        self.picture.ring, self.picture.camera, self.picture.choices = before.ring, before.camera, before.choices
+        self._target = Frame(*self.get_framebuffer_size())
 
     def on_refresh(self, *_: Any) -> None:
         """Redraw what was uncovered, or lost with its context."""
