@@ -1,0 +1,149 @@
+"""Pictures off the screen: what they show, and what is said when they can't be made."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.shipped import SCENES
+from tests.viewer.graphics import need_graphics
+
+DRAW = """
+import sys, numpy as np, itouch
+from itouch.viewer.offscreen import Offscreen
+from itouch.viewer.overlay import Situation
+session = itouch.build(sys.argv[1])
+shots = Offscreen(session.model, width=640, height=360)
+pictures = {}
+def take(name, **situation):
+    pictures[name] = shots.shoot(session.state, Situation(**situation))
+session.run(3.0, each=lambda: shots.picture.ring.add(session.state), every=10)
+take("free")
+take("again")
+shots.picture.choices.thermal = True
+take("thermal")
+shots.picture.choices.thermal = False
+shots.picture.choices.help = True
+take("help")
+shots.picture.choices.help = False
+take("fault", faults=[{"trip": "silence", "device": "table", "cause": "is silent"}])
+session.run(5.5, each=lambda: shots.picture.ring.add(session.state), every=10)
+take("contact")
+camera, canvas = shots.picture.camera, shots.picture.canvas
+for name in session.model.objects:
+    index = session.model.objects.index(name)
+    point = session.state["objects.pose"][index][:3].copy()
+    point[2] += session.model.shapes[index].half_extents[2]
+    point[1] -= 0.7 * session.model.shapes[index].half_extents[1]
+    x, y = camera.project(point, 640, 360)
+    picked = canvas.pick(session.state, camera, shots._frame, int(x), int(y))
+    pictures["pick " + name] = np.array([picked == name])
+    print(name, picked)
+pictures["nothing"] = np.array([canvas.pick(session.state, camera, shots._frame, 2, 355) == ""])
+shots.close()
+np.savez(sys.argv[2], **pictures)
+"""
+
+
+def without_display() -> dict[str, str]:
+    return {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
+
+
+@pytest.fixture(scope="module")
+def pictures(tmp_path_factory):
+    need_graphics()
+    out = tmp_path_factory.mktemp("pictures") / "shots.npz"
+    scene = str(SCENES / "four_materials.xml")
+    done = subprocess.run([sys.executable, "-c", DRAW, scene, str(out)], capture_output=True, text=True,
+                          env=without_display())  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return dict(np.load(out))
+
+
+def changed(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return (np.abs(a.astype(int) - b.astype(int)).max(2) > 24).nonzero()
+
+
+def test_the_same_state_gives_the_same_picture(pictures):
+    assert len(changed(pictures["free"], pictures["again"])[0]) == 0
+
+
+def test_a_picture_has_many_colours_and_a_dark_ground(pictures):
+    free = pictures["free"]
+    assert free.shape == (360, 640, 3)
+    assert len(np.unique(free.reshape(-1, 3), axis=0)) > 300
+    assert (free[0, 300] < 40).all()
+
+
+def test_a_contact_shows_its_force_in_the_scene_and_in_the_curves(pictures):
+    rows, columns = changed(pictures["free"], pictures["contact"])
+    assert ((columns > 460).sum() > 200) and ((columns < 440).sum() > 500)
+    contact = pictures["contact"][:, :440].astype(int)
+    yellow = (contact[..., 0] > 150) & (contact[..., 1] > 140) & (contact[..., 2] < 120)
+    assert yellow.sum() > 20
+
+
+def test_help_faults_and_temperatures_are_seen(pictures):
+    for name in ("help", "fault", "thermal"):
+        assert len(changed(pictures["free"], pictures[name])[0]) > 300, name
+
+
+def test_picking_finds_what_is_drawn_there(pictures):
+    picked = {name: bool(value.all()) for name, value in pictures.items() if name.startswith("pick ")}
+    assert all(picked.values()), picked
+    assert pictures["nothing"].all()
+
+
+def itouch_py(*words: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-m", "itouch.cli", *words], capture_output=True, text=True,
+                          env=without_display() | environment)  # fmt: skip
+
+
+def test_run_writes_a_screenshot_and_a_film(tmp_path: Path):
+    need_graphics()
+    shot, film = tmp_path / "shot.png", tmp_path / "film.gif"
+    done = itouch_py("run", str(SCENES / "first_touch.xml"), "--screenshot", str(shot), "--at", "1.2s", "--film",
+                     str(film), "--size", "320x180")  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    from PIL import Image
+
+    with Image.open(shot) as picture:
+        assert picture.size == (320, 180)
+    with Image.open(film) as moving:
+        assert moving.size == (320, 180)
+        assert 20 <= moving.n_frames <= 30
+
+
+def test_run_writes_an_mp4(tmp_path: Path):
+    need_graphics()
+    film = tmp_path / "film.mp4"
+    done = itouch_py("run", str(SCENES / "first_touch.xml"), "--film", str(film), "--size", "320x180", "--for", "0.4s")
+    assert done.returncode == 0, done.stderr
+    import av
+
+    with av.open(str(film)) as moving:
+        assert len(list(moving.decode(video=0))) == 10
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("--at", "1s"), "give --screenshot"),
+        (("--film", "x.avi"), "ends in .mp4 or .gif"),
+        (("--screenshot", "s.png", "--pace", "real"), "--pace fast"),
+        (("--screenshot", "s.png", "--at", "999s"), "the run ended at"),
+        (("--screenshot", "/nowhere/s.png"), "no folder"),
+        (("--screenshot", "s.png", "--size", "1x1"), "64 to 4096"),
+    ],
+)
+def test_what_cannot_be_pictured_is_said(tmp_path: Path, monkeypatch, words, says):
+    need_graphics()
+    monkeypatch.chdir(tmp_path)
+    done = itouch_py("run", str(SCENES / "first_touch.xml"), *words)
+    assert done.returncode == 2
+    assert says in done.stderr and "Traceback" not in done.stderr

@@ -1,0 +1,188 @@
+"""The window itself, on a virtual screen: every key, the mouse, resizing, closing; frames are driven by hand."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import textwrap
+
+import pytest
+
+from tests.shipped import SCENES
+
+#: Runs before every script: a window on a session whose time the script turns.
+PREPARE = """
+import sys, numpy as np, itouch
+from pyglet.window import key, mouse
+import pyglet
+pyglet.options.audio = ("silent",)
+from itouch.viewer.source import Local
+from itouch.viewer.window import Window
+clock = [0.0]
+session = itouch.build(sys.argv[1])
+session.run(9.0)
+source = Local(session, save_to=sys.argv[2])
+window = Window(source, lambda: clock[0], width=640, height=400)
+def turn(frames=1, period=1 / 60):
+    for _ in range(frames):
+        clock[0] += period
+        window.dispatch_events()
+        window.frame()
+def tell(*event):
+    window.dispatch_event(*event)  # into the queue
+    window.dispatch_events()
+def press(symbol, modifiers=0):
+    tell("on_key_press", symbol, modifiers)
+    if not window.closed:
+        tell("on_key_release", symbol, modifiers)
+def pixels():
+    window.switch_to()
+    return window._target.read().astype(int)
+def changed(a, b):
+    return int((np.abs(a - b).max(2) > 24).sum())
+turn()
+choices, camera = window.picture.choices, window.picture.camera
+"""
+
+SCRIPTS = {
+    "time runs with the host's clock": """
+        before = session.seconds
+        turn(30)
+        assert abs(session.seconds - before - 0.5) < 0.003, session.seconds - before
+    """,
+    "P pauses and goes on": """
+        press(key.P); before = session.seconds; turn(10)
+        assert session.seconds == before and source.situation.paused
+        press(key.P); turn(10)
+        assert session.seconds > before
+    """,
+    "H, T, G and C change the picture and change it back": """
+        press(key.P); turn()
+        plain = pixels()
+        for symbol, name in ((key.H, "help"), (key.T, "thermal"), (key.G, "aids"), (key.C, "curves")):
+            before = getattr(choices, name)
+            press(symbol); turn()
+            assert getattr(choices, name) is not before
+            assert changed(plain, pixels()) > 150, name
+            press(symbol); turn()
+            assert changed(plain, pixels()) == 0, name
+    """,
+    "numbers choose views and F frames": """
+        seen = set()
+        for symbol in (key._1, key._2, key._3, key._4, key._5):
+            press(symbol); turn()
+            seen.add((camera.azimuth, camera.elevation))
+        assert len(seen) == 5
+        camera.distance = 9.0
+        press(key.F)
+        assert camera.distance < 1.5
+    """,
+    "the mouse orbits, pans, zooms": """
+        before = camera.azimuth
+        tell("on_mouse_press", 100, 100, mouse.LEFT, 0)
+        tell("on_mouse_drag", 130, 100, 30, 0, mouse.LEFT, 0)
+        assert camera.azimuth != before
+        tell("on_mouse_release", 130, 100, mouse.LEFT, 0)
+        assert source.situation.picked == ""
+        target = camera.target
+        tell("on_mouse_drag", 130, 100, 30, 0, mouse.LEFT, key.MOD_SHIFT)
+        assert camera.target != target
+        target = camera.target
+        tell("on_mouse_drag", 130, 100, 30, 0, mouse.MIDDLE, 0)
+        assert camera.target != target
+        distance = camera.distance
+        tell("on_mouse_scroll", 100, 100, 0, 2)
+        assert camera.distance < distance
+    """,
+    "a click shows the properties of what is there": """
+        x, y = camera.project(np.array([-0.022, -0.025, 0.018]), *window.get_framebuffer_size())
+        tell("on_mouse_press", int(x), int(y), mouse.LEFT, 0)
+        tell("on_mouse_release", int(x), int(y), mouse.LEFT, 0)
+        assert source.situation.picked == "pyrex", source.situation.picked
+        turn()
+    """,
+    "S saves a session that can be restored": """
+        press(key.S); turn()
+        assert "saved" in source.situation.message
+        assert itouch.restore(sys.argv[2]).seconds > 9.0
+        source._save_to = "/nowhere/x.itouch"
+        press(key.S)
+        assert "/nowhere/x.itouch" in source.situation.message
+    """,
+    "M gives the finger to mouse and arrows": """
+        press(key.M)
+        assert "mouse moves" in source.situation.message
+        before = session.state["finger.hand.target"].copy()
+        tell("on_mouse_motion", 10, 10, 100, -50)
+        turn(20)
+        np.testing.assert_allclose(session.state["finger.hand.target"] - before, (0.01, -0.005, 0), atol=1e-9)
+        tell("on_mouse_scroll", 10, 10, 0, 3)
+        tell("on_key_press", key.RIGHT, 0)
+        turn(10)
+        tell("on_key_release", key.RIGHT, 0)
+        turn(20)
+        np.testing.assert_allclose(session.state["finger.hand.target"] - before, (0.015, -0.005, 0.003), atol=1e-9)
+        press(key.M); turn(30)
+        assert not session.state["finger.hand.offset"].any()
+    """,
+    "resizing keeps everything in place": """
+        for size in ((900, 500), (320, 200), (1, 1), (640, 400)):
+            window.set_size(*size)
+            tell("on_resize", *size)
+            turn(2)
+        assert window._target.width == window.get_framebuffer_size()[0]
+        assert len(np.unique(pixels().reshape(-1, 3), axis=0)) > 200
+    """,
+    "a lost context is made anew": """
+        press(key.P); press(key.T); turn()
+        plain = pixels()
+        tell("on_context_lost"); turn()
+        assert choices is window.picture.choices and changed(plain, pixels()) == 0
+    """,
+    "Esc stops safely and closes": """
+        press(key.ESCAPE)
+        assert window.closed and source.stopped
+    """,
+    "the window's cross does, too": """
+        tell("on_close")
+        assert window.closed and source.stopped
+    """,
+    "a fault is told in words": """
+        press(key.P); turn(); plain = pixels()
+        source.situation.faults = [{"trip": "silence", "device": "table", "cause": "is silent"}]
+        turn()
+        assert changed(plain, pixels()) > 300
+    """,
+    "an unknown key does nothing": """
+        press(key.F12); press(key.Q); turn(2)
+        assert not window.closed
+    """,
+}
+
+
+@pytest.fixture(scope="module")
+def screen(tmp_path_factory):
+    if shutil.which("Xvfb") is None:
+        (pytest.fail if os.environ.get("CI") else pytest.skip)("Xvfb is not installed")
+    read, write = os.pipe()
+    server = subprocess.Popen(
+        ["Xvfb", "-displayfd", str(write), "-screen", "0", "1280x800x24", "-nolisten", "tcp"],
+        pass_fds=[write], stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+    os.close(write)
+    with os.fdopen(read) as number:
+        display = number.readline().strip()
+    yield os.environ | {"DISPLAY": f":{display}"}
+    server.terminate()
+    server.wait()
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_window(name: str, screen, tmp_path):
+    script = PREPARE + textwrap.dedent(SCRIPTS[name])
+    scene = str(SCENES / "four_materials.xml")
+    words = [sys.executable, "-c", script, scene, str(tmp_path / "saved.itouch")]
+    done = subprocess.run(words, capture_output=True, text=True, env=screen, timeout=300)
+    assert done.returncode == 0, done.stderr
