@@ -85,7 +85,7 @@ def _what(spec: Spec) -> str:
     if spec.kind == "ref":
         return f"name of a {spec.target}"
     return {
-        "flag": "yes or no",
+        "flag": ", ".join(("yes or no", *spec.values)),
         "integer": f"whole number, {spec.range_text()}",
         "name": "name",
         "text": "text",

@@ -98,9 +98,14 @@ def _choice(spec: Spec, text: str) -> str:
     return text
 
 
-def _flag(spec: Spec, text: str) -> bool:
+def _flag(spec: Spec, text: str) -> bool | str:
+    if text in spec.values:
+        return text
     if text not in _FLAGS:
-        raise ValueProblemError("bad-value", f"'{text}' is neither yes nor no", "yes or no")
+        also = "".join(f", or {word}" for word in spec.values)
+        raise ValueProblemError(
+            "bad-value", f"'{text}' is neither yes nor no{also.replace('or', 'nor')}", f"yes or no{also}"
+        )
     return _FLAGS[text]
 
 

@@ -82,5 +82,5 @@ def _text(value: Any, spec: Spec) -> str:
     if spec.kind == "quantity":
         return format_quantity(value, spec.unit)
     if spec.kind == "flag":
-        return "yes" if value else "no"
+        return value if isinstance(value, str) else "yes" if value else "no"
     return str(value)

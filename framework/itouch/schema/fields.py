@@ -137,9 +137,9 @@ def choice(*values: str, default: Any = REQUIRED, doc: str = "") -> Any:
     return _make(Spec("choice", doc, values=values), default)
 
 
-def flag(*, default: Any = REQUIRED, doc: str = "") -> Any:
-    """Declare a yes or no."""
-    return _make(Spec("flag", doc), default)
+def flag(*, also: tuple[str, ...] = (), default: Any = REQUIRED, doc: str = "") -> Any:
+    """Declare a yes or no; ``also`` are further words that are allowed, bound as they are."""
+    return _make(Spec("flag", doc, values=also), default)
 
 
 def child(element: type, *, tag: str = "", default: Any = None, doc: str = "") -> Any:

@@ -79,7 +79,8 @@ class Session(Engine):
         """Return what a snapshot of now would hold."""
         record = Record.__array__(self.state, copy=True).reshape(1)
         manifest = self._snapshots().manifest(self.state)
-        return Snapshot(self.model.scene, record, manifest, self.ledger.dump(), dict(self._bases.used))
+        files = {file.file: file.data for file in self.model.files}
+        return Snapshot(self.model.scene, record, manifest, self.ledger.dump(), dict(self._bases.used), files)
 
     def to_xml(self) -> str:
         """Return the whole session as one XML document, which ``restore`` reads back to the same bytes."""
@@ -155,7 +156,7 @@ def choose_twins(scene: Scene, twin: str) -> Scene:
             )
     devices = []
     for device in scene.devices:
-        on = device.twin if twin not in ("all", "none") else twin == "all"
+        on = device.twin if twin not in ("all", "none") else twin == "all" and (device.twin or True)
         changed = replace(device, twin=on or device.name in wanted)
         place = scene.places.of(device)
         if place is not None:

@@ -42,6 +42,7 @@ class DeviceModel:
     ambient: float
     skin_temperature: float | None
     servo_period: float = 1e-3
+    remote: bool = False
 
     def command(self, name: str) -> Channel | None:
         """Return a command channel, or None."""
@@ -95,8 +96,9 @@ def _build(scene: Scene, element: DeviceElement, catalog: Catalog, problems: lis
     touch_off = calibration.points if calibration is not None and calibration.method == "touch-off" else 0
     return DeviceModel(
         element.name, element.plugin, cls, params, reads, commands, mount, element.mount.mount_error, element.mount.on,
-        limits, element.twin, element.optional, touch_off, scene.world.temperature,
+        limits, bool(element.twin), element.optional, touch_off, scene.world.temperature,
         next((operator.skin_temperature for operator in scene.operators), None), 1.0 / scene.rates.servo,
+        element.twin == "remote",
     )  # fmt: skip
 
 

@@ -71,7 +71,10 @@ class DeviceElement:
     name: str = name()
     plugin: str = text(doc="the device plugin's name; `itouch-py devices` lists them")
     optional: bool = flag(default=False, doc="whether the session may go on without it")
-    twin: bool = flag(default=True, doc="whether its simulated twin runs instead of the hardware")
+    twin: bool | str = flag(
+        also=("remote",), default=True,
+        doc="whether its simulated twin runs instead of the hardware; remote: in a process of its own, in real time",
+    )  # fmt: skip
     mount: Mount = child(Mount, default=Mount())
     limits: Limits = child(Limits, default=Limits())
     calibration: Calibration | None = child(Calibration)
