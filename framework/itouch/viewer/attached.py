@@ -45,7 +45,7 @@ class Attached:
 
     def save(self) -> str:
         """Ask for a snapshot."""
-        return self._ask("save", path=self._save_to) or f"saving {self._save_to}"
+        return self._ask("save", self._save_to) or f"saving {self._save_to}"
 
     def rearm(self) -> str:
         """Ask to re-arm after a fault."""
@@ -55,11 +55,11 @@ class Attached:
         """Ask for a step of the twin's finger [m]; None gives it back to its script."""
         if not self.model.probes:
             return "the scene has no probe"
-        return self._ask("steer", probe=self.model.probes[0].name, step=step)
+        return self._ask("steer", {"probe": self.model.probes[0].name, "step": step})
 
-    def _ask(self, verb: str, **values: object) -> str:
+    def _ask(self, what: str, value: object = None) -> str:
         try:
-            self._link.command(verb, **values)
+            self._link.command(what, value)
         except ServoError as error:
             return str(error)
         return ""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from itouch.scene.elements.document import PluginPart
+from itouch.scene.elements.sound import Sound
 from itouch.scene.elements.surface import Magnetic, Softness, StickSlip, Texture, Vibration, Viscosity
 from itouch.schema.fields import child, children, flag, name, plugin_parts, quantity, ref
 
@@ -50,6 +51,7 @@ class Material:
     magnetic: Magnetic | None = child(Magnetic)
     vibration: Vibration | None = child(Vibration)
     visual: Visual | None = child(Visual)
+    sound: Sound | None = child(Sound)
     parts: tuple[PluginPart, ...] = plugin_parts(doc="properties for plugins, <PLUGIN:material>")
 
     def __post_init__(self) -> None:
