@@ -67,7 +67,7 @@ class Engine:
     def _reset(self, seed: int) -> None:
         self.state["objects.pose"] = self.model.poses
         for runner in self._all:
-            runner.reset(seed)
+            runner.start(seed)
         for rig in self._rigs:
             rig.reset()
         for runner in self._all:
@@ -298,6 +298,8 @@ class Engine:
             self.state[f"{runner.model.name}.status"] = Status.CLOSED
         begun = int(self._tick) > 0  # a session that has run is not enabled a second time
         self._enabled = not hardware and (begun or any(r.status is Status.ENABLED for r in self._all))
+        for runner in self._all:
+            runner.restore()
         for rig in self._rigs:
             rig.restore()
 

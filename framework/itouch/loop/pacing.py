@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from itouch.loop.clock import now
 from itouch.loop.runner import DeviceFaultError
-from itouch.loop.safety import Trip
+from itouch.safety import Trip
 
 if TYPE_CHECKING:
     from itouch.loop.engine import Engine

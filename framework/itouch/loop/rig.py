@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 
 from itouch.loop import render
@@ -10,14 +9,13 @@ from itouch.loop.contactlog import ContactLog
 from itouch.loop.frames import Frame, Vector
 from itouch.loop.ledger import Ledger
 from itouch.loop.runner import DeviceFaultError, Runner
-from itouch.loop.safety import Trip
 from itouch.loop.touch import Listener, Toucher
 from itouch.loop.touchoff import TouchOff
 from itouch.plugin import Record
+from itouch.safety import Carried, TripError, fade
 from itouch.twin.coupling import Coupling
 from itouch.twin.hand import Hand
 from itouch.world import Model, ProbeModel
-from itouch.world import limits as default
 
 
 class ProbeRig:
@@ -37,6 +35,10 @@ class ProbeRig:
         self.touch_off = self._touch_off(state, offset)
         self.log = ContactLog(model, self.toucher, self.table, self.coupling, state, ledger)
         self._figures = self.toucher.figures
+        self._radius = probe.scene.radius
+        self.carried: Carried | None = None
+        if self.table is not None:
+            self.carried = Carried(self.table.model, state, self.table.reading, model.period)
         self._stands = [
             (which, runner)
             for which, runner in ((render.TRACKER, self.tracker), (render.ARM, self.arm), (render.TABLE, self.table))
@@ -75,6 +77,8 @@ class ProbeRig:
     def reset(self) -> None:
         """Set the probe's part of State to its start."""
         self.toucher.reset()
+        if self.carried is not None:
+            self.carried.forget()
         self.coupling.reset()
         if self.coupling.hand is not None:
             self.coupling.hand.reset()
@@ -120,15 +124,22 @@ class ProbeRig:
 
     def command(self) -> None:
         """Choose how fast the table may close in; a touch-off that is not done takes the table over."""
-        table = self.table
-        if table is None:
+        table, carried = self.table, self.carried
+        if table is None or carried is None:
             return
-        figures, limits = self._figures, table.model.limits
-        near = figures[2] - self.probe.scene.radius - figures[render.PLATE_TOP] < default.NEAR
-        table.closing = (limits.speed_near if near else limits.speed) or 0.0
+        table.closing = carried.closing(self._gap(), self._figures[render.TRACKING].item())
         if self.touch_off is not None and not self.touch_off.done and table.enabled:
             self._lead()
             self.touch_off.update()
+        elif carried.withdrawn.item():
+            target = table.command["pose_target"]
+            target[2] = carried.follow(target[2].item(), self.toucher.current.item() < 0)
+
+    def _gap(self) -> float:
+        """Return the distance [m] between finger pad and plate, as they are tracked."""
+        figures = self._figures
+        gap: float = figures[2].item() - self._radius - figures[render.PLATE_TOP].item()
+        return gap
 
     def _lead(self) -> None:
         """Ask the hand down to where the plate can reach it, if its path begins higher."""
@@ -145,23 +156,29 @@ class ProbeRig:
         self.log.note()
 
     def check(self, tick: int, counting: bool) -> None:
-        """Check the finger's speed, and that the table is where it was sent and presses gently."""
-        if self.toucher.trips:
-            self._trip(tick)
-        table = self.table
-        if table is None or not table.enabled:
-            return
+        """Check the finger's speed, and the table: where it is, how fast, how hard and how long it presses.
+
+        Raises
+        ------
+        DeviceFaultError
+            Naming the device and the limit.
+        """
+        acting = self.arm
+        try:
+            if acting is not None and acting.enabled:
+                acting.fade = fade(*self._figures[render.VELOCITY : render.VELOCITY + 3].tolist())
+            acting = self.table
+            if acting is not None and acting.enabled and self.carried is not None:
+                self._check_table(tick, counting, self.carried)
+        except TripError as error:
+            name = acting.model.name if acting is not None else ""
+            raise DeviceFaultError(name, tick, error.trip, str(error)) from error
+
+    def _check_table(self, tick: int, counting: bool, carried: Carried) -> None:
         distance = self._figures[render.TRACKING].item()
         if counting:
             self._ledger.tracking.add(distance)
-        table.check_tracking(tick, distance)
-
-    def _trip(self, tick: int) -> None:
-        """Tell which limit the tick has passed."""
-        table, trips = self.table, self.toucher.trips
-        if trips & render.TOO_FAST and self.tracker.enabled:
-            speed = math.hypot(*self._figures[render.VELOCITY : render.VELOCITY + 3].tolist())
-            raise DeviceFaultError(self.tracker.model.name, tick, Trip.SPEED, f"moves at {speed:.2f} m/s")
-        if trips & render.TOO_HARD and table is not None and table.enabled:
-            cause = f"presses with {abs(self.toucher.load[2].item()):.1f} N"
-            raise DeviceFaultError(table.model.name, tick, Trip.PLATE_FORCE, cause)
+        calibrated = counting and self.touch_off is not None
+        touched = carried.check(tick, distance, self._gap(), calibrated)
+        if touched is not None and self.face is not None and self.face.heat is not None:
+            self.face.heat.touched[...] = touched

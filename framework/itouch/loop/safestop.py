@@ -1,65 +1,66 @@
-"""What a fault does: every device is made safe, the cause is noted, and the loop goes on until they are."""
+"""What a fault does: every device is made safe, that is verified, and the cause is noted."""
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable, Sequence
 from typing import Any
 
 from itouch.loop.ledger import Ledger
 from itouch.loop.rig import ProbeRig
-from itouch.loop.runner import DeviceFaultError, Runner
+from itouch.loop.runner import Runner
 from itouch.plugin import Record
+from itouch.safety import DeviceFaultError, SafeSequence
 from itouch.world import Model
-
-#: How long [s] the devices get to reach their safe state after a fault.
-SAFE_TIME = 0.3
 
 
 class SafeStop:
-    """Carries out the safe sequence of one engine."""
+    """Carries out the safe sequence of one engine, and notes faults in its ledger."""
 
     def __init__(
         self, model: Model, state: Record, runners: Sequence[Runner], rigs: Sequence[ProbeRig], ledger: Ledger
     ) -> None:
         self._model, self._runners, self._rigs, self._ledger = model, runners, rigs, ledger
         self._tick = state["tick"]
+        self._sequence = SafeSequence(runners, state, model.period, self._move)
+        needed = {rig.tracker.model.name for rig in rigs}
+        for runner in runners:
+            if runner.model.optional and runner.model.name not in needed:
+                runner.on_loss = self._lost
 
-    def carry_out(self, fault: DeviceFaultError, taps: Sequence[Callable[[int], None]]) -> None:
-        """Make every device safe, then note the cause; ``taps`` hear of each tick that this takes."""
-        for runner in self._runners:
-            if runner.model.name == fault.device:
-                runner.fault(fault.trip)
-            else:
-                runner.disable()
-        self._ledger.faults.append(self._describe(fault))
-        for _ in range(round(SAFE_TIME / self._model.period)):
-            self._step(fault)
+    def carry_out(
+        self, fault: DeviceFaultError, taps: Sequence[Callable[[int], None]], wait: Callable[[], float] | None = None
+    ) -> None:
+        """Make every device safe; ``taps`` hear of each tick that this takes, ``wait`` paces them in real time."""
+        entry = self._describe(fault)
+        self._ledger.faults.append(entry)
+
+        def after_tick() -> None:
             for tap in taps:
-                tap(int(self._tick) - 1)
+                tap(self._tick.item() - 1)
+            if wait is not None:
+                wait()
 
-    def _step(self, fault: DeviceFaultError) -> None:
-        for runner in self._runners:
-            if runner.model.name != fault.device or runner.model.twin:
-                runner.write(int(self._tick))
+        outcome = self._sequence.carry_out(fault, after_tick)
+        entry["safe"] = {"reached": outcome.safe, "after_s": outcome.seconds, "devices": outcome.devices}
+
+    def _move(self) -> None:
         for rig in self._rigs:
             rig.couple(False)
         for runner in self._runners:
             runner.step_twin()
-        self._tick += 1
-        for runner in self._runners:
-            if runner.twin is not None and runner.model.name != fault.device:
-                with contextlib.suppress(Exception):  # one fault is told; a second one must not stop the rest
-                    runner.twin.read(runner.twin_state, runner.reading)
+
+    def _lost(self, fault: DeviceFaultError) -> None:
+        """Note the loss of an optional device; the session goes on without it."""
+        self._ledger.faults.append({**self._describe(fault), "optional": True})
 
     def _describe(self, fault: DeviceFaultError) -> dict[str, Any]:
-        element = self._model.scene.device(fault.device)
-        place = self._model.scene.places.of(element)
+        scene = self._model.scene
+        place = scene.places.of(scene.device(fault.device))
         return {
             "device": fault.device,
             "tick": fault.tick,
             "time_s": fault.tick * self._model.period,
-            "trip": fault.trip.name.lower().replace("_", "-"),
+            "trip": fault.trip.label,
             "cause": fault.cause,
             "scene": str(place) if place else None,
         }

@@ -172,7 +172,7 @@ def _constants(
         render.COSINE: math.cos(probe.scene.plate_angle),
         render.PERIOD: model.period,
         render.SMOOTH: 1.0 - math.exp(-model.period / VELOCITY_FILTER),
-        render.PLATE_LIMIT: default.PLATE_FORCE,
+        render.PLATE_LIMIT: (table.model.limits.plate_force if table else None) or default.PLATE_FORCE,
         render.SPEED_TRIP: default.ARM_SPEED_TRIP,
         render.FORCE_TRIP: default.PLATE_FORCE_TRIP,
         render.HAS_ARM: float(arm is not None),

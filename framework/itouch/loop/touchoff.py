@@ -13,9 +13,9 @@ import math
 from itouch.loop import render
 from itouch.loop.frames import Vector
 from itouch.loop.runner import DeviceFaultError, Runner
-from itouch.loop.safety import Trip
 from itouch.loop.touch import Toucher
 from itouch.plugin import Record
+from itouch.safety import Trip
 
 #: Speed of the rising plate [m/s], force that ends it and force from which samples count [N].
 RISE, FORCE, SAMPLE = 0.005, 0.3, 0.05

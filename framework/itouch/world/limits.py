@@ -1,4 +1,4 @@
-"""The limits in force: the hardware's ceiling, then what the scene tightens, then the defaults; nothing can loosen them.
+"""The limits in force: the hardware's ceiling, then what the scene tightens, then the defaults; nothing loosens them.
 
 The defaults are for healthy adults touching with a fingertip.  Their basis is in ``docs/reference/safety-limits.md``,
 where T, K and W number them.
@@ -44,7 +44,7 @@ PLATE_FORCE, PLATE_FORCE_TRIP, PLATE_FORCE_ABSOLUTE = 2.0, 5.0, 10.0
 NEAR = 0.020
 SPEED_NEAR, SPEED = 0.10, 0.25
 SPEED_NEAR_TRIP, SPEED_TRIP = 0.15, 0.30
-#: K6: distance [m] of a surface from its command that stops its approach, that trips, and for how long [s] it must last.
+#: K6: distance [m] of a surface from its command that stops its approach, that trips, and for how long [s].
 TRACKING, TRACKING_TRIP, TRACKING_TIME = 0.003, 0.005, 0.1
 # --- watchdogs (W) ------------------------------------------------------------------------------------------------
 #: W1: greatest age of a reading [s], by what the device commands.

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from itouch.plugin import Field, Record
 from itouch.world.model import Model
 from itouch.world.rig import DeviceModel
+from itouch.world.supervision import supervision
 
 #: How many contact events are remembered in State.
 EVENTS = 64
@@ -23,7 +24,7 @@ EVENT_DTYPE = [
 
 def layout(model: Model) -> tuple[Field, ...]:
     """Return all fields of the State of a model, in order."""
-    fields: list[Field] = [Field("tick", "i8"), Field("seed", "u8"), Field("ready", "i8")]
+    fields: list[Field] = [Field("tick", "i8"), Field("seed", "u8"), Field("ready", "i8"), Field("hold", "i8")]
     count = len(model.objects)
     fields += [Field("objects.pose", "f8", (count, 7)), Field("objects.twist", "f8", (count, 6))]
     for device in model.devices.values():
@@ -97,21 +98,7 @@ def _device(device: DeviceModel) -> list[Field]:
     fields = [Field(f"{name}.{channel.name}", "f8", channel.size) for channel in device.reads]
     fields += [Field(f"{name}.command.{channel.name}", "f8", channel.size) for channel in device.commands]
     fields += [Field(f"{name}.sent.{channel.name}", "f8", channel.size) for channel in device.commands]
-    fields += _prefixed(
-        name,
-        (
-            Field("status", "i8"),
-            Field("trip", "i8"),
-            Field("ramp"),
-            Field("age", "i8"),
-            Field("sequence", "i8"),
-            Field("clamped", "i8"),
-            Field("dropped", "i8"),
-            Field("strayed", "i8"),
-            Field("calibration", "f8", 7),
-            Field("previous", "f8", 3),
-        ),
-    )
+    fields += _prefixed(name, supervision(device.reads, device.commands))
     if device.touch_off:
         fields += _prefixed(
             f"{name}.touch_off",

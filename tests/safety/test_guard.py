@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from itouch.loop.safety import Guard, Trip, TripError, Watch
 from itouch.plugin import Channel, Field, Record, current, pose, pose_target, temperature, wrench
+from itouch.safety import Guard, Trip, TripError, Watch
 from itouch.world.limits import DeviceLimits
 
-LIMITS = DeviceLimits(3.0, 0.25, 0.10, 2.0, None, 0.02)
+LIMITS = DeviceLimits(force=3.0, speed=0.25, speed_near=0.10, current=2.0, watchdog=0.02)
 _any = st.floats(-1e6, 1e6)
 
 
@@ -100,9 +100,9 @@ def test_retract_goes_down_as_fast_as_allowed_and_stops_at_the_end() -> None:
 def test_readings_that_are_not_believable_trip(channel: Channel, value: float, trip: Trip) -> None:
     reading = Record.of([Field(channel.name, "f8", channel.size)])
     reading[channel.name] = 300.0
-    watch = Watch([channel], reading)
-    watch.check()
+    watch = Watch([channel], reading, DeviceLimits())
+    watch.check(1e-3)
     reading[channel.name][-1] = value
     with pytest.raises(TripError) as caught:
-        watch.check()
+        watch.check(1e-3)
     assert caught.value.trip is trip

@@ -1,0 +1,66 @@
+"""Connecting: all devices at once, each in a thread of its own, and all that fail are told together."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterable
+
+from itouch.safety.supervisor import Status, Supervisor
+from itouch.safety.trips import DeviceFaultError
+
+#: How long [s] a device may take to open.
+PATIENCE = 15.0
+
+
+def connect(supervisors: Iterable[Supervisor], tick: int, *, patience: float = PATIENCE) -> dict[str, str]:
+    """Open every device that is CLOSED, and read each once.
+
+    Parameters
+    ----------
+    supervisors
+        Of the devices.
+    tick
+        The number of the tick that comes next.
+    patience
+        How long [s] to wait for all of them.
+
+    Returns
+    -------
+    dict
+        Device -> why it failed; empty if all are there.
+    """
+    wanted = list(supervisors)
+    failures: dict[str, str] = {}
+    threads = {}
+    for supervisor in wanted:
+        if supervisor.status is Status.CLOSED:
+            threads[supervisor.model.name] = _start(supervisor, failures)
+    for name, thread in threads.items():
+        thread.join(patience)
+        if thread.is_alive():
+            failures[name] = f"did not open within {patience:g} s"
+    for supervisor in wanted:
+        if supervisor.model.name not in failures:
+            _first_reading(supervisor, tick, failures)
+    return {s.model.name: failures[s.model.name] for s in wanted if s.model.name in failures}
+
+
+def _start(supervisor: Supervisor, failures: dict[str, str]) -> threading.Thread:
+    """Open a device in a thread; twins open at once and need none."""
+
+    def work() -> None:
+        try:
+            supervisor.open()
+        except Exception as error:  # whatever a driver raises, the others must still be told of
+            failures[supervisor.model.name] = str(error) or type(error).__name__
+
+    thread = threading.Thread(target=work, name=f"open {supervisor.model.name}", daemon=True)
+    thread.start()
+    return thread
+
+
+def _first_reading(supervisor: Supervisor, tick: int, failures: dict[str, str]) -> None:
+    try:
+        supervisor.read(tick)
+    except DeviceFaultError as error:
+        failures[supervisor.model.name] = error.cause

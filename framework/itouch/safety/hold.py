@@ -1,0 +1,49 @@
+"""Hold-to-run: somebody holds a switch while devices may act; letting go makes everything safe (W3).
+
+The switch is a ``deadman`` reading of any device, or a word that the window repeats while its key is held.
+Hardware always needs it; twins only if the scene says ``hold-to-run="yes"``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from itouch.plugin import Record
+from itouch.safety.supervisor import Supervisor
+from itouch.safety.trips import DeviceFaultError, Trip
+from itouch.world import limits as default
+
+
+class Hold:
+    """The dead-man's switch of a session; until which tick it holds is State."""
+
+    def __init__(self, state: Record, supervisors: Sequence[Supervisor], period: float, *, asked: bool) -> None:
+        self._until, self._supervisors = state["hold"], tuple(supervisors)
+        self._ticks = math.ceil(default.HOLD / period)
+        self._switches = [s.reading["deadman"] for s in supervisors if "deadman" in s.reading]
+        #: Whether nothing may act unless the switch is held.
+        self.required = asked or any(not s.model.twin for s in supervisors)
+
+    def press(self, tick: int, held: bool) -> None:
+        """Take a word of the switch: held now, which is good for 80 ms, or let go."""
+        self._until[...] = tick + self._ticks if held else tick
+
+    def held(self, tick: int) -> bool:
+        """Tell whether the switch is held, by a device or by word."""
+        return tick < self._until.item() or any(switch.item() > 0.5 for switch in self._switches)
+
+    def check(self, tick: int) -> None:
+        """Stop what acts if nobody holds the switch.
+
+        Raises
+        ------
+        DeviceFaultError
+            Naming the device that has most to fear: the one that is to retract, else the first.
+        """
+        if not self.required or self.held(tick):
+            return
+        acting = [s for s in self._supervisors if s.enabled]
+        if acting:
+            first = next((s for s in acting if s.model.command("pose_target") is not None), acting[0])
+            raise DeviceFaultError(first.model.name, tick, Trip.RELEASED, "was let go: nobody holds the switch")

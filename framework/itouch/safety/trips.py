@@ -1,0 +1,59 @@
+"""What stops a device, and how it is told."""
+
+from __future__ import annotations
+
+import enum
+
+from itouch.schema import ItouchError
+
+
+class Trip(enum.IntEnum):
+    """Why a device was stopped; latched in State."""
+
+    NONE = 0
+    NOT_A_NUMBER = 1
+    SENSOR_RANGE = 2
+    PLATE_TEMPERATURE = 3
+    SINK_TEMPERATURE = 4
+    PLATE_FORCE = 5
+    TRACKING = 6
+    SPEED = 7
+    SILENT = 8
+    DEVICE_ERROR = 9
+    CALIBRATION = 10
+    OVERRUN = 11
+    DOSE = 12
+    CONTACT_TIME = 13
+    PLATE_RATE = 14
+    FLUX = 15
+    SENSOR_JUMP = 16
+    SENSOR_FROZEN = 17
+    SENSOR_DISAGREE = 18
+    RUNAWAY = 19
+    RELEASED = 20
+    SURFACE_SPEED = 21
+
+    @property
+    def label(self) -> str:
+        """Its name in reports."""
+        return self.name.lower().replace("_", "-")
+
+
+#: Trips that mean that a device is lost: a session may go on without an optional one.
+LOSSES = frozenset({Trip.SILENT, Trip.DEVICE_ERROR})
+
+
+class TripError(ItouchError):
+    """A limit was passed: which, on what, and how far."""
+
+    def __init__(self, trip: Trip, sentence: str) -> None:
+        super().__init__(sentence)
+        self.trip = trip
+
+
+class DeviceFaultError(ItouchError):
+    """A device that was stopped while the loop ran: which, when, and why."""
+
+    def __init__(self, device: str, tick: int, trip: Trip, cause: str) -> None:
+        super().__init__(f"device '{device}' {cause} at tick {tick}")
+        self.device, self.tick, self.trip, self.cause = device, tick, trip, cause
