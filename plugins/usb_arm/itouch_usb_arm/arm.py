@@ -11,6 +11,7 @@ import numpy as np
 from itouch.plugin import Channel, Device, DeviceError, Field, Record, Touch, Twin, pose, schema, wrench
 from itouch_usb_arm.errors import NotHomed
 from itouch_usb_arm.falcon import FORCE_SCALE, Falcon
+from itouch_usb_arm.remote import Remote
 from itouch_usb_arm.wire import Buttons
 
 #: Greatest force [N] and stiffness [N/m] of a Novint Falcon, as CHAI3D 3.3 states them.
@@ -108,6 +109,7 @@ class UsbArm(Device):
         super().__init__(params)
         #: A pyusb backend object; None: the system's, or the USB/IP server that the parameters name.
         self.backend: Any = None
+        self._remote: Remote | None = None
         self.driver: Falcon | None = None
         self._switch = None if params.deadman == "none" else Buttons[params.deadman.upper()]
 
@@ -122,20 +124,24 @@ class UsbArm(Device):
         if self.params.rotations != "locked":
             raise DeviceError('the arm cannot sense rotations: write rotations="locked"')
         driver = self._make()
-        driver.open()
         try:
+            driver.open()
             if not driver.homed and not driver.read().valid:
                 logging.getLogger(__name__).warning("arm: pull its grip fully out, then push it in, to home it")
             driver.home(self.params.homing_time)
         except BaseException:
             driver.close()
+            self._hang_up()
             raise
         self.driver = driver
 
     def _make(self) -> Falcon:
-        p = self.params
+        p, backend = self.params, self.backend
+        if backend is None and p.usbip:
+            self._remote = Remote(p.usbip)
+            backend = self._remote.backend
         return Falcon(
-            p.firmware or None, self.backend or _remote(p.usbip), serial=p.serial, force_scale=p.force_scale,
+            p.firmware or None, backend, serial=p.serial, force_scale=p.force_scale,
             resume=True, trace=self.trace,
         )  # fmt: skip
 
@@ -144,6 +150,12 @@ class UsbArm(Device):
         driver, self.driver = self.driver, None
         if driver is not None:
             driver.close()
+        self._hang_up()
+
+    def _hang_up(self) -> None:
+        remote, self._remote = self._remote, None
+        if remote is not None:
+            remote.close()
 
     def read(self, reading: Record) -> bool:
         """Exchange a frame; the pose is the fingertip's.
@@ -180,24 +192,13 @@ class UsbArm(Device):
     def make_safe(self, safe: Record) -> None:
         """Take the force away: opening the arm sends zero motors, and nothing else is needed."""
         driver = self._make()
-        driver.open()
-        driver.close()
+        try:
+            driver.open()
+        finally:
+            driver.close()
+            self._hang_up()
 
     def _open(self) -> Falcon:
         if self.driver is None:
             raise DeviceError("the arm is not open")
         return self.driver
-
-
-def _remote(address: str) -> Any:
-    """Return the pyusb backend of a USB/IP server, or None for an empty address."""
-    if not address:
-        return None
-    host, _, port = address.rpartition(":")
-    if not host or not port.isdigit() or not 0 < int(port) < 65536:
-        raise DeviceError(f"usbip = '{address}' must be HOST:PORT, for example 127.0.0.1:3240")
-    try:
-        from usbip_backend import get_backend
-    except ImportError as error:
-        raise DeviceError("an arm over USB/IP needs a package more: pip install 'itouch-py[usbip]'") from error
-    return get_backend(host, int(port))
