@@ -14,13 +14,31 @@ from itouch.schema.fields import REQUIRED, default_of, specs
 def main(argv: Sequence[str]) -> int:
     """List the device plugins that are installed."""
     parser = argparse.ArgumentParser(prog="itouch-py devices", description=main.__doc__)
-    parser.parse_args(argv)
+    parser.add_argument("--probe", action="store_true",
+                        help="look for what is attached, and say why it cannot be used")  # fmt: skip
+    options = parser.parse_args(argv)
     catalog = Catalog()
     for name in catalog.device_names:
         print("\n".join(_describe(catalog, name)))
+        cls = catalog.device(name) if options.probe else None
+        if cls is not None:
+            print("\n".join(_probe(cls)))
     if not catalog.device_names:
         print("no device plugin is installed")
     return 0
+
+
+def _probe(cls: type[Device]) -> list[str]:
+    """Say what is attached; a plugin that fails to look is told, the others go on."""
+    try:
+        found = cls.attached()
+    except Exception as error:  # a stranger's plugin may raise anything, and must not hide the others
+        return [f"    looking failed: {type(error).__name__}: {error}"]
+    if found is None:
+        return ["    attached: cannot be looked for"]
+    if not found:
+        return ["    attached: none"]
+    return [f"    attached: {one.where}: {'usable' if one.usable else 'NOT USABLE'}: {one.note}" for one in found]
 
 
 def _describe(catalog: Catalog, name: str) -> list[str]:

@@ -18,7 +18,7 @@ from itouch.plugin.channel import (
     twist,
     wrench,
 )
-from itouch.plugin.device import Device, DeviceError, Touch, Twin
+from itouch.plugin.device import Attached, Device, DeviceError, Touch, Twin
 from itouch.plugin.ideal import IdealTwin
 from itouch.plugin.modality import Contact, ContactEvent, Modality, ParameterError, World, WorldDevice, WorldObject
 from itouch.plugin.noise import gaussian
@@ -31,6 +31,7 @@ __all__ = [
     "HOLD",
     "RETRACT",
     "ROTATIONS",
+    "Attached",
     "Channel",
     "Contact",
     "ContactEvent",

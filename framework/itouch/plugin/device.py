@@ -19,6 +19,15 @@ class DeviceError(ItouchError):
     """A device that is missing, refuses, or has failed; the message says what to do."""
 
 
+@dataclass(frozen=True, slots=True)
+class Attached:
+    """A device that is really there: where, whether it can be used as it is, and how well or why not."""
+
+    where: str
+    usable: bool
+    note: str
+
+
 @dataclass(slots=True)
 class Touch:
     """What the simulated world presents to a twin in one tick, in the device's frame.
@@ -108,6 +117,11 @@ class Device(ABC):
     @classmethod
     def face(cls, params: Any) -> tuple[float, float] | None:
         """Return the half extents [m] of the flat face at the device's origin that a finger can touch, if any."""
+        return None
+
+    @classmethod
+    def attached(cls) -> tuple[Attached, ...] | None:
+        """Look for such devices without moving or heating anything; None: they cannot be looked for."""
         return None
 
     @abstractmethod

@@ -8,9 +8,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from itouch.plugin import Channel, Device, DeviceError, Field, Record, Touch, Twin, pose, schema, wrench
+from itouch.plugin import Attached, Channel, Device, DeviceError, Field, Record, Touch, Twin, pose, schema, wrench
 from itouch_usb_arm.errors import NotHomed
 from itouch_usb_arm.falcon import FORCE_SCALE, Falcon
+from itouch_usb_arm.look import look
 from itouch_usb_arm.remote import Remote
 from itouch_usb_arm.wire import Buttons
 
@@ -104,6 +105,11 @@ class UsbArm(Device):
         locked = (3, 4, 5) if params.rotations == "locked" else ()
         switch = () if params.deadman == "none" else (Channel("deadman", 1, ""),)
         return (pose(locked=locked), *switch), cls.commands
+
+    @classmethod
+    def attached(cls) -> tuple[Attached, ...]:
+        """Look for arms on the USB bus."""
+        return look()
 
     def __init__(self, params: UsbArmParams) -> None:
         super().__init__(params)

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from played import PlayedFalcon
 
-from itouch.plugin import DeviceError, Field, Record, Trace, read_trace
+from itouch.plugin import Attached, DeviceError, Field, Record, Trace, read_trace
 from itouch_usb_arm import Buttons, Disconnected, Falcon, HomingTimeout, NotHomed, UsbArm, UsbArmParams, boot
+from itouch_usb_arm.look import look
 from itouch_usb_arm.virtual import VirtualBackend, VirtualFalcon, VirtualTime
 
 IMAGE = boot.build([boot.Block(0x3F8000, (1, 2, 3)), boot.Block(0x3F8010, tuple(range(40)))], entry=0x3F8002)
@@ -141,6 +142,26 @@ def test_a_second_process_takes_the_force_away(tmp_path: Path) -> None:
 def test_a_bad_usbip_address_is_told(address: str) -> None:
     with pytest.raises(DeviceError, match="must be HOST:PORT"):
         UsbArm(UsbArmParams(usbip=address)).open()
+
+
+def test_what_is_attached_and_why_it_cannot_be_used() -> None:
+    def look_at(**options: Any) -> tuple[Attached, ...]:
+        denied = options.pop("denied", False)
+        return look(VirtualBackend(VirtualFalcon(**options), denied=denied))
+
+    (running,) = look_at(running=True, homed=True)
+    assert running.usable
+    assert "exchanges/s" in running.note
+    assert running.note.endswith("homed")
+    (cold,) = look_at()
+    assert cold.usable
+    assert 'firmware="FILE"' in cold.note
+    (denied,) = look_at(denied=True)
+    assert not denied.usable
+    assert "99-falcon.rules" in denied.note
+    gone = VirtualFalcon()
+    gone.attached = False
+    assert look(VirtualBackend(gone)) == ()
 
 
 # --- transcripts ------------------------------------------------------------------------------------------------------
