@@ -110,6 +110,11 @@ class Engine:
         """Whether every scripted motion has ended; never true without one."""
         return self.scripted and all(hand.done for hand in self._hands)
 
+    @property
+    def runners(self) -> tuple[Runner, ...]:
+        """The devices, in the order of the scene."""
+        return tuple(self._all)
+
     def status(self, device: str) -> Status:
         """Return what a device may do now."""
         return self._runners[device].status

@@ -1,10 +1,36 @@
 """The servo process: the engine on absolute deadlines in a process of its own, and all that watches over it.
 
-``launch`` starts a session and gives a ``Handle``; ``attach`` gives any process a ``Link`` to one that runs.
+``launch`` starts a session and gives a ``Handle``; ``attach`` gives any process a ``Link`` to one that runs;
+``sessions`` lists them.
 """
 
-from itouch.servo.attach import Link, SessionInfo, attach, sessions
-from itouch.servo.handle import Handle, launch
-from itouch.servo.segment import ServoError
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from itouch.servo.handle import Handle, launch
+    from itouch.servo.link import Link, SessionInfo, attach, sessions
+    from itouch.servo.segment import ServoError
+
+#: Public name -> its module; loaded when asked for, so that the guardian and readers stay small.
+_HOMES = {
+    "Handle": "handle",
+    "Link": "link",
+    "ServoError": "segment",
+    "SessionInfo": "link",
+    "attach": "link",
+    "launch": "handle",
+    "sessions": "link",
+}
 
 __all__ = ["Handle", "Link", "ServoError", "SessionInfo", "attach", "launch", "sessions"]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'itouch.servo' has no attribute '{name}'")
+    found = getattr(import_module(f"itouch.servo.{_HOMES[name]}"), name)
+    globals()[name] = found
+    return found

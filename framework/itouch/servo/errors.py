@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from itouch.loop import DeviceFaultError, EngineError
-from itouch.loop.safety import Trip
 from itouch.plugin import DeviceError
+from itouch.safety import Trip
 from itouch.schema import ItouchError, Place, Problem, SceneError
 from itouch.servo.segment import ServoError
 from itouch.session import SessionError

@@ -1,18 +1,48 @@
-"""Stub."""
+"""Starting the guardian of a session, and hearing from it what it had to do."""
 
 from __future__ import annotations
 
+import os
 import subprocess
+import sys
 
+from itouch.servo import words as at
 from itouch.servo.segment import Segment
+
+_ANSWER = 4096
+#: How long [s] the guardian may take to end after the servo process.
+_END = 5.0
 
 
 class Guarded:
-    """Stub."""
+    """The guardian of one servo process, as the launcher sees it."""
 
-    def __init__(self, process: subprocess.Popen[bytes], segment: Segment) -> None:
+    def __init__(self, process: subprocess.Popen[bytes], segment: Segment, environment: dict[str, str]) -> None:
+        near, far = os.pipe()
+        servo, owner = os.pidfd_open(process.pid), os.pidfd_open(os.getpid())
+        passed = (segment.handle, servo, owner, far)
+        words = [sys.executable, "-P", "-m", "itouch.servo.guardian", *map(str, passed), segment.name]
+        self._process = subprocess.Popen(
+            words, pass_fds=passed, stdin=subprocess.DEVNULL, start_new_session=True, env=environment
+        )
+        for handle in (servo, owner, far):
+            os.close(handle)
+        self._near = near
+        segment.words[at.GUARDIAN] = self._process.pid
+        #: What it had to do; empty if nothing.
         self.said = ""
-        self.pid = 0
+
+    @property
+    def pid(self) -> int:
+        """The guardian's process id."""
+        return self._process.pid
 
     def wait(self) -> None:
-        """."""
+        """Wait for its end, and take what it says."""
+        try:
+            self._process.wait(_END)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self.said = os.read(self._near, _ANSWER).decode()
+        os.close(self._near)

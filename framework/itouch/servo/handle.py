@@ -18,9 +18,9 @@ from itouch.loop.timing import Timing
 from itouch.plugin import Record
 from itouch.scene import Scene, write
 from itouch.servo import words as at
-from itouch.servo.attach import Link
 from itouch.servo.channel import messages
 from itouch.servo.guarding import Guarded
+from itouch.servo.link import Link
 from itouch.servo.segment import Segment, ServoError
 from itouch.session import choose_twins
 
@@ -43,7 +43,7 @@ class Handle:
 
     def __init__(self, process: subprocess.Popen[bytes], segment: Segment, line: socket.socket) -> None:
         self._process, self._segment, self._line = process, segment, line
-        self._guarded = Guarded(process, segment)
+        self._guarded = Guarded(process, segment, child_environment())
         self.contacts: list[dict[str, Any]] = []
         self.efforts: list[tuple[str, bool, str]] = []
         self.refused: list[str] = []

@@ -1,18 +1,165 @@
-"""Twins in processes of their own (stub)."""
+"""The loop's side of remote twins: starting their processes, and standing in for them inside the tick."""
 
 from __future__ import annotations
 
+import contextlib
+import json
+import socket
+import subprocess
+import sys
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.loop.runner import Runner
+from itouch.plugin import DeviceError, Field, Record, Touch, Twin
+from itouch.scene import write
+from itouch.servo import wire
+from itouch.servo.segment import ServoError, monotonic
 from itouch.session import Session
+
+#: Time [s] without commands after which a remote twin makes itself safe: half of what a death may take.
+WATCHDOG = 0.1
+#: How long [s] its process may take to answer for the first time.
+START_TIME = 60.0
+
+
+class RemoteTwin(Twin):
+    """Sends what the tick commands to a twin elsewhere, and takes over its State and readings as they come.
+
+    Until it is connected it runs the twin here: a session on the virtual clock needs no second process.
+    """
+
+    def __init__(self, twin: Twin) -> None:
+        super().__init__(twin.params)
+        self.twin = twin
+        self._line: socket.socket | None = None
+        self._sent = 0
+
+    def fields(self) -> tuple[Field, ...]:
+        """Return the State of the twin: what is known of it here."""
+        return self.twin.fields()
+
+    def reset(self, state: Record, rng: np.random.Generator) -> None:
+        """Set the twin to its start."""
+        self.twin.reset(state, rng)
+
+    def position(self, state: Record) -> NDArray[np.float64] | None:
+        """Return what is known of the true position here."""
+        return self.twin.position(state)
+
+    def connect(self, where: str, state: Record) -> None:
+        """Let the twin elsewhere begin from this State.
+
+        Raises
+        ------
+        ServoError
+            If it does not answer.
+        """
+        try:
+            line = wire.connect(where, START_TIME)
+            line.send(wire.head(wire.INIT, 0, monotonic()) + state.tobytes())
+            line.recv(wire.PACKET)
+        except OSError as error:
+            raise ServoError(f"a remote twin does not answer: {error}") from error
+        line.setblocking(False)
+        self._line = line
+
+    def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+        """Send the command; what the twin does comes back with a later reading."""
+        if self._line is None:
+            self.twin.step(state, command, touch, period)
+            return
+        self._sent += 1
+        packet = wire.head(wire.COMMAND, self._sent, monotonic()) + command.tobytes() + wire.pack_touch(touch)
+        with contextlib.suppress(OSError):  # a twin that hangs or has gone shows by its silence
+            self._line.send(packet)
+
+    def read(self, state: Record, reading: Record) -> bool | None:
+        """Take over the newest State and reading; False if none has come."""
+        if self._line is None:
+            return self.twin.read(state, reading)
+        newest: bytes | None = None
+        try:
+            while True:
+                packet = self._line.recv(wire.PACKET)
+                if not packet:
+                    raise DeviceError("its remote twin has hung up")
+                newest = packet
+        except BlockingIOError:
+            pass
+        except OSError as error:
+            raise DeviceError(f"its remote twin can't be reached: {error.strerror}") from error
+        if newest is None:
+            return False
+        _, flags, body = wire.split(newest)
+        size = state.nbytes
+        state.raw.data[:], reading.raw.data[:] = body[:size], body[size:]
+        if flags & wire.LATCHED:
+            raise DeviceError("its remote twin has made itself safe")
+        return True
+
+    def hang_up(self) -> None:
+        """Say that the session is over, and let go."""
+        if self._line is not None:
+            with contextlib.suppress(OSError):
+                self._line.send(wire.BYE)
+            self._line.close()
+            self._line = None
 
 
 class Remotes:
-    """Stub."""
+    """The remote twins of one session."""
 
     def __init__(self, session: Session, name: str) -> None:
-        self.addresses: dict[str, str] = {}
+        self._runners = [runner for runner in session.runners if runner.model.remote]
+        self._session = session
+        #: Device -> where its twin listens.
+        self.addresses = {runner.model.name: wire.address(name, runner.model.name) for runner in self._runners}
+        self.processes = [self._start(runner) for runner in self._runners]
+
+    def _start(self, runner: Runner) -> subprocess.Popen[bytes]:
+        scene = self._session.model.scene
+        listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        listener.bind(self.addresses[runner.model.name])
+        listener.listen(8)
+        config = {
+            "scene_xml": write(scene), "source": scene.source, "device": runner.model.name, "watchdog": WATCHDOG,
+        }  # fmt: skip
+        process = subprocess.Popen(
+            [sys.executable, "-P", "-m", "itouch.servo.twinserver", str(listener.fileno())],
+            pass_fds=(listener.fileno(),), stdin=subprocess.PIPE, start_new_session=True,
+        )  # fmt: skip
+        listener.close()
+        if process.stdin is not None:
+            process.stdin.write(json.dumps(config).encode())
+            process.stdin.close()
+        return process
 
     def connect(self) -> None:
-        """."""
+        """Let the twins elsewhere take over from those here.
+
+        Raises
+        ------
+        ServoError
+            If one does not answer.
+        """
+        for runner in self._runners:
+            if runner.twin is not None:
+                stand_in = RemoteTwin(runner.twin)
+                stand_in.connect(self.addresses[runner.model.name], runner.twin_state)
+                runner.twin = stand_in
 
     def close(self) -> None:
-        """."""
+        """End the twins' processes: each makes itself safe first."""
+        for runner in self._runners:
+            if isinstance(runner.twin, RemoteTwin):
+                runner.twin.hang_up()
+        deadline = time.monotonic() + 5.0
+        for process in self.processes:
+            try:
+                process.wait(max(0.0, deadline - time.monotonic()))
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()

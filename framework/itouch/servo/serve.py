@@ -15,11 +15,13 @@ from itouch.servo.commands import Commands
 from itouch.servo.prepare import prepare, prepare_text
 from itouch.servo.publish import ORDERED, TIMING_EVERY, Publisher, slots_for
 from itouch.servo.remote import Remotes
-from itouch.servo.segment import Segment, monotonic
+from itouch.servo.segment import Segment, ServoError, monotonic
 from itouch.session import Session
 
 #: How often the servo process looks round while the engine rests [s].
 _IDLE = 1e-3
+#: Silence [ns] of the guardian that ends a session whose devices obey.
+GUARDIAN_SILENCE = 500_000_000
 
 
 def build(config: dict[str, Any]) -> Session:
@@ -52,6 +54,7 @@ class Servo:
         self._commands = Commands(self)
         self._told = len(session.ledger.contacts)
         self.paused = False
+        self._failure: BaseException | None = None
         self.enabled = bool(config["enable"]) or not self._hardware()
 
     def _hardware(self) -> list[str]:
@@ -80,6 +83,7 @@ class Servo:
         try:
             self._begin()
             self._run()
+            error = self._failure
         except BaseException as raised:
             error = raised
         self.words[at.PHASE] = at.ENDING
@@ -159,6 +163,14 @@ class Servo:
         if tick % TIMING_EVERY == 0:
             self._publisher.publish_timing()
             self.outbox.flush()
+            self._watch_guardian()
+
+    def _watch_guardian(self) -> None:
+        """End the session if devices obey and nobody watches over this process any more."""
+        words = self.words
+        if words[at.ARMED] and monotonic() - int(words[at.GUARDIAN_BEAT]) > GUARDIAN_SILENCE and not words[at.STOP]:
+            self._failure = ServoError("the guardian process has died or hangs: the devices have been made safe")
+            words[at.STOP] = 1
 
     def _publish(self, late: float, duration: float) -> None:
         self.words[at.BEAT] = monotonic()

@@ -1,0 +1,145 @@
+"""``python -m itouch.servo.guardian``: a small process that makes the devices safe when the servo process can't.
+
+It watches the servo process die or hang, and the launcher die.  When the servo process dies, by whatever signal, the
+kernel wakes the guardian at once; when it hangs, its beat stops.  The guardian then sends the safe command over every
+connection that a second opener may have, and ends a hung servo process, so that it can't wake up and go on.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Sequence
+
+from itouch.servo import realtime, wire
+from itouch.servo import words as at
+from itouch.servo.segment import Segment, monotonic
+
+#: How often [s] the guardian looks, and how long the servo process may be silent: with devices that obey, and without.
+LOOK, SILENCE, SILENCE_ALONE = 0.005, 0.12, 5.0
+#: How long [s] the servo process may take to end when its launcher has gone.
+ORPHAN_TIME = 3.0
+
+#: Makes one device safe.
+Act = Callable[[], None]
+
+
+class Guardian:
+    """Watches one session."""
+
+    def __init__(self, segment: Segment, servo: int, owner: int) -> None:
+        self._segment, self._words = segment, segment.words
+        self._servo, self._owner = servo, owner
+        self._acts: dict[str, Act] | None = None
+        self._orphaned: float | None = None
+        self._was_armed = False
+
+    def watch(self) -> str:
+        """Watch until the servo process has ended; return what had to be done, in words."""
+        poller = select.poll()
+        poller.register(self._servo, select.POLLIN)
+        poller.register(self._owner, select.POLLIN)
+        while True:
+            ready = {handle for handle, _ in poller.poll(LOOK * 1e3)}
+            if self._servo in ready:
+                return self._died()
+            if self._owner in ready and self._orphaned is None:
+                poller.unregister(self._owner)
+                self._orphaned = time.monotonic()
+                self._words[at.STOP] = 1
+            self._prepare()
+            self._was_armed = bool(self._words[at.ARMED])
+            if self._hangs():
+                return self._end_it()
+
+    def _prepare(self) -> None:
+        """Open what can be opened now, so that nothing but sending is left to do; then begin to beat."""
+        if self._acts is None and int(self._words[at.SIZE]):
+            self._segment.map()
+            self._acts = _acts(self._segment)
+        if self._acts is not None:
+            self._words[at.GUARDIAN_BEAT] = monotonic()
+
+    def _hangs(self) -> bool:
+        if self._orphaned is not None and time.monotonic() - self._orphaned > ORPHAN_TIME:
+            return True
+        if self._segment.phase < at.READY:
+            return False
+        silent = (monotonic() - int(self._words[at.BEAT])) * 1e-9
+        return silent > (SILENCE if self._was_armed else SILENCE_ALONE)
+
+    def _died(self) -> str:
+        if not self._was_armed or self._segment.phase == at.ENDED:
+            return ""
+        return self._make_safe("the servo process died")
+
+    def _end_it(self) -> str:
+        said = self._make_safe("the servo process hung") if self._was_armed else ""
+        with contextlib.suppress(ProcessLookupError):
+            signal.pidfd_send_signal(self._servo, signal.SIGKILL)
+        return said or "the servo process hung and was ended"
+
+    def _make_safe(self, why: str) -> str:
+        """Send every safe command, all at once: one device that blocks must not delay the others."""
+        begin, acts = time.monotonic(), self._acts or {}
+        threads = [threading.Thread(target=_try, args=(act,), daemon=True) for act in acts.values()]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join(1.0)
+        if not acts:
+            return f"{why}; the devices' own watchdogs make them safe"
+        return f"{why}; {', '.join(acts)} made safe by the guardian within {(time.monotonic() - begin) * 1e3:.0f} ms"
+
+
+def _try(act: Act) -> None:
+    with contextlib.suppress(Exception):  # nobody is left to hear of it; the others go on
+        act()
+
+
+def _acts(segment: Segment) -> dict[str, Act]:
+    """Return, for each device with a second opener, what makes it safe."""
+    meta = segment.meta()
+    acts: dict[str, Act] = {name: _safe_packet(where) for name, where in meta["remotes"].items()}
+    if meta["second_openers"]:
+        from itouch.servo.opener import openers
+
+        acts.update(openers(segment, meta))
+    return acts
+
+
+def _safe_packet(where: str) -> Act:
+    line = wire.connect(where, 10.0)
+    line.settimeout(0.1)
+
+    def act() -> None:
+        line.send(wire.SAFE + b"the guardian")
+
+    return act
+
+
+def main(argv: Sequence[str]) -> int:
+    """Guard the session whose memory, servo process and launcher are given as file descriptors."""
+    memory, servo, owner, answer = (int(word) for word in argv[:4])
+    for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
+    realtime.take_priority(realtime.GUARDIAN_PRIORITY)
+    realtime.lock_memory()
+    realtime.sharpen_timer()
+    with contextlib.suppress(OSError), open("/proc/self/oom_score_adj", "w", encoding="ascii") as stream:
+        stream.write("-1000")
+    segment = Segment(memory, argv[4])
+    segment.words[at.GUARDIAN] = os.getpid()
+    said = Guardian(segment, servo, owner).watch()
+    with contextlib.suppress(OSError):
+        os.write(answer, said.encode())
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,40 @@
+"""Second openers of hardware: instances of the drivers that the guardian keeps ready for the servo process's death."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from typing import Any
+
+from itouch.exchange.thread import make_safe
+from itouch.plugin import Device, Field, Record
+from itouch.plugin.discovery import Catalog
+from itouch.scene import loads
+from itouch.servo.link import Link
+from itouch.servo.segment import Segment
+from itouch.world import DeviceModel
+from itouch.world.rig import build_devices
+
+
+def openers(segment: Segment, meta: dict[str, Any]) -> dict[str, Callable[[], None]]:
+    """Return, for each device that a second process may open, what makes it safe from the last State."""
+    sys.path[:] = [*sys.path, *(entry for entry in meta["sys_path"] if entry not in sys.path)]
+    catalog = Catalog()
+    scene = loads(meta["scene_xml"].encode(), catalog, shown=meta["source"])
+    models = build_devices(scene, catalog, [])
+    link = Link(segment)
+    return {name: _act(models[name], link) for name in meta["second_openers"]}
+
+
+def _act(model: DeviceModel, link: Link) -> Callable[[], None]:
+    device: Device = model.cls(model.params)
+    command = Record.of(Field(channel.name, "f8", channel.size) for channel in model.commands)
+
+    def act() -> None:
+        state = link.state
+        for channel in model.commands:
+            command[channel.name] = state[f"{model.name}.sent.{channel.name}"]
+        make_safe(command, model.commands)
+        device.make_safe(command)
+
+    return act

@@ -1,0 +1,258 @@
+"""``python -m itouch.servo.twinserver``: one twin in a process of its own, as a piece of hardware would be.
+
+It steps on its own clock, whatever the servo process does.  Without commands for the time of its watchdog, without a
+connection, or told so by a second opener, it makes itself safe and stays so until a session begins anew.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import signal
+import socket
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from itouch.exchange.thread import make_safe
+from itouch.loop import WallClock
+from itouch.plugin import HOLD, RETRACT, Field, Record, Touch
+from itouch.plugin.discovery import Catalog
+from itouch.scene import loads
+from itouch.servo import realtime, wire
+from itouch.servo.segment import monotonic
+from itouch.world import DeviceModel
+from itouch.world.rig import build_devices
+
+#: How long [s] the twin outlives its session: first until it is at rest, at the most; then for those who still read.
+LINGER, REST = 3.0, 0.3
+#: How long [s] it waits for a session at all.
+PATIENCE = 60.0
+
+
+class TwinServer:
+    """Steps one twin, and talks to whoever is connected."""
+
+    def __init__(self, model: DeviceModel, listener: socket.socket, *, watchdog: float, period: float) -> None:
+        self.model, self._period, self._watchdog = model, period, watchdog
+        self._listener = listener
+        listener.setblocking(False)
+        self._clients: list[socket.socket] = []
+        self._primary: socket.socket | None = None
+        self._watchers: list[socket.socket] = []
+        self.twin = model.make_twin()
+        fields = self.twin.fields()
+        self.state = Record.of(fields) if fields else Record(np.dtype([]))
+        self.twin.reset(self.state, np.random.default_rng(0))
+        self.reading, self.command, self.acting = (_record(c) for c in (model.reads, model.commands, model.commands))
+        self.touch = Touch(ambient=model.ambient)
+        self._slow = model.limits.speed or 0.0
+        self._latched, self._over = "", False
+        self._heard = 0
+        self._sequence = 0
+        self._flags = 0
+        self._height: float | None = None
+
+    # --- who is there -------------------------------------------------------------------------------------------------
+
+    def _accept(self) -> None:
+        with contextlib.suppress(BlockingIOError):
+            client, _ = self._listener.accept()
+            client.setblocking(False)
+            self._clients.append(client)
+
+    def _listen(self) -> None:
+        for client in list(self._clients):
+            while (packet := self._receive(client)) is not None:
+                self._hear(client, packet)
+
+    def _receive(self, client: socket.socket) -> bytes | None:
+        try:
+            packet = client.recv(wire.PACKET)
+        except BlockingIOError:
+            return None
+        except OSError:
+            packet = b""
+        if packet:
+            return packet
+        self._clients.remove(client)
+        if client in self._watchers:
+            self._watchers.remove(client)
+        if client is self._primary:
+            self._primary = None
+            self._latch("the connection to the servo process is gone")
+        client.close()
+        return None
+
+    def _hear(self, client: socket.socket, packet: bytes) -> None:
+        kind = packet[:1]
+        if kind == wire.COMMAND and client is self._primary:
+            self._obey(packet)
+        elif kind == wire.INIT:
+            self._begin(client, packet)
+        elif kind == wire.SAFE:
+            self._latch(packet[1:].decode(errors="replace") or "a second opener")
+        elif kind == wire.WATCH:
+            self._watchers.append(client)
+        elif kind == wire.BYE and client is self._primary:
+            self._latch("the session has ended")
+            self._over = True
+
+    def _begin(self, client: socket.socket, packet: bytes) -> None:
+        _, _, body = wire.split(packet)
+        if len(body) == len(self.state.raw):
+            self.state.raw.data[:] = body
+        self._primary, self._latched, self._over = client, "", False
+        self._heard = monotonic()
+        self._tell_event("begin", "")
+
+    def _obey(self, packet: bytes) -> None:
+        self._sequence, _, body = wire.split(packet)
+        self._heard = monotonic()
+        size = len(self.command.raw)
+        self.command.raw.data[:] = body[:size]
+        wire.unpack_touch(body[size:], self.touch)
+        self._height = None
+
+    # --- being safe ---------------------------------------------------------------------------------------------------
+
+    def _latch(self, cause: str) -> None:
+        if not self._latched:
+            self._latched = cause
+            self._tell_event("safe", cause)
+
+    def _watch(self) -> None:
+        silent = (monotonic() - self._heard) * 1e-9
+        if self._primary is not None and silent > self._watchdog:
+            self._latch(f"its watchdog, after {silent * 1e3:.0f} ms without a command")
+
+    def _choose(self) -> None:
+        """Choose what acts in this step: the command, or on the way to the safe one with the speed that is allowed."""
+        if not self._latched:
+            self.acting.raw[:] = self.command.raw
+            return
+        before = {c.name: float(self.acting[c.name][2]) for c in self.model.commands if c.safe is RETRACT}
+        make_safe(self.acting, self.model.commands)
+        for name, height in before.items():
+            self.acting[name][2] = max(float(self.acting[name][2]), height - self._slow * self._period)
+
+    def _carry_on_alone(self) -> None:
+        """Without anybody to say so, the finger stays where it was: a plate that sinks leaves it."""
+        position = self.twin.position(self.state)
+        if position is None:
+            return
+        if self._height is None:
+            self._height, self._gap, self._force = float(position[2]), self.touch.gap, self.touch.wrench[2]
+        sunk = self._height - float(position[2])
+        share = max(0.0, 1.0 - sunk / 2e-3)  # a pad of 1 N/mm under some newtons has let go after 2 mm
+        self.touch.wrench[2] = self._force * share
+        self.touch.force *= share
+
+    def _judge(self) -> int:
+        """Return the flags of what acts now."""
+        safe = clear = True
+        for channel in self.model.commands:
+            value = self.acting[channel.name]
+            if isinstance(channel.safe, tuple):
+                safe = safe and bool(np.array_equal(value, channel.safe))
+            elif channel.safe is RETRACT:
+                down = bool(self._latched) or float(value[2]) <= channel.low[2] + 1e-6
+                safe = safe and (down or float(value[2]) < self._last_target - 1e-9)
+                self._last_target = float(value[2])
+                clear = clear and abs(float(self.touch.wrench[2])) < 0.1
+            elif channel.safe is HOLD:
+                safe = safe and bool(self._latched)
+        return wire.LATCHED * bool(self._latched) | wire.OUTPUTS_SAFE * safe | wire.CLEAR * clear
+
+    _last_target = np.inf
+
+    # --- telling ------------------------------------------------------------------------------------------------------
+
+    def _tell(self) -> None:
+        if self._primary is not None:
+            flags = self._flags
+            body = wire.head(wire.TELL, self._sequence, flags) + self.state.tobytes() + self.reading.tobytes()
+            _send(self._primary, body)
+        packet = wire.head(wire.OBSERVED, monotonic(), self._flags)
+        for watcher in self._watchers:
+            _send(watcher, packet)
+
+    def _tell_event(self, what: str, detail: str) -> None:
+        text = json.dumps({"device": self.model.name, "what": what, "detail": detail, "host_ns": monotonic()})
+        for watcher in self._watchers:
+            _send(watcher, wire.EVENT + text.encode())
+
+    # --- living -------------------------------------------------------------------------------------------------------
+
+    def step(self) -> None:
+        """Take one step: listen, choose what acts, move on, tell."""
+        self._accept()
+        self._listen()
+        self._watch()
+        self._choose()
+        if self._latched:
+            self._carry_on_alone()
+        self.twin.step(self.state, self.acting, self.touch, self._period)
+        self.twin.read(self.state, self.reading)
+        flags = self._judge()
+        if flags != self._flags:
+            self._flags = flags
+            self._tell_event("flags", str(flags))
+        self._tell()
+
+    def live(self) -> None:
+        """Step until the session is over and the twin is at rest."""
+        clock, end = WallClock(), monotonic() + round(PATIENCE * 1e9)
+        clock.start(self._period)
+        rested = 0
+        while monotonic() < end:
+            if clock.wait() > 0.1:
+                clock.start(self._period)
+            self.step()
+            if self._primary is not None and not self._over:
+                end, rested = monotonic() + round(LINGER * 1e9), 0
+                continue
+            done = self._latched and self._flags & wire.OUTPUTS_SAFE and self._flags & wire.CLEAR
+            rested = rested + 1 if done else 0
+            if rested * self._period > REST:
+                return
+
+    def close(self) -> None:
+        """Hang up."""
+        for client in (*self._clients, self._listener):
+            client.close()
+
+
+def _send(client: socket.socket, packet: bytes) -> None:
+    with contextlib.suppress(OSError):  # who does not read misses packets; who has gone is noticed when listening
+        client.send(packet)
+
+
+def _record(channels: Sequence[Any]) -> Record:
+    return Record.of(Field(channel.name, "f8", channel.size) for channel in channels)
+
+
+def main(argv: Sequence[str]) -> int:
+    """Serve one twin on a socket that was passed on."""
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
+    config = json.loads(sys.stdin.read())
+    catalog = Catalog()
+    scene = loads(config["scene_xml"].encode(), catalog, shown=config["source"])
+    model = build_devices(scene, catalog, [])[config["device"]]
+    listener = socket.socket(fileno=int(argv[0]))
+    server = TwinServer(model, listener, watchdog=config["watchdog"], period=1.0 / scene.rates.servo)
+    realtime.sharpen_timer()
+    realtime.take_priority(realtime.REMOTE_PRIORITY)
+    realtime.freeze_garbage()
+    try:
+        server.live()
+    finally:
+        server.close()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,89 @@
+"""The protocol of a remote twin: packets on a local socket between a twin in its own process and those who use it.
+
+Each packet begins with one byte that says what it is.  The servo process says I (begin from this State), C (command and
+touch), B (the end); a second opener says S (be safe, and stay so); an observer says W (watch).  The twin answers the
+servo process with T (State and reading) after each of its steps, and observers with O (what acts) and E (an event).
+"""
+
+from __future__ import annotations
+
+import socket
+import struct
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from itouch.plugin import Touch
+
+INIT, COMMAND, BYE, SAFE, WATCH = b"I", b"C", b"B", b"S", b"W"
+TELL, OBSERVED, EVENT = b"T", b"O", b"E"
+#: What acts on an observed twin: commands are refused, what acts is safe, nothing presses on the finger.
+LATCHED: Final = 1
+OUTPUTS_SAFE: Final = 2
+CLEAR: Final = 4
+
+#: Largest packet [bytes].
+PACKET = 1 << 16
+_HEAD = struct.Struct("<cqq")
+_TOUCH = struct.Struct("<7d6d6d4d")
+
+
+def address(session: str, device: str) -> str:
+    """Return the address of a twin: a name in the kernel's list of local sockets, which leaves no file behind."""
+    return f"\0itouch/{session}/{device}"
+
+
+def connect(where: str, timeout: float | None = None) -> socket.socket:
+    """Connect to a twin.
+
+    Raises
+    ------
+    OSError
+        If nobody listens there.
+    """
+    line = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    line.settimeout(timeout)
+    try:
+        line.connect(where)
+    except OSError:
+        line.close()
+        raise
+    return line
+
+
+def head(kind: bytes, first: int, second: int) -> bytes:
+    """Return the head of a packet with two numbers."""
+    return _HEAD.pack(kind, first, second)
+
+
+def split(packet: bytes) -> tuple[int, int, memoryview]:
+    """Return the two numbers of a packet's head, and what follows."""
+    _, first, second = _HEAD.unpack_from(packet)
+    return first, second, memoryview(packet)[_HEAD.size :]
+
+
+def pack_touch(touch: Touch) -> bytes:
+    """Return what the simulated world presents to the twin."""
+    return _TOUCH.pack(
+        *touch.finger_pose.tolist(), *touch.finger_twist.tolist(), *touch.wrench.tolist(),
+        touch.force, touch.gap, touch.ambient, float(touch.finger_attached),
+    )  # fmt: skip
+
+
+def unpack_touch(data: memoryview, touch: Touch) -> None:
+    """Write what ``pack_touch`` returned into a touch."""
+    numbers: NDArray[np.float64] = np.frombuffer(data, np.float64, 23)
+    touch.finger_pose[:], touch.finger_twist[:], touch.wrench[:] = numbers[:7], numbers[7:13], numbers[13:19]
+    touch.force, touch.gap, touch.ambient = (float(number) for number in numbers[19:22])
+    touch.finger_attached = bool(numbers[22])
+
+
+@dataclass(frozen=True, slots=True)
+class Observation:
+    """What acted on a twin at a time of the monotonic clock [ns]: ``flags`` are LATCHED, OUTPUTS_SAFE, CLEAR."""
+
+    host_ns: int
+    flags: int
