@@ -15,6 +15,7 @@ from itouch.scene.elements import (
     PluginPart,
     Probe,
     Rates,
+    RecordElement,
     Safety,
     WorldElement,
 )
@@ -38,6 +39,7 @@ class Scene:
     rates: Rates = Rates()
     safety: Safety = Safety()
     faults: tuple[Fault, ...] = ()
+    record: RecordElement | None = None
     version: str = VERSION
     source: str = field(default="", compare=False)
     folder: str = field(default=".", compare=False)

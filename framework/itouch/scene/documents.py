@@ -12,7 +12,7 @@ from itouch.schema.diagnostics import Place, Problem, did_you_mean
 
 MAX_INCLUDE_DEPTH = 16
 MAX_DOCUMENTS = 256
-SECTIONS = ("include", "defaults", "materials", "world", "devices", "interaction", "rates", "safety", "fault")
+SECTIONS = ("include", "defaults", "materials", "world", "devices", "interaction", "rates", "safety", "fault", "record")
 
 
 @dataclass(slots=True)
@@ -136,6 +136,8 @@ class DocumentReader:
         return problem is None
 
     def _section(self, document: Document, node: Node) -> None:
+        if node.tag == "session" and not node.namespace:
+            return  # the State of a whole session: only restoring reads it
         if node.namespace or node.tag not in SECTIONS:
             advice = did_you_mean(node.tag, SECTIONS, "its elements are")
             sentence = f"<itouch> has no element <{node.written}>"

@@ -26,6 +26,7 @@ _SECTION_CLASSES: dict[str, type] = {
     "rates": elements.Rates,
     "safety": elements.Safety,
     "faults": elements.Faults,
+    "record": elements.RecordElement,
 }
 #: Elements that <defaults> may name.
 _DEFAULTABLE: dict[str, type] = {
@@ -235,6 +236,7 @@ class _Assembly:
             rates=self.single.get("rates", elements.Rates()),
             safety=self.single.get("safety", elements.Safety()),
             faults=tuple(self.faults),
+            record=self.single.get("record"),
             source=source,
             places=self.places,
         )

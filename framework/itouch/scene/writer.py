@@ -26,6 +26,7 @@ def write(scene: Scene) -> str:
     lines += _indent(_element(scene.rates, "rates"))
     lines += _indent(_element(scene.safety, "safety"))
     lines += [line for fault in scene.faults for line in _indent(_element(fault, "fault"))]
+    lines += _indent(_element(scene.record, "record")) if scene.record is not None else []
     return "\n".join([*lines, "</itouch>", ""])
 
 

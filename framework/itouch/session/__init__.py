@@ -1,6 +1,7 @@
 """Sessions: building, saving and restoring an engine."""
 
-from itouch.session.engine import Session, build, choose_twins, load_scene, restore
+from itouch.session.building import build, choose_twins, load_scene, restore
+from itouch.session.engine import Session
 from itouch.session.errors import SessionError
 from itouch.session.open import is_session
 

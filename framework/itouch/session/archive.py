@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from itouch.session.errors import SessionError
 
 #: Greatest size of a member, unpacked, and of all together [bytes].
-MAX_MEMBER, MAX_TOTAL = 64 << 20, 256 << 20
+MAX_MEMBER, MAX_TOTAL = 64 << 20, 512 << 20
 #: Members that every snapshot has; the first format had no others.
 MEMBERS = ("scene.xml", "state.npy", "manifest.json", "ledger.json")
 #: Members that it may have.

@@ -20,7 +20,7 @@ from itouch.session.arrays import load_bases, pack_bases
 from itouch.session.errors import SessionError
 from itouch.session.manifest import digest
 from itouch.session.numbers import from_text, to_text
-from itouch.session.snapshot import Snapshot, check_format, read_scene
+from itouch.session.snapshot import Snapshot, check_format, checked_files, read_scene
 
 #: Greatest document that is read [bytes], and greatest State that it may ask for.
 MAX_DOCUMENT, MAX_STATE = 256 << 20, 64 << 20
@@ -48,6 +48,8 @@ def _session(snapshot: Snapshot) -> Iterable[str]:
         packed, _ = pack_bases({key: arrays})
         shapes = ";".join(",".join(str(size) for size in array.shape) for array in arrays)
         yield f"    <basis key={quoteattr(key)} shapes={quoteattr(shapes)}>{base64.b64encode(packed).decode()}</basis>"
+    for data in dict.fromkeys(snapshot.files.values()):
+        yield f'    <file digest="{digest(data)}">{base64.b64encode(data).decode()}</file>'
     yield "  </session>"
 
 
@@ -150,6 +152,8 @@ def from_xml(name: str, data: bytes, catalog: Catalog) -> Snapshot:
         if splitter.tree is None:
             raise ValueError("it has no <session>")
         manifest, ledger, state, bases = _read(name, splitter.tree)
+        stored = {node.attributes["digest"]: _decoded(node) for node in splitter.tree.all("file")}
+        files = checked_files(name, manifest, stored)
     except SessionError:
         raise
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError, OverflowError, expat.ExpatError) as error:
@@ -157,7 +161,11 @@ def from_xml(name: str, data: bytes, catalog: Catalog) -> Snapshot:
     if digest(state.tobytes()) != manifest.get("state"):
         raise SessionError(f"'{name}' was altered: the digest of its state does not fit")
     xml = data[: splitter.begin].rstrip(b" \t") + data[splitter.end :].lstrip(b" \t\r\n")
-    return Snapshot(read_scene(name, xml, manifest, catalog), state, manifest, ledger, bases)
+    return Snapshot(read_scene(name, xml, manifest, files, catalog), state, manifest, ledger, bases, files)
+
+
+def _decoded(node: _Node) -> bytes:
+    return base64.b64decode(node.content, validate=True)
 
 
 def _read(name: str, tree: _Node) -> tuple[dict[str, Any], dict[str, Any], NDArray[Any], dict[str, Arrays]]:
@@ -166,7 +174,7 @@ def _read(name: str, tree: _Node) -> tuple[dict[str, Any], dict[str, Any], NDArr
     bases: dict[str, Arrays] = {}
     for node in tree.all("basis"):
         shapes = [[int(n) for n in part.split(",") if n] for part in node.attributes["shapes"].split(";")]
-        bases |= load_bases(base64.b64decode(node.content, validate=True), {node.attributes["key"]: shapes})
+        bases |= load_bases(_decoded(node), {node.attributes["key"]: shapes})
     return manifest, ledger, _state(tree.only("state")), _ordered(bases, manifest)
 
 

@@ -1,22 +1,22 @@
-"""Building an engine from a scene file, and saving and restoring it: a session is scene + State, nothing else."""
+"""An engine that can be saved, restored, recorded and marked: a session is scene + State, nothing else."""
 
 from __future__ import annotations
 
 import os
-from dataclasses import replace
+from collections.abc import Callable
+from typing import Any
 
 from itouch.loop import Clock, Engine
 from itouch.plugin import Record
 from itouch.plugin.bases import Bases, keeping
 from itouch.plugin.discovery import Catalog
-from itouch.scene import Scene, load
-from itouch.schema import Problem, SceneError
-from itouch.schema.diagnostics import did_you_mean
-from itouch.session import layout
+from itouch.recording import RecordingError
+from itouch.scene import Scene
+from itouch.session import layout, marks, wishes
 from itouch.session.document import to_xml
 from itouch.session.errors import SessionError
-from itouch.session.open import read_session
 from itouch.session.plausible import check_plausible
+from itouch.session.recorder import Recorder
 from itouch.session.snapshot import Snapshot, SnapshotWriter, write_snapshot
 from itouch.world import Model
 
@@ -38,6 +38,9 @@ class Session(Engine):
         self._bases, self._catalog, self._whole = bases or Bases(), catalog or Catalog(), bases is not None
         self._notes: tuple[str, ...] = ()
         self._writer: SnapshotWriter | None = None
+        #: The recorder that is at work, if any; ``records``: whether a run follows the scene's ``<record>``.
+        self.recorder: Recorder | None = None
+        self.records = True
         with keeping(self._bases):
             super().__init__(model, seed=seed, clock=clock)
 
@@ -86,6 +89,113 @@ class Session(Engine):
         """Return the whole session as one XML document, which ``restore`` reads back to the same bytes."""
         return to_xml(self.snapshot())
 
+    def run(
+        self,
+        seconds: float | None = None,
+        *,
+        until: Callable[[], bool] | None = None,
+        each: Callable[[], None] | None = None,
+        every: int = 1,
+    ) -> None:
+        """Run as ``Engine.run`` says; if the scene has a ``<record>``, record from the first run to ``close``.
+
+        Raises
+        ------
+        RecordingError
+            If the recording that the scene asks for can't begin.
+        """
+        element = self.model.scene.record
+        if element is not None and self.records and self.recorder is None:
+            self.record(wishes.file_name(element.to, self.model.scene.source, int(self.state["seed"])))
+        super().run(seconds, until=until, each=each, every=every)
+
+    def record(self, path: Path) -> Recorder:
+        """Record from now on into a file, until ``close``.
+
+        Raises
+        ------
+        RecordingError
+            If the file can't be written, or the session is being recorded.
+        SceneError
+            If the scene chooses a channel that there is not.
+        """
+        if self.recorder is not None:
+            raise RecordingError(f"the session is being recorded to '{self.recorder.path}'")
+        target = os.fspath(path)
+        tracks = wishes.tracks_of(self.model, self.state)
+        try:
+            os.makedirs(os.path.dirname(target) or ".", exist_ok=True)
+        except OSError as error:
+            raise RecordingError(f"cannot write '{target}': {error.strerror or error}") from error
+        self.recorder, self.records = Recorder(self, target, tracks), False
+        self.taps.append(self.recorder.tap)
+        return self.recorder
+
+    def recording_failed(self, recorder: Recorder) -> None:
+        """Note that recording has stopped; the session goes on, or ends after this tick, as the scene says."""
+        if recorder.tap in self.taps:
+            self.taps.remove(recorder.tap)
+        element = self.model.scene.record
+        tick = int(self.state["tick"])
+        self.ledger.faults.append(
+            {
+                "device": "recorder",
+                "tick": tick,
+                "time_s": tick * self.model.period,
+                "trip": "recording",
+                "cause": recorder.failure,
+                "scene": str(self.model.scene.places.of(element)) if element is not None else None,
+            }
+        )
+        if element is not None and element.on_failure == "stop":
+            self.stop()
+
+    def enable(self) -> None:
+        """Enable as ``Engine.enable`` says; a recording notes the State after it, because it came from outside."""
+        super().enable()
+        if self.recorder is not None:
+            self.recorder.note_state("enable")
+
+    def mark(self, name: str, payload: Any = None) -> None:
+        """Note a mark, such as the begin of a trial, before the next tick: in State, and in the recording.
+
+        Parameters
+        ----------
+        name
+            1 to 32 bytes of printable text.
+        payload
+            Anything that is JSON, at most 512 bytes of it.
+
+        Raises
+        ------
+        ValueError
+            If name or payload can't be kept.
+        """
+        stored, text = marks.encode(name, payload)
+        tick = marks.put(self.state, stored, text)
+        if self.recorder is not None:
+            self.recorder.tell("/marks", tick, name=name, payload=text.decode())
+
+    @property
+    def marks(self) -> list[dict[str, Any]]:
+        """The last marks, oldest first: tick, name, payload."""
+        return marks.remembered(self.state)
+
+    def close(self) -> None:
+        """Make every device safe and release it, and end the recording; the state stays readable.
+
+        Raises
+        ------
+        RecordingError
+            If the recording could not be finished.
+        """
+        super().close()
+        recorder, self.recorder = self.recorder, None
+        if recorder is not None:
+            if recorder.tap in self.taps:
+                self.taps.remove(recorder.tap)
+            recorder.close()
+
     def take_up(self, snapshot: Snapshot) -> None:
         """Go on from a snapshot of the same scene.
 
@@ -110,118 +220,3 @@ class Session(Engine):
                 "the scene compiles to other numbers here than where the session was saved (another version or "
                 "machine): it goes on, but not byte for byte",
             )
-
-
-def load_scene(
-    path: Path, *, rig: Path | None = None, twin: str | None = None, catalog: Catalog | None = None
-) -> Scene:
-    """Load a scene file.
-
-    Parameters
-    ----------
-    path
-        The file.
-    rig
-        A file whose devices replace those of the scene.
-    twin
-        ``"all"``, ``"none"``, or names of devices separated by commas that shall run as twins.
-    catalog
-        The plugins; default: those of this environment.
-
-    Raises
-    ------
-    SceneError
-        With all problems.
-    """
-    scene = load(path, catalog or Catalog(), rig=rig)
-    return scene if twin is None else choose_twins(scene, twin)
-
-
-def choose_twins(scene: Scene, twin: str) -> Scene:
-    """Return the scene with its devices' twins switched as ``--twin`` says.
-
-    Raises
-    ------
-    SceneError
-        If a name is not that of a device.
-    """
-    names = [device.name for device in scene.devices]
-    wanted = [name.strip() for name in twin.split(",")]
-    if twin not in ("all", "none"):
-        unknown = [name for name in wanted if name not in names]
-        if unknown:
-            advice = did_you_mean(unknown[0], [*names, "all", "none"], "possible are")
-            raise SceneError(
-                [Problem("unknown-name", f"--twin: there is no device named '{unknown[0]}'", None, advice)]
-            )
-    devices = []
-    for device in scene.devices:
-        on = device.twin if twin not in ("all", "none") else twin == "all" and (device.twin or True)
-        changed = replace(device, twin=on or device.name in wanted)
-        place = scene.places.of(device)
-        if place is not None:
-            names_of = ("name", "plugin", "twin")
-            spots = {name: spot for name in names_of if (spot := scene.places.of(device, name)) is not None}
-            scene.places.put(changed, place, spots)
-        devices.append(changed)
-    return replace(scene, devices=tuple(devices))
-
-
-def build(
-    scene: Path | Scene,
-    *,
-    seed: int = 0,
-    twin: str | None = None,
-    rig: Path | None = None,
-    clock: Clock | None = None,
-    catalog: Catalog | None = None,
-) -> Session:
-    """Build an engine from a scene or its file.
-
-    Parameters
-    ----------
-    scene
-        A scene, or the path of one.
-    seed
-        Of all noise; equal seeds give equal runs, byte for byte.
-    twin, rig
-        As in ``load_scene``.
-    clock
-        What paces the loop; default: the virtual clock, as fast as it computes.
-    catalog
-        The plugins; default: those of this environment.
-
-    Raises
-    ------
-    SceneError
-        With all problems of the scene.
-    """
-    plugins = catalog or Catalog()
-    if isinstance(scene, Scene):
-        description = scene if twin is None else choose_twins(scene, twin)
-    else:
-        description = load_scene(scene, rig=rig, twin=twin, catalog=plugins)
-    return Session.of(description, catalog=plugins, seed=seed, clock=clock)
-
-
-def restore(path: Path, *, clock: Clock | None = None, catalog: Catalog | None = None) -> Session:
-    """Restore a session from a snapshot or its XML; on twins it goes on byte for byte, hardware starts OPEN.
-
-    Raises
-    ------
-    SessionError
-        If the file is not a whole snapshot, or does not fit the plugins of this environment.
-    """
-    plugins = catalog or Catalog()
-    snapshot = read_session(path, plugins)
-    bases = Bases(snapshot.bases)
-    try:
-        with keeping(bases):
-            model = Model.of(snapshot.scene, plugins)
-            session = Session(model, seed=snapshot.seed, clock=clock, catalog=plugins, bases=bases)
-    except SceneError as error:
-        raise SessionError(f"the scene in '{os.fspath(path)}' can't be compiled here:\n\n{error}") from error
-    except ValueError as error:
-        raise SessionError(f"'{os.fspath(path)}' can't be restored: {error}") from error
-    session.take_up(snapshot)
-    return session

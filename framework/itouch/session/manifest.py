@@ -42,6 +42,7 @@ def constant_part(model: Model, catalog: Catalog, xml: bytes, dtype: np.dtype[An
         "layout": digest(repr(dtype.descr).encode()),
         "model": model_digest(model),
         "scene": digest(xml),
+        "files": {file.file: file.digest for file in model.files},
     }
 
 

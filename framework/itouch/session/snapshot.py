@@ -32,6 +32,7 @@ class Snapshot:
     manifest: dict[str, Any]
     ledger: dict[str, Any]
     bases: dict[str, Arrays] = field(default_factory=dict)
+    files: dict[str, bytes] = field(default_factory=dict)
 
     @property
     def seed(self) -> int:
@@ -51,6 +52,7 @@ class SnapshotWriter:
             packed, shapes = pack_bases(bases.used)
             self._constant["bases"] = {"digest": digest(packed), "shapes": shapes}
             members["bases.npy"] = packed
+        members |= {f"assets/{file.digest}": file.data for file in model.files}
         self._archive = ArchiveWriter(members)
         self._header = npy_header(state.dtype)
         self._calibrated = [name for name in model.devices if f"{name}.calibration" in state]
@@ -107,6 +109,7 @@ def read_snapshot(path: str | os.PathLike[str], catalog: Catalog) -> Snapshot:
         check_format(name, manifest)
         state = record_from(members["state.npy"])
         bases = _bases(name, manifest, members.get("bases.npy"))
+        files = checked_files(name, manifest, {k[7:]: v for k, v in members.items() if k.startswith("assets/")})
     except SessionError:
         raise
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError, MemoryError, SyntaxError) as error:
@@ -114,11 +117,29 @@ def read_snapshot(path: str | os.PathLike[str], catalog: Catalog) -> Snapshot:
     _check_digest(name, "state", manifest, state.tobytes())
     if manifest.get("format") != "1.0":
         _check_digest(name, "scene", manifest, members["scene.xml"])
-    scene = read_scene(name, members["scene.xml"], manifest, catalog)
-    return Snapshot(scene, state, manifest, ledger, bases)
+    scene = read_scene(name, members["scene.xml"], manifest, files, catalog)
+    return Snapshot(scene, state, manifest, ledger, bases, files)
 
 
-def read_scene(name: str, xml: bytes, manifest: Mapping[str, Any], catalog: Catalog) -> Scene:
+def checked_files(name: str, manifest: Mapping[str, Any], stored: Mapping[str, bytes]) -> dict[str, bytes]:
+    """Return the files that the scene names, such as meshes, from what is stored by digest.
+
+    Raises
+    ------
+    SessionError
+        If one is missing or altered.
+    """
+    files: dict[str, bytes] = {}
+    for file, stated in dict(manifest.get("files", {})).items():
+        if stated not in stored or digest(stored[stated]) != stated:
+            raise SessionError(f"'{name}' is not a whole snapshot: the scene's file '{file}' is missing or altered")
+        files[str(file)] = stored[stated]
+    return files
+
+
+def read_scene(
+    name: str, xml: bytes, manifest: Mapping[str, Any], files: Mapping[str, bytes], catalog: Catalog
+) -> Scene:
     """Return the scene of a stored session.
 
     Raises
@@ -127,7 +148,7 @@ def read_scene(name: str, xml: bytes, manifest: Mapping[str, Any], catalog: Cata
         If it does not load here.
     """
     try:
-        scene = loads(xml, catalog, shown=f"{name}/scene.xml")
+        scene = loads(xml, catalog, shown=f"{name}/scene.xml", files=files)
     except SceneError as error:
         raise SessionError(f"the scene in '{name}' does not load here:\n\n{error}") from error
     return replace(scene, source=str(manifest.get("source", "")))

@@ -3,8 +3,10 @@
 from itouch.scene.elements.document import Include, PluginPart
 from itouch.scene.elements.interaction import Interaction, Motion, Operator, Probe, To
 from itouch.scene.elements.materials import ContactMaterial, Material, Materials, Visual
+from itouch.scene.elements.motion import Dynamics, Key, ObjectMotion
 from itouch.scene.elements.objects import OBJECTS, Box, Capsule, Cylinder, Mesh, Plane, Sphere, WorldElement
 from itouch.scene.elements.rates import Rates
+from itouch.scene.elements.record import RecordChannels, RecordElement
 from itouch.scene.elements.rig import Calibration, DeviceElement, Devices, Limits, Mount
 from itouch.scene.elements.safety import FAULTS, Fault, Faults, Safety
 
@@ -18,6 +20,7 @@ __all__ = [
     "ContactMaterial",
     "Cylinder",
     "DeviceElement",
+    "Dynamics",
     "Devices",
     "FAULTS",
     "Fault",
@@ -31,17 +34,21 @@ __all__ = [
     "Motion",
     "Mount",
     "OBJECTS",
+    "ObjectMotion",
     "Operator",
     "Plane",
     "PluginPart",
     "Probe",
     "Rates",
+    "RecordChannels",
+    "RecordElement",
     "Safety",
     "Sphere",
     "To",
     "VERSION",
     "Visual",
     "WorldElement",
+    "Key",
     "Layer",
     "Magnetic",
     "Softness",

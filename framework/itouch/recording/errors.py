@@ -1,0 +1,7 @@
+"""What goes wrong with recordings."""
+
+from itouch.schema import ItouchError
+
+
+class RecordingError(ItouchError):
+    """A recording that can't be written or read; the message names file and cause."""

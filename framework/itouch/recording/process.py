@@ -1,0 +1,108 @@
+"""The writing process: ``python -m itouch.recording.process FD ROWS ROW LETTERS FILE``.
+
+Its standard input closes when its parent is gone.
+It takes from the ring about ten times a second, ends when told to or when its parent is gone, and survives what
+kills the parent's group.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import signal
+import sys
+import time
+
+import numpy as np
+
+from itouch.recording.ring import Phase, Ring, Shape, Word
+from itouch.recording.scribe import MOST_ROWS, SPEC, Scribe
+from itouch.recording.sink import Sink
+from itouch.recording.spec import Spec
+
+#: Seconds between two chunks: with the way to the disk, what a kill may cost.
+EVERY = 0.1
+_PATIENCE = 30.0
+
+
+def main(words: list[str]) -> int:
+    """Write one recording; return 0 if it is whole."""
+    descriptor, rows, row, letters = (int(word) for word in words[:4])
+    ring = Ring(Shape(rows, row, letters), descriptor)
+    ring.words[Word.PROCESS] = os.getpid()
+    _settle()
+    try:
+        sink = Sink(words[4])
+        try:
+            _write(ring, sink)
+        finally:
+            sink.close()
+    except OSError as error:
+        ring.say(Phase.FAILED, error.errno or 1, f"cannot write '{words[4]}': {error.strerror or error}")
+        return 1
+    except Exception as error:  # the loop must learn of it, whatever it is
+        ring.say(Phase.FAILED, 1, f"cannot write '{words[4]}': {type(error).__name__}: {error}")
+        return 1
+    ring.say(Phase.DONE)
+    return 0
+
+
+def _settle() -> None:
+    """Leave the parent's priority and processors, and what is sent to its terminal."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP):
+        signal.signal(number, signal.SIG_IGN)
+    with contextlib.suppress(OSError, AttributeError):
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        os.sched_setaffinity(0, range(os.cpu_count() or 1))
+    with contextlib.suppress(OSError):
+        os.nice(5)
+
+
+def _write(ring: Ring, sink: Sink) -> None:
+    spec = Spec.load(_first(ring))
+    scribe = Scribe(ring, spec, sink, np.dtype(_tuples(spec.session["layout"])))
+    scribe.begin()
+    ring.say(Phase.RECORDING)
+    written = time.monotonic()
+    while not ring.words[Word.CLOSING]:
+        if _parent_gone(0.01 if _waiting(ring) > ring.shape.rows // 4 else 0.02):
+            break
+        if _waiting(ring) >= min(MOST_ROWS, ring.shape.rows // 4) or time.monotonic() - written >= EVERY - 0.02:
+            scribe.step()
+            written = time.monotonic()
+    scribe.drain()
+
+
+def _first(ring: Ring) -> bytes:
+    until = time.monotonic() + _PATIENCE
+    while (letter := ring.take()) is None:
+        if time.monotonic() > until:
+            raise OSError(0, "nothing came to be written")
+        time.sleep(0.005)
+    if letter[0] != SPEC:
+        raise ValueError("the first letter is not a specification")
+    return letter[1]
+
+
+def _waiting(ring: Ring) -> int:
+    return int(ring.words[Word.ROWS_IN] - ring.words[Word.ROWS_OUT])
+
+
+def _parent_gone(seconds: float) -> bool:
+    """Wait a little; tell whether the parent has died."""
+    readable, _, _ = select.select([0], [], [], seconds)
+    return bool(readable) and not os.read(0, 64)
+
+
+def _tuples(described: list[list[object]]) -> list[tuple[object, ...]]:
+    """Return a dtype description as NumPy wants it, from JSON."""
+    out: list[tuple[object, ...]] = []
+    for name, kind, *shape in described:
+        inner = _tuples(kind) if isinstance(kind, list) else kind
+        out.append((name, inner, *(tuple(s) if isinstance(s, list) else s for s in shape)))
+    return out
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

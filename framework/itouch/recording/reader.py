@@ -1,0 +1,273 @@
+"""Reading the longest valid prefix of a recording: only what stands in whole chunks with right checksums is believed.
+
+Nothing is taken from the index at the end, and nothing from a record that no checksum covers; the sequence numbers
+of the messages tell when a chunk between two others has gone.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import zstandard
+from numpy.typing import NDArray
+
+from itouch.recording.codec import HEAD, Codec
+from itouch.recording.errors import RecordingError
+from itouch.recording.tracks import Track, load_track
+from itouch.recording.writer import LETTERS, MAGIC
+
+#: Greatest chunk, unpacked; greatest content of all rows together [bytes].
+MAX_CHUNK, MAX_CONTENT = 64 << 20, 4 << 30
+_HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _ATTACHMENT, _DATA_END = 1, 2, 3, 4, 5, 6, 9, 15
+#: Records that may stand among the data and hold nothing that is needed: indexes and metadata.
+_PASSED = (_HEADER, 7, 12)
+
+
+class DamageError(ValueError):
+    """From here on the file can't be believed."""
+
+
+@dataclass
+class Content:
+    """What was read: ``rows`` by track, ``letters`` by topic (tick and JSON text), and what is missing."""
+
+    path: str
+    size: int
+    session: dict[str, Any] = field(default_factory=dict)
+    tracks: dict[str, Track] = field(default_factory=dict)
+    rows: dict[str, NDArray[Any]] = field(default_factory=dict)
+    letters: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
+    attachments: dict[str, bytes] = field(default_factory=dict)
+    whole: bool = False
+    losses: list[str] = field(default_factory=list)
+    good: int = 0
+
+
+def read_content(path: str) -> Content:
+    """Read a recording as far as it is valid.
+
+    Raises
+    ------
+    RecordingError
+        If it can't be opened, or is not a recording of this program.
+    """
+    try:
+        size = os.path.getsize(path)
+        with open(path, "rb") as stream:
+            data = stream.read()
+    except OSError as error:
+        raise RecordingError(f"cannot read '{path}': {error.strerror or error}") from error
+    return parse(path, data, size)
+
+
+def parse(path: str, data: bytes, size: int) -> Content:
+    """Read a recording from memory; see ``read_content``."""
+    content = Content(path, size)
+    if data[: len(MAGIC)] != MAGIC:
+        raise RecordingError(f"'{path}' is not a recording: it does not begin as an MCAP file")
+    parser = _Parser(content)
+    try:
+        for opcode, body, end in _records(data):
+            if opcode == _DATA_END:
+                content.good = end
+                content.whole = True
+                break
+            parser.take(opcode, body)
+            content.good = end
+    except DamageError as damage:
+        content.losses.append(f"{damage}; {size - content.good} of {size} bytes are not read")
+    if content.whole and not data.endswith(MAGIC):
+        content.losses.append("the index at its end is damaged; no sample is missing")
+    if not content.session:
+        raise RecordingError(f"'{path}' holds no readable session{': ' + content.losses[0] if content.losses else ''}")
+    parser.finish()
+    return content
+
+
+def _records(data: bytes) -> Iterator[tuple[int, memoryview, int]]:
+    """Yield opcode, body and end of every record.
+
+    Raises
+    ------
+    DamageError
+        Where the file ends in the middle of one.
+    """
+    at, view = len(MAGIC), memoryview(data)
+    while True:
+        if at + 9 > len(data):
+            raise DamageError("the file ends without an end of its data: it was cut, or its writer was killed")
+        opcode, length = struct.unpack_from("<BQ", data, at)
+        if length > len(data) - at - 9:
+            raise DamageError(f"the file ends inside a record that begins at byte {at}")
+        yield opcode, view[at + 9 : at + 9 + length], at + 9 + length
+        at += 9 + length
+
+
+class _Parser:
+    def __init__(self, content: Content) -> None:
+        self.content = content
+        self._codecs: dict[int, Codec] = {}
+        self._topics: dict[int, str] = {}
+        self._blocks: dict[str, list[NDArray[Any]]] = {}
+        self._next: dict[int, int] = {}
+        self._total = 0
+
+    def take(self, opcode: int, body: memoryview) -> None:
+        """Take one record of the data.
+
+        Raises
+        ------
+        DamageError
+            If it can't be believed.
+        """
+        if opcode == _CHUNK:
+            self._chunk(body)
+        elif opcode == _ATTACHMENT:
+            self._attachment(body)
+        elif opcode not in _PASSED:
+            raise DamageError(f"a record of kind {opcode} does not belong among the data")
+
+    def _attachment(self, body: memoryview) -> None:
+        try:
+            data = bytes(body)
+            (crc,) = struct.unpack("<I", data[-4:])
+            if zlib.crc32(data[:-4]) != crc:
+                raise ValueError("its checksum does not fit")
+            at = 16
+            (length,) = struct.unpack_from("<I", data, at)
+            name = data[at + 4 : at + 4 + length].decode()
+            at += 4 + length
+            at += 4 + struct.unpack_from("<I", data, at)[0]
+            (size,) = struct.unpack_from("<Q", data, at)
+            self.content.attachments[name] = data[at + 8 : at + 8 + size]
+        except (ValueError, struct.error) as error:
+            self.content.losses.append(f"an attachment is damaged ({error}); no sample is missing")
+
+    def _chunk(self, body: memoryview) -> None:
+        data = _unpacked(body)
+        try:
+            self._messages(data)
+        except (ValueError, KeyError, TypeError, AttributeError, struct.error, RecursionError) as error:
+            raise DamageError(f"a chunk makes no sense: {error}") from error
+
+    def _messages(self, data: bytes) -> None:
+        """Take the records of a chunk; all of them, or none."""
+        view, at = memoryview(data), 0
+        rows: list[tuple[str, NDArray[Any]]] = []
+        letters: list[tuple[str, dict[str, Any]]] = []
+        following = dict(self._next)
+        while at < len(data):
+            opcode, length = struct.unpack_from("<BQ", data, at)
+            end = at + 9 + length
+            if end > len(data):
+                raise ValueError("a record is longer than its chunk")
+            if opcode == _MESSAGE:
+                channel, sequence = struct.unpack_from("<HI", data, at + 9)
+                codec = self._codecs.get(channel)
+                count = codec.count(view[at:]) if codec is not None else 1
+                if count == 0:
+                    raise ValueError("a message has another length than its track says")
+                _check_sequence(following, channel, sequence, count)
+                if codec is not None:
+                    rows.append((codec.track.name, self._rows(codec, view[at:], count)))
+                    end = at + count * codec.length
+                elif (topic := self._topics.get(channel)) is not None:
+                    letters.append((topic, self._letter(topic, bytes(view[at + HEAD : end]))))
+            elif opcode == _CHANNEL:
+                self._channel(bytes(view[at + 9 : end]))
+            elif opcode != _SCHEMA:
+                raise ValueError(f"a record of kind {opcode} does not belong into a chunk")
+            at = end
+        self._next = following
+        for name, table in rows:
+            self._blocks.setdefault(name, []).append(table)
+        for topic, letter in letters:
+            if topic != "/session":
+                self.content.letters.setdefault(topic, []).append(letter)
+
+    def _rows(self, codec: Codec, data: memoryview, count: int) -> NDArray[Any]:
+        rows, sequence = codec.decode(data, count)
+        if count > 1 and (np.diff(sequence) != 1).any():
+            raise ValueError("messages are missing")
+        self._total += rows.nbytes
+        if self._total > MAX_CONTENT:
+            raise RecordingError(f"'{self.content.path}' holds more than {MAX_CONTENT >> 30} GiB of rows")
+        return rows
+
+    def _letter(self, topic: str, data: bytes) -> dict[str, Any]:
+        found = json.loads(data)
+        if not isinstance(found, dict):
+            raise ValueError(f"a message of '{topic}' is not a JSON object")
+        if topic == "/session" and not self.content.session:
+            self._begin(found)
+        return found
+
+    def _begin(self, session: dict[str, Any]) -> None:
+        """Learn the tracks from the first message; channels are numbered in their order."""
+        if str(session["format"]).split(".")[0] != "1":
+            raise RecordingError(
+                f"'{self.content.path}' has recording format {str(session['format'])[:20]}; this program reads 1.x"
+            )
+        tracks = [load_track(track) for track in session["tracks"]]
+        float(session["period"])
+        self.content.session = session
+        self.content.tracks = {track.name: track for track in tracks}
+        self._codecs = {index: Codec(track, index) for index, track in enumerate(tracks, start=1)}
+
+    def _channel(self, data: bytes) -> None:
+        number, _, length = struct.unpack_from("<HHI", data, 0)
+        topic = data[8 : 8 + length].decode()
+        if topic in LETTERS:
+            self._topics[number] = topic
+
+    def finish(self) -> None:
+        """Join the blocks."""
+        for name, track in self.content.tracks.items():
+            blocks = self._blocks.get(name, [])
+            self.content.rows[name] = np.concatenate(blocks) if blocks else np.zeros(0, track.dtype)
+
+
+def _check_sequence(following: dict[int, int], channel: int, sequence: int, count: int) -> None:
+    if sequence != following.get(channel, 0) & 0xFFFFFFFF:
+        raise ValueError("messages before it are missing")
+    following[channel] = sequence + count
+
+
+def _unpacked(body: memoryview) -> bytes:
+    """Return the content of a chunk whose checksum fits.
+
+    Raises
+    ------
+    DamageError
+        If it does not, or is too large.
+    """
+    try:
+        _, _, size, crc, length = struct.unpack_from("<QQQII", body, 0)
+        kind = bytes(body[32 : 32 + length])
+        (packed,) = struct.unpack_from("<Q", body, 32 + length)
+        data = body[40 + length : 40 + length + packed]
+    except struct.error as error:
+        raise DamageError("a chunk is too short") from error
+    if size > MAX_CHUNK or len(data) != packed:
+        raise DamageError(f"a chunk says that it holds {size} bytes")
+    try:
+        if kind == b"zstd":
+            if zstandard.frame_content_size(data) not in (size, -1):
+                raise DamageError("a chunk does not hold what it says")
+            plain = zstandard.ZstdDecompressor(max_window_size=1 << 27).decompress(data, max_output_size=size or 1)
+        elif kind == b"":
+            plain = bytes(data)
+        else:
+            raise DamageError("a chunk is packed in an unknown way")
+    except (zstandard.ZstdError, MemoryError) as error:
+        raise DamageError("a chunk can't be unpacked") from error
+    if len(plain) != size or zlib.crc32(plain) != crc:
+        raise DamageError("the checksum of a chunk does not fit")
+    return plain

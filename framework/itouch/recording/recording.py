@@ -1,0 +1,185 @@
+"""A recording that was read: its tracks as structured arrays, its messages, and what is missing."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.recording.errors import RecordingError
+from itouch.recording.reader import Content, read_content
+from itouch.recording.tracks import Track
+from itouch.schema.diagnostics import did_you_mean
+
+if TYPE_CHECKING:
+    import pandas
+
+
+class Recording(Mapping[str, NDArray[Any]]):
+    """What a recording holds; tracks by name, such as ``recording["arm"]["pose"]``, shape (n, 7).
+
+    A track is a structured array with ``tick``, ``time`` [s] and its columns, in SI units.  ``recording["arm.pose"]``
+    is one column of it.
+    """
+
+    def __init__(self, content: Content) -> None:
+        self._content = content
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        rows = self._content.rows
+        if name in rows:
+            return rows[name]
+        for track in self.tracks.values():
+            for column in track.columns:
+                if name in (column.field, f"{track.name}.{column.name}"):
+                    return np.asarray(rows[track.name][column.name])
+        raise KeyError(f"the recording has no track or channel '{name}'; {did_you_mean(name, rows, 'tracks are')}")
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._content.rows)
+
+    def __len__(self) -> int:
+        return len(self._content.rows)
+
+    def __repr__(self) -> str:
+        return f"Recording({self.path!r}: {', '.join(self)}; {self.duration:.3f} s)"
+
+    @property
+    def path(self) -> str:
+        """The file."""
+        return self._content.path
+
+    @property
+    def tracks(self) -> Mapping[str, Track]:
+        """Description of each track."""
+        return self._content.tracks
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Unit of every channel, by its name in State; empty for plain numbers."""
+        return {column.field: column.unit for track in self.tracks.values() for column in track.columns}
+
+    @property
+    def session(self) -> Mapping[str, Any]:
+        """What the recording says of the session: manifest, scene, layout, bases."""
+        return self._content.session
+
+    @property
+    def scene(self) -> str:
+        """The scene that ran, as XML."""
+        return str(self.session.get("scene", ""))
+
+    @property
+    def period(self) -> float:
+        """Servo period [s]."""
+        return float(self.session["period"])
+
+    def _letters(self, topic: str) -> list[dict[str, Any]]:
+        return self._content.letters.get(topic, [])
+
+    @property
+    def events(self) -> list[dict[str, Any]]:
+        """Contact events: tick, time [s], kind, probe, object, point [m], normal."""
+        return self._letters("/events")
+
+    @property
+    def marks(self) -> list[dict[str, Any]]:
+        """Operator marks and trial markers: tick, time [s], name, payload."""
+        return self._letters("/marks")
+
+    @property
+    def faults(self) -> list[dict[str, Any]]:
+        """Faults: tick, time [s], device, trip, cause."""
+        return self._letters("/faults")
+
+    @property
+    def lifecycle(self) -> list[dict[str, Any]]:
+        """Changes of a device's status: tick, time [s], device, status."""
+        return self._letters("/lifecycle")
+
+    @property
+    def timing(self) -> list[dict[str, Any]]:
+        """How the loop kept time: tick, p50, p99 and max of a tick [us], overruns, lost samples."""
+        return self._letters("/timing")
+
+    @property
+    def states(self) -> list[dict[str, Any]]:
+        """Whole States: at the start, every 10 s, and where something came from outside the loop."""
+        return self._letters("/state")
+
+    @property
+    def ticks(self) -> NDArray[np.int64]:
+        """Ticks that were recorded at servo rate, shape (n,)."""
+        found = [self[name]["tick"] for name, track in self.tracks.items() if track.replay]
+        shortest = min(found, key=len, default=np.zeros(0, np.int64))
+        return np.asarray(shortest, np.int64)
+
+    @property
+    def duration(self) -> float:
+        """From the begin of the first to the end of the last recorded tick [s]."""
+        ticks = self.ticks
+        return float(ticks[-1] - ticks[0] + 1) * self.period if len(ticks) else 0.0
+
+    @property
+    def lost(self) -> int:
+        """Samples of the servo loop that the recorder could not take, between the first and the last."""
+        ticks = self.ticks
+        return int(ticks[-1] - ticks[0] + 1 - len(ticks)) if len(ticks) else 0
+
+    @property
+    def whole(self) -> bool:
+        """Whether the recording was ended properly and nothing of it is damaged."""
+        return self._content.whole and not self._content.losses and not self.lost
+
+    @property
+    def losses(self) -> tuple[str, ...]:
+        """What is missing, one sentence each."""
+        more = (f"{self.lost} samples were lost while recording",) if self.lost else ()
+        return (*self._content.losses, *more)
+
+    @property
+    def attachments(self) -> Mapping[str, bytes]:
+        """Files inside the recording."""
+        return self._content.attachments
+
+    def pandas(self, name: str) -> pandas.DataFrame:
+        """Return a track as a table: one column a number, indexed by time [s].
+
+        Raises
+        ------
+        RecordingError
+            If pandas is not installed.
+        """
+        try:
+            import pandas as pd
+        except ImportError as error:
+            raise RecordingError("pandas is not installed; install it with `pip install pandas`") from error
+        table = flat(self[name], self.tracks[name])
+        return pd.DataFrame(table).set_index("time")
+
+
+def flat(rows: NDArray[Any], track: Track) -> dict[str, NDArray[Any]]:
+    """Return a track's numbers as columns of shape (n,), by label."""
+    table: dict[str, NDArray[Any]] = {"time": rows["time"], "tick": rows["tick"]}
+    for column in track.columns:
+        values = rows[column.name]
+        if column.size == 0:
+            table[column.name] = values
+            continue
+        for index, label in enumerate(column.labels):
+            table[label] = values[:, index]
+    return table
+
+
+def read(path: str | os.PathLike[str]) -> Recording:
+    """Read a recording: its longest valid prefix; ``losses`` says what is missing.
+
+    Raises
+    ------
+    RecordingError
+        If it can't be opened, or is not a recording of this program.
+    """
+    return Recording(read_content(os.fspath(path)))

@@ -1,0 +1,138 @@
+"""Shared memory between the loop and the process that writes: rows of fixed size, and letters of any size.
+
+One writes, the other reads; neither waits for the other's lock.  Each side owns its counters, which only grow, and
+writes them after the data (stores keep their order on the processors that we run on).
+"""
+
+from __future__ import annotations
+
+import enum
+import mmap
+import os
+import struct
+from dataclasses import dataclass
+
+_PAGE = 4096
+_ALIGN = 8
+#: A letter that only fills the rest of its ring.
+_FILL = 0xFFFFFFFF
+
+
+class Word(enum.IntEnum):
+    """Numbers in the first page."""
+
+    ROWS_IN = 0
+    ROWS_OUT = 1
+    LETTERS_IN = 2
+    LETTERS_OUT = 3
+    CLOSING = 4
+    LOST = 5
+    STATUS = 6
+    ERRNO = 7
+    ROWS_WRITTEN = 8
+    BYTES_WRITTEN = 9
+    PROCESS = 10
+
+
+class Phase(enum.IntEnum):
+    """What the writing process does."""
+
+    STARTING = 0
+    RECORDING = 1
+    FAILED = 2
+    DONE = 3
+
+
+_TEXT = 1024
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """Sizes: rows, bytes of a row, bytes for letters; all of them powers of two or multiples of eight."""
+
+    rows: int
+    row: int
+    letters: int
+
+    @property
+    def total(self) -> int:
+        """Bytes of the whole."""
+        return _PAGE + self.rows * (8 + self.row) + self.letters
+
+
+class Ring:
+    """One piece of anonymous memory that both processes map."""
+
+    def __init__(self, shape: Shape, descriptor: int) -> None:
+        self.shape, self.descriptor = shape, descriptor
+        self._memory = mmap.mmap(descriptor, shape.total)
+        self.view = memoryview(self._memory)
+        self.words = self.view[:_PAGE].cast("Q")
+        ticks = _PAGE + shape.rows * 8
+        self.ticks = self.view[_PAGE:ticks].cast("q")
+        self.rows = self.view[ticks : ticks + shape.rows * shape.row]
+        self.letters = self.view[ticks + shape.rows * shape.row : shape.total]
+
+    @classmethod
+    def create(cls, shape: Shape) -> Ring:
+        """Make the memory; it has no name, so that nothing is left behind."""
+        descriptor = os.memfd_create("itouch-recording", 0)
+        os.ftruncate(descriptor, shape.total)
+        ring = cls(shape, descriptor)
+        ring.view[::_PAGE] = bytes(len(range(0, shape.total, _PAGE)))  # touched now, not in a tick
+        return ring
+
+    def close(self) -> None:
+        """Let go of the memory."""
+        for view in (self.words, self.ticks, self.rows, self.letters, self.view):
+            view.release()
+        self._memory.close()
+        os.close(self.descriptor)
+
+    def post(self, kind: int, data: bytes) -> bool:
+        """Put a letter in; false if there is no room for it."""
+        size = (8 + len(data) + _ALIGN - 1) // _ALIGN * _ALIGN
+        begin, room = self.words[Word.LETTERS_IN], self.shape.letters
+        free = room - (begin - self.words[Word.LETTERS_OUT])
+        rest = room - begin % room
+        if size > (free if size <= rest else free - rest):
+            return False
+        if size > rest:
+            struct.pack_into("<II", self.letters, begin % room, rest - 8, _FILL)
+            begin += rest
+        at = begin % room
+        struct.pack_into("<II", self.letters, at, len(data), kind)
+        self.letters[at + 8 : at + 8 + len(data)] = data
+        self.words[Word.LETTERS_IN] = begin + size
+        return True
+
+    def take(self) -> tuple[int, bytes] | None:
+        """Take the oldest letter, or None if there is none."""
+        begin, room = self.words[Word.LETTERS_OUT], self.shape.letters
+        while begin < self.words[Word.LETTERS_IN]:
+            at = begin % room
+            length, kind = struct.unpack_from("<II", self.letters, at)
+            data = bytes(self.letters[at + 8 : at + 8 + length]) if kind != _FILL else b""
+            begin += (8 + length + _ALIGN - 1) // _ALIGN * _ALIGN
+            self.words[Word.LETTERS_OUT] = begin
+            if kind != _FILL:
+                return kind, data
+        return None
+
+    @property
+    def phase(self) -> Phase:
+        """What the writing process does."""
+        return Phase(self.words[Word.STATUS])
+
+    def say(self, phase: Phase, errno: int = 0, text: str = "") -> None:
+        """Tell the other side how it stands."""
+        data = text.encode()[: _PAGE - _TEXT - 2]
+        self.view[_TEXT : _TEXT + 2 + len(data)] = struct.pack("<H", len(data)) + data
+        self.words[Word.ERRNO] = errno
+        self.words[Word.STATUS] = phase
+
+    @property
+    def text(self) -> str:
+        """Why the writing failed."""
+        (length,) = struct.unpack_from("<H", self.view, _TEXT)
+        return bytes(self.view[_TEXT + 2 : _TEXT + 2 + length]).decode(errors="replace")

@@ -1,0 +1,111 @@
+"""Tracks: the columns of State that are recorded together, at one rate, under one topic."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+#: Kinds of number that a column may hold.
+KINDS = ("f8", "i8", "u8")
+#: Components by their count: position and quaternion, force and torque (or velocities), vectors.
+PARTS = {
+    3: ("x", "y", "z"),
+    6: ("x", "y", "z", "rx", "ry", "rz"),
+    7: ("x", "y", "z", "qw", "qx", "qy", "qz"),
+}
+_MOST_COLUMNS, _MOST_NUMBERS = 4096, 1 << 16
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A field of State in a track: ``size`` numbers (0: a scalar), with their unit."""
+
+    field: str
+    name: str
+    kind: str
+    size: int
+    unit: str
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Names of its components; empty if they have none."""
+        return PARTS.get(self.size, ()) if self.kind == "f8" else ()
+
+    @property
+    def dtype(self) -> tuple[Any, ...]:
+        """Entry of a NumPy dtype list."""
+        return (self.name, "<" + self.kind) if self.size == 0 else (self.name, "<" + self.kind, (self.size,))
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names of its numbers in flat tables."""
+        if self.size == 0:
+            return (self.name,)
+        return tuple(f"{self.name}.{part}" for part in self.parts or map(str, range(self.size)))
+
+
+@dataclass(frozen=True, slots=True)
+class Track:
+    """Columns that are recorded together every so many ticks; ``replay``: what a replay is fed and compared with."""
+
+    name: str
+    every: int
+    replay: bool
+    columns: tuple[Column, ...]
+
+    @property
+    def topic(self) -> str:
+        """Name of its channel in the file."""
+        return "/" + self.name
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """A row as it is read: tick, time [s], and the columns."""
+        return np.dtype([("tick", "<i8"), ("time", "<f8"), *(column.dtype for column in self.columns)])
+
+    def dump(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        columns = [[c.field, c.name, c.kind, c.size, c.unit] for c in self.columns]
+        return {"name": self.name, "every": self.every, "replay": self.replay, "columns": columns}
+
+
+def load_track(data: Mapping[str, Any]) -> Track:
+    """Return a track from plain data, which may come from a damaged or hostile file.
+
+    Raises
+    ------
+    ValueError
+        If it can't be one.
+    """
+    columns = tuple(Column(str(f), str(n), str(k), int(s), str(u)) for f, n, k, s, u in data["columns"])
+    track = Track(str(data["name"]), int(data["every"]), bool(data["replay"]), columns)
+    numbers = sum(max(1, column.size) for column in columns)
+    names = [column.name for column in columns]
+    if len(columns) > _MOST_COLUMNS or numbers > _MOST_NUMBERS or track.every < 1:
+        raise ValueError(f"track '{track.name[:40]}' has {len(columns)} columns of {numbers} numbers")
+    if any(c.kind not in KINDS or c.size < 0 for c in columns) or len(set(names)) < len(names):
+        raise ValueError(f"track '{track.name[:40]}' has a column that can't be")
+    if {"tick", "time"} & set(names):
+        raise ValueError(f"track '{track.name[:40]}' has a column of its own named tick or time")
+    return track
+
+
+def identifier(text: str) -> str:
+    """Return a name that message schemas admit."""
+    word = re.sub(r"\W", "_", text, flags=re.ASCII)
+    return "_" + word if not word or word[0].isdigit() else word
+
+
+def identifiers(names: Iterable[str]) -> list[str]:
+    """Return such names, all different."""
+    found: list[str] = []
+    for name in names:
+        word = identifier(name)
+        while word in found:
+            word += "_"
+        found.append(word)
+    return found

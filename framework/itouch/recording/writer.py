@@ -1,0 +1,255 @@
+"""MCAP files written chunk by chunk: each chunk stands by itself, so that a file can be cut anywhere.
+
+Source of the format: the MCAP specification; the records are those of the library ``mcap``, but for messages and
+their indexes, which are made by the array.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+import zlib
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+import zstandard
+from mcap import records
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from numpy.typing import NDArray
+
+from itouch.recording.codec import Codec
+from itouch.recording.protobuf import descriptor, header, schema_name
+from itouch.recording.tracks import Track
+
+MAGIC = b"\x89MCAP0\r\n"
+PROFILE, LIBRARY = "itouch", "itouch-py"
+#: Topics of messages that are JSON, with their schemas' properties: see the reference of the format.
+LETTERS: dict[str, dict[str, Any]] = {
+    "/session": {},
+    "/state": {"tick": "integer", "time": "number", "reason": "string", "npy": "string"},
+    "/events": {"tick": "integer", "time": "number", "kind": "string", "probe": "string", "object": "string"},
+    "/marks": {"tick": "integer", "time": "number", "name": "string", "payload": "string"},
+    "/faults": {"tick": "integer", "time": "number", "device": "string", "trip": "string", "cause": "string"},
+    "/lifecycle": {"tick": "integer", "time": "number", "device": "string", "status": "string"},
+    "/timing": {"tick": "integer", "time": "number", "p50": "number", "p99": "number", "max": "number",
+                "overruns": "integer", "lost": "integer", "waiting": "integer"},
+}  # fmt: skip
+
+
+class Output(Protocol):
+    """Where bytes go."""
+
+    size: int
+
+    def write(self, data: bytes) -> None:
+        """Append whole records, or raise OSError."""
+
+    def sync(self) -> None:
+        """Wait until it is on the disk."""
+
+
+def json_schema(name: str, properties: Mapping[str, str]) -> bytes:
+    """Return the JSON schema of a topic's messages."""
+    body = {key: {"type": kind} for key, kind in properties.items()}
+    return json.dumps({"title": name, "type": "object", "properties": body}).encode()
+
+
+class McapWriter:
+    """Writes tracks and letters; ``start``, any number of ``chunk``, ``finish``."""
+
+    def __init__(self, output: Output, tracks: Sequence[Track], *, start_ns: int, period: float) -> None:
+        self.output, self.start_ns, self.period = output, start_ns, period
+        self.codecs = {track.name: Codec(track, index) for index, track in enumerate(tracks, start=1)}
+        self.letters = {topic: len(tracks) + index for index, topic in enumerate(LETTERS, start=1)}
+        self.rows = dict.fromkeys(self.codecs, 0)
+        self._said = dict.fromkeys(LETTERS, 0)
+        self._schemas, self._channels = _catalogue(tracks, self.letters)
+        self._chunks: list[records.ChunkIndex] = []
+        self._attachments: list[records.AttachmentIndex] = []
+        self._times = [0xFFFFFFFFFFFFFFFF, 0]
+        self._crc = 0
+        self._packer = zstandard.ZstdCompressor(level=1)
+
+    def _put(self, data: bytes) -> None:
+        self.output.write(data)
+        self._crc = zlib.crc32(data, self._crc)
+
+    def start(self, attachments: Mapping[str, tuple[str, bytes]]) -> None:
+        """Write the head of the file, and what is attached: name -> (media type, content)."""
+        builder = RecordBuilder()
+        records.Header(PROFILE, LIBRARY).write(builder)
+        self._put(MAGIC + _taken(builder))
+        for name, (kind, data) in attachments.items():
+            at = self.output.size
+            made = records.Attachment(self.start_ns, self.start_ns, name, kind, data)
+            made.write(builder)
+            written = _taken(builder)
+            self._put(written)
+            self._attachments.append(
+                records.AttachmentIndex(
+                    offset=at, length=len(written), create_time=self.start_ns, log_time=self.start_ns,
+                    data_size=len(data), name=name, media_type=kind,
+                )
+            )  # fmt: skip
+
+    def time_of(self, tick: int) -> int:
+        """Return the time of a tick [ns since 1970]: the begin of the recording, and session time from there."""
+        return self.start_ns + max(0, round(tick * self.period * 1e9))
+
+    def chunk(self, rows: Mapping[str, NDArray[Any]], letters: Sequence[tuple[str, int, bytes]]) -> None:
+        """Write rows (of each track's dtype) and letters (topic, tick, JSON) as one chunk.
+
+        Raises
+        ------
+        OSError
+            If it could not be written; the file ends before it.
+        """
+        parts: list[bytes] = [] if self._chunks else [self._head()]
+        size, index, span = sum(map(len, parts)), _Index(), _Span()
+        for name, table in rows.items():
+            if len(table):
+                codec = self.codecs[name]
+                log = np.uint64(self.start_ns) + np.rint(table["tick"] * (self.period * 1e9)).astype(np.uint64)
+                parts.append(codec.encode(table, self.rows[name], log))
+                index.block(codec.channel, log, size, codec.length)
+                span.add(int(log.min()), int(log.max()))
+                size += len(parts[-1])
+        said = dict(self._said)
+        for topic, tick, data in letters:
+            log_ns = self.time_of(tick)
+            parts.append(self._letter(topic, said[topic], data, log_ns))
+            said[topic] += 1
+            index.one(self.letters[topic], log_ns, size)
+            span.add(log_ns, log_ns)
+            size += len(parts[-1])
+        if index.counts:
+            self._write_chunk(b"".join(parts), index, span)
+            for name, table in rows.items():
+                self.rows[name] += len(table)
+            self._said = said
+
+    def _letter(self, topic: str, sequence: int, data: bytes, log_ns: int) -> bytes:
+        head = bytearray(header(self.letters[topic], len(data)))
+        struct.pack_into("<IQQ", head, 11, sequence & 0xFFFFFFFF, log_ns, log_ns)
+        return bytes(head) + data
+
+    def _head(self) -> bytes:
+        builder = RecordBuilder()
+        for record in (*self._schemas, *self._channels):
+            record.write(builder)
+        return _taken(builder)
+
+    def _write_chunk(self, data: bytes, index: _Index, span: _Span) -> None:
+        packed = self._packer.compress(data)
+        builder = RecordBuilder()
+        records.Chunk("zstd", packed, span.last, span.first, zlib.crc32(data), len(data)).write(builder)
+        chunk = _taken(builder)
+        indexes, offsets = index.records(self.output.size + len(chunk))
+        at = self.output.size
+        self._put(chunk + indexes)
+        self._chunks.append(
+            records.ChunkIndex(
+                chunk_length=len(chunk), chunk_start_offset=at, compression="zstd", compressed_size=len(packed),
+                message_end_time=span.last, message_index_length=len(indexes), message_index_offsets=offsets,
+                message_start_time=span.first, uncompressed_size=len(data),
+            )
+        )  # fmt: skip
+        self._times = [min(self._times[0], span.first), max(self._times[1], span.last)]
+
+    def finish(self) -> None:
+        """Write the end of the data and the summary, so that every reader finds its way quickly."""
+        builder = RecordBuilder()
+        records.DataEnd(self._crc).write(builder)
+        self.output.write(_taken(builder))
+        start = self.output.size
+        groups: list[tuple[int, Sequence[records.McapRecord]]] = [
+            (Opcode.SCHEMA, self._schemas), (Opcode.CHANNEL, self._channels), (Opcode.STATISTICS, [self._statistics()]),
+            (Opcode.CHUNK_INDEX, self._chunks), (Opcode.ATTACHMENT_INDEX, self._attachments),
+        ]  # fmt: skip
+        offsets = []
+        for opcode, listed in groups:
+            begin = builder.count
+            for record in listed:
+                record.write(builder)
+            if builder.count > begin:
+                offsets.append(records.SummaryOffset(opcode, start + begin, builder.count - begin))
+        place = start + builder.count
+        for offset in offsets:
+            offset.write(builder)
+        summary = _taken(builder)
+        crc = zlib.crc32(struct.pack("<BQQQ", Opcode.FOOTER, 20, start, place), zlib.crc32(summary))
+        records.Footer(start, place, crc).write(builder)
+        self.output.write(summary + _taken(builder) + MAGIC)
+        self.output.sync()
+
+    def _statistics(self) -> records.Statistics:
+        counts = {codec.channel: self.rows[name] for name, codec in self.codecs.items()}
+        counts |= {self.letters[topic]: count for topic, count in self._said.items()}
+        total = sum(counts.values())
+        return records.Statistics(
+            attachment_count=len(self._attachments), channel_count=len(self._channels),
+            channel_message_counts={key: count for key, count in counts.items() if count},
+            chunk_count=len(self._chunks), message_count=total, message_end_time=self._times[1],
+            message_start_time=self._times[0] if total else 0, metadata_count=0, schema_count=len(self._schemas),
+        )  # fmt: skip
+
+
+def _taken(builder: RecordBuilder) -> bytes:
+    """Return what was built, and begin anew."""
+    return bytes(builder.end())  # type: ignore[no-untyped-call]
+
+
+class _Span:
+    """First and last time of a chunk."""
+
+    def __init__(self) -> None:
+        self.first, self.last = 0xFFFFFFFFFFFFFFFF, 0
+
+    def add(self, first: int, last: int) -> None:
+        self.first, self.last = min(self.first, first), max(self.last, last)
+
+
+class _Index:
+    """Where the messages of a chunk stand, by channel."""
+
+    def __init__(self) -> None:
+        self.counts = 0
+        self._entries: dict[int, list[NDArray[np.uint64]]] = {}
+
+    def block(self, channel: int, log: NDArray[np.uint64], begin: int, length: int) -> None:
+        """Note messages of equal length, one after the other."""
+        places = np.uint64(begin) + np.arange(len(log), dtype=np.uint64) * np.uint64(length)
+        self._entries.setdefault(channel, []).append(np.stack((log, places), axis=1))
+        self.counts += len(log)
+
+    def one(self, channel: int, log: int, begin: int) -> None:
+        """Note one message."""
+        self._entries.setdefault(channel, []).append(np.array([[log, begin]], np.uint64))
+        self.counts += 1
+
+    def records(self, at: int) -> tuple[bytes, dict[int, int]]:
+        """Return the index records, which begin at a place in the file, and the place of each."""
+        out, offsets = bytearray(), {}
+        for channel, tables in self._entries.items():
+            data = np.concatenate(tables).tobytes()
+            offsets[channel] = at + len(out)
+            out += struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 6 + len(data), channel, len(data)) + data
+        return bytes(out), offsets
+
+
+def _catalogue(
+    tracks: Sequence[Track], letters: Mapping[str, int]
+) -> tuple[list[records.Schema], list[records.Channel]]:
+    schemas, channels = [], []
+    for number, track in enumerate(tracks, start=1):
+        schemas.append(records.Schema(number, descriptor(track), "protobuf", schema_name(track)))
+        units = {column.name: column.unit for column in track.columns if column.unit}
+        metadata = {"units": json.dumps(units), "every": str(track.every), "replay": "yes" if track.replay else "no"}
+        channels.append(records.Channel(number, track.topic, "protobuf", metadata, number))
+    for topic, number in letters.items():
+        name = "itouch." + topic[1:]
+        schemas.append(records.Schema(number, json_schema(name, LETTERS[topic]), "jsonschema", name))
+        channels.append(records.Channel(number, topic, "json", {}, number))
+    return schemas, channels

@@ -1,0 +1,45 @@
+"""What is recorded, and where to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from itouch.schema.fields import children, choice, quantity, text
+
+#: What may stand in braces in the name of a recording.
+PLACEHOLDERS = ("{scene}", "{time}", "{seed}")
+
+
+@dataclass(frozen=True, slots=True)
+class RecordChannels:
+    """More channels of State, at a rate of their own."""
+
+    TAG: ClassVar[str] = "channels"
+    of: str = text(doc="names of State fields separated by blanks; * stands for anything: finger.* heat.desired")
+    rate: float | None = quantity(
+        "Hz", low=1e-2, high=4000, default=None, doc="must divide the servo rate; default: the servo rate"
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class RecordElement:
+    """Record the session as MCAP: all that a replay needs, and chosen channels on top."""
+
+    TAG: ClassVar[str] = "record"
+    to: str = text(doc="file below the working folder, ending in .mcap; {scene}, {time} and {seed} are filled in")
+    channels: str = text(default="", doc="names of State fields separated by blanks; * stands for anything")
+    rate: float | None = quantity(
+        "Hz", low=1e-2, high=4000, default=None, doc="of `channels`; must divide the servo rate, which is the default"
+    )
+    on_failure: str = choice("go-on", "stop", default="go-on", doc="what the session does when recording fails")
+    more: tuple[RecordChannels, ...] = children(RecordChannels)
+
+    def __post_init__(self) -> None:
+        bare = self.to
+        for placeholder in PLACEHOLDERS:
+            bare = bare.replace(placeholder, "x")
+        if not bare.endswith(".mcap") or "{" in bare or "}" in bare:
+            raise ValueError(f"'{self.to}' must end in .mcap and may hold {', '.join(PLACEHOLDERS)}")
+        if bare.startswith("/") or ".." in bare.split("/") or "\\" in bare or "\0" in bare:
+            raise ValueError(f"'{self.to}' must lie below the working folder; --record takes any path")

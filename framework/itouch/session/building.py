@@ -1,0 +1,134 @@
+"""Building an engine from a scene file, and restoring one from a session."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+
+from itouch.loop import Clock
+from itouch.plugin.bases import Bases, keeping
+from itouch.plugin.discovery import Catalog
+from itouch.scene import Scene, load
+from itouch.schema import Problem, SceneError
+from itouch.schema.diagnostics import did_you_mean
+from itouch.session.engine import Session
+from itouch.session.errors import SessionError
+from itouch.session.open import read_session
+from itouch.world import Model
+
+Path = str | os.PathLike[str]
+
+
+def load_scene(
+    path: Path, *, rig: Path | None = None, twin: str | None = None, catalog: Catalog | None = None
+) -> Scene:
+    """Load a scene file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    rig
+        A file whose devices replace those of the scene.
+    twin
+        ``"all"``, ``"none"``, or names of devices separated by commas that shall run as twins.
+    catalog
+        The plugins; default: those of this environment.
+
+    Raises
+    ------
+    SceneError
+        With all problems.
+    """
+    scene = load(path, catalog or Catalog(), rig=rig)
+    return scene if twin is None else choose_twins(scene, twin)
+
+
+def choose_twins(scene: Scene, twin: str) -> Scene:
+    """Return the scene with its devices' twins switched as ``--twin`` says.
+
+    Raises
+    ------
+    SceneError
+        If a name is not that of a device.
+    """
+    names = [device.name for device in scene.devices]
+    wanted = [name.strip() for name in twin.split(",")]
+    if twin not in ("all", "none"):
+        unknown = [name for name in wanted if name not in names]
+        if unknown:
+            advice = did_you_mean(unknown[0], [*names, "all", "none"], "possible are")
+            raise SceneError(
+                [Problem("unknown-name", f"--twin: there is no device named '{unknown[0]}'", None, advice)]
+            )
+    devices = []
+    for device in scene.devices:
+        on = device.twin if twin not in ("all", "none") else twin == "all" and (device.twin or True)
+        changed = replace(device, twin=on or device.name in wanted)
+        place = scene.places.of(device)
+        if place is not None:
+            names_of = ("name", "plugin", "twin")
+            spots = {name: spot for name in names_of if (spot := scene.places.of(device, name)) is not None}
+            scene.places.put(changed, place, spots)
+        devices.append(changed)
+    return replace(scene, devices=tuple(devices))
+
+
+def build(
+    scene: Path | Scene,
+    *,
+    seed: int = 0,
+    twin: str | None = None,
+    rig: Path | None = None,
+    clock: Clock | None = None,
+    catalog: Catalog | None = None,
+) -> Session:
+    """Build an engine from a scene or its file.
+
+    Parameters
+    ----------
+    scene
+        A scene, or the path of one.
+    seed
+        Of all noise; equal seeds give equal runs, byte for byte.
+    twin, rig
+        As in ``load_scene``.
+    clock
+        What paces the loop; default: the virtual clock, as fast as it computes.
+    catalog
+        The plugins; default: those of this environment.
+
+    Raises
+    ------
+    SceneError
+        With all problems of the scene.
+    """
+    plugins = catalog or Catalog()
+    if isinstance(scene, Scene):
+        description = scene if twin is None else choose_twins(scene, twin)
+    else:
+        description = load_scene(scene, rig=rig, twin=twin, catalog=plugins)
+    return Session.of(description, catalog=plugins, seed=seed, clock=clock)
+
+
+def restore(path: Path, *, clock: Clock | None = None, catalog: Catalog | None = None) -> Session:
+    """Restore a session from a snapshot or its XML; on twins it goes on byte for byte, hardware starts OPEN.
+
+    Raises
+    ------
+    SessionError
+        If the file is not a whole snapshot, or does not fit the plugins of this environment.
+    """
+    plugins = catalog or Catalog()
+    snapshot = read_session(path, plugins)
+    bases = Bases(snapshot.bases)
+    try:
+        with keeping(bases):
+            model = Model.of(snapshot.scene, plugins)
+            session = Session(model, seed=snapshot.seed, clock=clock, catalog=plugins, bases=bases)
+    except SceneError as error:
+        raise SessionError(f"the scene in '{os.fspath(path)}' can't be compiled here:\n\n{error}") from error
+    except ValueError as error:
+        raise SessionError(f"'{os.fspath(path)}' can't be restored: {error}") from error
+    session.take_up(snapshot)
+    return session

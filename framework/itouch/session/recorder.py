@@ -1,0 +1,248 @@
+"""The recorder's side in the loop: a tap that copies a row a tick into a ring, and the process that empties it."""
+
+from __future__ import annotations
+
+import base64
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from itouch.loop.timing import percentile
+from itouch.plugin import Contact
+from itouch.recording import RecordingError
+from itouch.recording.ring import Phase, Ring, Shape, Word
+from itouch.recording.scribe import MESSAGE, SPEC, STATE, message
+from itouch.recording.spec import Spec
+from itouch.recording.tracks import Track
+from itouch.scene import write
+from itouch.session.arrays import pack_bases
+from itouch.session.rows import Rows
+from itouch.world.state import EVENTS
+
+if TYPE_CHECKING:
+    from itouch.session.engine import Session
+
+#: Rows that the ring holds, and bytes for letters beside States; at 1 kHz the rows are 8 s.
+ROWS, LETTERS = 8192, 1 << 20
+#: Seconds of simulated time between two whole States, and between two notes of the timing.
+STATE_EVERY, TIMING_EVERY = 10.0, 1.0
+#: Ticks between two looks at how the writing process is.
+_LOOK = 64
+#: Seconds that the writing process gets to begin, and to end.
+_BEGIN, _END = 20.0, 60.0
+
+Tap = Callable[[int], None]
+
+
+class Recorder:
+    """Records one session into one file; ``tap`` stands in the engine's taps."""
+
+    def __init__(self, session: Session, path: str, tracks: Sequence[Track]) -> None:
+        self.session, self.path, self.tracks = session, path, tuple(tracks)
+        self.failure = ""
+        self._rows = Rows(session.state, tracks)
+        spec = self._spec()
+        room = LETTERS + 8 * session.state.nbytes + len(spec)
+        self._ring = Ring.create(Shape(ROWS, self._rows.size, 1 << (room - 1).bit_length()))
+        self._ring.post(SPEC, spec)
+        self._process = self._start()
+        self._period = session.model.period
+        self._events = int(session.state["events.count"])
+        self._faults = len(session.ledger.faults)
+        self._begun = int(session.state["tick"])
+        self._wait(lambda: self._ring.phase is not Phase.STARTING, _BEGIN)
+        if self._ring.phase is Phase.FAILED:
+            self._end()
+            raise RecordingError(self._ring_text)
+        self.note_state("start")
+        self.tap = self._make_tap()
+
+    def _spec(self) -> bytes:
+        session, snapshot = self.session, self.session.snapshot()
+        scene = write(snapshot.scene)
+        described = {
+            "manifest": snapshot.manifest,
+            "layout": session.state.dtype.descr,
+            "scene": scene,
+            "bases": base64.b64encode(pack_bases(snapshot.bases)[0]).decode(),
+        }
+        places = self._rows.places
+        statuses = {name: places[f"{name}.status"] for name in session.model.devices}
+        period = session.model.period
+        start = time.time_ns() - round(int(session.state["tick"]) * period * 1e9)
+        attached = {"scene.xml": ("application/xml", scene.encode())}
+        attached |= {f"files/{name}": ("application/octet-stream", data) for name, data in snapshot.files.items()}
+        return Spec(self.tracks, places, statuses, period, start, described, attached).dump()
+
+    def _start(self) -> subprocess.Popen[bytes]:
+        shape, descriptor = self._ring.shape, self._ring.descriptor
+        words = [str(n) for n in (descriptor, shape.rows, shape.row, shape.letters)]
+        return subprocess.Popen(
+            [sys.executable, "-m", "itouch.recording.process", *words, os.path.abspath(self.path)],
+            stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, pass_fds=(descriptor,),
+            start_new_session=True,
+        )  # fmt: skip
+
+    def _wait(self, done: Callable[[], bool], seconds: float) -> bool:
+        until = time.monotonic() + seconds
+        while not done() and time.monotonic() < until:
+            if self._process.poll() is not None and not done():
+                if self._ring.phase not in (Phase.DONE, Phase.FAILED):
+                    code = self._process.returncode
+                    self._ring.say(Phase.FAILED, 1, f"cannot write '{self.path}': the writing process died ({code})")
+                return done()
+            time.sleep(0.002)
+        return done()
+
+    @property
+    def lost(self) -> int:
+        """Samples that the writing process was too slow for."""
+        return int(self._ring.words[Word.LOST])
+
+    @property
+    def written(self) -> int:
+        """Bytes in the file."""
+        return int(self._ring.words[Word.BYTES_WRITTEN])
+
+    def _make_tap(self) -> Tap:
+        """Return the function that copies a row; everything that it needs is at hand."""
+        ring, shape, pieces = self._ring, self._ring.shape, self._rows.pieces
+        words, ticks, capacity, mask = ring.words, ring.ticks, shape.rows, shape.rows - 1
+        slots = [
+            tuple((ring.rows[slot * shape.row + a : slot * shape.row + b], source) for source, a, b in pieces)
+            for slot in range(capacity)
+        ]
+        count, room, whole, look = 0, capacity, slice(None), self._look
+        state_every, timing_every = (round(s / self._period) for s in (STATE_EVERY, TIMING_EVERY))
+        table: Any = self.session.state.dtype.fields
+        place = table["events.count"][1]
+        events, seen = self.session.state.raw.data[place : place + 8].cast("q"), self._events
+
+        def tap(tick: int) -> None:
+            nonlocal count, room, seen
+            if count >= room:
+                room = words[1] + capacity
+                if count >= room:
+                    room = self._full(count)
+                    if count >= room:
+                        return
+            for target, source in slots[count & mask]:
+                target[whole] = source
+            ticks[count & mask] = tick
+            count += 1
+            words[0] = count
+            if events[0] != seen:
+                self._tell_events(seen, events[0])
+                seen = events[0]
+            if not tick % _LOOK:
+                look(tick, state_every, timing_every)
+
+        return tap
+
+    def _full(self, count: int) -> int:
+        """Wait for room where time can wait; else count what is lost.  Return how far rows may go."""
+        words, capacity = self._ring.words, self._ring.shape.rows
+        if self.session.clock.pace != "real":
+            self._wait(lambda: bool(words[Word.ROWS_OUT] + capacity > count or self._over), 3600.0)
+        if words[Word.ROWS_OUT] + capacity <= count:
+            words[Word.LOST] += 1
+        return int(words[Word.ROWS_OUT]) + capacity
+
+    @property
+    def _over(self) -> bool:
+        return self._ring.phase in (Phase.FAILED, Phase.DONE)
+
+    def _look(self, tick: int, state_every: int, timing_every: int) -> None:
+        """Do what is done now and then: notes of State and timing, and seeing that the process lives."""
+        self._tell_faults()
+        if tick - self._begun >= state_every and tick // state_every != (tick - _LOOK) // state_every:
+            self.note_state("every")
+        if tick // timing_every != (tick - _LOOK) // timing_every:
+            self._note_timing(tick)
+        if self._ring.phase is Phase.FAILED or self._process.poll() is not None:
+            self._fail()
+
+    def _fail(self) -> None:
+        self._wait(lambda: False, 0.01)
+        self.failure = self._ring_text or f"cannot write '{self.path}': the writing process died"
+        self.session.recording_failed(self)
+
+    @property
+    def _ring_text(self) -> str:
+        return self._ring.text
+
+    def _post(self, kind: int, tick: int, topic: str, body: bytes) -> None:
+        data = tick.to_bytes(8, "little", signed=True) + topic.encode() + b"\n" + body
+        if self._ring.post(kind, data) or self._over:
+            return
+        if self.session.clock.pace != "real" and self._wait(lambda: self._ring.post(kind, data) or self._over, 3600.0):
+            return
+        self._ring.words[Word.LOST] += 1
+
+    def note_state(self, reason: str) -> None:
+        """Record the whole State; with another reason than ``every`` a replay starts again from it."""
+        self._post(STATE, int(self.session.state["tick"]), reason, self.session.state.tobytes())
+
+    def tell(self, topic: str, tick: int, **content: Any) -> None:
+        """Record a message."""
+        self._post(MESSAGE, tick, topic, message(tick, self._period, **content))
+
+    def _note_timing(self, tick: int) -> None:
+        times, waiting = self.session.times, self._ring.words[Word.ROWS_IN] - self._ring.words[Word.ROWS_OUT]
+        counts = times.record["counts"][1]
+        p50, p99 = (1e6 * (percentile(counts, percent) or 0.0) for percent in (50, 99))
+        longest = 1e6 * float(times.record["greatest"][1])
+        self.tell("/timing", tick, p50=p50, p99=p99, max=longest, overruns=times.overruns, lost=self.lost,
+                  waiting=waiting)  # fmt: skip
+
+    def _tell_events(self, seen: int, count: int) -> None:
+        model, table = self.session.model, self.session.state["events.table"]
+        probes = {probe.index: probe.name for probe in model.probes}
+        names = table.dtype.names
+        for number in range(max(seen, count - EVENTS), count):
+            row = dict(zip(names, (v.tolist() for v in table[number % EVENTS]), strict=True))
+            kind, tick, probe, index = (row.pop(name) for name in ("kind", "tick", "probe", "object"))
+            finite = {name: value for name, value in row.items() if np.isfinite(value).all()}
+            self.tell(
+                "/events", tick, kind=Contact(kind).name, probe=probes[probe], object=model.objects[index], **finite
+            )
+
+    def _tell_faults(self) -> None:
+        known = self.session.ledger.faults
+        for fault in known[self._faults :]:
+            self.tell("/faults", int(fault["tick"]), **{k: v for k, v in fault.items() if k not in ("tick", "time")})
+        self._faults = len(known)
+
+    def close(self) -> None:
+        """End the recording; wait until the file is whole.
+
+        Raises
+        ------
+        RecordingError
+            If it could not be finished.
+        """
+        if self.failure or self._process.returncode is not None:
+            self._end()
+            return
+        self._tell_faults()
+        self._note_timing(int(self.session.state["tick"]))
+        self._ring.words[Word.CLOSING] = 1
+        done = self._wait(lambda: self._over, _END)
+        text = self._ring_text if self._ring.phase is Phase.FAILED else ""
+        self._end()
+        if text or not done:
+            raise RecordingError(text or f"cannot finish '{self.path}': the writing process does not answer")
+
+    def _end(self) -> None:
+        if self._process.stdin is not None:
+            self._process.stdin.close()
+        try:
+            self._process.wait(1.0)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()

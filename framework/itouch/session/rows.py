@@ -1,0 +1,111 @@
+"""Rows: what of State is recorded every tick, and how it is copied with as few calls as can be."""
+
+from __future__ import annotations
+
+import fnmatch
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from itouch.plugin import Record
+from itouch.recording.tracks import KINDS, Column, Track
+from itouch.recording.units import unit_of
+from itouch.world import Model
+
+#: What is recorded of each device beside its channels; fields that a device does not have are left out.
+_STATUS = ("status", "trip", "ramp", "age", "sequence", "clamped", "dropped")
+#: What comes from outside the loop besides readings.
+_INPUTS = ("hold", "ready")
+#: Gaps up to this many bytes are copied along: one copy more costs more.
+_GAP = 512
+
+#: A wish for channels: patterns of names, and the rate [Hz].
+Wish = tuple[Sequence[str], float]
+
+
+def replay_tracks(model: Model, state: Record) -> list[Track]:
+    """Return the tracks that a replay needs: of each device, and of the session itself."""
+    tracks = []
+    for name, device in model.devices.items():
+        columns = [_column(state, f"{name}.{c.name}", c.name, c.unit) for c in device.reads]
+        for kind in ("command", "sent"):
+            columns += [_column(state, f"{name}.{kind}.{c.name}", f"{kind}.{c.name}", c.unit) for c in device.commands]
+        columns += [_column(state, f"{name}.{field}", field) for field in _STATUS if f"{name}.{field}" in state]
+        tracks.append(Track(name, 1, True, tuple(columns)))
+    inputs = tuple(_column(state, field, field) for field in _INPUTS if field in state)
+    return [Track("session", 1, True, inputs), *tracks]
+
+
+def chosen_tracks(model: Model, state: Record, wishes: Iterable[Wish]) -> list[Track]:
+    """Return the tracks of chosen channels, one an owner and a rate.
+
+    Raises
+    ------
+    ValueError
+        If a pattern matches nothing, or a rate does not divide the servo rate.
+    """
+    found: dict[tuple[str, int], dict[str, Column]] = {}
+    for patterns, rate in wishes:
+        every = _every(rate, model.period)
+        for pattern in patterns:
+            names = fnmatch.filter([name for name in state if recordable(state, name)], pattern)
+            if not names:
+                raise ValueError(f"no channel is named '{pattern}'")
+            for name in names:
+                owner, _, short = name.partition(".") if "." in name else ("session", "", name)
+                found.setdefault((owner, every), {})[name] = _column(state, name, short, unit_of(name))
+    return [
+        Track(_track_name(owner, every, model.period), every, False, tuple(columns.values()))
+        for (owner, every), columns in found.items()
+    ]
+
+
+def _track_name(owner: str, every: int, period: float) -> str:
+    return f"chosen/{owner}/{1.0 / (every * period):g}Hz"
+
+
+def _every(rate: float, period: float) -> int:
+    every = max(1, round(1.0 / (rate * period)))
+    if abs(every * period * rate - 1.0) > 1e-9:
+        nearest = 1.0 / (every * period)
+        raise ValueError(
+            f"the rate {rate:g} Hz does not divide the servo rate; the nearest that does is {nearest:g} Hz"
+        )
+    return every
+
+
+def recordable(state: Record, name: str) -> bool:
+    """Tell whether a field is of numbers that a track can hold."""
+    base = state[name].dtype
+    return base.names is None and base.str[1:] in KINDS and 0 < state[name].size <= 4096
+
+
+def _column(state: Record, field: str, name: str, unit: str = "") -> Column:
+    view = state[field]
+    return Column(field, name, view.dtype.str[1:], view.size if view.ndim else 0, unit)
+
+
+class Rows:
+    """Which bytes of State make a row, and where each field stands in it."""
+
+    def __init__(self, state: Record, tracks: Iterable[Track]) -> None:
+        table: Mapping[str, Any] = state.dtype.fields or {}
+        fields = sorted({column.field for track in tracks for column in track.columns}, key=lambda f: table[f][1])
+        ranges: list[list[int]] = []
+        for field in fields:
+            kind, offset = table[field][:2]
+            if ranges and offset - ranges[-1][1] <= _GAP:
+                ranges[-1][1] = max(ranges[-1][1], offset + kind.itemsize)
+            else:
+                ranges.append([offset, offset + kind.itemsize])
+        memory, self.places, at = memoryview(state.raw.data), {}, 0
+        #: Pieces of State and where each goes in a row.
+        self.pieces: list[tuple[memoryview, int, int]] = []
+        for begin, end in ranges:
+            self.pieces.append((memory[begin:end], at, at + end - begin))
+            for field in fields:
+                if begin <= table[field][1] < end:
+                    self.places[field] = at + table[field][1] - begin
+            at += end - begin
+        self.size = max(8, (at + 7) // 8 * 8)
+
+    places: dict[str, int]

@@ -1,0 +1,51 @@
+"""What the scene wants recorded, and where to."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import PurePath
+
+from itouch.plugin import Record
+from itouch.recording.tracks import Track
+from itouch.scene.elements import RecordElement
+from itouch.schema import Problem, SceneError
+from itouch.session.rows import Wish, chosen_tracks, replay_tracks
+from itouch.world import Model
+
+
+def tracks_of(model: Model, state: Record) -> list[Track]:
+    """Return what is recorded of a session: what a replay needs, and what the scene chooses.
+
+    Raises
+    ------
+    SceneError
+        If the scene chooses a channel that there is not, at its place.
+    """
+    element, found = model.scene.record, replay_tracks(model, state)
+    if element is None:
+        return found
+    try:
+        return [*found, *chosen_tracks(model, state, wishes_of(element, model.scene.rates.servo))]
+    except ValueError as error:
+        place = model.scene.places.of(element)
+        advice = "channels are names of State, such as arm.pose or finger.*; `itouch-py inspect SCENE` lists them"
+        raise SceneError([Problem("unknown-channel", f"<record>: {error}", place, advice)]) from error
+
+
+def wishes_of(element: RecordElement, servo: float) -> list[Wish]:
+    """Return the patterns and rates [Hz] of an element."""
+    listed = [(element.channels, element.rate), *((more.of, more.rate) for more in element.more)]
+    return [(text.split(), rate or servo) for text, rate in listed if text.split()]
+
+
+def file_name(pattern: str, source: str, seed: int) -> str:
+    """Return the file to record to; a number is added if there is one already."""
+    scene = PurePath(source).stem or "scene"
+    now = time.strftime("%Y%m%d-%H%M%S")
+    name = pattern.replace("{scene}", scene).replace("{time}", now).replace("{seed}", str(seed))
+    stem, number = name.removesuffix(".mcap"), 1
+    while os.path.exists(name):
+        number += 1
+        name = f"{stem}-{number}.mcap"
+    return name
