@@ -6,18 +6,21 @@ import argparse
 import json
 import time
 from collections.abc import Iterator
+from importlib import metadata
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from itouch.bench.contact.figures import Figure, judged
 from itouch.bench.contact.measure import Row, closest_row, peer_row, proxy_rows, resident_mb
-from itouch.bench.contact.peers import PEERS
+from itouch.bench.contact.peers import PACKAGES, PEERS
 from itouch.bench.contact.work import HEIGHT_FIELD_CELLS, Work, around, standard
 from itouch.contact import Proxy, Surface
 from itouch.schema import ItouchError
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
 
 FRICTION = (0.5, 0.3)
 
@@ -30,39 +33,50 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--surfaces", nargs="+", choices=["hf", "ico"], default=["hf", "ico"])
     parser.add_argument("--speed", type=float, default=1.0, help="1: brisk (the default), 0.1: slow exploration")
     parser.add_argument("--steps", type=int, default=4000, help="length of the path [ms]")
+    parser.add_argument("--scale", type=float, default=1.0, help="length of one unit of the mesh file [m]")
+    parser.add_argument("--no-cache", action="store_true", help="neither use nor keep built hierarchies")
     parser.add_argument("--no-peers", action="store_true", help="leave the other libraries out")
     return parser
 
 
-def _works(options: argparse.Namespace) -> Iterator[Work]:
+def _works(options: argparse.Namespace) -> Iterator[tuple[Work, str]]:
+    """Yield what is measured, and the size by which its times are judged."""
     if options.mesh is not None:
-        vertices, faces = _read(options.mesh)
-        yield around(options.mesh.name, vertices, faces, options.steps, options.speed)
+        vertices, faces = _read(options)
+        yield around(options.mesh.name, vertices, faces, options.steps, options.speed), ""
         return
     for kind in options.surfaces:
         for size in options.sizes:
-            yield standard(kind, size, options.steps, options.speed, 0.02)
+            judged_size = size if kind == "hf" and options.speed == 1.0 else ""
+            yield standard(kind, size, options.steps, options.speed, 0.02), judged_size
 
 
-def _read(path: Path) -> tuple[Floats, Floats]:
-    """Return the triangles of a mesh file.
+def _read(options: argparse.Namespace) -> tuple[Floats, Ints]:
+    """Return the triangles of a mesh file, mended as in a scene; say how long it takes with and without the cache.
 
     Raises
     ------
     ItouchError
-        If it is no mesh that can be read.
+        If it is no mesh that can be touched.
     """
-    import trimesh
+    from itouch.contact.meshfile import MeshError, load_mesh
 
     try:
-        mesh = trimesh.load_mesh(path, process=False)
-        vertices = np.ascontiguousarray(mesh.vertices, np.float64)
-        faces = np.ascontiguousarray(mesh.faces, np.float64)
-    except Exception as error:  # a reader of a stranger's file may raise anything
-        raise ItouchError(f"cannot read a mesh from '{path}': {error}") from error
-    if not len(faces) or not np.isfinite(vertices).all():
-        raise ItouchError(f"'{path}' holds no triangles, or coordinates that are no numbers")
-    return vertices, faces
+        begin = time.perf_counter()
+        mesh = load_mesh(options.mesh, scale=options.scale, use_cache=not options.no_cache)
+        first, begin = time.perf_counter() - begin, time.perf_counter()
+        if not options.no_cache:
+            load_mesh(options.mesh, scale=options.scale)
+        again = time.perf_counter() - begin
+    except MeshError as error:
+        raise ItouchError(str(error)) from error
+    for finding in mesh.findings:
+        print(f"{finding.severity}: {finding.sentence}")
+    how = "from the cache" if mesh.cached else "read, checked and built"
+    later = "" if options.no_cache else f", again from the cache {again * 1e3:.0f} ms"
+    print(f"{options.mesh.name}: {first * 1e3:.0f} ms {how}{later}")
+    vertices, triangles, _ = mesh.surface.tables
+    return vertices, triangles[np.argsort(triangles[:, 3]), :3]
 
 
 def _rows(work: Work, with_peers: bool) -> tuple[list[Row], list[str]]:
@@ -81,6 +95,8 @@ def _rows(work: Work, with_peers: bool) -> tuple[list[Row], list[str]]:
             rows.append(peer_row(name, peer, work, most_queries))
         except ImportError as reason:
             missing.append(f"{name}: not installed ({reason})")
+        except Exception as reason:  # a peer that refuses a surface is no fault of the bench
+            missing.append(f"{name}: {type(reason).__name__}: {reason}")
     return rows, missing
 
 
@@ -89,7 +105,9 @@ def _line(row: Row) -> str:
     if row.build_ms is not None:
         extra.append(f"build {row.build_ms:8.1f} ms {row.memory_mb:7.1f} MB")
     if row.locked is not None:
-        extra.append(f"locked {row.locked}, force in free space {row.force_in_free_space}")
+        extra.append(
+            f"locked {row.locked}, force in free space {row.force_in_free_space}, through {row.popped_through}"
+        )
     if row.error_p99_n is not None:
         extra.append(f"force error p99 {row.error_p99_n:.4f} N")
     return f"  {row.name:<62}{row.p50_us:9.2f}{row.p99_us:10.2f}{row.max_us:10.1f}   {'; '.join(extra)}"
@@ -101,13 +119,17 @@ def main(argv: list[str]) -> int:
     warm = Proxy(Surface(np.eye(3), np.array([[0, 1, 2]])), radius=0.01)
     warm.step((0.0, 0.0, 0.0))
     warm.follow(np.zeros((2, 3)))
-    document = []
-    for work in _works(options):
+    document: list[dict[str, object]] = []
+    figures: list[Figure] = []
+    peers = {name: version for name in PACKAGES if (version := _version(name))}
+    print("installed: " + (", ".join(f"{name} {version}" for name, version in peers.items()) or "no other library"))
+    for work, size in _works(options):
         rows, missing = _rows(work, not options.no_peers)
         print(f"{work.name}: {len(work.faces)} triangles, {len(work.hips)} steps, speed {options.speed:g}")
         print(f"  {'us, the best of 3 passes for each step or query':<62}{'p50':>9}{'p99':>10}{'max':>10}")
         print("\n".join(map(_line, rows)))
-        print("".join(f"  - {reason}\n" for reason in missing))
+        print("".join(f"  - {reason}\n" for reason in missing), flush=True)
+        figures += judged(work.name, size, rows, smooth=options.mesh is None)
         document.append(
             {
                 "name": work.name,
@@ -118,6 +140,16 @@ def main(argv: list[str]) -> int:
                 "missing": missing,
             }
         )
+    print("\n".join(["figures to reach", *(figure.line() for figure in figures)]))
     if options.json is not None:
-        options.json.write_text(json.dumps({"contact": document}, indent=1))
+        judgements = [figure.as_dict() for figure in figures]
+        options.json.write_text(json.dumps({"contact": document, "figures": judgements, "peers": peers}, indent=1))
     return 0
+
+
+def _version(package: str) -> str:
+    """Return the version of an installed package, or nothing."""
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return ""

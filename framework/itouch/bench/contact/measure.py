@@ -18,6 +18,7 @@ PASSES = 3
 CHUNK = 40  # steps of the compiled loop that are timed together
 STIFFNESS = 1000.0
 TOO_MUCH = 2.0  # a force above this times the greatest that is right counts as locked
+_TETRAHEDRON = (np.eye(4)[:, :3], np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]], np.int32))
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +33,8 @@ class Row:
     memory_mb: float | None = None
     locked: int | None = None
     force_in_free_space: int | None = None
+    popped_through: int | None = None
+    outside_cone: int | None = None
     error_p99_n: float | None = None
 
     def as_dict(self) -> dict[str, object]:
@@ -80,15 +83,39 @@ def proxy_rows(surface: Surface, work: Work, friction: tuple[float, float]) -> l
     _, away, _ = surface.closest(work.hips)
     right = STIFFNESS * np.maximum(work.radius - away, 0.0)
     error = None if friction[0] > 0 else float(np.percentile(np.abs(size - right), 99))
+    through = _through(surface, work, forces, away)
     kind = f"friction {friction[0]:g}/{friction[1]:g}" if friction[0] > 0 else "no friction"
     called = _row(
         f"itouch step, {kind}",
         times(proxy.step, lambda: proxy.reset(first), work.hips),
         locked=int((size > TOO_MUCH * right.max()).sum()),
         force_in_free_space=int((size[away >= work.radius] > 1e-9).sum()),
+        popped_through=through,
+        outside_cone=_outside_cone(proxy, work, friction[0]),
         error_p99_n=error,
     )
     return [called, *_looped(proxy, work, size, kind)]
+
+
+def _through(surface: Surface, work: Work, forces: Floats, away: Floats) -> int:
+    """Count steps whose proxy has sunk in, or that press without any force: the probe is through the surface."""
+    proxies = work.hips + forces / STIFFNESS
+    _, clear, _ = surface.closest(proxies)
+    slack = 1e-4 * work.radius
+    unheld = (away < work.radius - slack) & (np.linalg.norm(forces, axis=1) == 0.0)
+    return int(((clear < work.radius - slack) | unheld).sum())
+
+
+def _outside_cone(proxy: Proxy, work: Work, friction: float) -> int:
+    """Count steps whose force lies outside the cone of static friction about the normal force."""
+    count = 0
+    proxy.reset(work.hips[0])
+    for hip in work.hips:
+        force, normal = proxy.step(hip), proxy.normal
+        push = float(force @ normal)
+        aside = float(np.linalg.norm(force - push * normal))
+        count += aside > friction * push * (1 + 1e-6) + 1e-9
+    return count
 
 
 def _looped(proxy: Proxy, work: Work, size: Floats, kind: str) -> list[Row]:
@@ -110,6 +137,7 @@ def _looped(proxy: Proxy, work: Work, size: Floats, kind: str) -> list[Row]:
 
 def peer_row(name: str, peer: Peer, work: Work, most: int) -> Row:
     """One query of another library."""
+    peer(*_TETRAHEDRON, work.radius)  # what a library does once is not counted
     before, begin = resident_mb(), time.perf_counter()
     query = peer(work.vertices, work.faces, work.radius)
     built, after = time.perf_counter() - begin, resident_mb()

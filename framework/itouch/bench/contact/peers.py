@@ -11,14 +11,15 @@ from typing import Any
 
 import numpy as np
 
+from itouch.bench.contact.work import Faces
 from itouch.contact.vectors import Floats
 
 Query = Callable[[Floats], object]
-Peer = Callable[[Floats, Floats, float], Query]
+Peer = Callable[[Floats, Faces, float], Query]
 FEW = 40  # queries of the slow ones
 
 
-def _open3d(vertices: Floats, faces: Floats, radius: float) -> Query:
+def _open3d(vertices: Floats, faces: Faces, radius: float) -> Query:
     o3d: Any = importlib.import_module("open3d")
     core = o3d.core
     scene = o3d.t.geometry.RaycastingScene()
@@ -32,7 +33,7 @@ def _open3d(vertices: Floats, faces: Floats, radius: float) -> Query:
     return query
 
 
-def _fcl(vertices: Floats, faces: Floats, radius: float) -> Query:
+def _fcl(vertices: Floats, faces: Faces, radius: float) -> Query:
     fcl: Any = importlib.import_module("fcl")
     model = fcl.BVHModel()
     model.beginModel(len(vertices), len(faces))
@@ -48,7 +49,7 @@ def _fcl(vertices: Floats, faces: Floats, radius: float) -> Query:
     return query
 
 
-def _coal(vertices: Floats, faces: Floats, radius: float) -> Query:
+def _coal(vertices: Floats, faces: Faces, radius: float) -> Query:
     coal: Any = importlib.import_module("coal")
     model = coal.BVHModelOBBRSS()
     model.beginModel(len(faces), len(vertices))
@@ -65,7 +66,7 @@ def _coal(vertices: Floats, faces: Floats, radius: float) -> Query:
     return query
 
 
-def _igl(vertices: Floats, faces: Floats, radius: float) -> Query:
+def _igl(vertices: Floats, faces: Faces, radius: float) -> Query:
     igl: Any = importlib.import_module("igl")
     corners = np.ascontiguousarray(faces, dtype=np.int64)
     tree = igl.AABB()
@@ -77,7 +78,7 @@ def _igl(vertices: Floats, faces: Floats, radius: float) -> Query:
     return query
 
 
-def _trimesh(vertices: Floats, faces: Floats, radius: float) -> Query:
+def _trimesh(vertices: Floats, faces: Faces, radius: float) -> Query:
     trimesh: Any = importlib.import_module("trimesh")
     importlib.import_module("rtree")
     mesh = trimesh.Trimesh(vertices, faces, process=False)
@@ -89,7 +90,7 @@ def _trimesh(vertices: Floats, faces: Floats, radius: float) -> Query:
     return query
 
 
-def _mujoco(vertices: Floats, faces: Floats, radius: float) -> Query:
+def _mujoco(vertices: Floats, faces: Faces, radius: float) -> Query:
     mujoco: Any = importlib.import_module("mujoco")
     spec = mujoco.MjSpec()
     spec.add_mesh(name="m", uservert=vertices.ravel().tolist(), userface=faces.ravel().tolist())
@@ -117,3 +118,6 @@ PEERS: dict[str, tuple[Peer, int, int]] = {  # what it does; queries at most; tr
     "trimesh nearest.on_surface": (_trimesh, FEW, 10**9),
     "mujoco collision with the convex hull": (_mujoco, 10**9, 200_000),
 }
+
+#: The packages that hold them.
+PACKAGES = ("open3d", "python-fcl", "coal", "libigl", "trimesh", "mujoco")

@@ -5,9 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from itouch.contact import Surface
 from itouch.contact.vectors import Floats
+
+Faces = NDArray[np.int32]
 
 TICK = 1e-3
 DEPTH = 0.01  # amplitude of the path's depth below the surface [m]
@@ -31,13 +34,13 @@ class Work:
 
     name: str
     vertices: Floats
-    faces: Floats
+    faces: Faces
     hips: Floats
     radius: float
     two_sided: bool = False
 
 
-def height_field(cells: int) -> tuple[Floats, Floats]:
+def height_field(cells: int) -> tuple[Floats, Faces]:
     """Triangles of z = 0.05 sin(3 pi x) cos(3 pi y) over the square of side 1 m, cells split along one diagonal."""
     line = np.linspace(-0.5, 0.5, cells + 1)
     x, y = np.meshgrid(line, line, indexing="ij")
@@ -53,7 +56,7 @@ def height(x: Floats, y: Floats) -> Floats:
     return np.asarray(0.05 * np.sin(3 * np.pi * x) * np.cos(3 * np.pi * y))
 
 
-def icosphere(subdivisions: int, radius: float = 0.5) -> tuple[Floats, Floats]:
+def icosphere(subdivisions: int, radius: float = 0.5) -> tuple[Floats, Faces]:
     """Triangles of a sphere: an icosahedron whose faces are split into four again and again."""
     g = (1 + 5**0.5) / 2
     corners = np.array([(-1, g, 0), (1, g, 0), (-1, -g, 0), (1, -g, 0)], dtype=float)
@@ -106,7 +109,7 @@ def standard(kind: str, size: str, steps: int, speed: float, radius: float) -> W
     return Work(f"ico {size}", vertices, faces, hips, radius)
 
 
-def around(name: str, vertices: Floats, faces: Floats, steps: int, speed: float) -> Work:
+def around(name: str, vertices: Floats, faces: Faces, steps: int, speed: float) -> Work:
     """Path over any surface: what is nearest to a point that circles about it; lengths in proportion to its size.
 
     A surface that is no solid is touched from both sides, because the path goes round it.

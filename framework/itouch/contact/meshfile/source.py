@@ -133,14 +133,11 @@ def read_inside(path: str, root: str, shown: str, most: int) -> bytes:
             raise MeshError("outside-folder", f"'{shown}' lies outside the scene's folder", advice)
         # Without O_NONBLOCK a named pipe would hold the program until somebody writes into it.
         handle = os.open(real, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0))
-        with os.fdopen(handle, "rb") as stream:
-            mode = os.fstat(handle).st_mode
-            if not stat.S_ISREG(mode):
-                what = "a folder" if stat.S_ISDIR(mode) else "not a regular file"
-                raise MeshError("no-such-file", f"'{shown}' is {what}, not a mesh file", "check the path")
-            if os.fstat(handle).st_size > most:
-                raise _too_large(shown, most)
-            data = stream.read(most + 1)
+        try:
+            size = _size(os.fstat(handle), shown)
+            data = b"" if size > most else _whole(handle, size)
+        finally:
+            os.close(handle)
     except (OSError, ValueError) as error:
         if isinstance(error, MeshError):
             raise
@@ -148,11 +145,23 @@ def read_inside(path: str, root: str, shown: str, most: int) -> bytes:
         advice = "paths are relative to the file that names them"
         advice = "meshes are read from files only" if "://" in shown else advice
         raise MeshError("no-such-file", f"cannot read '{shown}': {reason}", advice) from None
-    if len(data) > most:
-        raise _too_large(shown, most)
+    if size > most:
+        sentence = f"'{shown}' is larger than {most / (1 << 20):.4g} MiB, the most that it may take"
+        raise MeshError("mesh-too-large", sentence, "simplify it, or save it in a binary format")
     return data
 
 
-def _too_large(shown: str, most: int) -> MeshError:
-    sentence = f"'{shown}' is larger than {most / (1 << 20):.4g} MiB, the most that it may take"
-    return MeshError("mesh-too-large", sentence, "simplify it, or save it in a binary format")
+def _size(status: os.stat_result, shown: str) -> int:
+    if not stat.S_ISREG(status.st_mode):
+        what = "a folder" if stat.S_ISDIR(status.st_mode) else "not a regular file"
+        raise MeshError("no-such-file", f"'{shown}' is {what}, not a mesh file", "check the path")
+    return status.st_size
+
+
+def _whole(handle: int, size: int) -> bytes:
+    """Read ``size`` bytes, or to the end."""
+    parts = []
+    while size > 0 and (part := os.read(handle, min(size, 1 << 24))):
+        parts.append(part)
+        size -= len(part)
+    return b"".join(parts)
