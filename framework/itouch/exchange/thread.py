@@ -45,6 +45,7 @@ class ThreadedDevice(Device):
     def open(self) -> None:
         """Open the device and begin to exchange; returns with the first reading, or after a second without one."""
         self._newest = self._taken = self._wanted = self._error = None
+        self.device.trace = self.trace
         opened, read, self._ending = threading.Event(), threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._live, args=(opened, read, self._ending), daemon=True)
         self._thread.name = f"itouch-{type(self.device).__name__}"

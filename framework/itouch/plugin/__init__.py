@@ -19,6 +19,7 @@ from itouch.plugin.channel import (
     wrench,
 )
 from itouch.plugin.device import Attached, Device, DeviceError, Touch, Twin
+from itouch.plugin.emulator import Emulator
 from itouch.plugin.ideal import IdealTwin
 from itouch.plugin.modality import Contact, ContactEvent, Modality, ParameterError, World, WorldDevice, WorldObject
 from itouch.plugin.noise import gaussian
@@ -37,6 +38,7 @@ __all__ = [
     "ContactEvent",
     "Device",
     "DeviceError",
+    "Emulator",
     "Field",
     "IdealTwin",
     "ItouchError",

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.plugin.channel import Channel
+from itouch.plugin.emulator import Emulator
 from itouch.plugin.record import Field, Record
 from itouch.plugin.trace import Trace
 from itouch.schema import ItouchError
@@ -87,6 +88,8 @@ class Device(ABC):
     commands: ClassVar[tuple[Channel, ...]] = ()
     #: The twin class; None: the ideal twin made from the channels.
     Twin: ClassVar[type[Twin] | None] = None
+    #: What speaks the device's protocol with the twin behind it; None: the driver has no emulator.
+    Emulator: ClassVar[type[Emulator] | None] = None
     #: True if read and write wait for the wire and must run in an I/O thread.
     blocking: ClassVar[bool] = False
     #: Seconds between two exchanges; 0 means one every servo tick.

@@ -1,0 +1,37 @@
+"""Emulators: a device's wire with its simulated twin behind it, so that a driver can be run as on the real thing."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any
+
+from itouch.plugin.record import Record
+
+
+class Emulator(ABC):
+    """Speaks a device's protocol where the device's parameters say that the device is.
+
+    The physics is the twin's: `serve` is called many times a second with what the twin reads now, and fills in what
+    the host has commanded.
+    """
+
+    def __init__(self, params: Any) -> None:
+        self.params = params
+
+    @abstractmethod
+    def open(self) -> str:
+        """Begin to listen; return where, in words.
+
+        Raises
+        ------
+        DeviceError
+            If it cannot listen there.
+        """
+
+    @abstractmethod
+    def serve(self, reading: Record, command: Record) -> bool:
+        """Answer what the host has asked, without waiting; tell whether the host drives the device."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Hang up."""
