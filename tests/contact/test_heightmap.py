@@ -32,12 +32,12 @@ def written(tmp_path: Path, data: bytes) -> Path:
 
 
 def test_png_of_every_kind_as_another_program_reads_it(tmp_path: Path, rng: np.random.Generator) -> None:
-    from PIL import Image as image  # comes with matplotlib
+    from PIL import Image  # comes with matplotlib
     grey = rng.integers(0, 256, (13, 17), dtype=np.uint8)
     smooth = np.add.outer(np.arange(40), np.arange(30)).astype(np.uint8) * 3
     for array, mode in ((grey, "L"), (smooth, "L"), (np.stack([grey, grey // 2, 255 - grey], 2), "RGB")):
         buffer = io.BytesIO()
-        image.fromarray(array, mode).save(buffer, "PNG")
+        Image.fromarray(array, mode).save(buffer, "PNG")
         wanted = array / 255.0 if array.ndim == 2 else array @ [0.2126, 0.7152, 0.0722] / 255.0
         np.testing.assert_allclose(read_height_map(written(tmp_path, buffer.getvalue())), wanted, atol=1e-12)
 

@@ -18,10 +18,7 @@ _PGM = re.compile(rb"P([25])(?:\s+|#[^\n]*\n)+(\d{1,6})(?:\s+|#[^\n]*\n)+(\d{1,6
 
 
 def read_height_map(path: Path) -> Heights:
-    """Return the values of a height map, 0 (deep) to 1 (at the surface), (rows, columns).
-
-    PNG and PGM images give their grey values; a ``.npy`` array of floats its values, which must lie in 0 to 1, one of
-    whole numbers its values over the greatest of its type.
+    """Read a file as ``height_map`` does.
 
     Raises
     ------
@@ -33,7 +30,20 @@ def read_height_map(path: Path) -> Heights:
     size = path.stat().st_size
     if size > MAX_BYTES:
         raise ValueError(f"it has {size} bytes; at most {MAX_BYTES} are allowed")
-    data = path.read_bytes()
+    return height_map(path.read_bytes())
+
+
+def height_map(data: bytes) -> Heights:
+    """Return the values of a height map, 0 (deep) to 1 (at the surface), (rows, columns).
+
+    PNG and PGM images give their grey values; a ``.npy`` array of floats its values, which must lie in 0 to 1, one of
+    whole numbers its values over the greatest of its type.
+
+    Raises
+    ------
+    ValueError
+        If it is too large, of another kind, damaged, or holds values that are no heights.
+    """
     if data.startswith(b"\x89PNG"):
         values = grey_of_png(data, MAX_SAMPLES)
     elif data[:2] in (b"P2", b"P5"):

@@ -7,7 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.contact import effects as at
+from itouch.contact.effects import EFFECTS_MEMORY
 from itouch.contact.vectors import Floats
+
+__all__ = ["AXES", "EFFECTS_MEMORY", "Effects", "Texture", "effects_table"]
 
 AXES = {"triplanar": -1, "x": 0, "y": 1, "z": 2}
 

@@ -39,7 +39,7 @@ class Events:
     def _remember(self, event: ContactEvent) -> None:
         count = int(self._count)
         self._table[count % EVENTS] = (
-            event.kind, event.tick, self._probe_index[event.probe], event.object_index, event.point, event.normal,
+            event.kind, event.tick, self._probe_index[event.probe], event.object_index, *event[5:],
         )  # fmt: skip
         self._count[...] = count + 1
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -67,6 +68,22 @@ class Frame(NamedTuple):
     def moved(self, offset: Sequence[float]) -> Frame:
         """Return the frame moved by an offset given in its parent."""
         return Frame(self.x + offset[0], self.y + offset[1], self.z + offset[2], self.r)
+
+
+def quaternion(r: Sequence[float]) -> tuple[float, float, float, float]:
+    """Return the unit quaternion w x y z of a rotation matrix, row by row (Shepperd 1978)."""
+    trace = r[0] + r[4] + r[8]
+    largest = max(trace, r[0], r[4], r[8])
+    if largest == trace:
+        q = (1.0 + trace, r[7] - r[5], r[2] - r[6], r[3] - r[1])
+    elif largest == r[0]:
+        q = (r[7] - r[5], 1.0 + r[0] - r[4] - r[8], r[1] + r[3], r[2] + r[6])
+    elif largest == r[4]:
+        q = (r[2] - r[6], r[1] + r[3], 1.0 - r[0] + r[4] - r[8], r[5] + r[7])
+    else:
+        q = (r[3] - r[1], r[2] + r[6], r[5] + r[7], 1.0 - r[0] - r[4] + r[8])
+    size = math.sqrt(sum(x * x for x in q))
+    return (q[0] / size, q[1] / size, q[2] / size, q[3] / size)
 
 
 UPRIGHT = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)

@@ -26,16 +26,16 @@ Floats = NDArray[np.float64]
 # --- figures of a probe: State fields in this order --------------------------------------------------------------
 HIP, VELOCITY, PROXY, FORCE, NORMAL, POINT = 0, 3, 6, 9, 12, 15
 PENETRATION, NORMAL_FORCE, NEAR_DISTANCE, TIME_TO_CONTACT = 18, 19, 20, 21
-CONTACT_FORCE = 22
-PLATE_GAP, SURFACE_HEIGHT, PLATE_YIELD, PLATE_TOP, TRACKING = 25, 26, 27, 28, 29
-FIGURES = 30
+CONTACT_FORCE, EFFECT_FORCE, AREA = 22, 25, 28
+PLATE_GAP, SURFACE_HEIGHT, PLATE_YIELD, PLATE_TOP, TRACKING = 29, 30, 31, 32, 33
+FIGURES = 34
 
 # --- constants of a probe ----------------------------------------------------------------------------------------
 TRACKER, ARM, TABLE = 0, 12, 24  # frames in the world: origin, then rotation matrix
 OFFSET = 36  # of the plate's top on what the table carries
 RADIUS, NEAR, CLEARANCE, COSINE, PERIOD, SMOOTH, PLATE_LIMIT, HAS_ARM, HAS_TABLE = 39, 40, 41, 42, 43, 44, 45, 46, 47
-SPEED_TRIP, FORCE_TRIP = 48, 49
-CONSTANTS = 50
+SPEED_TRIP, FORCE_TRIP, PAD = 48, 49, 50
+CONSTANTS = 51
 
 #: Bits of what `render` returns last: the plate renders the contact; the probe is too fast; the plate presses too hard.
 PLATE, TOO_FAST, TOO_HARD = 1, 2, 4
@@ -61,13 +61,17 @@ def follow(c: Floats, tracker: Floats, figures: Floats, first: bool) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def _push(damping: Floats, figures: Floats, result: Floats) -> None:
-    """Write the contact force: the spring's, with damping along the normal that may weaken it, but never pull."""
+def _push(c: Floats, damping: Floats, figures: Floats, result: Floats) -> None:
+    """Write the contact force: the spring's, with damping along the normal that may weaken it, but never pull.
+
+    What the surface's effects put on top of that comes last; an attraction pulls without contact too.
+    """
     primary = int(result[at.RESULT_PRIMARY])
     if primary < 0:
-        figures[FORCE : FORCE + 3] = 0.0
-        figures[CONTACT_FORCE : CONTACT_FORCE + 3] = 0.0
-        figures[PENETRATION] = figures[NORMAL_FORCE] = 0.0
+        for i in range(3):
+            figures[FORCE + i] = 0.0
+            figures[CONTACT_FORCE + i] = figures[EFFECT_FORCE + i]
+        figures[PENETRATION] = figures[NORMAL_FORCE] = figures[AREA] = 0.0
         return
     spring, closing = 0.0, 0.0
     for i in range(3):
@@ -79,21 +83,31 @@ def _push(damping: Floats, figures: Floats, result: Floats) -> None:
         n = result[at.RESULT_NORMAL + i]
         figures[NORMAL + i] = n
         figures[FORCE + i] = result[at.RESULT_FORCE + i]
-        figures[CONTACT_FORCE + i] = result[at.RESULT_FORCE + i] + (push - spring) * n
+        figures[CONTACT_FORCE + i] = result[at.RESULT_FORCE + i] + (push - spring) * n + figures[EFFECT_FORCE + i]
         figures[POINT + i] = result[at.RESULT_CONTACTS + at.CONTACT_POINT + i]
     figures[NORMAL_FORCE] = push
+    figures[AREA] = min(c[PAD] * push ** (2.0 / 3.0), math.pi * c[RADIUS] ** 2)
     figures[PENETRATION] = result[at.RESULT_PENETRATION]
 
 
 @njit(cache=True, error_model="numpy")
-def _approach(figures: Floats, result: Floats) -> None:
-    """Write distance and time to the nearest object."""
+def _approach(figures: Floats, result: Floats, poses: Floats, twists: Floats) -> None:
+    """Write distance and time to the nearest object, by the speed relative to its surface."""
     figures[NEAR_DISTANCE] = figures[TIME_TO_CONTACT] = np.inf
     if result[at.RESULT_NEAREST] < 0.0:
         return
-    distance, speed = result[at.RESULT_DISTANCE], 0.0
+    obj, distance, speed = int(result[at.RESULT_NEAREST]), result[at.RESULT_DISTANCE], 0.0
+    x = result[at.RESULT_NEAREST_POINT] - poses[obj, 0]
+    y = result[at.RESULT_NEAREST_POINT + 1] - poses[obj, 1]
+    z = result[at.RESULT_NEAREST_POINT + 2] - poses[obj, 2]
+    spin = (
+        twists[obj, 4] * z - twists[obj, 5] * y,
+        twists[obj, 5] * x - twists[obj, 3] * z,
+        twists[obj, 3] * y - twists[obj, 4] * x,
+    )
     for i in range(3):
-        speed -= figures[VELOCITY + i] * result[at.RESULT_NEAREST_NORMAL + i]
+        rate = figures[VELOCITY + i] - twists[obj, i] - spin[i]
+        speed -= rate * result[at.RESULT_NEAREST_NORMAL + i]
     figures[NEAR_DISTANCE] = distance
     if distance <= 0.0:
         figures[TIME_TO_CONTACT] = 0.0
@@ -165,6 +179,7 @@ def render(
     world: Floats,
     mesh: Any,
     poses: Floats,
+    twists: Floats,
     damping: Floats,
     table: Floats,
     sent: Floats,
@@ -180,7 +195,7 @@ def render(
     ----------
     c
         Constants of the probe, shape (CONSTANTS,).
-    world, mesh, poses
+    world, mesh, poses, twists
         The objects; see ``itouch.contact``.
     damping
         Of the coupling with each object [N s/m], shape (n,).
@@ -203,8 +218,8 @@ def render(
         primary, nearest = int(result[at.RESULT_PRIMARY]), int(result[at.RESULT_NEAREST])
         for i in range(3):
             figures[PROXY + i] = result[at.RESULT_PROXY + i]
-        _push(damping, figures, result)
-        _approach(figures, result)
+        _push(c, damping, figures, result)
+        _approach(figures, result, poses, twists)
     plate = False
     if c[HAS_TABLE] > 0.0:
         _carry(c, world, mesh, poses, table, load, figures, goal)

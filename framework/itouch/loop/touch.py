@@ -13,7 +13,9 @@ from typing import Any
 import numpy as np
 
 from itouch.contact import layout as at
+from itouch.contact.effects import render_effects
 from itouch.contact.step import step
+from itouch.contact.surfaces import effects_table
 from itouch.loop import render
 from itouch.loop.frames import Frame
 from itouch.loop.runner import Runner
@@ -58,6 +60,7 @@ class Toucher:
         nothing = np.zeros(7)
         self.load = table.reading["wrench"] if table is not None and "wrench" in table.reading else nothing
         world, mesh, poses = model.geometry.world, model.geometry.mesh, state["objects.pose"]
+        self._poses, self._twists, self._moving = poses, state["objects.twist"], bool(model.moving)
         self._follows = (self._constants, tracker.reading["pose"], self.figures)
         stiffness = np.array([coupling.stiffness for coupling in probe.coupling], np.float64)
         self._steps = (
@@ -65,13 +68,21 @@ class Toucher:
             probe.scene.near, self.memory, self.result,
         )  # fmt: skip
         self._renders = (
-            self._constants, world, mesh, poses, np.array([c.damping for c in probe.coupling], np.float64),
+            self._constants, world, mesh, poses, self._twists, np.array([c.damping for c in probe.coupling], np.float64),
             table.reading["pose"] if table is not None else nothing,
             table.sent["pose_target"] if table is not None else nothing,
             self.figures, self.result,
             arm.command["wrench"] if arm is not None else np.zeros(6),
             table.command["pose_target"] if table is not None else np.zeros(7),
         )  # fmt: skip
+        self._effects: tuple[Any, ...] | None = None
+        if (effects := effects_table(probe.effects)) is not None:
+            figures = self.figures
+            self._effects = (
+                *effects, world, poses, stiffness, figures[:3], figures[render.VELOCITY : render.VELOCITY + 3],
+                model.period, state[f"{probe.name}.effects"], self.result,
+                figures[render.EFFECT_FORCE : render.EFFECT_FORCE + 3],
+            )  # fmt: skip
 
     def _warm_up(self) -> None:
         """Compile now, not in the first tick: the same calls on copies."""
@@ -81,6 +92,8 @@ class Toucher:
         ]
         if self.model.objects:
             kernels.append((step, self._steps))
+        if self._effects is not None:
+            kernels.append((render_effects, self._effects))
         for kernel, arguments in kernels:
             kernel(*(v.copy() if isinstance(v, np.ndarray) and v.flags.writeable else v for v in arguments))
 
@@ -99,6 +112,8 @@ class Toucher:
         render.follow(*self._follows, tick == 0)
         if self.model.objects:
             step(*self._steps)
+            if self._effects is not None:
+                render_effects(*self._effects)
         primary, nearest, bits = render.render(*self._renders, self.load[2])
         self.object[...] = primary
         self.plate[...] = bits & render.PLATE
@@ -152,12 +167,22 @@ class Toucher:
             start = at.RESULT_NEAREST_POINT
             px, py, pz, nx, ny, nz = self.result[start : start + 6].tolist()
             point, distance = (px, py, pz), f[20]
-        along = f[3] * nx + f[4] * ny + f[5] * nz
-        tangential = (f[3] - along * nx, f[4] - along * ny, f[5] - along * nz)
+        u, v, w = f[3:6]
+        if self._moving:
+            u, v, w = (a - b for a, b in zip((u, v, w), self._surface_velocity(index, point), strict=True))
+        along = u * nx + v * ny + w * nz
+        tangential = (u - along * nx, v - along * ny, w - along * nz)
         return ContactEvent(
             kind, tick, self.probe.name, self.model.objects[index], index, point, (nx, ny, nz), distance, -along,
-            tangential, f[18], f[19], f[21],
+            tangential, f[18], f[19], f[21], f[render.AREA],
         )  # fmt: skip
+
+    def _surface_velocity(self, index: int, point: Vector) -> Vector:
+        """Return the velocity of an object's material point [m/s]."""
+        px, py, pz = self._poses[index, :3].tolist()
+        vx, vy, vz, wx, wy, wz = self._twists[index].tolist()
+        x, y, z = point[0] - px, point[1] - py, point[2] - pz
+        return (vx + wy * z - wz * y, vy + wz * x - wx * z, vz + wx * y - wy * x)
 
 
 def _constants(
@@ -177,6 +202,7 @@ def _constants(
         render.FORCE_TRIP: default.PLATE_FORCE_TRIP,
         render.HAS_ARM: float(arm is not None),
         render.HAS_TABLE: float(table is not None),
+        render.PAD: math.pi * (0.75 * probe.scene.radius / probe.scene.modulus) ** (2 / 3),
     }
     for index, value in values.items():
         constants[index] = value

@@ -27,7 +27,9 @@ class ContactEvent(NamedTuple):
     """What happened between a probe and an object in this tick; lengths in m, world frame.
 
     ``distance`` is that between surface and probe (0 in contact), ``speed`` the approach speed along the normal
-    (> 0: closing), ``time_to_contact`` is infinite unless approaching.
+    (> 0: closing), ``tangential_velocity`` that of the finger along the surface, both relative to it;
+    ``force`` is the normal force [N], ``area`` that of contact by Hertz's law [m2]; ``time_to_contact`` is infinite
+    unless approaching.
     """
 
     kind: Contact
@@ -43,6 +45,7 @@ class ContactEvent(NamedTuple):
     penetration: float
     force: float
     time_to_contact: float
+    area: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

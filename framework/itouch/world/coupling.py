@@ -7,8 +7,10 @@ for a virtual wall).  B is lowered before K; what is rendered instead is said on
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
+from itouch.contact.surfaces import Effects
 from itouch.scene.elements import ContactMaterial, Probe
 from itouch.world.rig import DeviceModel
 
@@ -55,6 +57,33 @@ def _arm_limits(probe: Probe, arm: DeviceModel | None) -> tuple[float, float, bo
     unstated = stiffness is None and damping is None
     ceiling = UNSTATED_STIFFNESS if unstated else stiffness if stiffness is not None else float("inf")
     return ceiling, probe.hand_damping + (damping or 0.0), unstated
+
+
+def stable_effects(
+    probe: Probe,
+    arm: DeviceModel | None,
+    effects: Sequence[Effects],
+    coupling: Sequence[Coupling],
+    names: Sequence[str],
+    period: float,
+    notices: list[str],
+) -> tuple[Effects, ...]:
+    """Return the effects with their drag lowered to what the coupling leaves, K T / 2 + viscosity <= b, and say so."""
+    if arm is None:
+        return tuple(effects)
+    _, damping, _ = _arm_limits(probe, arm)
+    found: list[Effects] = []
+    told = set()
+    for own, spring, name in zip(effects, coupling, names, strict=True):
+        room = max(0.0, damping - spring.stiffness * period / 2)
+        if own.viscosity > room and name not in told:
+            told.add(name)
+            notices.append(
+                f"the viscosity of material '{name}', {own.viscosity:g} N s/m, exceeds what '{arm.name}' can render "
+                f"stably to '{probe.name}' beside its stiffness; rendering {room:g} N s/m"
+            )
+        found.append(replace(own, viscosity=min(own.viscosity, room)))
+    return tuple(found)
 
 
 def stable(stiffness: float, material_damping: float, damping: float, ceiling: float, period: float) -> Coupling:

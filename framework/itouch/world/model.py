@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.contact import Friction, Geometry, Shape, layout
+from itouch.contact import Geometry, Shape, layout
+from itouch.contact.surfaces import Effects
 from itouch.plugin.discovery import Catalog
-from itouch.scene import Scene, elements
+from itouch.scene import Scene
 from itouch.scene.elements import Operator, Probe
 from itouch.schema import Problem, SceneError
 from itouch.world.bindings import check_bindings, check_reach, check_writers
-from itouch.world.coupling import Coupling, couplings
+from itouch.world.coupling import Coupling, couplings, stable_effects
 from itouch.world.files import SceneFile, SceneFiles
 from itouch.world.limits import check_safety
 from itouch.world.modalities import ModalityModel, build_modalities, notices_of
+from itouch.world.motion import NO_MOTIONS, Motions, build_motions
 from itouch.world.rig import DeviceModel, build_devices, orientation
 from itouch.world.shapes import build_shapes
+from itouch.world.surfaces import build_effects, build_friction, contact_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +36,7 @@ class ProbeModel:
     operator: Operator | None
     coupling: tuple[Coupling, ...]
     face: str
+    effects: tuple[Effects, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +56,13 @@ class Model:
     memory_size: int
     result_size: int
     files: tuple[SceneFile, ...] = ()
+    effects: tuple[Effects, ...] = ()
+    motions: Motions = NO_MOTIONS
+
+    @property
+    def moving(self) -> bool:
+        """Whether any object moves."""
+        return bool(self.motions)
 
     @classmethod
     def of(cls, scene: Scene, catalog: Catalog) -> Model:
@@ -80,9 +91,11 @@ def compile_scene(scene: Scene, catalog: Catalog) -> tuple[Model | None, list[Pr
     built = build_shapes(scene, reader, problems)
     notices += built.notices
     problems += check_reach(scene, devices, built.boxes)
-    shapes, surfaces = built.shapes, _surfaces(scene, problems)
+    shapes, surfaces = built.shapes, build_friction(scene, problems)
+    effects = build_effects(scene, reader, problems, notices)
     poses = _poses(scene, problems)
-    probes = _probes(scene, devices, notices, problems)
+    motions = build_motions(scene, poses, shapes, devices, reader, problems)
+    probes = _probes(scene, devices, effects, notices)
     period = 1.0 / scene.rates.servo
     modalities = build_modalities(scene, catalog, devices, period, problems)
     notices += notices_of(modalities)
@@ -93,25 +106,9 @@ def compile_scene(scene: Scene, catalog: Catalog) -> tuple[Model | None, list[Pr
     model = Model(
         scene, period, tuple(o.name for o in scene.objects), poses, tuple(shapes), Geometry.build(shapes, surfaces),
         devices, tuple(probes), tuple(modalities), tuple(notices), layout.MEMORY_POSES + 7 * len(shapes),
-        layout.RESULT_SIZE, reader.all(),
+        layout.RESULT_SIZE, reader.all(), effects, motions,
     )  # fmt: skip
     return model, problems
-
-
-def _surfaces(scene: Scene, problems: list[Problem]) -> list[Friction]:
-    contacts = [_contact(scene, element, problems) for element in scene.objects]
-    return [Friction(contact.static_friction, contact.dynamic_friction) for contact in contacts]
-
-
-def _contact(scene: Scene, element: Any, problems: list[Problem]) -> elements.ContactMaterial:
-    material = next((m for m in scene.materials if m.name == element.material), None)
-    if material is not None and material.contact is not None:
-        return material.contact
-    if material is not None:
-        sentence = f"object '{element.name}' can be touched, but its material '{material.name}' has no <contact>"
-        advice = 'give the material <contact stiffness="1 N/mm"/>'
-        problems.append(Problem("missing-element", sentence, scene.places.of(element, "material"), advice))
-    return elements.ContactMaterial(stiffness=1.0)
 
 
 def _poses(scene: Scene, problems: list[Problem]) -> NDArray[np.float64]:
@@ -120,17 +117,18 @@ def _poses(scene: Scene, problems: list[Problem]) -> NDArray[np.float64]:
 
 
 def _probes(
-    scene: Scene, devices: Mapping[str, DeviceModel], notices: list[str], problems: list[Problem]
+    scene: Scene, devices: Mapping[str, DeviceModel], effects: Sequence[Effects], notices: list[str]
 ) -> list[ProbeModel]:
     found = []
     for index, probe in enumerate(scene.probes):
         operator = next((o for o in scene.operators if o.probe == probe.name), None)
         arm = devices.get(probe.force_to)
-        materials = [_contact(scene, element, []) for element in scene.objects]
+        materials = [contact_of(scene, element, []) for element in scene.objects]
         names = [element.material for element in scene.objects]
         coupling = couplings(probe, arm, materials, names, 1.0 / scene.rates.servo, notices)
         face = next((d.name for d in devices.values() if d.carrier and d.carrier == probe.surface_to), probe.surface_to)
-        found.append(ProbeModel(probe.name, index, probe, operator, coupling, face))
+        own = stable_effects(probe, arm, effects, coupling, names, 1.0 / scene.rates.servo, notices)
+        found.append(ProbeModel(probe.name, index, probe, operator, coupling, face, own))
     return found
 
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from itouch.contact.surfaces import EFFECTS_MEMORY
 from itouch.plugin import Field, Record
+from itouch.world import marks
 from itouch.world.model import Model
 from itouch.world.rig import DeviceModel
 from itouch.world.supervision import supervision
@@ -19,6 +21,13 @@ EVENT_DTYPE = [
     ("object", "i8"),
     ("point", "f8", 3),
     ("normal", "f8", 3),
+    ("distance", "f8"),
+    ("speed", "f8"),
+    ("tangential_velocity", "f8", 3),
+    ("penetration", "f8"),
+    ("force", "f8"),
+    ("time_to_contact", "f8"),
+    ("area", "f8"),
 ]
 
 
@@ -27,17 +36,23 @@ def layout(model: Model) -> tuple[Field, ...]:
     fields: list[Field] = [Field("tick", "i8"), Field("seed", "u8"), Field("ready", "i8"), Field("hold", "i8")]
     count = len(model.objects)
     fields += [Field("objects.pose", "f8", (count, 7)), Field("objects.twist", "f8", (count, 6))]
+    if model.moving:
+        fields.append(Field("objects.ticks", "i8"))
+    if model.motions.bodies is not None:
+        fields.append(Field("objects.physics", "f8", model.motions.bodies.state_size))
     for device in model.devices.values():
         fields += _device(device)
     for probe in model.probes:
         fields += _prefixed(probe.name, _PROBE)
         fields.append(Field(f"{probe.name}.memory", "f8", model.memory_size))
         fields.append(Field(f"{probe.name}.result", "f8", model.result_size))
+        if any(effects.any for effects in probe.effects):
+            fields.append(Field(f"{probe.name}.effects", "f8", EFFECTS_MEMORY))
         if probe.operator is not None:
             fields += _prefixed(f"{probe.name}.hand", _HAND)
     for modality in model.modalities:
         fields += _prefixed(modality.name, modality.instance.fields(modality.model))
-    fields += [Field("events.count", "i8"), Field("events.table", EVENT_DTYPE, EVENTS)]
+    fields += [Field("events.count", "i8"), Field("events.table", EVENT_DTYPE, EVENTS), *marks.FIELDS]
     return tuple(fields)
 
 
@@ -58,6 +73,8 @@ _PROBE = (
     Field("near_distance"),
     Field("time_to_contact"),
     Field("contact_force", "f8", 3),
+    Field("effect_force", "f8", 3),
+    Field("area"),
     Field("plate_gap"),
     Field("surface_height"),
     Field("plate_yield"),

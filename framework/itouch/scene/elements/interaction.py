@@ -37,6 +37,9 @@ class Probe:
     hand_damping: float = quantity(
         "N*s/m", low=0.0, high=50, default=5.0, doc="damping that the hand is counted on for"
     )
+    modulus: float = quantity(
+        "Pa", low=1e3, high=1e12, default=5e4, doc="effective modulus of the fingertip, for the area of contact (Hertz)"
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from itouch.schema.fields import children, choice, file, name, quantity, ref, temperature
+from itouch.scene.elements.motion import Dynamics, ObjectMotion
+from itouch.schema.fields import child, children, choice, file, name, quantity, ref, temperature
 
 POS = "position of its origin in the world"
 QUAT = "orientation as a quaternion w x y z"
@@ -25,6 +26,11 @@ class _Placed:
     temperature: float | None = temperature(
         low=173.15, high=673.15, default=None, doc="its temperature; default: the room's"
     )
+    pose_from: str = ref(
+        "device", reads=("pose",), default="", doc="the device that carries it; pos and quat are then in what it carries"
+    )
+    motion: ObjectMotion | None = child(ObjectMotion)
+    dynamics: Dynamics | None = child(Dynamics)
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,4 +96,7 @@ class WorldElement:
 
     TAG: ClassVar[str] = "world"
     temperature: float = temperature(low=253.15, high=323.15, default=296.15, doc="temperature of the room")
+    gravity: tuple[float, float, float] = quantity(
+        "m/s^2", size=3, low=-100, high=100, default=(0.0, 0.0, -9.81), doc="acceleration of what falls freely"
+    )
     objects: tuple[Any, ...] = children(OBJECTS, doc="what can be touched")

@@ -1,0 +1,198 @@
+"""A world as MuJoCo sees it: free bodies, moved ones, and what stands still.
+
+Nothing of it changes while it runs: everything that does is one flat array, MuJoCo's integration state (time,
+positions, velocities, warm start, applied forces, moved poses), that is put back before each step. Two steps from equal
+states and forces are equal to the last bit. The finger's force reaches a body by the virtual coupling of the contact
+engine alone: the finger is no body here. Meshes collide with other objects as their convex hulls.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.contact.shapes import Box, Capsule, Cylinder, Mesh, Plane, Shape, Sphere
+from itouch.dynamics.kernels import apply_forces, read_back
+
+Floats = NDArray[np.float64]
+
+STILL, MOVED, FREE = 0, 1, 2
+
+
+class BodyError(ValueError):
+    """An object that cannot be a rigid body; ``index`` is its number."""
+
+    def __init__(self, index: int, sentence: str) -> None:
+        super().__init__(sentence)
+        self.index = index
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """One object: its shape and pose at start, whether it is STILL, MOVED or FREE, and of a free one its physics.
+
+    ``inertia`` is about its own axes [kg m2], None: of the shape, filled evenly; ``friction`` that against others;
+    ``damping`` the rate at which its motion dies away [1/s].
+    """
+
+    shape: Shape
+    pose: tuple[float, ...]
+    kind: int = STILL
+    mass: float = 0.0
+    inertia: tuple[float, ...] | None = None
+    friction: float = 0.5
+    damping: float = 0.0
+
+
+def available() -> bool:
+    """Tell whether MuJoCo is installed."""
+    return importlib.util.find_spec("mujoco") is not None
+
+
+def build_bodies(bodies: Sequence[Body], gravity: tuple[float, float, float], period: float) -> Bodies:
+    """Compile the bodies of a world; ``gravity`` in m/s2, ``period`` of a step in s.
+
+    Raises
+    ------
+    BodyError
+        If a body cannot be made.
+    """
+    import mujoco
+
+    spec = mujoco.MjSpec()
+    spec.option.timestep, spec.option.gravity = period, gravity
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.cone, spec.option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, 10.0  # what rests does not creep
+    spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO
+    meshes: dict[int, str] = {}
+    for index, body in enumerate(bodies):
+        _add(mujoco, spec, index, body, meshes)
+    try:
+        model = spec.compile()
+    except ValueError as error:
+        raise BodyError(_which(str(error), bodies), " ".join(str(error).split())) from None
+    return Bodies(model, tuple(bodies))
+
+
+def _which(message: str, bodies: Sequence[Body]) -> int:
+    """Find the object that a message of the compiler names, or the first free one."""
+    named = [i for i in range(len(bodies)) if f"'o{i}'" in message or f"'m{i}'" in message]
+    free = [i for i, body in enumerate(bodies) if body.kind == FREE]
+    return (named or free or [0])[0]
+
+
+def _add(mujoco: Any, spec: Any, index: int, body: Body, meshes: dict[int, str]) -> None:
+    if body.kind == FREE and isinstance(body.shape, Plane):
+        raise BodyError(index, "a plane has no end and cannot be a free body")
+    parent = spec.worldbody
+    place = {"pos": body.pose[:3], "quat": body.pose[3:]}
+    if body.kind != STILL:
+        parent = spec.worldbody.add_body(name=f"o{index}", mocap=body.kind == MOVED, **place)
+        place = {}
+    form = _form(mujoco, spec, index, body, meshes)
+    geom = parent.add_geom(name=f"{'s' if body.kind == STILL else 'o'}{index}", **form, **place)
+    geom.friction = (body.friction, 0.005, 0.0001)
+    geom.solref = (max(0.004, 4.0 * spec.option.timestep), 1.0)  # as stiff as the step allows
+    if body.kind != FREE:
+        return
+    parent.add_freejoint(name=f"o{index}")
+    if body.inertia is None:
+        geom.mass = body.mass
+        return
+    geom.mass = 0.0
+    parent.explicitinertial = True
+    parent.mass, parent.inertia, parent.ipos = body.mass, body.inertia, (0.0, 0.0, 0.0)
+
+
+def _form(mujoco: Any, spec: Any, index: int, body: Body, meshes: dict[int, str]) -> dict[str, Any]:
+    kinds, shape = mujoco.mjtGeom, body.shape
+    if isinstance(shape, Box):
+        return {"type": kinds.mjGEOM_BOX, "size": shape.half_extents}
+    if isinstance(shape, Sphere):
+        return {"type": kinds.mjGEOM_SPHERE, "size": (shape.radius, 0.0, 0.0)}
+    if isinstance(shape, Capsule):
+        return {"type": kinds.mjGEOM_CAPSULE, "size": (shape.radius, shape.half_length, 0.0)}
+    if isinstance(shape, Cylinder):
+        return {"type": kinds.mjGEOM_CYLINDER, "size": (shape.radius, shape.half_length, 0.0)}
+    if isinstance(shape, Mesh):
+        surface = shape.surface
+        if id(surface) not in meshes:
+            meshes[id(surface)] = f"m{index}"
+            vertices, triangles, _ = surface.tables
+            spec.add_mesh(
+                name=f"m{index}", uservert=vertices[:, :3].ravel().tolist(), userface=triangles[:, :3].ravel().tolist(),
+                inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX,
+            )  # fmt: skip
+        return {"type": kinds.mjGEOM_MESH, "meshname": meshes[id(surface)]}
+    return {"type": kinds.mjGEOM_PLANE, "size": (0.0, 0.0, 1.0)}
+
+
+class Bodies:
+    """The compiled bodies; ``make`` gives a workplace to step them."""
+
+    __slots__ = ("_model", "bodies", "free", "moved", "state_size")
+
+    def __init__(self, model: Any, bodies: tuple[Body, ...]) -> None:
+        import mujoco
+
+        self._model, self.bodies = model, bodies
+        self.free = tuple(i for i, body in enumerate(bodies) if body.kind == FREE)
+        self.moved = tuple(i for i, body in enumerate(bodies) if body.kind == MOVED)
+        self.state_size = int(mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_INTEGRATION))
+
+    def make(self) -> Physics:
+        """Return a workplace with scratch memory of its own."""
+        return Physics(self._model, self)
+
+
+class Physics:
+    """Steps the bodies; between two calls it remembers nothing."""
+
+    def __init__(self, model: Any, bodies: Bodies) -> None:
+        import mujoco
+
+        self._mujoco, self._model, self._data = mujoco, model, mujoco.MjData(model)
+        self._kind = int(mujoco.mjtState.mjSTATE_INTEGRATION)
+        self._free, self._moved = np.array(bodies.free, np.intp), np.array(bodies.moved, np.intp)
+        names = [model.body(f"o{i}").id for i in bodies.free]
+        self._ids = np.array(names, np.intp)
+        self._slots = np.array([model.body_mocapid[model.body(f"o{i}").id] for i in bodies.moved], np.intp)
+        self._physics = (
+            self._free, self._ids, np.ascontiguousarray(model.body_ipos[self._ids]), model.body_mass[self._ids],
+            model.body_inertia[self._ids], np.array([bodies.bodies[i].damping for i in bodies.free]),
+        )  # fmt: skip
+        self._places = self._data.qpos.reshape(-1, 7)
+        self._rates = self._data.qvel.reshape(-1, 6)
+        self._push = self._data.xfrc_applied
+
+    def start(self, state: Floats) -> None:
+        """Write the state at the beginning."""
+        self._mujoco.mj_resetData(self._model, self._data)
+        self._mujoco.mj_getState(self._model, self._data, state, self._kind)
+
+    def step(self, state: Floats, forces: Floats, poses: Floats, twists: Floats) -> None:
+        """Advance by one period.
+
+        Parameters
+        ----------
+        state
+            Bodies.state_size numbers, rewritten.
+        forces
+            (n, 6): force and torque about the origin of each object's frame, in the world frame [N, N m].
+        poses, twists
+            (n, 7) and (n, 6) of all objects: read for those that are moved, written for those that are free.
+        """
+        mujoco, data = self._mujoco, self._data
+        mujoco.mj_setState(self._model, data, state, self._kind)
+        if len(self._moved):
+            data.mocap_pos[self._slots] = poses[self._moved, :3]
+            data.mocap_quat[self._slots] = poses[self._moved, 3:]
+        apply_forces(*self._physics, poses, self._rates, forces, self._push)
+        mujoco.mj_step(self._model, data)
+        mujoco.mj_getState(self._model, data, state, self._kind)
+        read_back(self._free, self._places, self._rates, poses, twists)
