@@ -14,6 +14,7 @@ import numpy as np
 from itouch.loop.clock import Clock, VirtualClock, now
 from itouch.loop.events import Events
 from itouch.loop.ledger import Ledger
+from itouch.loop.objects import Objects
 from itouch.loop.pacing import Pacing
 from itouch.loop.rehearsal import rehearse
 from itouch.loop.rig import ProbeRig
@@ -46,9 +47,10 @@ class Engine:
         self._runners = {name: Runner(device, self.state, model.period) for name, device in model.devices.items()}
         self._rigs = [ProbeRig(model, probe, self.state, self._runners, self.ledger) for probe in model.probes]
         self._all = list(self._runners.values())
+        self._objects = Objects(model, self.state, self._runners, [rig.toucher for rig in self._rigs])
         self._hands = [rig.coupling.hand for rig in self._rigs if rig.coupling.hand is not None]
         #: Whether an operator twin follows a motion.
-        self.scripted = any(hand.path.duration > 0 for hand in self._hands)
+        self.scripted = any(hand.path.duration > 0 for hand in self._hands) or self._objects.scripted
         self._modalities = [(m.instance, m.model, m.every) for m in model.modalities]
         self._tick, self._ready = self.state["tick"], self.state["ready"]
         self._events = Events(model, self.state, self._rigs, self._modalities)
@@ -66,6 +68,7 @@ class Engine:
 
     def _reset(self, seed: int) -> None:
         self.state["objects.pose"] = self.model.poses
+        self._objects.reset()
         for runner in self._all:
             runner.start(seed)
         for rig in self._rigs:
@@ -108,7 +111,7 @@ class Engine:
     @property
     def done(self) -> bool:
         """Whether every scripted motion has ended; never true without one."""
-        return self.scripted and all(hand.done for hand in self._hands)
+        return self.scripted and self._objects.done and all(hand.done for hand in self._hands)
 
     @property
     def runners(self) -> tuple[Runner, ...]:
@@ -187,6 +190,8 @@ class Engine:
             if mark:
                 mark(now())
         ready = bool(self._ready)
+        if self.model.moving:
+            self._objects.update(tick, ready)
         for rig in self._rigs:
             rig.touch(tick, self._events.tell, self._events.moves, ready)
         if mark:
@@ -214,6 +219,8 @@ class Engine:
     def _move(self, ready: bool) -> None:
         for rig in self._rigs:
             rig.couple(ready)
+        if self.model.moving:
+            self._objects.advance(ready)
         for runner in self._all:
             runner.step_twin()
 
@@ -305,6 +312,7 @@ class Engine:
         self._enabled = not hardware and (begun or any(r.status is Status.ENABLED for r in self._all))
         for runner in self._all:
             runner.restore()
+        self._objects.restore()
         for rig in self._rigs:
             rig.restore()
 
