@@ -14,6 +14,7 @@ from itouch.schema.diagnostics import did_you_mean
 from itouch.session.engine import Session
 from itouch.session.errors import SessionError
 from itouch.session.open import read_session
+from itouch.session.snapshot import Snapshot
 from itouch.world import Model
 
 Path = str | os.PathLike[str]
@@ -120,15 +121,25 @@ def restore(path: Path, *, clock: Clock | None = None, catalog: Catalog | None =
         If the file is not a whole snapshot, or does not fit the plugins of this environment.
     """
     plugins = catalog or Catalog()
-    snapshot = read_session(path, plugins)
+    return rebuild(read_session(path, plugins), os.fspath(path), plugins, clock)
+
+
+def rebuild(snapshot: Snapshot, name: str, catalog: Catalog, clock: Clock | None) -> Session:
+    """Return a session that goes on from a snapshot.
+
+    Raises
+    ------
+    SessionError
+        If it does not fit the plugins of this environment.
+    """
     bases = Bases(snapshot.bases)
     try:
         with keeping(bases):
-            model = Model.of(snapshot.scene, plugins)
-            session = Session(model, seed=snapshot.seed, clock=clock, catalog=plugins, bases=bases)
+            model = Model.of(snapshot.scene, catalog)
+            session = Session(model, seed=snapshot.seed, clock=clock, catalog=catalog, bases=bases)
     except SceneError as error:
-        raise SessionError(f"the scene in '{os.fspath(path)}' can't be compiled here:\n\n{error}") from error
+        raise SessionError(f"the scene in '{name}' can't be compiled here:\n\n{error}") from error
     except ValueError as error:
-        raise SessionError(f"'{os.fspath(path)}' can't be restored: {error}") from error
+        raise SessionError(f"'{name}' can't be restored: {error}") from error
     session.take_up(snapshot)
     return session

@@ -6,6 +6,8 @@ import os
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from itouch.loop import Clock, Engine
 from itouch.plugin import Record
 from itouch.plugin.bases import Bases, keeping
@@ -195,6 +197,12 @@ class Session(Engine):
             if recorder.tap in self.taps:
                 self.taps.remove(recorder.tap)
             recorder.close()
+
+    def stand_at(self, stored: bytes) -> None:
+        """Stand at a State with every status as it was, also of hardware: only for a replay, which opens nothing."""
+        self.adopt(stored)
+        self.state.raw[:] = np.frombuffer(stored, np.uint8)
+        self._enabled = True
 
     def take_up(self, snapshot: Snapshot) -> None:
         """Go on from a snapshot of the same scene.

@@ -203,7 +203,7 @@ class Recorder:
     def _tell_events(self, seen: int, count: int) -> None:
         model, table = self.session.model, self.session.state["events.table"]
         probes = {probe.index: probe.name for probe in model.probes}
-        names = table.dtype.names
+        names = table.dtype.names or ()
         for number in range(max(seen, count - EVENTS), count):
             row = dict(zip(names, (v.tolist() for v in table[number % EVENTS]), strict=True))
             kind, tick, probe, index = (row.pop(name) for name in ("kind", "tick", "probe", "object"))
