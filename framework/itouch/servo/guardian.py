@@ -68,7 +68,7 @@ class Guardian:
     def _hangs(self) -> bool:
         if self._orphaned is not None and time.monotonic() - self._orphaned > ORPHAN_TIME:
             return True
-        if self._segment.phase < at.READY:
+        if self._segment.phase < at.RUNNING and not self._was_armed:
             return False
         silent = (monotonic() - int(self._words[at.BEAT])) * 1e-9
         return silent > (SILENCE if self._was_armed else SILENCE_ALONE)

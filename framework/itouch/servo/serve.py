@@ -91,27 +91,32 @@ class Servo:
             self.session.close()
         except Exception as raised:
             error = error or raised
-        self.remotes.close()
+        self.remotes.hang_up()
         self.words[at.ARMED] = 0
+        self.remotes.close()
         self._publish(0.0, 0.0)
         if self._config["save"]:
             self.session.save(self._config["save"])
         return self.report(), error
 
     def _begin(self) -> None:
-        """Become punctual, say so, and wait until the devices may be enabled."""
+        """Become punctual, say so, and enable the devices when that is wanted."""
         efforts = realtime.be_punctual() if self._config["realtime"] else (realtime.sharpen_timer(),)
         self._publish(0.0, 0.0)
         self.words[at.PHASE] = at.READY
-        self.outbox.tell("ready", {"efforts": [[e.what, e.done, e.said] for e in efforts]})
+        ready = {"efforts": [[effort.what, effort.done, effort.said] for effort in efforts]}
+        if not self.enabled:  # the operator must be able to see before anything may move
+            self.outbox.tell("ready", ready)
         while not self.enabled and not self.words[at.STOP]:
             self._rest()
         if self.words[at.STOP]:
             return
         self._await_guardian()
-        self.words[at.ARMED] = int(bool(self._hardware() or self.remotes.addresses))
         self.remotes.connect()
+        self.words[at.BEAT] = monotonic()
+        self.words[at.ARMED] = int(bool(self._hardware() or self.remotes.addresses))
         self.session.enable()
+        self.outbox.tell("ready", ready)
 
     def _await_guardian(self) -> None:
         """Devices that obey need the guardian to live before they are enabled."""

@@ -49,11 +49,20 @@ class TwinServer:
         self.reading, self.command, self.acting = (_record(c) for c in (model.reads, model.commands, model.commands))
         self.touch = Touch(ambient=model.ambient)
         self._slow = model.limits.speed or 0.0
-        self._latched, self._over = "", False
+        self._latched, self._over, self._begun = "", False, False
+        self._last_target = np.inf
+        self._rehearse()
         self._heard = 0
         self._sequence = 0
         self._flags = 0
         self._height: float | None = None
+
+    def _rehearse(self) -> None:
+        """Load what is compiled before any step counts."""
+        scratch, reading = self.state.copy(), self.reading.copy()
+        for touch in (Touch(), Touch(force=1.0, gap=-1e-3)):
+            self.twin.step(scratch, self.acting, touch, self._period)
+            self.twin.read(scratch, reading)
 
     # --- who is there -------------------------------------------------------------------------------------------------
 
@@ -104,13 +113,13 @@ class TwinServer:
         _, _, body = wire.split(packet)
         if len(body) == len(self.state.raw):
             self.state.raw.data[:] = body
-        self._primary, self._latched, self._over = client, "", False
-        self._heard = monotonic()
+        self.twin.read(self.state, self.reading)
+        self._primary, self._latched, self._over, self._begun = client, "", False, False
         self._tell_event("begin", "")
 
     def _obey(self, packet: bytes) -> None:
         self._sequence, _, body = wire.split(packet)
-        self._heard = monotonic()
+        self._heard, self._begun = monotonic(), True
         size = len(self.command.raw)
         self.command.raw.data[:] = body[:size]
         wire.unpack_touch(body[size:], self.touch)
@@ -125,7 +134,7 @@ class TwinServer:
 
     def _watch(self) -> None:
         silent = (monotonic() - self._heard) * 1e-9
-        if self._primary is not None and silent > self._watchdog:
+        if self._begun and silent > self._watchdog:
             self._latch(f"its watchdog, after {silent * 1e3:.0f} ms without a command")
 
     def _choose(self) -> None:
@@ -166,8 +175,6 @@ class TwinServer:
                 safe = safe and bool(self._latched)
         return wire.LATCHED * bool(self._latched) | wire.OUTPUTS_SAFE * safe | wire.CLEAR * clear
 
-    _last_target = np.inf
-
     # --- telling ------------------------------------------------------------------------------------------------------
 
     def _tell(self) -> None:
@@ -191,16 +198,20 @@ class TwinServer:
         self._accept()
         self._listen()
         self._watch()
-        self._choose()
-        if self._latched:
-            self._carry_on_alone()
-        self.twin.step(self.state, self.acting, self.touch, self._period)
-        self.twin.read(self.state, self.reading)
+        if self._begun:  # before the first command nothing moves
+            self._move()
         flags = self._judge()
         if flags != self._flags:
             self._flags = flags
             self._tell_event("flags", str(flags))
         self._tell()
+
+    def _move(self) -> None:
+        self._choose()
+        if self._latched:
+            self._carry_on_alone()
+        self.twin.step(self.state, self.acting, self.touch, self._period)
+        self.twin.read(self.state, self.reading)
 
     def live(self) -> None:
         """Step until the session is over and the twin is at rest."""
