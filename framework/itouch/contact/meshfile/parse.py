@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import io
+import logging
 import warnings
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
@@ -52,7 +54,7 @@ def parse(source: MeshFile) -> Triangles:
     if source.kind in ("glb", "gltf"):
         parts, left_out = read_gltf(source.data, source.file, binary=source.kind == "glb")
     else:
-        parts = list(_loaded(checked(source.data, source.kind, source.file), source.kind, source.file))
+        parts = list(_loaded(source.data, source.kind, source.file))
     count = sum(len(faces) for _, faces in parts)
     if count == 0:
         raise MeshError("mesh-empty", f"'{source.file}' holds no triangles", "points and lines can't be touched")
@@ -64,17 +66,30 @@ def parse(source: MeshFile) -> Triangles:
     return Triangles(vertices, faces, left_out)
 
 
+@contextmanager
+def _unlogged() -> Iterator[None]:
+    """Keep trimesh from printing tracebacks of what it gets over: normals that can't be read, and the like."""
+    log = logging.getLogger("trimesh")
+    before, log.disabled = log.disabled, True
+    try:
+        yield
+    finally:
+        log.disabled = before
+
+
 def _loaded(data: bytes, kind: str, shown: str) -> Iterator[tuple[NDArray[np.float64], NDArray[np.int64]]]:
     loader: Any = getattr(import_module(f"trimesh.exchange.{kind}"), _LOADERS[kind])
     more = {} if kind in ("stl", "off") else {"skip_materials": True}
     try:
-        for piece in pieces(data, kind):
-            with warnings.catch_warnings():
+        for piece in pieces(checked(data, kind, shown), kind):
+            with warnings.catch_warnings(), _unlogged():
                 warnings.simplefilter("error")  # a number that can't be read is only a warning to numpy
                 loaded = loader(io.BytesIO(piece), **more)
             for part in loaded["geometry"].values() if "geometry" in loaded else [loaded]:
                 if part.get("faces") is not None and len(part["faces"]):
                     yield _part(part)
+    except MeshError:
+        raise
     except Exception as error:  # a reader of a stranger's bytes may raise anything
         reason = " ".join(str(error).split())[:120] or type(error).__name__
         sentence = f"'{shown}' is not a sound {kind.upper()} file: {reason}"
