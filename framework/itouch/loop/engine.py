@@ -5,16 +5,19 @@ The order of a tick is fixed: all reads, contact, events, modalities, safety, al
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from types import TracebackType
 from typing import Any
 
 import numpy as np
 
+from itouch.faults import FOREVER, Injection, Kind
 from itouch.loop.clock import Clock, VirtualClock, now
 from itouch.loop.events import Events
 from itouch.loop.ledger import Ledger
 from itouch.loop.objects import Objects
+from itouch.loop.operating import Operating
 from itouch.loop.pacing import Pacing
 from itouch.loop.rehearsal import rehearse
 from itouch.loop.rig import ProbeRig
@@ -54,7 +57,8 @@ class Engine:
         self._modalities = [(m.instance, m.model, m.every) for m in model.modalities]
         self._tick, self._ready = self.state["tick"], self.state["ready"]
         self._events = Events(model, self.state, self._rigs, self._modalities)
-        self._safe_stop = SafeStop(model, self.state, self._all, self._rigs, self.ledger)
+        self._operating = Operating(model, self.state, self._runners, self._rigs, self.ledger)
+        self._safe_stop = SafeStop(model, self.state, self._all, self._rigs, self.ledger, self._operating.injected)
         self.fault: DeviceFaultError | None = None
         self._enabled = False
         self._pacing = Pacing(self)
@@ -130,21 +134,11 @@ class Engine:
         DeviceError
             Naming each device that failed and why; nothing is left enabled.
         """
-        failures = []
-        for runner in self._all:
-            try:
-                if runner.status is Status.CLOSED:
-                    runner.open()
-                runner.read(int(self._tick))
-            except (DeviceError, DeviceFaultError) as error:
-                if not runner.model.optional:
-                    failures.append(f"device '{runner.model.name}': {error}")
-        if failures:
+        try:
+            self._operating.enable()
+        except DeviceError:
             self.close()
-            raise DeviceError("\n".join(failures))
-        for runner in self._all:
-            if runner.status is Status.OPEN:
-                runner.enable()
+            raise
         self._enabled = True
 
     def _require_enabled(self) -> None:
@@ -204,6 +198,8 @@ class Engine:
         for rig in self._rigs:
             rig.command()
             rig.check(tick, ready)
+        if self._operating.hold.required:
+            self._operating.hold.check(tick)
         if mark:
             mark(now())
         for runner in self._all:
@@ -227,7 +223,64 @@ class Engine:
     def make_safe(self, fault: DeviceFaultError) -> None:
         """Make every device safe because of a fault, and note it."""
         self.fault = fault
-        self._safe_stop.carry_out(fault, self.taps)
+        self._safe_stop.carry_out(fault, self.taps, self.clock.wait if self._paced else None)
+
+    def rearm(self) -> None:
+        """Release every latched trip, and enable the devices again from where they stand, with a ramp.
+
+        Raises
+        ------
+        DeviceError
+            With everything that still stands in the way; nothing is enabled then.
+        """
+        self._operating.rearm()
+        self.fault = None
+
+    def reconnect(self, device: str) -> None:
+        """Close a device and open it anew; commands flow to it after ``rearm``.
+
+        Raises
+        ------
+        DeviceError
+            If it is missing or refuses.
+        """
+        self._operating.reconnect(device)
+
+    def hold(self, held: bool = True) -> None:
+        """Say that somebody holds the dead-man's switch: good for 80 ms, so say it again and again; or has let go."""
+        self._operating.hold.press(self.ticks, held)
+
+    def inject(
+        self, device: str, kind: str, *, at: float | None = None, duration: float | None = None, channel: str = "",
+        amount: float = math.nan, slot: int = 0,
+    ) -> None:  # fmt: skip
+        """Inject a fault into a device's twin, in place of one that the scene has for this device.
+
+        Parameters
+        ----------
+        device, kind, channel
+            As in ``<fault>``.
+        at, duration
+            Simulated seconds; default: now, and to the end.
+        amount
+            Of a bias, drift or spike, in the channel's SI unit; default: as big as usual.
+        slot
+            Which of the device's faults is replaced.
+
+        Raises
+        ------
+        ValueError
+            If there is no such slot, kind or channel.
+        """
+        rate = self.model.scene.rates.servo
+        begin = self.ticks if at is None else round(at * rate)
+        end = FOREVER if duration is None else begin + max(1, round(duration * rate))
+        self._operating.inject(device, slot, Injection(Kind.of(kind), begin, end, channel, amount))
+
+    @property
+    def injected(self) -> list[dict[str, Any]]:
+        """The injected faults that have begun, as they stand in the report."""
+        return self._operating.injected()
 
     def run(
         self,

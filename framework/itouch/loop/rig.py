@@ -83,9 +83,14 @@ class ProbeRig:
         if self.coupling.hand is not None:
             self.coupling.hand.reset()
             self.coupling.place()
-            self.tracker.step_twin()  # so that its first reading is where the finger is
+            self.tracker.settle()  # so that its first reading is where the finger is
         if self.touch_off is not None:
             self.touch_off.reset()
+
+    def rearm(self) -> None:
+        """Begin the supervision of the table anew, after a fault."""
+        if self.carried is not None:
+            self.carried.forget()
 
     def restore(self) -> None:
         """Tell the arm's twin where the finger is, from State; frames are found anew."""

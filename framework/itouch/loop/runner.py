@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from itouch.faults import FaultyTwin
 from itouch.loop.frames import Frame, frame
 from itouch.plugin import Record, Touch
 from itouch.safety import DeviceFaultError, Status, Supervisor
@@ -50,6 +51,12 @@ class Runner(Supervisor):
         """Advance the twin by one period under what was sent."""
         if self.twin is not None:
             self.twin.step(self.twin_state, self.sent, self.touch, self._period)
+
+    def settle(self) -> None:
+        """Let the twin take its place before the first tick; no planned fault has begun."""
+        twin = self.twin.twin if isinstance(self.twin, FaultyTwin) else self.twin
+        if twin is not None:
+            twin.step(self.twin_state, self.sent, self.touch, self._period)
 
     def true_position(self) -> NDArray[np.float64] | None:
         """Return the view of State that is the true position of what the twin carries, in its frame."""

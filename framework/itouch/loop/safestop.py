@@ -17,10 +17,11 @@ class SafeStop:
     """Carries out the safe sequence of one engine, and notes faults in its ledger."""
 
     def __init__(
-        self, model: Model, state: Record, runners: Sequence[Runner], rigs: Sequence[ProbeRig], ledger: Ledger
-    ) -> None:
+        self, model: Model, state: Record, runners: Sequence[Runner], rigs: Sequence[ProbeRig], ledger: Ledger,
+        injected: Callable[..., list[dict[str, Any]]],
+    ) -> None:  # fmt: skip
         self._model, self._runners, self._rigs, self._ledger = model, runners, rigs, ledger
-        self._tick = state["tick"]
+        self._tick, self._injected = state["tick"], injected
         self._sequence = SafeSequence(runners, state, model.period, self._move)
         needed = {rig.tracker.model.name for rig in rigs}
         for runner in runners:
@@ -56,7 +57,7 @@ class SafeStop:
     def _describe(self, fault: DeviceFaultError) -> dict[str, Any]:
         scene = self._model.scene
         place = scene.places.of(scene.device(fault.device))
-        return {
+        entry: dict[str, Any] = {
             "device": fault.device,
             "tick": fault.tick,
             "time_s": fault.tick * self._model.period,
@@ -64,3 +65,7 @@ class SafeStop:
             "cause": fault.cause,
             "scene": str(place) if place else None,
         }
+        injected = self._injected(lately=True)
+        if injected:
+            entry["injected"] = [{key: one[key] for key in ("device", "kind", "scene")} for one in injected]
+        return entry

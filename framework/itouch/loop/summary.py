@@ -62,5 +62,5 @@ def summary(engine: Engine, open_contacts: list[dict[str, Any]], wall: float) ->
         "notices": list(model.notices),
         "modalities": {m.name: m.instance.report(m.model, engine.state) for m in model.modalities},
         "contacts": [*ledger.contacts, *open_contacts],
-        "faults": list(ledger.faults),
+        "faults": sorted([*ledger.faults, *engine.injected], key=lambda entry: int(entry["tick"])),
     }

@@ -6,9 +6,10 @@ from itouch.safety.finger import fade
 from itouch.safety.guard import Guard
 from itouch.safety.heat import Heat
 from itouch.safety.hold import Hold
+from itouch.safety.lifecycle import Status
 from itouch.safety.readings import Watch
 from itouch.safety.sequence import Outcome, SafeSequence
-from itouch.safety.supervisor import Status, Supervisor
+from itouch.safety.supervisor import Supervisor
 from itouch.safety.trips import LOSSES, DeviceFaultError, Trip, TripError
 
 __all__ = [

@@ -5,7 +5,8 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterable
 
-from itouch.safety.supervisor import Status, Supervisor
+from itouch.safety.lifecycle import Status
+from itouch.safety.supervisor import Supervisor
 from itouch.safety.trips import DeviceFaultError
 
 #: How long [s] a device may take to open.

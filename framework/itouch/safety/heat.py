@@ -63,6 +63,17 @@ class Heat:
         self._frozen[...] = math.nan
         self._driven_for[...] = 0.0
 
+    @property
+    def shown(self) -> str:
+        """The plate's temperature in words."""
+        plate = self._plate.item()
+        return f"at {plate - 273.15:.1f} degC" if math.isfinite(plate) else "not measured"
+
+    def beyond(self) -> bool:
+        """Tell whether the plate is where it may never be, by its sensor."""
+        plate = self._plate.item()
+        return bool(plate < default.PLATE_ABSOLUTE[0] or plate > default.PLATE_ABSOLUTE[1])
+
     def check(self) -> None:
         """Check the newest readings.
 

@@ -9,13 +9,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from itouch.plugin import RETRACT, Record
 from itouch.safety.supervisor import Supervisor
 from itouch.safety.trips import DeviceFaultError
-from itouch.world.limits import PLATE_ABSOLUTE
 
 #: Force [N] under which a finger has left the plate, and how long [s] that is waited for.
 LEFT, LEAVE_TIME = 0.1, 0.3
@@ -42,6 +45,7 @@ class SafeSequence:
         self._supervisors, self._period, self._move = tuple(supervisors), period, move
         self._tick = state["tick"]
         self._retracting = [s for s in supervisors if _retracts(s)]
+        self._mute: set[str] = set()
         names = {s.model.name for s in self._retracting}
         self._carried = [s for s in supervisors if s.model.carrier in names and not _retracts(s)]
 
@@ -60,13 +64,13 @@ class SafeSequence:
             for passed in range(1, round(SAFE_TIME / self._period) + 1):
                 self._step()
                 after_tick()
-                if passed >= leaving or all(_load(s) < LEFT for s in self._retracting):
+                if passed >= leaving or all(self._load(s) < LEFT for s in self._retracting):
                     self._release()
                 if not any(s.keeping for s in self._carried) and self._safe(heights):
                     break
         finally:
             self._release()
-        seen = {s.model.name: _seen(s, heights) for s in self._supervisors}
+        seen = {s.model.name: self._seen(s, heights) for s in self._supervisors}
         told = {name: text for name, (text, _) in seen.items()}
         return Outcome(not any(bad for _, bad in seen.values()), passed * self._period, told)
 
@@ -83,11 +87,41 @@ class SafeSequence:
                 supervisor.fault(second.trip, tick)
         self._move()
         self._tick[...] = tick + 1
-        for supervisor in self._supervisors:
-            supervisor.glance()
+        self._mute = {s.model.name for s in self._supervisors if not s.glance()}
 
     def _safe(self, heights: dict[str, float]) -> bool:
-        return not any(_seen(s, heights)[1] for s in self._supervisors)
+        return not any(self._seen(s, heights)[1] for s in self._supervisors)
+
+    def _load(self, supervisor: Supervisor) -> float:
+        """Return the force [N] on a surface by its sensor; 0 without one, or if it does not answer."""
+        if supervisor.model.name in self._mute or "wrench" not in supervisor.reading:
+            return 0.0
+        return abs(float(supervisor.reading["wrench"][2]))
+
+    def _seen(self, supervisor: Supervisor, heights: dict[str, float]) -> tuple[str, bool]:
+        """Say what is seen of a device, and whether it is not safe."""
+        name = supervisor.model.name
+        if name in self._mute and supervisor.twin is None:
+            return "does not answer: its own watchdog must stop it", True
+        if name in heights:
+            return self._seen_surface(supervisor, heights[name])
+        acting = [n for n, guard in supervisor.guards if isinstance(guard.channel.safe, tuple)]
+        left_on = [n for n, guard in supervisor.guards if _differs(supervisor.sent[n], guard.channel.safe)]
+        if left_on:
+            return f"{', '.join(left_on)} is not off", True
+        if supervisor.heat is not None and supervisor.heat.beyond():
+            return f"off, but the plate is {supervisor.heat.shown}", True
+        plate = f", plate {supervisor.heat.shown}" if supervisor.heat is not None else ""
+        return (f"{', '.join(acting)} off{plate}" if acting else "nothing to switch off"), False
+
+    def _seen_surface(self, supervisor: Supervisor, before: float) -> tuple[str, bool]:
+        channel = supervisor.model.command("pose_target")
+        height, load = _height(supervisor), self._load(supervisor)
+        bottom = channel.low[2] if channel is not None and channel.low else -math.inf
+        gone = before - height
+        if (gone >= RETREAT or height <= bottom + AT_END) and load < LEFT:
+            return f"retracted {max(0.0, gone) * 1e3:.1f} mm", False
+        return f"retracted only {gone * 1e3:.1f} mm, feels {load:.2f} N", True
 
 
 def _retracts(supervisor: Supervisor) -> bool:
@@ -100,36 +134,5 @@ def _height(supervisor: Supervisor) -> float:
     return float(true[2]) if true is not None else float(supervisor.reading["pose"][2])
 
 
-def _load(supervisor: Supervisor) -> float:
-    """Return the force [N] on a surface by its sensor; 0 without one."""
-    return abs(supervisor.reading["wrench"][2].item()) if "wrench" in supervisor.reading else 0.0
-
-
-def _seen(supervisor: Supervisor, heights: dict[str, float]) -> tuple[str, bool]:
-    """Say what is seen of a device, and whether it is not safe."""
-    if supervisor.model.name in heights:
-        return _seen_surface(supervisor, heights[supervisor.model.name])
-    acting = [n for n, guard in supervisor.guards if isinstance(guard.channel.safe, tuple)]
-    moved = [n for n in acting if tuple(supervisor.sent[n].tolist()) != _rest(supervisor, n)]
-    if moved:
-        return f"{', '.join(moved)} is not off", True
-    if supervisor.heat is not None and supervisor.twin is None:
-        plate = supervisor.reading["plate_temperature"].item()
-        if not PLATE_ABSOLUTE[0] <= plate <= PLATE_ABSOLUTE[1]:
-            return f"off, but the plate is at {plate - 273.15:.1f} degC", True
-    return (f"{', '.join(acting)} off" if acting else "nothing to switch off"), False
-
-
-def _rest(supervisor: Supervisor, name: str) -> tuple[float, ...]:
-    channel = supervisor.model.command(name)
-    return channel.safe if channel is not None and isinstance(channel.safe, tuple) else ()
-
-
-def _seen_surface(supervisor: Supervisor, before: float) -> tuple[str, bool]:
-    channel = supervisor.model.command("pose_target")
-    height, load = _height(supervisor), _load(supervisor)
-    bottom = channel.low[2] if channel is not None and channel.low else -float("inf")
-    gone = before - height
-    if (gone >= RETREAT or height <= bottom + AT_END) and not load >= LEFT:
-        return f"retracted {max(0.0, gone) * 1e3:.1f} mm", False
-    return f"retracted only {gone * 1e3:.1f} mm, feels {load:.2f} N", True
+def _differs(sent: NDArray[np.float64], safe: object) -> bool:
+    return isinstance(safe, tuple) and tuple(sent.tolist()) != safe

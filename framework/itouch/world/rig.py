@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from itouch.exchange import LateTwin, ThreadedDevice
+from itouch.faults import FaultyTwin, Injection
 from itouch.plugin import Channel, Device, IdealTwin, Twin, poses
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
@@ -13,6 +14,7 @@ from itouch.scene.elements import DeviceElement
 from itouch.schema import Problem
 from itouch.schema.diagnostics import did_you_mean
 from itouch.schema.fields import REQUIRED, default_of, specs, xml_name
+from itouch.world.injection import injections
 from itouch.world.limits import DeviceLimits, resolve
 
 Vector = tuple[float, float, float]
@@ -43,6 +45,7 @@ class DeviceModel:
     skin_temperature: float | None
     servo_period: float = 1e-3
     remote: bool = False
+    faults: tuple[Injection, ...] = ()
 
     def command(self, name: str) -> Channel | None:
         """Return a command channel, or None."""
@@ -58,7 +61,12 @@ class DeviceModel:
         twin: Twin = IdealTwin(self.params, self.cls) if cls is None else cls(self.params)
         twin.stand(self.ambient, self.skin_temperature)
         late = self.cls.blocking and (self.cls.delay > 0.0 or self.cls.period > self.servo_period)
-        return LateTwin(twin, self.cls, self.servo_period) if late else twin
+        if late:
+            twin = LateTwin(twin, self.cls, self.servo_period)
+        if self.faults:
+            channels = (self.reads, self.commands)
+            return FaultyTwin(twin, *channels, self.faults, period=self.servo_period, watchdog=self.limits.watchdog)
+        return twin
 
     def make_device(self) -> Device:
         """Return the device itself; behind a thread if it makes its caller wait."""
@@ -98,7 +106,7 @@ def _build(scene: Scene, element: DeviceElement, catalog: Catalog, problems: lis
         element.name, element.plugin, cls, params, reads, commands, mount, element.mount.mount_error, element.mount.on,
         limits, bool(element.twin), element.optional, touch_off, scene.world.temperature,
         next((operator.skin_temperature for operator in scene.operators), None), 1.0 / scene.rates.servo,
-        element.twin == "remote",
+        element.twin == "remote", injections(scene, element, (*reads, *commands), problems),
     )  # fmt: skip
 
 

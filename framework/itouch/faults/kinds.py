@@ -1,0 +1,72 @@
+"""The kinds of fault that can be injected, and the plan of one."""
+
+from __future__ import annotations
+
+import enum
+import math
+from dataclasses import dataclass
+
+
+class Kind(enum.IntEnum):
+    """How a device fails."""
+
+    NONE = 0
+    DISCONNECT = 1
+    FREEZE = 2
+    NAN = 3
+    BIAS = 4
+    DRIFT = 5
+    SPIKE = 6
+    DELAY = 7
+    DROP = 8
+    REVERSED_SIGN = 9
+    SATURATED = 10
+    WRONG_UNITS = 11
+    GARBAGE = 12
+
+    @property
+    def label(self) -> str:
+        """Its name in scenes and reports."""
+        return self.name.lower().replace("_", "-")
+
+    @classmethod
+    def of(cls, label: str) -> Kind:
+        """Return the kind with a name.
+
+        Raises
+        ------
+        ValueError
+            If there is none.
+        """
+        for kind in cls:
+            if kind.label == label and kind is not cls.NONE:
+                return kind
+        raise ValueError(f"kind = {label!r} is not one of {', '.join(kind.label for kind in cls if kind)}")
+
+
+#: End [ticks] of a fault that lasts to the end.
+FOREVER = 1 << 62
+
+#: How many readings and commands are late, part of them that is dropped, and part of the samples that are spikes.
+LATE, DROPPED, SPIKES = 10, 0.2, 0.05
+
+#: By unit: size of a bias, of a drift in a second, and of a spike.
+AMOUNTS: dict[str, tuple[float, float, float]] = {
+    "m": (0.005, 0.002, 0.05), "N": (1.0, 0.5, 20.0), "K": (5.0, 1.0, 30.0), "W/m^2": (3e3, 1e3, 15e3),
+    "m/s": (0.2, 0.1, 2.0),
+}  # fmt: skip
+#: By unit: factor and offset of a reading that comes in the wrong unit (mm, mN, degC, kW/m2).
+UNITS: dict[str, tuple[float, float]] = {
+    "m": (1e3, 0.0), "N": (1e3, 0.0), "K": (1.0, -273.15), "W/m^2": (1e-3, 0.0), "m/s": (1e3, 0.0),
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Injection:
+    """One fault: its kind, from which tick to which, of which channel (empty: all), and how big (NaN: as usual)."""
+
+    kind: Kind
+    begin: int
+    end: int = FOREVER
+    channel: str = ""
+    amount: float = math.nan

@@ -1,0 +1,282 @@
+"""A twin that fails as planned: it stands between the supervisor and a device's twin, and bends what passes.
+
+Everything that it remembers is State, the plan included: a restored session fails as it would have, and a test can
+write another plan into State.  The device that it stands for has a watchdog of its own, as every device must that moves
+or heats: cut off from its commands it keeps the last one for as long as W1 lets a reading age, then makes itself safe.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.faults.kinds import AMOUNTS, DROPPED, LATE, SPIKES, UNITS, Injection, Kind
+from itouch.plugin import RETRACT, Channel, DeviceError, Field, Record, Touch, Twin
+
+Floats = NDArray[np.float64]
+_MASK = (1 << 64) - 1
+#: Speed [m/s] at which a surface that is cut off retracts by itself, and how near its goal a saturated one is [m].
+RETRACTION, ARRIVED = 0.25, 2e-4
+
+
+class FaultyTwin(Twin):
+    """Wraps the twin of a device; ``plan`` has a slot for each fault."""
+
+    def __init__(
+        self, twin: Twin, reads: Sequence[Channel], commands: Sequence[Channel], plan: Sequence[Injection], *,
+        period: float, watchdog: float,
+    ) -> None:  # fmt: skip
+        super().__init__(twin.params)
+        self.twin, self.plan, self._period, self._patience = twin, tuple(plan), period, round(watchdog / period)
+        self.reads, self.commands = tuple(reads), tuple(commands)
+        self.channels = (*self.reads, *self.commands)
+        self._units = [_unit(channel, index) for channel in reads for index in range(channel.size)]
+        self._width = len(self._units)
+        self._received = Record.of([Field(channel.name, "f8", channel.size) for channel in commands])
+        self._size = self._received.nbytes // 8
+
+    def fields(self) -> tuple[Field, ...]:
+        """Return the State of the twin, the plan, and what the faults remember."""
+        slots = len(self.plan)
+        return (
+            *self.twin.fields(),
+            Field("fault.kind", "i8", slots),
+            Field("fault.begin", "i8", slots),
+            Field("fault.end", "i8", slots),
+            Field("fault.channel", "i8", slots),
+            Field("fault.amount", "f8", slots),
+            Field("fault.started", "i8", slots),
+            Field("fault.tick", "i8"),
+            Field("fault.taken", "i8"),
+            Field("fault.cut_off", "i8"),
+            Field("fault.word", "u8"),
+            Field("fault.held", "f8", (slots, max(1, self._width))),
+            Field("fault.origin", "f8", (slots, 7)),
+            Field("fault.reads", "f8", (LATE, max(1, self._width))),
+            Field("fault.commands", "f8", (LATE, max(1, self._size))),
+            Field("fault.received", "f8", max(1, self._size)),
+        )
+
+    def reset(self, state: Record, rng: np.random.Generator) -> None:
+        """Reset the twin, and write the plan."""
+        self.twin.reset(state, rng)
+        state["fault.word"] = rng.integers(0, 1 << 63)
+        for slot, injection in enumerate(self.plan):
+            self.write_plan(state, slot, injection)
+
+    def write_plan(self, state: Record, slot: int, injection: Injection) -> None:
+        """Put another fault into a slot of the plan.
+
+        Raises
+        ------
+        ValueError
+            If the device has no such channel.
+        """
+        names = [channel.name for channel in self.channels]
+        if injection.channel and injection.channel not in names:
+            raise ValueError(f"channel = {injection.channel!r} is not one of {', '.join(names)}")
+        state["fault.kind"][slot], state["fault.begin"][slot] = injection.kind, injection.begin
+        state["fault.end"][slot], state["fault.amount"][slot] = injection.end, injection.amount
+        state["fault.channel"][slot] = names.index(injection.channel) if injection.channel else -1
+        state["fault.started"][slot] = 0
+
+    def planned(self, state: Record, slot: int) -> tuple[Kind, int, int]:
+        """Return kind, begin and end [ticks] of a slot of the plan."""
+        kind, begin, end = (int(state[f"fault.{field}"][slot]) for field in ("kind", "begin", "end"))
+        return Kind(kind), begin, end
+
+    def position(self, state: Record) -> Floats | None:
+        """Return the true position of what the device carries."""
+        return self.twin.position(state)
+
+    def _active(self, state: Record) -> list[tuple[int, Kind]]:
+        tick = state["fault.tick"].item()
+        kinds, begins, ends = (state[f"fault.{field}"].tolist() for field in ("kind", "begin", "end"))
+        rows = enumerate(zip(kinds, begins, ends, strict=True))
+        return [(slot, Kind(kind)) for slot, (kind, begin, end) in rows if kind and begin <= tick < end]
+
+    # --- readings -------------------------------------------------------------------------------------------------
+
+    def read(self, state: Record, reading: Record) -> bool | None:
+        """Read the twin, and bend what it says.
+
+        Raises
+        ------
+        DeviceError
+            While it is disconnected.
+        """
+        active = self._active(state)
+        if any(kind is Kind.DISCONNECT for _, kind in active):
+            raise DeviceError("disconnected (an injected fault)")
+        before = reading.raw.view(np.float64).copy()
+        new = self.twin.read(state, reading)
+        values = reading.raw.view(np.float64)
+        state["fault.taken"] = state["fault.taken"].item() + 1
+        for slot, kind in active:
+            chosen = self._chosen(state, slot)
+            if not state["fault.started"][slot]:
+                self._start(state, slot, values)
+            if kind is Kind.DROP and self._draw(state) < DROPPED:
+                values[:] = before
+                return False
+            self._bend(state, slot, kind, values, chosen)
+        return new
+
+    def _start(self, state: Record, slot: int, values: Floats) -> None:
+        state["fault.started"][slot] = 1
+        state["fault.held"][slot] = values
+        state["fault.reads"][:] = values
+        state["fault.commands"][:] = state["fault.received"]
+        at = 0
+        for channel in self.reads:
+            if channel.name == "pose":
+                state["fault.origin"][slot] = values[at : at + 7]
+            at += channel.size
+
+    def _chosen(self, state: Record, slot: int) -> list[int]:
+        """Return the components of the reading that a fault is of."""
+        chosen: list[int] = []
+        wanted, at = int(state["fault.channel"][slot]), 0
+        for index, channel in enumerate(self.reads):
+            if wanted in (-1, index):
+                chosen += range(at, at + channel.size)
+            at += channel.size
+        return chosen
+
+    def _bend(self, state: Record, slot: int, kind: Kind, values: Floats, chosen: list[int]) -> None:
+        if kind is Kind.FREEZE:
+            values[chosen] = state["fault.held"][slot][chosen]
+        elif kind is Kind.NAN:
+            values[chosen] = math.nan
+        elif kind is Kind.GARBAGE:
+            for index in chosen:
+                values[index] = np.array([self._word(state)], np.uint64).view(np.float64)[0]
+        elif kind is Kind.DELAY:
+            line, place = state["fault.reads"], state["fault.taken"].item() % LATE
+            late = line[place].copy()
+            line[place] = values
+            values[chosen] = late[chosen]
+        elif kind is Kind.WRONG_UNITS:
+            for index in chosen:
+                factor, offset = UNITS.get(self._units[index], (1.0, 0.0))
+                values[index] = values[index] * factor + offset
+        elif kind in (Kind.BIAS, Kind.DRIFT, Kind.SPIKE):
+            self._shift(state, slot, kind, values, chosen)
+        elif kind is Kind.REVERSED_SIGN and (not self.commands or state["fault.channel"][slot] >= 0):
+            held = state["fault.held"][slot]
+            for index in chosen:
+                turned = 2.0 * held[index] if self._units[index] in ("m", "K") else 0.0
+                values[index] = turned - values[index]
+
+    def _shift(self, state: Record, slot: int, kind: Kind, values: Floats, chosen: list[int]) -> None:
+        factor = 1.0
+        if kind is Kind.DRIFT:
+            factor = (state["fault.tick"].item() - state["fault.begin"][slot].item()) * self._period
+        elif kind is Kind.SPIKE:
+            if self._draw(state) >= SPIKES:
+                return
+            factor = 1.0 if self._draw(state) < 0.5 else -1.0
+        asked = float(state["fault.amount"][slot])
+        for index in chosen:
+            usual = AMOUNTS.get(self._units[index], (0.0, 0.0, 0.0))[kind - Kind.BIAS]
+            values[index] += factor * (usual if math.isnan(asked) else asked)
+
+    # --- commands -------------------------------------------------------------------------------------------------
+
+    def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+        """Bend the command, and advance the twin under what has become of it."""
+        received, wanted = self._received.raw.view(np.float64), command.raw.view(np.float64)
+        last = state["fault.received"][: self._size]
+        received[:] = wanted
+        active = self._active(state)
+        cut_off = False
+        for slot, kind in active:
+            if kind is Kind.DISCONNECT:
+                cut_off = True
+            elif kind is Kind.DROP and self._draw(state) < DROPPED:
+                received[:] = last
+            elif kind is Kind.DELAY and state["fault.started"][slot]:
+                line, place = state["fault.commands"][:, : self._size], state["fault.tick"].item() % LATE
+                late = line[place].copy()
+                line[place] = wanted
+                received[:] = late
+            elif kind in (Kind.REVERSED_SIGN, Kind.SATURATED):
+                self._misdrive(state, slot, kind)
+        if cut_off:
+            self._alone(state, received, last, period)
+        else:
+            state["fault.cut_off"] = 0
+        last[:] = received
+        self.twin.step(state, self._received, touch, period)
+        state["fault.tick"] = state["fault.tick"].item() + 1
+
+    def _alone(self, state: Record, received: Floats, last: Floats, period: float) -> None:
+        """Do what a device does that hears nothing: keep the last command, then become safe by its own watchdog."""
+        passed = state["fault.cut_off"].item() + 1
+        state["fault.cut_off"] = passed
+        received[:] = last
+        if passed <= self._patience:
+            return
+        for channel in self.commands:
+            view = self._received[channel.name]
+            if isinstance(channel.safe, tuple):
+                view[:] = channel.safe
+            elif channel.safe is RETRACT and channel.low:
+                view[2] = max(channel.low[2], view[2] - RETRACTION * period)
+
+    def _misdrive(self, state: Record, slot: int, kind: Kind) -> None:
+        wanted = int(state["fault.channel"][slot])
+        for index, channel in enumerate(self.commands):
+            if wanted not in (-1, len(self.reads) + index):
+                continue
+            view = self._received[channel.name]
+            if kind is Kind.REVERSED_SIGN:
+                self._reverse(state, slot, channel, view)
+            else:
+                self._saturate(state, channel, view)
+
+    def _reverse(self, state: Record, slot: int, channel: Channel, view: Floats) -> None:
+        if channel.name != "pose_target":
+            view[:] = -view
+        elif state["fault.started"][slot]:  # an axis that is wired backwards goes the other way from where it stood
+            view[:3] = 2.0 * state["fault.origin"][slot][:3] - view[:3]
+            if channel.low:
+                view[:3] = np.clip(view[:3], channel.low[:3], channel.high[:3])
+
+    def _saturate(self, state: Record, channel: Channel, view: Floats) -> None:
+        """Give all that the actuator can, whatever part of it is asked for; nothing for nothing."""
+        if channel.name == "pose_target":
+            place = self.twin.position(state)
+            if place is None or not channel.low:
+                return
+            for axis in range(3):
+                away = view[axis] - place[axis]
+                if abs(away) > ARRIVED:
+                    view[axis] = channel.high[axis] if away > 0.0 else channel.low[axis]
+            return
+        size = float(np.linalg.norm(view))
+        most = channel.magnitude or (max(channel.high) if channel.high else size)
+        if size > 0.0:
+            view *= most / size
+
+    # --- chance ---------------------------------------------------------------------------------------------------
+
+    def _word(self, state: Record) -> int:
+        """Draw a word; the generator is a counter in State (SplitMix64, Steele, Lea and Flood 2014)."""
+        count = (int(state["fault.word"]) + 0x9E3779B97F4A7C15) & _MASK
+        state["fault.word"] = np.uint64(count)
+        count = ((count ^ (count >> 30)) * 0xBF58476D1CE4E5B9) & _MASK
+        count = ((count ^ (count >> 27)) * 0x94D049BB133111EB) & _MASK
+        return count ^ (count >> 31)
+
+    def _draw(self, state: Record) -> float:
+        """Draw from 0 to 1."""
+        return (self._word(state) >> 11) * 2.0**-53
+
+
+def _unit(channel: Channel, index: int) -> str:
+    """Return the unit of one component; a quaternion has none."""
+    return "" if channel.name == "pose" and index >= 3 else channel.unit

@@ -1,0 +1,142 @@
+"""What an operator does to a session besides running it: enable, re-arm, reconnect, hold the switch, inject faults."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from itouch.faults import FOREVER, FaultyTwin, Injection, Kind
+from itouch.loop.ledger import Ledger
+from itouch.loop.rig import ProbeRig
+from itouch.loop.runner import Runner, Status
+from itouch.plugin import DeviceError, Record
+from itouch.safety import Hold, Trip, connect
+from itouch.world import Model
+
+
+class Operating:
+    """The operator's acts on the devices of one engine."""
+
+    def __init__(
+        self, model: Model, state: Record, runners: Mapping[str, Runner], rigs: Sequence[ProbeRig], ledger: Ledger
+    ) -> None:
+        self._model, self._runners, self._rigs, self._ledger = model, runners, rigs, ledger
+        self._tick = state["tick"]
+        self.hold = Hold(state, list(runners.values()), model.period, asked=model.scene.safety.hold_to_run)
+
+    def enable(self) -> None:
+        """Connect all devices at once, and let commands through.
+
+        Raises
+        ------
+        DeviceError
+            With everything that failed; devices that are optional may be missing.
+        """
+        tick = self._tick.item()
+        failures = connect(self._runners.values(), tick)
+        for name, why in failures.items():
+            if self._runners[name].model.optional:
+                self._runners[name].leave()
+                self._ledger.faults.append(self._absent(name, why))
+        needed = [f"device '{name}': {why}" for name, why in failures.items() if not self._runners[name].model.optional]
+        if needed:
+            raise DeviceError("\n".join(needed))
+        self._require_hold(tick)
+        for runner in self._runners.values():
+            if runner.status is Status.OPEN:
+                runner.enable()
+
+    def _absent(self, name: str, why: str) -> dict[str, Any]:
+        scene, tick = self._model.scene, self._tick.item()
+        place = scene.places.of(scene.device(name))
+        return {
+            "device": name, "tick": tick, "time_s": tick * self._model.period, "trip": Trip.DEVICE_ERROR.label,
+            "cause": f"is absent: {why}", "scene": str(place) if place else None, "optional": True,
+        }  # fmt: skip
+
+    def _require_hold(self, tick: int) -> None:
+        if self.hold.required and not self.hold.held(tick):
+            sentence = "nobody holds the dead-man's switch: hold it (Space in the window, or the device's own) to go on"
+            raise DeviceError(sentence)
+
+    def rearm(self) -> None:
+        """Release every latched trip, and enable again from the measured state, with a ramp.
+
+        Raises
+        ------
+        DeviceError
+            With everything that still stands in the way; nothing is enabled then.
+        """
+        tick, failures = self._tick.item(), []
+        self._require_hold(tick)
+        for runner in self._runners.values():
+            try:
+                runner.rearm()
+            except DeviceError as error:
+                failures.append(str(error))
+        if failures:
+            raise DeviceError("\n".join(failures))
+        for rig in self._rigs:
+            rig.rearm()
+        for runner in self._runners.values():
+            if runner.status is Status.OPEN:
+                runner.enable()
+                runner.ramp_in()
+        if self._ledger.faults:
+            self._ledger.faults[-1]["rearmed_s"] = tick * self._model.period
+
+    def reconnect(self, device: str) -> None:
+        """Close a device and open it anew; it is OPEN then, and enabled by re-arming.
+
+        Raises
+        ------
+        DeviceError
+            If it is missing or refuses.
+        """
+        runner = self._runner(device)
+        runner.reconnect()
+        failures = connect([runner], self._tick.item())
+        if failures:
+            runner.leave()
+            raise DeviceError(f"device '{device}': {failures[device]}")
+
+    def _runner(self, device: str) -> Runner:
+        if device not in self._runners:
+            raise DeviceError(f"there is no device named '{device}'; there are {', '.join(self._runners) or 'none'}")
+        return self._runners[device]
+
+    def inject(self, device: str, slot: int, injection: Injection) -> None:
+        """Put another fault into a slot of a device's plan.
+
+        Raises
+        ------
+        ValueError
+            If the device's twin has no such slot, or no such channel.
+        """
+        runner = self._runner(device)
+        if not isinstance(runner.twin, FaultyTwin) or not 0 <= slot < len(runner.twin.plan):
+            raise ValueError(f"device '{device}' has no slot {slot} for a fault: give the scene a <fault> of it")
+        runner.twin.write_plan(runner.twin_state, slot, injection)
+
+    def injected(self, *, lately: bool = False) -> list[dict[str, Any]]:
+        """Return the injected faults that have begun; ``lately``: those that last, or ended a second ago at most."""
+        now, rate = self._tick.item(), self._model.scene.rates.servo
+        earliest = now - rate if lately else -1.0
+        found = []
+        for name, runner in self._runners.items():
+            if not isinstance(runner.twin, FaultyTwin):
+                continue
+            elements = [fault for fault in self._model.scene.faults if fault.device == name]
+            for slot, element in enumerate(elements):
+                kind, begin, end = runner.twin.planned(runner.twin_state, slot)
+                if kind is not Kind.NONE and begin <= now and end > earliest:
+                    found.append(self._entry(name, element, kind, begin, end))
+        return found
+
+    def _entry(self, device: str, element: Any, kind: Kind, begin: int, end: int) -> dict[str, Any]:
+        place, period = self._model.scene.places.of(element), self._model.period
+        return {
+            "device": device, "tick": begin, "time_s": begin * period, "trip": None, "kind": kind.label,
+            "until_s": None if end == FOREVER else end * period,
+            "cause": f"was given an injected fault: {kind.label}", "scene": str(place) if place else None,
+        }  # fmt: skip
