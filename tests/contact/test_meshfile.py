@@ -78,6 +78,12 @@ def test_a_long_text_stl_is_read_in_pieces(monkeypatch: pytest.MonkeyPatch) -> N
         np.testing.assert_array_equal(one, other)
 
 
+def test_normals_that_cannot_be_read_do_not_matter_and_are_not_logged(caplog: pytest.LogCaptureFixture) -> None:
+    text = stl_text(*BOX).replace(b"normal 0 0 0", b"normal up", 3)
+    assert load_source(MeshFile.of("box.stl", text)).surface.is_solid
+    assert not caplog.records
+
+
 def test_an_obj_with_quads_textures_and_numbers_counted_back() -> None:
     quads = """v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvn 0 0 1\ng one\nusemtl red\nf 1/1/1 2/1/1 3/1/1 4/1/1
 v 0 0 1\nv 1 0 1\nv 1 1 1\no two\nf -3 -2 -1\nl 1 2\n"""

@@ -69,12 +69,14 @@ def parse(source: MeshFile) -> Triangles:
 @contextmanager
 def _unlogged() -> Iterator[None]:
     """Keep trimesh from printing tracebacks of what it gets over: normals that can't be read, and the like."""
-    log = logging.getLogger("trimesh")
-    before, log.disabled = log.disabled, True
+    log, nowhere = logging.getLogger("trimesh"), logging.NullHandler()
+    before, log.propagate = log.propagate, False
+    log.addHandler(nowhere)
     try:
         yield
     finally:
-        log.disabled = before
+        log.removeHandler(nowhere)
+        log.propagate = before
 
 
 def _loaded(data: bytes, kind: str, shown: str) -> Iterator[tuple[NDArray[np.float64], NDArray[np.int64]]]:
