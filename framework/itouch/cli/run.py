@@ -10,7 +10,7 @@ import threading
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from itouch.cli import pictures
+from itouch.cli import live, pictures
 from itouch.cli.arguments import output_file, seconds
 from itouch.schema import ItouchError
 
@@ -21,7 +21,12 @@ if TYPE_CHECKING:
 def main(argv: Sequence[str]) -> int:
     """Run a scene, or go on with a saved session."""
     options = _parser().parse_args(argv)
+    _check(options)
+    if options.pace == "real":
+        return live.run(options)
     session = _prepare(options)
+    if options.pace is None and live.needed(session):
+        return live.run(options)
     from itouch.report.screen import Screen
 
     for notice in session.notices:
@@ -52,21 +57,18 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _prepare(options: argparse.Namespace) -> Session:
-    """Build the engine, and choose its clock."""
+def _check(options: argparse.Namespace) -> None:
     if not 0 <= options.seed < 1 << 63:
         raise ItouchError(f"--seed {options.seed} is out of range: 0 to 2^63 - 1")
     if options.scene.endswith(".itouch") and (options.twin or options.rig):
         raise ItouchError("--twin and --rig choose devices for a scene; a session has its own")
+
+
+def _prepare(options: argparse.Namespace) -> Session:
+    """Build the engine."""
     from itouch.servo.prepare import prepare
 
-    session = prepare(options.scene, seed=options.seed, twin=options.twin, rig=options.rig)
-    from itouch.loop import WallClock
-
-    hardware = any(not device.twin for device in session.model.devices.values())
-    if (options.pace or ("real" if hardware else "fast")) == "real":
-        session.clock = WallClock()
-    return session
+    return prepare(options.scene, seed=options.seed, twin=options.twin, rig=options.rig)
 
 
 def _run(session: Session, options: argparse.Namespace, screen: Any) -> int:

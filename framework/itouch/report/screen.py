@@ -3,19 +3,44 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any, Protocol, TextIO
 
 if TYPE_CHECKING:
-    from itouch.loop import Engine
+    from itouch.loop.timing import Timing
+    from itouch.plugin import Record
+    from itouch.world import Model
 
 _EVERY = 0.1
 _COLUMNS = ("object", "material", "begin s", "end s", "W/m2", "skin K", "peak N", "gap mm", "flux err")
 
 
+class Followed(Protocol):
+    """What is shown of an engine, here or in a servo process."""
+
+    ledger: Any
+    clock: Any
+
+    @property
+    def model(self) -> Model:
+        """The compiled scene."""
+
+    @property
+    def state(self) -> Record:
+        """The State to show."""
+
+    @property
+    def seconds(self) -> float:
+        """Simulated time [s]."""
+
+    @property
+    def times(self) -> Timing:
+        """How long ticks take."""
+
+
 class Screen:
     """Follows an engine; it reads, and never changes, what it shows."""
 
-    def __init__(self, engine: Engine, stream: TextIO) -> None:
+    def __init__(self, engine: Followed, stream: TextIO) -> None:
         self._engine, self._stream = engine, stream
         self._live = stream.isatty()
         self._next = 0.0
