@@ -144,12 +144,16 @@ class Binder:
         path = os.path.normpath(os.path.join(self.folder, value))
         if os.path.isabs(path):
             path = os.path.relpath(os.path.realpath(path), os.path.realpath(self.root))
-        if path.split(os.sep)[0] == os.pardir:
+        problem = None
+        if "://" in value:
+            sentence = f"'{_short(value)}' is not the path of a file"
+            problem = Problem("outside-folder", sentence, attribute.place, "files are read from disk only")
+        elif path.split(os.sep)[0] == os.pardir:
             sentence = f"'{_short(value)}' lies outside the scene's folder"
             advice = "copy it into the folder of the scene, or below it"
-            if "://" in value:
-                sentence, advice = f"'{_short(value)}' is not the path of a file", "files are read from disk only"
-            self.problems.append(Problem("outside-folder", sentence, attribute.place, advice))
+            problem = Problem("outside-folder", sentence, attribute.place, advice)
+        if problem is not None:
+            self.problems.append(problem)
             return BROKEN
         return path.replace(os.sep, "/")
 

@@ -27,7 +27,10 @@ class _Placed:
         low=173.15, high=673.15, default=None, doc="its temperature; default: the room's"
     )
     pose_from: str = ref(
-        "device", reads=("pose",), default="", doc="the device that carries it; pos and quat are then in what it carries"
+        "device",
+        reads=("pose",),
+        default="",
+        doc="the device that carries it; pos and quat are then in what it carries",
     )
     motion: ObjectMotion | None = child(ObjectMotion)
     dynamics: Dynamics | None = child(Dynamics)

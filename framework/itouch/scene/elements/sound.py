@@ -26,6 +26,10 @@ class Sound:
     loudness: float = quantity("", low=0.0, high=1.0, default=1.0, doc="of everything, 0 to 1")
     friction: float = quantity("", low=0.0, high=1.0, default=0.2, doc="loudness of the noise of sliding, 0 to 1")
     grain: float = quantity(
-        "m", low=1e-5, high=1e-2, default=2e-4, doc="size of the grains that sliding crosses: its pitch is speed / grain"
+        "m",
+        low=1e-5,
+        high=1e-2,
+        default=2e-4,
+        doc="size of the grains that sliding crosses: its pitch is speed / grain",
     )
     modes: tuple[Mode, ...] = children(Mode, doc="the vibrations of a stroke")
