@@ -25,13 +25,16 @@ class ContactLog:
         name = toucher.probe.name
         self._plate, self._gap = state[f"{name}.contact.plate"], state[f"{name}.contact.plate_gap"]
         self._peak, self._physical = state[f"{name}.contact.peak_force"], state[f"{name}.contact.physical_begin"]
+        self._deepest, self._widest = state[f"{name}.contact.peak_penetration"], state[f"{name}.contact.peak_area"]
+        self._impact = state[f"{name}.contact.impact_speed"]
 
     def hear(self, event: ContactEvent) -> None:
         """Begin or end an entry."""
         if event.kind is Contact.BEGIN:
             self._plate[...] = self._toucher.plate
             self._gap[...] = self._true_gap(event)
-            self._peak[...] = 0.0
+            self._peak[...] = self._deepest[...] = self._widest[...] = 0.0
+            self._impact[...] = event.speed
             self._physical[...] = self._coupling.touched
         elif event.kind is Contact.END:
             self._ledger.contacts.append(self.entry(event.tick))
@@ -57,6 +60,12 @@ class ContactLog:
         force = self._coupling.total.item()
         if force > self._peak.item():
             self._peak[...] = force
+        figures = self._toucher.figures
+        depth, area = figures[render.PENETRATION].item(), figures[render.AREA].item()
+        if depth > self._deepest.item():
+            self._deepest[...] = depth
+        if area > self._widest.item():
+            self._widest[...] = area
         if self._physical.item() < 0 and self._coupling.touched.item() >= 0:
             self._physical[...] = self._coupling.touched
         if self._plate.item() and self._toucher.plate.item():
@@ -79,6 +88,9 @@ class ContactLog:
             "end_s": None if end is None else end * period,
             "plate": bool(self._plate),
             "peak_force_N": float(self._peak),
+            "peak_penetration_mm": float(self._deepest) * 1e3,
+            "peak_area_mm2": float(self._widest) * 1e6,
+            "impact_speed_m_s": float(self._impact),
             "plate_gap_mm": _finite(float(self._gap) * 1e3),
             "plate_lead_ms": (begin - physical) * period * 1e3 if physical >= 0 and self._plate else None,
         }

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from itouch.contact.surfaces import Effects
 from itouch.scene.elements import ContactMaterial, Probe
@@ -57,6 +57,33 @@ def _arm_limits(probe: Probe, arm: DeviceModel | None) -> tuple[float, float, bo
     unstated = stiffness is None and damping is None
     ceiling = UNSTATED_STIFFNESS if unstated else stiffness if stiffness is not None else float("inf")
     return ceiling, probe.hand_damping + (damping or 0.0), unstated
+
+
+#: K T^2 / m and B T / m at most, for a free body of mass m under several fingers, turning included.
+BODY_STIFFNESS, BODY_DAMPING = 0.2, 0.1
+
+
+def on_bodies(
+    coupling: Sequence[Coupling], objects: Sequence[Any], period: float, notices: list[str]
+) -> tuple[Coupling, ...]:
+    """Return the couplings with those to light rigid bodies lowered to what a step of their motion allows."""
+    found = []
+    for own, element in zip(coupling, objects, strict=True):
+        if element.dynamics is None:
+            found.append(own)
+            continue
+        mass = element.dynamics.mass
+        stiffness = min(own.stiffness, BODY_STIFFNESS * mass / period**2)
+        lowered = Coupling(stiffness, min(own.damping, BODY_DAMPING * mass / period))
+        if lowered != own:
+            notice = (
+                f"object '{element.name}' is too light, {mass * 1e3:g} g, for its material at {1 / period:g} Hz; "
+                f"rendering {lowered.stiffness:g} N/m and {lowered.damping:g} N s/m"
+            )
+            if notice not in notices:
+                notices.append(notice)
+        found.append(lowered)
+    return tuple(found)
 
 
 def stable_effects(

@@ -16,7 +16,7 @@ from itouch.scene import Scene
 from itouch.scene.elements import Operator, Probe
 from itouch.schema import Problem, SceneError
 from itouch.world.bindings import check_bindings, check_reach, check_writers
-from itouch.world.coupling import Coupling, couplings, stable_effects
+from itouch.world.coupling import Coupling, couplings, on_bodies, stable_effects
 from itouch.world.files import SceneFile, SceneFiles
 from itouch.world.limits import check_safety
 from itouch.world.modalities import ModalityModel, build_modalities, notices_of
@@ -126,6 +126,7 @@ def _probes(
         materials = [contact_of(scene, element, []) for element in scene.objects]
         names = [element.material for element in scene.objects]
         coupling = couplings(probe, arm, materials, names, 1.0 / scene.rates.servo, notices)
+        coupling = on_bodies(coupling, scene.objects, 1.0 / scene.rates.servo, notices)
         face = next((d.name for d in devices.values() if d.carrier and d.carrier == probe.surface_to), probe.surface_to)
         own = stable_effects(probe, arm, effects, coupling, names, 1.0 / scene.rates.servo, notices)
         found.append(ProbeModel(probe.name, index, probe, operator, coupling, face, own))

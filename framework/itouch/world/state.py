@@ -90,6 +90,9 @@ _PROBE = (
     Field("contact.plate", "i8"),
     Field("contact.plate_gap"),
     Field("contact.peak_force"),
+    Field("contact.peak_penetration"),
+    Field("contact.peak_area"),
+    Field("contact.impact_speed"),
     Field("contact.physical_begin", "i8"),
     # the true plate under a finger's twin, in the order of ``itouch.twin.mechanics``
     Field("plate_touched", "i8"),
