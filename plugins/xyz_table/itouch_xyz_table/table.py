@@ -1,15 +1,39 @@
 """The XYZ table as a device: three translations presented as six degrees of freedom, rotations locked.
 
-The travel, speed and friction of the table in the literature are not published; the defaults here are ours.
+Each axis is a moteus servo on a screw or belt.  The travel, speed and friction of the table in the literature are not
+published; the defaults here are ours.
 """
 
 from __future__ import annotations
 
+import math
+import time
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from itouch.plugin import RETRACT, ROTATIONS, Channel, Device, measured_wrench, pose, pose_target, schema
+from itouch.plugin import (
+    RETRACT,
+    ROTATIONS,
+    Attached,
+    Channel,
+    Device,
+    DeviceError,
+    Emulator,
+    Record,
+    measured_wrench,
+    pose,
+    pose_target,
+    schema,
+)
+from itouch_xyz_table.emulator import TableEmulator
+from itouch_xyz_table.homing import home
+from itouch_xyz_table.servos import Goal, Servos, ServoState, check
 from itouch_xyz_table.twin import XyzTableTwin
+
+#: Seconds without a command after which the servos stop by themselves.
+WATCHDOG = 0.1
+#: Greatest step of a commanded pose that counts as motion when the velocity is fed forward [s].
+_STALE = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,9 +50,40 @@ class XyzTableParams:
     mass: float = schema.quantity("kg", low=0.05, high=20, default=0.6, doc="of the twin: moving mass")
     friction: float = schema.quantity("N", low=0.0, high=20, default=0.8, doc="of the twin: dry friction of an axis")
     bandwidth: float = schema.quantity("Hz", low=5, high=100, default=40.0, doc="of the twin: of its position control")
+    port: str = schema.text(default="", doc="serial port of the CAN-FD adaptor; empty: the one that is attached")
+    ids: tuple[float, float, float] = schema.quantity(
+        "", size=3, low=1, high=126, default=(1.0, 2.0, 3.0), doc="numbers of the servos of x, y and z on the bus"
+    )
+    lead: tuple[float, float, float] = schema.quantity(
+        "m", size=3, low=1e-4, high=0.5, default=(0.01, 0.01, 0.01), doc="travel of an axis a turn of its servo"
+    )
+    direction: tuple[float, float, float] = schema.quantity(
+        "",
+        size=3,
+        low=-1,
+        high=1,
+        default=(1.0, 1.0, 1.0),
+        doc="1 or -1: which way an axis goes as its servo turns",
+    )
+    max_torque: tuple[float, float, float] = schema.quantity(
+        "N*m", size=3, low=0.001, high=20, default=(0.05, 0.05, 0.05), doc="greatest torque of each servo"
+    )
+    weight: float = schema.quantity("N", low=0.0, high=200, default=0.0, doc="what the z axis carries, fed forward")
+    efficiency: float = schema.quantity("", low=0.1, high=1.0, default=0.9, doc="of the screws or belts")
+    homing: str = schema.choice(
+        "stops", "absolute", default="stops",
+        doc="stops: each axis goes gently against its low end; absolute: the servos know where they are",
+    )  # fmt: skip
     force_noise: float = schema.quantity(
         "N", low=0.0, high=0.5, default=0.005, doc="of the twin: rms of the force sensor"
     )
+
+    def __post_init__(self) -> None:
+        schema.validate(self)
+        if any(abs(sign) != 1.0 for sign in self.direction):
+            raise ValueError(f"direction = {self.direction} must be 1 or -1 for each axis")
+        if len({int(number) for number in self.ids}) < 3 or any(number % 1 for number in self.ids):
+            raise ValueError(f"ids = {self.ids} must be three different whole numbers")
 
 
 class XyzTable(Device):
@@ -38,7 +93,9 @@ class XyzTable(Device):
     reads = (pose(locked=ROTATIONS), measured_wrench(force=50.0, locked=ROTATIONS))
     commands = (pose_target(low=(-0.08, -0.06, 0.0), high=(0.08, 0.06, 0.04), speed=0.3, safe=RETRACT),)
     Twin = XyzTableTwin
-    twin_only: ClassVar[bool] = True
+    Emulator: ClassVar[type[Emulator] | None] = TableEmulator
+    blocking: ClassVar[bool] = True
+    watchdog: ClassVar[float | None] = WATCHDOG
 
     @classmethod
     def channels(cls, params: Any) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
@@ -48,3 +105,116 @@ class XyzTable(Device):
             low=(-x / 2, -y / 2, 0.0), high=(x / 2, y / 2, z), speed=params.speed, safe=RETRACT, locked=ROTATIONS
         )
         return cls.reads, (target,)
+
+    @classmethod
+    def attached(cls) -> tuple[Attached, ...]:
+        """Look for CAN-FD adaptors."""
+        try:
+            from moteus.fdcanusb_device import FdcanusbDevice
+        except ImportError:
+            return (Attached("CAN-FD adaptors", False, "cannot be looked for: pip install 'itouch-py[moteus]'"),)
+        ports = FdcanusbDevice.detect_fdcanusbs()
+        return tuple(Attached(port, True, "a CAN-FD adaptor; its servos are asked when it is opened") for port in ports)
+
+    def __init__(self, params: XyzTableParams) -> None:
+        super().__init__(params)
+        #: Signed metres a revolution.
+        self._leads = tuple(lead * sign for lead, sign in zip(params.lead, params.direction, strict=True))
+        self._servos: Servos | None = None
+        self._goal: tuple[float, ...] | None = None
+        self._before: tuple[float, ...] = ()
+        self._when = 0.0
+
+    def open(self) -> None:
+        """Open the bus, end latched faults and time-outs, and home.
+
+        Raises
+        ------
+        DeviceError
+            If a servo is missing, has a fault, or does not find its end.
+        """
+        p = self.params
+        x, y, _ = p.travel
+        servos = Servos(p.port, [int(number) for number in p.ids], watchdog=WATCHDOG, trace=self.trace)
+        try:
+            servos.query()
+            check(servos.stop(latched=True), driven=False)
+            if p.homing == "stops":
+                home(servos, leads=self._leads, torques=p.max_torque, travel=p.travel, low=(-x / 2, -y / 2, 0.0))
+        except BaseException:
+            servos.close()
+            raise
+        self._servos, self._goal = servos, None
+
+    def close(self) -> None:
+        """Stop the servos and let go of the bus."""
+        servos, self._servos = self._servos, None
+        if servos is None:
+            return
+        try:
+            servos.stop()
+        finally:
+            servos.close()
+
+    def write(self, command: Record) -> None:
+        """Set where to go; the next exchange sends it.
+
+        Raises
+        ------
+        ValueError
+            If a rotation is asked for: they are locked.
+        """
+        x, y, z, w, *rotation = command["pose_target"].tolist()
+        if abs(abs(w) - 1.0) > 1e-6 or any(abs(part) > 1e-6 for part in rotation):
+            raise ValueError("the table's rotations are locked: the quaternion must be 1 0 0 0")
+        self._goal = (x, y, z)
+
+    def read(self, reading: Record) -> bool:
+        """Exchange: send the goal with its watchdog, take position and force.
+
+        Raises
+        ------
+        DeviceError
+            If a servo does not answer, has stopped, or its watchdog has ended.
+        """
+        if self._servos is None:
+            raise DeviceError("the table is not open")
+        goal = self._goal
+        states = self._servos.query() if goal is None else self._servos.command(self._goals(goal))
+        check(states, driven=goal is not None)
+        self._tell(states, reading)
+        return True
+
+    def _goals(self, goal: tuple[float, ...]) -> list[Goal | None]:
+        """Return the servos' commands: position, the speed of its change, and the weight fed forward."""
+        p, now = self.params, time.monotonic()
+        lapse = now - self._when
+        moved = [0.0] * 3
+        if self._before and 0.0 < lapse < _STALE:
+            speed = p.speed
+            moved = [max(-speed, min(speed, (a - b) / lapse)) for a, b in zip(goal, self._before, strict=True)]
+        self._before, self._when = goal, now
+        goals: list[Goal | None] = []
+        for axis, lead in enumerate(self._leads):
+            hold = p.weight * lead / (math.tau * p.efficiency) if axis == 2 else 0.0
+            limit = p.max_torque[axis]
+            goals.append(
+                Goal(goal[axis] / lead, moved[axis] / lead, max(-limit, min(limit, hold)), limit, p.speed / abs(lead))
+            )
+        return goals
+
+    def _tell(self, states: tuple[ServoState, ...], reading: Record) -> None:
+        """Fill the reading; what presses on the table is what the motors push against, less the weight."""
+        p = self.params
+        forces = [
+            -state.torque * math.tau / lead * p.efficiency for state, lead in zip(states, self._leads, strict=True)
+        ]
+        forces[2] += p.weight
+        reading["pose"] = (
+            *(s.position * lead for s, lead in zip(states, self._leads, strict=True)),
+            1.0,
+            0.0,
+            0.0,
+            0.0,
+        )
+        reading["wrench"] = (*forces, 0.0, 0.0, 0.0)

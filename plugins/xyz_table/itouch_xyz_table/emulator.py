@@ -1,0 +1,113 @@
+"""The table's wire: three virtual servos on a pseudo-terminal, with the table's twin as their axes."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import math
+import os
+import time
+import tty
+from pathlib import Path
+from typing import Any
+
+from itouch.plugin import DeviceError, Emulator, Record
+from itouch_xyz_table.faults import POSITION
+from itouch_xyz_table.virtual import GOAL_SPEED, MOST, VirtualBus, VirtualServo
+
+
+class Terminal:
+    """A pseudo-terminal that a program may open as a serial port, under a name of our choice."""
+
+    def __init__(self, name: str = "") -> None:
+        self._ours, theirs = os.openpty()
+        tty.setraw(self._ours)
+        tty.setraw(theirs)
+        os.set_blocking(self._ours, False)
+        self.path, self._name, self._theirs = os.ttyname(theirs), name, theirs
+        if name:
+            with contextlib.suppress(FileNotFoundError):
+                if Path(name).is_symlink():
+                    os.unlink(name)
+            try:
+                os.symlink(self.path, name)
+            except OSError as error:
+                self._name = ""
+                self.close()
+                raise DeviceError(f"no virtual port can be made at '{name}': {error.strerror}") from error
+
+    def receive(self) -> bytes:
+        """Return what has come, without waiting."""
+        try:
+            return os.read(self._ours, 1 << 16)
+        except OSError as error:
+            if error.errno in (errno.EAGAIN, errno.EIO):  # nothing, or nobody there
+                return b""
+            raise
+
+    def send(self, data: bytes) -> None:
+        """Send; what nobody reads is lost."""
+        with contextlib.suppress(BlockingIOError):
+            os.write(self._ours, data)
+
+    def close(self) -> None:
+        """Take the port away."""
+        os.close(self._ours)
+        os.close(self._theirs)
+        if self._name:
+            with contextlib.suppress(OSError):
+                os.unlink(self._name)
+
+
+class TableEmulator(Emulator):
+    """Servos whose shafts are the axes of the twin; the ends of the travel are those of the parameters."""
+
+    def __init__(self, params: Any) -> None:
+        super().__init__(params)
+        self._leads = [lead * sign for lead, sign in zip(params.lead, params.direction, strict=True)]
+        self.bus = VirtualBus({int(n): VirtualServo(int(n)) for n in params.ids})
+        self._servos = list(self.bus.servos.values())
+        self._terminal: Terminal | None = None
+        self._when = time.monotonic()
+
+    def open(self) -> str:
+        """Make the serial port that the parameters name."""
+        self._terminal = Terminal(self.params.port)
+        return f"servos of the table on {self.params.port or self._terminal.path}"
+
+    def close(self) -> None:
+        """Take the port away."""
+        terminal, self._terminal = self._terminal, None
+        if terminal is not None:
+            terminal.close()
+
+    def serve(self, reading: Record, command: Record) -> bool:
+        """Show the twin's axes to the servos, answer the host, and tell the twin where to go."""
+        if self._terminal is None:
+            return False
+        place, load = reading["pose"].tolist()[:3], reading["wrench"].tolist()[:3]
+        load[2] -= self.params.weight
+        now = time.monotonic()
+        lapse, self._when = now - self._when, now
+        for servo, lead, p, f in zip(self._servos, self._leads, place, load, strict=True):
+            servo.place = p / lead
+            servo.torque = -f * lead / (math.tau * self.params.efficiency)
+            servo.watch(now)
+        data = self._terminal.receive()
+        if data:
+            self._terminal.send(self.bus.take(data, time.monotonic))
+        goal = command["pose_target"]
+        for axis, (servo, lead) in enumerate(zip(self._servos, self._leads, strict=True)):
+            wanted = servo.goal() * lead
+            if servo.mode == POSITION and not math.isnan(wanted):
+                goal[axis] = wanted
+            elif servo.mode == POSITION:  # it is led by its speed: towards an end, as in homing
+                self._creep(servo, goal, axis, lead, lapse)
+        return any(servo.mode == POSITION for servo in self._servos)
+
+    def _creep(self, servo: VirtualServo, goal: Any, axis: int, lead: float, lapse: float) -> None:
+        half = self.params.travel[axis] / 2
+        low, high = (-half, half) if axis < 2 else (0.0, 2 * half)
+        goal[axis] = min(max(goal[axis] + servo.registers.get(GOAL_SPEED, 0.0) * lead * lapse, low), high)
+        if goal[axis] in (low, high):
+            servo.torque = math.copysign(servo.registers.get(MOST, 0.0), servo.registers.get(GOAL_SPEED, 0.0))

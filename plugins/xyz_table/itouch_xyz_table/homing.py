@@ -1,0 +1,69 @@
+"""Homing: each axis goes gently against the low end of its travel, which then is where the parameters say."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+
+from itouch_xyz_table.servos import AXES, Goal, ServoError, Servos, check
+
+#: Share of the torque limit, and speed [m/s], with which an axis looks for its end.
+GENTLE, SLOW = 0.25, 0.02
+#: An axis that moves less than this [m/s] for so long [s] stands at its end.
+_STILL, _STOOD = 0.002, 0.15
+#: Distance [m] that it backs off, and how much longer than its travel takes it may look [s].
+BACK_OFF, _GRACE = 0.002, 3.0
+
+
+def home(
+    servos: Servos,
+    *,
+    leads: Sequence[float],
+    torques: Sequence[float],
+    travel: Sequence[float],
+    low: Sequence[float],
+    clock: Callable[[], float] = time.monotonic,
+) -> None:
+    """Home z, then x and y: down first, so that the plate leaves the finger.
+
+    Parameters
+    ----------
+    servos
+        The open bus, stopped.
+    leads
+        Signed metres a revolution.
+    torques
+        Torque limits [N m].
+    travel, low
+        Length of each axis, and where its low end is [m].
+
+    Raises
+    ------
+    ServoError
+        If an axis does not find its end.
+    """
+    for axis in (2, 0, 1):
+        lead = leads[axis]
+        _to_the_end(servos, axis, lead, GENTLE * torques[axis], travel[axis] / SLOW + _GRACE, clock)
+        servos.stop()
+        servos.set_position(axis, low[axis] / lead)
+
+
+def _to_the_end(
+    servos: Servos, axis: int, lead: float, torque: float, limit: float, clock: Callable[[], float]
+) -> None:
+    speed = -SLOW / lead
+    goals: list[Goal | None] = [None, None, None]
+    goals[axis] = Goal(math.nan, speed, 0.0, torque, abs(speed))
+    begin = last = clock()
+    place = servos.query()[axis].position
+    while clock() - begin < limit:
+        states = servos.command(goals)
+        check([states[axis]] * 3, driven=False)
+        now = clock()
+        if abs(states[axis].position - place) * abs(lead) > _STILL * _STOOD:
+            place, last = states[axis].position, now
+        if now - last > _STOOD:
+            return
+    raise ServoError(f"axis {AXES[axis]} found no end within {limit:.0f} s: check its lead and direction")
