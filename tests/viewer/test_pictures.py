@@ -137,7 +137,7 @@ def test_run_writes_an_mp4(tmp_path: Path):
         (("--film", "x.avi"), "ends in .mp4 or .gif"),
         (("--screenshot", "s.png", "--pace", "real"), "--pace fast"),
         (("--screenshot", "s.png", "--at", "999s"), "the run ended at"),
-        (("--screenshot", "/nowhere/s.png"), "no folder"),
+        (("--screenshot", "missing/s.png"), "no folder"),
         (("--screenshot", "s.png", "--size", "1x1"), "64 to 4096"),
     ],
 )

@@ -107,9 +107,9 @@ SCRIPTS = {
         press(key.S); turn()
         assert "saved" in source.situation.message
         assert itouch.restore(sys.argv[2]).seconds > 9.0
-        source._save_to = "/nowhere/x.itouch"
+        source._save_to = "missing/x.itouch"
         press(key.S)
-        assert "/nowhere/x.itouch" in source.situation.message
+        assert "missing/x.itouch" in source.situation.message
     """,
     "M gives the finger to mouse and arrows": """
         press(key.M)

@@ -10,7 +10,7 @@ import threading
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from itouch.cli import live, pictures
+from itouch.cli import live, pictures, sounds
 from itouch.cli.arguments import output_file, seconds
 from itouch.schema import ItouchError
 
@@ -32,7 +32,7 @@ def main(argv: Sequence[str]) -> int:
     for notice in session.notices:
         print(f"note: {notice}", file=sys.stderr)
     screen = Screen(session, sys.stdout)
-    with pictures.taking(session, options):
+    with pictures.taking(session, options), sounds.keeping(session, options):
         code = _run(session, options, screen)
     report = session.report()
     screen.finish(report)
@@ -54,6 +54,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--save", type=output_file, metavar="FILE.itouch", help="save the session at the end")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of all noise (default 0)")
     pictures.add_options(parser)
+    sounds.add_options(parser)
     return parser
 
 

@@ -118,7 +118,7 @@ def from_mesh(vertices: NDArray[np.float64], faces: NDArray[np.integer]) -> Soli
     smooth = _unit(smooth)
     bent = np.zeros(len(vertices), bool)
     agree = (smooth[faces] * unit[:, None, :]).sum(2)
-    bent[np.asarray(faces)[(agree < math.cos(math.radians(20.0))) & unit.any(1)[:, None]]] = True
+    bent[np.asarray(faces)[(agree < math.cos(math.radians(20.0))) & (unit != 0.0).any(axis=1, keepdims=True)]] = True
     if not bent.any():
         return _solid(vertices, smooth, faces)
     apart = bent[faces].ravel()

@@ -62,10 +62,12 @@ class Window(pyglet.window.Window):
         while not self.closed:
             begin = self._now()
             self.dispatch_events()
-            if not self.closed:
-                self.frame()
+            if self.closed:
+                break
+            self.frame()
             rest = max(1.0 / RATE - self.cost, self.cost * (1.0 / SHARE - 1.0))
             time.sleep(max(0.0, rest - (self._now() - begin - self.cost)))
+        self.close()
 
     def frame(self) -> None:
         """Bring the session up to date and draw it once."""
@@ -194,11 +196,10 @@ class Window(pyglet.window.Window):
         self.projection = Mat4.orthogonal_projection(0, max(width, 1), 0, max(height, 1), -255, 255)
 
     def on_close(self) -> None:
-        """Stop safely and close."""
+        """Stop safely; the window closes when its events are through."""
         self.closed = True
         self.source.hold(False)
         self.source.stop()
-        self.close()
 
     def on_context_lost(self) -> None:
         """Make everything in graphics memory anew; what is seen, and how, stays."""

@@ -1,0 +1,71 @@
+"""The noise of sliding: a surface's grains, read off at the speed of the finger."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.sound.modal import RATE
+
+#: Places on the surface that are remembered, and how many of them make a grain.
+_PLACES, _PER_GRAIN = 1 << 15, 8.0
+#: Speed [m/s] of full loudness, and force [N].
+FULL_SPEED, FULL_FORCE = 0.2, 2.0
+#: Speed [m/s] of a finger that rests: nobody holds quite still.
+REST_SPEED = 1e-3
+#: Pitch [Hz] above which the noise fades, so that nothing folds back.
+_FADE = 9000.0
+
+
+def surface(seed: int = 1) -> NDArray[np.float64]:
+    """Return one period of a rough profile, shape (places,), of unit rms; grains of one size prevail."""
+    rng = np.random.default_rng(seed)
+    wave = np.fft.rfftfreq(_PLACES) * _PER_GRAIN  # in periods a grain
+    shape = wave / (0.15 + wave**3)
+    spectrum = shape * np.exp(2j * np.pi * rng.random(len(wave)))
+    profile = np.fft.irfft(spectrum, _PLACES)
+    unit: NDArray[np.float64] = profile / profile.std()
+    return unit
+
+
+class Sliding:
+    """Reads the surface under a finger; speed and loudness change without steps."""
+
+    def __init__(self) -> None:
+        self._profile = np.append(surface(), 0.0)
+        self._profile[-1] = self._profile[0]
+        self._place, self._step, self._level = 0.0, 0.0, 0.0
+
+    @property
+    def silent(self) -> bool:
+        """Whether nothing slides."""
+        return self._level == 0.0
+
+    def render(self, count: int, speed: float, force: float, *, grain: float, level: float) -> NDArray[np.float64]:
+        """Return the next samples, shape (count,), for a finger that slides at a speed [m/s] under a force [N].
+
+        ``grain`` [m] is the size of the grains, ``level`` the rms at full speed and force.
+        """
+        speed = speed if 0.0 < speed < 100.0 else 0.0
+        force = min(force, FULL_FORCE) if force > 0.0 else 0.0
+        pitch = speed / grain
+        loud = (
+            level
+            * min(1.0, max(0.0, speed - REST_SPEED) / FULL_SPEED)
+            * (force / FULL_FORCE) ** 0.5
+            / (1.0 + (pitch / _FADE) ** 4)
+        )
+        loud = loud if loud > 1e-6 else 0.0
+        if loud == 0.0 and self._level == 0.0:
+            return np.zeros(count)
+        part = np.arange(1, count + 1) / count
+        step = min(pitch * _PER_GRAIN / RATE, 0.5 * _PER_GRAIN)
+        steps = self._step + part * (step - self._step)
+        places = (self._place + np.cumsum(steps)) % _PLACES
+        self._place, self._step = float(places[-1]), step
+        index = places.astype(int)
+        rest = places - index
+        heard = self._profile[index] * (1.0 - rest) + self._profile[index + 1] * rest
+        made: NDArray[np.float64] = heard * (self._level + part * (loud - self._level))
+        self._level = loud
+        return made

@@ -1,0 +1,117 @@
+"""From States to samples: strokes at every BEGIN, noise while a probe slides, a tone while a device is in fault."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.loop import Status
+from itouch.plugin import Contact, Record
+from itouch.scene.elements.sound import Sound
+from itouch.sound.modal import RATE, Bank
+from itouch.sound.sliding import Sliding
+from itouch.world import Model
+
+#: The warning tone: two pitches [Hz], how long [s] each lasts, its level, and how fast [s] it comes and goes.
+TONES, TONE_TIME, TONE_LEVEL, TONE_RISE = (880.0, 660.0), 0.25, 0.2, 0.01
+#: Above this level the sound is bent smoothly, so that it never reaches 1.
+_KNEE = 0.7
+#: Rms of sliding noise at full loudness.
+_FRICTION = 0.12
+
+
+@dataclass(slots=True)
+class _Voice:
+    """What one object sounds like."""
+
+    sound: Sound
+    bank: Bank
+
+
+class Synth:
+    """Makes the sound of a model's States; tell it each State with ``hear``, then take samples with ``render``."""
+
+    def __init__(self, model: Model) -> None:
+        self._model = model
+        self._voices = [_voice(model, element.material) for element in model.scene.objects]
+        self._sliding = {probe.name: Sliding() for probe in model.probes}
+        self._slides: dict[str, tuple[float, float, Sound | None]] = {}
+        self._count = -1
+        self._fault = False
+        self._tone_time, self._tone_level = 0.0, 0.0
+
+    def hear(self, state: Record) -> None:
+        """Take note of a State: new contacts, sliding, faults; States may be left out."""
+        count, table = int(state["events.count"]), state["events.table"]
+        first = count if self._count < 0 or count < self._count else max(self._count, count - len(table))
+        for number in range(first, count):
+            event = table[number % len(table)]
+            voice = self._voices[int(event["object"])] if int(event["kind"]) == Contact.BEGIN else None
+            if voice is not None:
+                voice.bank.strike(float(event["speed"]))
+        self._count = count
+        for probe in self._model.probes:
+            self._slides[probe.name] = self._slide(state, probe.name)
+        self._fault = any(int(state[f"{name}.status"]) == Status.FAULT for name in self._model.devices)
+
+    def _slide(self, state: Record, probe: str) -> tuple[float, float, Sound | None]:
+        index = int(state[f"{probe}.object"])
+        voice = self._voices[index] if index >= 0 else None
+        if voice is None:
+            return 0.0, 0.0, None
+        velocity = state[f"{probe}.velocity"] - state["objects.twist"][index][:3]
+        normal = state[f"{probe}.normal"]
+        across = velocity - normal * float(velocity @ normal)
+        return math.sqrt(float(across @ across)), float(state[f"{probe}.normal_force"]), voice.sound
+
+    def render(self, count: int) -> NDArray[np.float64]:
+        """Return the next samples at 48 kHz, shape (count,), between -1 and 1."""
+        made = np.zeros(count)
+        for voice in self._voices:
+            if voice is not None and not voice.bank.silent:
+                made += voice.bank.render(count)
+        for name, sliding in self._sliding.items():
+            speed, force, sound = self._slides.get(name, (0.0, 0.0, None))
+            if sound is not None:
+                level = _FRICTION * sound.friction * sound.loudness
+                made += sliding.render(count, speed, force, grain=sound.grain, level=level)
+            elif not sliding.silent:
+                made += sliding.render(count, 0.0, 0.0, grain=1e-3, level=0.0)
+        if self._fault or self._tone_level > 0.0:
+            made += self._tone(count)
+        return limited(made)
+
+    def _tone(self, count: int) -> NDArray[np.float64]:
+        step = (1.0 if self._fault else -1.0) * TONE_LEVEL / (TONE_RISE * RATE)
+        level = np.clip(self._tone_level + step * np.arange(1, count + 1), 0.0, TONE_LEVEL)
+        times = self._tone_time + np.arange(1, count + 1) / RATE
+        self._tone_level, self._tone_time = float(level[-1]), float(times[-1]) if level[-1] > 0.0 else 0.0
+        # one pitch fades into the other at the ends of its turn
+        turn = 0.5 + 0.5 * np.clip(np.sin(math.pi * times / TONE_TIME) * 12.0, -1.0, 1.0)
+        first, second = (np.sin(2 * math.pi * pitch * times) for pitch in TONES)
+        made: NDArray[np.float64] = level * (turn * first + (1.0 - turn) * second)
+        return made
+
+
+def limited(samples: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Bend what is above the knee smoothly below 1; the rest stays as it is."""
+    size = np.abs(samples)
+    over = size > _KNEE
+    if over.any():
+        bent = _KNEE + (1.0 - _KNEE) * np.tanh((size[over] - _KNEE) / (1.0 - _KNEE))
+        samples = samples.copy()
+        samples[over] = np.sign(samples[over]) * np.minimum(bent, 0.999)
+    return samples
+
+
+def _voice(model: Model, material: str) -> _Voice | None:
+    found = next((m for m in model.scene.materials if m.name == material), None)
+    if found is None or found.sound is None or found.sound.loudness == 0.0:
+        return None
+    sound, modes = found.sound, found.sound.modes
+    bank = Bank([m.frequency for m in modes], [m.decay for m in modes], [m.gain for m in modes],
+                level=0.5 * sound.loudness)  # fmt: skip
+    return _Voice(sound, bank)
