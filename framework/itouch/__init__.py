@@ -14,11 +14,13 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from itouch.loop import DeviceFaultError, Engine, EngineError, VirtualClock, WallClock
     from itouch.plugin import DeviceError
+    from itouch.recording import Recording, RecordingError, read
     from itouch.scene import Scene, write
     from itouch.schema import ItouchError, Place, Problem, SceneError
     from itouch.servo import Handle, ServoError, launch
     from itouch.session import Session, SessionError, build, restore
     from itouch.session import load_scene as load
+    from itouch.session.replay import replay
 
 #: Public name -> where it lives; loaded when it is first asked for, so that the command line starts fast.
 _HOMES = {
@@ -38,8 +40,12 @@ _HOMES = {
     "VirtualClock": "itouch.loop",
     "WallClock": "itouch.loop",
     "build": "itouch.session",
+    "Recording": "itouch.recording",
+    "RecordingError": "itouch.recording",
     "launch": "itouch.servo",
     "load": "itouch.session:load_scene",
+    "read": "itouch.recording",
+    "replay": "itouch.session.replay",
     "restore": "itouch.session",
     "write": "itouch.scene",
 }
@@ -53,6 +59,8 @@ __all__ = [
     "ItouchError",
     "Place",
     "Problem",
+    "Recording",
+    "RecordingError",
     "Scene",
     "SceneError",
     "ServoError",
@@ -63,6 +71,8 @@ __all__ = [
     "build",
     "launch",
     "load",
+    "read",
+    "replay",
     "restore",
     "write",
 ]

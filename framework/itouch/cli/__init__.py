@@ -17,6 +17,10 @@ COMMANDS = {
     "devices": ("itouch.cli.devices", "list the device plugins that are installed"),
     "demo": ("itouch.cli.demo", "run the four-material scene that comes with the program"),
     "bench": ("itouch.cli.bench", "measure accuracy and speed"),
+    "inspect": ("itouch.cli.inspect", "say what a scene, a session or a recording holds"),
+    "export": ("itouch.cli.export", "write a session as XML, or a recording as tables"),
+    "replay": ("itouch.cli.replay", "feed a recording to the engine and compare every command"),
+    "recover": ("itouch.cli.recover", "make a damaged recording whole: its longest valid prefix"),
 }
 
 _USAGE = """\

@@ -30,6 +30,10 @@ _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _ATTACHMENT, _DATA_END = 
 _PASSED = (_HEADER, 7, 12)
 
 
+#: Rows by track, and letters: topic, tick, JSON.
+Chunk = tuple[dict[str, NDArray[Any]], list[tuple[str, int, bytes]]]
+
+
 class DamageError(ValueError):
     """From here on the file can't be believed."""
 
@@ -48,10 +52,11 @@ class Content:
     whole: bool = False
     losses: list[str] = field(default_factory=list)
     good: int = 0
+    chunks: list[Chunk] = field(default_factory=list)
 
 
-def read_content(path: str) -> Content:
-    """Read a recording as far as it is valid.
+def read_content(path: str, *, chunks: bool = False) -> Content:
+    """Read a recording as far as it is valid; ``chunks``: keep them, to write them again.
 
     Raises
     ------
@@ -64,15 +69,15 @@ def read_content(path: str) -> Content:
             data = stream.read()
     except OSError as error:
         raise RecordingError(f"cannot read '{path}': {error.strerror or error}") from error
-    return parse(path, data, size)
+    return parse(path, data, size, chunks=chunks)
 
 
-def parse(path: str, data: bytes, size: int) -> Content:
+def parse(path: str, data: bytes, size: int, *, chunks: bool = False) -> Content:
     """Read a recording from memory; see ``read_content``."""
     content = Content(path, size)
     if data[: len(MAGIC)] != MAGIC:
         raise RecordingError(f"'{path}' is not a recording: it does not begin as an MCAP file")
-    parser = _Parser(content)
+    parser = _Parser(content, chunks)
     try:
         for opcode, body, end in _records(data):
             if opcode == _DATA_END:
@@ -111,8 +116,8 @@ def _records(data: bytes) -> Iterator[tuple[int, memoryview, int]]:
 
 
 class _Parser:
-    def __init__(self, content: Content) -> None:
-        self.content = content
+    def __init__(self, content: Content, chunks: bool) -> None:
+        self.content, self._keep = content, chunks
         self._codecs: dict[int, Codec] = {}
         self._topics: dict[int, str] = {}
         self._blocks: dict[str, list[NDArray[Any]]] = {}
@@ -161,7 +166,7 @@ class _Parser:
         """Take the records of a chunk; all of them, or none."""
         view, at = memoryview(data), 0
         rows: list[tuple[str, NDArray[Any]]] = []
-        letters: list[tuple[str, dict[str, Any]]] = []
+        letters: list[tuple[str, dict[str, Any], bytes]] = []
         following = dict(self._next)
         while at < len(data):
             opcode, length = struct.unpack_from("<BQ", data, at)
@@ -179,7 +184,8 @@ class _Parser:
                     rows.append((codec.track.name, self._rows(codec, view[at:], count)))
                     end = at + count * codec.length
                 elif (topic := self._topics.get(channel)) is not None:
-                    letters.append((topic, self._letter(topic, bytes(view[at + HEAD : end]))))
+                    text = bytes(view[at + HEAD : end])
+                    letters.append((topic, self._letter(topic, text), text))
             elif opcode == _CHANNEL:
                 self._channel(bytes(view[at + 9 : end]))
             elif opcode != _SCHEMA:
@@ -188,9 +194,12 @@ class _Parser:
         self._next = following
         for name, table in rows:
             self._blocks.setdefault(name, []).append(table)
-        for topic, letter in letters:
+        for topic, letter, _ in letters:
             if topic != "/session":
                 self.content.letters.setdefault(topic, []).append(letter)
+        if self._keep:
+            kept = [(topic, int(letter.get("tick", 0)), text) for topic, letter, text in letters]
+            self.content.chunks.append((dict(rows), kept))
 
     def _rows(self, codec: Codec, data: memoryview, count: int) -> NDArray[Any]:
         rows, sequence = codec.decode(data, count)
@@ -205,7 +214,9 @@ class _Parser:
         found = json.loads(data)
         if not isinstance(found, dict):
             raise ValueError(f"a message of '{topic}' is not a JSON object")
-        if topic == "/session" and not self.content.session:
+        if topic != "/session":
+            found["tick"], found["time"] = int(found["tick"]), float(found["time"])
+        elif not self.content.session:
             self._begin(found)
         return found
 
@@ -216,7 +227,11 @@ class _Parser:
                 f"'{self.content.path}' has recording format {str(session['format'])[:20]}; this program reads 1.x"
             )
         tracks = [load_track(track) for track in session["tracks"]]
-        float(session["period"])
+        period, start = float(session["period"]), int(session["start_ns"])
+        if not (1e-6 <= period <= 1.0 and 0 <= start < 1 << 63):
+            raise ValueError(f"a period of {period!r} s can't be")
+        if len({track.name for track in tracks}) < len(tracks):
+            raise ValueError("two tracks have one name")
         self.content.session = session
         self.content.tracks = {track.name: track for track in tracks}
         self._codecs = {index: Codec(track, index) for index, track in enumerate(tracks, start=1)}

@@ -48,6 +48,14 @@ class Column:
         return tuple(f"{self.name}.{part}" for part in self.parts or map(str, range(self.size)))
 
 
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Unit of each of its numbers: turns and torques have another than the three numbers before them."""
+        count = max(1, self.size)
+        turned = {(7, "m"): "", (6, "N"): "N*m", (6, "m/s"): "rad/s"}.get((self.size, self.unit), self.unit)
+        return (self.unit,) * min(3, count) + (turned,) * (count - 3)
+
+
 @dataclass(frozen=True, slots=True)
 class Track:
     """Columns that are recorded together every so many ticks; ``replay``: what a replay is fed and compared with."""

@@ -1,0 +1,139 @@
+"""Tracks as text and Parquet tables, with units; temperatures in text are degrees Celsius."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from typing import TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.recording.errors import RecordingError
+from itouch.recording.recording import Recording, flat
+from itouch.recording.tracks import Track
+
+_BLOCK = 4096
+_ZERO = 273.15
+
+Columns = dict[str, tuple[str, NDArray[np.generic]]]
+
+
+def columns_of(recording: Recording, track: Track, *, celsius: bool, prefix: str = "") -> Columns:
+    """Return a track's numbers as columns: label -> (unit, values); kelvin become degC if ``celsius``."""
+    units = {label: u for c in track.columns for label, u in zip(c.labels, c.units, strict=True)}
+    found: Columns = {}
+    for label, values in flat(recording[track.name], track).items():
+        unit = {"time": "s", "tick": ""}.get(label, units.get(label, ""))
+        name = label if label in ("time", "tick") else prefix + label
+        if celsius and unit == "K":
+            found[name] = ("degC", values - _ZERO)
+        else:
+            found[name] = (unit, values)
+    return found
+
+
+def joined(recording: Recording, *, celsius: bool) -> Columns:
+    """Return the tracks at servo rate side by side, columns named ``TRACK.channel``."""
+    found: Columns = {}
+    for track in recording.tracks.values():
+        if track.replay:
+            found |= columns_of(recording, track, celsius=celsius, prefix=track.name + ".")
+    return found
+
+
+def lines(columns: Columns, separator: str) -> Iterator[str]:
+    """Yield the rows of a table as text."""
+    arrays = [values for _, values in columns.values()]
+    count = min((len(values) for values in arrays), default=0)
+    for begin in range(0, count, _BLOCK):
+        block = [values[begin : min(count, begin + _BLOCK)].tolist() for values in arrays]
+        for row in zip(*block, strict=True):
+            yield separator.join(map(repr, row)) + "\n"
+
+
+def write_csv(stream: TextIO, columns: Columns) -> None:
+    """Write a table with a header of names and units."""
+    stream.write(",".join(f"{name} [{unit}]" if unit else name for name, (unit, _) in columns.items()) + "\n")
+    stream.writelines(lines(columns, ","))
+
+
+def export_csv(recording: Recording, target: str) -> list[str]:
+    """Write one table (``target`` ends in .csv: all that was recorded at servo rate) or one a track into a folder.
+
+    Raises
+    ------
+    OSError
+        If it can't be written.
+    """
+    if target.endswith(".csv"):
+        with open(target, "w", encoding="utf-8") as stream:
+            write_csv(stream, joined(recording, celsius=True))
+        return [target]
+    os.makedirs(target, exist_ok=True)
+    written = []
+    for track in recording.tracks.values():
+        written.append(os.path.join(target, f"{safe_name(track.name)}.csv"))
+        with open(written[-1], "w", encoding="utf-8") as stream:
+            write_csv(stream, columns_of(recording, track, celsius=True))
+    for name, rows in (("events", recording.events), ("marks", recording.marks), ("faults", recording.faults)):
+        written.append(os.path.join(target, f"{name}.csv"))
+        with open(written[-1], "w", encoding="utf-8") as stream:
+            _write_letters(stream, rows)
+    return written
+
+
+def _write_letters(stream: TextIO, rows: Sequence[dict[str, object]]) -> None:
+    names = list(dict.fromkeys(name for row in rows for name in row)) or ["tick", "time"]
+    stream.write(",".join(names) + "\n")
+    for row in rows:
+        stream.write(",".join(_quoted(row.get(name, "")) for name in names) + "\n")
+
+
+def _quoted(value: object) -> str:
+    if isinstance(value, list):
+        value = " ".join(map(str, value))
+    text = "" if value is None else str(value)
+    return '"' + text.replace('"', '""') + '"' if any(c in text for c in ',"\n') else text
+
+
+def safe_name(name: str) -> str:
+    """Return a name that is one of a file, whatever the recording says."""
+    word = "".join(c if c.isalnum() or c in "-_." else "-" for c in name).lstrip(".")
+    return word[:100] or "track"
+
+
+def export_parquet(recording: Recording, target: str) -> list[str]:
+    """Write one table or one a track, in SI units, each column with its unit as metadata.
+
+    Raises
+    ------
+    RecordingError
+        If pyarrow is not installed.
+    OSError
+        If it can't be written.
+    """
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError as error:
+        raise RecordingError("pyarrow is not installed; install it with `pip install 'itouch-py[tables]'`") from error
+
+    def put(path: str, columns: Columns) -> None:
+        count = min(len(values) for _, values in columns.values())
+        fields = [
+            pyarrow.field(name, pyarrow.from_numpy_dtype(values.dtype), metadata={"unit": unit})
+            for name, (unit, values) in columns.items()
+        ]
+        arrays = [pyarrow.array(np.ascontiguousarray(values[:count])) for _, values in columns.values()]
+        pyarrow.parquet.write_table(pyarrow.Table.from_arrays(arrays, schema=pyarrow.schema(fields)), path)
+
+    if target.endswith(".parquet"):
+        put(target, joined(recording, celsius=False))
+        return [target]
+    os.makedirs(target, exist_ok=True)
+    written = []
+    for track in recording.tracks.values():
+        written.append(os.path.join(target, f"{safe_name(track.name)}.parquet"))
+        put(written[-1], columns_of(recording, track, celsius=False))
+    return written
