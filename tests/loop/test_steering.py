@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from shipped import SCENES
 
 import itouch
 from itouch.loop.engine import EngineError
-from tests.shipped import SCENES
 
 SCENE = SCENES / "first_touch.xml"
 

@@ -9,9 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from tests.shipped import SCENES
-from tests.viewer.graphics import need_graphics
+from graphics import need_graphics
+from shipped import SCENES
 
 DRAW = """
 import sys, numpy as np, itouch

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from shipped import SCENES
 
 import itouch
 from itouch.viewer import colours, overlay, solids
@@ -11,7 +12,6 @@ from itouch.viewer.camera import VIEWS, Camera
 from itouch.viewer.overlay import Situation
 from itouch.viewer.signals import Ring
 from itouch.viewer.stage import Stage, along, arrow
-from tests.shipped import SCENES
 
 
 def volume(solid: solids.Solid) -> float:

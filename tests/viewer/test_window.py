@@ -9,8 +9,7 @@ import sys
 import textwrap
 
 import pytest
-
-from tests.shipped import SCENES
+from shipped import SCENES
 
 #: Runs before every script: a window on a session whose time the script turns.
 PREPARE = """

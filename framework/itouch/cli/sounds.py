@@ -33,7 +33,7 @@ def keeping(session: Session, options: argparse.Namespace) -> Iterator[None]:
         return
     if session.clock.pace == "real":
         raise ItouchError(
-            "--wav renders between ticks: it needs --pace fast; a window plays the sound of a real session"
+            "--wav renders between ticks: it needs --pace fast"
         )
     from itouch.sound import SoundTrack, write_wav
 

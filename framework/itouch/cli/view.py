@@ -26,7 +26,7 @@ def main(argv: Sequence[str]) -> int:
         from itouch.viewer.offscreen import has_display
 
         if not has_display():
-            raise ItouchError("there is no display to open a window on; `itouch-py run SCENE --film FILE.mp4` needs none")
+            raise ItouchError("there is no display; `itouch-py run SCENE --film FILE.mp4` needs none")
         from itouch.viewer.attached import Attached
         from itouch.viewer.window import Window
 

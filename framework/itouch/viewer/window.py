@@ -59,7 +59,7 @@ class Window(pyglet.window.Window):
 
     def show(self) -> None:
         """Draw and answer until the window is closed."""
-        while not self.closed:
+        while True:
             begin = self._now()
             self.dispatch_events()
             if self.closed:
