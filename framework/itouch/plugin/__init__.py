@@ -24,6 +24,7 @@ from itouch.plugin.ideal import IdealTwin
 from itouch.plugin.modality import Contact, ContactEvent, Modality, ParameterError, World, WorldDevice, WorldObject
 from itouch.plugin.noise import gaussian
 from itouch.plugin.record import Field, Record
+from itouch.plugin.terminal import Terminal
 from itouch.plugin.trace import Trace, read_trace
 from itouch.schema import ItouchError
 from itouch.schema.quantities import QuantityError, parse_quantity
@@ -47,6 +48,7 @@ __all__ = [
     "QuantityError",
     "Record",
     "Safe",
+    "Terminal",
     "Touch",
     "Trace",
     "Twin",

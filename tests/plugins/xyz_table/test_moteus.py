@@ -14,9 +14,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from itouch.plugin import DeviceError, Field, Record, Trace
+from itouch.plugin import DeviceError, Field, Record, Terminal, Trace
 from itouch_xyz_table import XyzTable, XyzTableParams
-from itouch_xyz_table.emulator import Terminal
 from itouch_xyz_table.faults import fault_name
 from itouch_xyz_table.multiplex import Read, Write, decode, reply
 from itouch_xyz_table.servos import ServoError, ServoFault, Servos, ServoTimeout
