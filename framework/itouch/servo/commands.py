@@ -1,12 +1,14 @@
 """What may be asked of a running session between two ticks.
 
-``enable``; ``pause`` and ``resume`` (twins only); ``steer`` with a probe and a step or null; ``rearm``; ``report``,
-which is answered to the launcher; and ``DEVICE.CHANNEL`` with a value, for a channel that nothing in the scene writes.
+``enable``; ``pause`` and ``resume`` (twins only); ``steer`` with a probe and a step or null; ``rearm``; ``reconnect``
+with a device; ``inject`` with a device, a kind and what else ``Engine.inject`` takes; ``report``, which is answered to
+the launcher; and ``DEVICE.CHANNEL`` with a value, for a channel that nothing in the scene writes.
 ``stop`` and the dead-man's switch have words of their own in the memory.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -33,6 +35,8 @@ class Commands:
             "resume": self._resume,
             "steer": self._steer,
             "rearm": self._rearm,
+            "reconnect": self._reconnect,
+            "inject": self._inject,
             "report": self._report,
         }
 
@@ -73,10 +77,17 @@ class Commands:
         self._servo.session.steer(str(value["probe"]), step)
 
     def _rearm(self, value: Any) -> None:
-        rearm = getattr(self._servo.session, "rearm", None)
-        if rearm is None:
-            raise ServoError("this session can't be re-armed; start it again")
-        rearm()
+        self._servo.session.rearm()
+
+    def _reconnect(self, value: Any) -> None:
+        self._servo.session.reconnect(str(value))
+
+    def _inject(self, value: Any) -> None:
+        at, duration, amount = (value.get(key) for key in ("at", "duration", "amount"))
+        self._servo.session.inject(
+            str(value["device"]), str(value["kind"]), at=at, duration=duration, channel=str(value.get("channel", "")),
+            amount=math.nan if amount is None else float(amount), slot=int(value.get("slot", 0)),
+        )  # fmt: skip
 
     def _report(self, value: Any) -> None:
         self._servo.outbox.tell("report", {"report": self._servo.report()})

@@ -175,7 +175,7 @@ class Handle:
         self.command("enable")
 
     def hold(self, held: bool = True) -> None:
-        """Hold the dead-man's switch for the next 150 ms, or let it go."""
+        """Hold the dead-man's switch for the next 80 ms, or let it go."""
         self.link.hold(held)
 
     def request_stop(self) -> None:

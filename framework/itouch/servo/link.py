@@ -20,7 +20,7 @@ from itouch.servo.reading import Follower, Ring, copy_timing
 from itouch.servo.segment import PREFIX, Segment, ServoError, monotonic
 
 #: How long [s] one ``hold`` lasts: whoever holds the dead-man's switch must say so again before.
-HOLD_TIME = 0.15
+HOLD_TIME = 0.08
 #: Silence [s] after which a servo process counts as hung.
 SILENCE = 1.0
 
@@ -122,11 +122,11 @@ class Link:
         Parameters
         ----------
         what
-            ``pause``, ``resume``, ``enable``, ``rearm``, ``steer``, or ``DEVICE.CHANNEL`` for a command channel that
-            nothing in the scene writes.
+            ``pause``, ``resume``, ``enable``, ``rearm``, ``reconnect``, ``steer``, ``inject``, or ``DEVICE.CHANNEL``
+            for a command channel that nothing in the scene writes.
         value
-            What goes with it: for ``steer`` a dictionary of ``probe`` and ``step`` [m] or None, for a channel its
-            numbers.
+            What goes with it: for ``reconnect`` a device; for ``steer`` a dictionary of ``probe`` and ``step`` [m] or
+            None; for ``inject`` one of the arguments of ``Engine.inject``; for a channel its numbers.
 
         Raises
         ------
@@ -142,7 +142,7 @@ class Link:
         self._words[at.STOP] = 1
 
     def hold(self, held: bool = True) -> None:
-        """Hold the dead-man's switch for the next 150 ms, or let it go; who dies or hangs lets go by itself."""
+        """Hold the dead-man's switch for the next 80 ms, or let it go; who dies or hangs lets go by itself."""
         self._words[at.HELD_UNTIL] = monotonic() + round(HOLD_TIME * 1e9) if held else 0
 
     def close(self) -> None:

@@ -53,7 +53,7 @@ class Servo:
         self._inbox = Inbox(segment)
         self._commands = Commands(self)
         self._told = len(session.ledger.contacts)
-        self.paused = False
+        self.paused = self._held = False
         self._failure: BaseException | None = None
         self.enabled = bool(config["enable"]) or not self._hardware()
 
@@ -147,6 +147,7 @@ class Servo:
         if words[at.ASKED] != words[at.TAKEN]:
             for message in self._inbox.take():
                 self._commands.obey(message)
+        self._hold()
         return bool(words[at.STOP]) or self.paused or (self._scripted and self.session.done)
 
     def _rest(self) -> None:
@@ -154,8 +155,16 @@ class Servo:
         self.words[at.BEAT] = monotonic()
         for message in self._inbox.take():
             self._commands.obey(message)
+        self._hold()
         self.outbox.flush()
         time.sleep(_IDLE)
+
+    def _hold(self) -> None:
+        """Pass on whether somebody holds the dead-man's switch."""
+        held = self.words[at.HELD_UNTIL].item() > monotonic()
+        if held or self._held:
+            self.session.hold(held)
+        self._held = held
 
     def _tap(self, tick: int) -> None:
         """Publish; called after every tick, also in the safe sequence."""
