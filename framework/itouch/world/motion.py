@@ -147,6 +147,10 @@ def _path(
 ) -> list[tuple[float, ...]]:
     """Return the pieces of one object's script."""
     motion = element.motion
+    if bool(motion.file) == bool(motion.keys):
+        sentence = f"the motion of '{element.name}' needs either a file or <to> elements"
+        problems.append(Problem("one-of", sentence, scene.places.of(motion)))
+        return []
     if not motion.file:
         return _keys(scene, motion, start, problems)
     place = scene.places.of(motion, "file")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from itouch.contact import Friction
+from itouch.contact.effects import MAX_LAYERS
 from itouch.contact.heightmap import MAX_BYTES, gentle, height_map
 from itouch.contact.meshfile import MeshError
 from itouch.contact.surfaces import AXES, Effects, Texture
@@ -97,6 +98,9 @@ def _texture(
 def _check(scene: Scene, material: elements.Material, problems: list[Problem]) -> None:
     """Find vibrations that the loop is too slow for, and magnets that reach beyond what a probe looks for."""
     buzz, magnet = material.vibration, material.magnetic
+    if material.softness is not None and not 1 <= len(material.softness.layers) <= MAX_LAYERS:
+        sentence = f"<softness> has {len(material.softness.layers)} layers; 1 to {MAX_LAYERS} are possible"
+        problems.append(Problem("out-of-range", sentence, scene.places.of(material.softness)))
     if buzz is not None:
         for name, used in (("frequency", buzz.amplitude), ("tap_frequency", buzz.tap)):
             frequency = getattr(buzz, name)

@@ -55,7 +55,7 @@ class Material:
     parts: tuple[PluginPart, ...] = plugin_parts(doc="properties for plugins, <PLUGIN:material>")
 
     def __post_init__(self) -> None:
-        if self.softness is None or self.contact is None:
+        if self.softness is None or self.contact is None or not self.softness.layers:
             return
         stiffest = max(layer.stiffness for layer in self.softness.layers)
         if stiffest > self.contact.stiffness:

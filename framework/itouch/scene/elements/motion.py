@@ -36,10 +36,6 @@ class ObjectMotion:
     repeat: bool = flag(default=False, doc="whether it begins anew; it must end where it begins")
     keys: tuple[Key, ...] = children(Key, doc="one after the other")
 
-    def __post_init__(self) -> None:
-        if bool(self.file) == bool(self.keys):
-            raise ValueError("it needs either a file or <to> elements")
-
 
 @dataclass(frozen=True, slots=True)
 class Dynamics:

@@ -7,9 +7,6 @@ from typing import ClassVar
 
 from itouch.schema.fields import children, choice, file, quantity
 
-#: Layers at most; the kernels reserve room for so many.
-MAX_LAYERS = 4
-
 
 @dataclass(frozen=True, slots=True)
 class Texture:
@@ -39,10 +36,6 @@ class Softness:
 
     TAG: ClassVar[str] = "softness"
     layers: tuple[Layer, ...] = children(Layer, doc="from the outside in")
-
-    def __post_init__(self) -> None:
-        if not 1 <= len(self.layers) <= MAX_LAYERS:
-            raise ValueError(f"it has {len(self.layers)} layers; 1 to {MAX_LAYERS} are possible")
 
 
 @dataclass(frozen=True, slots=True)

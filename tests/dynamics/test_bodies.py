@@ -1,0 +1,141 @@
+"""Rigid bodies: gravity, pushes, torques, friction, restores to the bit, and what cannot be one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from itouch.bench.contact.work import icosphere
+from itouch.contact import Box, Capsule, Cylinder, Mesh, Plane, Shape, Sphere, Surface
+from itouch.dynamics import Bodies, Body, BodyError, build_bodies
+from itouch.dynamics.bodies import FREE, MOVED
+
+T, G = 1e-3, (0.0, 0.0, -9.81)
+UP = (1.0, 0.0, 0.0, 0.0)
+
+
+class World:
+    """Bodies with all that changes."""
+
+    def __init__(self, *bodies: Body, gravity: tuple[float, float, float] = G) -> None:
+        self.bodies: Bodies = build_bodies(bodies, gravity, T)
+        self.physics = self.bodies.make()
+        self.state = np.zeros(self.bodies.state_size)
+        self.physics.start(self.state)
+        self.poses = np.array([body.pose for body in bodies], float)
+        self.twists, self.forces = np.zeros((len(bodies), 6)), np.zeros((len(bodies), 6))
+
+    def run(self, steps: int) -> World:
+        for _ in range(steps):
+            self.physics.step(self.state, self.forces, self.poses, self.twists)
+        return self
+
+
+def free(shape: Shape, place: tuple[float, float, float] = (0.0, 0.0, 1.0), **more: object) -> Body:
+    return Body(shape, (*place, *UP), FREE, **{"mass": 0.2, **more})  # type: ignore[arg-type]
+
+
+def test_a_free_body_falls() -> None:
+    world = World(free(Sphere(0.01))).run(100)
+    assert world.poses[0, 2] == pytest.approx(1 - 9.81 * 0.1**2 / 2, abs=6e-4)
+    assert world.twists[0, 2] == pytest.approx(-0.981, rel=1e-9)
+
+
+def test_a_push_beside_the_middle_turns_it_by_its_inertia() -> None:
+    world = World(free(Box((0.1, 0.1, 0.1)), inertia=(1e-3, 2e-3, 3e-3)), gravity=(0, 0, 0))
+    world.forces[0] = (0.5, 0, 0, 0, 0, 0.01)
+    world.run(100)
+    np.testing.assert_allclose(world.twists[0], [0.25, 0, 0, 0, 0, 0.01 * 0.1 / 3e-3], rtol=1e-6, atol=1e-9)
+
+
+def test_the_inertia_of_a_shape_is_that_of_its_volume() -> None:
+    side, mass, torque = 0.05, 0.3, 0.01
+    world = World(free(Box((side / 2,) * 3), mass=mass), gravity=(0, 0, 0))
+    world.forces[0, 5] = torque
+    world.run(50)
+    assert world.twists[0, 5] == pytest.approx(torque * 0.05 / (mass * side**2 / 6), rel=1e-6)
+
+
+def test_a_turned_body_has_its_twist_in_the_world() -> None:
+    body = Body(Box((0.02, 0.03, 0.04)), (0, 0, 0, np.sqrt(0.5), np.sqrt(0.5), 0, 0), FREE, 0.2, (1e-4, 1e-4, 1e-4))
+    world = World(body, gravity=(0, 0, 0))
+    world.forces[0, 3:] = (0, 0, 1e-3)
+    world.run(20)
+    np.testing.assert_allclose(world.twists[0, 3:], [0, 0, 1e-3 * 0.02 / 1e-4], rtol=1e-6, atol=1e-9)
+
+
+def test_damping_is_a_rate() -> None:
+    world = World(free(Sphere(0.01), damping=5.0), gravity=(0, 0, 0))
+    world.forces[0, 0] = 1.0
+    world.run(1)
+    start = world.twists[0, 0]
+    world.forces[:] = 0
+    world.run(200)
+    assert world.twists[0, 0] / start == pytest.approx(np.exp(-1.0), rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("shape", "height"),
+    [
+        (Box((0.02, 0.03, 0.01)), 0.01),
+        (Sphere(0.015), 0.015),
+        (Cylinder(0.02, 0.01), 0.01),
+        (Mesh(Surface(*icosphere(2, 0.02))), None),
+    ],
+)
+@pytest.mark.parametrize("ground", [Plane(), Box((0.5, 0.5, 0.1))])
+def test_what_lies_on_the_ground_stays_there(shape: Shape, height: float | None, ground: Shape) -> None:
+    top = 0.0 if isinstance(ground, Plane) else 0.1
+    world = World(Body(ground, (0, 0, 0, *UP)), free(shape, (0.02, 0.01, top + 0.03))).run(1500)
+    if height is not None:
+        assert world.poses[1, 2] == pytest.approx(top + height, abs=5e-5)
+    assert 0.01 < world.poses[1, 2] - top < 0.03 or height == 0.01
+    assert np.abs(world.twists[1, :3]).max() < (5e-3 if height is not None else 0.1)  # what is almost a ball rolls
+
+
+def test_friction_holds_up_to_its_coefficient() -> None:
+    for push, moves in ((0.45, False), (0.55, True)):
+        world = World(
+            Body(Plane(), (0, 0, 0, *UP), friction=0.5), free(Box((0.05, 0.05, 0.01)), (0, 0, 0.01), friction=0.5)
+        )
+        world.run(100)
+        world.forces[1, 0] = push * 0.2 * 9.81
+        world.run(500)
+        assert (world.poses[1, 0] > 5e-3) == moves
+
+
+def test_a_moved_body_takes_others_along() -> None:
+    world = World(
+        Body(Plane(), (0, 0, 0, *UP)), Body(Box((0.01, 0.05, 0.05)), (-0.05, 0, 0.05, *UP), MOVED),
+        free(Box((0.01, 0.01, 0.01)), (0, 0, 0.01)),
+    )  # fmt: skip
+    for k in range(500):
+        world.poses[1, 0] = -0.05 + 0.2e-3 * k
+        world.run(1)
+    assert world.poses[2, 0] > world.poses[1, 0] + 0.018
+
+
+def test_steps_go_on_from_their_state_to_the_same_bits() -> None:
+    def make() -> World:
+        return World(
+            Body(Plane(), (0, 0, 0, *UP)), free(Box((0.02, 0.02, 0.02)), (0, 0, 0.021)), free(Capsule(0.01, 0.02), (0.002, 0, 0.08)),
+            free(Mesh(Surface(*icosphere(1, 0.02))), (0, 0.001, 0.13)),
+        )  # fmt: skip
+
+    straight = make().run(700)
+    broken, again = make().run(330), make()
+    again.run(5)  # a workplace that has done something else
+    again.state[:], again.poses[:], again.twists[:] = broken.state, broken.poses, broken.twists
+    again.run(370)
+    for name in ("state", "poses", "twists"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(straight, name))
+
+
+def test_a_plane_and_a_flat_mesh_are_no_bodies() -> None:
+    with pytest.raises(BodyError, match="plane") as caught:
+        build_bodies([Body(Sphere(0.1), (0, 0, 0, *UP)), free(Plane())], G, T)
+    assert caught.value.index == 1
+    flat = Mesh(Surface([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]))
+    with pytest.raises(BodyError) as caught:
+        build_bodies([Body(Plane(), (0, 0, 0, *UP)), free(flat)], G, T)
+    assert caught.value.index == 1
