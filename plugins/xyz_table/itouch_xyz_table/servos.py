@@ -16,8 +16,8 @@ from itouch.plugin import DeviceError, Trace
 from itouch_xyz_table.faults import FAULT, POSITION, TIMEOUT, fault_name, mode_name
 
 AXES = "xyz"
-#: Longest exchange with all servos [s].
-PATIENCE = 0.05
+#: Longest wait for an answer [s]; the client tries again, so that an exchange ends after four times as long.
+PATIENCE = 0.08
 T = TypeVar("T")
 
 
