@@ -19,6 +19,8 @@ COMMANDS = {
     "bench": ("itouch.cli.bench", "measure accuracy and speed"),
     "inspect": ("itouch.cli.inspect", "say what a scene, a session or a recording holds"),
     "export": ("itouch.cli.export", "write a session as XML, or a recording as tables"),
+    "report": ("itouch.cli.report", "write one page of a session: plots, contacts, faults, provenance"),
+    "view": ("itouch.cli.view", "open a window on a session that runs"),
     "replay": ("itouch.cli.replay", "feed a recording to the engine and compare every command"),
     "recover": ("itouch.cli.recover", "make a damaged recording whole: its longest valid prefix"),
 }

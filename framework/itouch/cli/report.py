@@ -1,0 +1,30 @@
+"""``itouch-py report SESSION -o FILE.html``: a page of a session to look at and to send."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+
+from itouch.cli.arguments import output_file
+from itouch.schema import ItouchError
+
+
+def main(argv: Sequence[str]) -> int:
+    """Write one self-contained page of a recording (.mcap) or a snapshot (.itouch)."""
+    parser = argparse.ArgumentParser(prog="itouch-py report", description=main.__doc__)
+    parser.add_argument("session", metavar="SESSION.mcap|.itouch", help="a recording or a snapshot")
+    parser.add_argument("-o", "--output", type=output_file, required=True, metavar="FILE.html", help="the page")
+    parser.add_argument("--no-picture", action="store_true", help="leave the picture of the scene out")
+    options = parser.parse_args(argv)
+    from itouch.report.collect import collect
+    from itouch.report.page import page, scene_picture
+
+    findings = collect(options.session)
+    text = page(findings, picture=None if options.no_picture else scene_picture(findings))
+    try:
+        with open(options.output, "w", encoding="utf-8") as stream:
+            stream.write(text)
+    except OSError as error:
+        raise ItouchError(f"cannot write '{options.output}': {error.strerror or error}") from error
+    print(f"wrote {options.output}: {findings.kind}, {len(findings.contacts)} contacts")
+    return 0
