@@ -1,6 +1,8 @@
 """The proxy as an object of its own: surfaces that stand still, one probe, forces out."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -9,8 +11,34 @@ from itouch.contact import layout as at
 from itouch.contact.geometry import Friction, Geometry
 from itouch.contact.shapes import Mesh, Shape
 from itouch.contact.step import follow_path, step
-from itouch.contact.surface import Surface
+from itouch.contact.surface import Surface, checked_numbers
 from itouch.contact.vectors import Floats
+
+
+def _checked(name: str, value: float) -> float:
+    """Return an argument as a float; raises ValueError unless it is a finite number >= 0."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not (math.isfinite(number) and number >= 0.0):
+        raise ValueError(f"{name} is {value!r}; it must be a finite number >= 0")
+    return number
+
+
+def _shapes(surfaces: Surface | Shape | Iterable[Surface | Shape]) -> list[Shape]:
+    """Return surfaces as shapes; raises ValueError when there is none, or something else among them."""
+    known = (Surface, *get_args(Shape))
+    try:
+        given: list[Any] = [surfaces] if isinstance(surfaces, known) else list(surfaces)  # type: ignore[arg-type]
+    except TypeError:
+        raise ValueError(f"surfaces is {surfaces!r}; it must be a surface, or several") from None
+    if not given:
+        raise ValueError("surfaces is empty; a proxy needs at least one surface")
+    for index, surface in enumerate(given):
+        if not isinstance(surface, known):
+            raise ValueError(f"surfaces[{index}] is of type {type(surface).__name__}; it must be a Surface or a shape")
+    return [Mesh(surface) if isinstance(surface, Surface) else surface for surface in given]
 
 
 class Proxy:
@@ -39,7 +67,7 @@ class Proxy:
 
     def __init__(
         self,
-        surfaces: Surface | Shape | Sequence[Surface | Shape],
+        surfaces: Surface | Shape | Iterable[Surface | Shape],
         *,
         radius: float = 0.0,
         stiffness: float = 1000.0,
@@ -47,16 +75,14 @@ class Proxy:
         dynamic_friction: float = 0.0,
         shading: bool = False,
     ) -> None:
-        given = list(surfaces) if isinstance(surfaces, Sequence) else [surfaces]
-        if not given:
-            raise ValueError("surfaces is empty; a proxy needs at least one surface")
-        for name, value in (("radius", radius), ("stiffness", stiffness)):
-            if not (np.isfinite(value) and value >= 0.0):
-                raise ValueError(f"{name} is {value!r}; it must be a finite number >= 0")
-        shapes = [Mesh(s) if isinstance(s, Surface) else s for s in given]
-        friction = Friction(static_friction, dynamic_friction, shading=shading)
+        shapes = _shapes(surfaces)
+        radius, stiffness = _checked("radius", radius), _checked("stiffness", stiffness)
+        static, dynamic = _checked("static_friction", static_friction), _checked("dynamic_friction", dynamic_friction)
+        if dynamic > static:
+            raise ValueError(f"dynamic_friction is {dynamic!r}; it must not exceed static_friction, {static!r}")
+        friction = Friction(static, dynamic, shading=shading)
         self.geometry = Geometry.build(shapes, [friction] * len(shapes))
-        self.radius, self.stiffness = float(radius), float(stiffness)
+        self.radius, self.stiffness = radius, stiffness
         self._memory, self._result = self.geometry.new_memory(), self.geometry.new_result()
         self._hip = np.zeros(3)
         poses = np.tile(np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]), (len(shapes), 1))
@@ -65,7 +91,10 @@ class Proxy:
 
     def step(self, hip: ArrayLike) -> Floats:
         """Move the HIP (3,) [m]; returns the force on the operator (3,) [N]. The first step equals ``reset(hip)``."""
-        place = np.asarray(hip, dtype=np.float64)
+        try:
+            place = np.asarray(hip, dtype=np.float64)
+        except (TypeError, ValueError):
+            place = checked_numbers("hip", hip)
         if place.shape != (3,):
             raise ValueError(f"hip has shape {place.shape}; it must be (3,)")
         self._hip[:] = place
@@ -74,7 +103,7 @@ class Proxy:
 
     def follow(self, hips: ArrayLike) -> Floats:
         """Step along a path (n, 3) in compiled code, from the present state; returns the forces (n, 3)."""
-        path = np.ascontiguousarray(hips, dtype=np.float64)
+        path = checked_numbers("hips", hips)
         if path.ndim != 2 or path.shape[1] != 3:
             raise ValueError(f"hips has shape {path.shape}; it must be (n, 3)")
         forces = np.empty_like(path)

@@ -10,27 +10,43 @@ from itouch.contact.solid import encloses
 from itouch.contact.vectors import Floats
 
 _SKIN = 1e-7  # of the size: how far a point stays off a surface without thickness
+_FARTHEST = 1e100  # [m]; squares must not overflow
 _SKIN_FAR = 1e-8  # of the greatest coordinate: rounding must stay far below the skin
 
 
 def checked_vertices(vertices: ArrayLike) -> Floats:
     """Vertices as a contiguous (n, 3) float array; raises ValueError when they are not."""
-    array = np.ascontiguousarray(vertices, dtype=np.float64)
+    array = checked_numbers("vertices", vertices)
     if array.ndim != 2 or array.shape[1] != 3:
         raise ValueError(f"vertices has shape {array.shape}; it must be (n, 3)")
     bad = ~np.isfinite(array).all(axis=1)
     if bad.any():
         raise ValueError(f"vertices[{int(np.argmax(bad))}] is not finite ({int(bad.sum())} such vertices)")
+    if array.size and (reach := max(-float(array.min()), float(array.max()))) > _FARTHEST:
+        raise ValueError(f"vertices reach {reach:g} m; at most {_FARTHEST:g} m is allowed")
     return array
+
+
+def checked_numbers(name: str, values: ArrayLike) -> Floats:
+    """Values as a contiguous float array; raises ValueError when they are not numbers."""
+    try:
+        if np.iscomplexobj(values):
+            raise TypeError("they are complex")
+        return np.ascontiguousarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name} is not an array of numbers: {error}") from None
 
 
 def checked_faces(faces: ArrayLike, vertex_count: int) -> NDArray[np.int32]:
     """Faces as a contiguous (m, 3) int32 array; raises ValueError when they are not faces of these vertices."""
-    array = np.asarray(faces)
+    try:
+        array = np.asarray(faces)
+    except ValueError as error:
+        raise ValueError(f"faces is not an array of numbers: {error}") from None
+    if array.size == 0:
+        raise ValueError("faces is empty; a surface needs at least one triangle")
     if array.ndim != 2 or array.shape[1] != 3:
         raise ValueError(f"faces has shape {array.shape}; it must be (m, 3)")
-    if array.shape[0] == 0:
-        raise ValueError("faces is empty; a surface needs at least one triangle")
     if array.shape[0] > bvh.MAX_TRIANGLES:
         raise ValueError(f"faces has {array.shape[0]} triangles; at most {bvh.MAX_TRIANGLES} are allowed")
     if not np.issubdtype(array.dtype, np.integer):
@@ -115,9 +131,18 @@ class Surface:
         Returns
         -------
         tuple
-            Nearest points, like ``points``; unsigned distances [m], () or (n,); indices of faces, () or (n,).
+            Nearest points, like ``points``; unsigned distances [m], () or (n,); indices of faces, () or (n,). A point
+            that is not finite has none: distance inf, face -1.
+
+        Raises
+        ------
+        ValueError
+            If ``points`` has another shape, or holds no numbers.
         """
-        asked = np.ascontiguousarray(points, dtype=np.float64)
+        try:
+            asked = np.ascontiguousarray(points, dtype=np.float64)
+        except (TypeError, ValueError):
+            asked = checked_numbers("points", points)
         if asked.ndim not in (1, 2) or asked.shape[-1] != 3:
             raise ValueError(f"points has shape {asked.shape}; it must be (3,) or (n, 3)")
         rows = asked.reshape(-1, 3)
@@ -125,7 +150,10 @@ class Surface:
         faces = np.empty(rows.shape[0], np.int32)
         search.nearest_many(*self.tables, rows, found, distances, faces)
         if asked.ndim == 1:
+            if distances[0] == np.inf:
+                faces[0] = -1
             return found[0], distances[0], faces[0]
+        faces[distances == np.inf] = -1
         return found, distances, faces
 
     @property
