@@ -9,8 +9,8 @@ from itouch.recording.recording import Recording
 
 REASON = (
     "no HJIF file is written: the schema of ISO/IEC 23090-31 is not among the files of MPEG's public reference "
-    "software, whose build fetches it from a server of MPEG's, so that a file could not be checked against it; --csv, --parquet "
-    "and --bids keep all channels with their units"
+    "software, whose build fetches it from a server of MPEG's, so that a file could not be checked against it; "
+    "--csv, --parquet and --bids keep all channels with their units"
 )
 
 

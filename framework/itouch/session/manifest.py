@@ -102,7 +102,7 @@ def _head(git: Path) -> str | None:
 def model_digest(model: Model) -> str:
     """Return a digest of all numbers of the compiled scene: equal digests go on byte for byte."""
     found = hashlib.sha256()
-    _feed(found, [(d.name, d.mount, d.limits) for d in model.devices.values()])
+    _feed(found, [(d.name, d.mount, dict(d.limits.table())) for d in model.devices.values()])
     _feed(found, [model.poses, model.geometry, model.period])
     _feed(found, [(m.name, m.every, m.model) for m in model.modalities])
     return found.hexdigest()
