@@ -99,7 +99,7 @@ def test_retract_goes_down_as_fast_as_allowed_and_stops_at_the_end() -> None:
 )
 def test_readings_that_are_not_believable_trip(channel: Channel, value: float, trip: Trip) -> None:
     reading = Record.of([Field(channel.name, "f8", channel.size)])
-    reading[channel.name] = 300.0
+    reading[channel.name] = 300.0 if channel.unit == "K" else 0.0
     watch = Watch([channel], reading, DeviceLimits())
     watch.check(1e-3)
     reading[channel.name][-1] = value

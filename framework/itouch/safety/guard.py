@@ -140,13 +140,16 @@ class Guard:
                 values[index], clamped = last[index] + math.copysign(rate * period, step), 1
         return clamped
 
-    def safe(self, sent: Floats, period: float) -> None:
-        """Write the safe command: its value, or hold, or retract along -z as fast as is allowed."""
-        safe = self.channel.safe
+    def safe(self, sent: Floats, period: float, *, backwards: bool = False) -> None:
+        """Write the safe command: its value, or hold, or retract along -z as fast as is allowed.
+
+        ``backwards`` retracts along +z instead, for a drive that has been seen to go the wrong way.
+        """
+        safe, step = self.channel.safe, (self._limits.speed or 0.0) * period
         if isinstance(safe, tuple):
             sent[:] = safe
         elif safe is RETRACT and self.channel.low:
-            sent[2] = max(self.channel.low[2], sent[2] - (self._limits.speed or 0.0) * period)
+            sent[2] = min(self._high[2], sent[2] + step) if backwards else max(self._low[2], sent[2] - step)
 
 
 def _locked_components(channel: Channel) -> tuple[tuple[int, float], ...]:

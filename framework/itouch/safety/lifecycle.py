@@ -35,6 +35,10 @@ class Status(enum.IntEnum):
 CLOSED, OPEN, ENABLED, FAULT = (int(status) for status in Status)
 
 
+#: See ``Lifecycle.stopped``.
+HELD, BACKWARDS = 1, 2
+
+
 class Lifecycle(ABC):
     """What one device, or its twin, may do now, on its part of State."""
 
@@ -51,6 +55,9 @@ class Lifecycle(ABC):
         self.twin_state = state.part(f"{name}.twin.") if has_twin_state else Record(np.dtype([]))
         self._status, self._trip, self._tripped = (state[f"{name}.{field}"] for field in ("status", "trip", "tripped"))
         self._ramp, self._age, self._sequence = (state[f"{name}.{field}"] for field in ("ramp", "age", "sequence"))
+        #: How a surface retracts (none: it can't): 0 as it should; HELD where it is, because retracting made it come
+        #: nearer; BACKWARDS, because it still presses then.
+        self.stopped = state.get(f"{name}.stopped")
         self._every = max(1, round(model.cls.period / period))
         self._slow = self._every * max(1, round(SLOW / (self._every * period)))
         self.watch = Watch(model.reads, self.reading, model.limits, model.commands)
@@ -113,6 +120,8 @@ class Lifecycle(ABC):
         self.watch.forget()
         self._age[...] = 0
         self._sequence[...] = 0
+        if self.stopped is not None:
+            self.stopped[...] = 0
         if self.heat is not None:
             self.heat.forget()
 

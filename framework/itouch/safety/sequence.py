@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.plugin import RETRACT, Record
+from itouch.safety.lifecycle import BACKWARDS, HELD
 from itouch.safety.supervisor import Supervisor
-from itouch.safety.trips import DeviceFaultError
+from itouch.safety.trips import DOUBTS, DeviceFaultError
 
 #: Force [N] under which a finger has left the plate, and how long [s] that is waited for.
 LEFT, LEAVE_TIME = 0.1, 0.3
@@ -26,6 +27,12 @@ LEFT, LEAVE_TIME = 0.1, 0.3
 SAFE_TIME = 0.5
 #: How far [m] a surface must have gone back, or how near the end of its travel it must be.
 RETREAT, AT_END = 0.003, 0.001
+#: How much nearer [m] a surface may come while it is told to retract.
+WRONG_WAY = 0.0015
+#: How long [s] it is then held before what the force sensor says counts.
+SETTLE = 0.05
+#: How far [m] it is then driven back at least.
+CLEAR = 0.008
 
 
 class Outcome(NamedTuple):
@@ -46,6 +53,7 @@ class SafeSequence:
         self._tick = state["tick"]
         self._retracting = [s for s in supervisors if _retracts(s)]
         self._mute: set[str] = set()
+        self._held_for: dict[str, int] = {}
         names = {s.model.name for s in self._retracting}
         self._carried = [s for s in supervisors if s.model.carrier in names and not _retracts(s)]
 
@@ -56,6 +64,7 @@ class SafeSequence:
                 supervisor.fault(fault.trip, fault.tick)
             else:
                 supervisor.disable()
+        self._held_for.clear()
         heights = {s.model.name: _height(s) for s in self._retracting}
         for supervisor in self._carried:
             supervisor.keeping = supervisor.model.name != fault.device
@@ -64,12 +73,14 @@ class SafeSequence:
             for passed in range(1, round(SAFE_TIME / self._period) + 1):
                 self._step()
                 after_tick()
-                if passed >= leaving or all(self._load(s) < LEFT for s in self._retracting):
+                self._mind_direction(heights)
+                if passed >= leaving or all(self._left(s) for s in self._retracting):
                     self._release()
                 if not any(s.keeping for s in self._carried) and self._safe(heights):
                     break
         finally:
             self._release()
+            self._hold_still()
         seen = {s.model.name: self._seen(s, heights) for s in self._supervisors}
         told = {name: text for name, (text, _) in seen.items()}
         return Outcome(not any(bad for _, bad in seen.values()), passed * self._period, told)
@@ -77,6 +88,12 @@ class SafeSequence:
     def _release(self) -> None:
         for supervisor in self._carried:
             supervisor.keeping = False
+
+    def _hold_still(self) -> None:
+        """Hold what was driven back: nobody minds its direction after the sequence."""
+        for supervisor in self._retracting:
+            if supervisor.stopped is not None and supervisor.stopped.item() == BACKWARDS:
+                supervisor.stopped[...] = HELD
 
     def _step(self) -> None:
         tick = self._tick.item()
@@ -92,36 +109,67 @@ class SafeSequence:
     def _safe(self, heights: dict[str, float]) -> bool:
         return not any(self._seen(s, heights)[1] for s in self._supervisors)
 
-    def _load(self, supervisor: Supervisor) -> float:
-        """Return the force [N] on a surface by its sensor; 0 without one, or if it does not answer."""
-        if supervisor.model.name in self._mute or "wrench" not in supervisor.reading:
-            return 0.0
-        return abs(float(supervisor.reading["wrench"][2]))
+    def _believed(self, supervisor: Supervisor) -> bool:
+        """Tell whether what a device measures can be believed now."""
+        return supervisor.model.name not in self._mute and supervisor.trip not in DOUBTS
+
+    def _left(self, supervisor: Supervisor) -> bool:
+        """Tell whether the finger has left a surface, by its force sensor."""
+        if not self._believed(supervisor):
+            return False
+        return "wrench" not in supervisor.reading or abs(float(supervisor.reading["wrench"][2])) < LEFT
+
+    def _mind_direction(self, heights: dict[str, float]) -> None:
+        """Hold a surface that comes nearer when it is told to retract; if it still presses then, drive it back."""
+        for supervisor in self._retracting:
+            stopped = supervisor.stopped
+            if stopped is None:
+                continue
+            name = supervisor.model.name
+            gone = heights[name] - _height(supervisor)
+            if stopped.item() == 0 and gone < -WRONG_WAY:
+                stopped[...], self._held_for[name] = HELD, 0
+            elif stopped.item() == HELD and name in self._held_for:
+                self._held_for[name] += 1
+                if (
+                    self._held_for[name] * self._period > SETTLE
+                    and self._believed(supervisor)
+                    and not self._left(supervisor)
+                ):
+                    stopped[...] = BACKWARDS
+            elif stopped.item() == BACKWARDS and gone >= CLEAR and self._left(supervisor):
+                stopped[...] = HELD
+                del self._held_for[name]
 
     def _seen(self, supervisor: Supervisor, heights: dict[str, float]) -> tuple[str, bool]:
         """Say what is seen of a device, and whether it is not safe."""
         name = supervisor.model.name
-        if name in self._mute and supervisor.twin is None:
-            return "does not answer: its own watchdog must stop it", True
+        if supervisor.twin is None and not self._believed(supervisor):
+            return "can't be verified: its sensors are not believed, or it does not answer", True
         if name in heights:
             return self._seen_surface(supervisor, heights[name])
         acting = [n for n, guard in supervisor.guards if isinstance(guard.channel.safe, tuple)]
         left_on = [n for n, guard in supervisor.guards if _differs(supervisor.sent[n], guard.channel.safe)]
         if left_on:
             return f"{', '.join(left_on)} is not off", True
-        if supervisor.heat is not None and supervisor.heat.beyond():
-            return f"off, but the plate is {supervisor.heat.shown}", True
-        plate = f", plate {supervisor.heat.shown}" if supervisor.heat is not None else ""
+        heat = supervisor.heat if self._believed(supervisor) else None
+        if heat is not None and heat.beyond():
+            return f"off, but the plate is {heat.shown}", True
+        plate = f", plate {heat.shown}" if heat is not None else ""
         return (f"{', '.join(acting)} off{plate}" if acting else "nothing to switch off"), False
 
     def _seen_surface(self, supervisor: Supervisor, before: float) -> tuple[str, bool]:
         channel = supervisor.model.command("pose_target")
-        height, load = _height(supervisor), self._load(supervisor)
         bottom = channel.low[2] if channel is not None and channel.low else -math.inf
+        height = _height(supervisor)
         gone = before - height
-        if (gone >= RETREAT or height <= bottom + AT_END) and load < LEFT:
+        pressed = self._believed(supervisor) and not self._left(supervisor)
+        stopped = 0 if supervisor.stopped is None else supervisor.stopped.item()
+        if stopped:
+            return f"goes the wrong way: held {gone * 1e3:.1f} mm further back", pressed or stopped == BACKWARDS
+        if (gone >= RETREAT or height <= bottom + AT_END) and not pressed:
             return f"retracted {max(0.0, gone) * 1e3:.1f} mm", False
-        return f"retracted only {gone * 1e3:.1f} mm, feels {load:.2f} N", True
+        return f"retracted only {gone * 1e3:.1f} mm{', still touched' if pressed else ''}", True
 
 
 def _retracts(supervisor: Supervisor) -> bool:

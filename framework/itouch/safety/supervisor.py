@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from itouch.plugin import Device, DeviceError, Record, Twin
 from itouch.safety.guard import Guard
-from itouch.safety.lifecycle import CLOSED, ENABLED, FAULT, Lifecycle
+from itouch.safety.lifecycle import BACKWARDS, CLOSED, ENABLED, FAULT, HELD, Lifecycle
 from itouch.safety.trips import LOSSES, DeviceFaultError, Trip, TripError
 from itouch.world import DeviceModel
 from itouch.world import limits as default
@@ -118,9 +118,10 @@ class Supervisor(Lifecycle):
         self._put()
 
     def _send_safe(self) -> None:
-        if not self.keeping:
+        stopped = self.stopped.item() if self.stopped is not None else 0
+        if not self.keeping and stopped != HELD:
             for name, guard in self.guards:
-                guard.safe(self.sent[name], self._period)
+                guard.safe(self.sent[name], self._period, backwards=stopped == BACKWARDS)
         self._put()
 
     def _put(self) -> None:

@@ -39,6 +39,11 @@ class Trip(enum.IntEnum):
         return self.name.lower().replace("_", "-")
 
 
+#: Trips after which a device's own readings are not believed any more.
+DOUBTS = frozenset({
+    Trip.NOT_A_NUMBER, Trip.SENSOR_RANGE, Trip.SENSOR_JUMP, Trip.SENSOR_FROZEN, Trip.SENSOR_DISAGREE, Trip.SILENT,
+    Trip.DEVICE_ERROR,
+})  # fmt: skip
 #: Trips that mean that a device is lost: a session may go on without an optional one.
 LOSSES = frozenset({Trip.SILENT, Trip.DEVICE_ERROR})
 

@@ -29,6 +29,7 @@ _EVERY = (
 _CARRIED = (
     Field("contact_time"),
     Field("withdrawn", "i8"),
+    Field("stopped", "i8"),
     Field("doubted"),
     Field("compared", "i8"),
     Field("tracked", "i8"),

@@ -1,0 +1,65 @@
+"""``itouch-py bench faults``: what the supervisor does about every fault in every device in every phase of a touch."""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from itouch.bench.faults.matrix import KINDS, Cell, pairs, run_cell, single
+from itouch.bench.faults.phases import PHASES, phases, prepared
+
+__all__ = ["KINDS", "PHASES", "Cell", "main", "pairs", "phases", "prepared", "run_cell", "single"]
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run the matrix of faults, or all pairs of them in contact; exit code 1 if anything passed an absolute limit."""
+    parser = argparse.ArgumentParser(prog="itouch-py bench faults", description=main.__doc__)
+    parser.add_argument("scene", nargs="?", metavar="SCENE", help="default: the four-material scene")
+    parser.add_argument("--pairs", action="store_true", help="all pairs of faults, in contact")
+    parser.add_argument("--all", action="store_true", help="print every cell, not only the sums and what is wrong")
+    options = parser.parse_args(argv)
+    session = prepared(options.scene or shipped_scene(), slots=2 if options.pairs else 1)
+    stored = phases(session)
+    cells = pairs(session, "contact", stored["contact"]) if options.pairs else single(session, stored)
+    return _tell(cells, every=options.all)
+
+
+def shipped_scene() -> Path:
+    """Return the four-material scene, of the checkout or of the installed program."""
+    import itouch
+
+    package = Path(itouch.__file__).parent
+    places = (package / "scenes", package.parents[1] / "scenes")
+    return next(place / "four_materials.xml" for place in places if (place / "four_materials.xml").exists())
+
+
+def _tell(cells: Iterable[Cell], *, every: bool) -> int:
+    found = []
+    for cell in cells:
+        found.append(cell)
+        if every or not cell.good:
+            print(_row(cell), flush=True)
+    trips = Counter(cell.trip or "none: inside the limits" for cell in found)
+    after = [cell.safe_after for cell in found if cell.safe_after is not None]
+    wrong = [cell for cell in found if not cell.good]
+    print(f"{len(found)} cells, {len(wrong)} wrong")
+    for trip, count in trips.most_common():
+        print(f"  {count:4d}  {trip}")
+    if after:
+        print(f"safe state verified after at most {max(after):.3f} s, in half of them within {_median(after):.3f} s")
+    return 1 if wrong else 0
+
+
+def _median(values: list[float]) -> float:
+    return sorted(values)[len(values) // 2]
+
+
+def _row(cell: Cell) -> str:
+    faults = " + ".join(f"{device} {kind}" for device, kind in cell.faults)
+    after = "" if cell.after is None else f"{cell.after:.3f} s"
+    safe = "" if cell.safe_after is None else f"safe {cell.safe_after:.3f} s later"
+    wrong = "; ".join((*cell.broken, *(() if cell.safe else ("not safe",)), *(() if cell.told else ("not told",))))
+    line = f"{cell.phase:12} {faults:44} {cell.trip or 'inside the limits':18} {after:8} {safe:22}"
+    return f"{line} WRONG: {wrong} ({cell.cause})" if wrong else line.rstrip()

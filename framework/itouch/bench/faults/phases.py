@@ -1,0 +1,62 @@
+"""The phases of a touch, each as a stored State from which a cell of the matrix begins."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from typing import Any
+
+import numpy as np
+
+from itouch.scene.elements import Fault
+from itouch.session import Session, build, load_scene
+
+#: The phases, in order.
+PHASES = ("closed-open", "idle", "approach", "contact", "release")
+#: How long before its begin a contact is approached, how long after it is settled, how long before its end [s].
+BEFORE, INTO, UNTIL = 0.25, 1.5, 0.15
+_STEP = 10
+
+
+def prepared(path: str | os.PathLike[str], *, slots: int = 1, seed: int = 0) -> Session:
+    """Build a session whose every device has slots for injected faults, none of which ever begins by itself."""
+    scene = load_scene(path)
+    late = 1e6
+    faults = tuple(Fault(device=d.name, kind="freeze", at=late) for d in scene.devices for _ in range(slots))
+    return build(dataclasses.replace(scene, faults=faults), seed=seed)
+
+
+def phases(session: Session) -> dict[str, bytes]:
+    """Run a session through its first contact, and return the State at the begin of each phase.
+
+    Raises
+    ------
+    ValueError
+        If there is no contact from begin to end in the scene's script.
+    """
+    start, period = session.state.tobytes(), session.model.period
+    stored: dict[int, bytes] = {}
+
+    def store() -> None:
+        stored[session.ticks] = session.state.tobytes()
+
+    session.run(None, each=store, every=_STEP, until=lambda: bool(session.ledger.contacts))
+    if not session.ledger.contacts:
+        raise ValueError("the scene's script has no whole contact")
+    contact: dict[str, Any] = session.ledger.contacts[0]
+    begin, end = contact["begin_s"], contact["end_s"]
+    moments = {
+        "idle": _ready(stored, session) + 0.5 / period,
+        "approach": (begin - BEFORE) / period,
+        "contact": min(begin + INTO, 0.5 * (begin + end)) / period,
+        "release": (end - UNTIL) / period,
+    }
+    ticks = np.array(sorted(stored))
+    found = {name: stored[int(ticks[np.abs(ticks - moment).argmin()])] for name, moment in moments.items()}
+    return {"closed-open": start, **found}
+
+
+def _ready(stored: dict[int, bytes], session: Session) -> int:
+    """Return the first tick at which the rig was calibrated."""
+    dtype = session.state.dtype
+    return next(tick for tick, data in sorted(stored.items()) if np.frombuffer(data, dtype)[0]["ready"])

@@ -1,0 +1,83 @@
+"""What is true of the plant in a cell, whatever sensors say: the greatest temperature, force and speed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from itouch.session import Session
+from itouch.world import limits
+
+
+@dataclass
+class Truth:
+    """Follows a session tick by tick, also through its safe sequence."""
+
+    session: Session
+    plate: tuple[float, float] = (math.inf, -math.inf)
+    sink: float = -math.inf
+    force: float = 0.0
+    plate_force: float = 0.0
+    finger_speed: float = 0.0
+    surface_speed: float = 0.0
+    _views: dict[str, np.ndarray] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        state = self.session.state
+        for name, device in self.session.model.devices.items():
+            if device.command("wrench") is not None:
+                self._views["wrench"] = state[f"{name}.twin.fault.received"][:3]
+            if device.command("pose_target") is not None:
+                self._views["axes"] = state[f"{name}.twin.axes"]
+            if device.reading("plate_temperature") is not None:
+                self._views["plate"] = state[f"{name}.twin.true_plate"]
+                if f"{name}.twin.true_sink" in state:
+                    self._views["sink"] = state[f"{name}.twin.true_sink"]
+        probe = self.session.model.probes[0].name
+        self._views["press"], self._views["finger"] = state[f"{probe}.plate_force"], state[f"{probe}.hand.velocity"]
+
+    def clear(self) -> None:
+        """Begin a cell."""
+        self.plate, self.sink = (math.inf, -math.inf), -math.inf
+        self.force = self.plate_force = self.finger_speed = self.surface_speed = 0.0
+
+    def note(self, tick: int) -> None:
+        """Look at the plant after a tick."""
+        views = self._views
+        if "plate" in views:
+            plate = views["plate"].item()
+            self.plate = (min(self.plate[0], plate), max(self.plate[1], plate))
+        if "sink" in views:
+            self.sink = max(self.sink, views["sink"].item())
+        if "wrench" in views:
+            self.force = max(self.force, math.hypot(*views["wrench"].tolist()))
+        if "axes" in views:
+            self.surface_speed = max(self.surface_speed, max(map(abs, views["axes"][1].tolist())))
+        self.plate_force = max(self.plate_force, views["press"].item())
+        self.finger_speed = max(self.finger_speed, math.hypot(*views["finger"].tolist()))
+
+    def broken(self) -> list[str]:
+        """Return which absolute limits were passed, in words."""
+        found = []
+        low, high = limits.PLATE_ABSOLUTE
+        if "plate" in self._views and not (low <= self.plate[0] and self.plate[1] <= high):
+            found.append(f"plate {self.plate[0] - 273.15:.1f} to {self.plate[1] - 273.15:.1f} degC")
+        if self.sink > limits.SINK_ABSOLUTE:
+            found.append(f"heat sink {self.sink - 273.15:.1f} degC")
+        if not self.plate_force <= limits.PLATE_FORCE_ABSOLUTE:
+            found.append(f"plate force {self.plate_force:.1f} N")
+        ceiling = self._ceiling("wrench")
+        if not self.force <= ceiling * (1.0 + 1e-9):
+            found.append(f"arm force {self.force:.1f} N")
+        if not self.finger_speed <= limits.ARM_SPEED_TRIP:
+            found.append(f"finger at {self.finger_speed:.2f} m/s")
+        if not self.surface_speed <= limits.SPEED_TRIP * (1.0 + 1e-9):
+            found.append(f"surface at {self.surface_speed:.2f} m/s on an axis")
+        return found
+
+    def _ceiling(self, command: str) -> float:
+        """Return the greatest force that the hardware has (K1: what never passes)."""
+        channels = [device.command(command) for device in self.session.model.devices.values()]
+        return max((channel.magnitude or math.inf for channel in channels if channel is not None), default=math.inf)
