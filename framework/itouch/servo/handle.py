@@ -54,6 +54,7 @@ class Handle:
         self._raised = False
         self._ready, self._over = threading.Event(), threading.Event()
         self._link: Link | None = None
+        self._got_ready = False
         self._listener = threading.Thread(target=self._listen, name="itouch-listener", daemon=True)
         self._listener.start()
 
@@ -64,6 +65,7 @@ class Handle:
             kind = message["kind"]
             if kind == "ready":
                 self.efforts = [(what, done, said) for what, done, said in message["efforts"]]
+                self._got_ready = True
                 self._ready.set()
             elif kind == "contacts":
                 self.contacts += message["contacts"]
@@ -106,7 +108,7 @@ class Handle:
             If it can't be.
         """
         self._ready.wait()
-        if self._error is not None and not self._report:
+        if self._error is not None and not self._got_ready:
             self._raised = True
             self._segment.close()
             raise self._error

@@ -105,9 +105,9 @@ class Servo:
         self._publish(0.0, 0.0)
         self.words[at.PHASE] = at.READY
         ready = {"efforts": [[effort.what, effort.done, effort.said] for effort in efforts]}
-        if not self.enabled:  # the operator must be able to see before anything may move
+        if self._waits():  # the operator must be able to see before anything may move
             self.outbox.tell("ready", ready)
-        while not self.enabled and not self.words[at.STOP]:
+        while self._waits() and not self.words[at.STOP]:
             self._rest()
         if self.words[at.STOP]:
             return
@@ -117,6 +117,13 @@ class Servo:
         self.words[at.ARMED] = int(bool(self._hardware() or self.remotes.addresses))
         self.session.enable()
         self.outbox.tell("ready", ready)
+
+    def _waits(self) -> bool:
+        """Whether the operator has not yet enabled the devices, or does not hold the switch that they need."""
+        model = self.session.model
+        needed = model.scene.safety.hold_to_run or bool(self._hardware())
+        switch = any(device.reading("deadman") is not None for device in model.devices.values())
+        return not self.enabled or (needed and not switch and not self._held)
 
     def _await_guardian(self) -> None:
         """Devices that obey need the guardian to live before they are enabled."""

@@ -1,0 +1,42 @@
+"""``python -m itouch.bench.deaths.stand viewer|recorder NAME``: stand-ins that do to a session what faces do.
+
+The viewer copies the newest State sixty times a second and holds the dead-man's switch; the recorder takes every State.
+Told by a signal, a stand-in eats memory until the kernel, or Python, stops it.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Sequence
+
+from itouch.bench.deaths.hunger import starve_on_signal
+from itouch.servo.link import Link, attach
+
+
+def _view(link: Link) -> None:
+    state = link.state
+    while link.alive:
+        link.hold()
+        link.refresh(state)
+        time.sleep(1 / 60)
+
+
+def _follow(link: Link) -> None:
+    follower, taken = link.follow(), 0
+    while link.alive:
+        taken += sum(len(entry.state) for entry in follower.take())
+        time.sleep(0.02)
+
+
+def main(argv: Sequence[str]) -> int:
+    """Stand in for a viewer or a recorder until the session ends."""
+    starve_on_signal()
+    with attach(argv[1]) as link:
+        print("attached", flush=True)
+        (_view if argv[0] == "viewer" else _follow)(link)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
