@@ -211,6 +211,7 @@ class Heat(Modality):
         elif event.kind is ContactKind.END:
             state[f"{name}.object"] = -1
             state[f"{name}.in_contact"] = 0
+            state[f"{name}.contact_area"] = 0.0
 
     def _start(self, model: HeatModel, state: Record) -> None:
         """Bring the model finger to the measured skin temperature."""
@@ -228,7 +229,7 @@ class Heat(Modality):
         finger, objects = state[names.finger], state[names.objects]
         index = state[names.object].item()
         force = state[names.normal_force].item() if index >= 0 else 0.0
-        flux, resistance = 0.0, self._resistance(model, state, force, period)
+        flux, resistance = 0.0, self._resistance(model, state, force, period) if force > 0.0 else np.inf
         body = model.bodies[index] if math.isfinite(resistance) else None
         if body is not None:
             flux = live.contact_step(model.finger, finger, body, objects[index], resistance)
@@ -241,13 +242,14 @@ class Heat(Modality):
                 live.air_step(cooling, objects[other])
         state[names.desired][...] = flux
         state[names.resistance][...] = resistance
-        state[names.contact_area][...] = model.area(force)
+        if force > 0.0:
+            state[names.contact_area][...] = model.area(force)
         state[names.skin_temperature][...] = live.surface_temperature(model.finger, finger)
 
     def _resistance(self, model: HeatModel, state: Record, force: float, period: float) -> float:
-        """Return the contact resistance at the end of this period [K m2/W]; infinite without force."""
+        """Return the contact resistance at the end of this period [K m2/W] under a force [N]."""
         resistance = model.law.at(force)
-        if model.press > 0.0 and force > 0.0:
+        if model.press > 0.0:
             since = state[model.names.since].item() + 1
             state[model.names.since] = since
             resistance *= press_factor(since * period, model.press)

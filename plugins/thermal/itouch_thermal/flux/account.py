@@ -15,19 +15,18 @@ _RENDERED, _READY, _TICKS, _SUM, _PEAK, _SKIN_BEGIN, _SKIN_EXTREME, _SQUARES, _S
 FIELDS: tuple[Field, ...] = (Field("account", "f8", 9),)
 
 
-def begin(state: Record, name: str, rendered: bool, ready: bool) -> None:
-    """Open the account of a contact."""
+def begin(state: Record, name: str, rendered: bool, ready: bool, skin: float) -> None:
+    """Open the account of a contact; ``skin`` [K] is the skin temperature before it (NaN: unknown)."""
     account = state[f"{name}.account"]
     account[:] = 0.0
     account[_RENDERED], account[_READY] = rendered, ready
+    account[_SKIN_BEGIN] = account[_SKIN_EXTREME] = skin
 
 
 def add(state: Record, name: str, flux: float, desired: float, skin: float, period: float) -> None:
     """Take in one tick: obtained and desired flux [W/m2] and skin temperature [K] (NaN: unknown)."""
     view = state[f"{name}.account"]
     rendered, ready, ticks, total, peak, first, extreme, squares, scored = view.tolist()
-    if ticks == 0.0:
-        first = extreme = skin
     if abs(flux) > abs(peak):
         peak = flux
     if abs(skin - first) > abs(extreme - first):

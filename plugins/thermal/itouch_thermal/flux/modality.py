@@ -1,4 +1,4 @@
-"""The modality `flux-control`: desired flux and readings in, one current out.
+"""The modality `flux-control`: desired flux and readings in, the one command that the display obeys out.
 
 Before a touch it brings the plate to the start temperature of the object that the finger approaches; in the touch it
 makes the flux out of the finger follow the desired one.
@@ -7,12 +7,13 @@ makes the flux out of the finger follow the desired one.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from itouch.plugin import Contact, ContactEvent, Field, Modality, Record, World
-from itouch_thermal.flux import account, predictive, published
+from itouch_thermal.flux import account, approach, command, condensation, predictive, published, telling
 from itouch_thermal.flux.params import FluxControlParams
 from itouch_thermal.flux.setting import FluxModel, setting
-from itouch_thermal.flux.start import equation_three, within
+from itouch_thermal.flux.start import within
 
 
 class FluxControl(Modality):
@@ -25,90 +26,130 @@ class FluxControl(Modality):
         """Gather what is known of display, finger and objects."""
         return setting(name, params, world)
 
+    def notices(self, model: FluxModel) -> tuple[str, ...]:
+        """Warn of water on the plate."""
+        found = condensation.warning(model.band, model.dew, model.ambient, model.display.humidity)
+        return (found,) if found else ()
+
     def fields(self, model: FluxModel) -> tuple[Field, ...]:
         """Return the controller's memory and the account of the contact."""
         own = (
             Field("readiness"),
+            Field("plate_ready", "i8"),
             Field("start_temperature"),
-            Field("approached", "i8"),
-            Field("touching", "i8"),
+            Field("desired"),
+            Field("obtained"),
             Field("flux"),
+            Field("approached", "i8"),
+            Field("preset_begun", "i8"),
+            Field("touching", "i8"),
+            Field("object", "i8"),
+            Field("begun", "i8"),
+            Field("fresh", "i8"),
+            Field("pressing", "i8"),
             Field("integral"),
-            Field("ticks", "i8"),
             Field("on_plate", "i8"),
             Field("plate_limited", "i8"),
+            Field("unready", "i8"),
+            Field("condensation_time"),
         )
-        return own + account.FIELDS + predictive.memory(model)
+        memory = predictive.memory(model) if model.law is not None else published.memory(model)
+        return own + account.FIELDS + command.fields(model) + memory
 
     def commands(self, model: FluxModel) -> tuple[str, ...]:
-        """Return the display's current."""
-        return (f"{model.params.display}.current",)
+        """Return what the display obeys: a current, or a temperature and whether its output is on."""
+        return command.channels(model)
 
     def reset(self, model: FluxModel, state: Record) -> None:
         """Begin with no object approached and the plate at the room's temperature."""
-        state[model.names.approached] = -1
+        state[model.names.approached] = state[model.names.object] = -1
         state[model.names.start_temperature] = within(model.band, model.ambient)
         if model.law is not None:
             model.law.reset(state)
+        command.reset(model, state)
 
     def on_contact(self, event: ContactEvent, model: FluxModel, state: Record) -> None:
         """Aim for the object that comes near; begin and end the touch."""
         if event.probe != model.probe:
             return
-        name = model.name
-        if event.kind is Contact.NEAR:
-            self._aim(model, state, event.object_index)
+        names = model.names
+        if event.kind is Contact.NEAR and not state[names.touching].item():
+            approach.aim(model, state, event.object_index, event.tick)
         elif event.kind is Contact.BEGIN:
-            rendered = bool(state[f"{model.probe}.plate"].item())
-            account.begin(state, name, rendered, state[f"{name}.readiness"].item() >= 1.0)
-            state[f"{name}.touching"] = int(rendered)
-            state[f"{name}.ticks"] = 0
-            state[f"{name}.integral"] = state[f"{name}.flux"].item()
+            self._begin(event, model, state)
         elif event.kind is Contact.END:
-            if model.law is not None and state[f"{name}.on_plate"].item():
-                model.law.end(state)
-                state[f"{name}.on_plate"] = 0
-            state[f"{name}.touching"] = 0
+            predictive.take_off(model, state, event.tick)
+            state[names.touching] = 0
+            approach.aim(model, state, state[names.near_object].item(), event.tick)
 
-    def _aim(self, model: FluxModel, state: Record, index: int) -> None:
-        effusivity = model.effusivities[index]
-        if effusivity is None:
-            return
-        name = model.name
-        skin = state[model.skin_from].item() if model.skin_from else model.skin
-        plate = model.display.plate[-1].effusivity
-        wanted = equation_three(effusivity, plate, model.tissue, model.temperatures[index], skin)
-        if model.preview is not None:
-            wanted = model.preview.start(index, skin) or wanted
-        low, high = model.band
-        state[f"{name}.approached"] = index
-        state[f"{name}.start_temperature"] = within(model.band, wanted)
-        state[f"{name}.plate_limited"] = int(not low <= wanted <= high)
+    def _begin(self, event: ContactEvent, model: FluxModel, state: Record) -> None:
+        names = model.names
+        rendered = bool(state[names.plate].item()) and model.starts[event.object_index] is not None
+        ready = bool(state[names.plate_ready].item()) and state[names.approached].item() == event.object_index
+        account.begin(state, model.name, rendered, ready, self._obtained(model, state)[1])
+        state[names.touching] = int(rendered)
+        state[names.object] = event.object_index
+        state[names.begun] = event.tick
+        state[names.fresh] = 1
+        state[names.pressing] = 0
+        state[f"{model.name}.integral"] = state[names.flux].item()
+        if rendered and not ready:
+            state[names.unready] += 1
+        if rendered and model.hold > 1:
+            predictive.set_down(model, state, event.tick)
 
     def update(self, model: FluxModel, state: Record, period: float) -> None:
-        """Command the current."""
-        touching = bool(state[model.names.touching].item())
+        """Command the display."""
+        names = model.names
+        tick, touching = state["tick"].item(), bool(state[names.touching].item())
         if touching:
-            if math.isfinite(state[model.names.resistance].item()):  # not while the contact is about to end
-                self._note(model, state, state[model.names.desired].item(), period)
+            self._note(model, state, period, model.in_contact(state))  # not while the contact is about to end
+            self._desire(model, state, tick)
         else:
-            near = state[model.names.near_object].item()
-            if near >= 0 and near != state[model.names.approached].item():
-                self._aim(model, state, near)
+            self._look(model, state, tick, period)
         if model.law is not None and model.preview is not None:
-            current, flux = predictive.control(model, model.law, model.preview, state, touching, period)
+            current, flux = predictive.control(model, model.law, model.preview, state, touching, tick)
         else:
-            current, flux = published.control(model, state, touching, period)
-        state[model.names.flux] = flux
-        state[model.names.command] = current
+            current, flux = published.control(model, state, touching, period, tick)
+        state[names.fresh] = 0
+        state[names.flux] = flux
+        command.issue(model, state, current, model.hold)
 
-    def _note(self, model: FluxModel, state: Record, desired: float, period: float) -> None:
-        display = model.params.display
-        if model.truth and f"{display}.twin.true_flux" in state:
-            flux, skin = state[f"{display}.twin.true_flux"].item(), state[f"{display}.twin.true_skin"].item()
+    def _look(self, model: FluxModel, state: Record, tick: int, period: float) -> None:
+        """Between touches: see what is near, and whether water may condense."""
+        names = model.names
+        near = state[names.near_object].item()
+        if near >= 0 and near != state[names.approached].item():
+            approach.aim(model, state, near, tick)
+        if state[names.desired].item():
+            state[names.desired] = 0.0
+        if state[names.plate_temperature].item() < model.dew:
+            state[names.condensation_time] += period
+
+    def _desire(self, model: FluxModel, state: Record, tick: int) -> None:
+        """Write the flux that is desired now."""
+        names = model.names
+        curve = model.curves[state[names.object].item()]
+        if curve is not None:
+            state[names.desired] = curve.at((tick - state[names.begun].item() + 1) * model.period)
         else:
-            flux, skin = state[f"{display}.heat_flux"].item(), math.nan
-        account.add(state, model.name, flux, desired, skin, period)
+            state[names.desired] = state[names.heat_desired]
+
+    def _note(self, model: FluxModel, state: Record, period: float, pressing: bool) -> None:
+        """Enter the last update into the account: the one in which the finger lifts is no part of the touch."""
+        names = model.names
+        flux, skin = self._obtained(model, state)
+        if pressing and state[names.pressing].item():
+            account.add(state, model.name, state[names.obtained].item(), state[names.desired].item(), skin, period)
+        state[names.obtained] = flux
+        state[names.pressing] = int(pressing)
+
+    def _obtained(self, model: FluxModel, state: Record) -> tuple[float, float]:
+        """Return the flux that the finger feels [W/m2] and its skin temperature [K], as far as they are known."""
+        names = model.names
+        if model.truth and names.true_flux in state:
+            return state[names.true_flux].item(), state[names.true_skin].item()
+        return state[names.heat_flux].item(), math.nan
 
     def measures(
         self, model: FluxModel, state: Record, probe: str, object_index: int
@@ -116,5 +157,15 @@ class FluxControl(Modality):
         """Return the flux obtained in the contact that has just ended, or is open."""
         if probe != model.probe:
             return {}
-        truth = model.truth and f"{model.params.display}.twin.true_flux" in state
-        return account.measures(state, model.name, "twin" if truth else "sensor")
+        truth = model.truth and model.names.true_flux in state
+        found = account.measures(state, model.name, "twin" if truth else "sensor")
+        limited = bool(state[model.names.plate_limited].item())
+        return {**found, "plate_limited": None if found["flux_source"] is None else limited}
+
+    def status(self, model: FluxModel, state: Record) -> str:
+        """Return the plate's temperature and readiness."""
+        return telling.status(model, state)
+
+    def report(self, model: FluxModel, state: Record) -> dict[str, Any]:
+        """Return switching times, readiness and condensation."""
+        return telling.report(model, state)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from itouch.plugin import schema
 
@@ -11,16 +12,60 @@ READS = ("plate_temperature", "sink_temperature", "heat_flux")
 
 
 @dataclass(frozen=True, slots=True)
-class FluxControlParams:
-    """Controls the display's current so that the finger feels the desired flux."""
+class MaterialCurve:
+    """A recorded flux curve for the objects of one material."""
 
-    display: str = schema.ref("device", reads=READS, commands=("current",), doc="the thermal display")
-    desired_from: str = schema.ref("modality", doc="what computes the desired flux")
+    TAG: ClassVar[str] = "curve"
+
+    material: str = schema.ref("material", doc="of the objects that it is for")
+    file: str = schema.text(doc="CSV file with columns t and j, in the scene's folder")
+
+
+@dataclass(frozen=True, slots=True)
+class FluxControlParams:
+    """Controls the display so that the finger feels the desired flux."""
+
+    display: str = schema.ref("device", reads=READS, doc="the thermal display")
+    desired_from: str = schema.ref(
+        "modality", default="", doc="what computes the desired flux; may be left away only where files have it"
+    )
+    target: str = schema.choice(
+        "desired", "file", default="desired", doc="the flux that `desired-from` computes, or a recorded curve"
+    )
+    file: str = schema.text(
+        default="", doc="with target `file`: CSV file with columns t and j, in the scene's folder, for all objects"
+    )
     controller: str = schema.choice(
         "model", "paper", "hold", default="model", doc="ours, the paper's, or its start temperature alone"
     )
     force_from: str = schema.ref(
         "device", reads=("wrench",), default="", doc="what measures the force on the plate; default: who can"
     )
+    equalise: bool = schema.flag(
+        default=False, doc="whether the plate is ready after the same time for every material, so that none is told"
+    )
+    preset_time: float = schema.quantity(
+        "s", low=0.0, high=60.0, default=0.0, doc="that time; 0: what the longest switch between two objects takes"
+    )
+    condensation: str = schema.choice(
+        "warn", "avoid", default="warn", doc="below the dew point: warn, or keep the plate 1 K above it"
+    )
     proportional: float = schema.quantity("", low=0.0, high=1e4, default=40.0, doc="gain of `paper`")
     integral: float = schema.quantity("Hz", low=0.0, high=1e5, default=100.0, doc="integral gain of `paper`")
+    curves: tuple[MaterialCurve, ...] = schema.children(MaterialCurve, doc="curves of single materials")
+
+    def __post_init__(self) -> None:
+        schema.validate(self)
+        if self.target == "file":
+            if not self.file and not self.curves:
+                raise ValueError("target=\"file\" needs the attribute 'file', or a <curve> for each material")
+        elif self.file or self.curves:
+            raise ValueError('a flux curve is given, but the target is not: write target="file"')
+        elif not self.desired_from:
+            raise ValueError("the attribute 'desired-from' must say what computes the desired flux")
+        if self.preset_time and not self.equalise:
+            raise ValueError('preset-time goes with equalise="yes"')
+        materials = [curve.material for curve in self.curves]
+        twice = next((name for name in materials if materials.count(name) > 1), "")
+        if twice:
+            raise ValueError(f"material '{twice}' has two curves")

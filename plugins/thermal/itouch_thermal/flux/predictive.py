@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from itouch.plugin import Field, Record
+from itouch_thermal.flux import approach
 from itouch_thermal.flux.law import ModelLaw
-from itouch_thermal.flux.preview import Preview, look_ahead, run_ahead
-from itouch_thermal.flux.published import readiness
+from itouch_thermal.flux.observer import advance
+from itouch_thermal.flux.preview import Preview, look_ahead, rising, run_ahead
 from itouch_thermal.flux.setting import FluxModel
 from itouch_thermal.laws import press_factor
 from itouch_thermal.solver.live import state_size
@@ -18,6 +21,10 @@ TOUCHED = 0.03
 SCALE = (0.02, 50.0)
 #: Steps of the preview that are computed anew in a tick while the resistance changes.
 STRIDE = 16
+#: Most servo periods that a touch may have begun before the force was seen.
+LATE = 6
+#: Servo periods without an update that are caught up with; after more the plate is where its sensors say.
+MISSED = 250
 
 
 def memory(model: FluxModel) -> tuple[Field, ...]:
@@ -33,56 +40,124 @@ def memory(model: FluxModel) -> tuple[Field, ...]:
         Field("preview_object", "f8", model.preview.widest),
         Field("preview_index", "i8"),
         Field("reached", "i8"),
+        Field("tracked", "i8"),
+        Field("force_before"),
     )
 
 
 def control(
-    model: FluxModel, law: ModelLaw, course: Preview, state: Record, touching: bool, period: float
+    model: FluxModel, law: ModelLaw, course: Preview, state: Record, touching: bool, tick: int
 ) -> tuple[float, float]:
     """Return current [A] and pumped flux [W/m2]; slower than the servo, the periods between are caught up with."""
     names = model.names
-    hold = max(1, round(period / model.period))
     pressed = _pressed(model, state)
-    ticks = state[names.ticks].item() if touching else 0
-    scale = _scale(model, state, ticks) if touching else 1.0
-    _take(model, law, state, touching and not pressed, hold, scale)
+    ticks = tick - state[names.begun].item() if touching else 0
+    scale = _scale(model, state, ticks) if touching and not model.steady else 1.0
+    _take(model, law, state, touching and not pressed, tick, scale)
     if pressed and not state[names.on_plate].item():
         law.disturb(state)
     if touching:
-        if ticks == 0:
-            _begin(model, law, course, state)
-        else:
-            _continue(model, law, course, state, ticks, hold)
-        state[names.ticks] = ticks + hold
+        if state[names.fresh].item():
+            _begin(model, law, course, state, ticks)
+        elif model.curves[state[names.object].item()] is None:
+            _continue(model, law, course, state, ticks)
         if pressed and not state[names.on_plate].item():
-            law.begin(state, state[names.flux].item(), scale)
-            state[names.on_plate] = 1
+            _set(model, law, state, scale)
         if state[names.on_plate].item():
-            look_ahead(state[names.future], ticks, law.offsets, state[names.desired].item(), state[names.wanted])
-            return law.follow(state, _scale(model, state, ticks + law.delay), hold)
-    current, flux, error = law.approach(state, state[names.start_temperature].item(), hold)
-    state[names.readiness] = readiness(error)
+            _want(model, law, state, ticks)
+            return law.follow(state, scale if model.steady else _scale(model, state, ticks + law.delay), model.hold)
+    if model.force_from:
+        state[names.force_before] = abs(state[model.force_from][2].item())
+    current, flux, error = law.approach(state, state[names.start_temperature].item(), model.hold)
+    approach.judge(model, state, error, tick)
     return current, flux
 
 
-def _take(model: FluxModel, law: ModelLaw, state: Record, hovering: bool, hold: int, scale: float) -> None:
+def set_down(model: FluxModel, state: Record, tick: int) -> None:
+    """Begin a touch between two updates, in the tick in which it began."""
+    law, course = model.law, model.preview
+    if law is None or course is None or not _pressed(model, state):
+        return
+    scale = 1.0 if model.steady else _scale(model, state, 0)
+    _pass(model, law, state, tick, scale)
+    _place(model, law, course, state)
+    _set(model, law, state, scale)
+
+
+def _set(model: FluxModel, law: ModelLaw, state: Record, scale: float) -> None:
+    """Set the finger down, as long ago as the force says: a reading is of the period before, and it had to grow."""
+    names = model.names
+    law.begin(state, state[names.flux].item(), scale)
+    state[names.on_plate] = 1
+    if not model.force_from:
+        return
+    force = abs(state[model.force_from][2].item())
+    grown = force - state[names.force_before].item() if model.hold == 1 else force
+    late = min(LATE, max(1, round(force / grown))) if grown > 0.0 else 1
+    for _ in range(late):
+        advance(
+            law.constants, law.fine.tissue, law.fine.plate, state[names.x], state[names.theta], state[names.memory],
+            state[names.sent].item(), scale,
+        )  # fmt: skip
+
+
+def take_off(model: FluxModel, state: Record, tick: int) -> None:
+    """End a touch, between two updates if it must be."""
+    if model.law is not None and state[model.names.on_plate].item():
+        _pass(model, model.law, state, tick, 1.0)
+        model.law.end(state)
+        state[model.names.on_plate] = 0
+
+
+def _want(model: FluxModel, law: ModelLaw, state: Record, ticks: int) -> None:
+    """Fill the plan's desired flux."""
+    names = model.names
+    curve = model.curves[state[names.object].item()]
+    if curve is None:
+        look_ahead(state[names.future], ticks, law.offsets, state[names.desired].item(), state[names.wanted])
+    else:
+        state[names.wanted] = np.interp((ticks + law.offsets + 1) * model.period, curve.times, curve.fluxes)
+
+
+def _pass(model: FluxModel, law: ModelLaw, state: Record, tick: int, scale: float) -> None:
+    """Let the periods before this one pass in which nothing was taken in, as far as they matter."""
+    names = model.names
+    sent, passed = state[names.sent].item(), tick - 1 - state[names.tracked].item()
+    for _ in range(min(passed, MISSED)):
+        law.track(state, sent, math.nan, math.nan, math.nan, scale)
+    state[names.tracked] = tick - 1
+
+
+def _take(model: FluxModel, law: ModelLaw, state: Record, hovering: bool, tick: int, scale: float) -> None:
     """Let the law take in what was sent and read; what is old or unclear it does not see."""
     names = model.names
-    flux, plate = state[names.heat_flux].item(), state[names.plate_temperature].item()
-    sink, sent = state[names.sink].item(), state[names.sent].item()
-    for _ in range(hold - 1):
-        law.track(state, sent, math.nan, math.nan, math.nan, scale)
+    if state[names.tracked].item() != tick - 1:
+        _pass(model, law, state, tick, scale)
+    if model.display.command == "temperature":
+        _correct(model, law, state)
+    sent = state[names.sent].item()
     if state[names.age].item() or hovering:
         law.track(state, sent, math.nan, math.nan, math.nan, scale)
     else:
-        law.track(state, sent, flux, plate, sink, scale)
+        law.track(
+            state, sent, state[names.heat_flux].item(), state[names.plate_temperature].item(),
+            state[names.sink].item(), scale,
+        )  # fmt: skip
+    state[names.tracked] = tick
+
+
+def _correct(model: FluxModel, law: ModelLaw, state: Record) -> None:
+    """Put what current a driver of temperature reports in the place of what was asked of it."""
+    if law.delay > 0:
+        slot = int(state[f"{model.name}.slots"][0])
+        state[f"{model.name}.line"][slot] = state[model.names.actual].item()
 
 
 def _pressed(model: FluxModel, state: Record) -> bool:
     """Tell whether the finger is on the plate: by the measured force, else as the virtual contact says."""
     if model.force_from:
         return bool(abs(state[model.force_from][2].item()) > TOUCHED)
-    return math.isfinite(state[model.names.resistance].item())
+    return model.in_contact(state)
 
 
 def _scale(model: FluxModel, state: Record, ticks: int) -> float:
@@ -90,33 +165,38 @@ def _scale(model: FluxModel, state: Record, ticks: int) -> float:
 
     ``ticks`` is when: servo periods since the touch began.
     """
-    if model.steady:
-        return 1.0
     sensor = model.force_from
     force = abs(state[sensor][2].item()) if sensor else state[model.names.normal_force].item()
     found = model.resistance.at(force) / model.expected * press_factor((ticks + 1) * model.period, model.press)
     return min(SCALE[1], max(SCALE[0], found))
 
 
-def _begin(model: FluxModel, law: ModelLaw, course: Preview, state: Record) -> None:
-    """Copy the model finger and object as they are after their first step, and run them ahead."""
-    names, heat = model.names, model.params.desired_from
-    index = state[f"{heat}.object"].item()
-    if course.bodies[index] is None:
-        return
-    finger = state[f"{heat}.finger"]
+def _begin(model: FluxModel, law: ModelLaw, course: Preview, state: Record, ticks: int) -> None:
+    """Take over the model finger as it is after its first step, and run it and the object ahead."""
+    names = model.names
+    index = state[names.object].item()
     state[names.preview_index] = index
-    _restart(model, course, state, 0, law.ahead)
-    law.place(state, course.into @ finger[: course.into.shape[1]])
+    if not state[names.on_plate].item():
+        _place(model, law, course, state)
+    if model.curves[index] is None and course.bodies[index] is not None:
+        _restart(model, course, state, ticks, law.ahead)
+
+
+def _place(model: FluxModel, law: ModelLaw, course: Preview, state: Record) -> None:
+    """Tell the law what finger is about to touch."""
+    if model.heat:
+        law.place(state, course.into @ state[model.names.finger][: course.into.shape[1]])
+    else:
+        skin = state[model.skin_from].item() if model.skin_from else model.skin
+        law.place(state, rising(law.fine, skin))
 
 
 def _restart(model: FluxModel, course: Preview, state: Record, ticks: int, count: int) -> None:
     """Run ahead from the model finger and object as they are after step ``ticks`` of the touch."""
-    names, heat = model.names, model.params.desired_from
-    index = state[names.preview_index].item()
-    state[names.preview_finger][:] = state[f"{heat}.finger"]
+    names = model.names
     below = state[names.preview_object]
-    below[:] = state[f"{heat}.objects"][index][: len(below)]
+    state[names.preview_finger][:] = state[names.finger]
+    below[:] = state[names.bodies][state[names.preview_index].item()][: len(below)]
     future = state[names.future]
     future[ticks % len(future)] = state[names.desired].item()
     state[names.reached] = ticks
@@ -144,10 +224,10 @@ def _coming(model: FluxModel, course: Preview, state: Record) -> float:
     return model.resistance.at(state[model.names.normal_force].item())
 
 
-def _continue(model: FluxModel, law: ModelLaw, course: Preview, state: Record, ticks: int, hold: int) -> None:
+def _continue(model: FluxModel, law: ModelLaw, course: Preview, state: Record, ticks: int) -> None:
     """Keep the preview a horizon ahead; while the resistance changes, begin it anew again and again."""
     reached = state[model.names.reached].item()
-    wanted = ticks + law.ahead
+    wanted, hold = ticks + law.ahead, model.hold
     if model.steady or course.bodies[state[model.names.preview_index].item()] is None:
         _advance(model, course, state, wanted - reached)
     elif reached >= wanted - hold or reached < ticks:

@@ -1,39 +1,48 @@
-"""The controllers `paper` and `hold` in a scene: equation 3 before the touch, PI or nothing in it."""
+"""The controllers `paper` and `hold` in a scene: equation 3 before the touch, PI or nothing in it.
+
+In the touch both stay inside the plate's band and its greatest rate, as `model` does.
+"""
 
 from __future__ import annotations
 
-from itouch.plugin import Record
+from itouch.plugin import Field, Record
+from itouch_thermal.display.column import plate_capacity
 from itouch_thermal.display.peltier import current_for
+from itouch_thermal.flux import approach
 from itouch_thermal.flux.proportional import proportional_integral
 from itouch_thermal.flux.setting import FluxModel
 
-#: The plate is ready within this of its start temperature [K].
-READY = 0.1
 #: Time constant [s] of the approach to the start temperature.
 APPROACH = 0.25
+#: Greatest rate of the plate in a touch [K/s] as a mean over so many seconds, and the part of it that is used.
+RATE, RATE_OVER, RATE_USED = 10.0, 0.5, 0.9
+#: In how many pieces that time is remembered, and the time [s] in which the plate is stopped at a limit.
+PIECES, STOPPING = 50, 0.1
 
 
-def control(model: FluxModel, state: Record, touching: bool, period: float) -> tuple[float, float]:
+def memory(model: FluxModel) -> tuple[Field, ...]:
+    """Return the State of `paper` and `hold`: where the plate was in the last half second."""
+    return () if model.law is not None else (Field("passed", "f8", PIECES),)
+
+
+def control(model: FluxModel, state: Record, touching: bool, period: float, tick: int) -> tuple[float, float]:
     """Return current [A] and pumped flux [W/m2] of `paper` and `hold`."""
     plate, sink = state[model.names.plate_temperature].item(), state[model.names.sink].item()
-    flux = _touch(model, state, plate, period) if touching else _approach(model, state, plate)
+    if touching:
+        flux = _bounded(model, state, _touch(model, state, plate, period), plate, tick, period)
+    else:
+        flux = _approach(model, state, plate)
+        approach.judge(model, state, plate - state[model.names.start_temperature].item(), tick)
     p = model.display
     current = current_for(p.seebeck, p.resistance, p.conductance, flux * p.area, plate, sink)
     return float(min(model.current, max(-model.current, current))), flux
 
 
-def readiness(error: float) -> float:
-    """Return how ready a plate is that differs from its start temperature by an error [K]: 0 to 1."""
-    return max(0.0, min(1.0, 2.0 - abs(error) / READY))
-
-
 def _approach(model: FluxModel, state: Record, plate: float) -> float:
     """Return the flux that brings the plate to its start temperature."""
     error: float = plate - state[model.names.start_temperature].item()
-    state[model.names.readiness] = readiness(error)
-    capacity = sum((layer.thickness or 0.0) * layer.heat_capacity for layer in model.display.plate)
     limit = model.display.flux_limit
-    return min(limit, max(-limit, capacity * error / APPROACH))
+    return min(limit, max(-limit, plate_capacity(model.display.plate) * error / APPROACH))
 
 
 def _touch(model: FluxModel, state: Record, plate: float, period: float) -> float:
@@ -42,3 +51,18 @@ def _touch(model: FluxModel, state: Record, plate: float, period: float) -> floa
     error = state[model.names.desired].item() - state[model.names.heat_flux].item()
     gains = (model.params.proportional, model.params.integral)
     return proportional_integral(state, model.name, error, gains, model.display.flux_limit, period)
+
+
+def _bounded(model: FluxModel, state: Record, flux: float, plate: float, tick: int, period: float) -> float:
+    """Return the flux that neither takes the plate out of its band nor past its greatest rate."""
+    passed, since = state[f"{model.name}.passed"], tick - state[model.names.begun].item()
+    piece = int(since * model.period / (RATE_OVER / PIECES))
+    if state[model.names.fresh].item():
+        passed[:] = plate
+    before: float = passed[(piece + 1) % PIECES].item()
+    passed[piece % PIECES] = plate
+    swing = RATE * RATE_OVER * RATE_USED
+    low, high = max(model.band[0], before - swing), min(model.band[1], before + swing)
+    capacity = plate_capacity(model.display.plate) / max(STOPPING, 2.0 * period)
+    resting: float = state[model.names.heat_flux].item()  # what the pump must carry to keep the plate where it is
+    return min(resting + capacity * (plate - low), max(resting + capacity * (plate - high), flux))

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
-from itouch.plugin import World, WorldDevice
+from itouch.plugin import ParameterError, Record, World, WorldDevice
 from itouch_thermal.display.params import DisplayParams
+from itouch_thermal.flux.condensation import dew_of, driest
+from itouch_thermal.flux.curve import Curve
+from itouch_thermal.flux.desire import curves_of, start_for_curve
 from itouch_thermal.flux.law import ModelLaw
+from itouch_thermal.flux.names import Names
 from itouch_thermal.flux.params import FluxControlParams
-from itouch_thermal.flux.preview import Preview, preview
-from itouch_thermal.flux.start import outer_effusivity
+from itouch_thermal.flux.preview import SKIN_STEP, Preview, preview
+from itouch_thermal.flux.start import equation_three, outer_effusivity, within
 from itouch_thermal.heat import FINGER, HeatParams, ThermalMaterial
 from itouch_thermal.solver.resistance import ConstantResistance, ResistanceLaw
 
@@ -19,56 +24,31 @@ LEAST = 1e-5
 #: Plate temperatures [K] where no limits are known.
 BAND = (288.15, 313.15)
 
-
-class Names(NamedTuple):
-    """Names of the fields that a tick touches; put together once."""
-
-    touching: str
-    approached: str
-    on_plate: str
-    ticks: str
-    flux: str
-    start_temperature: str
-    readiness: str
-    preview_finger: str
-    preview_object: str
-    preview_index: str
-    reached: str
-    future: str
-    wanted: str
-    desired: str
-    resistance: str
-    sink: str
-    sent: str
-    age: str
-    command: str
-    heat_flux: str
-    plate_temperature: str
-    near_object: str
-    normal_force: str
-
-    @classmethod
-    def of(cls, name: str, heat: str, display: str, probe: str) -> Names:
-        """Return the names for a modality, the one that it follows, its display and its probe."""
-        own = [f"{name}.{field}" for field in cls._fields[:13]]
-        there = ("sink_temperature", "sent.current", "age", "command.current", "heat_flux", "plate_temperature")
-        others = [f"{heat}.desired", f"{heat}.resistance", *(f"{display}.{field}" for field in there)]
-        return cls._make([*own, *others, f"{probe}.near_object", f"{probe}.normal_force"])
+Starts = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
 class FluxModel:
-    """What the modality knows of the scene; ``effusivities`` and ``temperatures`` are per object."""
+    """What the modality knows of the scene.
+
+    ``heat`` is the modality that it follows, empty where curves say all; ``starts`` (start temperatures [K] at three
+    skin temperatures), ``curves``, ``objects`` and ``materials`` (names) are per object; ``dew`` [K] is the room's dew
+    point; ``steady`` says that the contact resistance is the same at any force and time; ``preset_time`` [s] is what
+    ``equalise`` makes every approach take, 0 without it; ``hold`` is how many servo periods an update stands for.
+    """
 
     name: str
     names: Names
     params: FluxControlParams
     display: DisplayParams
     probe: str
-    tissue: float
-    effusivities: tuple[float | None, ...]
-    temperatures: tuple[float, ...]
+    heat: str
+    objects: tuple[str, ...]
+    materials: tuple[str, ...]
+    starts: tuple[Starts | None, ...]
+    curves: tuple[Curve | None, ...]
     band: tuple[float, float]
+    dew: float
     current: float
     ambient: float
     skin: float
@@ -76,16 +56,29 @@ class FluxModel:
     force_from: str
     truth: bool
     period: float
+    hold: int
     resistance: ResistanceLaw
     expected: float
     press: float
+    steady: bool
+    preset_time: float
     law: ModelLaw | None
     preview: Preview | None
 
-    @property
-    def steady(self) -> bool:
-        """Whether the contact resistance is the same at any force and time."""
-        return isinstance(self.resistance, ConstantResistance) and self.press == 0.0
+    def start(self, index: int, skin: float) -> float | None:
+        """Return the start temperature [K] for an object and a skin temperature [K]; None: nothing is known of it."""
+        found = self.starts[index]
+        if found is None:
+            return None
+        low, middle, high = found
+        away = max(-1.5, min(1.5, (skin - self.skin) / SKIN_STEP))
+        return middle + away * ((high - middle) if away > 0.0 else (middle - low))
+
+    def in_contact(self, state: Record) -> bool:
+        """Tell whether the finger presses on a virtual object now."""
+        if self.heat:
+            return math.isfinite(state[self.names.resistance].item())
+        return bool(state[self.names.normal_force].item() > 0.0)
 
 
 def setting(name: str, params: FluxControlParams, world: World) -> FluxModel:
@@ -94,41 +87,75 @@ def setting(name: str, params: FluxControlParams, world: World) -> FluxModel:
     Raises
     ------
     ValueError
-        If what ``desired_from`` names computes no heat flux.
+        If the display obeys nothing that is known, nothing computes the desired flux, or a curve can't be read.
     """
     device = world.devices[params.display]
-    heat = world.modalities.get(params.desired_from)
-    if not isinstance(heat, HeatParams):
-        raise ValueError(f"desired_from = '{params.desired_from}' is no modality that computes a heat flux")
     display = device.params if isinstance(device.params, DisplayParams) else DisplayParams()
+    _check_commands(device, display)
+    heat = _heat(params, world)
+    dew = dew_of(display, world.ambient)
     band, ceiling = _limits(device, display)
+    if params.condensation == "avoid":
+        band = driest(band, dew)
+    curves = curves_of(params, world)
     law, course = None, None
     if params.controller == "model":
         law, course = _model(name, display, heat, world, band, ceiling)
-    names = [channel.name for channel in device.reads]
+    starts = _starts(params, heat, display, world, curves, law, course)
+    reads = [channel.name for channel in device.reads]
     return FluxModel(
         name=name,
-        names=Names.of(name, params.desired_from, params.display, heat.probe),
+        names=Names.of(name, params, heat.probe, display.command),
         params=params,
         display=display,
         probe=heat.probe,
-        tissue=outer_effusivity(heat.layers or FINGER),
-        effusivities=tuple(_effusivity(element.material) for element in world.objects),
-        temperatures=tuple(element.temperature for element in world.objects),
+        heat=params.desired_from,
+        objects=tuple(element.name for element in world.objects),
+        materials=tuple(element.material_name for element in world.objects),
+        starts=starts,
+        curves=curves,
         band=band,
+        dew=dew,
         current=ceiling,
         ambient=world.ambient,
         skin=world.skin_temperature,
-        skin_from=f"{params.display}.skin_temperature" if "skin_temperature" in names else "",
+        skin_from=f"{params.display}.skin_temperature" if "skin_temperature" in reads else "",
         force_from=_force(params, world),
         truth=device.twin,
         period=world.servo_period,
+        hold=max(1, round(world.period / world.servo_period)),
         resistance=heat.law(),
         expected=max(heat.expected_resistance, LEAST),
         press=heat.press,
+        steady=heat.press == 0.0 and isinstance(heat.law(), ConstantResistance),
+        preset_time=_preset_time(params, display, ceiling, starts, band),
         law=law,
         preview=course,
     )
+
+
+def _check_commands(device: WorldDevice, display: DisplayParams) -> None:
+    """Check that the display obeys what its driver is told."""
+    wanted = ("current",) if display.command == "current" else ("temperature_target", "output")
+    offered = [channel.name for channel in device.commands]
+    missing = next((name for name in wanted if name not in offered), "")
+    if missing:
+        listed = ", ".join(f"'{name}'" for name in offered) or "nothing"
+        sentence = f"display = '{device.name}' obeys no '{missing}'; it obeys {listed}"
+        raise ParameterError("display", sentence)
+
+
+def _heat(params: FluxControlParams, world: World) -> HeatParams:
+    """Return the modality that is followed; where curves say all, a finger like it."""
+    if not params.desired_from:
+        if len(world.probes) != 1:
+            raise ValueError(f"desired-from must say which of {len(world.probes)} fingers touches the display")
+        return HeatParams(probe=next(iter(world.probes)))
+    heat = world.modalities.get(params.desired_from)
+    if not isinstance(heat, HeatParams):
+        sentence = f"desired-from = '{params.desired_from}' is no modality that computes a heat flux"
+        raise ParameterError("desired_from", sentence)
+    return heat
 
 
 def _limits(device: WorldDevice, display: DisplayParams) -> tuple[tuple[float, float], float]:
@@ -157,5 +184,56 @@ def _model(
     return law, preview(heat, world, law)
 
 
-def _effusivity(material: Any) -> float | None:
-    return material.effusivity if isinstance(material, ThermalMaterial) else None
+def _starts(
+    params: FluxControlParams,
+    heat: HeatParams,
+    display: DisplayParams,
+    world: World,
+    curves: tuple[Curve | None, ...],
+    law: ModelLaw | None,
+    course: Preview | None,
+) -> tuple[Starts | None, ...]:
+    """Return the start temperatures [K] per object: those of the curve, of the model, or of equation 3."""
+    skins = [world.skin_temperature + away for away in (-SKIN_STEP, 0.0, SKIN_STEP)]
+    found: list[Starts | None] = []
+    for element, curve in zip(world.objects, curves, strict=True):
+        start: Any = None
+        if course is not None and law is not None:
+            start = course.starts[element.index]
+            if curve is not None:
+                start = tuple(start_for_curve(law, heat, curve, skin) for skin in skins)
+        elif isinstance(element.material, ThermalMaterial):
+            beta, tissue = element.material.effusivity, outer_effusivity(heat.layers or FINGER)
+            plate = display.plate[-1].effusivity
+            start = tuple(equation_three(beta, plate, tissue, element.temperature, skin) for skin in skins)
+        found.append(start)
+    return tuple(found)
+
+
+def _preset_time(
+    params: FluxControlParams,
+    display: DisplayParams,
+    ceiling: float,
+    starts: tuple[Starts | None, ...],
+    band: tuple[float, float],
+) -> float:
+    """Return the time [s] from approach to readiness that is the same for every object; 0: as fast as each can."""
+    if not params.equalise:
+        return 0.0
+    from itouch_thermal.display.switching import least_time, strongest
+
+    middles = [within(band, start[1]) for start in starts if start is not None]
+    needed = display.delay
+    if len(middles) > 1:
+        needed += least_time(strongest(display, ceiling), min(middles), max(middles))
+    longest = MARGIN * needed + SETTLED
+    if params.preset_time == 0.0:
+        return longest
+    if params.preset_time < needed:
+        sentence = f"preset-time = {params.preset_time:g} s is too short: the longest switch takes {needed:.2f} s"
+        raise ParameterError("preset_time", sentence)
+    return params.preset_time
+
+
+#: How much longer than the least time a switch may take on a plant that differs, and until the sensors have seen it.
+MARGIN, SETTLED = 1.25, 0.3

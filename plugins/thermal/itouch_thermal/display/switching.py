@@ -1,0 +1,72 @@
+"""How long the plate needs, at the least, from one even temperature to another."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from itouch_thermal.display.column import P_BACK, P_DECAY, P_PORT, P_PUMP, REACH, Array, column, plate_capacity
+from itouch_thermal.display.params import DisplayParams
+from itouch_thermal.display.peltier import pumped_heat
+from itouch_thermal.heat import FINGER
+
+#: The plate has arrived when face and base stay this close to the new temperature [K].
+CLOSE = 0.05
+#: Resolution [s], how much longer than the heat alone needs is tried, and how long the plate takes to even out [s].
+STEP, EXTRA, SETTLING = 1e-3, 0.06, 0.04
+
+
+def least_time(display: DisplayParams, begin: float, end: float) -> float:
+    """Return the least time [s] to bring face and base from one even temperature [K] to another, without the delay.
+
+    The greatest flux all the way and, at the end, the greatest the other way for as long as serves best: with one
+    slow and one fast mode that matter, time-optimal pumping changes sign once.
+    """
+    change = abs(end - begin)
+    if change <= CLOSE:
+        return 0.0
+    extra = round(EXTRA / STEP)
+    pushed = math.ceil(max(0.0, change - CLOSE) * plate_capacity(display.plate) / display.flux_limit / STEP)
+    count = pushed + 2 * extra + round(SETTLING / STEP)
+    face, base = _rises(display, count)
+    best = math.inf
+    for forward in range(pushed, pushed + extra):
+        for back in range(extra):
+            away = np.maximum(
+                np.abs(_pulse(face, forward, back) - change), np.abs(_pulse(base, forward, back) - change)
+            )
+            late = np.flatnonzero(away > CLOSE)
+            last = int(late[-1]) + 1 if late.size else 0
+            if last < count:
+                best = min(best, last * STEP)
+            if forward + back > best / STEP:
+                break
+    return best
+
+
+def strongest(display: DisplayParams, ceiling: float) -> DisplayParams:
+    """Return the display with no more flux than a greatest current [A] pumps out of a plate as warm as the sink."""
+    cold = 296.15
+    heat = pumped_heat(display.seebeck, display.resistance, display.conductance, ceiling, cold, cold)
+    return replace(display, flux_limit=max(1.0, min(display.flux_limit, heat / display.area)))
+
+
+def _rises(display: DisplayParams, count: int) -> tuple[Array, Array]:
+    """Return by how much face and base rise [K] in so many steps of the greatest flux, shape (count,)."""
+    rows = column(FINGER, 310.15, 306.15, display.plate, STEP, REACH / STEP).plate
+    modes = np.zeros(rows.shape[1])
+    found = np.empty((2, count))
+    for i in range(count):
+        modes = rows[P_DECAY] * modes + rows[P_PUMP] * display.flux_limit
+        found[:, i] = rows[P_PORT] @ modes, rows[P_BACK] @ modes
+    return found[0], found[1]
+
+
+def _pulse(rise: Array, forward: int, back: int) -> Array:
+    """Return the answer to ``forward`` steps of the greatest flux and ``back`` steps of its opposite."""
+    found = rise.copy()
+    found[forward:] -= 2.0 * rise[: len(rise) - forward]
+    found[forward + back :] += rise[: len(rise) - forward - back]
+    return found

@@ -1,0 +1,42 @@
+"""Before the touch: which object the finger approaches, the plate's start temperature for it, and when it is ready.
+
+With ``equalise`` readiness comes after the same time for every object, the longest switch included: neither a delay
+nor its absence tells which material is there.  (What the table does before a touch depends on finger and shape alone.)
+"""
+
+from __future__ import annotations
+
+from itouch.plugin import Record
+from itouch_thermal.flux.setting import FluxModel
+from itouch_thermal.flux.start import within
+
+#: The plate is ready within this of its start temperature [K].
+READY = 0.1
+
+
+def aim(model: FluxModel, state: Record, index: int, tick: int) -> None:
+    """Aim for the object that the finger approaches; where nothing is known of its heat the plate stays as it is."""
+    names = model.names
+    state[names.preset_begun] = tick
+    if index < 0:
+        return
+    state[names.approached] = index
+    skin = state[model.skin_from].item() if model.skin_from else model.skin
+    wanted = model.start(index, skin)
+    if wanted is None:
+        return
+    low, high = model.band
+    state[names.start_temperature] = within(model.band, wanted)
+    state[names.plate_limited] = int(not low <= wanted <= high)
+
+
+def judge(model: FluxModel, state: Record, error: float, tick: int) -> None:
+    """Say how ready a plate is that differs from its start temperature by an error [K]."""
+    names = model.names
+    readiness = max(0.0, min(1.0, 2.0 - abs(error) / READY))
+    if model.preset_time > 0.0:
+        passed = (tick - state[names.preset_begun].item()) * model.period / model.preset_time
+        if passed < 1.0:
+            readiness = max(0.0, passed)
+    state[names.readiness] = readiness
+    state[names.plate_ready] = int(readiness >= 1.0)

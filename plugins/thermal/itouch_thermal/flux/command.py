@@ -1,0 +1,118 @@
+"""From the current that a controller wants to what the display's driver is told.
+
+A driver of current is told the current.  A driver that holds a temperature has a proportional and integral law of its
+own, whose gains are in its data: it is told the temperature at which that law gives the wanted current on average
+until the next command.  What the plate's sensor will then read is extrapolated, and the driver's integral follows
+from the current that it reports and from the targets that are still on their way to it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numba import njit
+
+from itouch.plugin import Field, Record
+from itouch_thermal.flux.setting import FluxModel
+
+#: Time constants [s] over which the plate's level and slope are taken, and the driver's integral.
+LEVEL, INTEGRAL = 0.03, 0.05
+#: Numbers of the memory: filtered reading of the plate and its slope, the driver's integral.
+_PLATE, _SLOPE, _INTEGRAL, _MEMORY = range(4)
+
+
+def fields(model: FluxModel) -> tuple[Field, ...]:
+    """Return the State that a driver of temperature asks for."""
+    if model.display.command == "current":
+        return ()
+    delay = round(model.display.delay / model.period)
+    return Field("asked"), Field("driver", "f8", _MEMORY), Field("targets", "f8", delay + 1)
+
+
+def channels(model: FluxModel) -> tuple[str, ...]:
+    """Return the command channels of the display that are written."""
+    display = model.params.display
+    if model.display.command == "current":
+        return (f"{display}.current",)
+    return f"{display}.temperature_target", f"{display}.output"
+
+
+def reset(model: FluxModel, state: Record) -> None:
+    """Begin with a plate at the room's temperature, and an output that is off."""
+    if model.display.command == "temperature":
+        state[f"{model.name}.driver"] = (model.ambient, 0.0, 0.0)
+        state[f"{model.name}.targets"] = 0.0
+
+
+def issue(model: FluxModel, state: Record, current: float, hold: int) -> None:
+    """Write the command for a wanted current [A] that will be held for ``hold`` servo periods."""
+    names = model.names
+    if model.display.command == "current":
+        state[names.command] = current
+        return
+    display = model.display
+    target, asked = target_for(
+        state[names.driver], state[names.targets], state[names.plate_temperature].item(), state[names.actual].item(),
+        current, display.target_gain, display.target_integral, model.current, model.band[0], model.band[1],
+        model.period, hold,
+    )  # fmt: skip
+    state[names.target] = target
+    state[names.output] = 1.0
+    state[names.asked] = asked
+
+
+@njit(cache=True, error_model="numpy")
+def target_for(
+    driver: Any, targets: Any, plate: float, actual: float, current: float, gain: float, integral: float,
+    ceiling: float, low: float, high: float, period: float, hold: int,
+) -> tuple[float, float]:  # fmt: skip
+    """Return the temperature [K] to hold that gives a current [A] on average, and the current that it will give.
+
+    Parameters
+    ----------
+    driver
+        What is remembered of the driver, shape (3,); changed.
+    targets
+        The targets of the last periods, oldest first: the one in force, then those on their way; changed.
+    plate, actual
+        Newest readings of plate [K] and current [A].
+    gain, integral, ceiling
+        The driver's law [A/K], [A/(K s)] and its greatest current [A].
+    low, high
+        What may be commanded [K].
+    period, hold
+        Of the servo loop [s], and how many periods the target will stand.
+    """
+    _observe(driver, targets[0], plate, actual, gain, integral, ceiling, period * hold)
+    level, slope, summed = driver[0], driver[1], driver[2]
+    delay = targets.shape[0] - 1
+    for i in range(1, delay + 1):
+        if targets[i] > 0.0:
+            error = level + slope * (i - 0.5) * period - targets[i]
+            if abs(gain * error + summed) < ceiling:
+                summed += integral * error * period
+    middle = level + slope * (delay + 0.5 * hold) * period
+    stiffness = gain + 0.5 * integral * hold * period
+    target = min(high, max(low, middle - (current - summed) / stiffness))
+    for i in range(delay + 1):
+        targets[i] = targets[i + hold] if i + hold <= delay else target
+    return target, min(ceiling, max(-ceiling, stiffness * (middle - target) + summed))
+
+
+@njit(cache=True, error_model="numpy")
+def _observe(
+    driver: Any, target: float, plate: float, actual: float, gain: float, integral: float, ceiling: float, time: float
+) -> None:
+    """Filter what the plate reads with its slope, and keep the driver's integral by what current it reports."""
+    part = min(1.0, time / LEVEL)
+    driver[0] += driver[1] * time
+    miss = plate - driver[0]
+    driver[0] += (2.0 - part) * part * miss
+    driver[1] += part * part / time * miss
+    if target <= 0.0:
+        driver[2] = 0.0
+        return
+    error = driver[0] - target
+    if abs(actual) < 0.999 * ceiling:
+        driver[2] += integral * error * time
+        driver[2] += min(1.0, time / INTEGRAL) * (actual - gain * error - driver[2])

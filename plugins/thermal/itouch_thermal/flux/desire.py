@@ -1,0 +1,81 @@
+"""What flux is desired, now and in the time to come: computed by another modality, or played from a recorded curve."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from itouch.plugin import ParameterError, World
+from itouch_thermal.display.column import F_BEGIN, F_DECAY, F_END, F_PORT, Array, Column
+from itouch_thermal.flux.curve import Curve, read_curve
+from itouch_thermal.flux.law import ModelLaw
+from itouch_thermal.flux.params import FluxControlParams
+from itouch_thermal.flux.preview import rising
+from itouch_thermal.flux.start import Touched, Trial, start_temperature
+from itouch_thermal.heat import HeatParams
+from itouch_thermal.laws import press_factor
+
+
+def curves_of(params: FluxControlParams, world: World) -> tuple[Curve | None, ...]:
+    """Return the recorded curve of each object, None for those that have none.
+
+    Raises
+    ------
+    ValueError
+        If a file can't be read, or an object has neither a curve nor a modality that computes its flux.
+    """
+    if params.target != "file":
+        return (None,) * len(world.objects)
+    read: dict[str, Curve] = {}
+    files = {curve.material: curve.file for curve in params.curves}
+    for curve in params.curves:
+        read[curve.file] = _read(world, curve.file, f"curve of '{curve.material}': ")
+    if params.file:
+        read[params.file] = _read(world, params.file, "")
+    found: list[Curve | None] = []
+    for element in world.objects:
+        name = files.get(element.material_name, params.file)
+        if not name and not params.desired_from:
+            raise ValueError(
+                f"object '{element.name}' of '{element.material_name}' has no flux curve: give 'file', a <curve>, or "
+                "'desired-from'"
+            )
+        found.append(read[name] if name else None)
+    return tuple(found)
+
+
+def _read(world: World, name: str, what: str) -> Curve:
+    try:
+        return read_curve(world.folder, name)
+    except ValueError as error:
+        raise ParameterError("file", f"{what}{error}") from error
+
+
+def skin_under(column: Column, finger: Array, flux: Array) -> Array:
+    """Return the skin temperature [K] at the ends of steps at which a flux [W/m2] leaves the finger, same shape.
+
+    ``finger`` are the coordinates before the first step; the flux is linear within a step, constant in the first.
+    """
+    rows, state, before = column.tissue, finger.copy(), float(flux[0])
+    found = np.empty(len(flux))
+    for i, after in enumerate(flux.tolist()):
+        state = rows[F_DECAY] * state - rows[F_BEGIN] * before - rows[F_END] * after
+        found[i] = column.rest + float(rows[F_PORT] @ state)
+        before = after
+    return found
+
+
+def played(curve: Curve, step: float, count: int) -> Array:
+    """Return a curve at the ends of steps [s], shape (count,)."""
+    return np.asarray(np.interp(step * np.arange(1, count + 1), curve.times, curve.fluxes))
+
+
+def start_for_curve(law: ModelLaw, heat: HeatParams, curve: Curve, skin: float) -> float:
+    """Return the start temperature [K] from which a curve can be followed, for a skin temperature [K]."""
+    trial, finger, coarse = Trial(law), rising(law.fine, skin), law.coarse_ticks
+    flux = played(curve, law.period, trial.needed * coarse)
+    every = slice(coarse - 1, None, coarse)
+    press = np.array([press_factor((i + 1) * law.step, heat.press) for i in range(trial.needed)])
+    touched = Touched(flux[every], skin_under(law.fine, finger, flux)[every], press, math.inf)
+    return start_temperature(trial, finger, touched)

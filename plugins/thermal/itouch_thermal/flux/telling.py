@@ -1,0 +1,71 @@
+"""What `flux-control` tells of itself: the words of the live line, and its part of the report."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from itouch.plugin import Record
+from itouch_thermal.display.switching import least_time, strongest
+from itouch_thermal.flux.setting import FluxModel
+from itouch_thermal.flux.start import within
+
+#: Most materials whose switches the report lists.
+LISTED = 16
+
+
+def status(model: FluxModel, state: Record) -> str:
+    """Return the desired flux in a touch, else the plate's temperature and how ready it is."""
+    names = model.names
+    plate = f"plate {state[names.plate_temperature].item() - 273.15:5.2f} degC"
+    if state[names.touching].item():
+        return f"desired {state[names.desired].item():7.0f} W/m2  {plate}"
+    if state[names.plate_ready].item():
+        return f"{plate} ready"
+    return f"{plate} {100.0 * state[names.readiness].item():3.0f} %"
+
+
+def report(model: FluxModel, state: Record) -> dict[str, Any]:
+    """Return the modality's part of the report."""
+    names = model.names
+    return {
+        "controller": model.params.controller,
+        "target": model.params.target,
+        "command": model.display.command,
+        "plate_band_C": [end - 273.15 for end in model.band],
+        "dew_point_C": model.dew - 273.15 if model.dew > 0.0 else None,
+        "condensation_s": state[names.condensation_time].item(),
+        "preset_s": model.preset_time or None,
+        "contacts_before_ready": state[names.unready].item(),
+        "switching": switches(model),
+    }
+
+
+def switches(model: FluxModel) -> list[dict[str, Any]]:
+    """Return the least time [s] of a switch between any two materials, the driver's delay included.
+
+    Of objects of one material the first one's temperature counts.
+    """
+    starts: dict[str, float] = {}
+    for name, start in zip(model.materials, model.starts, strict=True):
+        if start is not None and len(starts) < LISTED:
+            starts.setdefault(name, within(model.band, start[1]))
+    display = strongest(model.display, model.current)
+    times: dict[float, float] = {}
+    found = []
+    for first, begin in starts.items():
+        for second, end in starts.items():
+            if first == second:
+                continue
+            apart = round(abs(end - begin), 3)
+            if apart not in times:
+                times[apart] = display.delay + least_time(display, begin, end)
+            found.append(
+                {
+                    "from": first,
+                    "to": second,
+                    "from_start_C": begin - 273.15,
+                    "to_start_C": end - 273.15,
+                    "seconds": times[apart],
+                }
+            )
+    return found
