@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from itouch.plugin import (
     HOLD,
     Channel,
-    Device,
-    DeviceError,
     Field,
     Record,
     Touch,
@@ -24,6 +22,7 @@ from itouch.plugin import (
 from itouch_thermal.display import plant
 from itouch_thermal.display.column import REACH, Array, Column, column
 from itouch_thermal.display.params import DisplayParams
+from itouch_thermal.drivers.hardware import HardwareDisplay
 from itouch_thermal.heat import FINGER
 from itouch_thermal.laws import law_of, press_factor
 
@@ -188,8 +187,8 @@ def constants(p: DisplayParams, parts: Column, ambient: float = REFERENCE) -> Ar
     return c
 
 
-class ThermalDisplay(Device):
-    """A Peltier plate with infrared, plate, sink and flux sensors, driven by a current or a temperature; twin only."""
+class ThermalDisplay(HardwareDisplay):
+    """A Peltier plate with infrared, plate, sink and flux sensors, driven by a current or (its twin) a temperature."""
 
     Params = DisplayParams
     reads = (
@@ -201,7 +200,6 @@ class ThermalDisplay(Device):
     )
     commands = (current(limit=6.4),)
     Twin = DisplayTwin
-    twin_only: ClassVar[bool] = True
 
     @classmethod
     def channels(cls, params: Any) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
@@ -217,20 +215,3 @@ class ThermalDisplay(Device):
         """Return the half extents [m] of the plate, a square of its area."""
         half = 0.5 * math.sqrt(params.area)
         return half, half
-
-    def open(self) -> None:
-        """Say that there is no driver.
-
-        Raises
-        ------
-        DeviceError
-            Always.
-        """
-        raise DeviceError("the thermal display has no working driver; use its twin")
-
-    def close(self) -> None:
-        """Do nothing: it never opens."""
-
-    def read(self, reading: Record) -> bool | None:
-        """Give nothing: it never opens."""
-        return False

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from itouch.plugin import schema
 from itouch_thermal.display.peltier import Module
+from itouch_thermal.drivers.params import LabJack, LinePort, Mecom
 from itouch_thermal.laws import KINDS, ForceLaw, check_laws
 from itouch_thermal.solver.layers import Layer
 
@@ -138,6 +139,9 @@ class DisplayParams:
     tissue: tuple[Layer, ...] = schema.children(Layer, tag="tissue", doc="the twin's finger from the skin inwards")
     mismatch: Mismatch = schema.child(Mismatch, default=Mismatch())
     datasheet: Datasheet | None = schema.child(Datasheet, default=None, doc="of the module")
+    mecom: Mecom | None = schema.child(Mecom, default=None, doc="the TEC controller that drives it")
+    line: LinePort | None = schema.child(LinePort, default=None, doc="the rig of one's own that drives and reads it")
+    labjack: LabJack | None = schema.child(LabJack, default=None, doc="the instrument that reads its sensors")
 
     def __post_init__(self) -> None:
         if self.datasheet is not None:

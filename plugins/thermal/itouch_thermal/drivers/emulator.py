@@ -1,0 +1,138 @@
+"""The display's wire: virtual controller, rig or T7 where the parameters say, with the display's twin behind them."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import struct
+import time
+from typing import Any
+
+from itouch.plugin import DeviceError, Emulator, Record, Terminal
+from itouch_thermal.drivers.virtual import Plate, VirtualLine, VirtualMecom, VirtualT7
+
+
+class ModbusServer:
+    """A Modbus-TCP server that never waits; one thing answers all its connections."""
+
+    def __init__(self, host: str, port: int, device: VirtualT7) -> None:
+        try:
+            self._listener = socket.create_server((host, port))
+        except OSError as error:
+            raise DeviceError(f"no virtual T7 can listen on {host}:{port}: {error.strerror or error}") from error
+        self._listener.setblocking(False)
+        self._device = device
+        self._lines: dict[socket.socket, bytes] = {}
+
+    @property
+    def port(self) -> int:
+        """The port that it listens on."""
+        port: int = self._listener.getsockname()[1]
+        return port
+
+    def serve(self) -> None:
+        """Take new connections and answer what has come."""
+        with contextlib.suppress(BlockingIOError):
+            line, _ = self._listener.accept()
+            line.setblocking(False)
+            line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            self._lines[line] = b""
+        for line in list(self._lines):
+            try:
+                data = line.recv(4096)
+            except BlockingIOError:
+                continue
+            except OSError:
+                data = b""
+            if not data or not self._answer(line, data):
+                del self._lines[line]
+                line.close()
+
+    def _answer(self, line: socket.socket, data: bytes) -> bool:
+        waiting = self._lines[line] + data
+        while len(waiting) >= 8:
+            number, protocol, length = struct.unpack(">HHH", waiting[:6])
+            if protocol or not 2 <= length <= 260:
+                return False
+            if len(waiting) < 6 + length:
+                break
+            unit, request, waiting = waiting[6:7], waiting[7 : 6 + length], waiting[6 + length :]
+            answer = self._device.answer(request)
+            if answer is not None:
+                with contextlib.suppress(OSError):
+                    line.sendall(struct.pack(">HHH", number, 0, len(answer) + 1) + unit + answer)
+        self._lines[line] = waiting
+        return True
+
+    def close(self) -> None:
+        """Hang up."""
+        for line in self._lines:
+            line.close()
+        self._listener.close()
+
+
+class DisplayEmulator(Emulator):
+    """What the parameters name, with errors and delays at will (`tec`, `line`, `t7`)."""
+
+    def __init__(self, params: Any) -> None:
+        super().__init__(params)
+        self.plate = Plate()
+        self.tec = VirtualMecom(self.plate, address=params.mecom.address) if params.mecom is not None else None
+        self.line = VirtualLine(self.plate) if params.line is not None else None
+        self.t7 = VirtualT7() if params.labjack is not None else None
+        self._terminal: Terminal | None = None
+        self._server: ModbusServer | None = None
+
+    def open(self) -> str:
+        """Make the serial port and the server that the parameters name."""
+        named, words = self.params.mecom or self.params.line, []
+        if named is not None:
+            self._terminal = Terminal(named.port)
+            words.append(f"current source of the display on {named.port}")
+        if self.t7 is not None:
+            host, _, port = self.params.labjack.host.partition(":")
+            self._server = ModbusServer(host, int(port or 502), self.t7)
+            words.append(f"LabJack on {host}:{self._server.port}")
+        return ", ".join(words) or "nothing: no hardware is named"
+
+    def close(self) -> None:
+        """Take them away."""
+        for part in (self._terminal, self._server):
+            if part is not None:
+                part.close()
+        self._terminal = self._server = None
+
+    def serve(self, reading: Record, command: Record) -> bool:
+        """Show the twin's sensors to the instruments, answer the host, and give the twin its current."""
+        p, now = self.plate, time.monotonic()
+        p.plate, p.sink = reading["plate_temperature"].item(), reading["sink_temperature"].item()
+        p.flux = reading["heat_flux"].item()
+        valid = reading["skin_valid"].item() > 0.5
+        p.skin = reading["skin_temperature"].item() if valid else float("nan")
+        self._volts(valid)
+        data = self._terminal.receive() if self._terminal is not None else b""
+        driven, current = False, 0.0
+        if self.tec is not None:
+            out = self.tec.take(data) if data else b""
+            driven, current = self.tec.driven(), self.tec.output()
+        elif self.line is not None:
+            out = self.line.take(data, now) if data else b""
+            current = self.line.output(now)
+            driven = current != 0.0
+        else:
+            out = b""
+        if out and self._terminal is not None:
+            self._terminal.send(out)
+        if self._server is not None:
+            self._server.serve()
+        command["current"] = current
+        return driven
+
+    def _volts(self, valid: bool) -> None:
+        if self.t7 is None:
+            return
+        flux, infrared = self.params.labjack.flux_sensor, self.params.labjack.infrared
+        if flux is not None:
+            self.t7.volts[flux.channel] = flux.voltage(self.plate.flux, self.plate.plate)
+        if infrared is not None:
+            self.t7.volts[infrared.channel] = (self.plate.skin - infrared.zero) / infrared.slope if valid else 0.0

@@ -1,0 +1,90 @@
+"""The display on real hardware: the part of the device that opens drivers and exchanges with them."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, ClassVar
+
+from itouch.plugin import Attached, Device, DeviceError, Emulator, Record
+from itouch_thermal.drivers.emulator import DisplayEmulator
+from itouch_thermal.drivers.rig import Rig, rig_of
+
+#: What stands in a reading of the skin as long as no thermometer has seen it [K]; it is marked as not valid.
+_UNSEEN = 306.15
+
+
+class HardwareDisplay(Device):
+    """Opens what ``<thermal:hardware>`` names: a current source, and sensors."""
+
+    Emulator: ClassVar[type[Emulator] | None] = DisplayEmulator
+    blocking: ClassVar[bool] = True
+    #: Serial ports and sockets of a process that died are free: another one can set the current to zero.
+    second_opener: ClassVar[bool] = True
+
+    def __init__(self, params: Any) -> None:
+        super().__init__(params)
+        self._rig: Rig | None = None
+        self._current, self._skin = 0.0, _UNSEEN
+
+    @classmethod
+    def attached(cls) -> tuple[Attached, ...]:
+        """Look for serial ports; what is behind them is only known when a scene names one."""
+        try:
+            from serial.tools import list_ports
+        except ImportError:
+            return (Attached("serial ports", False, "cannot be looked for: pip install 'itouch-py[thermal-hardware]'"),)
+        advice = "name it in <thermal:mecom> or <thermal:line> if the display's controller is behind it"
+        return tuple(
+            Attached(port.device, True, f"a serial port ({port.description}); {advice}")
+            for port in list_ports.comports()
+            if port.vid is not None
+        )
+
+    def open(self) -> None:
+        """Open the current source and the sensors, with no current.
+
+        Raises
+        ------
+        DeviceError
+            If nothing is named, or something is missing or refuses.
+        """
+        if self.params.command != "current":
+            raise DeviceError('real displays are driven by a current: write command="current"')
+        self._rig = rig = rig_of(self.params, self.trace)
+        self._current = 0.0
+        try:
+            if not math.isfinite(rig.exchange(0.0).flux):
+                raise DeviceError("no flux sensor is there: write <thermal:flux-sensor> inside <thermal:labjack>")
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Set the current to zero and let go."""
+        rig, self._rig = self._rig, None
+        if rig is not None:
+            rig.close()
+
+    def write(self, command: Record) -> None:
+        """Set the current, which the next exchange sends."""
+        self._current = command["current"].item()
+
+    def read(self, reading: Record) -> bool:
+        """Exchange: send the current, take what the sensors say.
+
+        Raises
+        ------
+        DeviceError
+            If a part fails; its message says which.
+        """
+        if self._rig is None:
+            raise DeviceError("the display is not open")
+        found = self._rig.exchange(self._current)
+        seen = math.isfinite(found.skin)
+        if seen:
+            self._skin = found.skin
+        reading["skin_temperature"] = self._skin
+        reading["skin_valid"] = float(seen)
+        reading["plate_temperature"], reading["sink_temperature"] = found.plate, found.sink
+        reading["heat_flux"] = found.flux
+        return True

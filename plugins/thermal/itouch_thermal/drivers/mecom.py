@@ -1,0 +1,139 @@
+"""MeCom, the protocol of Meerstetter's TEC controllers: frames of ASCII hexadecimal with a check sum.
+
+A request is ``#``, address (2 digits), sequence number (4), payload, CRC-16 (4) and CR; an answer begins with ``!`` and
+has the same sequence number.  A write is acknowledged without payload, with the request's own CRC once more.
+"""
+
+from __future__ import annotations
+
+import struct
+
+from itouch.plugin import DeviceError, Trace
+from itouch_thermal.drivers.serialport import SerialLine
+
+#: How long [s] an answer may take, and how often a request is sent.
+PATIENCE, TRIES = 0.06, 3
+ERRORS = {
+    1: "command not available", 2: "device is busy", 3: "general communication error", 4: "format error",
+    5: "no such parameter", 6: "parameter is read only", 7: "value out of range", 8: "no such instance",
+    9: "parameter general failure",
+}  # fmt: skip
+_BUSY = 2
+
+
+class MecomError(DeviceError):
+    """The controller does not answer, or its answers are damaged."""
+
+
+class MecomRefusal(MecomError):  # noqa: N818
+    """The controller refuses a request, with its error code."""
+
+    def __init__(self, code: int, request: str) -> None:
+        super().__init__(f"the TEC controller refuses '{request}': {ERRORS.get(code, 'unknown error')} (+{code:02d})")
+        self.code = code
+
+
+def crc16(data: bytes) -> int:
+    """Return the CRC-16 with polynomial 0x1021 and start 0."""
+    crc = 0
+    for byte in data:
+        crc ^= byte << 8
+        for _ in range(8):
+            crc = (crc << 1 ^ 0x1021) & 0xFFFF if crc & 0x8000 else crc << 1
+    return crc
+
+
+class MecomClient:
+    """Requests to one controller; each is sent again, with the same number, if its answer is missing or damaged."""
+
+    def __init__(self, port: str, baud: int = 57600, address: int = 2, *, trace: Trace | None = None) -> None:
+        self._line = SerialLine(port, baud, end=b"\r", trace=trace)
+        self._address, self._sequence = address, 0
+
+    def close(self) -> None:
+        """Let go of the line."""
+        self._line.close()
+
+    def identity(self) -> str:
+        """Return what the controller says that it is."""
+        return self._ask("?IF").strip()
+
+    def read_float(self, parameter: int, instance: int = 1) -> float:
+        """Return a parameter's floating-point value."""
+        value: float = struct.unpack(">f", self._read(parameter, instance))[0]
+        return value
+
+    def read_int(self, parameter: int, instance: int = 1) -> int:
+        """Return a parameter's whole number."""
+        value: int = struct.unpack(">i", self._read(parameter, instance))[0]
+        return value
+
+    def write_float(self, parameter: int, value: float, instance: int = 1) -> None:
+        """Set a parameter to a floating-point value."""
+        self._write(parameter, instance, struct.pack(">f", value))
+
+    def write_int(self, parameter: int, value: int, instance: int = 1) -> None:
+        """Set a parameter to a whole number."""
+        self._write(parameter, instance, struct.pack(">i", value))
+
+    def _read(self, parameter: int, instance: int) -> bytes:
+        payload = self._ask(f"?VR{parameter:04X}{instance:02X}")
+        try:
+            data = bytes.fromhex(payload)
+        except ValueError:
+            data = b""
+        if len(data) != 4:
+            raise MecomError(f"the TEC controller answered parameter {parameter} with '{payload}', not with 4 bytes")
+        return data
+
+    def _write(self, parameter: int, instance: int, data: bytes) -> None:
+        answer = self._ask(f"VS{parameter:04X}{instance:02X}{data.hex().upper()}")
+        if answer:
+            raise MecomError(f"the TEC controller answered a write of parameter {parameter} with '{answer}'")
+
+    def _ask(self, payload: str) -> str:
+        """Send a request and return the payload of its answer.
+
+        Raises
+        ------
+        MecomRefusal
+            If the controller refuses.
+        MecomError
+            If no good answer comes.
+        """
+        self._sequence = self._sequence + 1 & 0xFFFF
+        body = f"#{self._address:02X}{self._sequence:04X}{payload}".encode()
+        crc = crc16(body)
+        request = body + b"%04X\r" % crc
+        refusal: MecomRefusal | None = None
+        for _ in range(TRIES):
+            self._line.clear()
+            self._line.send(request)
+            answer = self._answer(crc)
+            if answer is None:
+                continue
+            if not answer.startswith("+"):
+                return answer
+            code = int(answer[1:]) if answer[1:].isdigit() else 0
+            refusal = MecomRefusal(code, payload)
+            if code != _BUSY:
+                break
+        raise refusal or MecomError(f"the TEC controller on {self._line.port} did not answer {TRIES} times")
+
+    def _answer(self, sent: int) -> str | None:
+        """Return the payload of the next good answer to this request, or None."""
+        while True:
+            message = self._line.receive(PATIENCE)
+            if message is None:
+                return None
+            start = message.rfind(b"!")
+            body, check = message[max(start, 0) : -4], message[-4:]
+            try:
+                number, crc = int(body[3:7], 16), int(check, 16)
+            except ValueError:
+                return None
+            if start < 0 or number != self._sequence:
+                continue  # an answer that came too late
+            payload = body[7:].decode("ascii", "replace")
+            good = crc == (crc16(body) if payload else sent)
+            return payload if good else None

@@ -1,0 +1,93 @@
+"""What the elements of real hardware inside ``<thermal:hardware>`` may hold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from itouch.plugin import schema
+
+
+@dataclass(frozen=True, slots=True)
+class Mecom:
+    """A Meerstetter TEC controller, which drives the module and reads plate and sink."""
+
+    TAG: ClassVar[str] = "mecom"
+
+    port: str = schema.text(doc="serial port, or socket://HOST:PORT")
+    baud: int = schema.integer(low=9600, high=1_000_000, default=57600, doc="speed of the serial port")
+    address: int = schema.integer(low=0, high=254, default=2, doc="of the controller on its line; 0: any")
+    instance: int = schema.integer(low=1, high=4, default=1, doc="channel of the controller")
+
+
+@dataclass(frozen=True, slots=True)
+class FluxSensor:
+    """A heat-flux sensor's calibration sheet: its voltage to W/m2."""
+
+    TAG: ClassVar[str] = "flux-sensor"
+
+    channel: int = schema.integer(low=0, high=12, default=0, doc="analog input; its negative side is the next one")
+    sensitivity: float = schema.quantity(
+        "V*m^2/W",
+        low=1e-9,
+        high=1.0,
+        doc="voltage at 1 W/m2 out of the finger, at the reference temperature",
+    )
+    reference: float = schema.temperature(low=250.0, high=350.0, default=296.15, doc="temperature of the calibration")
+    correction: float = schema.quantity(
+        "1/K", low=-0.05, high=0.05, default=0.0, doc="relative change of the sensitivity a kelvin"
+    )
+    offset: float = schema.quantity("V", low=-1.0, high=1.0, default=0.0, doc="voltage without flux")
+    sign: float = schema.quantity("", low=-1, high=1, default=1.0, doc="-1 for a sensor that is mounted upside down")
+
+    def __post_init__(self) -> None:
+        schema.validate(self)
+        if abs(self.sign) != 1.0:
+            raise ValueError(f"sign = {self.sign!r} must be 1 or -1")
+
+    def flux(self, voltage: float, temperature: float) -> float:
+        """Return the flux out of the finger [W/m2] of a voltage [V] with the sensor at a temperature [K]."""
+        return self.sign * (voltage - self.offset) / self._slope(temperature)
+
+    def voltage(self, flux: float, temperature: float) -> float:
+        """Return the voltage [V] of a flux [W/m2] with the sensor at a temperature [K]."""
+        return self.sign * flux * self._slope(temperature) + self.offset
+
+    def _slope(self, temperature: float) -> float:
+        return self.sensitivity * (1.0 + self.correction * (temperature - self.reference))
+
+
+@dataclass(frozen=True, slots=True)
+class Infrared:
+    """An infrared thermometer with a voltage output that looks at the finger; out of its range it sees none."""
+
+    TAG: ClassVar[str] = "infrared"
+
+    channel: int = schema.integer(low=0, high=13, default=2, doc="analog input, single-ended")
+    slope: float = schema.quantity("K/V", low=0.1, high=1e4, default=20.0, doc="kelvin a volt")
+    zero: float = schema.temperature(low=150.0, high=350.0, default=273.15, doc="temperature at 0 V")
+    range: tuple[float, float] = schema.temperature(
+        size=2, low=250.0, high=350.0, default=(288.15, 318.15), doc="what counts as a finger"
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class LabJack:
+    """A LabJack T7 over Modbus-TCP, with the sensors at its inputs."""
+
+    TAG: ClassVar[str] = "labjack"
+
+    host: str = schema.text(doc="address of the T7, HOST or HOST:PORT")
+    resolution: int = schema.integer(low=0, high=12, default=0, doc="resolution index of the inputs; 0: its own choice")
+    flux_sensor: FluxSensor | None = schema.child(FluxSensor, default=None, doc="the sensor under the finger")
+    infrared: Infrared | None = schema.child(Infrared, default=None, doc="the thermometer that looks at the finger")
+
+
+@dataclass(frozen=True, slots=True)
+class LinePort:
+    """A rig of one's own that speaks the line protocol (the reference manual has it, with an Arduino's program)."""
+
+    TAG: ClassVar[str] = "line"
+
+    port: str = schema.text(doc="serial port, or socket://HOST:PORT")
+    baud: int = schema.integer(low=9600, high=2_000_000, default=115200, doc="speed of the serial port")

@@ -1,0 +1,78 @@
+"""The parts of a display put together: what drives the module, what reads the sensors."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from itouch.plugin import DeviceError, Trace
+from itouch_thermal.drivers.labjack import LabJackDriver
+from itouch_thermal.drivers.lineport import LineDriver
+from itouch_thermal.drivers.tec import TecDriver
+
+
+@dataclass(slots=True)
+class Measured:
+    """Readings of a display: temperatures [K], flux [W/m2], current [A]; NaN where there is no sensor."""
+
+    plate: float
+    sink: float
+    flux: float
+    skin: float
+    current: float
+
+
+class Rig:
+    """Open drivers: a controller or a rig of one's own, and a LabJack if there is one."""
+
+    def __init__(self, params: Any, trace: Trace | None = None) -> None:
+        self._source: TecDriver | LineDriver
+        self._labjack: LabJackDriver | None = None
+        self._source = TecDriver(params.mecom, trace) if params.mecom is not None else LineDriver(params.line, trace)
+        if params.labjack is not None:
+            try:
+                self._labjack = LabJackDriver(params.labjack, trace)
+            except BaseException:
+                with contextlib.suppress(DeviceError):
+                    self._source.close()
+                raise
+
+    def exchange(self, current: float) -> Measured:
+        """Set the current [A], and measure.
+
+        Raises
+        ------
+        DeviceError
+            If a part fails; its message says which.
+        """
+        read = self._source.exchange(current)
+        flux, skin = getattr(read, "flux", math.nan), getattr(read, "skin", math.nan)
+        if self._labjack is not None:
+            sensors = self._labjack.exchange(read.plate)
+            flux = sensors.flux if math.isfinite(sensors.flux) else flux
+            skin = sensors.skin if math.isfinite(sensors.skin) else skin
+        return Measured(read.plate, read.sink, flux, skin, read.current)
+
+    def close(self) -> None:
+        """Set the current to zero, and let go of everything."""
+        try:
+            self._source.close()
+        finally:
+            if self._labjack is not None:
+                self._labjack.close()
+
+
+def rig_of(params: Any, trace: Trace | None = None) -> Rig:
+    """Open what the parameters name.
+
+    Raises
+    ------
+    DeviceError
+        If they name nothing that drives the module, or two such things, or it cannot be opened.
+    """
+    if (params.mecom is None) == (params.line is None):
+        advice = "write one of <thermal:mecom> and <thermal:line> inside <thermal:hardware>"
+        raise DeviceError(f"nothing, or two things, drive the module: {advice}")
+    return Rig(params, trace)

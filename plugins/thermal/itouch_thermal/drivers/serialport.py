@@ -1,0 +1,78 @@
+"""A serial line that ends its messages with one byte, behind pyserial; every wait has an end."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from itouch.plugin import DeviceError, Trace
+
+
+class SerialLine:
+    """An open line.
+
+    Raises
+    ------
+    DeviceError
+        If it cannot be opened; the message names the port.
+    """
+
+    def __init__(self, port: str, baud: int, *, end: bytes, trace: Trace | None = None) -> None:
+        try:
+            import serial
+        except ImportError as error:
+            raise DeviceError("serial ports need a package more: pip install 'itouch-py[thermal-hardware]'") from error
+        self.port, self._end, self._trace, self._waiting = port, end, trace, b""
+        try:
+            self._serial: Any = serial.serial_for_url(port, baud, timeout=0.01, write_timeout=0.5)
+        except (OSError, ValueError) as error:
+            raise DeviceError(f"serial port '{port}' cannot be opened: {error}") from error
+
+    def close(self) -> None:
+        """Let go of the port."""
+        self._serial.close()
+
+    def send(self, message: bytes) -> None:
+        """Send a message with its end.
+
+        Raises
+        ------
+        DeviceError
+            If the port is gone.
+        """
+        if self._trace:
+            self._trace.sent(message)
+        try:
+            self._serial.write(message)
+        except OSError as error:
+            raise DeviceError(f"serial port '{self.port}' is gone: {error}") from error
+
+    def clear(self) -> None:
+        """Drop what has come and was not read."""
+        self._waiting = b""
+        try:
+            while self._serial.in_waiting:
+                self._serial.read(self._serial.in_waiting)
+        except OSError as error:
+            raise DeviceError(f"serial port '{self.port}' is gone: {error}") from error
+
+    def receive(self, wait: float) -> bytes | None:
+        """Return the next message without its end, or None if none is whole within ``wait`` seconds.
+
+        Raises
+        ------
+        DeviceError
+            If the port is gone.
+        """
+        limit = time.monotonic() + wait
+        while self._end not in self._waiting:
+            if time.monotonic() >= limit:
+                return None
+            try:
+                self._waiting += self._serial.read(max(1, self._serial.in_waiting))
+            except OSError as error:
+                raise DeviceError(f"serial port '{self.port}' is gone: {error}") from error
+        message, _, self._waiting = self._waiting.partition(self._end)
+        if self._trace:
+            self._trace.received(message + self._end)
+        return message

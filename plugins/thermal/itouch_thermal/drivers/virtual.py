@@ -1,0 +1,212 @@
+"""Virtual counterparts of the drivers: a TEC controller, a rig of one's own, and a T7, each without any transport.
+
+Each keeps the physical values that it would measure; whoever owns the physics sets them.  The faults are counts of
+answers that go wrong.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from dataclasses import dataclass, field
+
+from itouch_thermal.drivers import labjack, lineport, tec
+from itouch_thermal.drivers.mecom import crc16
+
+
+@dataclass(slots=True)
+class Plate:
+    """What the sensors of a display would say [K, W/m2, A], and the current that is commanded."""
+
+    plate: float = 296.15
+    sink: float = 296.15
+    flux: float = 0.0
+    skin: float = math.nan
+    current: float = 0.0
+
+
+@dataclass(slots=True)
+class Lapses:
+    """Answers that get lost, are damaged, say that the device is busy, or come with the number of the one before."""
+
+    lost: int = 0
+    damaged: int = 0
+    busy: int = 0
+    late: int = 0
+
+    def take(self, name: str) -> bool:
+        """Tell whether this answer shall go wrong so."""
+        left: int = getattr(self, name)
+        if left > 0:
+            setattr(self, name, left - 1)
+        return left > 0
+
+
+@dataclass(slots=True)
+class VirtualMecom:
+    """A TEC controller: parameters, status, live current; ``flash`` counts what would wear its flash."""
+
+    plate: Plate
+    address: int = 2
+    lapses: Lapses = field(default_factory=Lapses)
+    error: int = 0
+    flash: int = 0
+    integers: dict[int, int] = field(default_factory=lambda: {2000: 2, 2010: 0, 2051: 2, 50000: 0, 1200: 1})
+    floats: dict[int, float] = field(default_factory=lambda: {2020: 0.0, 2021: 0.0, 50001: 0.0, 50002: 0.0})
+    _text: bytes = b""
+
+    def take(self, data: bytes) -> bytes:
+        """Take bytes from the host and return the controller's."""
+        self._text += data
+        out = b""
+        while b"\r" in self._text:
+            message, _, self._text = self._text.partition(b"\r")
+            out += self._message(message[message.rfind(b"#") :] if b"#" in message else b"")
+        return out
+
+    def driven(self) -> bool:
+        """Tell whether the host has taken the output over."""
+        live = self.integers[2000] == tec.INPUT_LIVE and self.integers[2010] == tec.OUTPUT_LIVE
+        return live and self.integers[50000] == 1 and not self.error
+
+    def output(self) -> float:
+        """Return the current that flows [A]."""
+        return self.floats[50001] if self.driven() else 0.0
+
+    def _message(self, message: bytes) -> bytes:
+        body, check = message[:-4], message[-4:]
+        if len(message) < 11 or check != b"%04X" % crc16(body) or int(body[1:3], 16) not in (0, self.address):
+            return b""
+        if self.lapses.take("lost"):
+            return b""
+        head = b"!" + body[1:7]
+        if self.lapses.take("late"):
+            head = b"!" + body[1:3] + b"%04X" % (int(body[3:7], 16) - 1 & 0xFFFF)
+        answer = b"+02" if self.lapses.take("busy") else self._payload(body[7:].decode("ascii", "replace"))
+        whole = head + answer + (b"%04X" % crc16(head + answer) if answer else check) + b"\r"
+        if self.lapses.take("damaged"):
+            whole = whole[:7] + b"?" + whole[8:]
+        return whole
+
+    def _payload(self, text: str) -> bytes:
+        if text == "?IF":
+            return b"TEC-1091 virtual    "
+        if text[:3] == "?VR" and len(text) == 9:
+            return self._read(int(text[3:7], 16), int(text[7:9], 16))
+        if text[:2] == "VS" and len(text) == 16:
+            return self._write(int(text[2:6], 16), int(text[6:8], 16), bytes.fromhex(text[8:]))
+        return b"+01"
+
+    def _read(self, parameter: int, instance: int) -> bytes:
+        if instance != 1:
+            return b"+08"
+        plate = self.plate
+        measured = {
+            1000: plate.plate - tec.KELVIN, 1001: plate.sink - tec.KELVIN,
+            1020: self.output(), 1021: 2.0 * self.output(),
+        }  # fmt: skip
+        if parameter in measured:
+            return struct.pack(">f", measured[parameter]).hex().upper().encode()
+        if parameter in self.floats:
+            return struct.pack(">f", self.floats[parameter]).hex().upper().encode()
+        whole = {104: 3 if self.error else 2, 105: self.error, **self.integers}
+        return struct.pack(">i", whole[parameter]).hex().upper().encode() if parameter in whole else b"+05"
+
+    def _write(self, parameter: int, instance: int, data: bytes) -> bytes:
+        if instance != 1:
+            return b"+08"
+        if parameter in (104, 105, 1000, 1001, 1020, 1021, 1200):
+            return b"+06"
+        if parameter in self.floats:
+            value = struct.unpack(">f", data)[0]
+            if not math.isfinite(value) or abs(value) > 20.0:
+                return b"+07"
+            self.floats[parameter] = value
+        elif parameter in self.integers:
+            self.integers[parameter] = struct.unpack(">i", data)[0]
+        else:
+            return b"+05"
+        self.flash += parameter < 50000
+        return b""
+
+
+@dataclass(slots=True)
+class VirtualLine:
+    """A rig of one's own, with its watchdog."""
+
+    plate: Plate
+    lapses: Lapses = field(default_factory=Lapses)
+    current: float = 0.0
+    limit: float = 10.0
+    _fed: float = -math.inf
+    _text: bytes = b""
+
+    def take(self, data: bytes, now: float) -> bytes:
+        """Take bytes from the host and return the rig's."""
+        self._text += data
+        out = b""
+        while b"\n" in self._text:
+            line, _, self._text = self._text.partition(b"\n")
+            body = lineport.unseal(line)
+            if body is None or self.lapses.take("lost"):
+                continue
+            answer = lineport.seal(self._answer(body, now))
+            out += b"#" + answer[1:] if self.lapses.take("damaged") else answer
+        return out
+
+    def output(self, now: float) -> float:
+        """Return the current that flows [A]; none if nobody has asked for it lately."""
+        if now - self._fed > lineport.WATCHDOG:
+            self.current = 0.0
+        return self.current
+
+    def _answer(self, body: str, now: float) -> str:
+        if body == "?":
+            return f"N {lineport.GREETING} virtual"
+        if not body.startswith("I "):
+            return "E unknown command"
+        try:
+            amps = float(body[2:])
+        except ValueError:
+            return "E not a number"
+        if not abs(amps) <= self.limit:
+            return "E out of range"
+        self.current, self._fed = amps, now
+        p = self.plate
+        values = (p.plate - lineport.KELVIN, p.sink - lineport.KELVIN, p.flux, p.skin - lineport.KELVIN, amps)
+        return "R " + " ".join(f"{value:.4f}" for value in values)
+
+
+@dataclass(slots=True)
+class VirtualT7:
+    """A LabJack T7: Modbus-TCP requests in, answers out; ``volts`` are what its inputs measure."""
+
+    volts: dict[int, float] = field(default_factory=dict)
+    product: float = 7.0
+    lapses: Lapses = field(default_factory=Lapses)
+    words: dict[int, int] = field(default_factory=dict)
+
+    def answer(self, request: bytes) -> bytes | None:
+        """Answer one Modbus message without its header (function code and data); None: not at all."""
+        if self.lapses.take("lost"):
+            return None
+        function = request[0]
+        if function in (3, 4) and len(request) == 5:
+            address, count = struct.unpack(">HH", request[1:5])
+            if not 1 <= count <= 120:
+                return bytes((function | 0x80, 3))
+            if self.lapses.take("busy"):
+                return bytes((function | 0x80, 6))
+            return bytes((function, 2 * count)) + struct.pack(f">{count}H", *self._read(address, count))
+        if function == 16 and len(request) >= 6:
+            address, count, size = struct.unpack(">HHB", request[1:6])
+            values = struct.unpack(f">{size // 2}H", request[6 : 6 + size])
+            self.words.update(zip(range(address, address + count), values, strict=False))
+            return request[:5]
+        return bytes((function | 0x80, 1))
+
+    def _read(self, address: int, count: int) -> list[int]:
+        shown = dict(self.words)
+        for start, value in ((labjack.PRODUCT, self.product), *((2 * c, v) for c, v in self.volts.items())):
+            shown[start], shown[start + 1] = struct.unpack(">2H", struct.pack(">f", value))
+        return [shown.get(at, 0) for at in range(address, address + count)]
