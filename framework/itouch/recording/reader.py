@@ -81,8 +81,8 @@ def parse(path: str, data: bytes, size: int, *, chunks: bool = False) -> Content
     try:
         for opcode, body, end in _records(data):
             if opcode == _DATA_END:
-                content.good = end
-                content.whole = True
+                _check_end(data, body, end)
+                content.good, content.whole = end, True
                 break
             parser.take(opcode, body)
             content.good = end
@@ -113,6 +113,15 @@ def _records(data: bytes) -> Iterator[tuple[int, memoryview, int]]:
             raise DamageError(f"the file ends inside a record that begins at byte {at}")
         yield opcode, view[at + 9 : at + 9 + length], at + 9 + length
         at += 9 + length
+
+
+def _check_end(data: bytes, body: memoryview, end: int) -> None:
+    """Check that the end of the data is one, and that nothing before it is missing or altered."""
+    if len(body) != 4:
+        raise DamageError("the end of the data is not one")
+    (crc,) = struct.unpack("<I", body)
+    if zlib.crc32(memoryview(data)[: end - 13]) != crc:
+        raise DamageError("the checksum of all the data does not fit: something in it is missing or altered")
 
 
 class _Parser:
