@@ -22,6 +22,7 @@ def _check(path: str, rig: str | None, twin: str | None) -> bool:
     import sys
 
     from itouch.plugin.discovery import Catalog
+    from itouch.report.limits import limit_line
     from itouch.scene.loader import in_file_order, read_scene
     from itouch.schema.diagnostics import SceneError, render
     from itouch.session import choose_twins
@@ -44,4 +45,6 @@ def _check(path: str, rig: str | None, twin: str | None) -> bool:
         print(f"note: {notice}")
     counts = f"{len(model.objects)} objects, {len(model.devices)} devices, {len(model.modalities)} modalities"
     print(f"{path}: ok ({counts})")
+    for device in model.devices.values():
+        print(f"  {limit_line(device)}")
     return True
