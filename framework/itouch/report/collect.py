@@ -109,7 +109,7 @@ def _recording(path: str) -> Findings:
         sampler.add(work.session.state)
     outcome, report = work.outcome(), work.session.report()
     summary = _summary(report, recording.duration)
-    summary["replay"] = f"{outcome.compared} commands compared, {outcome.mismatches} mismatches"
+    summary["replayed"] = f"{outcome.mismatches} of {outcome.compared} commands differ"
     return Findings(
         os.path.basename(path), "recording", summary, report["contacts"], recording.faults, recording.marks,
         list(recording.losses), _timing(recording.timing), _provenance(dict(recording.session.get("manifest", {}))),

@@ -1,11 +1,11 @@
 "use strict";
 const data = JSON.parse(document.getElementById("data").textContent);
-const settings = { responsive: true, displaylogo: false, modeBarButtonsToRemove: ["lasso2d", "select2d"] };
+const settings = { responsive: true, displaylogo: false, displayModeBar: window.innerWidth > 700 ? "hover" : false, modeBarButtonsToRemove: ["lasso2d", "select2d"] };
 
 function layout(chart, range) {
   return {
-    title: { text: `${chart.title} [${chart.unit}]`, font: { size: 14 }, x: 0, xanchor: "left" },
-    margin: { l: 56, r: 12, t: 34, b: 40 }, height: 280, hovermode: "x unified",
+    title: { text: `${chart.title} [${chart.unit}]`, font: { size: 14 }, x: 0, xanchor: "left", y: 0.97, yanchor: "top" },
+    margin: { l: 56, r: 12, t: 58, b: 40 }, height: 300, hovermode: "x unified",
     xaxis: { title: { text: "time [s]" }, range: range, zeroline: false },
     yaxis: { zeroline: true, zerolinecolor: "#c4cad1", automargin: true },
     legend: { orientation: "h", x: 0, y: 1.02, yanchor: "bottom", xanchor: "left" },

@@ -93,7 +93,9 @@ def _faults(findings: Findings) -> str:
 def _contacts(findings: Findings) -> str:
     if not findings.contacts:
         return '<h2>Contacts</h2>\n<p class="soft">none</p>'
-    rows = [[_cell(contact.get(key), form, scale) for key, _, form, scale in _CONTACTS] for contact in findings.contacts]
+    rows = [
+        [_cell(contact.get(key), form, scale) for key, _, form, scale in _CONTACTS] for contact in findings.contacts
+    ]
     return "<h2>Contacts</h2>\n" + _table([title for _, title, _, _ in _CONTACTS], rows, words=(1,), choices=True)
 
 

@@ -65,10 +65,9 @@ def _forces(model: Model) -> Iterator[_Named]:
 
 
 def _fluxes(model: Model) -> Iterator[_Named]:
-    for modality in model.modalities:
-        if any(field.name == "desired" for field in modality.instance.fields(modality.model)):
-            key = f"{modality.name}.desired"
-            yield "desired", _number(key)
+    names = [m.name for m in model.modalities if any(f.name == "desired" for f in m.instance.fields(m.model))]
+    for name in names:
+        yield "desired" if len(names) == 1 else f"desired ({name})", _number(f"{name}.desired")
     for device in model.devices.values():
         for channel in device.reads:
             if channel.unit == "W/m^2":
