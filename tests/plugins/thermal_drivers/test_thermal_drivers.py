@@ -1,0 +1,376 @@
+"""MeCom, LabJack T7 and line protocol: by hand, against virtual instruments over real ports, with lapses and faults."""
+
+from __future__ import annotations
+
+import io
+import math
+import socket
+import struct
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from itouch.plugin import DeviceError, Field, Record, Terminal, Touch, Trace
+from itouch_thermal import ThermalDisplay
+from itouch_thermal.display.params import DisplayParams
+from itouch_thermal.drivers import FluxSensor, Infrared, LabJack, LinePort, Mecom
+from itouch_thermal.drivers.emulator import DisplayEmulator, ModbusServer
+from itouch_thermal.drivers.labjack import LabJackDriver
+from itouch_thermal.drivers.lineport import LineDriver, seal, unseal
+from itouch_thermal.drivers.mecom import MecomClient, MecomError, MecomRefusal, crc16
+from itouch_thermal.drivers.tec import TecDriver
+from itouch_thermal.drivers.virtual import Plate, VirtualLine, VirtualMecom, VirtualT7
+
+SENSOR = FluxSensor(sensitivity=1.2e-6, correction=0.002, offset=3e-6)
+
+
+@contextmanager
+def served(step: Callable[[], None]) -> Iterator[None]:
+    """Call ``step`` again and again in a thread."""
+    stop = threading.Event()
+
+    def work() -> None:
+        while not stop.is_set():
+            step()
+            time.sleep(2e-4)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join()
+
+
+@pytest.fixture
+def terminal() -> Iterator[Terminal]:
+    made = Terminal()
+    yield made
+    made.close()
+
+
+@contextmanager
+def mecom(terminal: Terminal) -> Iterator[VirtualMecom]:
+    device = VirtualMecom(Plate(plate=300.0, sink=301.5))
+
+    def step() -> None:
+        data = terminal.receive()
+        if data:
+            terminal.send(device.take(data))
+
+    with served(step):
+        yield device
+
+
+# --- MeCom ------------------------------------------------------------------------------------------------------------
+
+
+def test_a_request_by_hand() -> None:
+    """The protocol's own example: address 2, number 1, read parameter 0x0803 instance 1."""
+    assert b"%04X" % crc16(b"#020001?VR080301") == b"90B1"
+
+
+def test_an_acknowledgement_repeats_the_requests_check() -> None:
+    device = VirtualMecom(Plate())
+    body = b"#020007VSC35101" + struct.pack(">f", 1.5).hex().upper().encode()
+    check = b"%04X" % crc16(body)
+    assert device.take(body + check + b"\r") == b"!020007" + check + b"\r"
+    assert device.floats[50001] == 1.5
+
+
+def test_reading_writing_and_refusals(terminal: Terminal) -> None:
+    with mecom(terminal) as device:
+        client = MecomClient(terminal.path, address=2)
+        assert client.identity().startswith("TEC-1091")
+        assert client.read_float(1000) == pytest.approx(26.85, abs=1e-4)
+        client.write_float(50001, -1.25)
+        assert device.floats[50001] == -1.25
+        assert client.read_float(50001) == -1.25
+        assert client.read_int(104) == 2
+        for act, code, words in (
+            (lambda: client.write_float(1000, 1.0), 6, "read only"),
+            (lambda: client.read_int(4711), 5, "no such parameter"),
+            (lambda: client.write_float(50001, 99.0), 7, "out of range"),
+            (lambda: client.read_float(1000, 2), 8, "no such instance"),
+        ):
+            with pytest.raises(MecomRefusal, match=words) as refusal:
+                act()
+            assert refusal.value.code == code
+        client.close()
+
+
+@pytest.mark.parametrize("lapse", ["lost", "damaged", "busy", "late"])
+def test_a_lapse_is_tried_again_and_three_are_an_error(terminal: Terminal, lapse: str) -> None:
+    with mecom(terminal) as device:
+        client = MecomClient(terminal.path)
+        for times in (1, 2):
+            setattr(device.lapses, lapse, times)
+            assert client.read_float(1001) == pytest.approx(28.35, abs=1e-4)
+        setattr(device.lapses, lapse, 3)
+        begin = time.monotonic()
+        with pytest.raises(MecomError):
+            client.read_float(1001)
+        assert time.monotonic() - begin < 2.0
+        assert client.read_float(1001) == pytest.approx(28.35, abs=1e-4)
+        client.close()
+
+
+def test_the_loop_writes_live_parameters_only(terminal: Terminal) -> None:
+    with mecom(terminal) as device:
+        tec = TecDriver(Mecom(port=terminal.path))
+        once = device.flash
+        assert once == 2  # input and output, because they stood otherwise
+        for step in range(30):
+            reading = tec.exchange(0.01 * step)
+        assert device.flash == once
+        assert device.driven()
+        assert reading.current == pytest.approx(0.29, abs=1e-6)
+        assert (reading.plate, reading.sink) == pytest.approx((300.0, 301.5), abs=1e-4)
+        tec.close()
+        assert device.output() == 0.0
+        assert not device.driven()
+        again = TecDriver(Mecom(port=terminal.path))
+        assert device.flash == once  # they stand so now
+        again.close()
+
+
+def test_a_controller_in_error_is_told(terminal: Terminal) -> None:
+    with mecom(terminal) as device:
+        device.error = 108
+        with pytest.raises(DeviceError, match="in error 108"):
+            TecDriver(Mecom(port=terminal.path))
+        device.error = 0
+        tec = TecDriver(Mecom(port=terminal.path))
+        device.error = 61
+        with pytest.raises(DeviceError, match="in error 61"):
+            for _ in range(10):
+                tec.exchange(1.0)
+        tec.close()
+    with pytest.raises(DeviceError, match="did not answer 3 times"):
+        TecDriver(Mecom(port=terminal.path))
+    with pytest.raises(DeviceError, match="cannot be opened"):
+        MecomClient("/dev/no-such-port")
+
+
+@given(st.binary(max_size=80))
+def test_the_controller_takes_anything(data: bytes) -> None:
+    VirtualMecom(Plate()).take(data + b"\r")
+
+
+# --- LabJack T7 -------------------------------------------------------------------------------------------------------
+
+
+@contextmanager
+def labjack(**changed: object) -> Iterator[tuple[VirtualT7, LabJack]]:
+    device = VirtualT7({0: SENSOR.voltage(500.0, 300.0), 2: 1.65})
+    server = ModbusServer("127.0.0.1", 0, device)
+    with served(server.serve):
+        parts = {"flux_sensor": SENSOR, "infrared": Infrared()} | changed
+        yield device, LabJack(host=f"127.0.0.1:{server.port}", **parts)  # type: ignore[arg-type]
+    server.close()
+
+
+def test_the_calibration_sheet() -> None:
+    assert SENSOR.flux(1000.0 * 1.2e-6 + 3e-6, 296.15) == pytest.approx(1000.0)
+    assert SENSOR.flux(SENSOR.voltage(-730.0, 306.15), 306.15) == pytest.approx(-730.0)
+    assert SENSOR.voltage(100.0, 306.15) - 3e-6 == pytest.approx(100.0 * 1.2e-6 * 1.02)
+    turned = FluxSensor(sensitivity=1.2e-6, sign=-1.0)
+    assert turned.flux(1.2e-6, 296.15) == pytest.approx(-1.0)
+    with pytest.raises(ValueError, match="sign"):
+        FluxSensor(sensitivity=1e-6, sign=0.5)
+
+
+def test_voltages_by_the_published_registers() -> None:
+    with labjack() as (device, params):
+        driver = LabJackDriver(params)
+        seen = driver.exchange(300.0)
+        assert seen.flux == pytest.approx(500.0, rel=1e-5)
+        assert seen.skin == pytest.approx(273.15 + 33.0, abs=1e-4)
+        assert struct.pack(">2H", device.words[40000], device.words[40001]) == struct.pack(">f", 0.01)
+        assert device.words[41000] == 1  # AIN0 against AIN1
+        assert device.words[41002] == 199  # single-ended
+        device.volts[2] = 0.0
+        assert math.isnan(driver.exchange(300.0).skin)  # 0 degC is no finger
+        device.volts[0] = -9999.0
+        with pytest.raises(DeviceError, match="overloaded"):
+            driver.exchange(300.0)
+        driver.close()
+
+
+def test_another_product_a_lost_answer_and_no_answer_are_told() -> None:
+    with labjack() as (device, params):
+        device.product = 4.0
+        with pytest.raises(DeviceError, match="product 4, not a LabJack T7"):
+            LabJackDriver(params)
+        device.product = 7.0
+        driver = LabJackDriver(params)
+        device.lapses.lost = 1
+        with pytest.raises(DeviceError, match="does not answer"):
+            device.lapses.lost = 5
+            driver.exchange(300.0)
+        device.lapses.lost = 0
+        driver.close()
+        driver = LabJackDriver(params)
+        device.lapses.busy = 1
+        with pytest.raises(DeviceError, match="refuses register"):
+            driver.exchange(300.0)
+        driver.close()
+    with pytest.raises(DeviceError, match="no LabJack answers"):
+        LabJackDriver(LabJack(host="127.0.0.1:1"))
+    with pytest.raises(DeviceError, match="must be HOST"):
+        LabJackDriver(LabJack(host="127.0.0.1:x"))
+
+
+def test_garbage_does_not_end_the_server() -> None:
+    with labjack() as (_, params):
+        for garbage in (b"GET / HTTP/1.0\r\n\r\n", b"\0" * 64, b"\x00\x01\x00\x00\x00\x02\x01\x63"):
+            with socket.create_connection(("127.0.0.1", int(params.host.split(":")[1])), timeout=2) as line:
+                line.sendall(garbage)
+                time.sleep(0.01)
+        driver = LabJackDriver(params)
+        assert driver.exchange(300.0).flux == pytest.approx(500.0, rel=1e-5)
+        driver.close()
+
+
+# --- line protocol ------------------------------------------------------------------------------------------------------
+
+
+@contextmanager
+def own_rig(terminal: Terminal) -> Iterator[VirtualLine]:
+    device = VirtualLine(Plate(plate=299.0, sink=300.0, flux=-42.0, skin=305.0))
+
+    def step() -> None:
+        data = terminal.receive()
+        if data:
+            terminal.send(device.take(data, time.monotonic()))
+
+    with served(step):
+        yield device
+
+
+def test_a_line_by_hand() -> None:
+    assert seal("I 1") == b"I 1*58\n"  # 0x49 ^ 0x20 ^ 0x31
+    assert unseal(b"I 1*58\r\n") == "I 1"
+    for wrong in (b"I 1*59", b"I 1", b"", b"*", b"I 1*5", b"\xff*00"):
+        assert unseal(wrong) is None
+
+
+@given(st.text(st.characters(codec="ascii", exclude_characters="\n\r"), max_size=40))
+def test_lines_come_back(text: str) -> None:
+    assert unseal(seal(text)) == text
+
+
+def test_a_rig_of_ones_own(terminal: Terminal) -> None:
+    with own_rig(terminal) as device:
+        rig = LineDriver(LinePort(port=terminal.path))
+        seen = rig.exchange(-1.5)
+        assert seen == pytest.approx((299.0, 300.0, -42.0, 305.0, -1.5), abs=1e-3)
+        for lapse in ("lost", "damaged"):
+            setattr(device.lapses, lapse, 2)
+            assert rig.exchange(0.5).current == 0.5
+        with pytest.raises(DeviceError, match="refuses 'I 11.00000': out of range"):
+            rig.exchange(11.0)
+        device.plate.plate = math.nan
+        with pytest.raises(DeviceError, match="lost its plate"):
+            rig.exchange(0.5)
+        device.plate.plate = 299.0
+        rig.exchange(2.0)
+        assert device.output(time.monotonic()) == 2.0
+        assert device.output(time.monotonic() + 0.3) == 0.0  # its own watchdog
+        rig.close()
+        assert device.current == 0.0
+
+
+def test_something_else_on_the_port_is_told(terminal: Terminal) -> None:
+    def parrot() -> None:
+        data = terminal.receive()
+        if data:
+            terminal.send(data)
+
+    with served(parrot), pytest.raises(DeviceError, match="did not answer"):
+        LineDriver(LinePort(port=terminal.path))
+
+
+# --- the device, closed over real bytes with the plant behind ------------------------------------------------------------
+
+
+def params(terminal_name: str, port: int) -> DisplayParams:
+    return DisplayParams(
+        mecom=Mecom(port=terminal_name),
+        labjack=LabJack(host=f"127.0.0.1:{port}", flux_sensor=SENSOR, infrared=Infrared()),
+    )
+
+
+def free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        return int(listener.getsockname()[1])
+
+
+def test_a_loop_through_the_real_bytes_holds_a_flux(tmp_path: object) -> None:
+    """The plant behind MeCom and Modbus, a plain PI at the exchange's own rate: 300 W/m2 out of the finger."""
+    given_ = params(f"{tmp_path}/tec", free_port())
+    emulator = DisplayEmulator(given_)
+    twin = ThermalDisplay.Twin(given_)  # type: ignore[misc]
+    reads, commands = ThermalDisplay.channels(given_)
+    state = Record.of(twin.fields())
+    reading, command = (Record.of(Field(c.name, "f8", c.size) for c in side) for side in (reads, commands))
+    twin.reset(state, np.random.default_rng(1))
+    touch, clock = Touch(force=1.0, gap=-1e-3), {"last": time.monotonic()}
+
+    def step() -> None:
+        now = time.monotonic()
+        for _ in range(min(20, int((now - clock["last"]) / 1e-3))):
+            twin.step(state, command, touch, 1e-3)
+            clock["last"] += 1e-3
+        twin.read(state, reading)
+        emulator.serve(reading, command)
+
+    emulator.open()
+    twin.step(state, command, touch, 1e-3)  # compiles, or loads what is compiled
+    clock["last"] = time.monotonic()
+    stream = io.StringIO()
+    with served(step):
+        display = ThermalDisplay(given_)
+        display.trace = Trace(stream, "peltier")
+        display.open()
+        seen, wanted = (Record.of(Field(c.name, "f8", c.size) for c in side) for side in (reads, commands))
+        integral, exchanges, begin = 0.0, 0, time.monotonic()
+        errors = []
+        while time.monotonic() - begin < 3.0:
+            display.read(seen)
+            exchanges += 1
+            error = 300.0 - seen["heat_flux"].item()
+            integral = float(np.clip(integral + 2e-4 * error, -3.0, 3.0))
+            wanted["current"] = np.clip(integral + 3e-3 * error, -3.0, 3.0)
+            display.write(wanted)
+            if time.monotonic() - begin > 2.0:
+                errors.append(abs(error))
+            time.sleep(max(0.0, begin + 0.02 * exchanges - time.monotonic()))
+        display.close()
+    emulator.close()
+    assert exchanges > 60
+    assert sum(errors) / len(errors) < 60.0
+    assert emulator.tec is not None
+    assert emulator.tec.output() == 0.0
+    assert 'peltier > "#02' in stream.getvalue()
+    assert "read 0 x 3" in stream.getvalue()
+
+
+def test_a_display_without_hardware_named_says_what_to_write() -> None:
+    with pytest.raises(DeviceError, match="<thermal:mecom> and <thermal:line>"):
+        ThermalDisplay(DisplayParams()).open()
+    with pytest.raises(DeviceError, match='command="current"'):
+        ThermalDisplay(DisplayParams(command="temperature")).open()
+
+
+def test_no_flux_sensor_is_told(terminal: Terminal) -> None:
+    with mecom(terminal) as device, pytest.raises(DeviceError, match="no flux sensor"):
+        ThermalDisplay(DisplayParams(mecom=Mecom(port=terminal.path))).open()
+    assert device.output() == 0.0
