@@ -16,6 +16,8 @@ COMMANDS = {
     "check": ("itouch.cli.check", "print every problem of scene files"),
     "devices": ("itouch.cli.devices", "list the device plugins that are installed"),
     "demo": ("itouch.cli.demo", "run the four-material scene that comes with the program"),
+    "doctor": ("itouch.cli.doctor", "say what this machine can do, and whether a person should put a finger in"),
+    "virtual-rig": ("itouch.cli.virtual_rig", "simulate the devices of a scene behind their real protocols"),
     "bench": ("itouch.cli.bench", "measure accuracy and speed"),
     "inspect": ("itouch.cli.inspect", "say what a scene, a session or a recording holds"),
     "export": ("itouch.cli.export", "write a session as XML, or a recording as tables"),

@@ -220,6 +220,11 @@ class Engine:
         for runner in self._all:
             runner.step_twin()
 
+    def step_twins(self, moving: bool) -> None:
+        """Advance the simulated world alone by one period, under what its devices were sent last."""
+        self._move(moving)
+        self._tick[...] = int(self._tick) + 1
+
     def make_safe(self, fault: DeviceFaultError) -> None:
         """Make every device safe because of a fault, and note it."""
         self.fault = fault

@@ -8,7 +8,21 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from itouch.plugin import Attached, Channel, Device, DeviceError, Field, Record, Touch, Twin, pose, schema, wrench
+from itouch.plugin import (
+    Attached,
+    Channel,
+    Device,
+    DeviceError,
+    Emulator,
+    Field,
+    Record,
+    Touch,
+    Twin,
+    pose,
+    schema,
+    wrench,
+)
+from itouch_usb_arm.emulator import ArmEmulator
 from itouch_usb_arm.errors import NotHomed
 from itouch_usb_arm.falcon import FORCE_SCALE, Falcon
 from itouch_usb_arm.look import look
@@ -93,6 +107,7 @@ class UsbArm(Device):
     reads = (pose(),)
     commands = (wrench(force=FORCE),)
     Twin = UsbArmTwin
+    Emulator: ClassVar[type[Emulator] | None] = ArmEmulator
     blocking: ClassVar[bool] = True
     #: A process that dies lets go of the interface, so that another one can send zero force.
     second_opener: ClassVar[bool] = True

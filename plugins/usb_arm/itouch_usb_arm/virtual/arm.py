@@ -82,6 +82,8 @@ class VirtualFalcon:
         Whether all axes are homed already.
     hand
         Who holds the grip; by default a hand that rests and that homes the arm when it is asked to.
+    mechanics
+        What moves; by default a grip in that hand.
     """
 
     def __init__(
@@ -90,12 +92,13 @@ class VirtualFalcon:
         running: bool = False,
         homed: bool = False,
         hand: Hand | None = None,
+        mechanics: Mechanics | None = None,
         time: Time | None = None,
         seed: int = 0,
     ) -> None:
         self.time: Time = time or HostTime()
         self.hand = hand or Hand()
-        self.mechanics = Mechanics(hand=self.hand)
+        self.mechanics = mechanics or Mechanics(hand=self.hand)
         self.faults = Faults()
         self.buttons, self.leds = Buttons.NONE, Leds.OFF
         self.attached = True

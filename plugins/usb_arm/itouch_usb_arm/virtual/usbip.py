@@ -79,9 +79,9 @@ class UsbipServer:
         while not stop():
             self.step()
 
-    def step(self) -> None:
-        """Wait for what comes next, and do it."""
-        for key, _ in self._selector.select(self._patience()):
+    def step(self, *, wait: bool = True) -> None:
+        """Do what is due; ``wait``: for the next thing, if nothing is."""
+        for key, _ in self._selector.select(self._patience() if wait else 0.0):
             if key.data is None:
                 self._accept()
             else:

@@ -1,0 +1,111 @@
+"""``itouch-py virtual-rig``: the devices of a scene, simulated behind their real protocols.
+
+Every device's twin stands where its parameters say that the device is (a serial port, a socket, USB/IP), coupled by
+the same operator and the same finger as in a run on twins; another ``itouch-py`` runs the scene on it as on hardware.
+"""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+import time
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from itouch.cli.arguments import seconds
+from itouch.plugin import Emulator
+from itouch.schema import ItouchError
+
+if TYPE_CHECKING:
+    from itouch.loop import Engine
+    from itouch.loop.runner import Runner
+
+#: Time between two looks at the wires [s]; a simulation this far behind goes on from now [s].
+LOOK, BEHIND = 2e-4, 0.1
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+def main(argv: Sequence[str]) -> int:
+    """Serve a scene's devices until Ctrl-C, or for a time."""
+    parser = argparse.ArgumentParser(prog="itouch-py virtual-rig", description=main.__doc__)
+    parser.add_argument("scene", metavar="SCENE.xml", help="the scene that another itouch-py will run")
+    parser.add_argument("--rig", metavar="FILE", help="put another rig with the same device names under the scene")
+    parser.add_argument("--for", dest="duration", type=seconds, metavar="60s", help="end after this time")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of all noise (default 0)")
+    options = parser.parse_args(argv)
+    from itouch.servo.prepare import prepare
+
+    session = prepare(options.scene, seed=options.seed, twin="all", rig=options.rig)
+    rig = VirtualRig(session)
+    ended: list[int] = []
+    before = {number: signal.signal(number, lambda n, _: ended.append(n)) for number in _SIGNALS}
+    try:
+        for name, where in rig.open():
+            print(f"{name}: {where}")
+        print("ready; Ctrl-C ends it", flush=True)
+        limit = time.monotonic() + options.duration if options.duration is not None else float("inf")
+        rig.run(lambda: bool(ended) or time.monotonic() >= limit)
+    finally:
+        rig.close()
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        session.close()
+    return 0
+
+
+class VirtualRig:
+    """The twins of a session behind their emulators."""
+
+    def __init__(self, session: Engine) -> None:
+        self._session = session
+        self._period = session.model.period
+        self._lines: list[tuple[Runner, Emulator]] = []
+        for runner in session.runners:
+            cls = runner.model.cls.Emulator
+            if cls is None:
+                raise ItouchError(f"device '{runner.model.name}': plugin '{runner.model.plugin}' has no emulator")
+            self._lines.append((runner, cls(runner.model.params)))
+        #: Whether a host drives a device: then the operator's motion goes on.
+        self.driven = False
+
+    def open(self) -> list[tuple[str, str]]:
+        """Begin to listen; return each device's name and where it is.
+
+        Raises
+        ------
+        DeviceError
+            If a device's place is taken.
+        """
+        return [(runner.model.name, emulator.open()) for runner, emulator in self._lines]
+
+    def close(self) -> None:
+        """Hang up."""
+        for _, emulator in self._lines:
+            emulator.close()
+
+    def run(self, stop: Callable[[], bool]) -> None:
+        """Simulate in real time, and answer the hosts, until ``stop`` says so."""
+        due = time.monotonic()
+        late = 0.0
+        while not stop():
+            self.look()
+            now = time.monotonic()
+            if now < due:
+                time.sleep(min(LOOK, due - now))
+                continue
+            self._session.step_twins(self.driven)
+            due += self._period
+            if now - due > BEHIND:
+                late += now - due
+                due = now
+        if late:
+            print(f"note: the simulation was {late:.1f} s too slow in all", file=sys.stderr)
+
+    def look(self) -> None:
+        """Let every emulator answer once."""
+        for runner, emulator in self._lines:
+            twin = runner.twin
+            if twin is not None:
+                twin.read(runner.twin_state, runner.reading)
+                self.driven |= emulator.serve(runner.reading, runner.sent)

@@ -1,0 +1,67 @@
+"""The arm's wire: a virtual Falcon on a USB/IP server, whose grip goes where the arm's twin is."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from itouch.plugin import DeviceError, Emulator, Record
+from itouch_usb_arm import kinematics
+from itouch_usb_arm.virtual.arm import VirtualFalcon
+from itouch_usb_arm.virtual.mechanics import Mechanics
+from itouch_usb_arm.virtual.usbip import UsbipServer
+from itouch_usb_arm.wire import Buttons
+
+
+class Led(Mechanics):
+    """Mechanics that somebody else moves."""
+
+    def advance(self, now: float) -> None:
+        """Stay: the twin says where the grip is."""
+
+    def lead(self, position: kinematics.Vector) -> None:
+        """Take the grip to a position [m]; where the arm cannot be it stays behind."""
+        try:
+            kinematics.jacobian(position)
+        except kinematics.UnreachableError:
+            return
+        self.position = position
+
+
+class ArmEmulator(Emulator):
+    """A homed arm with running firmware where ``usbip`` says; its operator holds the switch."""
+
+    def __init__(self, params: Any) -> None:
+        super().__init__(params)
+        self._led = Led(counts_per_torque=params.force_scale)
+        self.arm = VirtualFalcon(running=True, homed=True, mechanics=self._led)
+        if params.deadman != "none":
+            self.arm.buttons = Buttons[params.deadman.upper()]
+        self._server: UsbipServer | None = None
+
+    def open(self) -> str:
+        """Listen where the parameters say."""
+        host, _, port = self.params.usbip.rpartition(":")
+        if not host or not port.isdigit():
+            return "nothing: no usbip address is named"
+        try:
+            self._server = UsbipServer(self.arm, (host, int(port)))
+        except OSError as error:
+            raise DeviceError(f"no virtual arm can listen on {host}:{port}: {error.strerror or error}") from error
+        return f"Falcon over USB/IP on {host}:{port}"
+
+    def close(self) -> None:
+        """Hang up."""
+        server, self._server = self._server, None
+        if server is not None:
+            server.close()
+
+    def serve(self, reading: Record, command: Record) -> bool:
+        """Take the grip to where the twin is, answer the host, and give the twin the motors' force."""
+        place = reading["pose"].tolist()[:3]
+        x, y, z = (a - b for a, b in zip(place, self.params.grip, strict=True))
+        self._led.lead((x, y, z))
+        if self._server is not None:
+            self._server.step(wait=False)
+        driven = any(self._led.motors)
+        command["wrench"] = (*self._led.motor_force(), 0.0, 0.0, 0.0) if driven else 0.0
+        return driven
