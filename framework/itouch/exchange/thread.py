@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import threading
 import time
 from collections.abc import Callable
@@ -89,6 +91,7 @@ class ThreadedDevice(Device):
             raise DeviceError("does not answer; it will be closed when its exchange ends")
 
     def _live(self, opened: threading.Event, read: threading.Event, ending: threading.Event) -> None:
+        _keep_up()
         try:
             self.device.open()
         except Exception as error:
@@ -143,6 +146,15 @@ class ThreadedDevice(Device):
             self._wanted = None if self._wanted is wanted else self._wanted
         self.device.write(self._command)
         return wanted
+
+
+def _keep_up() -> None:
+    """Take the priority of the process's main thread, one step lower: the loop must never wait for this thread."""
+    with contextlib.suppress(OSError, AttributeError):
+        policy = os.sched_getscheduler(os.getpid())
+        if policy & os.SCHED_FIFO:
+            priority = max(1, os.sched_getparam(os.getpid()).sched_priority - 1)
+            os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
 
 
 def make_safe(command: Record, channels: tuple[Channel, ...]) -> None:

@@ -1,0 +1,45 @@
+"""``itouch-py doctor``: what this machine can do, what it lacks, and whether a person should put a finger in."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+
+from itouch.cli.arguments import seconds
+
+_MARKS = {"ok": "ok    ", "lack": "LACK  ", "note": "note  "}
+
+
+def main(argv: Sequence[str]) -> int:
+    """Say what this machine can do, and what to do about each lack."""
+    parser = argparse.ArgumentParser(prog="itouch-py doctor", description=main.__doc__)
+    parser.add_argument("--measure", type=seconds, metavar="10s",
+                        help="run the loop for this long, idle and then beside a load, and judge by that")  # fmt: skip
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    options = parser.parse_args(argv)
+    from itouch.cli.doctor.checks import examine
+    from itouch.cli.doctor.verdict import judge, measure
+
+    findings = examine()
+    if not options.json:
+        for finding in findings:
+            print(f"{_MARKS[finding.status]}{finding.name:<15} {finding.found}")
+            if finding.advice:
+                print(f"{'':<22}-> {finding.advice}")
+    measured = None if options.measure is None else measure(options.measure)
+    verdict = judge(findings, measured)
+    if options.json:
+        content = {
+            "checks": [asdict(finding) for finding in findings],
+            "measured": None if measured is None else [asdict(row) for row in measured],
+            "finger": verdict.finger,
+            "verdict": verdict.sentence,
+        }
+        print(json.dumps(content, indent=1))
+        return 0
+    for row in measured or ():
+        print(f"loop, {row.load:<10}    {row.sentence()}")
+    print(f"\n{verdict.sentence}")
+    return 0
