@@ -13,6 +13,7 @@ the best point is tried, the first triangle that it touches gives a plane, and t
 
 from itouch.contact import layout as at
 from itouch.contact.compiling import inner
+from itouch.contact.crawl import crawl
 from itouch.contact.distance import distance
 from itouch.contact.frames import rotate, to_local, unrotate
 from itouch.contact.gather import gather
@@ -24,6 +25,7 @@ from itouch.contact.site import Mesh, add_seed, put_plane
 from itouch.contact.vectors import Floats, Vector, add, along, dot, norm, sub
 
 MAX_MOVES = 64
+SMALL = 0.2  # share of the way to the goal below which a probe is small
 MAX_CUTS = 24
 RELATIVE, ABSOLUTE = 1e-10, 1e-13  # a shorter move ends the search; of the distance to the goal, and [m]
 ROUNDED = 1e-2  # and of the gap that counts as contact
@@ -112,10 +114,26 @@ def creep(site: Floats, mesh: Mesh | None, start: Vector, goal: Vector) -> Slid:
 
 
 @inner
+def is_small(site: Floats, length: float) -> bool:
+    """Whether the probe is small against the way to its goal, so that guessing a place nearby is of no use."""
+    for k in range(at.FRAME_FIRST, int(site[at.ENDS, at.END_FRAMES])):
+        if site[k, at.FRAME_REACH] > SMALL * length:
+            return False
+    return True
+
+
+@inner
 def slide(site: Floats, mesh: Mesh | None, start: Vector, goal: Vector) -> Slid:
     """Slide from ``start`` towards ``goal``; returns the place and the solution there."""
     if mesh is not None:
-        done, place, solution = quick(site, mesh, start, goal)
-        if done:
-            return place, solution
+        small = is_small(site, norm(sub(goal, start)))
+        if not small:
+            done, place, solution = quick(site, mesh, start, goal)
+            if done:
+                return place, solution
+        if int(site[at.ENDS, at.END_FRAMES]) == at.FRAME_FIRST + 1:
+            for s in range(at.SEED_FIRST, int(site[at.ENDS, at.END_SEEDS])):
+                done, place = crawl(site, mesh, s, start, goal)
+                if done:
+                    return place, ((0.0, 0.0, 0.0), 0, -1, -1, True)
     return creep(site, mesh, start, goal)

@@ -14,7 +14,7 @@ from itouch.contact.report import clear, report, report_near
 from itouch.contact.reset import nearest_free
 from itouch.contact.site import Mesh, add_seed, empty_site, put_near_objects, put_object, site_rows
 from itouch.contact.slide import slide
-from itouch.contact.triangle import nearest_of
+from itouch.contact.triangle import nearest_of, pierced
 from itouch.contact.vectors import Floats, Vector, norm, put, sub, vector
 
 
@@ -41,8 +41,11 @@ def recall(site: Floats, mesh: Mesh | None, memory: Floats) -> None:
 
 
 @inner
-def is_covered(site: Floats, mesh: Mesh | None, hip: Vector) -> bool:
-    """Whether the HIP is plainly not free: inside a primitive, or nearer than the radius to a triangle in view."""
+def is_covered(site: Floats, mesh: Mesh | None, p: Vector, hip: Vector) -> bool:
+    """Whether the HIP is plainly not free, for a proxy at ``p``.
+
+    It is inside a primitive, nearer than the radius to a triangle in view, or straight behind it.
+    """
     for k in range(at.FRAME_FIRST, int(site[at.ENDS, at.END_FRAMES])):
         if site[k, at.FRAME_KIND] != at.KIND_MESH:
             depth, _, _ = distance(site, k, to_local(site, k, hip))
@@ -52,7 +55,10 @@ def is_covered(site: Floats, mesh: Mesh | None, hip: Vector) -> bool:
         for s in range(at.SEED_FIRST, int(site[at.ENDS, at.END_SEEDS])):
             k, t = int(site[s, at.SEED_FRAME]), int(site[s, at.SEED_TRIANGLE])
             q = to_local(site, k, hip)
-            if norm(sub(q, nearest_of(mesh[0], mesh[1], t, q))) < site[k, at.FRAME_REACH]:
+            foot = nearest_of(mesh[0], mesh[1], t, q)
+            if norm(sub(q, foot)) < site[k, at.FRAME_REACH]:
+                return True
+            if pierced(mesh[0], mesh[1], t, to_local(site, k, p), q):
                 return True
     return False
 
@@ -90,7 +96,7 @@ def follow(
         if site[k, at.FRAME_MOVED] > 0.0:
             p = pushed(site, mesh, p)
             break
-    if not (in_contact and rough and is_covered(site, mesh, hip)):
+    if not (in_contact and rough and is_covered(site, mesh, p, hip)):
         place, solution = slide(site, mesh, p, hip)
         if solution[1] < 0:
             return place, at.SLIP_NONE, (0, solution, 0.0, 0.0)

@@ -74,3 +74,17 @@ def face_normal(vertices: Floats, triangles: Ints32, t: int) -> Vector:
 def height(vertices: Floats, triangles: Ints32, t: int, p: Vector) -> float:
     """Signed distance of ``p`` from the triangle's plane, positive in front."""
     return float(dot(face_normal(vertices, triangles, t), sub(p, corner(vertices, triangles[t, 0]))))
+
+
+@inner
+def pierced(vertices: Floats, triangles: Ints32, t: int, p: Vector, q: Vector) -> bool:
+    """Whether the way from ``p`` in front of a triangle to ``q`` leads through it to its back."""
+    a, b, c = (corner(vertices, triangles[t, 0]), corner(vertices, triangles[t, 1]), corner(vertices, triangles[t, 2]))
+    n = cross(sub(b, a), sub(c, a))
+    above, below = dot(n, sub(p, a)), dot(n, sub(q, a))
+    if above < 0.0 or below >= 0.0:
+        return False
+    x = along(p, above / (above - below), sub(q, p))
+    if dot(cross(sub(b, a), sub(x, a)), n) < 0.0 or dot(cross(sub(c, b), sub(x, b)), n) < 0.0:
+        return False
+    return bool(dot(cross(sub(a, c), sub(x, c)), n) >= 0.0)

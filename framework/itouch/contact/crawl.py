@@ -1,0 +1,111 @@
+"""The short way of a point over a mesh: from triangle to neighbour towards the goal, each straight piece tried.
+
+A point probe has no size that would prove a guessed place right (see ``quick``), and the rounding of an edge by its
+tiny skin costs the general search many tiny moves. Walking over the triangles goes straight to where it ends: inside a
+triangle, at the goal's foot, or in a valley between two, at the goal's foot on their common edge. What the walk meets
+that is not of this kind - a rim, a peak, the other side, a goal in front of the surface, another piece of surface in
+its way - is left to the general search.
+"""
+
+from itouch.contact import layout as at
+from itouch.contact.bvh import Ints32
+from itouch.contact.compiling import inner
+from itouch.contact.frames import to_local, to_world
+from itouch.contact.meshcast import mesh_cast
+from itouch.contact.neighbours import NEIGHBOUR
+from itouch.contact.site import Mesh, add_seed
+from itouch.contact.triangle import corner, face_normal
+from itouch.contact.vectors import Floats, Vector, along, cross, dot, norm, sub
+
+HOPS = 10
+SHARP = 0.1  # 1 + cosine between two normals below which an edge is too sharp for a mitre
+
+
+@inner
+def _exit(vertices: Floats, triangles: Ints32, t: int, n: Vector, x: Vector, y: Vector) -> tuple[float, int]:
+    """Share of the way from ``x`` to ``y`` in the plane of a triangle where it leaves it, and across which edge."""
+    best, edge = 1.0, -1
+    for e in range(3):
+        a = corner(vertices, triangles[t, e])
+        inward = cross(n, sub(corner(vertices, triangles[t, (e + 1) % 3]), a))
+        here, there = dot(inward, sub(x, a)), dot(inward, sub(y, a))
+        if there < 0.0:
+            share = max(here, 0.0) / (max(here, 0.0) - there)
+            if share < best:
+                best, edge = share, e
+    return best, edge
+
+
+@inner
+def _mitre(n: Vector, m: Vector) -> Vector:
+    """Place at distance 1 from the planes of both normals, over their common line."""
+    scale = 1.0 / (1.0 + dot(n, m))
+    return (scale * (n[0] + m[0]), scale * (n[1] + m[1]), scale * (n[2] + m[2]))
+
+
+@inner
+def _tried(site: Floats, mesh: Mesh, k: int, p: Vector, q: Vector) -> bool:
+    """Whether the straight way between two places meets nothing."""
+    way = sub(q, p)
+    length = norm(way)
+    if length == 0.0:
+        return True
+    return bool(mesh_cast(site, mesh, k, p, along((0.0, 0.0, 0.0), 1.0 / length, way), length)[1] < 0)
+
+
+@inner
+def crawl(site: Floats, mesh: Mesh, lead: int, start: Vector, goal_at: Vector) -> tuple[bool, Vector]:
+    """Walk from ``start`` towards a goal behind the surface; returns whether that ended well, and where.
+
+    ``lead`` is the row of the triangle in view that is touched; where the walk ends is taken into view.
+    """
+    vertices, triangles = mesh[0], mesh[1]
+    k, t = int(site[lead, at.SEED_FRAME]), int(site[lead, at.SEED_TRIANGLE])
+    reach, touch = site[k, at.FRAME_REACH], site[at.ENDS, at.END_TOUCH]
+    if site[k, at.FRAME_SIDES] == at.TWO_SIDED:
+        return False, start
+    p, goal = to_local(site, k, start), to_local(site, k, goal_at)
+    n = face_normal(vertices, triangles, t)
+    height = dot(n, sub(p, corner(vertices, triangles[t, 0])))
+    if abs(height - reach) > touch:
+        return False, start
+    x = along(p, -height, n)
+    for _ in range(HOPS):
+        depth = dot(n, sub(goal, x))
+        if depth >= reach:
+            return False, start
+        y = along(goal, -depth, n)
+        share, e = _exit(vertices, triangles, t, n, x, y)
+        if e < 0:
+            end = along(y, reach, n)
+            if not _tried(site, mesh, k, p, end):
+                return False, start
+            add_seed(site, k, t, 0.0)
+            return True, to_world(site, k, end)
+        u = int(triangles[t, NEIGHBOUR + e])
+        if u < 0:
+            return False, start
+        x = along(x, share, sub(y, x))
+        a, b = corner(vertices, triangles[t, e]), corner(vertices, triangles[t, (e + 1) % 3])
+        m = face_normal(vertices, triangles, u)
+        if dot(n, m) + 1.0 < SHARP:
+            return False, start
+        corner_at = along(x, reach, _mitre(n, m))
+        if not _tried(site, mesh, k, p, corner_at):
+            return False, start
+        p = corner_at
+        inward = cross(sub(b, a), m)  # into the neighbour, whose winding runs along the edge the other way
+        fall = dot(m, sub(goal, x))
+        if dot(inward, sub(along(goal, -fall, m), x)) <= 0.0:
+            line = sub(b, a)
+            s = dot(line, sub(goal, a)) / dot(line, line)
+            if fall >= reach or not 0.0 <= s <= 1.0:
+                return False, start
+            end = along(along(a, s, line), reach, _mitre(n, m))
+            if not _tried(site, mesh, k, p, end):
+                return False, start
+            add_seed(site, k, t, 0.0)
+            add_seed(site, k, u, 0.0)
+            return True, to_world(site, k, end)
+        t, n = u, m
+    return False, start
