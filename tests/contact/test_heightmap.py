@@ -33,6 +33,7 @@ def written(tmp_path: Path, data: bytes) -> Path:
 
 def test_png_of_every_kind_as_another_program_reads_it(tmp_path: Path, rng: np.random.Generator) -> None:
     from PIL import Image  # comes with matplotlib
+
     grey = rng.integers(0, 256, (13, 17), dtype=np.uint8)
     smooth = np.add.outer(np.arange(40), np.arange(30)).astype(np.uint8) * 3
     for array, mode in ((grey, "L"), (smooth, "L"), (np.stack([grey, grey // 2, 255 - grey], 2), "RGB")):
