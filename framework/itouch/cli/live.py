@@ -28,21 +28,25 @@ def needed(session: Session) -> bool:
     return any(not device.twin or device.remote for device in session.model.devices.values())
 
 
-def run(options: argparse.Namespace) -> int:
-    """Run in real time and return the exit code."""
+def run(options: argparse.Namespace, *, window: bool = False) -> int:
+    """Run in real time, in a window if that is asked for, and return the exit code."""
     from itouch.servo import launch
 
     if not 0 <= options.seed < 1 << 63:
         raise ItouchError(f"--seed {options.seed} is out of range: 0 to 2^63 - 1")
-    for option in ("screenshot", "film", "sound_file"):
+    for option in ("screenshot", "film", "wav"):
         if getattr(options, option, None):
             named = option.replace("_", "-")
             raise ItouchError(f"--{named} needs --pace fast: in real time a window or an attached process does that")
     handle = launch(
         options.scene, seed=options.seed, twin=options.twin, rig=options.rig, seconds=options.duration,
-        save=options.save, enable=True,
+        save=options.save, enable=not window,
     )  # fmt: skip
     with handle:
+        if window:
+            from itouch.cli import windows
+
+            windows.show(handle, mute=options.mute)
         code = _follow(handle)
         _report(handle, options.report)
     if options.save:

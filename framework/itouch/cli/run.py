@@ -10,7 +10,7 @@ import threading
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from itouch.cli import live, pictures, sounds
+from itouch.cli import live, pictures, sounds, windows
 from itouch.cli.arguments import output_file, seconds
 from itouch.schema import ItouchError
 
@@ -22,8 +22,9 @@ def main(argv: Sequence[str]) -> int:
     """Run a scene, or go on with a saved session."""
     options = _parser().parse_args(argv)
     _check(options)
-    if options.pace == "real":
-        return live.run(options)
+    window = windows.wanted(options)
+    if options.pace == "real" or window:
+        return live.run(options, window=window)
     session = _prepare(options)
     if options.pace is None and live.needed(session):
         return live.run(options)
@@ -43,7 +44,8 @@ def main(argv: Sequence[str]) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="itouch-py run", description=main.__doc__)
     parser.add_argument("scene", metavar="SCENE|SESSION", help="a scene (.xml) or a saved session (.itouch)")
-    parser.add_argument("--headless", action="store_true", help="without a window (this version has none)")
+    parser.add_argument("--headless", action="store_true", help="without a window; chosen by itself where there is no display")
+    parser.add_argument("--mute", action="store_true", help="without sound")
     parser.add_argument("--for", dest="duration", type=seconds, metavar="30s",
                         help="simulated time; default: until the scripted motion ends")  # fmt: skip
     parser.add_argument("--pace", choices=("real", "fast"),

@@ -15,6 +15,7 @@ def main(argv: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog="itouch-py view", description=__doc__)
     parser.add_argument("session", nargs="?", metavar="NAME", help="name or process id; not needed if only one runs")
     parser.add_argument("--list", action="store_true", help="list the sessions that run, and open nothing")
+    parser.add_argument("--mute", action="store_true", help="without sound")
     options = parser.parse_args(argv)
     from itouch.servo import attach, sessions
 
@@ -23,13 +24,11 @@ def main(argv: Sequence[str]) -> int:
             print(f"{info.name:<24} {info.pid:>8}  {info.phase:<9} {info.scene}")
         return 0
     with attach(options.session) as link:
-        from itouch.viewer.offscreen import has_display
+        from itouch.viewer.offscreen import has_display, open_window
 
         if not has_display():
             raise ItouchError("there is no display; `itouch-py run SCENE --film FILE.mp4` needs none")
-        from itouch.viewer.attached import Attached
-        from itouch.viewer.window import Window
-
+        window = open_window(link, time.perf_counter, owner=False, mute=options.mute)
         print(f"attached to '{link.name}'; closing the window does not end it", file=sys.stderr)
-        Window(Attached(link), time.perf_counter).show()
+        window.show(while_=lambda: link.alive)
     return 0

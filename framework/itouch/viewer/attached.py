@@ -68,5 +68,6 @@ class Attached:
         """Let go; end the session if this window owns it."""
         self._link.hold(False)
         if self._owner:
-            self._link.stop()
-        self._link.close()
+            self._link.stop()  # the launcher closes its link when all is over
+        else:
+            self._link.close()

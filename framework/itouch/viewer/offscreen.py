@@ -1,8 +1,9 @@
-"""Pictures without a window: an OpenGL context by EGL where there is no display."""
+"""OpenGL contexts: windows, and pictures without one, by EGL where there is no display."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +15,9 @@ from itouch.viewer.overlay import Situation
 from itouch.world import Model
 
 if TYPE_CHECKING:
+    from itouch.servo import Link
     from itouch.viewer.picture import Picture
+    from itouch.viewer.window import Window
 
 ADVICE = "install OpenGL and EGL (on Debian: apt install libegl1 libgl1 libgl1-mesa-dri libglx-mesa0 libfontconfig1)"
 
@@ -58,6 +61,28 @@ def open_context(width: int, height: int) -> Any:
         return pyglet.window.Window(width, height, visible=False, config=config(), vsync=False)
     except Exception as error:  # pyglet raises many kinds, one a platform
         raise GraphicsError(f"no OpenGL 3.3 context: {error or type(error).__name__}\n  = help: {ADVICE}") from error
+
+
+def open_window(link: Link, now: Callable[[], float], *, owner: bool = True, mute: bool = False) -> Window:
+    """Return a window on a servo process; ``owner``: closing it ends the session.
+
+    Raises
+    ------
+    GraphicsError
+        If there is no usable OpenGL.
+    """
+    import pyglet
+
+    pyglet.options.audio = ("silent",) if mute else ("openal", "pulse", "silent")
+    try:
+        from itouch.viewer.attached import Attached
+        from itouch.viewer.window import Window
+
+        return Window(Attached(link, owner=owner), now, mute=mute)
+    except ItouchError:
+        raise
+    except Exception as error:  # pyglet raises many kinds, one a platform
+        raise GraphicsError(f"no OpenGL 3.3 window: {error or type(error).__name__}\n  = help: {ADVICE}") from error
 
 
 class Offscreen:

@@ -56,6 +56,7 @@ class Local:
     def __init__(self, session: Session, *, speed: float = 1.0, save_to: str = "session.itouch") -> None:
         self._session, self._speed, self._save_to = session, speed, save_to
         self._owed = 0.0
+        self._held = False
         self.situation = Situation(pace="fast")
         self.stopped = False
 
@@ -77,8 +78,12 @@ class Local:
         count = int(self._owed / self.model.period)
         self._owed -= count * self.model.period
         try:
-            if count:
-                self._session.run(count * self.model.period, each=lambda: ring.add(self.state), every=5)
+            while count > 0 and not self.stopped:
+                part = min(count, max(1, round(0.04 / self.model.period)))  # the switch is held for 80 ms a word
+                if self._held:
+                    self._session.hold(True)
+                self._session.run(part * self.model.period, each=lambda: ring.add(self.state), every=5)
+                count -= part
         except DeviceFaultError:
             self.situation.faults = self._session.ledger.faults
         self.situation.tick_us = self._session.times.summary()["p99"]
@@ -90,6 +95,7 @@ class Local:
 
     def hold(self, held: bool) -> None:
         """Say whether the operator holds the run key."""
+        self._held = held
         self._session.hold(held)
 
     def save(self) -> str:

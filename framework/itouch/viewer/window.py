@@ -10,6 +10,7 @@ from typing import Any
 import pyglet.window
 from pyglet.window import key, mouse
 
+from itouch.sound.player import Speaker
 from itouch.viewer.buffers import Frame
 from itouch.viewer.offscreen import config, write_png
 from itouch.viewer.picture import Picture
@@ -37,14 +38,16 @@ class Window(pyglet.window.Window):
         The session.
     now
         Returns the host's time [s]; tests give their own.
+    mute
+        Without sound.
     """
 
     def __init__(
-        self, source: Source, now: Callable[[], float], *, width: int = 1280, height: int = 720, visible: bool = True
-    ) -> None:
+        self, source: Source, now: Callable[[], float], *, width: int = 1280, height: int = 720, mute: bool = True,
+    ) -> None:  # fmt: skip
         super().__init__(
             width, height, caption=f"itouch-py: {os.path.basename(source.model.scene.source) or 'scene'}",
-            resizable=True, visible=visible, config=config(), vsync=False,
+            resizable=True, config=config(), vsync=False,
         )  # fmt: skip
         self.source, self._now = source, now
         self.picture = Picture(source.model, scale=self.get_pixel_ratio())
@@ -56,17 +59,19 @@ class Window(pyglet.window.Window):
         self._said_at = -10.0
         self.cost = 0.0  # seconds that the last picture took
         self.closed = False
+        self._speaker = Speaker(source.model, mute=mute)
 
-    def show(self) -> None:
-        """Draw and answer until the window is closed."""
+    def show(self, *, while_: Callable[[], bool] = lambda: True) -> None:
+        """Draw and answer until the window is closed, or a condition no longer holds."""
         while True:
             begin = self._now()
             self.dispatch_events()
-            if self.closed:
+            if self.closed or not while_():
                 break
             self.frame()
             rest = max(1.0 / RATE - self.cost, self.cost * (1.0 / SHARE - 1.0))
             time.sleep(max(0.0, rest - (self._now() - begin - self.cost)))
+        self._speaker.close()
         self.close()
 
     def frame(self) -> None:
@@ -76,6 +81,7 @@ class Window(pyglet.window.Window):
         self._steer_by_keys()
         self.source.advance(elapsed, self.picture.ring)
         self.picture.ring.add(self.source.state)
+        self._speaker.hear(self.source.state)
         if begin - self._said_at > 4.0:
             self.source.situation.message = ""
         self.switch_to()

@@ -1,0 +1,46 @@
+"""Whether ``run`` opens a window, and a window on a session that was launched."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import sys
+import time
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from itouch.servo import Handle
+
+
+def wanted(options: argparse.Namespace) -> bool:
+    """Tell whether to open a window; where there is no display, say so in one line and go on without."""
+    if options.headless or options.pace == "fast" or options.screenshot or options.film or options.wav:
+        return False
+    from itouch.viewer.offscreen import has_display
+
+    if has_display():
+        return True
+    print("no display: running without a window, as with --headless", file=sys.stderr)
+    return False
+
+
+def show(handle: Handle, *, mute: bool) -> None:
+    """Open a window on a session that was launched, and show it until it ends or is closed.
+
+    Nothing moves before the window is open: hardware is not enabled, and twins, which enable by themselves, are
+    paused.  A window that can't be opened is said, and the session runs without it.
+    """
+    from itouch.servo import ServoError
+    from itouch.viewer.offscreen import GraphicsError, open_window
+
+    window = None
+    with contextlib.suppress(ServoError):  # a session that has ended is told by its launcher
+        handle.command("pause")  # refused with hardware, which waits to be enabled anyway
+        try:
+            window = open_window(handle.link, time.perf_counter, mute=mute)
+        except GraphicsError as error:
+            print(f"no window: {error}", file=sys.stderr)
+        handle.command("resume")
+        handle.command("enable")
+    if window is not None:
+        window.show(while_=lambda: not handle.wait(0.0))
