@@ -3,54 +3,59 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numba import njit
 
 from itouch.plugin import Field, Record
-from itouch_thermal.display.column import P_MEAN, REACH, Array, column, plate_capacity
+from itouch_thermal.display.column import P_MEAN, P_PORT, REACH, Array, column, plate_capacity
 from itouch_thermal.display.params import DisplayParams
 from itouch_thermal.display.peltier import current_for
 from itouch_thermal.flux import observer as at
 from itouch_thermal.flux import planner
-from itouch_thermal.flux.start import Trial
 from itouch_thermal.solver.layers import Layer
 
-#: Coarse steps that cover the delay; without a delay a coarse step is FREE long [s].
-GROUPS, FREE = 4, 5e-3
+#: Length of the plan's coarse steps [s], as near as the period allows.
+COARSE = 5e-3
 #: What is thought possible before anything is measured: one standard deviation of each parameter.
 PRIOR = (0.25, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.05, 20.0, 0.4)
 #: Random walk of the unexplained flux [W/m2 per root second] and of the plate sensor's offset [K per root second].
-DRIFT_FLUX, DRIFT_OFFSET = 10.0, 1e-3
+DRIFT_FLUX, DRIFT_OFFSET = 3.0, 1e-3
 #: Part of the squared response below which a change of the plan is not worth its noise.
 SMOOTH = 1e-5
 #: Time [s] in which an error of the plate's heat is made good before a touch.
 DEADBEAT = 0.012
 #: The plate's modes count from here [K].
 REFERENCE = 296.15
-#: Recompute the plan's responses every so many ticks of a touch.
-REFRESH = 16
+#: Recompute the plan's responses after so many seconds of a touch.
+REFRESH = 16e-3
+#: Greatest rate of the plate in a touch [K/s], as a mean over so many seconds, and the part of it that is used.
+RATE, RATE_OVER, RATE_USED = 10.0, 0.5, 0.98
+#: A change of the contact resistance by so many deviations is acted upon, if the deviation is more than enough: less may be noise.
+SURE, ENOUGH = 2.0, 0.015
+#: Time [s] that a pump is given to stop the face, and how far from the ends of its band [K].
+STOPPING, SLACK = 0.05, 0.02
 
 
 @njit(cache=True, error_model="numpy")
-def _queue(line: Any, slot: int, delay: int, out: Any) -> None:
-    """Average the currents on their way, oldest first, in the plan's coarse steps."""
-    groups = out.shape[0]
-    if groups == 0:
-        return
-    size = delay // groups
-    for g in range(groups):
+def _queue(line: Any, slot: int, delay: int, size: int, fine: Any, coarse: Any) -> None:
+    """Sort the currents on their way, oldest first: one by one what is no whole coarse step, then means."""
+    first = fine.shape[0]
+    for i in range(first):
+        fine[i] = line[(slot + i) % delay]
+    for g in range(coarse.shape[0]):
         total = 0.0
         for i in range(size):
-            total += line[(slot + g * size + i) % delay]
-        out[g] = total / size
+            total += line[(slot + first + g * size + i) % delay]
+        coarse[g] = total / size
 
 
 @njit(cache=True, error_model="numpy")
 def _track(
     c: Any, tissue: Any, plate: Any, x: Any, theta: Any, cover: Any, gain: Any, memory: Any, line: Any, slots: Any,
-    sent: float, scale: float, flux: float, film: float, sink: float,
+    trace: Any, size: int, sent: float, scale: float, flux: float, film: float, sink: float,
 ) -> None:  # fmt: skip
     """Take in what was sent and read, in one call a tick."""
     delay = int(slots[1])
@@ -61,6 +66,19 @@ def _track(
         line[slot] = sent
         slots[0] = (slot + 1) % delay
     at.observe(c, tissue, plate, x, theta, cover, gain, memory, current, scale, flux, film, sink)
+    if memory[at.M_TOUCHING] > 0.0:
+        if memory[at.M_AGE] % size == 0.0:
+            trace[int(memory[at.M_AGE] / size) % trace.shape[0]] = x[0, tissue.shape[1] + plate.shape[1] + at.X_FACE]
+        memory[at.M_AGE] += 1.0
+
+
+@njit(cache=True, error_model="numpy")
+def _limits(band: Any, trace: Any, first: int, allowed: float, out: Any) -> None:
+    """Fill the face's band at the ends of the horizon's steps: the plate's, and what its rate permits."""
+    for i in range(out.shape[1]):
+        before = trace[(first + i) % trace.shape[0]]
+        out[0, i] = max(band[0], before - allowed)
+        out[1, i] = min(band[1], before + allowed)
 
 
 @njit(cache=True, error_model="numpy")
@@ -91,35 +109,49 @@ def _approach(
 
 @njit(cache=True, error_model="numpy")
 def _follow(
-    c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, scale: float, line: Any, slots: Any, queue: Any,
-    wanted: Any, response: Any, last: Any, work: Any, limit: float, ceiling: float, band: Any, capacity: float,
-    coarse: float, hold: int,
+    c: Any, fine: Any, below_fine: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, scale: float,
+    line: Any, slots: Any, single: Any, queue: Any, wanted: Any, response: Any, hats: Any, last: Any, work: Any,
+    trace: Any, span: Any, limit: float, ceiling: float, band: Any, heat: float, doubt: float, size: int, hold: int,
 ) -> Any:  # fmt: skip
     """Return the current [A] that follows the plan, and the flux behind it."""
     n, m = tissue.shape[1], plate.shape[1]
-    above, below = work[:n], work[n : n + m]
-    rest = work[n + m :]
-    _queue(line, int(slots[0]), int(slots[1]), queue)
+    o = n + m
+    above, below, rest = work[:n], work[n:o], work[o:]
+    period, step = c[at.O_PERIOD], size * c[at.O_PERIOD]
+    found = theta[at.RESISTANCE]
+    theta[at.RESISTANCE] = found * max(0.0, 1.0 - SURE * SURE * max(0.0, doubt - ENOUGH * ENOUGH) / max(found * found, 1e-12))
     ticks = memory[at.M_TICKS]
-    if ticks % REFRESH < hold:
-        planner.respond(c, tissue, plate, theta, scale, above, below, response)
+    if ticks % max(1.0, round(REFRESH / period)) < hold:
+        planner.respond(c, tissue, plate, theta, scale, hats, above, below, response)
     memory[at.M_TICKS] = ticks + hold
-    flux, back = planner.plan(
-        c, tissue, plate, x, theta, memory, scale, queue, wanted, response, last, above, below, rest, SMOOTH, limit,
-        (ticks + slots[1]) * c[at.O_PERIOD], coarse,
+    _queue(line, int(slots[0]), int(slots[1]), size, single, queue)
+    above[:] = x[0, :n]
+    below[:] = x[0, n:o]
+    hot = memory[at.M_SINK]
+    flux, back = planner.arrive(
+        c, fine, below_fine, theta, hot, scale, single, above, below, x[0, o + at.X_FLUX], x[0, o + at.X_BACK]
+    )
+    flux, back = planner.arrive(c, tissue, plate, theta, hot, scale, queue, above, below, flux, back)
+    face = c[at.O_REFERENCE]
+    for i in range(m):
+        face += plate[P_PORT, i] * below[i]
+    first = int(memory[at.M_AGE] / size) + single.shape[0] // size + queue.shape[0] + 1
+    _limits(band, trace, first, RATE * RATE_OVER * RATE_USED, span)
+    coming = flux
+    planner.plan(
+        c, tissue, plate, theta, scale, wanted, span, response, hats, last, above, below, rest, flux, SMOOTH, limit,
+        (ticks + slots[1]) * period, step,
     )  # fmt: skip
     # A current that is held for long carries the plan's mean over that time.
-    part = min(1.0, hold * c[at.O_PERIOD] / (4.0 * coarse))
-    flux += 0.5 * part * (last[1] - last[0])
-    # Towards an end of the band the pump may at most carry what keeps the plate there.
-    gp = 1.0 / (1.0 + theta[at.PLATE])
-    coming = x[0, n + m + at.X_FLUX]
-    slack = 0.05
-    flux = min(flux, coming + capacity / gp * (back - band[0] - slack) / 0.05)
-    flux = max(flux, coming - capacity / gp * (band[1] - slack - back) / 0.05)
+    flux = last[0] + 0.5 * min(1.0, hold * period / planner.KNOTS[1]) * (last[1] - last[0])
+    # Towards an end of its band the pump may at most carry what keeps the plate there.
+    heat *= 1.0 + theta[at.PLATE]
+    flux = min(flux, coming + heat * (face - span[0, 0] - SLACK) / STOPPING)
+    flux = max(flux, coming - heat * (span[1, 0] - SLACK - face) / STOPPING)
+    theta[at.RESISTANCE] = found
     seebeck, legs = c[at.O_SEEBECK] * (1.0 + theta[at.SEEBECK]), c[at.O_CONDUCTANCE] * (1.0 + theta[at.LEGS])
     ohmic = c[at.O_RESISTANCE] * (1.0 + theta[at.OHMIC])
-    current = current_for(seebeck, ohmic, legs, (flux - theta[at.FLUX]) * c[at.O_AREA], back, memory[at.M_SINK])
+    current = current_for(seebeck, ohmic, legs, (flux - theta[at.FLUX]) * c[at.O_AREA], back, hot)
     return min(ceiling, max(-ceiling, current)), flux
 
 
@@ -149,20 +181,29 @@ class ModelLaw:
         ambient: float, period: float, *, band: tuple[float, float], ceiling: float, prefix: str = "",
     ) -> None:  # fmt: skip
         self.display, self.period, self.prefix, self.ceiling = display, period, prefix, ceiling
+        self.given = tissue, core, skin, resistance, ambient
         self.delay = round(display.delay / period)
-        groups = GROUPS if self.delay >= GROUPS and self.delay % GROUPS == 0 else 0
-        self.coarse_ticks = self.delay // GROUPS if groups else max(1, round(FREE / period))
+        self.coarse_ticks = max(1, round(COARSE / period))
+        self.step = period * self.coarse_ticks
         self.fine = column(tissue, core, skin, display.plate, period, REACH / 1e-3)
-        self.coarse = column(tissue, core, skin, display.plate, period * self.coarse_ticks, REACH / 1e-3)
-        self.groups = groups
-        self.ahead = self.delay + planner.AHEAD * self.coarse_ticks
+        self.coarse = column(tissue, core, skin, display.plate, self.step, REACH / 1e-3)
+        self.hats = planner.shapes(self.step)
+        self.steps = self.hats.shape[1]
+        self.ahead = self.delay + self.steps * self.coarse_ticks
         self.capacity = plate_capacity(display.plate)
         self.band = np.array(band)
         self.constants = _constants(display, self.fine.rest, resistance, ambient, period)
         self.prior = np.array(PRIOR)
         #: Where in the future, counted in periods from the last end of a step, the plan looks.
-        self.offsets = self.delay + np.arange(1, planner.AHEAD + 1) * self.coarse_ticks - 1
-        self.trial = Trial(self.coarse, self.constants, resistance, groups, display.flux_limit, REFERENCE)
+        self.offsets = self.delay + np.arange(1, self.steps + 1) * self.coarse_ticks - 1
+
+    def coarser(self) -> ModelLaw:
+        """Return the same law called once in a coarse step, with readings that are means over it."""
+        band = float(self.band[0]), float(self.band[1])
+        calmer = 1.0 / math.sqrt(self.coarse_ticks)
+        noise, film_noise = self.display.flux_noise * calmer, self.display.plate_noise * calmer
+        display = replace(self.display, flux_noise=noise, plate_noise=film_noise)
+        return ModelLaw(display, *self.given, self.step, band=band, ceiling=self.ceiling)
 
     def fields(self) -> tuple[Field, ...]:
         """Return its State."""
@@ -170,9 +211,11 @@ class ModelLaw:
         wide = n + m + at.X_TAIL
         sizes: dict[str, int | tuple[int, ...]] = {
             "x": (1 + at.COUNT, wide), "theta": at.COUNT, "cover": (at.COUNT, at.COUNT), "gain": at.COUNT,
-            "memory": at.M_TAIL, "line": max(1, self.delay), "slots": 2, "queue": self.groups or 1,
-            "wanted": planner.AHEAD, "response": (planner.HATS, planner.AHEAD), "knots": planner.HATS,
-            "work": wide + planner.HATS * (planner.HATS + 1) + planner.AHEAD, "future": self.ahead + 1,
+            "memory": at.M_TAIL, "line": max(1, self.delay), "slots": 2, "single": self.coarse_ticks,
+            "queue": 1 + self.delay // self.coarse_ticks, "wanted": self.steps,
+            "response": (planner.HATS, self.steps), "knots": planner.HATS,
+            "work": wide + planner.HATS * (planner.HATS + 1), "future": self.ahead + 1,
+            "trace": round(RATE_OVER / self.step), "span": (2, self.steps),
         }  # fmt: skip
         return tuple(Field(self.prefix + name, "f8", size) for name, size in sizes.items())
 
@@ -196,7 +239,8 @@ class ModelLaw:
         s, p = state, self.prefix
         _track(
             self.constants, self.fine.tissue, self.fine.plate, s[p + "x"], s[p + "theta"], s[p + "cover"],
-            s[p + "gain"], s[p + "memory"], s[p + "line"], s[p + "slots"], sent, scale, flux, film, sink,
+            s[p + "gain"], s[p + "memory"], s[p + "line"], s[p + "slots"], s[p + "trace"], self.coarse_ticks, sent,
+            scale, flux, film, sink,
         )  # fmt: skip
 
     def approach(self, state: Record, target: float, hold: int = 1) -> tuple[float, float, float]:
@@ -229,7 +273,8 @@ class ModelLaw:
             s[p + "memory"], self.prior,
         )  # fmt: skip
         s[p + "knots"] = flux
-        s[p + "memory"][at.M_TICKS] = 0.0
+        s[p + "trace"] = s[p + "x"][0, self.fine.tissue.shape[1] + self.fine.plate.shape[1] + at.X_FACE]
+        s[p + "memory"][[at.M_TICKS, at.M_AGE]] = 0.0
 
     def end(self, state: Record) -> None:
         """Take the finger off."""
@@ -240,10 +285,12 @@ class ModelLaw:
         """Return current [A] and flux [W/m2] that make the contact flux follow the field ``wanted``."""
         s, p = state, self.prefix
         found: tuple[float, float] = _follow(
-            self.constants, self.coarse.tissue, self.coarse.plate, s[p + "x"], s[p + "theta"], s[p + "memory"], scale,
-            s[p + "line"], s[p + "slots"], s[p + "queue"][: self.groups], s[p + "wanted"], s[p + "response"],
-            s[p + "knots"], s[p + "work"], self.display.flux_limit, self.ceiling, self.band, self.capacity,
-            self.coarse.period, hold,
+            self.constants, self.fine.tissue, self.fine.plate, self.coarse.tissue, self.coarse.plate, s[p + "x"],
+            s[p + "theta"], s[p + "memory"], scale, s[p + "line"], s[p + "slots"],
+            s[p + "single"][: self.delay % self.coarse_ticks], s[p + "queue"][: self.delay // self.coarse_ticks],
+            s[p + "wanted"], s[p + "response"], self.hats, s[p + "knots"], s[p + "work"], s[p + "trace"],
+            s[p + "span"], self.display.flux_limit, self.ceiling, self.band, self.capacity,
+            s[p + "cover"][at.RESISTANCE, at.RESISTANCE].item(), self.coarse_ticks, hold,
         )  # fmt: skip
         return found
 

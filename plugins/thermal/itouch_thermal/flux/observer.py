@@ -47,9 +47,11 @@ X_FLUX, X_BACK, X_FACE, X_SEEN, X_FILM, X_TAIL = range(6)
     O_DRIFT_FLUX, O_DRIFT_OFFSET, O_CEILING, O_CONSTANTS,
 ) = range(23)  # fmt: skip
 #: Numbers of the scalar memory.
-M_TOUCHING, M_SINK, M_SINK_SEEN, M_CONTACT, M_TICKS, M_QUIET, M_TAIL = range(7)
-#: Ticks without corrections after a flux that air cannot explain: something touches the plate that should not.
-QUIET = 200.0
+M_TOUCHING, M_SINK, M_SINK_SEEN, M_CONTACT, M_TICKS, M_QUIET, M_AGE, M_TAIL = range(8)
+#: Seconds without corrections after a flux that air cannot explain: something touches the plate that should not.
+QUIET = 0.2
+#: Rates [1/s] at which the sink follows its sensor, and a disturbed plate its own.
+SINK_RATE, PLATE_RATE = 2.0, 20.0
 
 
 @njit(cache=True, error_model="numpy")
@@ -217,10 +219,10 @@ def observe(
     """Advance by one period under ``current`` [A] and take in the readings of flux, film and sink; NaN: none."""
     advance(c, tissue, plate, x, theta, memory, current, scale)
     if sink == sink:
-        memory[M_SINK] += 0.002 * (sink - memory[M_SINK_SEEN])
+        memory[M_SINK] += min(1.0, SINK_RATE * c[O_PERIOD]) * (sink - memory[M_SINK_SEEN])
     o = tissue.shape[1] + plate.shape[1]
     if memory[M_TOUCHING] == 0.0 and _disturbed(c, x, memory, flux, o):
-        _resume(plate, x, theta, film, tissue.shape[1])
+        _resume(c, plate, x, theta, film, tissue.shape[1])
         return
     cover[FLUX, FLUX] += c[O_DRIFT_FLUX]
     cover[OFFSET, OFFSET] += c[O_DRIFT_OFFSET]
@@ -241,13 +243,13 @@ def _disturbed(c: Any, x: Any, memory: Any, flux: float, o: int) -> bool:
     if abs(flux - x[0, o + X_SEEN]) > 6.0 * c[O_FLUX_NOISE] + 0.3 * abs(x[0, o + X_SEEN]):
         memory[M_QUIET] = QUIET
     if memory[M_QUIET] > 0.0:
-        memory[M_QUIET] -= 1.0
+        memory[M_QUIET] -= c[O_PERIOD]
         return True
     return False
 
 
 @njit(cache=True, error_model="numpy")
-def _resume(plate: Any, x: Any, theta: Any, film: float, n: int) -> None:
+def _resume(c: Any, plate: Any, x: Any, theta: Any, film: float, n: int) -> None:
     """Follow the readings without learning from them; what the parameters had to do with the state is forgotten."""
     m = plate.shape[1]
     o = n + m
@@ -256,7 +258,7 @@ def _resume(plate: Any, x: Any, theta: Any, film: float, n: int) -> None:
         square += plate[P_MEAN, i] * plate[P_MEAN, i]
     x[1:, :] = 0.0
     if film == film:
-        shift = 0.02 * (film - theta[OFFSET] - x[0, o + X_FILM])
+        shift = min(1.0, PLATE_RATE * c[O_PERIOD]) * (film - theta[OFFSET] - x[0, o + X_FILM])
         for i in range(m):
             x[0, n + i] += shift * plate[P_MEAN, i] / square
         x[0, o + X_FILM] += shift

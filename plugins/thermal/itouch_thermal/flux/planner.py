@@ -10,7 +10,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from itouch_thermal.display.column import (
     F_BEGIN,
@@ -26,21 +28,23 @@ from itouch_thermal.display.column import (
 )
 from itouch_thermal.flux import observer as at
 
-#: Steps of the horizon after the delay, and knots of the plan in steps.
-AHEAD, HATS = 24, 4
+#: Seconds that are planned after the delay, and the plan's knots in them.
+HORIZON, KNOTS = 0.12, (0.0, 0.02, 0.055, 0.12)
+HATS = len(KNOTS)
+#: Fewest steps of the horizon.
+FEWEST = 6
 #: Before this [s] the flux counts less: no pump reaches the finger so soon.
 EARLY = 0.1
 
 
-@njit(cache=True, error_model="numpy")
-def _hat(index: int, place: float) -> float:
-    """Return the value of a hat function at a place in steps; knots at 0, 4, 11 and 24."""
-    left = (0.0, 0.0, 4.0, 11.0)
-    mid = (0.0, 4.0, 11.0, 24.0)
-    right = (4.0, 11.0, 24.0, 25.0)
-    if place <= mid[index]:
-        return 1.0 if index == 0 else max(0.0, (place - left[index]) / (mid[index] - left[index]))
-    return max(0.0, (right[index] - place) / (right[index] - mid[index]))
+def shapes(step: float) -> NDArray[np.float64]:
+    """Return the plan's hat functions over the horizon's steps of ``step`` seconds, shape (HATS, steps)."""
+    count = max(FEWEST, round(HORIZON / step))
+    places = np.array(KNOTS) * max(1.0, count * step / HORIZON)
+    middles = (np.arange(count) + 0.5) * step
+    found = np.stack([np.interp(middles, places, unit) for unit in np.eye(HATS)])
+    found.setflags(write=False)
+    return found
 
 
 @njit(cache=True, error_model="numpy")
@@ -73,18 +77,28 @@ def ahead(
 
 
 @njit(cache=True, error_model="numpy")
-def respond(c: Any, tissue: Any, plate: Any, theta: Any, scale: float, above: Any, below: Any, response: Any) -> None:
-    """Fill ``response`` (HATS, AHEAD): the contact flux that each hat of the pumped flux would add."""
-    contact = c[at.O_CONTACT] * math.exp(theta[at.RESISTANCE]) * (1.0 + (scale - 1.0) * math.exp(theta[at.PRESS]))
+def resistance(c: Any, theta: Any, scale: float) -> float:
+    """Return the contact resistance [K m2/W] that is believed in."""
+    return float(
+        c[at.O_CONTACT] * math.exp(theta[at.RESISTANCE]) * (1.0 + (scale - 1.0) * math.exp(theta[at.PRESS]))
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def respond(
+    c: Any, tissue: Any, plate: Any, theta: Any, scale: float, hats: Any, above: Any, below: Any, response: Any
+) -> None:
+    """Fill ``response`` (HATS, steps): the contact flux that each hat of the pumped flux would add."""
+    contact = resistance(c, theta, scale)
     gp, gf = 1.0 / (1.0 + theta[at.PLATE]), 1.0 / (1.0 + theta[at.TISSUE])
     tissue_self, plate_self = selves(tissue, plate)
     for hat in range(HATS):
         above[:] = 0.0
         below[:] = 0.0
         flux = 0.0
-        for i in range(AHEAD):
+        for i in range(hats.shape[1]):
             flux = ahead(
-                c, tissue, plate, above, below, flux, _hat(hat, i + 0.5), contact, gf, gp, tissue_self, plate_self, 0.0
+                c, tissue, plate, above, below, flux, hats[hat, i], contact, gf, gp, tissue_self, plate_self, 0.0
             )
             response[hat, i] = flux
 
@@ -101,65 +115,79 @@ def selves(tissue: Any, plate: Any) -> Any:
 
 
 @njit(cache=True, error_model="numpy")
-def plan(
-    c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, scale: float, queue: Any, wanted: Any,
-    response: Any, last: Any, above: Any, below: Any, work: Any, smooth: float, limit: float,
-    age: float, step_time: float,
+def arrive(
+    c: Any, tissue: Any, plate: Any, theta: Any, hot: float, scale: float, currents: Any, above: Any, below: Any,
+    flux: float, back: float,
 ) -> Any:  # fmt: skip
-    """Return the flux to pump [W/m2], and the back temperature [K] that the plate will have then.
-
-    Parameters
-    ----------
-    queue
-        Mean currents [A] of the coarse steps that are on their way, shape (d,).
-    wanted
-        Desired flux at the ends of the horizon's steps, shape (AHEAD,).
-    last
-        The plan's knots of the last time, shape (HATS,); changed.
-    """
-    n, m = tissue.shape[1], plate.shape[1]
-    o = n + m
-    contact = c[at.O_CONTACT] * math.exp(theta[at.RESISTANCE]) * (1.0 + (scale - 1.0) * math.exp(theta[at.PRESS]))
+    """Run the column ahead over the ``currents`` [A] on their way, one a step; return contact flux and base [K]."""
+    contact = resistance(c, theta, scale)
     gp, gf = 1.0 / (1.0 + theta[at.PLATE]), 1.0 / (1.0 + theta[at.TISSUE])
     seebeck, legs = c[at.O_SEEBECK] * (1.0 + theta[at.SEEBECK]), c[at.O_CONDUCTANCE] * (1.0 + theta[at.LEGS])
     ohmic = c[at.O_RESISTANCE] * (1.0 + theta[at.OHMIC])
     tissue_self, plate_self = selves(tissue, plate)
-    for i in range(n):
-        above[i] = x[0, i]
-    for i in range(m):
-        below[i] = x[0, n + i]
-    flux, back, hot = x[0, o + at.X_FLUX], x[0, o + at.X_BACK], memory[at.M_SINK]
     rest = c[at.O_REST] - c[at.O_REFERENCE]
-    for step in range(queue.shape[0]):
-        current = queue[step]
+    for step in range(currents.shape[0]):
+        current = currents[step]
         pump = (seebeck * back * current - 0.5 * current * current * ohmic - legs * (hot - back)) / c[at.O_AREA]
         pump += theta[at.FLUX]
         flux = ahead(c, tissue, plate, above, below, flux, pump, contact, gf, gp, tissue_self, plate_self, rest)
         back = c[at.O_REFERENCE]
-        for i in range(m):
+        for i in range(plate.shape[1]):
             back += plate[P_BACK, i] * below[i]
+    return flux, back
+
+
+@njit(cache=True, error_model="numpy")
+def plan(
+    c: Any, tissue: Any, plate: Any, theta: Any, scale: float, wanted: Any, band: Any, response: Any, hats: Any,
+    last: Any, above: Any, below: Any, work: Any, flux: float, smooth: float, limit: float, age: float,
+    step_time: float,
+) -> None:  # fmt: skip
+    """Improve the plan's knots of the pumped flux [W/m2].
+
+    Parameters
+    ----------
+    wanted, band
+        Desired flux at the ends of the horizon's steps, shape (steps,), and the temperatures [K] that the plate's
+        face must not pass then, shape (2, steps).
+    response, hats
+        Of the flux to the knots, and the knots' shapes, both (HATS, steps).
+    last
+        The plan's knots of the last time, shape (HATS,); changed.
+    above, below, flux
+        The column and its contact flux where the plan begins; the column is run on.
+    """
+    contact = resistance(c, theta, scale)
+    gp, gf = 1.0 / (1.0 + theta[at.PLATE]), 1.0 / (1.0 + theta[at.TISSUE])
+    tissue_self, plate_self = selves(tissue, plate)
+    rest = c[at.O_REST] - c[at.O_REFERENCE]
+    steps, v = wanted.shape[0], HATS * HATS
+    for a in range(v + HATS):
+        work[a] = 0.0
     # Errors that the last plan would leave; then the best change of it.
-    for i in range(AHEAD):
+    for i in range(steps):
         pump = 0.0
         for hat in range(HATS):
-            pump += last[hat] * _hat(hat, i + 0.5)
+            pump += last[hat] * hats[hat, i]
         flux = ahead(c, tissue, plate, above, below, flux, pump, contact, gf, gp, tissue_self, plate_self, rest)
-        work[HATS * HATS + HATS + i] = wanted[i] - flux
+        skin = c[at.O_REST]
+        for k in range(tissue.shape[1]):
+            skin += tissue[F_PORT, k] * above[k]
+        # With the face at an end of its band the contact can draw no more.
+        aim = min((skin - band[0, i]) / contact, max((skin - band[1, i]) / contact, wanted[i]))
+        weight = _weight(age + (i + 1) * step_time)
+        for a in range(HATS):
+            weighed = weight * response[a, i]
+            work[v + a] += weighed * (aim - flux)
+            for b in range(a + 1):
+                work[a * HATS + b] += weighed * response[b, i]
     for a in range(HATS):
-        total = 0.0
-        for i in range(AHEAD):
-            total += response[a, i] * work[HATS * HATS + HATS + i] * _weight(age + (i + 1) * step_time)
-        work[HATS * HATS + a] = total
-        for b in range(HATS):
-            total = 0.0
-            for i in range(AHEAD):
-                total += response[a, i] * response[b, i] * _weight(age + (i + 1) * step_time)
-            work[a * HATS + b] = total
         work[a * HATS + a] += smooth
+        for b in range(a):
+            work[b * HATS + a] = work[a * HATS + b]
     _solve(work)
     for a in range(HATS):
-        last[a] = min(limit, max(-limit, last[a] + work[HATS * HATS + a]))
-    return last[0], back
+        last[a] = min(limit, max(-limit, last[a] + work[v + a]))
 
 
 @njit(cache=True, error_model="numpy")

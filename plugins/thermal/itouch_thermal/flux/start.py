@@ -1,33 +1,47 @@
-"""The start temperature of the plate: what it must have when the finger arrives."""
+"""The start temperature of the plate: what it must have when the finger arrives.
+
+It is found by trying: the controller renders the first moments on plants of its own making, the one of the data
+sheets and two that are hard, and the start temperature is taken with which most is left of what may go wrong.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from itouch_thermal.display.column import F_END, F_PORT, P_END, P_PORT, Array, Column
-from itouch_thermal.flux import planner
+from itouch.plugin import Record
+from itouch_thermal.display.column import F_PORT, Array
+from itouch_thermal.flux import observer as at
+from itouch_thermal.flux.law import REFERENCE, ModelLaw
 from itouch_thermal.solver.layers import Layer
 
-#: Steps over which flux and skin are weighed, knots of the trial pump, and the seconds after which flux counts.
-STEPS, KNOTS, COUNTED_FROM = 80, 8, 0.1
-#: One kelvin of skin weighs as much as this flux [W/m2] at first; a pump at its limit as much as this.
-SKIN_WEIGHT, PUMP_WEIGHT = 2e3, 3.0
-#: Errors are relative to at least this flux [W/m2]; seconds of contact; how often the skin's weight is lessened.
-FLOOR, SCORED_FOR, TRIES = 200.0, 10.0, 12
-#: Parts of the pump's limit to plan with, the rest being for what differs, and the flux error that they must leave,
-#: relative and as a mean over SCORED_FOR.  The first is taken with which the skin stays this close [K], ever and from
-#: 0.3 s on; if none does, the flux comes first.
-TRIALS = ((0.5, 7e-4), (0.6, 7e-4), (0.7, 7e-4), (0.85, 7e-4), (1.0, 7e-4), (1.0, 2e-3), (1.0, 4e-3))
-OTHERWISE = (0.55, 6e-4)
-SKIN_EVER, SKIN_LATER = 0.119, 0.018
-#: Difference of skin and object [K] from which on the flux comes first.
-WIDE = 11.0
+#: Seconds that are tried, seconds from which flux and late skin count, and over which the flux error is a mean.
+TRIED, COUNTED_FROM, LATER, SCORED = 0.4, 0.1, 0.3, 9.9
+#: Errors are relative to at least this flux [W/m2].
+FLOOR = 200.0
+#: What the skin may be off on the plant of the data sheets [K], ever and later, and the flux there, relative rms.
+SKIN_EVER, SKIN_LATER, NOMINAL = 0.116, 0.016, 2.8e-3
+#: What the flux may be off on a hard plant, and on it for materials below THIN [W s^1/2 / m2K], relative rms.
+HARD, HARD_THIN, THIN = 6.5e-3, 13e-3, 300.0
+#: How much worse than the skin's it is to miss the flux.
+FLUX_FIRST = 10.0
+#: Start temperatures tried at first, and then each time between the best one's neighbours.
+FIRST, THEN, ROUNDS = 6, 2, 5
 #: How far start temperatures stay from the ends of the band [K].
 MARGIN = 0.1
+
+#: What is not known before the touch, and the part of the doubt about the rest that the way to the start leaves.
+UNKNOWN, FOUND = frozenset({at.RESISTANCE, at.TISSUE, at.PRESS}), 0.1
+#: The hard plants: all that slows the plate down, and a contact that is 10 % better or worse than expected.
+_SLOW = {at.SEEBECK: -0.1, at.LEGS: 0.1, at.OHMIC: 0.1, at.PLATE: 0.1, at.LAG: math.log(0.9)}
+PLANTS: tuple[dict[int, float], ...] = (
+    {},
+    {**_SLOW, at.RESISTANCE: math.log(0.9), at.TISSUE: 0.1},
+    {**_SLOW, at.RESISTANCE: math.log(1.1), at.TISSUE: -0.1},
+)
 
 
 def equation_three(material: float, plate: float, tissue: float, object_temperature: float, skin: float) -> float:
@@ -54,108 +68,110 @@ def outer_effusivity(layers: Sequence[Layer]) -> float:
     return layers[0].effusivity
 
 
-class Trial(NamedTuple):
-    """A column at coarse steps and what drives it: delay in steps, expected resistance, greatest flux."""
+class Touched(NamedTuple):
+    """The contact that is to be rendered, at the ends of a trial's steps; longer than it by what is planned ahead.
 
-    column: Column
-    constants: Array
-    resistance: float
-    delay: int
-    limit: float
-    reference: float
+    ``flux`` [W/m2] and ``skin`` [K] of the ideal contact, by how much the resistance is still higher (``press``), and
+    the effusivity of the object.
+    """
+
+    flux: Array
+    skin: Array
+    press: Array
+    effusivity: float
 
 
-def start_temperature(trial: Trial, finger: Array, desired: Array, skin: Array) -> tuple[float, Array]:
-    """Return the start temperature [K] from which the first moments come closest, and the flux they then have.
+class Trial:
+    """Contacts of the controller with plants of its own making, at coarse steps and without noise."""
 
-    A pump that begins after the delay and the plate's temperature are chosen together by least squares, so that from
-    0.1 s on the flux is the desired one and all the time the skin is as warm as it should be.
+    def __init__(self, law: ModelLaw) -> None:
+        self.law = law.coarser()
+        self.own, self.plant = Record.of(self.law.fields()), Record.of(self.law.fields())
+        self.steps = round(TRIED / self.law.period)
+        #: How many steps of the desired contact a trial needs.
+        self.needed = self.steps + self.law.ahead + 1
+
+    def run(self, start: float, finger: Array, touched: Touched, differs: dict[int, float]) -> tuple[Array, Array]:
+        """Return flux [W/m2] and skin [K] at the ends of the steps of a contact on a plate of ``start`` [K].
+
+        Parameters
+        ----------
+        finger
+            Coordinates of the finger at the begin, shape (n,).
+        differs
+            By how much the plant's parameters differ, as the observer counts them.
+        """
+        law, own, plant = self.law, self.own, self.plant
+        n, m = len(finger), law.fine.plate.shape[1]
+        for state in (own, plant):
+            law.reset(state)
+            x = state["x"]
+            x[0, n : n + m] = law.fine.flat * (start - REFERENCE)
+            x[0, [n + m + at.X_BACK, n + m + at.X_FACE, n + m + at.X_FILM]] = start
+            law.place(state, finger)
+            law.begin(state, 0.0, float(touched.press[0]))
+        x, theta = plant["x"], plant["theta"]
+        for which, much in differs.items():
+            theta[which] = much
+            if which not in UNKNOWN:
+                own["theta"][which] = much
+        for which in set(range(at.COUNT)) - UNKNOWN:
+            own["cover"][which, which] *= FOUND * FOUND
+        x[0, n + m + at.X_FLUX] /= math.exp(theta[at.RESISTANCE])
+        found = np.empty((2, self.steps))
+        for i in range(self.steps):
+            own["wanted"][:] = touched.flux[i + law.offsets]
+            press = float(touched.press[i])
+            current = law.follow(own, press)[0]
+            law.track(plant, current, math.nan, math.nan, math.nan, press)
+            flux, film = x[0, n + m + at.X_SEEN].item(), x[0, n + m + at.X_FILM].item()
+            law.track(own, current, flux, film, math.nan, press)
+            found[:, i] = x[0, n + m + at.X_FLUX], law.fine.rest + law.fine.tissue[F_PORT] @ x[0, :n]
+        return found[0], found[1]
+
+    def cost(self, start: float, finger: Array, touched: Touched) -> float:
+        """Return how near the worst of what may be off comes to what is allowed: below 1 all is well."""
+        steps = self.steps
+        times = np.arange(1, steps + 1) * self.law.period
+        scale = np.maximum(np.abs(touched.flux[:steps]), FLOOR)
+        warmth, pumped = 0.0, []
+        for k, differs in enumerate(PLANTS):
+            flux, skin = self.run(start, finger, touched, differs)
+            if k == 0:
+                apart = np.abs(skin - touched.skin[:steps])
+                warmth = max(float(apart.max()) / SKIN_EVER, float(apart[times >= LATER].max()) / SKIN_LATER)
+            error = ((flux - touched.flux[:steps]) / scale)[times >= COUNTED_FROM]
+            rms = math.sqrt(float(error @ error) * self.law.period / SCORED)
+            hard = HARD if touched.effusivity >= THIN else HARD_THIN
+            pumped.append(rms / (NOMINAL if k == 0 else hard))
+        return max(warmth, *pumped) + FLUX_FIRST * sum(max(0.0, part - 1.0) for part in pumped)
+
+
+def start_temperature(trial: Trial, finger: Array, touched: Touched) -> float:
+    """Return the start temperature [K] with which most is left of what may go wrong.
 
     Parameters
     ----------
     finger
         Coordinates of the finger at the begin, shape (n,).
-    desired, skin
-        Desired flux [W/m2] and skin temperature [K] at the ends of the coarse steps, shape (STEPS,).
+    touched
+        What is to be rendered; shape (trial.needed,) each.
     """
-    free, warmer, pumps = _responses(trial, finger)
-    times = np.arange(1, STEPS + 1) * trial.column.period
-    found = np.zeros(0)
-    # With a greater difference than that between skin and room no pump holds the skin so close: then flux is first.
-    wide = abs(float(desired[0])) * trial.resistance > WIDE
-    for share, first in (OTHERWISE,) if wide else (*TRIALS, OTHERWISE):
-        columns = np.stack([warmer, *(share * pump for pump in pumps)], axis=-1)
-        found = _weighed(columns, desired - free[0], skin - free[1], times, desired, first)
-        apart = np.abs(skin - free[1] - columns[1] @ found)
-        if apart.max() <= SKIN_EVER and apart[times >= 0.3].max() <= SKIN_LATER:
-            break
-    return trial.reference + float(found[0]), free[0] + columns[0] @ found
+    resistance = trial.law.constants[at.O_CONTACT] * touched.press
+    faces = (touched.skin - resistance * touched.flux)[: trial.steps]
+    ends = sorted((float(faces[0]), float(faces[-1])))
+    return _least(lambda start: trial.cost(start, finger, touched), ends[0] - 0.5, ends[1] + 0.5)
 
 
-def _weighed(columns: Array, flux: Array, skin: Array, times: NDArray[Any], desired: Array, first: float) -> Array:
-    """Return the least squares with as much weight on the skin as leaves the flux right."""
-    scored, weight = times >= COUNTED_FROM, SKIN_WEIGHT
-    scale = np.maximum(np.abs(desired), FLOOR)
-    found = np.zeros(columns.shape[-1])
-    for _ in range(TRIES):
-        found = _least(columns, flux, skin, scored, weight)
-        error = ((columns[0] @ found - flux) / scale)[scored]
-        if np.sqrt(np.sum(error**2) * (times[1] - times[0]) / SCORED_FOR) <= first:
-            break
-        weight *= 0.6
-    return found
-
-
-def _least(columns: Array, flux: Array, skin: Array, scored: NDArray[np.bool_], skin_weight: float) -> Array:
-    """Return plate temperature and pump knots, within the pump's limits, that come closest to flux and skin."""
-    rows = np.concatenate((columns[0][scored], skin_weight * columns[1]))
-    aim = np.concatenate((flux[scored], skin_weight * skin))
-    count = columns.shape[-1]
-    weight = np.diag(np.concatenate(([0.0], np.full(count - 1, PUMP_WEIGHT))))
-    found, held = np.zeros(count), np.zeros(count, bool)
-    for _ in range(count):
-        stacked = np.concatenate((rows[:, ~held], weight[:, ~held]))
-        target = np.concatenate((aim - rows[:, held] @ found[held], np.zeros(count)))
-        found[~held] = np.linalg.lstsq(stacked, target, rcond=None)[0]
-        over = ~held & (np.abs(found) > 1.0)
-        over[0] = False
-        if not over.any():
-            break
-        found[over] = np.sign(found[over])
-        held |= over
-    return found
-
-
-def _responses(trial: Trial, finger: Array) -> tuple[Array, Array, list[Array]]:
-    """Return flux and skin, shape (2, STEPS): by itself, of 1 K more in the plate, and of each knot of the pump."""
-    still = np.zeros_like(finger)
-    cold = np.zeros(trial.column.plate.shape[1])
-    rest = trial.column.rest - trial.reference
-    silent = np.zeros(STEPS)
-    free = _run(trial, finger, cold, silent, rest)
-    free[1] += trial.column.rest
-    warmer = _run(trial, still, np.array(trial.column.flat), silent, 0.0)
-    return free, warmer, [_run(trial, still, cold, trial.limit * hat, 0.0) for hat in _hats(trial.delay)]
-
-
-def _hats(delay: int) -> list[Array]:
-    """Return the pump's knots as shapes over the steps, closer together at first."""
-    places = delay + np.concatenate(([0.0], np.cumsum(np.geomspace(1.5, 0.35 * STEPS, KNOTS - 1))))
-    steps = np.arange(STEPS) + 0.5
-    found = [np.interp(steps, places, unit) for unit in np.eye(KNOTS)]
-    return [np.where(steps > delay, hat, 0.0) for hat in found]
-
-
-def _run(trial: Trial, finger: Array, plate: Array, pump: Array, rest: float) -> Array:
-    above, below = finger.copy(), plate.copy()
-    tissue, lower = trial.column.tissue, trial.column.plate
-    selves = float(tissue[F_PORT] @ tissue[F_END]), float(lower[P_PORT] @ lower[P_END])
-    flux = (rest + float(tissue[F_PORT] @ above) - float(lower[P_PORT] @ below)) / trial.resistance
-    found = np.empty((2, STEPS))
-    for i in range(STEPS):
-        flux = planner.ahead(
-            trial.constants, tissue, lower, above, below, flux, float(pump[i]), trial.resistance, 1.0, 1.0, *selves,
-            rest,
-        )  # fmt: skip
-        found[:, i] = flux, float(tissue[F_PORT] @ above)
-    return found
+def _least(cost: Callable[[float], float], low: float, high: float) -> float:
+    """Return where a cost with few valleys is least: some places first, then between the best one's neighbours."""
+    known = {float(place): cost(float(place)) for place in np.linspace(low, high, FIRST)}
+    for _ in range(ROUNDS):
+        places = sorted(known)
+        best = min(places, key=known.__getitem__)
+        k = places.index(best)
+        for neighbour in (places[max(0, k - 1)], places[min(len(places) - 1, k + 1)]):
+            for part in range(1, THEN):
+                place = best + (neighbour - best) * part / THEN
+                known.setdefault(place, cost(place))
+    return min(known, key=known.__getitem__)

@@ -15,7 +15,7 @@ from itouch_thermal.display.peltier import current_for
 from itouch_thermal.flux.law import ModelLaw
 from itouch_thermal.flux.preview import contact_course, rising
 from itouch_thermal.flux.proportional import proportional_integral
-from itouch_thermal.flux.start import STEPS, equation_three, start_temperature, within
+from itouch_thermal.flux.start import Touched, Trial, equation_three, start_temperature, within
 from itouch_thermal.heat import FINGER, ThermalMaterial, finger_side, object_side
 
 PERIOD = 1e-3
@@ -162,11 +162,8 @@ class _Brain:
             self.law = law = _law(display, case.skin, case.resistance)
             self.state = Record.of(law.fields())
             law.reset(self.state)
-            every = slice(law.coarse_ticks - 1, None, law.coarse_ticks)
             self.finger = rising(law.fine, case.skin)
-            wanted, _ = start_temperature(
-                law.trial, self.finger, course.flux[every][:STEPS], course.skin[every][:STEPS]
-            )
+            wanted = _start(law, case, course, self.finger)
         else:
             wanted = equation_three(
                 case.material.effusivity, display.plate[-1].effusivity, FINGER[0].effusivity,
@@ -213,6 +210,13 @@ class _Brain:
         scale = press_factor(max(i, 1) * PERIOD + self.display.delay, self.case.press)
         current, self.flux = law.follow(self.state, scale, hold)
         return current
+
+
+def _start(law: ModelLaw, case: Case, course: Course, finger: Array) -> float:
+    trial, every = Trial(law), slice(law.coarse_ticks - 1, None, law.coarse_ticks)
+    flux, skin = course.flux[every][: trial.needed], course.skin[every][: trial.needed]
+    press = np.array([press_factor((i + 1) * law.step, case.press) for i in range(trial.needed)])
+    return start_temperature(trial, finger, Touched(flux, skin, press, case.material.effusivity))
 
 
 _LAWS: dict[tuple[object, ...], ModelLaw] = {}
