@@ -1,4 +1,4 @@
-"""``itouch-py thermal``: solve contact cases and list materials."""
+"""``itouch-py thermal``: solve contact cases, list materials, record flux curves, and facts about the display."""
 
 from __future__ import annotations
 
@@ -9,6 +9,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from itouch.plugin import ItouchError
+from itouch_thermal.cli_display import add_commands
+
 #: Units of a duration; none is seconds.
 _UNITS = {"": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0, "h": 3600.0}
 
@@ -18,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def main(argv: Sequence[str]) -> int:
-    """Solve contact cases and list materials; returns 0, or 2 for wrong input."""
+    """Run a sub-command; returns 0, or 2 for wrong input."""
     options = _parser().parse_args(argv)
     if options.command is None:
         _parser().print_help()
@@ -30,6 +33,9 @@ def main(argv: Sequence[str]) -> int:
         raise
     except OSError as error:
         print(f"error: {error.filename}: {error.strerror}", file=sys.stderr)
+        return 2
+    except ItouchError as error:
+        print(error, file=sys.stderr)
         return 2
     except (ValueError, ImportError) as error:
         print(f"error: {error}", file=sys.stderr)
@@ -54,6 +60,7 @@ def _parser() -> argparse.ArgumentParser:
     materials = commands.add_parser("materials", help="list the material library", description=_materials.__doc__)
     materials.add_argument("documents", nargs="*", metavar="FILE.xml", help="read these scene documents instead")
     materials.set_defaults(command=_materials)
+    add_commands(commands)
     return parser
 
 

@@ -17,42 +17,53 @@ import math
 import os
 import re
 import stat
-from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
 
 from itouch.plugin import QuantityError, parse_quantity
 
 #: What a file may have at most: bytes, and the greatest flux [W/m2] and time [s] that are believed.
 LARGEST_FILE, LARGEST_FLUX, LONGEST = 32 << 20, 1e6, 86400.0
 
+Array = NDArray[np.float64]
+
 _COLUMN = re.compile(r"\s*([A-Za-z_][A-Za-z_0-9]*)\s*(?:[\[(]\s*(.*?)\s*[\])])?\s*")
 _UNITS = {"t": "s", "j": "W/m^2"}
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Curve:
-    """A flux over time: times [s], ascending, and fluxes [W/m2] out of the finger."""
+    """A flux over time: times [s], ascending, and fluxes [W/m2] out of the finger, each of shape (rows,)."""
 
-    times: tuple[float, ...]
-    fluxes: tuple[float, ...]
+    times: Array
+    fluxes: Array
 
-    def __post_init__(self) -> None:
-        if len(self.times) != len(self.fluxes) or len(self.times) < 2:
+    @classmethod
+    def of(cls, times: Sequence[float], fluxes: Sequence[float]) -> Curve:
+        """Return a curve of at least two rows.
+
+        Raises
+        ------
+        ValueError
+            If there are fewer rows, the times do not ascend, or a value is not finite.
+        """
+        found = cls(np.array(times, np.float64), np.array(fluxes, np.float64))
+        if found.times.shape != found.fluxes.shape or found.times.ndim != 1 or len(found.times) < 2:
             raise ValueError("a flux curve needs at least two times and as many fluxes")
-        if any(later <= earlier for earlier, later in zip(self.times, self.times[1:], strict=False)):
+        if not (np.isfinite(found.times).all() and np.isfinite(found.fluxes).all()):
+            raise ValueError("the times and fluxes of a curve must be finite")
+        if not np.all(np.diff(found.times) > 0.0):
             raise ValueError("the times of a flux curve must ascend")
+        found.times.setflags(write=False)
+        found.fluxes.setflags(write=False)
+        return found
 
-    def at(self, time: float) -> float:
-        """Return the flux [W/m2] at a time [s]: linear between the rows, the first and the last one outside."""
-        upper = bisect_right(self.times, time)
-        if upper == 0:
-            return self.fluxes[0]
-        if upper == len(self.times):
-            return self.fluxes[-1]
-        low, high = self.times[upper - 1], self.times[upper]
-        part = (time - low) / (high - low)
-        return self.fluxes[upper - 1] + part * (self.fluxes[upper] - self.fluxes[upper - 1])
+    def at(self, times: float | Array) -> Array:
+        """Return the flux [W/m2] at times [s], same shape: linear between the rows, constant outside."""
+        return np.asarray(np.interp(times, self.times, self.fluxes))
 
 
 def read_curve(folder: str, name: str) -> Curve:
@@ -129,7 +140,7 @@ def parse_curve(text: str) -> Curve:
         fluxes.append(flux)
     if len(times) < 2:
         raise ValueError(f"line {line}: a flux curve needs at least two rows of numbers, this has {len(times)}")
-    return Curve(tuple(times), tuple(fluxes))
+    return Curve.of(times, fluxes)
 
 
 def _rows(text: str) -> Iterator[tuple[int, list[str]]]:

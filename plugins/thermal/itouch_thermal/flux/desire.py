@@ -66,15 +66,10 @@ def skin_under(column: Column, finger: Array, flux: Array) -> Array:
     return found
 
 
-def played(curve: Curve, step: float, count: int) -> Array:
-    """Return a curve at the ends of steps [s], shape (count,)."""
-    return np.asarray(np.interp(step * np.arange(1, count + 1), curve.times, curve.fluxes))
-
-
 def start_for_curve(law: ModelLaw, heat: HeatParams, curve: Curve, skin: float) -> float:
     """Return the start temperature [K] from which a curve can be followed, for a skin temperature [K]."""
     trial, finger, coarse = Trial(law), rising(law.fine, skin), law.coarse_ticks
-    flux = played(curve, law.period, trial.needed * coarse)
+    flux = curve.at(law.period * np.arange(1, trial.needed * coarse + 1))
     every = slice(coarse - 1, None, coarse)
     press = np.array([press_factor((i + 1) * law.step, heat.press) for i in range(trial.needed)])
     touched = Touched(flux[every], skin_under(law.fine, finger, flux)[every], press, math.inf)

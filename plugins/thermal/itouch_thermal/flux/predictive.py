@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from itouch.plugin import Field, Record
 from itouch_thermal.flux import approach
 from itouch_thermal.flux.law import ModelLaw
@@ -116,7 +114,7 @@ def _want(model: FluxModel, law: ModelLaw, state: Record, ticks: int) -> None:
     if curve is None:
         look_ahead(state[names.future], ticks, law.offsets, state[names.desired].item(), state[names.wanted])
     else:
-        state[names.wanted] = np.interp((ticks + law.offsets + 1) * model.period, curve.times, curve.fluxes)
+        state[names.wanted] = curve.at((ticks + law.offsets + 1) * model.period)
 
 
 def _pass(model: FluxModel, law: ModelLaw, state: Record, tick: int, scale: float) -> None:

@@ -56,11 +56,12 @@ def _touch(model: FluxModel, state: Record, plate: float, period: float) -> floa
 def _bounded(model: FluxModel, state: Record, flux: float, plate: float, tick: int, period: float) -> float:
     """Return the flux that neither takes the plate out of its band nor past its greatest rate."""
     passed, since = state[f"{model.name}.passed"], tick - state[model.names.begun].item()
-    piece = int(since * model.period / (RATE_OVER / PIECES))
+    length = max(RATE_OVER / PIECES, period)
+    piece, pieces = int(since * model.period / length), int(RATE_OVER / length)
     if state[model.names.fresh].item():
         passed[:] = plate
-    before: float = passed[(piece + 1) % PIECES].item()
-    passed[piece % PIECES] = plate
+    before: float = passed[(piece + 1) % pieces].item()
+    passed[piece % pieces] = plate
     swing = RATE * RATE_OVER * RATE_USED
     low, high = max(model.band[0], before - swing), min(model.band[1], before + swing)
     capacity = plate_capacity(model.display.plate) / max(STOPPING, 2.0 * period)

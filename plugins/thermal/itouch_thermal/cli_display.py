@@ -1,0 +1,157 @@
+"""Sub-commands of ``itouch-py thermal`` about the display: recording a flux curve, switching, data sheets, dew."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import sys
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from itouch.plugin import parse_quantity
+
+
+def add_commands(commands: Any) -> None:
+    """Add the sub-commands to ``itouch-py thermal``."""
+    _add_record(commands)
+    _add_switching(commands)
+    module = commands.add_parser("module", help="a Peltier module by its data sheet", description=_module.__doc__)
+    for name, text in (("voltage", "U_max, such as 15.4V"), ("current", "I_max"), ("difference", "dT_max")):
+        module.add_argument(f"--{name}", required=True, metavar="QUANTITY", help=text)
+    module.add_argument("--hot", default="27 degC", metavar="TEMPERATURE", help="T_h of the data sheet (27 degC)")
+    module.set_defaults(command=_module)
+    dew = commands.add_parser("dew-point", help="where water condenses", description=_dew_point.__doc__)
+    dew.add_argument("--room", default="23 degC", metavar="TEMPERATURE", help="temperature of the room (23 degC)")
+    dew.add_argument("--humidity", default="50 %", metavar="PART", help="relative humidity (50 %%)")
+    dew.set_defaults(command=_dew_point)
+
+
+def _add_record(commands: Any) -> None:
+    record = commands.add_parser(
+        "record-flux", help="store the flux of a touch as a curve", description=_record_flux.__doc__
+    )
+    record.add_argument("scene", metavar="SCENE", help="a scene in which an object is touched")
+    record.add_argument("-o", "--output", required=True, metavar="FILE.csv", help="columns t and j, in s and W/m2")
+    record.add_argument("--object", default="", metavar="NAME", help="default: the first object that is touched")
+    record.add_argument("--what", choices=("obtained", "sensor", "desired"), default="obtained",
+                        help="flux out of the finger (default), reading of the sensor, or what is desired")  # fmt: skip
+    record.add_argument("--for", dest="duration", metavar="30s", help="longest wait; default: the scripted motion")
+    record.add_argument("--every", default="", metavar="10ms", help="time between rows; default: the servo period")
+    record.add_argument("--seed", type=int, default=0, metavar="N", help="seed of all noise (default 0)")
+    record.add_argument("--rig", metavar="FILE", help="put another rig under the scene")
+    record.add_argument("--twin", metavar="all|none|NAME", help="run these devices as simulated twins")
+    record.set_defaults(command=_record_flux)
+
+
+def _add_switching(commands: Any) -> None:
+    switching = commands.add_parser(
+        "switching", help="how long the plate needs between materials", description=_switching.__doc__
+    )
+    switching.add_argument("scene", metavar="SCENE", help="a scene with flux control")
+    switching.add_argument("--rig", metavar="FILE", help="put another rig under the scene")
+    switching.add_argument("--json", metavar="FILE", help="write the times")
+    switching.set_defaults(command=_switching)
+
+
+def _quantity(text: str, unit: str, *, absolute: bool = False) -> float:
+    spaced = re.sub(r"(?<=[0-9.])\s*(?=[A-DF-Za-df-z%])", " ", text, count=1)
+    return parse_quantity(spaced, unit, absolute=absolute)[0]
+
+
+def _record_flux(options: argparse.Namespace) -> None:
+    """Run a scene until an object has been touched, and store the flux of that touch for target="file"."""
+    from itouch_thermal.flux.curve import format_curve
+    from itouch_thermal.recordflux import record_flux
+
+    if not 0 <= options.seed < 1 << 63:
+        raise ValueError(f"--seed {options.seed} is out of range: 0 to 2^63 - 1")
+    folder = os.path.dirname(options.output) or "."
+    if not os.path.isdir(folder) or os.path.isdir(options.output):
+        raise ValueError(f"--output '{options.output}' can't be written: {folder} must be a folder, and it a file")
+    seconds = _quantity(options.duration, "s") if options.duration else None
+    if seconds is not None and not 0.0 < seconds <= 86400.0:
+        raise ValueError(f"--for {options.duration} is out of range: above 0 to 86400 s")
+    found = record_flux(
+        options.scene, object_name=options.object, kind=options.what, seconds=seconds, seed=options.seed,
+        rig=options.rig, twin=options.twin,
+    )  # fmt: skip
+    every = 1
+    if options.every:
+        every = round(_quantity(options.every, "s") / found.times[0])
+        if every < 1 or len(found.times) // every < 2:
+            raise ValueError(f"--every {options.every} is out of range: {found.times[0]:g} s to half the touch")
+    times, fluxes = found.times[every - 1 :: every], found.fluxes[every - 1 :: every]
+    Path(options.output).write_text(format_curve(times, fluxes), encoding="utf-8")
+    print(
+        f"{found.object} ({found.material}): {len(times)} rows over {times[-1]:.3f} s, "
+        f"{fluxes[0]:.0f} to {fluxes[-1]:.0f} W/m2 ({options.what}) in {options.output}"
+    )
+
+
+def _switching(options: argparse.Namespace) -> None:
+    """Print the least time of a switch between any two materials of a scene, the driver's delay included."""
+    from itouch_thermal.flux import FluxControl
+    from itouch_thermal.flux.telling import switches
+
+    session = import_module("itouch").build(options.scene, rig=options.rig)
+    controls = [m for m in session.model.modalities if isinstance(m.instance, FluxControl)]
+    if not controls:
+        raise ValueError(f"{options.scene}: no <thermal:flux-control>, so no plate that switches")
+    rows = [{"modality": control.name, **row} for control in controls for row in switches(control.model)]
+    if options.json:
+        Path(options.json).write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    for control in controls:
+        _print_switches(control.name, [row for row in rows if row["modality"] == control.name])
+        if control.model.preset_time:
+            print(f"every approach takes {control.model.preset_time:.2f} s (equalise)")
+
+
+def _print_switches(name: str, rows: list[dict[str, Any]]) -> None:
+    """Print times as a matrix, from above to the left."""
+    starts = {row["from"]: row["from_start_C"] for row in rows}
+    if not starts:
+        print(f"{name}: fewer than two materials, nothing to switch between")
+        return
+    width = max(9, *(len(material) for material in starts)) + 1
+    times = {(row["from"], row["to"]): row["seconds"] for row in rows}
+    print(f"{'from / to [s]':<{width + 13}}" + "".join(f"{material:>{width}}" for material in starts))
+    for first, start in starts.items():
+        cells = (f"{times[first, second]:{width}.3f}" if first != second else " " * width for second in starts)
+        print(f"{first:<{width}}{start:7.2f} degC " + "".join(cells))
+
+
+def _module(options: argparse.Namespace) -> None:
+    """Print Seebeck coefficient, resistance and conductance of a module from what its data sheet says."""
+    from itouch_thermal.display.params import Datasheet
+
+    sheet = Datasheet(
+        voltage=_quantity(options.voltage, "V"),
+        current=_quantity(options.current, "A"),
+        difference=_quantity(options.difference, "K"),
+        hot=_quantity(options.hot, "K", absolute=True),
+    )
+    module = sheet.module()
+    best = min(sheet.current, module.seebeck * sheet.hot / module.resistance)
+    most = module.seebeck * sheet.hot * best - 0.5 * best * best * module.resistance
+    print(f"Seebeck coefficient {module.seebeck:.5g} V/K")
+    print(f"resistance          {module.resistance:.5g} ohm")
+    print(f"conductance         {module.conductance:.5g} W/K")
+    print(f"greatest heat       {most:.4g} W at {best:.4g} A without a difference")
+    print(
+        f'<thermal:datasheet voltage="{sheet.voltage:g} V" current="{sheet.current:g} A" '
+        f'difference="{sheet.difference:g} K" hot="{sheet.hot - 273.15:g} degC"/>'
+    )
+
+
+def _dew_point(options: argparse.Namespace) -> None:
+    """Print the temperature of a plate below which water condenses on it."""
+    from itouch_thermal.display.peltier import dew_point
+
+    room = _quantity(options.room, "K", absolute=True)
+    if not 233.15 <= room <= 333.15:
+        raise ValueError(f"--room {options.room} is out of range: -40 to 60 degC")
+    humidity = _quantity(options.humidity, "")
+    sys.stdout.write(f"{dew_point(room, humidity) - 273.15:.2f} degC\n")

@@ -1,0 +1,117 @@
+"""Recording the flux of a touch as a curve that ``target="file"`` plays: the paper's own method."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+from itouch_thermal.flux import FluxControl
+from itouch_thermal.heat import Heat
+
+#: What can be recorded: the flux out of the finger, the reading of the display's sensor, or the flux that is desired.
+KINDS = ("obtained", "sensor", "desired")
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """A touch: what was touched, times [s] since it began, and fluxes [W/m2] out of the finger."""
+
+    object: str
+    material: str
+    times: tuple[float, ...]
+    fluxes: tuple[float, ...]
+
+
+def record_flux(
+    scene: str,
+    *,
+    object_name: str = "",
+    kind: str = "obtained",
+    seconds: float | None = None,
+    seed: int = 0,
+    rig: str | None = None,
+    twin: str | None = None,
+) -> Recorded:
+    """Run a scene until an object has been touched, and return the flux of that touch, one value a servo period.
+
+    Parameters
+    ----------
+    scene, rig, twin, seed
+        As for a run.
+    object_name
+        Which object; default: the first that is touched.
+    kind
+        One of `KINDS`.
+    seconds
+        For how long to wait at most; default: until the scripted motion ends.
+
+    Raises
+    ------
+    ValueError
+        If there is no such object, nothing to record, or no touch.
+    ItouchError
+        If the scene is wrong or a device fails.
+    """
+    session = import_module("itouch").build(scene, seed=seed, rig=rig, twin=twin)
+    with session:
+        wanted = _wanted(session, object_name)
+        probe, field = _source(session, kind)
+        if seconds is None and not session.scripted:
+            raise ValueError("the scene has no scripted motion: say for how long to run, with --for 30s")
+        last = None if seconds is None else round(seconds / session.model.period)
+        rows, index = _follow(session, probe, field, wanted, last)
+    if len(rows) < 2:
+        what = f"'{object_name}'" if object_name else "nothing"
+        raise ValueError(f"the finger touched {what if not object_name else what + ' never'}: no flux to record")
+    times = tuple((i + 1) * session.model.period for i in range(len(rows)))
+    element = session.model.scene.objects[index]
+    return Recorded(element.name, element.material, times, tuple(rows))
+
+
+def _wanted(session: Any, name: str) -> int:
+    """Return the index of an object, -1 for any."""
+    names = list(session.model.objects)
+    if name and name not in names:
+        raise ValueError(f"there is no object '{name}'; there are {', '.join(repr(n) for n in names) or 'none'}")
+    return names.index(name) if name else -1
+
+
+def _source(session: Any, kind: str) -> tuple[str, str]:
+    """Return the finger and the State field that is recorded."""
+    if kind not in KINDS:
+        raise ValueError(f"what = '{kind}' is unknown: {', '.join(KINDS)}")
+    for modality in session.model.modalities:
+        if isinstance(modality.instance, FluxControl):
+            model = modality.model
+            if kind == "desired":
+                return model.probe, model.names.desired
+            truth = kind == "obtained" and model.names.true_flux in session.state
+            return model.probe, model.names.true_flux if truth else model.names.heat_flux
+    for modality in session.model.modalities:
+        if isinstance(modality.instance, Heat) and kind == "desired":
+            return modality.model.probe, f"{modality.name}.desired"
+    raise ValueError(f"the scene has no modality that knows the flux ({kind})")
+
+
+def _follow(session: Any, probe: str, field: str, wanted: int, last: int | None) -> tuple[list[float], int]:
+    """Tick until a touch has ended; return its fluxes while the finger pressed, and the object."""
+    state = session.state
+    current, force = state[f"{probe}.contact.object"], state[f"{probe}.normal_force"]
+    rows: list[float] = []
+    pressed, index, ticks = 0, -1, 0
+    while not (session.done if last is None else ticks >= last):
+        session.tick()
+        ticks += 1
+        touched = current.item()
+        if index >= 0 and touched != index:
+            break
+        if touched >= 0 and wanted in (-1, touched):
+            index = touched
+            rows.append(float(state[field].item()))
+            if force.item() > 0.0:
+                pressed = len(rows)
+    del rows[max(0, pressed - 1) :]  # without the period in which the finger lifts
+    while rows and rows[-1] == 0.0:  # the plate may leave the finger a little sooner than the object does
+        del rows[-1]
+    return rows, index
