@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import time
 from typing import Any
 
@@ -33,7 +34,11 @@ def build(config: dict[str, Any]) -> Session:
         If the scene, the session or the rig is wrong.
     """
     if config.get("scene_xml") is not None:
-        return prepare_text(config["scene_xml"], shown=config["scene"], seed=config["seed"])
+        files = config["files"]
+        content = None if files is None else {name: base64.b64decode(text) for name, text in files.items()}
+        return prepare_text(
+            config["scene_xml"], shown=config["scene"], seed=config["seed"], folder=config["folder"], files=content
+        )
     return prepare(config["scene"], seed=config["seed"], twin=config["twin"], rig=config["rig"])
 
 
@@ -46,8 +51,9 @@ class Servo:
         self.remotes = Remotes(session, segment.name)
         state, timing = session.state, session.times
         segment.grow(
-            self._meta(), state.nbytes, timing.record.nbytes, slots_for(state.nbytes, session.model.period), not ORDERED
-        )
+            self._meta(), state.nbytes, timing.record.nbytes, slots_for(state.nbytes, session.model.period),
+            not ORDERED, session.model.scene.files,
+        )  # fmt: skip
         self.words = segment.words
         self._publisher = Publisher(segment, state, timing)
         self._inbox = Inbox(segment)
@@ -65,6 +71,7 @@ class Servo:
         return {
             "source": model.scene.source,
             "scene_xml": write(model.scene),
+            "folder": model.scene.folder,
             "period": model.period,
             "dtype": repr(self.session.state.dtype.descr),
             "parts": list(self.session.times.parts),
@@ -113,9 +120,9 @@ class Servo:
             return
         self._await_guardian()
         self.remotes.connect()
+        self.session.enable()  # opening and homing may take long; nothing is commanded before it returns
         self.words[at.BEAT] = monotonic()
         self.words[at.ARMED] = int(bool(self._hardware() or self.remotes.addresses))
-        self.session.enable()
         self.outbox.tell("ready", ready)
 
     def _waits(self) -> bool:
