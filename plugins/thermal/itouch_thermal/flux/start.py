@@ -23,7 +23,9 @@ TRIED, COUNTED_FROM, LATER, SCORED = 0.4, 0.1, 0.3, 9.9
 #: Errors are relative to at least this flux [W/m2].
 FLOOR = 200.0
 #: What the skin may be off on the plant of the data sheets [K], ever and later, and the flux there, relative rms.
-SKIN_EVER, SKIN_LATER, NOMINAL = 0.116, 0.016, 2.8e-3
+SKIN_EVER, SKIN_LATER, NOMINAL = 0.116, 0.0155, 3e-3
+#: What the sensor's noise leaves of the flux error [W/m2], and by how much the flux falls from the trial's end on.
+NOISE, FALLS = 0.45, 3.0
 #: What the flux may be off on a hard plant, and on it for materials below THIN [W s^1/2 / m2K], relative rms.
 HARD, HARD_THIN, THIN = 6.5e-3, 13e-3, 300.0
 #: How much worse than the skin's it is to miss the flux.
@@ -135,14 +137,15 @@ class Trial:
         times = np.arange(1, steps + 1) * self.law.period
         scale = np.maximum(np.abs(touched.flux[:steps]), FLOOR)
         warmth, pumped = 0.0, []
+        noise = NOISE / max(float(scale[-1]) / FALLS, FLOOR)
+        hard = HARD if touched.effusivity >= THIN else HARD_THIN
         for k, differs in enumerate(PLANTS):
             flux, skin = self.run(start, finger, touched, differs)
             if k == 0:
                 apart = np.abs(skin - touched.skin[:steps])
                 warmth = max(float(apart.max()) / SKIN_EVER, float(apart[times >= LATER].max()) / SKIN_LATER)
             error = ((flux - touched.flux[:steps]) / scale)[times >= COUNTED_FROM]
-            rms = math.sqrt(float(error @ error) * self.law.period / SCORED)
-            hard = HARD if touched.effusivity >= THIN else HARD_THIN
+            rms = math.hypot(math.sqrt(float(error @ error) * self.law.period / SCORED), noise)
             pumped.append(rms / (NOMINAL if k == 0 else hard))
         return max(warmth, *pumped) + FLUX_FIRST * sum(max(0.0, part - 1.0) for part in pumped)
 
