@@ -42,6 +42,8 @@ class SafeStop:
                 wait()
 
         outcome = self._sequence.carry_out(fault, after_tick)
+        if outcome.also:
+            entry["also"] = outcome.also
         entry["safe"] = {"reached": outcome.safe, "after_s": outcome.seconds, "devices": outcome.devices}
 
     def _move(self) -> None:

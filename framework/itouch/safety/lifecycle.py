@@ -163,17 +163,21 @@ class Lifecycle(ABC):
         """
         if self._status.item() != FAULT:
             return
-        if self._trip.item() == Trip.DOSE:
-            raise DeviceError(f"device '{self.model.name}' has given the whole thermal dose of a session")
+        self._refuse_spent()
         self._forget()
         try:
             self._take()
             self.watch.check(0.0)
         except TripError as error:
+            self.watch.put_back()
             raise DeviceError(f"device '{self.model.name}' can't be re-armed: it {error}") from error
         self._sequence[...] = 1
         self._trip[...] = Trip.NONE
         self._status[...] = OPEN
+
+    def _refuse_spent(self) -> None:
+        if self._trip.item() == Trip.DOSE:
+            raise DeviceError(f"device '{self.model.name}' has given the whole thermal dose of a session")
 
     def ramp_in(self) -> None:
         """Begin with nothing and let commands grow, as after every re-arming."""
@@ -185,8 +189,9 @@ class Lifecycle(ABC):
         Raises
         ------
         DeviceError
-            If the device is missing or refuses; it stays CLOSED.
+            If the device is missing or refuses (it stays CLOSED), or its thermal dose is used up.
         """
+        self._refuse_spent()
         self.leave()
         self.open()
         self._trip[...] = Trip.NONE

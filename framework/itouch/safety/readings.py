@@ -33,12 +33,12 @@ _MOST = 1e300
 class Watch:
     """Checks the readings of one device."""
 
-    __slots__ = ("_channels", "_checked", "_high", "_jump", "_low", "_pairs", "_reading", "_speeds", "_values", "last")
+    __slots__ = ("_channels", "_checked", "_high", "_low", "_pairs", "_sane", "_speeds", "_values", "believed", "last")
 
     def __init__(
         self, reads: Sequence[Channel], reading: Record, limits: DeviceLimits, commands: Sequence[Channel] = ()
     ) -> None:
-        self._channels, self._reading = tuple(reads), reading
+        self._channels = tuple(reads)
         self._values = reading.raw.view(np.float64)
         self._low: list[float] = []
         self._high: list[float] = []
@@ -54,8 +54,10 @@ class Watch:
             for i, (low, high, (speed, room)) in rows
             if high < _MOST or speed + room < _MOST
         ]
+        self._sane = [bounds for channel in reads for bounds in _sane(channel)]
         self._pairs = _pairs(reads)
-        #: The values of the last reading that was believed; empty before the first.
+        #: The values of the last reading that was believed, and those that the next one is compared with, if any.
+        self.believed: list[float] = [0.0] * len(self._values)
         self.last: list[float] = []
 
     def check(self, seconds: float) -> None:
@@ -86,7 +88,22 @@ class Watch:
             if abs(values[first] - values[second]) > DISAGREEMENT:
                 difference = abs(values[first] - values[second])
                 raise TripError(Trip.SENSOR_DISAGREE, f"has two sensors that differ by {difference:.1f} K")
-        self.last = values
+        self.believed = self.last = values
+
+    @property
+    def values(self) -> list[float]:
+        """All numbers of the newest reading."""
+        values: list[float] = self._values.tolist()
+        return values
+
+    def put_back(self) -> None:
+        """Put the last reading that was believed in the place of one that is not: nobody else shall work with it."""
+        self._values[:] = self.believed
+
+    def sane(self) -> bool:
+        """Tell whether the newest reading can be worked with at all, though a limit may be passed."""
+        values: list[float] = self._values.tolist()
+        return all(low <= value <= high for value, (low, high) in zip(values, self._sane, strict=True))
 
     def forget(self) -> None:
         """Begin anew: the next reading may be anywhere in its range."""
@@ -94,7 +111,7 @@ class Watch:
 
     def recall(self) -> None:
         """Take the reading that State holds as the last one believed."""
-        self.last = self._values.tolist()
+        self.believed = self.last = self._values.tolist()
 
     def _jumped(self, index: int, value: float, last: float) -> NoReturn:
         channel = self._channel_of(index)
@@ -141,6 +158,14 @@ def _range(channel: Channel, limits: DeviceLimits) -> tuple[list[float], list[fl
     else:
         return low, high
     return [max(least, value) for value in low], [min(most, value) for value in high]
+
+
+def _sane(channel: Channel) -> list[tuple[float, float]]:
+    """Return the range of each component in which a number means anything."""
+    if channel.unit == "K":
+        return [TEMPERATURE_RANGE] * channel.size
+    low, high = _range(channel, DeviceLimits())
+    return [(max(-_MOST, least), min(_MOST, most)) for least, most in zip(low, high, strict=True)]
 
 
 def _change(channel: Channel, commands: Sequence[Channel]) -> list[tuple[float, float]]:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.plugin import RETRACT, Record
-from itouch.safety.lifecycle import BACKWARDS, HELD
+from itouch.safety.lifecycle import BACKWARDS, HELD, Status
 from itouch.safety.supervisor import Supervisor
 from itouch.safety.trips import DOUBTS, DeviceFaultError
 
@@ -36,11 +36,15 @@ CLEAR = 0.008
 
 
 class Outcome(NamedTuple):
-    """How a safe sequence ended: whether all is safe, after what time [s], and what was seen of each device."""
+    """How a safe sequence ended: whether all is safe, after what time [s], what was seen of each device.
+
+    ``also`` holds the trips of other devices that failed by then.
+    """
 
     safe: bool
     seconds: float
     devices: dict[str, str]
+    also: dict[str, str]
 
 
 class SafeSequence:
@@ -54,6 +58,8 @@ class SafeSequence:
         self._retracting = [s for s in supervisors if _retracts(s)]
         self._mute: set[str] = set()
         self._held_for: dict[str, int] = {}
+        self._begun: dict[str, list[float]] = {}
+        self._passed = 0
         names = {s.model.name for s in self._retracting}
         self._carried = [s for s in supervisors if s.model.carrier in names and not _retracts(s)]
 
@@ -65,16 +71,17 @@ class SafeSequence:
             else:
                 supervisor.disable()
         self._held_for.clear()
+        self._begun = {s.model.name: s.watch.values for s in self._retracting}
         heights = {s.model.name: _height(s) for s in self._retracting}
         for supervisor in self._carried:
             supervisor.keeping = supervisor.model.name != fault.device
-        leaving, passed = round(LEAVE_TIME / self._period), 0
+        self._passed = 0
         try:
-            for passed in range(1, round(SAFE_TIME / self._period) + 1):
+            for _ in range(round(SAFE_TIME / self._period)):
                 self._step()
                 after_tick()
                 self._mind_direction(heights)
-                if passed >= leaving or all(self._left(s) for s in self._retracting):
+                if self._passed * self._period >= LEAVE_TIME or all(self._left(s) for s in self._retracting):
                     self._release()
                 if not any(s.keeping for s in self._carried) and self._safe(heights):
                     break
@@ -83,7 +90,9 @@ class SafeSequence:
             self._hold_still()
         seen = {s.model.name: self._seen(s, heights) for s in self._supervisors}
         told = {name: text for name, (text, _) in seen.items()}
-        return Outcome(not any(bad for _, bad in seen.values()), passed * self._period, told)
+        faulty = [s for s in self._supervisors if s.status is Status.FAULT and s.model.name != fault.device]
+        also = {s.model.name: s.trip.label for s in faulty}
+        return Outcome(not any(bad for _, bad in seen.values()), self._passed * self._period, told, also)
 
     def _release(self) -> None:
         for supervisor in self._carried:
@@ -104,14 +113,19 @@ class SafeSequence:
                 supervisor.fault(second.trip, tick)
         self._move()
         self._tick[...] = tick + 1
-        self._mute = {s.model.name for s in self._supervisors if not s.glance()}
+        self._mute = {s.model.name for s in self._supervisors if not s.glance(tick)}
+        self._passed += 1
 
     def _safe(self, heights: dict[str, float]) -> bool:
         return not any(self._seen(s, heights)[1] for s in self._supervisors)
 
     def _believed(self, supervisor: Supervisor) -> bool:
         """Tell whether what a device measures can be believed now."""
-        return supervisor.model.name not in self._mute and supervisor.trip not in DOUBTS
+        name = supervisor.model.name
+        if name in self._mute or supervisor.trip in DOUBTS:
+            return False
+        frozen = name in self._begun and supervisor.watch.values == self._begun[name]
+        return not frozen or self._passed * self._period < SETTLE
 
     def _left(self, supervisor: Supervisor) -> bool:
         """Tell whether the finger has left a surface, by its force sensor."""

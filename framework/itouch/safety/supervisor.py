@@ -25,7 +25,7 @@ class Supervisor(Lifecycle):
         self.guards = [(channel.name, Guard(channel, model.limits)) for channel in model.commands]
         self._lanes = [(self.command[name], self.sent[name], guard) for name, guard in self.guards]
         self._patience = max(1, round(model.limits.watchdog / period))
-        self._growth = period / max(model.limits.ramp, default.RAMP)
+        self._growth = period / (model.limits.ramp or default.RAMP)
         #: Greatest speed [m/s] at which a surface may approach the finger in this tick.
         self.closing = 0.0
         #: Part of a force that the finger's speed leaves in this tick (K2).
@@ -54,13 +54,21 @@ class Supervisor(Lifecycle):
             if age:
                 self._age[...] = 0
             self._sequence[...] = self._sequence.item() + 1
-            if status != FAULT:
-                self.watch.check((age + self._every) * self._period)
-                if self.heat is not None and tick % self._slow == 0:
-                    self.heat.check()
+            if status == FAULT:
+                self._keep_sane()
+                return
+            self.watch.check((age + self._every) * self._period)
+            if self.heat is not None and tick % self._slow == 0:
+                self.heat.check()
         except TripError as error:
+            self._keep_sane()
             if status != FAULT:
                 self._fail(DeviceFaultError(self.model.name, tick, error.trip, str(error)), error)
+
+    def _keep_sane(self) -> None:
+        """Let nobody work with numbers that mean nothing."""
+        if not self.watch.sane():
+            self.watch.put_back()
 
     def _take(self) -> bool | None:
         """Read the twin or the device; whatever goes wrong is a trip."""
@@ -154,10 +162,18 @@ class Supervisor(Lifecycle):
         with contextlib.suppress(TripError):  # the device is lost; the others must still be made safe
             self._send_safe()
 
-    def glance(self) -> bool:
-        """Take the newest reading without judging it, to verify that the device is safe; tell whether it answered."""
-        self.watch.forget()  # what is judged next may be anywhere
+    def glance(self, tick: int) -> bool:
+        """Take the newest reading to verify that the device is safe; tell whether it answered.
+
+        A reading that can't be believed is a fault of its own here: it is latched, but raises nothing.
+        """
+        status, answered = self._status.item(), False
         try:
-            return self._status.item() != CLOSED and self._take() is not False
-        except TripError:
-            return False
+            answered = status != CLOSED and self._take() is not False
+            if answered and status != FAULT:
+                self.watch.check(self._every * self._period)
+        except TripError as error:
+            if status != FAULT:
+                self.fault(error.trip, tick)
+        self._keep_sane()
+        return answered
