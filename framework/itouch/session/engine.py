@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from itouch.loop import Clock, Engine
+from itouch.loop import Clock, DeviceFaultError, Engine
 from itouch.plugin import Record
 from itouch.plugin.bases import Bases, keeping
 from itouch.plugin.discovery import Catalog
@@ -43,6 +43,8 @@ class Session(Engine):
         #: The recorder that is at work, if any; ``records``: whether a run follows the scene's ``<record>``.
         self.recorder: Recorder | None = None
         self.records = True
+        #: Called when a tick has failed, before anything is made safe; they must not change the State.
+        self.fault_hooks: list[Callable[[DeviceFaultError], None]] = []
         with keeping(self._bases):
             super().__init__(model, seed=seed, clock=clock)
 
@@ -131,12 +133,12 @@ class Session(Engine):
             raise RecordingError(f"cannot write '{target}': {error.strerror or error}") from error
         self.recorder, self.records = Recorder(self, target, tracks), False
         self.taps.append(self.recorder.tap)
+        self.fault_hooks.append(self.recorder.hear)
         return self.recorder
 
     def recording_failed(self, recorder: Recorder) -> None:
         """Note that recording has stopped; the session goes on, or ends after this tick, as the scene says."""
-        if recorder.tap in self.taps:
-            self.taps.remove(recorder.tap)
+        self._let_go(recorder)
         element = self.model.scene.record
         tick = int(self.state["tick"])
         self.ledger.faults.append(
@@ -152,11 +154,23 @@ class Session(Engine):
         if element is not None and element.on_failure == "stop":
             self.stop()
 
+    def make_safe(self, fault: DeviceFaultError) -> None:
+        """Make every device safe; whoever wants to know of the tick that failed is told before that."""
+        for hook in self.fault_hooks:
+            hook(fault)
+        super().make_safe(fault)
+
     def enable(self) -> None:
         """Enable as ``Engine.enable`` says; a recording notes the State after it, because it came from outside."""
         super().enable()
         if self.recorder is not None:
             self.recorder.note_state("enable")
+
+    def rearm(self) -> None:
+        """Re-arm as ``Engine.rearm`` says; a recording notes the State after it."""
+        super().rearm()
+        if self.recorder is not None:
+            self.recorder.note_state("rearm")
 
     def mark(self, name: str, payload: Any = None) -> None:
         """Note a mark, such as the begin of a trial, before the next tick: in State, and in the recording.
@@ -194,9 +208,13 @@ class Session(Engine):
         super().close()
         recorder, self.recorder = self.recorder, None
         if recorder is not None:
-            if recorder.tap in self.taps:
-                self.taps.remove(recorder.tap)
+            self._let_go(recorder)
             recorder.close()
+
+    def _let_go(self, recorder: Recorder) -> None:
+        if recorder.tap in self.taps:
+            self.taps.remove(recorder.tap)
+            self.fault_hooks.remove(recorder.hear)
 
     def stand_at(self, stored: bytes) -> None:
         """Stand at a State with every status as it was, also of hardware: only for a replay, which opens nothing."""

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from itouch.loop import DeviceFaultError
 from itouch.loop.timing import percentile
 from itouch.plugin import Contact
 from itouch.recording import RecordingError
@@ -100,6 +101,11 @@ class Recorder:
         return done()
 
     @property
+    def process_id(self) -> int:
+        """The writing process."""
+        return self._process.pid
+
+    @property
     def lost(self) -> int:
         """Samples that the writing process was too slow for."""
         return int(self._ring.words[Word.LOST])
@@ -185,8 +191,12 @@ class Recorder:
         self._ring.words[Word.LOST] += 1
 
     def note_state(self, reason: str) -> None:
-        """Record the whole State; with another reason than ``every`` a replay starts again from it."""
+        """Record the whole State: ``start``, ``every``, ``enable`` (a replay starts again from it) or ``fault``."""
         self._post(STATE, int(self.session.state["tick"]), reason, self.session.state.tobytes())
+
+    def hear(self, fault: DeviceFaultError) -> None:
+        """Record the State of a tick that has failed: its readings never come to be in a row."""
+        self.note_state("fault")
 
     def tell(self, topic: str, tick: int, **content: Any) -> None:
         """Record a message."""

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from itouch.loop import DeviceFaultError
 from itouch.loop.ledger import Ledger
-from itouch.plugin import Record, Touch, Twin
+from itouch.plugin import DeviceError, Record, Touch, Twin
 from itouch.plugin.discovery import Catalog
 from itouch.recording import Recording, RecordingError, read
 from itouch.recording.tracks import Track
+from itouch.safety import Trip
 from itouch.session import layout
 from itouch.session.arrays import load_bases, record_from
 from itouch.session.building import rebuild
@@ -75,7 +76,15 @@ class Playback(Twin):
             self._inner.step(state, command, touch, period)
 
     def read(self, state: Record, reading: Record) -> bool | None:
-        """Give the reading of this tick; False if there was nothing new."""
+        """Give the reading of this tick; False if there was nothing new.
+
+        Raises
+        ------
+        DeviceError
+            If the device failed in this tick.
+        """
+        if self._inner is None and (cause := self._feed.error_of(self._name)):
+            raise DeviceError(cause)
         if self._inner is not None:
             self._inner.read(state, reading.copy())
         return self._feed.give(self._name, reading)
@@ -93,8 +102,17 @@ class Feed:
         }
         self.ticks = recording.ticks
         self.at = 0
+        self._errors = {
+            (int(f["tick"]), str(f.get("device"))): str(f.get("cause", "")).removeprefix("failed: ")
+            for f in recording.faults
+            if f.get("trip") == "device-error"
+        }
         inputs = self._tables.get("session")
         self._hold = inputs["hold"] if inputs is not None and "hold" in (inputs.dtype.names or ()) else None
+
+    def error_of(self, device: str) -> str:
+        """Return what a device said when it failed in this tick, or an empty string."""
+        return self._errors.get((int(self.ticks[self.at]), device), "") if self.at < len(self.ticks) else ""
 
     def give(self, device: str, reading: Record) -> bool:
         """Fill a reading from the present row; tell whether it was new then."""
@@ -208,6 +226,7 @@ class Replay:
         self.comparison = Comparison(recording, self.session)
         self.ticks = self.skipped = 0
         self._starts = _starts(recording)
+        self._failed = {int(s["tick"]): s for s in recording.states if s["reason"] == "fault"}
         self._marks = {int(m["tick"]): m for m in recording.marks}
         for runner in self.session.runners:
             runner.twin = Playback(runner.model.name, runner.twin, self.feed)
@@ -225,12 +244,26 @@ class Replay:
             return self._skip()
         feed.inputs(self.session.state)
         self._mark(tick)
-        begin = feed.at
+        begin, failed = feed.at, self._failed.pop(tick, None)
+        if failed is not None:
+            return self._fail(tick, failed)
         try:
             self.session.tick()
         except DeviceFaultError:
             self._going = feed.at > begin  # the safe sequence has been replayed, too
         return True
+
+    def _fail(self, tick: int, letter: Mapping[str, Any]) -> bool:
+        """Replay what a fault did.  What was wrong in that tick never got into State: the fault itself is given."""
+        said = next((f for f in self.recording.faults if int(f["tick"]) == tick and not f.get("optional")), None)
+        trip = next((t for t in Trip if said is not None and t.label == said.get("trip")), None)
+        if said is None or trip is None or str(said["device"]) not in self.session.model.devices:
+            return self._skip()
+        begin = self.feed.at
+        self.session.stand_at(layout.adopt(state_of(letter), self.session.state, {})[0])
+        self.session.make_safe(DeviceFaultError(str(said["device"]), tick, trip, str(said.get("cause", ""))))
+        self._going = self.feed.at > begin
+        return self._going or self._skip()
 
     def _ready(self, tick: int) -> bool:
         """Take up a recorded State where one begins at this tick; tell whether the engine stands at it."""
@@ -277,7 +310,7 @@ def _starts(recording: Recording) -> dict[int, Mapping[str, Any]]:
     for letter in recording.states:
         tick = int(letter["tick"])
         lost = any(gap < t <= tick for t in after_gap)
-        if letter["reason"] != "every" or lost:
+        if letter["reason"] in ("start", "enable", "rearm") or (letter["reason"] == "every" and lost):
             found[tick] = letter
         gap = tick
     return found

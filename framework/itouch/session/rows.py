@@ -52,6 +52,7 @@ def chosen_tracks(model: Model, state: Record, wishes: Iterable[Wish]) -> list[T
                 raise ValueError(f"no channel is named '{pattern}'")
             for name in names:
                 owner, _, short = name.partition(".") if "." in name else ("session", "", name)
+                short += "_" if short in ("tick", "time") else ""  # every track has columns of these names
                 found.setdefault((owner, every), {})[name] = _column(state, name, short, unit_of(name))
     return [
         Track(_track_name(owner, every, model.period), every, False, tuple(columns.values()))

@@ -1,0 +1,130 @@
+"""Replay: readings in, every command must come out the same; a difference is found and named."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+
+import numpy as np
+import pytest
+from campaign import size, tell
+from running import RUNNABLE
+
+import itouch
+from itouch.cli import main
+from itouch.session.replay import Replay
+from shipped import SCENES
+
+
+def record(path: Path, scene: str | Path, seconds: float, *, seed: int = 1) -> itouch.Session:
+    session = itouch.build(scene if isinstance(scene, Path) else SCENES / f"{scene}.xml", seed=seed)
+    session.record(path)
+    try:
+        session.run(seconds)
+    except itouch.DeviceFaultError:
+        pass
+    session.close()
+    return session
+
+
+@pytest.mark.parametrize("scene", RUNNABLE)
+def test_every_command_comes_out_the_same(scene: str, tmp_path: Path) -> None:
+    for seed in range(size(1, 16)):
+        seconds = 1.6 if size(1, 2) == 1 else 2.0 + 0.5 * seed
+        session = record(tmp_path / "r.mcap", scene, seconds, seed=seed)
+        outcome = itouch.replay(tmp_path / "r.mcap")
+        assert (outcome.mismatches, outcome.first, outcome.skipped) == (0, None, 0)
+        assert outcome.ticks == int(session.state["tick"])
+        assert outcome.compared > 0
+    tell(f"{scene}: {size(1, 16)} recordings replayed, 0 mismatches")
+
+
+def test_a_changed_reading_gives_a_mismatch_that_is_named(tmp_path: Path) -> None:
+    record(tmp_path / "r.mcap", "first_touch", 1.2)
+    recording = itouch.read(tmp_path / "r.mcap")
+    recording["arm"]["pose"][1000, 2] -= 2e-4
+    outcome = itouch.replay(recording)
+    assert outcome.mismatches > 0
+    assert outcome.first is not None
+    assert (outcome.first.tick, outcome.first.channel.split(".")[0]) == (1000, "arm")
+    assert "recorded" in str(outcome.first)
+
+
+def test_a_changed_command_is_found(tmp_path: Path) -> None:
+    record(tmp_path / "r.mcap", "four_materials", 1.0)
+    recording = itouch.read(tmp_path / "r.mcap")
+    recording["peltier"]["sent.current"][700, 0] = np.nextafter(recording["peltier"]["sent.current"][700, 0], 9.0)
+    outcome = itouch.replay(recording)
+    assert (outcome.mismatches, outcome.first.tick, outcome.first.channel) == (1, 700, "peltier.sent.current")
+
+
+def test_starting_in_the_middle_with_marks_and_a_second_enable(tmp_path: Path) -> None:
+    session = itouch.build(SCENES / "four_materials.xml", seed=3)
+    session.run(0.9)
+    session.save(tmp_path / "s.itouch")
+    session = itouch.restore(tmp_path / "s.itouch")
+    session.record(tmp_path / "r.mcap")
+    session.run(0.3)
+    session.mark("trial", 1)
+    session.run(0.4)
+    session.close()
+    outcome = itouch.replay(tmp_path / "r.mcap")
+    assert (outcome.ticks, outcome.mismatches, outcome.skipped) == (700, 0, 0)
+
+
+@pytest.mark.parametrize("number", range(size(2, 40)))
+def test_faults_are_replayed_through_the_safe_sequence(number: int, scenes: Path) -> None:
+    generator = random.Random(number)
+    device, kind = [("peltier", "nan"), ("table", "disconnect"), ("table", "bias"), ("peltier", "drift")][number % 4]
+    path = scenes / "four_materials.xml"
+    fault = f'<fault device="{device}" kind="{kind}" at="{generator.randrange(300, 1200)} ms"/>'
+    path.write_text(path.read_text(encoding="utf-8").replace("</itouch>", fault + "</itouch>"), encoding="utf-8")
+    session = record(scenes / "r.mcap", path, 3.0, seed=number)
+    recording = itouch.read(scenes / "r.mcap")
+    assert len(recording.faults) == len(session.ledger.faults)
+    outcome = itouch.replay(recording)
+    assert (outcome.mismatches, outcome.first) == (0, None)
+    assert outcome.ticks == int(session.state["tick"])
+
+
+def test_a_cut_recording_is_replayed_as_far_as_it_goes(tmp_path: Path) -> None:
+    record(tmp_path / "r.mcap", "first_touch", 2.5)
+    data = (tmp_path / "r.mcap").read_bytes()
+    (tmp_path / "c.mcap").write_bytes(data[: len(data) * 2 // 3])
+    outcome = itouch.replay(tmp_path / "c.mcap")
+    assert outcome.losses
+    assert outcome.mismatches == 0
+    assert 0 < outcome.ticks < 2500
+
+
+def test_after_a_gap_the_replay_goes_on_from_the_next_state(tmp_path: Path) -> None:
+    record(tmp_path / "r.mcap", "first_touch", 22.0)
+    recording = itouch.read(tmp_path / "r.mcap")
+    rows = recording._content.rows
+    for name in rows:
+        rows[name] = np.delete(rows[name], slice(4000, 4100))
+    assert recording.lost == 100
+    outcome = itouch.replay(recording)
+    assert outcome.mismatches == 0
+    state = next(s["tick"] for s in recording.states if s["tick"] > 4100)
+    assert outcome.ticks == 4000 + 22_000 - state
+    assert outcome.skipped == state - 4100
+
+
+def test_step_by_step_for_a_window(tmp_path: Path) -> None:
+    record(tmp_path / "r.mcap", "first_touch", 0.2)
+    work = Replay(itouch.read(tmp_path / "r.mcap"))
+    seen = []
+    while work.step():
+        seen.append(int(work.session.state["tick"]))
+    assert seen == list(range(1, 201))
+
+
+def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    record(tmp_path / "r.mcap", "first_touch", 0.5)
+    assert main(["replay", str(tmp_path / "r.mcap")]) == 0
+    assert "500 ticks (0.500 s) replayed" in (said := capsys.readouterr().out)
+    assert "0 mismatches" in said
+    (tmp_path / "n.mcap").write_bytes(b"no")
+    assert main(["replay", str(tmp_path / "n.mcap")]) == 2
+    assert "not a recording" in capsys.readouterr().err
