@@ -151,8 +151,6 @@ class Shown:
     def model(self) -> Model:
         """The compiled scene, made when it is first shown."""
         from itouch.plugin.discovery import Catalog
-        from itouch.scene import loads
         from itouch.world import Model
 
-        catalog, link = Catalog(), self._handle.link
-        return Model.of(loads(link.scene_xml.encode(), catalog, shown=link.source), catalog)
+        return Model.of(self._handle.link.scene(), Catalog())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import math
 import os
 import signal
@@ -321,7 +322,11 @@ def _name(scene: str) -> str:
 def _config(scene: str | os.PathLike[str] | Scene, twin: str | None) -> dict[str, Any]:
     if isinstance(scene, Scene):
         chosen = scene if twin is None else choose_twins(scene, twin)
-        return {"scene": chosen.source, "scene_xml": write(chosen), "twin": None}
+        files = chosen.files
+        return {
+            "scene": chosen.source, "scene_xml": write(chosen), "twin": None, "folder": chosen.folder,
+            "files": None if files is None else {n: base64.b64encode(data).decode() for n, data in files.items()},
+        }  # fmt: skip
     return {"scene": os.fspath(scene), "scene_xml": None, "twin": twin}
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import ast
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from itouch.servo import words as at
 from itouch.servo.reading import Follower, Ring, copy_timing
 from itouch.servo.segment import PREFIX, Segment, ServoError, monotonic
 
+if TYPE_CHECKING:
+    from itouch.scene import Scene
+
 #: How long [s] one ``hold`` lasts: whoever holds the dead-man's switch must say so again before.
 HOLD_TIME = 0.08
 #: Silence [s] after which a servo process counts as hung.
@@ -27,10 +30,11 @@ SILENCE = 1.0
 
 @dataclass(frozen=True, slots=True)
 class SessionInfo:
-    """A session that runs: its name, the id of its servo process, its scene file, and what it is doing."""
+    """A session that runs: its name, the ids of its servo process and of its launcher, its scene file, its phase."""
 
     name: str
     pid: int
+    owner: int
     scene: str
     phase: str
 
@@ -52,7 +56,7 @@ class Link:
         self.probes: tuple[str, ...] = tuple(meta["probes"])
         self.devices: tuple[str, ...] = tuple(meta["devices"])
         self.notices: tuple[str, ...] = tuple(meta["notices"])
-        #: The canonical scene as text; ``itouch.scene.loads`` reads it.
+        #: The canonical scene as text.
         self.scene_xml: str = meta["scene_xml"]
         #: Name, manifest and the like of what else the launcher told; for those who read the meta data themselves.
         self.meta: dict[str, Any] = meta
@@ -60,6 +64,24 @@ class Link:
         self._parts = tuple(meta["parts"])
         self._ring = Ring(segment)
         self._copy = Record(self.dtype)
+
+    def scene(self) -> Scene:
+        """Return the scene, with the files that it names.
+
+        Raises
+        ------
+        SceneError
+            If a plugin that it needs is missing here.
+        """
+        from itouch.plugin.discovery import Catalog
+        from itouch.scene import loads
+
+        places = self.meta["files"]
+        files = None
+        if places is not None:
+            files = {name: self._segment.part(start, size).tobytes() for name, (start, size) in places.items()}
+        found = loads(self.scene_xml.encode(), Catalog(), shown=self.source, files=files)
+        return replace(found, folder=self.meta["folder"])
 
     @property
     def pid(self) -> int:
@@ -164,7 +186,7 @@ def sessions() -> list[SessionInfo]:
     for segment in _segments():
         source = segment.meta()["source"] if int(segment.words[at.SIZE]) else ""
         pid, phase = int(segment.words[at.SERVO]), at.PHASES[segment.phase]
-        found.append(SessionInfo(segment.name, pid, source, phase))
+        found.append(SessionInfo(segment.name, pid, int(segment.words[at.OWNER]), source, phase))
         segment.close()
     return sorted(found, key=lambda info: info.pid)
 

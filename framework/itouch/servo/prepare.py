@@ -5,6 +5,8 @@ from __future__ import annotations
 import subprocess
 import sys
 import threading
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -82,8 +84,10 @@ def prepare(scene: str, *, seed: int, twin: str | None, rig: str | None) -> Sess
         return Session(model, seed=seed)
 
 
-def prepare_text(scene: str, *, shown: str, seed: int) -> Session:
-    """Build an engine from the text of a canonical scene.
+def prepare_text(
+    scene: str, *, shown: str, seed: int, folder: str = ".", files: Mapping[str, bytes] | None = None
+) -> Session:
+    """Build an engine from the text of a canonical scene; the files that it names are in ``folder``, or given.
 
     Raises
     ------
@@ -95,4 +99,5 @@ def prepare_text(scene: str, *, shown: str, seed: int) -> Session:
     from itouch.session import build
 
     catalog = Catalog()
-    return build(loads(scene.encode(), catalog, shown=shown), seed=seed, catalog=catalog)
+    description = replace(loads(scene.encode(), catalog, shown=shown, files=files), folder=folder)
+    return build(description, seed=seed, catalog=catalog)

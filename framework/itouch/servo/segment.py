@@ -10,6 +10,7 @@ import json
 import mmap
 import os
 import time
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -67,16 +68,22 @@ class Segment:
             raise ServoError(f"session '{self.name}' has memory format {int(self.words[at.FORMAT])}; this program "
                              f"reads {at.FORMAT_VALUE}: run both with the same version of itouch-py")  # fmt: skip
 
-    def grow(self, meta: dict[str, Any], state_size: int, timing_size: int, slots: int, summed: bool) -> None:
+    def grow(
+        self, meta: dict[str, Any], state_size: int, timing_size: int, slots: int, summed: bool,
+        files: Mapping[str, bytes] | None = None,
+    ) -> None:  # fmt: skip
         """Lay out what follows the control words; called once, by the servo process."""
-        text = json.dumps(meta).encode()
         timing_at = _aligned(at.HEAD_SIZE)
-        meta_at = _aligned(timing_at + timing_size)
+        files_at = _aligned(timing_at + timing_size)
+        content, places = _packed(files, files_at)
+        text = json.dumps({**meta, "files": places}).encode()
+        meta_at = _aligned(files_at + len(content))
         ring_at = _aligned(meta_at + len(text))
         slot_size = _aligned(SLOT_HEAD + state_size)
         os.ftruncate(self.handle, ring_at + slots * slot_size)
         self.map()
         self.bytes[meta_at : meta_at + len(text)] = np.frombuffer(text, np.uint8)
+        self.bytes[files_at : files_at + len(content)] = np.frombuffer(content, np.uint8)
         for word, value in (
             (at.META_AT, meta_at), (at.META_SIZE, len(text)), (at.TIMING_AT, timing_at), (at.TIMING_SIZE, timing_size),
             (at.RING_AT, ring_at), (at.SLOTS, slots), (at.SLOT_SIZE, slot_size), (at.STATE_SIZE, state_size),
@@ -109,6 +116,17 @@ class Segment:
 #: Before each State in the ring: sequence at begin and end, tick, host time, lateness and duration [ns], flags, sum.
 SLOT_HEAD = 64
 _PAGE = 64
+
+
+def _packed(files: Mapping[str, bytes] | None, start: int) -> tuple[bytes, dict[str, list[int]] | None]:
+    """Return files one after the other, and where each lies; None if there are none to carry."""
+    if files is None:
+        return b"", None
+    places, end = {}, start
+    for name, data in files.items():
+        places[name] = [end, len(data)]
+        end += len(data)
+    return b"".join(files.values()), places
 
 
 def _aligned(size: int) -> int:

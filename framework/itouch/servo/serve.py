@@ -120,7 +120,8 @@ class Servo:
             return
         self._await_guardian()
         self.remotes.connect()
-        self.session.enable()  # opening and homing may take long; nothing is commanded before it returns
+        if self._hardware():  # opening and homing may take long; twins, or a restored session of twins, need none of it
+            self.session.enable()
         self.words[at.BEAT] = monotonic()
         self.words[at.ARMED] = int(bool(self._hardware() or self.remotes.addresses))
         self.outbox.tell("ready", ready)
