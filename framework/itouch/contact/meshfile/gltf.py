@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from itouch.contact.meshfile.accessors import Accessors, item
 from itouch.contact.meshfile.faults import MeshError
-from itouch.contact.meshfile.limits import MAX_FACES, too_many_faces
+from itouch.contact.meshfile.limits import MAX_FACES, MAX_JSON_VALUES, too_many_faces
 from itouch.contact.meshfile.nodes import placed_meshes
 
 Floats = NDArray[np.float64]
@@ -80,6 +80,9 @@ def _damaged(shown: str, error: Exception) -> MeshError:
 
 
 def _document(data: bytes) -> dict[str, Any]:
+    values = data.count(b",") + data.count(b"[") + data.count(b"{")
+    if values > MAX_JSON_VALUES:
+        raise ValueError(f"its JSON holds {values} values; the most is {MAX_JSON_VALUES}")
     document = json.loads(data.decode("utf-8-sig"))
     if not isinstance(document, dict):
         raise ValueError("its outermost value is no object")

@@ -8,6 +8,16 @@ from itouch.contact.meshfile.faults import MeshError
 MAX_FACES = 4_000_000
 #: Greatest number of vertices that a file may announce.
 MAX_VERTICES = 3 * MAX_FACES
+#: The same for formats in text, whose parsers take some hundred bytes for each.
+MAX_TEXT_VERTICES = 4_000_000
+#: Greatest number of values in the JSON of a glTF, and of its nodes.
+MAX_JSON_VALUES, MAX_NODES = 4_000_000, 100_000
+
+
+def too_many_vertices(shown: str, count: int, most: int = MAX_VERTICES) -> MeshError:
+    """Say that a file has, or says that it has, too many vertices."""
+    sentence = f"'{shown}' has {count} vertices or more; the most is {most}"
+    return MeshError("mesh-too-large", sentence, "join vertices that are given twice, or save it in a binary format")
 
 
 def too_many_faces(shown: str, count: int) -> MeshError:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.contact.meshfile.accessors import item
+from itouch.contact.meshfile.limits import MAX_NODES
 
 Floats = NDArray[np.float64]
 
@@ -24,6 +25,8 @@ def placed_meshes(document: dict[str, Any]) -> Iterator[tuple[int, Floats]]:
         If the nodes are no tree, or a node's transform is not one.
     """
     nodes = document.get("nodes", [])
+    if len(nodes) > MAX_NODES:
+        raise ValueError(f"it has {len(nodes)} nodes; the most is {MAX_NODES}")
     if not nodes:
         yield from ((index, np.eye(4)) for index in range(len(document.get("meshes", []))))
         return

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import io
 import re
 import struct
 from collections.abc import Iterator
 
 from itouch.contact.meshfile.faults import MeshError
-from itouch.contact.meshfile.limits import MAX_FACES, MAX_VERTICES, too_many_faces
+from itouch.contact.meshfile.limits import (
+    MAX_FACES,
+    MAX_TEXT_VERTICES,
+    MAX_VERTICES,
+    too_many_faces,
+    too_many_vertices,
+)
 
 _MAX_PARTS = 10_000  # named parts of a text file: the parser's work grows with their square
 _STL_HEAD, _STL_ROW = 84, 50
@@ -20,6 +27,10 @@ _OFF_COUNTS = re.compile(rb"\s*C?OFF\s+(\d{1,18})\s+(\d{1,18})")
 _COMMENT = re.compile(rb"#[^\n]*")
 _END_FACET = re.compile(rb"(?i)endfacet")
 _PIECE = 8 << 20
+_LINE_ENDS = (b"\n", b"\r", b"\x0b", b"\x0c", b"\x1c", b"\x1d", b"\x1e")
+_MOST_LINES = 4 * MAX_TEXT_VERTICES  # vertices, normals, textures, faces
+_SPARE_LINES = 1000  # comments and empty lines that are nobody's fault
+_VERTEX_LINE = re.compile(rb"(?m)^[ \t]*v[ \t]")
 _FACE_LINE = re.compile(rb"(?m)^[ \t]*f[ \t]([^\n]*)")
 
 
@@ -107,14 +118,15 @@ def _ply(data: bytes, shown: str) -> bytes:
         raise _not("PLY", shown, data, "" if not data.startswith(b"ply") else "its header does not end")
     lines = [line.split() for line in data[:end].decode("latin-1").splitlines()[1:]]
     binary = any(line[:1] == ["format"] and "ascii" not in line[1:2] for line in lines)
-    rows, least, known = 0, 0, set()
+    rows, total, least, known = 0, 0, 0, set()
     for line in lines:
         if line[:1] == ["element"]:
             if len(line) != 3 or not line[2].isdecimal() or len(line[2]) > 18 or line[1] in known:
                 raise _not("PLY", shown, data, f"its header says '{' '.join(line)[:60]}'")
             known.add(line[1])
             rows = int(line[2])
-            _ply_count(line[1], rows, shown)
+            total += rows
+            _ply_count(line[1], rows, shown, binary)
         elif line[:1] == ["property"]:
             size = _PLY_BYTES.get(line[2 if line[1:2] == ["list"] else 1] if len(line) > 2 else "")
             if size is None or not known:
@@ -123,15 +135,26 @@ def _ply(data: bytes, shown: str) -> bytes:
     if least > len(data) - end:
         sentence = f"its header announces at least {least} bytes, it has {len(data) - end}"
         raise _not("PLY", shown, data, sentence)
+    if not binary:
+        _check_lines(data, total, "PLY", shown)
     return data
 
 
-def _ply_count(element: str, count: int, shown: str) -> None:
+def _ply_count(element: str, count: int, shown: str, binary: bool) -> None:
     if element == "face" and count > MAX_FACES:
         raise too_many_faces(shown, count)
-    if count > MAX_VERTICES:
-        sentence = f"'{shown}' announces {count} of '{element}'; the most is {MAX_VERTICES}"
-        raise MeshError("mesh-too-large", sentence, "simplify it")
+    most = MAX_VERTICES if binary else MAX_TEXT_VERTICES
+    if count > most:
+        raise too_many_vertices(shown, count, most)
+
+
+def _check_lines(data: bytes, announced: int, kind: str, shown: str) -> None:
+    """Refuse a text of many more lines than its header announces: its parser would take each for a row."""
+    if not data.isascii():
+        raise _not(kind, shown, data, "it holds bytes that are no plain text")
+    lines = sum(data.count(end) for end in _LINE_ENDS) - data.count(b"\r\n")
+    if lines > 2 * announced + _SPARE_LINES:
+        raise _not(kind, shown, data, f"it announces {announced} rows and has {lines} lines")
 
 
 def _off(data: bytes, shown: str) -> bytes:
@@ -141,27 +164,29 @@ def _off(data: bytes, shown: str) -> bytes:
     vertices, faces = int(match.group(1)), int(match.group(2))
     if faces > MAX_FACES:
         raise too_many_faces(shown, faces)
-    if vertices > MAX_VERTICES:
-        raise MeshError("mesh-too-large", f"'{shown}' announces {vertices} vertices; the most is {MAX_VERTICES}")
+    if vertices > MAX_TEXT_VERTICES:
+        raise too_many_vertices(shown, vertices, MAX_TEXT_VERTICES)
     if 6 * (vertices + faces) > len(data):  # the shortest lines are "0 0 0\n" and "1 0 1\n"
         announced = f"it announces {vertices} vertices and {faces} faces"
         raise _not("OFF", shown, data, f"{announced}, more than it has bytes for")
+    _check_lines(data, vertices + faces, "OFF", shown)
     return data
 
 
 def _obj(data: bytes, shown: str) -> bytes:
     if b"\0" in data:
         raise _not("OBJ", shown, data, "it holds bytes that are no text")
-    vertices, faces = len(re.findall(rb"(?m)^[ \t]*v[ \t]", data)), 0
-    relative = False
+    lines = data.count(b"\n")
+    if lines > _MOST_LINES:
+        sentence = f"'{shown}' has {lines} lines; the most is {_MOST_LINES}"
+        raise MeshError("mesh-too-large", sentence, "save it in a binary format")
+    vertices, faces = sum(1 for _ in _VERTEX_LINE.finditer(data)), 0
     for match in _FACE_LINE.finditer(data):
-        line = match.group(1)
-        faces += max(0, len(line.split()) - 2)
-        relative = relative or b"-" in line
-    if faces > MAX_FACES:
-        raise too_many_faces(shown, faces)
-    if vertices > MAX_VERTICES:
-        raise MeshError("mesh-too-large", f"'{shown}' has {vertices} vertices; the most is {MAX_VERTICES}")
+        faces += max(0, len(match.group(1).split()) - 2)
+        if faces > MAX_FACES:
+            raise too_many_faces(shown, faces)
+    if vertices > MAX_TEXT_VERTICES:
+        raise too_many_vertices(shown, vertices, MAX_TEXT_VERTICES)
     if not vertices and not faces:
         raise _not("OBJ", shown, data)
     if not faces:
@@ -176,7 +201,7 @@ def _plain_obj(data: bytes) -> bytes:
     parser that reads all vertices first.
     """
     lines, count = [], 0
-    for raw in data.replace(b"\\\n", b" ").replace(b"\\\r\n", b" ").splitlines():
+    for raw in io.BytesIO(data.replace(b"\\\n", b" ").replace(b"\\\r\n", b" ")):
         line = raw.split(b"#", 1)[0].split()
         if line[:1] == [b"v"]:
             count += 1
