@@ -52,7 +52,7 @@ def control(
     ticks = tick - state[names.begun].item() if touching else 0
     scale = _scale(model, state, ticks) if touching and not model.steady else 1.0
     _take(model, law, state, touching and not pressed, tick, scale)
-    if pressed and not state[names.on_plate].item():
+    if (pressed and not state[names.on_plate].item()) or (model.hold > 1 and not state["ready"].item()):
         law.disturb(state)
     if touching:
         if state[names.fresh].item():
@@ -89,14 +89,21 @@ def _set(model: FluxModel, law: ModelLaw, state: Record, scale: float) -> None:
     state[names.on_plate] = 1
     if not model.force_from:
         return
-    force = abs(state[model.force_from][2].item())
-    grown = force - state[names.force_before].item() if model.hold == 1 else force
-    late = min(LATE, max(1, round(force / grown))) if grown > 0.0 else 1
-    for _ in range(late):
+    for _ in range(_late(model, state)):
         advance(
             law.constants, law.fine.tissue, law.fine.plate, state[names.x], state[names.theta], state[names.memory],
             state[names.sent].item(), scale,
         )  # fmt: skip
+
+
+def _late(model: FluxModel, state: Record) -> int:
+    """Return how many servo periods ago the finger came to the plate."""
+    names = model.names
+    if model.hold > 1:  # it was not there when the touch began, else it would have been set down then
+        return max(1, min(model.hold, state["tick"].item() - state[names.begun].item()))
+    force = abs(state[model.force_from][2].item())
+    grown = force - state[names.force_before].item()
+    return min(LATE, max(1, round(force / grown))) if grown > 0.0 else 1
 
 
 def take_off(model: FluxModel, state: Record, tick: int) -> None:
