@@ -80,5 +80,3 @@ def written(chunks: int = 30, rows: int = 20, *, finish: bool = True) -> tuple[b
     if finish:
         writer.finish()
     return bytes(out.data), out.ends, table
-
-

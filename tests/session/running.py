@@ -11,7 +11,6 @@ import itouch
 from shipped import SCENES
 
 
-
 def _runs_by_itself(path: Path) -> bool:
     """Whether a scene has a finger that moves, and only twins: the promise of bytes does not cover hardware."""
     scene = itouch.load(path)

@@ -47,7 +47,6 @@ class Column:
             return (self.name,)
         return tuple(f"{self.name}.{part}" for part in self.parts or map(str, range(self.size)))
 
-
     @property
     def units(self) -> tuple[str, ...]:
         """Unit of each of its numbers: turns and torques have another than the three numbers before them."""

@@ -33,17 +33,24 @@ def record_from(data: bytes) -> NDArray[Any]:
         If it holds anything else.
     """
     stream = io.BytesIO(data)
-    version = npy.read_magic(stream)
-    if version not in ((1, 0), (2, 0), (3, 0)):
-        raise ValueError(f"array format {version[0]}.{version[1]} is unknown")
-    read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
-    shape, _, dtype = read(stream, max_header_size=_HEADER)
+    shape, dtype = _header(stream)
     if dtype.hasobject or dtype.names is None or shape != (1,):
         raise ValueError(f"the state is not one record of numbers, but {shape} of {str(dtype)[:60]}")
     body = data[stream.tell() :]
     if len(body) != dtype.itemsize:
         raise ValueError(f"the state has {len(body)} bytes, its type says {dtype.itemsize}")
     return np.frombuffer(body, dtype)
+
+
+def _header(stream: io.BytesIO) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    """Return shape and type that the head of an ``.npy`` file says; whatever is wrong with it is a ValueError."""
+    try:
+        version = npy.read_magic(stream)
+        read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
+        shape, _, dtype = read(stream, max_header_size=_HEADER)
+    except Exception as error:  # its parser raises from SyntaxError to MemoryError on mutated headers
+        raise ValueError(f"the head of an array makes no sense: {str(error)[:80]}") from error
+    return shape, dtype
 
 
 def write_record(header: bytes, state: Record) -> bytes:
@@ -69,9 +76,7 @@ def load_bases(data: bytes, shapes: Any) -> dict[str, Arrays]:
         If numbers and shapes do not fit.
     """
     stream = io.BytesIO(data)
-    if npy.read_magic(stream) != (1, 0):
-        raise ValueError("the bases are in an unknown array format")
-    shape, _, dtype = npy.read_array_header_1_0(stream, max_header_size=_HEADER)
+    shape, dtype = _header(stream)
     body = data[stream.tell() :]
     if dtype != np.dtype("<f8") or len(shape) != 1 or len(body) != 8 * shape[0]:
         raise ValueError("the bases are not a row of float64")

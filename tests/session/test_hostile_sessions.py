@@ -1,0 +1,207 @@
+"""Hostile sessions: clear errors in bounded time and memory; no code is run, nothing is written elsewhere."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import os
+import pickle
+import random
+import resource
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from campaign import size, tell
+
+import itouch
+from shipped import SCENES
+
+
+@pytest.fixture(scope="module")
+def members(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    path = tmp_path_factory.mktemp("hostile") / "s.itouch"
+    session = itouch.build(SCENES / "first_touch.xml")
+    session.run(0.5)
+    session.save(path)
+    with zipfile.ZipFile(path) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
+
+
+def write(path: Path, members: dict[str, bytes], *, kind: int = zipfile.ZIP_DEFLATED) -> Path:
+    with zipfile.ZipFile(path, "w", kind) as archive:
+        for name, data in members.items():
+            archive.writestr(name, data)
+    return path
+
+
+def with_state(members: dict[str, bytes], array: np.ndarray) -> dict[str, bytes]:
+    """Another State, with the digest that fits it: hostile, not merely damaged."""
+    stream = io.BytesIO()
+    np.save(stream, array, allow_pickle=True)
+    manifest = json.loads(members["manifest.json"])
+    if not array.dtype.hasobject:
+        manifest["state"] = hashlib.sha256(array.tobytes()).hexdigest()
+    return {**members, "state.npy": stream.getvalue(), "manifest.json": json.dumps(manifest).encode()}
+
+
+def state_of(members: dict[str, bytes]) -> np.ndarray:
+    return np.load(io.BytesIO(members["state.npy"]), allow_pickle=False)
+
+
+class Evil:
+    """Writes a file when it is unpickled."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return (Path.write_text, (self.path, "run"))
+
+
+Make = Callable[[dict[str, bytes], Path], dict[str, bytes]]
+
+
+def header(text: bytes) -> bytes:
+    return b"\x93NUMPY\x02\x00" + len(text).to_bytes(4, "little") + text
+
+
+def poke(field: str, value: int) -> Make:
+    def make(members: dict[str, bytes], path: Path) -> dict[str, bytes]:
+        state = state_of(members).copy()
+        state[field][...] = value
+        return with_state(members, state)
+
+    return make
+
+
+HOSTILE: dict[str, Make] = {
+    "pickle": lambda m, p: {**m, "state.npy": pickle.dumps(Evil(p / "ran"))},
+    "object array": lambda m, p: with_state(m, np.array([Evil(p / "ran")], dtype=object)),
+    "object field": lambda m, p: with_state(m, np.zeros(1, [("tick", "i8"), ("x", "O")])),
+    "plain array": lambda m, p: with_state(m, np.zeros(10)),
+    "two records": lambda m, p: with_state(m, np.concatenate([state_of(m)] * 2)),
+    "wrong dtype": lambda m, p: with_state(m, np.zeros(1, [("tick", "f4"), ("seed", "u8")])),
+    "huge header": lambda m, p: {**m, "state.npy": header(b"{" + b" " * (8 << 20) + b"}")},
+    "deep header": lambda m, p: {**m, "state.npy": header(b"(" * 100_000)},
+    "code in the header": lambda m, p: {**m, "state.npy": header(b"__import__('os').abort()")},
+    "shape of 10^12": lambda m, p: {**m, "state.npy": header(
+        b"{'descr': [('tick','<i8')], 'fortran_order': False, 'shape': (1000000000000,), }")},
+    "an object index": poke("finger.contact.object", 10**9),
+    "a status that is none": poke("arm.status", 77),
+    "a tick before the first": poke("tick", -5),
+    "traversal": lambda m, p: {**m, "../../evil": b"x"},
+    "absolute name": lambda m, p: {**m, "/tmp/evil": b"x"},
+    "asset that is no digest": lambda m, p: {**m, "assets/../../evil": b"x"},
+    "unknown version": lambda m, p: {**m, "manifest.json": b'{"format": "2.0"}'},
+    "version that is none": lambda m, p: {**m, "manifest.json": b'{"format": "1.x"}'},
+    "manifest that is a list": lambda m, p: {**m, "manifest.json": b"[]"},
+    "deep manifest": lambda m, p: {**m, "manifest.json": b"[" * 500_000},
+    "deep scene": lambda m, p: {**m, "scene.xml": b"<itouch>" + b"<a>" * 100_000},
+    "scene of entities": lambda m, p: {**m, "scene.xml": b'<!DOCTYPE a [<!ENTITY b "c">]><itouch>&b;</itouch>'},
+    "bases that do not fit": lambda m, p: {**m, "bases.npy": m["state.npy"]},
+    "bomb": lambda m, p: {**m, "state.npy": bytes(200 << 20)},
+    "many members": lambda m, p: {**m, **{f"assets/{n:064x}": b"" for n in range(5000)}},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_hostile(name: str, members: dict[str, bytes], tmp_path: Path) -> None:
+    (tmp_path / "here").mkdir()
+    path = write(tmp_path / "here" / "h.itouch", HOSTILE[name](members, tmp_path))
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(itouch.SessionError, match=r"h\.itouch|taken up|layout of State"):
+        itouch.restore(path)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 300 << 10
+    assert sorted(p.name for p in tmp_path.rglob("*")) == ["h.itouch", "here"]
+
+
+def test_a_bomb_that_lies_about_its_size(members: dict[str, bytes], tmp_path: Path) -> None:
+    path = write(tmp_path / "h.itouch", {**members, "state.npy": bytes(150 << 20)})
+    data = bytearray(path.read_bytes())
+    size_field = (150 << 20).to_bytes(4, "little")
+    assert data.count(size_field) >= 2
+    path.write_bytes(bytes(data).replace(size_field, (4096).to_bytes(4, "little")))
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(itouch.SessionError):
+        itouch.restore(path)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100 << 10
+
+
+def test_mutated_archives(members: dict[str, bytes], tmp_path: Path) -> None:
+    """Bytes of the archive are changed, and bytes of members under checksums that fit."""
+    generator, refused = random.Random(5), 0
+    plain = write(tmp_path / "p.itouch", members).read_bytes()
+    path = tmp_path / "m.itouch"
+    for number in range(size(150, 10_000)):
+        if number % 2:
+            broken = bytearray(plain)
+            mutate(broken, generator)
+            path.write_bytes(broken)
+        else:
+            name = generator.choice(sorted(members))
+            inner = bytearray(members[name])
+            mutate(inner, generator)
+            write(path, {**members, name: bytes(inner)}, kind=zipfile.ZIP_STORED)
+        try:
+            session = itouch.restore(path)
+        except itouch.SessionError:
+            refused += 1
+            continue
+        assert int(session.state["tick"]) == 500
+    tell(f"mutated sessions: {refused} refused with a sentence, the others unharmed, no crash")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["m.itouch", "p.itouch"]
+
+
+def mutate(data: bytearray, generator: random.Random) -> None:
+    for _ in range(generator.randint(1, 6)):
+        where = generator.randrange(len(data))
+        kind = generator.randrange(4)
+        if kind == 0:
+            data[where] = generator.randrange(256)
+        elif kind == 1:
+            del data[where : where + generator.randint(1, 40)]
+            data += b"x"
+        elif kind == 2:
+            data[where:where] = generator.randbytes(generator.randint(1, 40))
+        else:
+            data[where] ^= 1 << generator.randrange(8)
+
+
+def test_mutated_documents(tmp_path: Path) -> None:
+    session = itouch.build(SCENES / "first_touch.xml")
+    session.run(0.3)
+    text, generator, path = session.to_xml().encode(), random.Random(8), tmp_path / "m.xml"
+    for _ in range(size(60, 3000)):
+        broken = bytearray(text)
+        mutate(broken, generator)
+        path.write_bytes(broken)
+        try:
+            assert int(itouch.restore(path).state["tick"]) == 300
+        except itouch.SessionError:
+            continue
+
+
+@pytest.mark.parametrize(
+    "evil",
+    [b'<!DOCTYPE itouch [<!ENTITY a "b">]><itouch version="1.0"><session format="1.1"/></itouch>',
+     b'<itouch version="1.0"><session format="1.1">' + b"<a>" * 100_000, b"<itouch/>",
+     b'<itouch version="1.0"><session format="1.1"><manifest>{"format":"1.1"}</manifest><ledger>{}</ledger>'
+     b'<state bytes="8"><field name="tick" type="O">1</field></state></session></itouch>',
+     b'<itouch version="1.0"><session format="1.1"><manifest>{"format":"1.1"}</manifest><ledger>{}</ledger>'
+     b'<state bytes="8"><field name="tick" type="f8" shape="1000000000,1000000000">1</field></state></session></itouch>'],
+)  # fmt: skip
+def test_hostile_documents(evil: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "h.xml"
+    path.write_bytes(evil)
+    with pytest.raises(itouch.SessionError):
+        itouch.restore(path)
+
+
+def test_no_file_and_a_folder(tmp_path: Path) -> None:
+    for path in (tmp_path / "none.itouch", tmp_path, os.devnull):
+        with pytest.raises(itouch.SessionError):
+            itouch.restore(path)

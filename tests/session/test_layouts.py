@@ -1,0 +1,142 @@
+"""A plugin whose State has changed: added fields take their defaults, what can't be mapped is refused with the reason."""
+
+from __future__ import annotations
+
+import importlib.metadata as metadata
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import itouch
+from itouch.plugin import Field, Modality, Record
+from itouch.plugin.discovery import Catalog, Found, find
+from itouch.session.layout import compare
+from shipped import SCENES
+
+SCENE = """<itouch version="1.0" xmlns:tone="urn:itouch:plugin:tone">
+  <materials><material name="wood"><contact stiffness="1 N/mm"/></material></materials>
+  <world><box name="block" size="1 1 1 cm" material="wood"/></world>
+  <devices><device name="arm" plugin="usb-arm"/></devices>
+  <interaction><probe name="finger" pose-from="arm"/><tone:hum/></interaction>
+</itouch>
+"""
+
+
+@dataclass(frozen=True)
+class Params:
+    """Nothing."""
+
+
+def modality(*fields: Field) -> type[Modality]:
+    class Hum(Modality):
+        """Counts, whatever its fields are."""
+
+        def compile(self, name: str, params: Any, world: Any) -> None:
+            return None
+
+        def fields(self, model: Any) -> tuple[Field, ...]:
+            return fields
+
+        def reset(self, model: Any, state: Record) -> None:
+            for field in fields:
+                state[f"hum.{field.name}"] = 7
+
+        def update(self, model: Any, state: Record, period: float) -> None:
+            state["hum.count"][...] += 1
+
+    Hum.Params = Params
+    return Hum
+
+
+class Entry:
+    """What stands for an entry point."""
+
+    def __init__(self, value: type) -> None:
+        self.value, self._loaded = value.__name__, value
+
+    def load(self) -> type:
+        return self._loaded
+
+
+def catalog(cls: type[Modality], version: str = "1.0") -> Catalog:
+    def finder(group: str) -> dict[str, Found]:
+        found = dict(find(group))
+        if group == "itouch.modalities":
+            found["tone.hum"] = Found("tone.hum", "itouch-tone", version, Entry(cls))  # type: ignore[arg-type]
+        return found
+
+    return Catalog(finder)
+
+
+COUNT = Field("count", "i8")
+
+
+@pytest.fixture
+def saved(tmp_path: Path) -> Path:
+    (tmp_path / "scene.xml").write_text(SCENE, encoding="utf-8")
+    plugins = catalog(modality(COUNT, Field("level", "f4", 3), Field("old", "i4")))
+    session = itouch.build(tmp_path / "scene.xml", catalog=plugins)
+    session.run(0.05)
+    session.save(tmp_path / "s.itouch")
+    return tmp_path / "s.itouch"
+
+
+def test_an_added_field_takes_its_default_and_is_told(saved: Path) -> None:
+    new = modality(Field("fresh", "f8", 2), COUNT, Field("old", "i4"), Field("level", "f4", 3))
+    session = itouch.restore(saved, catalog=catalog(new, "1.1"))
+    assert session.state["hum.fresh"].tolist() == [7.0, 7.0]
+    assert int(session.state["hum.count"]) == 57
+    assert any("+ hum.fresh: ('<f8', (2,)): new, starts at its default" in notice for notice in session.notices)
+    session.run(0.05)
+    assert int(session.state["hum.count"]) == 107
+
+
+def test_a_wider_type_keeps_the_numbers(saved: Path) -> None:
+    session = itouch.restore(saved, catalog=catalog(modality(COUNT, Field("level", "f8", 3), Field("old", "i8"))))
+    assert session.state["hum.level"].tolist() == [7.0] * 3
+    assert any("~ hum.level" in notice for notice in session.notices)
+
+
+@pytest.mark.parametrize(
+    ("fields", "line"),
+    [((COUNT, Field("level", "f4", 3)), r"- hum.old: int32: there is no such field any more"),
+     ((COUNT, Field("level", "f4", 4), Field("old", "i4")), r"! hum.level: \('<f4', \(3,\)\) -> \('<f4', \(4,\)\): its shape or type"),
+     ((COUNT, Field("level", "f4", 3), Field("old", "f4")), r"! hum.old: int32 -> float32"),
+     ((COUNT, Field("level", "i4", 3), Field("old", "i4")), r"! hum.level")],
+)  # fmt: skip
+def test_what_cannot_be_mapped_is_refused_field_by_field(saved: Path, fields: tuple[Field, ...], line: str) -> None:
+    with pytest.raises(itouch.SessionError, match=line) as caught:
+        itouch.restore(saved, catalog=catalog(modality(*fields), "2.0"))
+    assert "tone 1.0" in str(caught.value)
+
+
+def test_the_manifest_says_who_wrote_it(saved: Path) -> None:
+    manifest = (
+        itouch.restore(saved, catalog=catalog(modality(COUNT, Field("level", "f4", 3), Field("old", "i4"))))
+        .snapshot()
+        .manifest
+    )
+    assert manifest["plugins"] == {"tone": "1.0", "usb-arm": metadata.version("itouch-py")}
+    assert {
+        "format",
+        "itouch-py",
+        "layout",
+        "model",
+        "scene",
+        "state",
+        "tick",
+        "seed",
+        "host",
+        "git",
+        "calibration",
+    } <= set(manifest)
+
+
+def test_only_the_order_differs() -> None:
+    one, two = np.dtype([("a", "i8"), ("b", "f8")]), np.dtype([("b", "f8"), ("a", "i8")])
+    assert compare(one, two).fits
+    assert compare(one, two).moved
+    assert SCENES.is_dir()
