@@ -7,13 +7,14 @@ the same operator and the same finger as in a run on twins; another ``itouch-py`
 from __future__ import annotations
 
 import argparse
+import select
 import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from itouch.cli.arguments import seconds
+from itouch.cli.arguments import output_file, seconds
 from itouch.plugin import Emulator
 from itouch.schema import ItouchError
 
@@ -33,7 +34,17 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--rig", metavar="FILE", help="put another rig with the same device names under the scene")
     parser.add_argument("--for", dest="duration", type=seconds, metavar="60s", help="end after this time")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of all noise (default 0)")
+    parser.add_argument("--run", action="store_true",
+                        help="run the scene too, in this process and in step: as fast as the wires answer")  # fmt: skip
+    parser.add_argument("--report", type=output_file, metavar="FILE.json", help="with --run: write the report as JSON")
+    parser.add_argument("--trace", type=output_file, metavar="FILE", help="with --run: write what goes over the wires")
     options = parser.parse_args(argv)
+    if (options.report or options.trace) and not options.run:
+        parser.error("--report and --trace go with --run")
+    if options.run:
+        from itouch.cli import lockstep
+
+        return lockstep.main(options)
     from itouch.servo.prepare import prepare
 
     session = prepare(options.scene, seed=options.seed, twin="all", rig=options.rig)
@@ -55,9 +66,9 @@ def main(argv: Sequence[str]) -> int:
 
 
 class VirtualRig:
-    """The twins of a session behind their emulators."""
+    """The twins of a session behind their emulators, whose timers run ``speed`` times as fast as the host's."""
 
-    def __init__(self, session: Engine) -> None:
+    def __init__(self, session: Engine, *, speed: float = 1.0) -> None:
         self._session = session
         self._period = session.model.period
         self._lines: list[tuple[Runner, Emulator]] = []
@@ -65,7 +76,9 @@ class VirtualRig:
             cls = runner.model.cls.Emulator
             if cls is None:
                 raise ItouchError(f"device '{runner.model.name}': plugin '{runner.model.plugin}' has no emulator")
-            self._lines.append((runner, cls(runner.model.params)))
+            emulator = cls(runner.model.params)
+            emulator.speed = speed
+            self._lines.append((runner, emulator))
         #: Whether a host drives a device: then the operator's motion goes on.
         self.driven = False
 
@@ -77,6 +90,7 @@ class VirtualRig:
         DeviceError
             If a device's place is taken.
         """
+        self.step()
         return [(runner.model.name, emulator.open()) for runner, emulator in self._lines]
 
     def close(self) -> None:
@@ -92,9 +106,9 @@ class VirtualRig:
             self.look()
             now = time.monotonic()
             if now < due:
-                time.sleep(min(LOOK, due - now))
+                self.wait(min(LOOK, due - now))
                 continue
-            self._session.step_twins(self.driven)
+            self.step()
             due += self._period
             if now - due > BEHIND:
                 late += now - due
@@ -102,10 +116,23 @@ class VirtualRig:
         if late:
             print(f"note: the simulation was {late:.1f} s too slow in all", file=sys.stderr)
 
+    def step(self) -> None:
+        """Simulate one period, and let the twins measure."""
+        self._session.step_twins(self.driven)
+        for runner, _ in self._lines:
+            if runner.twin is not None:
+                runner.twin.read(runner.twin_state, runner.reading)
+
     def look(self) -> None:
         """Let every emulator answer once."""
+        now = self._session.seconds
         for runner, emulator in self._lines:
-            twin = runner.twin
-            if twin is not None:
-                twin.read(runner.twin_state, runner.reading)
-                self.driven |= emulator.serve(runner.reading, runner.sent)
+            self.driven |= emulator.serve(now, runner.reading, runner.sent)
+
+    def wait(self, seconds: float) -> None:
+        """Wait until a host asks for something, but no longer than that."""
+        select.select(self.handles(), [], [], max(0.0, seconds))
+
+    def handles(self) -> list[int]:
+        """Return the file descriptors on which a host's next request comes."""
+        return [handle for _, emulator in self._lines for handle in emulator.handles()]

@@ -96,6 +96,8 @@ class Device(ABC):
     period: ClassVar[float] = 0.0
     #: Seconds that one exchange of a blocking device takes; its twin's readings are that old, commands that late.
     delay: ClassVar[float] = 0.0
+    #: Seconds that one exchange over the wire of a blocking device takes in practice; only for simulating it in step.
+    exchange: ClassVar[float] = 0.0
     #: Seconds without a command after which the device makes itself safe; armed by ``open``.  None: it does not.
     watchdog: ClassVar[float | None] = None
     #: True if another process may open the device too, and call ``make_safe``, when the servo process has died.
@@ -108,6 +110,9 @@ class Device(ABC):
 
     #: Where to write what goes over the wire; set before ``open``, None: nowhere.
     trace: Trace | None = None
+
+    #: Factor on how long it waits for answers; more than 1 only where time is simulated on a busy machine.
+    patience: float = 1.0
 
     def __init__(self, params: Any) -> None:
         self.params = params

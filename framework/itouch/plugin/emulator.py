@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import Any
 
 from itouch.plugin.record import Record
@@ -14,6 +15,9 @@ class Emulator(ABC):
     The physics is the twin's: `serve` is called many times a second with what the twin reads now, and fills in what
     the host has commanded.
     """
+
+    #: How much faster than the host's clock its transports' own timers run; set before ``open``.
+    speed: float = 1.0
 
     def __init__(self, params: Any) -> None:
         self.params = params
@@ -29,8 +33,22 @@ class Emulator(ABC):
         """
 
     @abstractmethod
-    def serve(self, reading: Record, command: Record) -> bool:
-        """Answer what the host has asked, without waiting; tell whether the host drives the device."""
+    def serve(self, now: float, reading: Record, command: Record) -> bool:
+        """Answer what the host has asked, without waiting; tell whether the host drives the device.
+
+        Parameters
+        ----------
+        now
+            Simulated time [s].
+        reading
+            What the twin reads now.
+        command
+            What the twin obeys; what the host has commanded is written to it.
+        """
+
+    def handles(self) -> Sequence[int]:
+        """Return the file descriptors on which a host's next request will come."""
+        return ()
 
     @abstractmethod
     def close(self) -> None:

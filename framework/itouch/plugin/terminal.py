@@ -32,6 +32,10 @@ class Terminal:
                 self.close()
                 raise DeviceError(f"no virtual port can be made at '{name}': {error.strerror}") from error
 
+    def fileno(self) -> int:
+        """Return the descriptor on which bytes of the other side come."""
+        return self._ours
+
     def receive(self) -> bytes:
         """Return what has come, without waiting."""
         try:

@@ -163,7 +163,7 @@ class UsbArm(Device):
             backend = self._remote.backend
         return Falcon(
             p.firmware or None, backend, serial=p.serial, force_scale=p.force_scale,
-            resume=True, trace=self.trace,
+            resume=True, patience=self.patience, trace=self.trace,
         )  # fmt: skip
 
     def close(self) -> None:

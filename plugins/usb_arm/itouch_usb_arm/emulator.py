@@ -8,6 +8,7 @@ from itouch.plugin import DeviceError, Emulator, Record
 from itouch_usb_arm import kinematics
 from itouch_usb_arm.virtual.arm import VirtualFalcon
 from itouch_usb_arm.virtual.mechanics import Mechanics
+from itouch_usb_arm.virtual.times import HostTime
 from itouch_usb_arm.virtual.usbip import UsbipServer
 from itouch_usb_arm.wire import Buttons
 
@@ -37,9 +38,11 @@ class ArmEmulator(Emulator):
         if params.deadman != "none":
             self.arm.buttons = Buttons[params.deadman.upper()]
         self._server: UsbipServer | None = None
+        self._place: list[float] = []
 
     def open(self) -> str:
         """Listen where the parameters say."""
+        self.arm.time = HostTime(self.speed)
         host, _, port = self.params.usbip.rpartition(":")
         if not host or not port.isdigit():
             return "nothing: no usbip address is named"
@@ -55,11 +58,17 @@ class ArmEmulator(Emulator):
         if server is not None:
             server.close()
 
-    def serve(self, reading: Record, command: Record) -> bool:
+    def handles(self) -> list[int]:
+        """Return what the server listens to."""
+        return self._server.handles() if self._server is not None else []
+
+    def serve(self, now: float, reading: Record, command: Record) -> bool:
         """Take the grip to where the twin is, answer the host, and give the twin the motors' force."""
         place = reading["pose"].tolist()[:3]
-        x, y, z = (a - b for a, b in zip(place, self.params.grip, strict=True))
-        self._led.lead((x, y, z))
+        if place != self._place:
+            self._place = place
+            x, y, z = (a - b for a, b in zip(place, self.params.grip, strict=True))
+            self._led.lead((x, y, z))
         if self._server is not None:
             self._server.step(wait=False)
         driven = any(self._led.motors)

@@ -33,7 +33,7 @@ from itouch_usb_arm.errors import (
     ProtocolError,
     Timeout,
 )
-from itouch_usb_arm.exchange import Exchange
+from itouch_usb_arm.exchange import PATIENCE, Exchange
 from itouch_usb_arm.reading import Reading, Timing
 from itouch_usb_arm.wire import MOTOR_LIMIT, Leds, Reply, command
 
@@ -65,6 +65,8 @@ class Falcon:
         Motor counts a newton metre.
     resume
         Whether a homing that an earlier program left is kept.
+    patience
+        Factor on how long answers are waited for.
     trace
         Where to write what goes over the wire.
     clock
@@ -79,6 +81,7 @@ class Falcon:
         serial: str = "any",
         force_scale: float = FORCE_SCALE,
         resume: bool = False,
+        patience: float = 1.0,
         trace: Trace | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
@@ -86,6 +89,7 @@ class Falcon:
             raise ValueError(f"force_scale = {force_scale!r} is out of range: more than 0 counts/(N m)")
         self._firmware, self._backend, self._serial = firmware, backend, serial
         self._scale, self._resume, self._trace, self._clock = force_scale, resume, trace, clock
+        self._patience = patience
         #: Lights to show; None: red until the arm is homed, then green.
         self.leds: Leds | None = None
         self.timing = Timing()
@@ -175,7 +179,7 @@ class Falcon:
         frame = command((0, 0, 0), homing=self._homing, leds=Leds.RED)
         for _ in range(_PROBES):
             with contextlib.suppress(Timeout, ProtocolError):
-                return wire.run(frame, frame, _PROBE_WAIT)
+                return wire.run(frame, frame, _PROBE_WAIT * self._patience)
         return None
 
     def close(self) -> None:
@@ -200,7 +204,7 @@ class Falcon:
             wire.post(frame)
         for _ in range(2):
             with contextlib.suppress(Timeout, ProtocolError):
-                wire.run(frame, frame, _PROBE_WAIT)
+                wire.run(frame, frame, _PROBE_WAIT * self._patience)
                 return
 
     def read(self) -> Reading:
@@ -286,7 +290,7 @@ class Falcon:
         leds = self._shown()
         idle = command((0, 0, 0), homing=self._homing, leds=leds)
         try:
-            return self._wire.run(command(motors, homing=self._homing, leds=leds), idle)
+            return self._wire.run(command(motors, homing=self._homing, leds=leds), idle, PATIENCE * self._patience)
         except Disconnected:
             self._drop()
             raise

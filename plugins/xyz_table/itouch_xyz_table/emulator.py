@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from typing import Any
 
 from itouch.plugin import Emulator, Record, Terminal
@@ -20,7 +19,7 @@ class TableEmulator(Emulator):
         self.bus = VirtualBus({int(n): VirtualServo(int(n)) for n in params.ids})
         self._servos = list(self.bus.servos.values())
         self._terminal: Terminal | None = None
-        self._when = time.monotonic()
+        self._when = 0.0
 
     def open(self) -> str:
         """Make the serial port that the parameters name."""
@@ -33,13 +32,16 @@ class TableEmulator(Emulator):
         if terminal is not None:
             terminal.close()
 
-    def serve(self, reading: Record, command: Record) -> bool:
+    def handles(self) -> list[int]:
+        """Return the serial port's descriptor."""
+        return [self._terminal.fileno()] if self._terminal is not None else []
+
+    def serve(self, now: float, reading: Record, command: Record) -> bool:
         """Show the twin's axes to the servos, answer the host, and tell the twin where to go."""
         if self._terminal is None:
             return False
         place, load = reading["pose"].tolist()[:3], reading["wrench"].tolist()[:3]
         load[2] -= self.params.weight
-        now = time.monotonic()
         lapse, self._when = now - self._when, now
         for servo, lead, p, f in zip(self._servos, self._leads, place, load, strict=True):
             servo.place = p / lead
@@ -47,7 +49,7 @@ class TableEmulator(Emulator):
             servo.watch(now)
         data = self._terminal.receive()
         if data:
-            self._terminal.send(self.bus.take(data, time.monotonic))
+            self._terminal.send(self.bus.take(data, lambda: now))
         goal = command["pose_target"]
         for axis, (servo, lead) in enumerate(zip(self._servos, self._leads, strict=True)):
             wanted = servo.goal() * lead

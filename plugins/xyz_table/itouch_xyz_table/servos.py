@@ -71,18 +71,22 @@ class Servos:
         The servos' numbers on the bus.
     watchdog
         Seconds without a command after which a servo stops by itself; goes with every command.
+    patience
+        Factor on how long answers are waited for.
     """
 
-    def __init__(self, port: str, ids: Sequence[int], *, watchdog: float, trace: Trace | None = None) -> None:
+    def __init__(
+        self, port: str, ids: Sequence[int], *, watchdog: float, patience: float = 1.0, trace: Trace | None = None
+    ) -> None:
         try:
             import moteus
         except ImportError as error:
             raise ServoError("the table's servos need a package more: pip install 'itouch-py[moteus]'") from error
-        self._watchdog = watchdog
+        self._watchdog, self._patience = watchdog, PATIENCE * patience
         self._loop = asyncio.new_event_loop()
         self._transport: Any = None
         try:
-            self._transport = self._run(_opened(moteus, port, trace))
+            self._transport = self._run(_opened(moteus, port, self._patience, trace))
             self._servos = [moteus.Controller(id=number, transport=self._transport) for number in ids]
         except BaseException:
             self.close()
@@ -153,12 +157,12 @@ class Servos:
                 raise ServoError(f"servo {AXES[axis]} (id {servo.id}) does not answer") from error
 
     def _cycle_some(self, commands: list[Any], axis: int) -> None:
-        if not self._run(self._transport.cycle(commands), PATIENCE * 4):
+        if not self._run(self._transport.cycle(commands), self._patience * 4):
             raise ServoError(f"servo {AXES[axis]} (id {self._servos[axis].id}) does not answer")
 
     def _cycle(self, commands: list[Any]) -> tuple[ServoState, ...]:
         try:
-            results = self._run(self._transport.cycle(commands), PATIENCE * 4)
+            results = self._run(self._transport.cycle(commands), self._patience * 4)
         except ServoError:
             self._name_the_missing()
             raise
@@ -172,7 +176,7 @@ class Servos:
         return tuple(states)
 
 
-async def _opened(moteus: Any, port: str, trace: Trace | None) -> Any:
+async def _opened(moteus: Any, port: str, patience: float, trace: Trace | None) -> Any:
     found = port
     if not found:
         ports = moteus.Fdcanusb.detect_fdcanusb
@@ -182,7 +186,7 @@ async def _opened(moteus: Any, port: str, trace: Trace | None) -> Any:
             raise ServoError("no CAN-FD adaptor (fdcanusb) is attached: plug it in, or write port=") from error
     try:
         log = _Log(trace) if trace is not None else None
-        return moteus.Fdcanusb(found, debug_log=log, command_timeout=PATIENCE, response_timeout=PATIENCE)
+        return moteus.Fdcanusb(found, debug_log=log, command_timeout=patience, response_timeout=patience)
     except OSError as error:
         raise ServoError(f"the servos' bus {found} cannot be opened: {error.strerror or error}") from error
 

@@ -135,7 +135,9 @@ class XyzTable(Device):
         """
         p = self.params
         x, y, _ = p.travel
-        servos = Servos(p.port, [int(number) for number in p.ids], watchdog=WATCHDOG, trace=self.trace)
+        servos = Servos(
+            p.port, [int(number) for number in p.ids], watchdog=WATCHDOG, patience=self.patience, trace=self.trace
+        )
         try:
             servos.query()
             check(servos.stop(latched=True), driven=False)

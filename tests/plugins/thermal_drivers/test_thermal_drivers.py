@@ -330,7 +330,7 @@ def test_a_loop_through_the_real_bytes_holds_a_flux(tmp_path: object) -> None:
             twin.step(state, command, touch, 1e-3)
             clock["last"] += 1e-3
         twin.read(state, reading)
-        emulator.serve(reading, command)
+        emulator.serve(now, reading, command)
 
     emulator.open()
     twin.step(state, command, touch, 1e-3)  # compiles, or loads what is compiled

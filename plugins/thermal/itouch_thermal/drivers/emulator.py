@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import socket
 import struct
-import time
 from typing import Any
 
 from itouch.plugin import DeviceError, Emulator, Record, Terminal
@@ -29,6 +28,10 @@ class ModbusServer:
         """The port that it listens on."""
         port: int = self._listener.getsockname()[1]
         return port
+
+    def handles(self) -> list[int]:
+        """Return the file descriptors on which something may come."""
+        return [self._listener.fileno(), *(line.fileno() for line in self._lines)]
 
     def serve(self) -> None:
         """Take new connections and answer what has come."""
@@ -102,9 +105,14 @@ class DisplayEmulator(Emulator):
                 part.close()
         self._terminal = self._server = None
 
-    def serve(self, reading: Record, command: Record) -> bool:
+    def handles(self) -> list[int]:
+        """Return the descriptors of serial port and server."""
+        served = self._server.handles() if self._server is not None else []
+        return [*served, *([self._terminal.fileno()] if self._terminal is not None else [])]
+
+    def serve(self, now: float, reading: Record, command: Record) -> bool:
         """Show the twin's sensors to the instruments, answer the host, and give the twin its current."""
-        p, now = self.plate, time.monotonic()
+        p = self.plate
         p.plate, p.sink = reading["plate_temperature"].item(), reading["sink_temperature"].item()
         p.flux = reading["heat_flux"].item()
         valid = reading["skin_valid"].item() > 0.5

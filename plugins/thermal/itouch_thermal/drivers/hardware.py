@@ -18,6 +18,8 @@ class HardwareDisplay(Device):
 
     Emulator: ClassVar[type[Emulator] | None] = DisplayEmulator
     blocking: ClassVar[bool] = True
+    #: A MeCom transaction takes 7 ms at 57600 baud, and an exchange has three.
+    exchange: ClassVar[float] = 0.02
     #: Serial ports and sockets of a process that died are free: another one can set the current to zero.
     second_opener: ClassVar[bool] = True
 
@@ -50,7 +52,7 @@ class HardwareDisplay(Device):
         """
         if self.params.command != "current":
             raise DeviceError('real displays are driven by a current: write command="current"')
-        self._rig = rig = rig_of(self.params, self.trace)
+        self._rig = rig = rig_of(self.params, self.trace, patience=self.patience)
         self._current = 0.0
         try:
             if not math.isfinite(rig.exchange(0.0).flux):

@@ -34,7 +34,7 @@ class LabJackDriver:
         If it does not answer or is another product.
     """
 
-    def __init__(self, params: LabJack, trace: Trace | None = None) -> None:
+    def __init__(self, params: LabJack, trace: Trace | None = None, *, patience: float = 1.0) -> None:
         try:
             from pymodbus.client import ModbusTcpClient
             from pymodbus.exceptions import ModbusException
@@ -45,7 +45,7 @@ class LabJackDriver:
             raise DeviceError(f"host = '{params.host}' must be HOST or HOST:PORT")
         self._params, self._trace, self._failure = params, trace, ModbusException
         client: Any = ModbusTcpClient
-        self._client: Any = client(host, port=int(port or PORT), timeout=PATIENCE, retries=1)
+        self._client: Any = client(host, port=int(port or PORT), timeout=PATIENCE * patience, retries=1)
         if not self._client.connect():
             self._client.close()
             raise DeviceError(f"no LabJack answers at {params.host}: check its address and power")

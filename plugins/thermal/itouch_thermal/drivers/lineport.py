@@ -56,7 +56,8 @@ class LineDriver:
         If it does not answer or does not speak the protocol.
     """
 
-    def __init__(self, params: LinePort, trace: Trace | None = None) -> None:
+    def __init__(self, params: LinePort, trace: Trace | None = None, *, patience: float = 1.0) -> None:
+        self._patience = PATIENCE * patience
         self._line = SerialLine(params.port, params.baud, end=b"\n", trace=trace)
         try:
             self.identity = self._ask("?", "N")
@@ -70,7 +71,7 @@ class LineDriver:
         for _ in range(TRIES):
             self._line.clear()
             self._line.send(seal(text))
-            answer = self._line.receive(PATIENCE)
+            answer = self._line.receive(self._patience)
             body = unseal(answer) if answer is not None else None
             if body is None:
                 continue

@@ -46,9 +46,11 @@ def crc16(data: bytes) -> int:
 class MecomClient:
     """Requests to one controller; each is sent again, with the same number, if its answer is missing or damaged."""
 
-    def __init__(self, port: str, baud: int = 57600, address: int = 2, *, trace: Trace | None = None) -> None:
+    def __init__(
+        self, port: str, baud: int = 57600, address: int = 2, *, patience: float = 1.0, trace: Trace | None = None
+    ) -> None:
         self._line = SerialLine(port, baud, end=b"\r", trace=trace)
-        self._address, self._sequence = address, 0
+        self._address, self._sequence, self._patience = address, 0, PATIENCE * patience
 
     def close(self) -> None:
         """Let go of the line."""
@@ -123,7 +125,7 @@ class MecomClient:
     def _answer(self, sent: int) -> str | None:
         """Return the payload of the next good answer to this request, or None."""
         while True:
-            message = self._line.receive(PATIENCE)
+            message = self._line.receive(self._patience)
             if message is None:
                 return None
             start = message.rfind(b"!")

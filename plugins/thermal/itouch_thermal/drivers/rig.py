@@ -27,13 +27,16 @@ class Measured:
 class Rig:
     """Open drivers: a controller or a rig of one's own, and a LabJack if there is one."""
 
-    def __init__(self, params: Any, trace: Trace | None = None) -> None:
-        self._source: TecDriver | LineDriver
+    def __init__(self, params: Any, trace: Trace | None = None, *, patience: float = 1.0) -> None:
         self._labjack: LabJackDriver | None = None
-        self._source = TecDriver(params.mecom, trace) if params.mecom is not None else LineDriver(params.line, trace)
+        self._source: TecDriver | LineDriver
+        if params.mecom is not None:
+            self._source = TecDriver(params.mecom, trace, patience=patience)
+        else:
+            self._source = LineDriver(params.line, trace, patience=patience)
         if params.labjack is not None:
             try:
-                self._labjack = LabJackDriver(params.labjack, trace)
+                self._labjack = LabJackDriver(params.labjack, trace, patience=patience)
             except BaseException:
                 with contextlib.suppress(DeviceError):
                     self._source.close()
@@ -64,7 +67,7 @@ class Rig:
                 self._labjack.close()
 
 
-def rig_of(params: Any, trace: Trace | None = None) -> Rig:
+def rig_of(params: Any, trace: Trace | None = None, *, patience: float = 1.0) -> Rig:
     """Open what the parameters name.
 
     Raises
@@ -75,4 +78,4 @@ def rig_of(params: Any, trace: Trace | None = None) -> Rig:
     if (params.mecom is None) == (params.line is None):
         advice = "write one of <thermal:mecom> and <thermal:line> inside <thermal:hardware>"
         raise DeviceError(f"nothing, or two things, drive the module: {advice}")
-    return Rig(params, trace)
+    return Rig(params, trace, patience=patience)

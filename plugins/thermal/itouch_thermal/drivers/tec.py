@@ -30,8 +30,8 @@ class TecReading(NamedTuple):
 class TecDriver:
     """An open controller whose current follows commands."""
 
-    def __init__(self, params: Mecom, trace: Trace | None = None) -> None:
-        self._client = MecomClient(params.port, params.baud, params.address, trace=trace)
+    def __init__(self, params: Mecom, trace: Trace | None = None, *, patience: float = 1.0) -> None:
+        self._client = MecomClient(params.port, params.baud, params.address, patience=patience, trace=trace)
         self._instance, self._count, self._sink = params.instance, 0, 0.0
         try:
             self._start()

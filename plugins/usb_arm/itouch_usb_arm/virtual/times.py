@@ -19,15 +19,18 @@ class Time(Protocol):
 
 
 class HostTime:
-    """The host's clock."""
+    """The host's clock, or one that runs ``speed`` times as fast."""
+
+    def __init__(self, speed: float = 1.0) -> None:
+        self._speed = speed
 
     def now(self) -> float:
         """Return the time [s]."""
-        return time.monotonic()
+        return time.monotonic() * self._speed
 
     def sleep(self, seconds: float) -> None:
         """Wait [s]."""
-        time.sleep(max(0.0, seconds))
+        time.sleep(max(0.0, seconds / self._speed))
 
 
 class VirtualTime:

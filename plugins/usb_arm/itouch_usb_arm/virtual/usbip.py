@@ -67,6 +67,10 @@ class UsbipServer:
         host, port = self._listener.getsockname()[:2]
         return host, port
 
+    def handles(self) -> list[int]:
+        """Return the file descriptors on which something may come."""
+        return [self._listener.fileno(), *(host.line.fileno() for host in self._hosts)]
+
     def close(self) -> None:
         """Drop all connections."""
         for host in list(self._hosts):

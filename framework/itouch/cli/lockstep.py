@@ -1,0 +1,144 @@
+"""A scene on its devices' real protocols in one process, host and simulated devices in step.
+
+Nothing is in real time: a tick waits until the wires have answered, then the simulated world goes on by one period.
+So every byte is as on hardware, while the result does not depend on how busy the machine is.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import select
+import sys
+import threading
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, TextIO
+
+from itouch.cli.virtual_rig import VirtualRig
+from itouch.exchange import ThreadedDevice
+from itouch.loop import DeviceFaultError
+from itouch.plugin import Device, Record, Trace
+
+if TYPE_CHECKING:
+    from itouch.loop.runner import Runner
+
+#: Timers of the emulators run so much faster than the host's; time between two looks at the wires [s]; drivers wait so
+#: much longer than on hardware.
+SPEED, LOOK, PATIENCE = 20.0, 1e-4, 30.0
+#: Simulated seconds after which a scene without an end is ended.
+LONGEST = 600.0
+
+
+class EveryNth(Device):
+    """A blocking device that exchanges in the tick itself, every ``every`` ticks: as long as its wire takes."""
+
+    def __init__(self, device: Device, every: int) -> None:
+        super().__init__(device.params)
+        self.device, self._every, self._tick = device, every, 0
+
+    def open(self) -> None:
+        """Open the device."""
+        self.device.trace, self.device.patience = self.trace, PATIENCE
+        self.device.open()
+
+    def close(self) -> None:
+        """Close it."""
+        self.device.close()
+
+    def read(self, reading: Record) -> bool | None:
+        """Exchange if it is time."""
+        self._tick += 1
+        return self.device.read(reading) if (self._tick - 1) % self._every == 0 else False
+
+    def write(self, command: Record) -> None:
+        """Hand the command on, for the next exchange."""
+        self.device.write(command)
+
+
+class Lockstep:
+    """A host's session and the virtual rig that it runs on."""
+
+    def __init__(self, scene: str, *, rig: str | None = None, seed: int = 0, trace: TextIO | None = None) -> None:
+        from itouch.servo.prepare import prepare
+
+        self.world = prepare(scene, seed=seed, twin="all", rig=rig)
+        self.host = prepare(scene, seed=seed, twin="none", rig=rig)
+        self.rig = VirtualRig(self.world, speed=SPEED)
+        self._lock = threading.Lock()
+        for runner in self.host.runners:
+            self._take_in(runner, trace)
+        self.host.taps.append(self._tick)
+
+    def _take_in(self, runner: Runner, trace: TextIO | None) -> None:
+        """Put a device into the tick that would be exchanged with in a thread."""
+        device = runner.device
+        if isinstance(device, ThreadedDevice):
+            inner = device.device
+            device = runner.device = EveryNth(inner, max(1, round(type(inner).exchange / self.host.model.period)))
+        if device is not None and trace is not None:
+            device.trace = Trace(trace, runner.model.name)
+
+    def _tick(self, tick: int) -> None:
+        with self._lock:
+            self.rig.step()
+
+    @contextlib.contextmanager
+    def serving(self) -> Iterator[None]:
+        """Serve the wires in a thread."""
+        stop = threading.Event()
+
+        def work() -> None:
+            while not stop.is_set():
+                with self._lock:
+                    self.rig.look()
+                    waiting = self.rig.handles()
+                select.select(waiting, [], [], LOOK)
+
+        self.rig.open()
+        thread = threading.Thread(target=work, name="itouch-virtual-rig", daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            stop.set()
+            thread.join()
+            self.rig.close()
+
+    def run(self, seconds: float | None = None) -> dict[str, Any]:
+        """Run for a time [s], or until the simulated operator's motion has ended; return the report.
+
+        Raises
+        ------
+        DeviceError
+            If a device cannot be opened.
+        """
+        with self.serving():
+            try:
+                self.host.enable()
+                self.host.run(seconds or LONGEST, until=None if seconds else lambda: self.world.done)
+            except DeviceFaultError as fault:
+                print(f"fault: {fault}", file=sys.stderr)
+            finally:
+                self.host.close()
+                self.world.close()
+        return self.host.report()
+
+
+def main(options: argparse.Namespace) -> int:
+    """Run, show and write the report."""
+    from itouch.report.screen import Screen
+
+    with contextlib.ExitStack() as stack:
+        trace = stack.enter_context(open(options.trace, "w", encoding="utf-8")) if options.trace else None
+        both = Lockstep(options.scene, rig=options.rig, seed=options.seed, trace=trace)
+        report = both.run(options.duration)
+    Screen(both.host, sys.stdout).finish(report)
+    if options.report:
+        with open(options.report, "w", encoding="utf-8") as stream:
+            json.dump(report, stream, indent=1, allow_nan=False)
+            stream.write("\n")
+    return 1 if both.host.fault is not None else 0
+
+
+__all__ = ["EveryNth", "Lockstep", "main"]
