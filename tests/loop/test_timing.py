@@ -1,0 +1,109 @@
+"""Timing: bins that tell durations to within 2 %, culprits of overruns, skipped periods; no wall clock in any assertion."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shipped import SCENES
+
+import itouch
+from itouch.loop.timing import BINS, WAKE_UP, Timing, edges, percentile
+
+
+class _Clock:
+    """A clock whose lateness a test writes down."""
+
+    pace = "real"
+
+    def __init__(self, late: list[float]) -> None:
+        self.late, self.starts = late, 0
+
+    def start(self, period: float) -> None:
+        self.starts += 1
+
+    def wait(self) -> float:
+        return self.late.pop(0) if self.late else 0.0
+
+
+def test_percentiles_are_right_to_two_percent() -> None:
+    times, rng = Timing(["a"]), np.random.default_rng(1)
+    values = np.exp(rng.normal(-9.0, 1.0, 20_000))
+    for value in values.tolist():
+        times.add([0.0, value])
+    found = times.summary()
+    for name, percent in (("p50", 50), ("p99", 99), ("p99.9", 99.9)):
+        assert found[name] == pytest.approx(np.percentile(values, percent) * 1e6, rel=0.025)
+    assert found["max"] == pytest.approx(values.max() * 1e6)
+    assert times.ticks == 20_000
+    assert sum(count for *_, count in times.histogram(1)) == 20_000
+
+
+@pytest.mark.parametrize("value", [0.0, 1e-9, 0.25e-6, 15.0, 1e9])
+def test_what_is_beyond_the_bins_counts_in_the_last(value: float) -> None:
+    times = Timing(["a"])
+    times.add([0.0, value])
+    assert times.record["counts"][1].sum() == 1
+    assert times.summary()["max"] == pytest.approx(value * 1e6)
+    assert edges().shape == (BINS + 1,)
+    assert percentile(np.zeros(BINS), 50) is None
+
+
+def test_an_overrun_names_the_part_that_took_longest_and_its_backlog_too() -> None:
+    times = Timing(["read arm", "contact", "twins"])
+    quick = [0.0, 1e-4, 2e-4, 3e-4]
+    assert times.pace(1e-5, 1e-3, quick) is None
+    assert times.pace(0.0, 1e-3, [0.0, 3e-3, 3.1e-3, 3.2e-3]) == "read arm"
+    assert times.pace(2.2e-3, 1e-3, quick) == "read arm"  # still behind because of it
+    assert times.pace(1.5e-3, 1e-3, quick) == "read arm"
+    assert times.pace(0.1e-3, 1e-3, quick) is None
+    assert times.pace(4e-3, 1e-3, quick) == WAKE_UP
+    assert times.overruns == 4
+    assert times.culprits() == {"read arm": 3, WAKE_UP: 1}
+
+
+def test_a_slow_device_is_told_as_the_culprit() -> None:
+    late = [0.0] * 300
+    late[100] = 0.005
+    engine = itouch.build(SCENES / "first_touch.xml", clock=_Clock(late))
+    engine.run(0.3)
+    servo = engine.report()["servo"]
+    assert servo["culprits"].get(WAKE_UP, 0) >= 1
+    assert servo["overruns"] == sum(servo["culprits"].values())
+    assert servo["lateness_us"]["max"] == pytest.approx(5000, rel=1e-6)
+    json.dumps(servo, allow_nan=False)
+
+
+def test_what_can_not_be_caught_up_with_is_skipped_and_counted() -> None:
+    clock = _Clock([0.0] * 50 + [0.5] + [0.0] * 49)
+    engine = itouch.build(SCENES / "first_touch.xml", clock=clock)
+    engine.run(0.1)
+    assert clock.starts == 2  # the deadlines begin anew
+    assert engine.report()["servo"]["skipped"] == 500
+    assert engine.ticks == 100
+
+
+@pytest.mark.parametrize(("policy", "stops"), [("stop", True), ("warn", False)])
+def test_falling_behind_stops_only_where_the_scene_says_so(tmp_path: Path, policy: str, stops: bool) -> None:
+    text = (SCENES / "first_touch.xml").read_text()
+    path = tmp_path / "s.xml"
+    path.write_text(text.replace("</itouch>", f'<safety servo-overrun="{policy}"/></itouch>'), encoding="utf-8")
+    engine = itouch.build(path, clock=_Clock([0.0] * 50 + [0.5]))
+    if not stops:
+        engine.run(0.1)
+        assert engine.report()["servo"]["overruns"] >= 1
+        return
+    with pytest.raises(itouch.DeviceFaultError, match="500.0 ms late: the servo loop cannot keep up"):
+        engine.run(0.1)
+    assert engine.report()["faults"][0]["trip"] == "overrun"
+    assert np.all(engine.state["arm.sent.wrench"] == 0.0)
+
+
+def test_hours_need_no_more_memory_than_seconds() -> None:
+    times = Timing(["a", "b"])
+    size = times.record.nbytes
+    for _ in range(5000):
+        times.add([0.0, 1e-5, 3e-5])
+    assert times.record.nbytes == size < 10_000
