@@ -71,7 +71,7 @@ class SafeSequence:
             else:
                 supervisor.disable()
         self._held_for.clear()
-        self._begun = {s.model.name: s.watch.values for s in self._retracting}
+        self._begun.clear()
         heights = {s.model.name: _height(s) for s in self._retracting}
         for supervisor in self._carried:
             supervisor.keeping = supervisor.model.name != fault.device
@@ -115,6 +115,8 @@ class SafeSequence:
         self._tick[...] = tick + 1
         self._mute = {s.model.name for s in self._supervisors if not s.glance(tick)}
         self._passed += 1
+        if not self._begun:
+            self._begun.update({s.model.name: s.watch.values for s in self._retracting})
 
     def _safe(self, heights: dict[str, float]) -> bool:
         return not any(self._seen(s, heights)[1] for s in self._supervisors)

@@ -1,0 +1,136 @@
+"""Small devices and their part of State, for tests of the supervisor without a scene."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+
+from itouch.plugin import (
+    Channel,
+    Device,
+    DeviceError,
+    Field,
+    Record,
+    Touch,
+    Twin,
+    current,
+    heat_flux,
+    measured_wrench,
+    pose,
+    pose_target,
+    temperature,
+    wrench,
+)
+from itouch.world.limits import DeviceLimits
+from itouch.world.rig import DeviceModel
+from itouch.world.supervision import supervision
+
+PERIOD = 1e-3
+LIMITS = DeviceLimits(
+    force=3.0, speed=0.25, speed_near=0.10, current=2.0, temperature=(288.15, 313.15), watchdog=0.02, plate_force=2.0,
+    contact_time=10.0, plate_rate=10.0, flux=15e3, dose=120.0,
+)  # fmt: skip
+
+ARM = ((pose(),), (wrench(force=8.0),))
+TABLE = (
+    (pose(locked=(3, 4, 5)), measured_wrench(force=50.0)),
+    (pose_target(low=(-0.1, -0.1, 0.0), high=(0.1, 0.1, 0.06), speed=0.3),),
+)
+PLATE = (
+    (temperature("plate_temperature"), temperature("sink_temperature"), heat_flux(full_scale=2e4)),
+    (current(limit=4.0),),
+)
+Channels = tuple[tuple[Channel, ...], tuple[Channel, ...]]
+
+
+class Fake(Device):
+    """A device that says what it is told to, and keeps what it is sent."""
+
+    Params: ClassVar[type] = type(None)
+    period: ClassVar[float] = 0.0
+
+    def __init__(self, params: Any = None) -> None:
+        super().__init__(params)
+        self.calls: list[str] = []
+        self.written: list[dict[str, list[float]]] = []
+        self.says: Callable[[Record], bool | None] = lambda reading: True
+        self.open_fails: Exception | None = None
+        self.write_fails: Exception | None = None
+        self.close_fails: Exception | None = None
+
+    def open(self) -> None:
+        self.calls.append("open")
+        if self.open_fails:
+            raise self.open_fails
+
+    def close(self) -> None:
+        self.calls.append("close")
+        if self.close_fails:
+            raise self.close_fails
+
+    def read(self, reading: Record) -> bool | None:
+        return self.says(reading)
+
+    def write(self, command: Record) -> None:
+        if self.write_fails:
+            raise self.write_fails
+        self.written.append({name: view.tolist() for name, view in command.items()})
+
+
+class Slow(Fake):
+    """The same, with a new reading every 5 ms."""
+
+    period: ClassVar[float] = 0.005
+
+
+class FakeTwin(Twin):
+    """A twin that says what it is told to, and stands where it is told to."""
+
+    def __init__(self) -> None:
+        super().__init__(None)
+        self.says: Callable[[Record], bool | None] = lambda reading: True
+        self.place: list[float] | None = None
+
+    def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+        """Stay."""
+
+    def position(self, state: Record) -> np.ndarray | None:
+        return None if self.place is None else np.array(self.place)
+
+    def read(self, state: Record, reading: Record) -> bool | None:
+        return self.says(reading)
+
+
+def model(
+    channels: Channels, *, name: str = "it", limits: DeviceLimits = LIMITS, twin: bool = False, carrier: str = "",
+    cls: type[Device] = Fake, optional: bool = False,
+) -> DeviceModel:  # fmt: skip
+    """Return the model of a device with these channels."""
+    reads, commands = channels
+    return DeviceModel(
+        name, "fake", cls, None, reads, commands, (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), carrier, limits,
+        twin, optional, 0, 296.15, None,
+    )  # fmt: skip
+
+
+def state(*models: DeviceModel) -> Record:
+    """Return a State for devices."""
+    fields = [Field("tick", "i8"), Field("hold", "i8")]
+    for one in models:
+        fields += [Field(f"{one.name}.{c.name}", "f8", c.size) for c in one.reads]
+        fields += [Field(f"{one.name}.command.{c.name}", "f8", c.size) for c in one.commands]
+        fields += [Field(f"{one.name}.sent.{c.name}", "f8", c.size) for c in one.commands]
+        fields += [Field(f"{one.name}.{f.name}", f.dtype, f.size) for f in supervision(one.reads, one.commands)]
+    return Record.of(fields)
+
+
+def record(channels: Sequence[Channel]) -> Record:
+    """Return a record of channels alone."""
+    return Record.of([Field(channel.name, "f8", channel.size) for channel in channels])
+
+
+def lost(*_: Any) -> bool:
+    """Fail as a device does whose plug was pulled."""
+    raise DeviceError("the plug is out")

@@ -1,0 +1,260 @@
+"""A carried surface: T4, K4 to K6 and the sanity of its sensors, fed tick by tick; and the finger's speed, K2."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import pytest
+from parts import LIMITS, PERIOD, TABLE, Slow, model, record, state
+
+from itouch.safety import Carried, Trip, TripError, fade
+from itouch.world.limits import DeviceLimits
+
+
+class Surface:
+    """A surface whose sensors say what a test writes."""
+
+    def __init__(self, limits: DeviceLimits = LIMITS, reads: slice = slice(None), slow: bool = False) -> None:
+        channels = (TABLE[0][reads], TABLE[1])
+        one = model(channels, name="t", limits=limits, cls=Slow) if slow else model(channels, name="t", limits=limits)
+        self.state = state(one)
+        self.reading = record(channels[0])
+        self.carried = Carried(one, self.state, self.reading, PERIOD)
+        self.carried.forget()
+        self.tick = 0
+
+    def say(
+        self, *, place: tuple[float, float, float] = (0.0, 0.0, 0.03), load: float = 0.0, strayed: float = 0.0,
+        gap: float = 0.05, calibrated: bool = True,
+    ) -> bool | None:  # fmt: skip
+        self.reading["pose"][:3] = place
+        if "wrench" in self.reading:
+            self.reading["wrench"][2] = load
+        touched = self.carried.check(self.tick, strayed, gap, calibrated)
+        self.tick += 1
+        return touched
+
+    def until_trip(
+        self, ticks: int, velocity: tuple[float, float, float] = (0.0, 0.0, 0.0), **what: float
+    ) -> tuple[Trip, float]:
+        """Return the trip and the time [s] after which it came."""
+        begin = self.tick
+        for index in range(ticks):
+            x, y, z = (part * index * PERIOD for part in velocity)
+            try:
+                self.say(place=(x, y, 0.03 + z), **what)  # type: ignore[arg-type]
+            except TripError as error:
+                self.words = str(error)
+                return error.trip, (self.tick - begin + 1) * PERIOD
+        return Trip.NONE, ticks * PERIOD
+
+
+def test_a_surface_far_from_its_command_for_long_trips() -> None:
+    surface = Surface()
+    trip, after = surface.until_trip(200, strayed=0.0051)
+    assert (trip, after) == (Trip.TRACKING, pytest.approx(0.101))
+    assert surface.words == "is 5.1 mm from its command"
+    assert Surface().until_trip(200, strayed=0.005)[0] is Trip.NONE
+
+
+def test_coming_back_to_the_command_counts_anew() -> None:
+    surface = Surface()
+    for _ in range(3):
+        for _ in range(100):
+            surface.say(strayed=0.006)
+        surface.say(strayed=0.004)
+        assert surface.state["t.strayed"].item() == 0
+
+
+def test_the_plate_presses_with_five_newton_at_most() -> None:
+    for load, trips in ((5.01, True), (-5.01, True), (4.99, False)):
+        surface = Surface()
+        trip, after = surface.until_trip(5, load=load, gap=-0.001)
+        assert trip is (Trip.PLATE_FORCE if trips else Trip.NONE)
+        assert not trips or (after == pytest.approx(PERIOD) and surface.words == "presses with 5.0 N")
+    tight = Surface(dataclasses.replace(LIMITS, plate_force=1.0))
+    assert tight.until_trip(5, load=2.51, gap=-0.001)[0] is Trip.PLATE_FORCE
+    assert Surface(dataclasses.replace(LIMITS, plate_force=1.0)).until_trip(5, load=2.49)[0] is Trip.NONE
+
+
+def test_whether_it_is_touched_is_said_every_ten_milliseconds() -> None:
+    surface = Surface()
+    said = [surface.say(load=0.06, gap=-0.001) for _ in range(25)]
+    assert [index for index, touched in enumerate(said) if touched is not None] == [0, 10, 20]
+    assert all(said[index] is True for index in (0, 10, 20))
+
+
+@pytest.mark.parametrize(
+    ("load", "gap", "calibrated", "touched"),
+    [
+        (0.051, 0.05, True, True), (-0.051, 0.05, True, True), (0.049, 0.05, True, False),
+        (0.0, 0.00019, True, True), (0.0, 0.00021, True, False), (0.0, 0.00019, False, False), (0.0, -0.002, True, True),
+    ],
+)  # fmt: skip
+def test_a_touch_is_felt_or_seen(load: float, gap: float, calibrated: bool, touched: bool) -> None:
+    assert Surface().say(load=load, gap=gap, calibrated=calibrated) is touched
+
+
+def test_without_a_force_sensor_a_touch_is_seen() -> None:
+    surface = Surface(reads=slice(0, 1))
+    assert surface.say(gap=0.05) is False
+    for _ in range(9):
+        surface.say(gap=0.05)
+    assert surface.say(gap=-0.001) is True
+
+
+def test_a_long_contact_withdraws_the_plate_until_the_finger_lifts() -> None:
+    surface = Surface(dataclasses.replace(LIMITS, contact_time=0.1))
+    for _ in range(90):
+        surface.say(load=1.0, gap=-0.001)
+        assert surface.carried.follow(0.03, False) == 0.03
+    for _ in range(20):
+        surface.say(load=1.0, gap=-0.001)
+    assert surface.carried.withdrawn.item() == 1
+    count = surface.state["t.clamped"].item()
+    assert surface.carried.follow(0.03, False) == 0.0
+    assert surface.state["t.clamped"].item() == count + 1
+    surface.say()
+    assert surface.carried.follow(0.03, True) == 0.03
+    assert surface.carried.withdrawn.item() == 0
+    assert surface.carried.follow(0.03, False) == 0.03
+
+
+def test_a_plate_that_does_not_get_away_trips() -> None:
+    limits = dataclasses.replace(LIMITS, contact_time=0.1)
+    surface = Surface(limits)
+    trip, after = surface.until_trip(1000, load=1.0, gap=-0.001)
+    assert (trip, after) == (Trip.CONTACT_TIME, pytest.approx(0.601, abs=0.0101))
+    assert surface.words == "has been touched for 0.6 s"
+    assert surface.carried.withdrawn.item() == 1
+
+
+def test_the_contact_time_is_ten_seconds_unless_the_scene_says_otherwise() -> None:
+    surface = Surface(dataclasses.replace(LIMITS, contact_time=None))
+    surface.carried.contact_time[...] = 9.985
+    surface.say(load=1.0)
+    assert surface.carried.withdrawn.item() == 0
+    surface.tick = 10
+    surface.say(load=1.0)
+    assert surface.carried.withdrawn.item() == 1
+    surface.carried.contact_time[...] = 59.995
+    surface.tick = 20
+    with pytest.raises(TripError, match=r"60.0 s"):
+        surface.say(load=1.0)
+
+
+def test_the_time_of_a_contact_ends_with_it() -> None:
+    surface = Surface()
+    for load in (1.0, 1.0, 0.0, 1.0):
+        for _ in range(10):
+            surface.say(load=load)
+    assert surface.carried.contact_time.item() == pytest.approx(0.01)
+
+
+def test_a_runaway_surface_trips() -> None:
+    for velocity in ((0.31, 0.0, 0.0), (0.0, -0.31, 0.0), (0.0, 0.0, -0.31), (0.22, 0.22, 0.0), (0.0, 0.22, 0.22)):
+        surface = Surface()
+        trip, after = surface.until_trip(100, velocity)
+        assert (trip, after) == (Trip.SURFACE_SPEED, pytest.approx(0.051))
+        assert surface.words == "moves at 0.31 m/s"
+    for velocity in ((0.29, 0.0, 0.0), (0.2, 0.2, 0.0)):
+        assert Surface().until_trip(200, velocity)[0] is Trip.NONE
+
+
+def test_closing_in_on_a_near_finger_is_slower() -> None:
+    surface = Surface()
+    trip, after = surface.until_trip(100, (0.0, 0.0, 0.16), gap=0.0199)
+    assert (trip, after) == (Trip.SURFACE_SPEED, pytest.approx(0.051))
+    assert surface.words == "closes in on the finger at 0.16 m/s"
+    assert Surface().until_trip(200, (0.0, 0.0, 0.14), gap=0.0199)[0] is Trip.NONE
+    assert Surface().until_trip(200, (0.0, 0.0, 0.16), gap=0.0201)[0] is Trip.NONE
+    assert Surface().until_trip(200, (0.0, 0.0, -0.25), gap=0.0)[0] is Trip.NONE
+
+
+def test_a_moment_of_speed_is_not_a_runaway() -> None:
+    surface = Surface()
+    for tick in range(200):
+        surface.say(place=(0.012 * (tick % 20 < 10), 0.0, 0.03))
+
+
+def test_a_pause_is_not_a_jump() -> None:
+    surface = Surface()
+    for _ in range(100):
+        surface.say()
+    surface.tick += 1000
+    for _ in range(100):
+        surface.say(place=(0.1, 0.0, 0.01))
+
+
+def test_a_slow_device_is_compared_as_often_as_others() -> None:
+    surface = Surface(slow=True)
+    trip, after = surface.until_trip(100, (0.31, 0.0, 0.0))
+    assert (trip, after) == (Trip.SURFACE_SPEED, pytest.approx(0.051))
+
+
+def test_a_force_without_a_finger_is_doubted() -> None:
+    surface = Surface()
+    trip, after = surface.until_trip(200, load=0.51, gap=0.0041)
+    assert (trip, after) == (Trip.SENSOR_DISAGREE, pytest.approx(0.101, abs=0.0101))
+    assert surface.words == "feels 0.5 N with the finger 4 mm away: one of the sensors must be wrong"
+    for what in ({"load": 0.49, "gap": 0.05}, {"load": 0.51, "gap": 0.0039}):
+        assert Surface().until_trip(300, **what)[0] is Trip.NONE
+    assert Surface().until_trip(300, load=0.51, gap=0.0151, calibrated=0)[0] is Trip.SENSOR_DISAGREE
+    assert Surface().until_trip(300, load=0.51, gap=0.0149, calibrated=0)[0] is Trip.NONE
+
+
+def test_a_moment_of_doubt_passes() -> None:
+    surface = Surface()
+    for _ in range(5):
+        for _ in range(90):
+            surface.say(load=1.0, gap=0.03)
+        for _ in range(10):
+            surface.say(load=0.0, gap=0.03)
+
+
+def test_how_fast_it_may_close_in() -> None:
+    surface = Surface()
+    carried = surface.carried
+    assert carried.closing(0.0199, 0.0) == 0.10
+    assert carried.closing(0.0201, 0.0) == 0.25
+    assert surface.state["t.clamped"].item() == 0
+    assert carried.closing(0.05, 0.0031) == 0.0
+    assert surface.state["t.clamped"].item() == 1
+    assert carried.closing(0.05, 0.0029) == 0.25
+    bare = Surface(dataclasses.replace(LIMITS, speed=None, speed_near=None)).carried
+    assert bare.closing(0.0, 0.0) == bare.closing(1.0, 0.0) == 0.0
+
+
+def test_forgetting() -> None:
+    surface = Surface(dataclasses.replace(LIMITS, contact_time=0.01))
+    for _ in range(50):
+        surface.say(load=1.0, gap=0.03, strayed=0.006)
+    surface.carried.forget()
+    for name in ("strayed", "contact_time", "withdrawn", "doubted"):
+        assert surface.state[f"t.{name}"].item() == 0, name
+    assert surface.state["t.compared"].item() == -1
+
+
+def test_all_that_it_remembers_is_state() -> None:
+    first, second = Surface(), Surface()
+    for index in range(137):
+        first.say(place=(0.0001 * index, 0.0, 0.03), load=0.3 * (index % 7 > 2), strayed=0.006 * (index % 90 > 3))
+    second.state.raw[:] = first.state.raw
+    second.tick = first.tick
+    for index in range(60):
+        for surface in (first, second):
+            surface.say(place=(0.0137 - 0.0001 * index, 0.0, 0.03), load=0.3, strayed=0.006 * (index > 3))
+    assert first.state.tobytes() == second.state.tobytes()
+
+
+def test_forces_fade_where_the_finger_is_fast() -> None:
+    assert fade(0.0, 0.0, 0.0) == fade(0.79, 0.0, 0.0) == fade(0.46, -0.46, 0.46) == 1.0
+    assert fade(0.0, 1.0, 0.0) == pytest.approx(0.5)
+    assert fade(0.0, 0.0, -1.1) == pytest.approx(0.25)
+    assert fade(1.2, 0.0, 0.0) == pytest.approx(0.0)
+    assert fade(0.6, 0.6, 0.6) == pytest.approx((1.2 - 0.6 * math.sqrt(3)) / 0.4)
+    for fast in ((1.21, 0.0, 0.0), (0.0, -1.21, 0.0), (0.7, 0.7, 0.75), (math.nan, 0.0, 0.0)):
+        with pytest.raises(TripError, match=r"moves at (1.2[1-9]|nan) m/s") as caught:
+            fade(*fast)
+        assert caught.value.trip is Trip.SPEED
