@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from itouch.cli import live, pictures, sounds, windows
 from itouch.cli.arguments import output_file, seconds
+from itouch.plugin import trace
 from itouch.schema import ItouchError
 
 if TYPE_CHECKING:
@@ -22,6 +23,8 @@ def main(argv: Sequence[str]) -> int:
     """Run a scene, or go on with a saved session."""
     options = _parser().parse_args(argv)
     _check(options)
+    if options.trace:
+        trace.begin(options.trace)
     window = windows.wanted(options)
     if options.pace == "real" or window:
         return live.run(options, window=window)
@@ -54,6 +57,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--rig", metavar="FILE", help="put another rig with the same device names under the scene")
     parser.add_argument("--report", type=output_file, metavar="FILE.json", help="write the report as JSON")
     parser.add_argument("--save", type=output_file, metavar="FILE.itouch", help="save the session at the end")
+    parser.add_argument("--trace", type=output_file, metavar="FILE",
+                        help="write what goes over the wires of real devices, as readable text")  # fmt: skip
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of all noise (default 0)")
     pictures.add_options(parser)
     sounds.add_options(parser)

@@ -6,6 +6,7 @@ for a remark, and the bytes: quoted where they are plain text, in hexadecimal pa
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Iterable
 from typing import NamedTuple, TextIO
@@ -13,6 +14,10 @@ from typing import NamedTuple, TextIO
 SENT, RECEIVED, REMARK = ">", "<", "#"
 _PLAIN = frozenset(range(0x20, 0x7F)) - {ord('"'), ord("\\")}
 _ESCAPES = {0x0A: "\\n", 0x0D: "\\r", ord('"'): '\\"', ord("\\"): "\\\\"}
+
+
+#: Names the file that the devices of a process write their traces to; inherited by the processes that it starts.
+VARIABLE = "ITOUCH_TRACE"
 
 
 class Entry(NamedTuple):
@@ -45,6 +50,18 @@ class Trace:
 
     def _line(self, mark: str, text: str) -> None:
         self._stream.write(f"{self._clock() - self._begin:.6f} {self._device} {mark} {text}\n")
+
+
+def wanted(device: str) -> Trace | None:
+    """Return the trace that ``--trace FILE`` asks of a device, or None."""
+    path = os.environ.get(VARIABLE)
+    return Trace(open(path, "a", encoding="utf-8", buffering=1), device) if path else None
+
+
+def begin(path: str) -> None:
+    """Ask the devices of this process, and of those that it starts, to write their traces to a new file."""
+    with open(path, "w", encoding="utf-8"):
+        os.environ[VARIABLE] = os.path.abspath(path)
 
 
 def shown(data: bytes) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 
 from itouch.exchange import LateTwin, ThreadedDevice
 from itouch.faults import FaultyTwin, Injection
-from itouch.plugin import Channel, Device, IdealTwin, Twin, poses
+from itouch.plugin import Channel, Device, IdealTwin, Twin, poses, trace
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
 from itouch.scene.elements import DeviceElement
@@ -71,7 +71,9 @@ class DeviceModel:
     def make_device(self) -> Device:
         """Return the device itself; behind a thread if it makes its caller wait."""
         device = self.cls(self.params)
-        return ThreadedDevice(device, patience=self.limits.watchdog) if self.cls.blocking else device
+        made = ThreadedDevice(device, patience=self.limits.watchdog) if self.cls.blocking else device
+        made.trace = trace.wanted(self.name)
+        return made
 
 
 def build_devices(scene: Scene, catalog: Catalog, problems: list[Problem]) -> dict[str, DeviceModel]:
@@ -99,6 +101,11 @@ def _build(scene: Scene, element: DeviceElement, catalog: Catalog, problems: lis
         sentence = f"device '{element.name}': plugin '{element.plugin}' has no working driver, it is twin only"
         place = scene.places.of(element, "twin")
         problems.append(Problem("twin-only", sentence, place, 'write twin="yes", or leave --twin away'))
+    elif not element.twin and commands and cls.watchdog is None and not cls.second_opener:
+        sentence = f"device '{element.name}': nothing would stop it if this program died, so it is not driven"
+        place = scene.places.of(element, "twin") or scene.places.of(element)
+        advice = f"'{element.plugin}' must state its own `watchdog`, or that a `second_opener` can make it safe"
+        problems.append(Problem("no-watchdog", sentence, place, advice))
     mount = (*element.mount.pos, *orientation(element.mount, scene, problems))
     calibration = element.calibration
     touch_off = calibration.points if calibration is not None and calibration.method == "touch-off" else 0
