@@ -86,7 +86,7 @@ def test_a_damaged_entry_is_built_anew(folder: Path) -> None:
     places = [0, 3, 15, 17, 20, 25, *rng.integers(0, len(sound), 60).tolist()]
     damaged = [sound[:at] + bytes([sound[at] ^ (1 + at % 255)]) + sound[at + 1 :] for at in places]
     damaged += [sound[:at] for at in (0, 1, 14, 20, 200, len(sound) // 2, len(sound) - 1)]
-    damaged += [sound + b"x", b"", b"itouch-py mesh\n" + b"\xff" * 40, sound.replace(b'"version": 1', b'"version": 2')]
+    damaged += [sound + b"x", b"", b"itouch-py mesh\n" + b"\xff" * 40, sound.replace(b'"version": ', b'"version": 9')]
     for data in damaged:
         entry.write_bytes(data)
         again = load_source(BALL)

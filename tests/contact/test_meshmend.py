@@ -62,6 +62,22 @@ def test_minus_zero_is_zero() -> None:
     assert load(soup, np.arange(36).reshape(12, 3)).facts.open_edges == 0
 
 
+@pytest.mark.parametrize("size", [1e-3, 0.1, 9.0])
+def test_seams_that_rounding_has_opened_are_sewn(size: float) -> None:
+    vertices, faces = BALL[0] * size / 0.1, BALL[1]
+    upper = vertices[faces].mean(axis=1)[:, 2] > 0
+    rng = np.random.default_rng(1)
+    halves = [(vertices + rng.uniform(-5e-7, 5e-7, vertices.shape) * size, faces[side]) for side in (upper, ~upper)]
+    mesh = load(*joined(*halves), scaled=True)
+    assert mesh.facts.open_edges == 0
+    assert mesh.facts.joined_seams > 20
+    assert mesh.facts.parts == 1
+    assert mesh.surface.is_solid
+    assert "along seams" in told(mesh)["mesh-joined"].sentence
+    apart = [(vertices + shift * size, faces[side]) for shift, side in ((0.0, upper), (1e-4, ~upper))]
+    assert load(*joined(*apart), scaled=True).facts.joined_seams == 0
+
+
 def test_triangles_twice_and_without_area_are_removed() -> None:
     vertices, faces = BALL
     more = np.concatenate([faces, faces[:5], np.roll(faces[7:9], 1, axis=1), [[3, 3, 4]], [[5, 6, 5]]])

@@ -32,7 +32,7 @@ from itouch.contact.surface import Surface
 #: Names another folder for the cache, or ``off`` for none.
 SWITCH = "ITOUCH_MESH_CACHE"
 #: Raised whenever tables or mends change their meaning.
-VERSION = 1
+VERSION = 2
 #: What all entries together may take [bytes]; the ones that were not used for longest go first.
 CAPACITY = 2 << 30
 

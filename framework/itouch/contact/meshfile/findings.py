@@ -114,6 +114,9 @@ def _mends(facts: MeshFacts, shown: str) -> Iterator[Finding]:
     if facts.unused_bad:
         sentence = f"'{shown}': {_many(facts.unused_bad, 'vertex')} that are no finite numbers, and unused, removed"
         yield Finding("mesh-not-finite", sentence.replace("vertexs", "vertices"))
+    if facts.joined_seams:
+        sentence = f"'{shown}': {_many(facts.joined_seams, 'vertex')} along seams joined to others close by"
+        yield Finding("mesh-joined", sentence.replace("vertexs", "vertices"))
     if facts.joined_vertices and not shown.lower().endswith(".stl"):  # an STL has no other way to say it
         sentence = f"'{shown}': {_many(facts.joined_vertices, 'vertex')} given more than once joined"
         yield Finding("mesh-joined", sentence.replace("vertexs", "vertices"))

@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from itouch.contact.meshfile.faults import MeshError
 from itouch.contact.meshfile.topology import Edges, joined
+from itouch.contact.meshfile.vertices import joined_seams, joined_vertices
 from itouch.contact.meshfile.volume import overlapping_pairs, parts_to_turn, signed_volumes
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 _FLAT = 1e-12  # height over longest edge below which a triangle has no area that a float32 file can mean
-_MIX = (np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F), np.uint64(0x165667B19E3779F9))
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +28,8 @@ class MeshFacts:
         How many are left, and in how many pieces they hang together.
     joined_vertices
         Vertices given more than once, which were made one.
+    joined_seams
+        Vertices at borders that lay within SEAM of the mesh's size from others and were made one with them.
     unused_bad
         Vertices without finite coordinates that no triangle used.
     collapsed, repeated, flat
@@ -49,6 +51,7 @@ class MeshFacts:
     triangles: int = 0
     parts: int = 0
     joined_vertices: int = 0
+    joined_seams: int = 0
     unused_bad: int = 0
     collapsed: int = 0
     repeated: int = 0
@@ -105,10 +108,10 @@ def mended(vertices: Floats, faces: Ints, shown: str, *, left_out: int = 0) -> t
     """
     given = len(faces)
     unused_bad = int((~np.isfinite(vertices).all(axis=1)).sum())
-    vertices, faces, joined_vertices = _joined_vertices(vertices, faces)
-    faces, collapsed = _without(faces, (faces == np.roll(faces, 1, axis=1)).any(axis=1))
-    faces, repeated = _without(faces, _repeated(faces, len(vertices)))
+    vertices, faces, same = joined_vertices(vertices, faces)
+    faces, collapsed, repeated = _without_repetitions(faces, len(vertices))
     faces, edges, flat, kept_flat = _without_flat(vertices, faces)
+    faces, edges, close = joined_seams(vertices, faces, edges)
     if len(faces) < 2:
         what = "no triangle with an area" if not len(faces) else "a single triangle"
         sentence = f"'{shown}' holds {what} ({given} in the file); a surface has two or more"
@@ -128,9 +131,9 @@ def mended(vertices: Floats, faces: Ints, shown: str, *, left_out: int = 0) -> t
         volumes = np.where(turn, -volumes, volumes)
     used = vertices[faces]
     facts = MeshFacts(
-        triangles=len(faces), parts=int(parts.max()) + 1, joined_vertices=joined_vertices, unused_bad=unused_bad,
-        collapsed=collapsed, repeated=repeated, flat=flat, kept_flat=kept_flat, turned_faces=turned_faces,
-        turned_parts=int(turn.sum()), one_sided=one_sided, edges=len(edges.first), open_edges=edges.open,
+        triangles=len(faces), parts=int(parts.max()) + 1, joined_vertices=same, joined_seams=close,
+        unused_bad=unused_bad, collapsed=collapsed, repeated=repeated, flat=flat, kept_flat=kept_flat,
+        turned_faces=turned_faces, turned_parts=int(turn.sum()), one_sided=one_sided, edges=len(edges.first), open_edges=edges.open,
         open_length=_open_length(vertices, faces, edges), crowded_edges=edges.crowded, closed_parts=int(closed.sum()),
         overlapping=overlapping_pairs(vertices, faces, parts, closed & (volumes > 0)), left_out=left_out,
         low=tuple(used.min(axis=(0, 1)).tolist()), high=tuple(used.max(axis=(0, 1)).tolist()),
@@ -138,28 +141,16 @@ def mended(vertices: Floats, faces: Ints, shown: str, *, left_out: int = 0) -> t
     return vertices, faces, facts
 
 
-def _joined_vertices(vertices: Floats, faces: Ints) -> tuple[Floats, Ints, int]:
-    """Make vertices with equal coordinates one, and leave out those that no face uses."""
-    used = np.zeros(len(vertices), np.bool_)
-    used[faces.ravel()] = True
-    number = np.cumsum(used) - 1
-    vertices, faces = vertices[used] + 0.0, number[faces]  # + 0.0: -0.0 is 0.0
-    bits = vertices.view(np.uint64).reshape(-1, 3)
-    words = np.zeros(len(vertices), np.uint64)
-    for column, factor in enumerate(_MIX):
-        words = (words ^ bits[:, column]) * factor
-        words ^= words >> np.uint64(29)
-    _, first, inverse = np.unique(words, return_index=True, return_inverse=True)
-    if len(first) == len(vertices) or not np.array_equal(vertices[first][inverse], vertices):
-        return vertices, faces, 0  # nothing to join; or, once in 10^5 years, two words that agree by chance
-    keep = np.sort(first)  # in the order of the file
-    rank = np.searchsorted(keep, first)
-    return vertices[keep], rank[inverse][faces], len(vertices) - len(first)
-
-
 def _without(faces: Ints, drop: NDArray[np.bool_]) -> tuple[Ints, int]:
     count = int(drop.sum())
     return (faces[~drop], count) if count else (faces, 0)
+
+
+def _without_repetitions(faces: Ints, vertex_count: int) -> tuple[Ints, int, int]:
+    """Leave out faces with a corner twice, and faces given twice; also return how many of both."""
+    faces, collapsed = _without(faces, (faces == np.roll(faces, 1, axis=1)).any(axis=1))
+    faces, repeated = _without(faces, _repeated(faces, vertex_count))
+    return faces, collapsed, repeated
 
 
 def _repeated(faces: Ints, vertex_count: int) -> NDArray[np.bool_]:
