@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,29 +116,36 @@ def mended(vertices: Floats, faces: Ints, shown: str, *, left_out: int = 0) -> t
         what = "no triangle with an area" if not len(faces) else "a single triangle"
         sentence = f"'{shown}' holds {what} ({given} in the file); a surface has two or more"
         raise MeshError("mesh-empty", sentence, "is the file complete?")
+    facts = MeshFacts(
+        joined_vertices=same, joined_seams=close, unused_bad=unused_bad, collapsed=collapsed, repeated=repeated,
+        flat=flat, kept_flat=kept_flat, left_out=left_out,
+    )  # fmt: skip
+    return vertices, *_wound(vertices, faces, edges, facts)
+
+
+def _wound(vertices: Floats, faces: Ints, edges: Edges, facts: MeshFacts) -> tuple[Ints, MeshFacts]:
+    """Wind the faces of each part one way, closed parts with the front outside; add to the facts what is there now."""
     parts, turned, one_sided = joined(edges, len(faces))
-    turned_faces = 0
-    if turned.any() and not one_sided:
+    if one_sided:
+        turned = np.zeros(len(faces), np.bool_)
+    if turned.any():
         turned = _minority(vertices, faces, parts, turned)
-        turned_faces = int(turned.sum())
         faces = np.where(turned[:, None], faces[:, ::-1], faces)
         edges = Edges.of(faces, len(vertices))
     closed = _closed(edges, parts)
     volumes = signed_volumes(vertices, faces, parts)
-    turn = parts_to_turn(vertices, faces, parts, closed, volumes)
-    if turn.any():
-        faces = np.where(turn[parts][:, None], faces[:, ::-1], faces)
-        volumes = np.where(turn, -volumes, volumes)
-    used = vertices[faces]
-    facts = MeshFacts(
-        triangles=len(faces), parts=int(parts.max()) + 1, joined_vertices=same, joined_seams=close,
-        unused_bad=unused_bad, collapsed=collapsed, repeated=repeated, flat=flat, kept_flat=kept_flat,
-        turned_faces=turned_faces, turned_parts=int(turn.sum()), one_sided=one_sided, edges=len(edges.first), open_edges=edges.open,
+    inverted = parts_to_turn(vertices, faces, parts, closed, volumes)
+    if inverted.any():
+        faces = np.where(inverted[parts][:, None], faces[:, ::-1], faces)
+    solid = closed & ((volumes > 0.0) | inverted)
+    corners = vertices[faces]
+    return faces, replace(
+        facts, triangles=len(faces), parts=int(parts.max()) + 1, turned_faces=int(turned.sum()),
+        turned_parts=int(inverted.sum()), one_sided=one_sided, edges=len(edges.first), open_edges=edges.open,
         open_length=_open_length(vertices, faces, edges), crowded_edges=edges.crowded, closed_parts=int(closed.sum()),
-        overlapping=overlapping_pairs(vertices, faces, parts, closed & (volumes > 0)), left_out=left_out,
-        low=tuple(used.min(axis=(0, 1)).tolist()), high=tuple(used.max(axis=(0, 1)).tolist()),
+        overlapping=overlapping_pairs(vertices, faces, parts, solid),
+        low=tuple(corners.min(axis=(0, 1)).tolist()), high=tuple(corners.max(axis=(0, 1)).tolist()),
     )  # fmt: skip
-    return vertices, faces, facts
 
 
 def _without(faces: Ints, drop: NDArray[np.bool_]) -> tuple[Ints, int]:
