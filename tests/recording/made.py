@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
+from shipped import SCENES
 
 import itouch
 from itouch.recording.scribe import message
 from itouch.recording.spec import Spec
 from itouch.recording.tracks import Column, Track
 from itouch.recording.writer import McapWriter
-from shipped import SCENES
 
 
 def record(path: Path, scene: str = "first_touch", seconds: float = 1.0, *, seed: int = 1) -> itouch.Session:

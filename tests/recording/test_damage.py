@@ -12,8 +12,8 @@ from made import written
 
 import itouch
 from itouch.recording.reader import Content, parse
-from itouch.recording.recover import recover
 from itouch.recording.recording import Recording
+from itouch.recording.recover import recover
 from itouch.recording.writer import MAGIC
 
 DATA, ENDS, ROWS = written(chunks=size(8, 30))

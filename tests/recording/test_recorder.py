@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 from campaign import size, tell
 from made import record
+from shipped import SCENES
 
 import itouch
 from itouch.recording.ring import Ring, Shape
-from shipped import SCENES
 
 
 @pytest.fixture(scope="module")

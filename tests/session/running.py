@@ -7,8 +7,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-import itouch
 from shipped import SCENES
+
+import itouch
 
 
 def _runs_by_itself(path: Path) -> bool:

@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from campaign import size, tell
+from shipped import SCENES
 
 import itouch
-from shipped import SCENES
 
 
 @pytest.fixture(scope="module")

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from shipped import SCENES
 
 import itouch
 from itouch.plugin import Field, Modality, Record
 from itouch.plugin.discovery import Catalog, Found, find
 from itouch.session.layout import compare
-from shipped import SCENES
 
 SCENE = """<itouch version="1.0" xmlns:tone="urn:itouch:plugin:tone">
   <materials><material name="wood"><contact stiffness="1 N/mm"/></material></materials>

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import random
 from pathlib import Path
 
@@ -9,20 +10,18 @@ import numpy as np
 import pytest
 from campaign import size, tell
 from running import RUNNABLE
+from shipped import SCENES
 
 import itouch
 from itouch.cli import main
 from itouch.session.replay import Replay
-from shipped import SCENES
 
 
 def record(path: Path, scene: str | Path, seconds: float, *, seed: int = 1) -> itouch.Session:
     session = itouch.build(scene if isinstance(scene, Path) else SCENES / f"{scene}.xml", seed=seed)
     session.record(path)
-    try:
+    with contextlib.suppress(itouch.DeviceFaultError):
         session.run(seconds)
-    except itouch.DeviceFaultError:
-        pass
     session.close()
     return session
 

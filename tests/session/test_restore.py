@@ -11,9 +11,9 @@ from campaign import size, tell
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from running import RUNNABLE, advance, digest, in_a_new_process
+from shipped import SCENES
 
 import itouch
-from shipped import SCENES
 
 #: The run of the promise: its ticks, and where it is stopped.
 TICKS, STOP = 7777, 3141
