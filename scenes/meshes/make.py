@@ -71,8 +71,10 @@ def stl(vertices: np.ndarray, faces: np.ndarray) -> bytes:
 
 def obj(vertices: np.ndarray, faces: np.ndarray) -> bytes:
     """Return a Wavefront OBJ."""
-    lines = ["# relief, in millimetres", *("v {:.3f} {:.3f} {:.3f}".format(*v) for v in vertices + 0.0)]
-    return ("\n".join([*lines, *("f {} {} {}".format(*f) for f in faces + 1)]) + "\n").replace("-0.000", "0.000").encode()
+    lines = ["# relief, in millimetres"]
+    lines += ["v {:.3f} {:.3f} {:.3f}".format(*vertex).replace("-0.000", "0.000") for vertex in vertices]
+    lines += ["f {} {} {}".format(*face) for face in faces + 1]
+    return "\n".join([*lines, ""]).encode()
 
 
 def contents() -> dict[str, bytes]:
