@@ -24,6 +24,7 @@ class Lever(Device):
     Params = LeverParams
     reads = (pose(locked=(0, 1, 3, 4, 5)),)
     commands = (wrench(force=8.0, locked=(0, 1, 3, 4, 5)),)
+    watchdog = 0.1  # the lever's controller lets go of the motor by itself
 
     def open(self) -> None:
         """Open the line."""
