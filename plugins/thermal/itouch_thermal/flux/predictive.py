@@ -7,7 +7,7 @@ import math
 from itouch.plugin import Field, Record
 from itouch_thermal.flux import approach
 from itouch_thermal.flux.law import ModelLaw
-from itouch_thermal.flux.observer import advance
+from itouch_thermal.flux.observer import M_QUIET, advance
 from itouch_thermal.flux.preview import Preview, look_ahead, rising, run_ahead
 from itouch_thermal.flux.setting import FluxModel
 from itouch_thermal.laws import press_factor
@@ -127,9 +127,12 @@ def _want(model: FluxModel, law: ModelLaw, state: Record, ticks: int) -> None:
 def _pass(model: FluxModel, law: ModelLaw, state: Record, tick: int, scale: float) -> None:
     """Let the periods before this one pass in which nothing was taken in, as far as they matter."""
     names = model.names
-    sent, passed = state[names.sent].item(), tick - 1 - state[names.tracked].item()
-    for _ in range(min(passed, MISSED)):
-        law.track(state, sent, math.nan, math.nan, math.nan, scale)
+    sent, passed = state[names.sent].item(), min(MISSED, tick - 1 - state[names.tracked].item())
+    # While it learns nothing, the law only follows the plate's sensor, in every period as if it were read.
+    quiet = state[names.memory][M_QUIET].item() > passed * model.period
+    film = state[names.plate_temperature].item() if quiet else math.nan
+    for _ in range(passed):
+        law.track(state, sent, math.nan, film, math.nan, scale)
     state[names.tracked] = tick - 1
 
 
