@@ -44,6 +44,12 @@ def test_what_is_no_place_has_no_nearest_point(bad: float) -> None:
     assert BALL.closest([0, bad, 0])[2] == -1
 
 
+def test_a_surface_tells_what_it_was_made_of() -> None:
+    vertices, faces = icosphere(3, 0.05)
+    np.testing.assert_array_equal(BALL.vertices[BALL.faces], vertices[faces])
+    assert not BALL.vertices.flags.writeable
+
+
 def test_a_proxy_goes_on_from_where_it_is() -> None:
     path = np.linspace([0.02, 0.0, 0.07], [-0.02, 0.01, 0.045], 60)
     stepped, followed = (Proxy([BALL], radius=0.01, static_friction=0.5, dynamic_friction=0.3) for _ in range(2))

@@ -157,6 +157,19 @@ class Surface:
         return found, distances, faces
 
     @property
+    def vertices(self) -> Floats:
+        """The vertices that faces use (n, 3) [m], in an order of its own; read-only."""
+        return self.tables[0]
+
+    @property
+    def faces(self) -> NDArray[np.int32]:
+        """Indices of ``vertices`` (m, 3), in the order in which the faces were given."""
+        triangles = self.tables[1]
+        faces = np.empty((len(triangles), 3), np.int32)
+        faces[triangles[:, 3]] = triangles[:, :3]
+        return faces
+
+    @property
     def memory_bytes(self) -> int:
         """Bytes that vertices, triangles and hierarchy take."""
         return sum(array.nbytes for array in self.tables)

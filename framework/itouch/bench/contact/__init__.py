@@ -75,8 +75,7 @@ def _read(options: argparse.Namespace) -> tuple[Floats, Ints]:
     how = "from the cache" if mesh.cached else "read, checked and built"
     later = "" if options.no_cache else f", again from the cache {again * 1e3:.0f} ms"
     print(f"{options.mesh.name}: {first * 1e3:.0f} ms {how}{later}")
-    vertices, triangles, _ = mesh.surface.tables
-    return vertices, triangles[np.argsort(triangles[:, 3]), :3]
+    return mesh.surface.vertices, mesh.surface.faces
 
 
 def _rows(work: Work, with_peers: bool) -> tuple[list[Row], list[str]]:
