@@ -48,3 +48,14 @@ def test_an_unknown_probe_is_named():
     session = itouch.build(SCENE)
     with pytest.raises(EngineError, match="thumb"):
         session.steer("thumb", (0.0, 0.0, 0.0))
+
+
+def test_a_scene_without_objects_runs():
+    text = """<itouch version="1.0"><devices><device name="arm" plugin="usb-arm"/></devices>
+      <interaction><probe name="finger" pose-from="arm" force-to="arm"/></interaction></itouch>"""
+    from itouch.plugin.discovery import Catalog
+    from itouch.scene import loads
+
+    session = itouch.build(loads(text.encode(), Catalog()))
+    session.run(0.05)
+    assert session.ticks == 50

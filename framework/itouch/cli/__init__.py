@@ -21,6 +21,7 @@ COMMANDS = {
     "bench": ("itouch.cli.bench", "measure accuracy and speed"),
     "inspect": ("itouch.cli.inspect", "say what a scene, a session or a recording holds"),
     "export": ("itouch.cli.export", "write a session as XML, or a recording as tables"),
+    "test-plugin": ("itouch.cli.test_plugin", "examine an installed plugin: the conformance suite with a score card"),
     "report": ("itouch.cli.report", "write one page of a session: plots, contacts, faults, provenance"),
     "view": ("itouch.cli.view", "open a window on a session that runs"),
     "replay": ("itouch.cli.replay", "feed a recording to the engine and compare every command"),

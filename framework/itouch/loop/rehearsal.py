@@ -31,7 +31,7 @@ def _rehearse_touches(model: Model, scratch: Record) -> None:
     for modality in model.modalities:
         modality.instance.update(modality.model, scratch, model.period * modality.every)
     for probe in model.probes:
-        for index in sorted({0, len(model.objects) - 1} - {-1}):
+        for index in sorted({0, len(model.objects) - 1}) if model.objects else ():
             for kind in (Contact.NEAR, Contact.BEGIN, Contact.MOVE, Contact.END):
                 _pretend(model, scratch, probe.name, index if kind in (Contact.BEGIN, Contact.MOVE) else -1)
                 _rehearse_event(model, scratch, _event(model, kind, probe.name, index))

@@ -1,0 +1,88 @@
+"""``itouch-py test-plugin NAME``: the conformance suite on an installed plugin, with a score card."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from itouch.schema import ItouchError
+
+if TYPE_CHECKING:
+    from itouch.plugin.discovery import Catalog
+    from itouch.scene import Scene
+
+
+def main(argv: Sequence[str]) -> int:
+    """Examine an installed plugin; exit code 1 if it lacks something."""
+    parser = argparse.ArgumentParser(prog="itouch-py test-plugin", description=main.__doc__)
+    parser.add_argument("name", metavar="NAME", help="a device plugin, a modality PLUGIN.LOCAL, or a plugin with both")
+    parser.add_argument("--scene", metavar="FILE", help="a scene that uses it: its parameters are taken from there")
+    parser.add_argument("--hardware", action="store_true", help="open the device, too; it is never enabled to move")
+    parser.add_argument("--emulator", action="store_true", help="run the driver against the plugin's emulator, too")
+    options = parser.parse_args(argv)
+    from itouch.plugin.discovery import Catalog
+
+    catalog = Catalog()
+    scene = _scene(options.scene, catalog)
+    known = [f"{plugin}.{local}" for plugin in catalog.plugin_names for local in catalog.modality_names(plugin)]
+    chosen = [name for name in known if options.name in (name, name.split(".")[0])]
+    good, found = True, False
+    if options.name in catalog.device_names:
+        good, found = _device(options, catalog, scene), True
+    for name in chosen:
+        found = True
+        good = _modality(name, options.scene, catalog) and good
+    if not found:
+        from itouch.schema.diagnostics import did_you_mean
+
+        advice = did_you_mean(options.name, [*catalog.device_names, *known], "installed plugins are")
+        raise ItouchError(f"there is no plugin named '{options.name}'\n  = help: {advice}")
+    return 0 if good else 1
+
+
+def _scene(path: str | None, catalog: Catalog) -> Scene | None:
+    from itouch.scene import load
+
+    return load(path, catalog) if path else None
+
+
+def _device(options: argparse.Namespace, catalog: Catalog, scene: Scene | None) -> bool:
+    from itouch.testing.card import write_card
+    from itouch.testing.checks import examine
+    from itouch.testing.subject import DeviceSubject
+    from itouch.testing.suites import DEVICE_CHECKS, EMULATOR_CHECKS
+
+    cls = catalog.device(options.name)
+    if cls is None:
+        raise ItouchError(catalog.failure(options.name))
+    params = None
+    if scene is not None:
+        parts = [p.params for d in scene.devices if d.plugin == options.name for p in d.parts if p.plugin == d.plugin]
+        params = parts[0] if parts else None
+    subject = DeviceSubject(cls, options.name, params, options.hardware)
+    findings = examine(DEVICE_CHECKS, subject)
+    if options.emulator:
+        findings += examine(EMULATOR_CHECKS, subject)
+    version = catalog.version(options.name)
+    return write_card(f"device '{options.name}' {version}", findings, sys.stdout)
+
+
+def _modality(name: str, path: str | None, catalog: Catalog) -> bool:
+    from pathlib import Path
+
+    from itouch.testing.card import write_card
+    from itouch.testing.checks import examine
+    from itouch.testing.subject import ModalitySubject
+    from itouch.testing.suites import MODALITY_CHECKS
+
+    plugin, _, local = name.partition(".")
+    cls = catalog.modality(plugin, local)
+    if cls is None:
+        raise ItouchError(catalog.failure(plugin))
+    if path is None:
+        print(f"modality '{name}': give a scene that uses it with --scene FILE\n")
+        return True
+    findings = examine(MODALITY_CHECKS, ModalitySubject(cls, Path(path)))
+    return write_card(f"modality '{name}' {catalog.version(plugin)}", findings, sys.stdout)

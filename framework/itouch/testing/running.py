@@ -1,0 +1,150 @@
+"""What a device must hold to inside an engine: the continuation, safety and exits that the framework promises."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from itouch.loop import Engine, Status
+from itouch.schema import ItouchError
+from itouch.testing.checks import CheckError, NotApplicableError, check
+from itouch.testing.subject import DeviceSubject
+from itouch.world import Model
+
+
+def _engine(subject: DeviceSubject, seed: int = 4) -> Engine:
+    return Engine(Model.of(subject.scene(), subject.catalog), seed=seed)
+
+
+@check("restores", "a session that is stopped and restored goes on to the same bytes")
+def restores(subject: DeviceSubject) -> None:
+    """Adopt the State of a running engine in a second one."""
+    straight, again = _engine(subject), _engine(subject, seed=9)
+    straight.run(0.137)
+    again.adopt(straight.state.tobytes())
+    straight.run(0.2)
+    again.run(0.2)
+    if straight.state.tobytes() != again.state.tobytes():
+        names = [name for name in straight.state if straight.state[name].tobytes() != again.state[name].tobytes()]
+        raise CheckError(
+            f"after a restore these fields go on otherwise: {', '.join(names[:4])}",
+            cause="the twin keeps something outside of State, or looks at the clock",
+            advice="declare it in fields() and keep it in state",
+        )
+
+
+@check("runs", "it runs in an engine without a fault, and ends safely")
+def runs(subject: DeviceSubject) -> str:
+    """Run half a second with nothing else in the scene."""
+    engine = _engine(subject)
+    engine.run(0.5)
+    if engine.status("unit") is not Status.ENABLED:
+        raise CheckError(f"after half a second it is {engine.status('unit').name}", cause="a trip",
+                         advice="see the report's faults")  # fmt: skip
+    for name, view in engine.state.items():
+        if name.startswith("unit.") and view.dtype.kind == "f" and not np.isfinite(view).all():
+            raise CheckError(f"the field {name} is {view}", cause="not filled, or not stable",
+                             advice="write every field in reset() and step()")  # fmt: skip
+    engine.close()
+    times = engine.report()["servo"]["tick_us"]
+    return f"tick p50 {times['p50']:.0f} us"
+
+
+@check("stale-is-seen", "a device that falls silent is stopped, and named")
+def stale(subject: DeviceSubject) -> None:
+    """Let the twin say that nothing is new, for good."""
+    engine = _engine(subject)
+    engine.run(0.05)
+    runner = next(r for r in engine.runners if r.model.name == "unit")
+    twin = runner.twin
+    if twin is None:
+        raise NotApplicableError("it has no twin")
+
+    class Silent(type(twin)):  # type: ignore[misc]
+        def __init__(self) -> None:
+            self.__dict__.update(twin.__dict__)
+
+        def read(self, state: object, reading: object) -> bool:
+            return False
+
+    runner.twin = Silent()
+    try:
+        engine.run(12.0)
+    except ItouchError as error:
+        if "unit" not in str(error):
+            raise CheckError(f"the fault does not name the device: {error}", cause="framework",
+                             advice="report it") from error  # fmt: skip
+        return
+    if not int(engine.state["unit.age"]) > 100:
+        raise CheckError("a silent device's age does not grow", cause="read returns True though nothing is new",
+                         advice="return False from read when nothing is new")  # fmt: skip
+    raise CheckError("a device that was silent for 12 s was not stopped", cause="its watchdog is longer",
+                     advice="state a shorter period or watchdog")  # fmt: skip
+
+
+_SCRIPT = """
+import sys
+sys.path[:0] = {path!r}
+import importlib
+from itouch.testing.subject import DeviceSubject
+from itouch.testing.running import serve
+module = importlib.import_module({module!r})
+cls = module
+for part in {qualname!r}.split("."):
+    cls = getattr(cls, part)
+import pickle
+params = pickle.loads(bytes.fromhex({params!r}))
+serve(DeviceSubject(cls, {name!r}, params), {out!r})
+"""
+
+
+def serve(subject: DeviceSubject, out: str) -> None:
+    """Run until a signal comes; write how it ended."""
+    engine = _engine(subject)
+    signal.signal(signal.SIGTERM, lambda *_: engine.stop())
+    with engine:
+        engine.enable()
+        print("running", flush=True)
+        engine.run(3600.0, each=None)
+    Path(out).write_text("closed")
+
+
+@check("sigterm", "SIGTERM ends a session safely")
+def sigterm(subject: DeviceSubject) -> None:
+    """Run it in a process of its own, and end that."""
+    import pickle
+
+    cls = subject.cls
+    if "<locals>" in cls.__qualname__ or cls.__module__ == "__main__":
+        raise NotApplicableError("the class is not in a module that another process can import")
+    with tempfile.TemporaryDirectory() as folder:
+        out = os.path.join(folder, "end")
+        try:
+            params = pickle.dumps(subject.require_params()).hex()
+        except Exception as error:  # a class inside a function, say
+            raise NotApplicableError("its parameters can't be sent to another process") from error
+        script = _SCRIPT.format(path=sys.path, module=cls.__module__, qualname=cls.__qualname__, params=params,
+                                name=subject.name, out=out)  # fmt: skip
+        process = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                                   text=True)  # fmt: skip
+        assert process.stdout is not None  # noqa: S101  (a pipe was asked for)
+        if "running" not in process.stdout.readline():
+            _, told = process.communicate(timeout=60)
+            raise CheckError(f"it does not run in another process: {told.strip()[-300:]}", cause="an import that fails",
+                             advice="install the plugin, or make its module importable")  # fmt: skip
+        process.send_signal(signal.SIGTERM)
+        try:
+            process.communicate(timeout=60)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.communicate()
+            raise CheckError("it does not end on SIGTERM", cause="a call that never returns, or a handler of its own",
+                             advice="leave signals to the framework; give every wait a timeout") from None  # fmt: skip
+        if not os.path.exists(out):
+            raise CheckError("it was not closed", cause="an exception on the way out", advice="close must succeed")

@@ -1,0 +1,225 @@
+"""What is examined: a device or a modality class, with parameters and a catalog that knows it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.plugin import Device, Field, IdealTwin, Modality, Record, Safe, Touch, Twin
+from itouch.plugin.discovery import Catalog
+from itouch.scene import Scene
+from itouch.scene.elements import DeviceElement, PluginPart, Probe
+from itouch.schema.fields import REQUIRED, default_of, specs, xml_name
+from itouch.testing.checks import CheckError, NotApplicableError
+
+#: Room and skin in every check [K].
+ROOM, SKIN = 296.15, 306.15
+PERIOD = 1e-3
+
+
+class KnownCatalog(Catalog):
+    """The plugins of this environment, and the one under examination."""
+
+    def __init__(self, devices: Mapping[str, type[Device]]) -> None:
+        super().__init__()
+        self._known = dict(devices)
+
+    @property
+    def device_names(self) -> list[str]:
+        """Names of the device plugins."""
+        return sorted({*super().device_names, *self._known})
+
+    @property
+    def plugin_names(self) -> list[str]:
+        """Names of all plugins."""
+        return sorted({*super().plugin_names, *self._known})
+
+    def device(self, name: str) -> type[Device] | None:
+        """Return a device class."""
+        return self._known.get(name) or super().device(name)
+
+    def element_class(self, plugin: str, host: str, local: str) -> type | None:
+        """Return the dataclass of an element."""
+        if plugin in self._known and host == "device" and local == "hardware":
+            return self._known[plugin].Params
+        return super().element_class(plugin, host, local)
+
+    def locals(self, plugin: str, host: str) -> list[str]:
+        """Return the local names inside an element."""
+        return ["hardware"] if plugin in self._known and host == "device" else list(super().locals(plugin, host))
+
+    def version(self, plugin: str) -> str:
+        """Return the version of the plugin's distribution; one that is not installed has none."""
+        return super().version(plugin) or ("0" if plugin in self._known else "")
+
+
+@dataclass(frozen=True)
+class DeviceSubject:
+    """A device class under examination.
+
+    Attributes
+    ----------
+    cls, name
+        The class, and the plugin's name in XML.
+    params
+        An instance of ``cls.Params``; None: the defaults.
+    hardware
+        Whether ``open`` works here: a loop-back, or a port with an emulator behind it.
+    transcript
+        A golden trace of the wire to compare with, if there is one.
+    """
+
+    cls: type[Device]
+    name: str
+    params: Any = None
+    hardware: bool = False
+    transcript: Path | None = None
+
+    def __post_init__(self) -> None:
+        if self.params is None and not self.needed:
+            object.__setattr__(self, "params", self.cls.Params())
+
+    @property
+    def needed(self) -> list[str]:
+        """Names of the parameters that have no default."""
+        return [xml_name(n) for n in specs(self.cls.Params) if default_of(self.cls.Params, n) is REQUIRED]
+
+    @property
+    def catalog(self) -> KnownCatalog:
+        """A catalog that knows the class under its name."""
+        return KnownCatalog({self.name: self.cls})
+
+    def require_params(self) -> Any:
+        """Return the parameters.
+
+        Raises
+        ------
+        CheckError
+            If some have no default and none were given.
+        """
+        if self.params is None:
+            raise CheckError(
+                f"the parameters {', '.join(self.needed)} have no default, and none were given",
+                cause="the suite does not know a valid set",
+                advice="set `params` in the suite, or give `itouch-py test-plugin` a scene with --scene",
+            )
+        return self.params
+
+    def bench(self, *, seed: int = 7) -> TwinBench:
+        """Return a fresh twin on a bench."""
+        return TwinBench(self, seed)
+
+    def require_hardware(self) -> None:
+        """Leave the check out where the hardware can't be opened."""
+        if not self.hardware:
+            raise NotApplicableError("needs hardware, a loop-back or an emulator: set `hardware = True` in the suite")
+
+    def scene(self, *, twin: bool = True, params: Any = None) -> Scene:
+        """Return a scene with nothing but the device, and a probe if it tracks a finger."""
+        chosen = self.require_params() if params is None else params
+        part = PluginPart(self.name, "hardware", chosen)
+        device = DeviceElement(name="unit", plugin=self.name, twin=twin, parts=(part,))
+        reads, commands = self.cls.channels(chosen)
+        tracks = any(c.name == "pose" for c in reads) and not any(c.name == "pose_target" for c in commands)
+        force = "unit" if tracks and any(c.name == "wrench" for c in commands) else ""
+        probes = (Probe(name="tip", radius=0.008, pose_from="unit", force_to=force),) if tracks else ()
+        return Scene(devices=(device,), probes=probes)
+
+
+class TwinBench:
+    """A twin with its State, moved by a touch and a command that depend on nothing but the tick."""
+
+    def __init__(self, subject: DeviceSubject, seed: int) -> None:
+        params = subject.require_params()
+        self.reads, self.commands = subject.cls.channels(params)
+        self.twin: Twin = IdealTwin(params, subject.cls) if subject.cls.Twin is None else subject.cls.Twin(params)
+        self.twin.stand(ROOM, SKIN)
+        self.state = Record.of(self.twin.fields())
+        self.reading = Record.of(Field(c.name, "f8", c.size) for c in self.reads)
+        self.command = Record.of(Field(c.name, "f8", c.size) for c in self.commands)
+        self.touch = Touch(ambient=ROOM)
+        self.tick = 0
+        self.twin.reset(self.state, np.random.default_rng(seed))
+        self.fresh = self.twin.read(self.state, self.reading)
+        self.start = {name: view.copy() for name, view in self.reading.items()}
+        self.be_safe()
+
+    def be_safe(self) -> None:
+        """Give the safe command of every channel; HOLD and RETRACT stay where the device is."""
+        for channel in self.commands:
+            if isinstance(channel.safe, tuple):
+                self.command[channel.name] = channel.safe
+            elif channel.name == "pose_target" and "pose" in self.reading:
+                self.command[channel.name] = self.start["pose"]
+            else:
+                self.command[channel.name] = np.zeros(channel.size)
+
+    def drive(self) -> None:
+        """Command and touch of this tick: slow swings within half of the limits, a finger that comes and goes."""
+        phase = 2 * math.pi * self.tick * PERIOD
+        for channel in self.commands:
+            low, high = limits(channel.low, channel.size), limits(channel.high, channel.size)
+            middle, half = (low + high) / 2, (high - low) / 2
+            target = middle + 0.5 * half * np.sin(phase * 0.7 + np.arange(channel.size))
+            if channel.name == "pose_target":
+                target[3:] = (1.0, 0.0, 0.0, 0.0)
+                step = 0.1 * PERIOD * self.tick
+                start = self.start["pose"][:3] if "pose" in self.start else middle[:3]
+                away = target[:3] - start
+                distance = float(np.linalg.norm(away))
+                target[:3] = start + away * min(1.0, step / distance) if distance > 0 else start
+            self.command[channel.name] = target
+        finger = 0.01 * np.array([math.sin(phase), math.cos(phase) - 1.0, math.sin(2 * phase)])
+        self.touch.finger_attached = True
+        self.touch.finger_pose[:3] = finger
+        self.touch.finger_twist[:3] = 0.01 * 2 * math.pi * np.array([math.cos(phase), -math.sin(phase),
+                                                                    2 * math.cos(2 * phase)])  # fmt: skip
+        press = max(0.0, math.sin(0.5 * phase))
+        self.touch.force, self.touch.gap = press, -1e-4 if press > 0.0 else 1e-3
+        self.touch.wrench[:3] = (0.0, 0.0, -press)
+
+    def step(self, count: int = 1, *, driven: bool = True) -> None:
+        """Step and read so many ticks."""
+        for _ in range(count):
+            if driven:
+                self.drive()
+            self.twin.step(self.state, self.command, self.touch, PERIOD)
+            self.fresh = self.twin.read(self.state, self.reading)
+            self.tick += 1
+
+
+def limits(values: tuple[float, ...], size: int) -> NDArray[np.float64]:
+    """Return limits with those that are missing or endless replaced by +-1."""
+    if not values:
+        return np.zeros(size)
+    return np.array([value if math.isfinite(value) else math.copysign(1.0, value) for value in values])
+
+
+@dataclass(frozen=True)
+class ModalitySubject:
+    """A modality class under examination, in a scene that uses it.
+
+    ``scene`` is a file, or the text of one.
+    """
+
+    cls: type[Modality]
+    scene: str | Path
+    seconds: float = 1.5
+
+    def load(self) -> Scene:
+        """Return the scene."""
+        from itouch.scene import load, loads
+
+        if isinstance(self.scene, Path) or not self.scene.lstrip().startswith("<"):
+            return load(self.scene, Catalog())
+        return loads(self.scene.encode(), Catalog())
+
+    def without_record(self) -> Scene:
+        """Return the scene with nothing recorded."""
+        return replace(self.load(), record=None)

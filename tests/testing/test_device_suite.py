@@ -1,0 +1,111 @@
+"""The suite finds every bad plugin by the name of its fault, and blames no good one."""
+
+from __future__ import annotations
+
+import os
+import sys
+import textwrap
+from pathlib import Path
+
+import pytest
+from bad import BAD
+from slider import Slider, SliderParams
+
+from itouch.testing import DeviceSubject, DeviceTests, EmulatorTests
+from itouch.testing.suites import DEVICE_CHECKS, EMULATOR_CHECKS
+
+CHECKS = {check.name: check for check in (*DEVICE_CHECKS, *EMULATOR_CHECKS)}
+
+
+def port(folder: Path) -> SliderParams:
+    return SliderParams(port=str(folder / "port"))
+
+
+def subject(cls: type[Slider], check: str, folder: Path) -> DeviceSubject:
+    emulated = check in {one.name for one in EMULATOR_CHECKS}
+    params = port(folder) if emulated else None
+    return DeviceSubject(cls, "slider", params, hardware=not emulated)
+
+
+class TestSlider(DeviceTests):
+    device, name, hardware = Slider, "slider", True
+
+
+class TestSliderOnItsEmulator(EmulatorTests):
+    device, name = Slider, "slider"
+
+    @pytest.fixture(autouse=True)
+    def _port(self, tmp_path: Path) -> None:
+        type(self).params = port(tmp_path)
+
+
+def test_there_are_enough_bad_plugins():
+    assert len(BAD) >= 20
+    assert len(set(BAD.values())) >= 20
+
+
+@pytest.mark.parametrize(("cls", "check"), BAD.items(), ids=[cls.__name__ for cls in BAD])
+def test_a_bad_plugin_is_caught_by_name(cls, check, tmp_path):
+    finding = CHECKS[check].examine(subject(cls, check, tmp_path))
+    assert finding.outcome == "failed", f"{check} did not see it: {finding.note}"
+    assert "likely cause:" in finding.note and "what to do:" in finding.note
+
+
+def test_a_plugin_that_looks_for_hardware_at_import_is_caught(tmp_path, monkeypatch):
+    (tmp_path / "eager.py").write_text(
+        '"""Eager."""\nfrom slider import Slider\nopen("/dev/zero", "rb").close()\n\n\nclass Eager(Slider):\n    """Eager."""\n'
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    import eager
+
+    finding = CHECKS["import"].examine(DeviceSubject(eager.Eager, "eager"))
+    assert finding.outcome == "failed" and "/dev/zero" in finding.note
+
+
+def test_a_changed_protocol_is_seen_in_the_golden_transcript(tmp_path):
+    class Talking(Slider):
+        word = b"F 0\n"
+
+        def open(self) -> None:
+            super().open()
+            if self.trace is not None:
+                self.trace.sent(self.word)
+
+    golden = tmp_path / "golden.txt"
+    golden.write_text('0.000000 unit > "F 0\\n"\n')
+    same = DeviceSubject(Talking, "slider", hardware=True, transcript=golden)
+    assert CHECKS["transcript"].examine(same).outcome == "passed"
+    Talking.word = b"F 1\n"
+    finding = CHECKS["transcript"].examine(same)
+    assert finding.outcome == "failed" and "46 20 31" in finding.note
+
+
+def test_the_command_prints_a_score_card(capsys):
+    from itouch.cli import main
+
+    assert main(["test-plugin", "xyz-table"]) == 0
+    text = capsys.readouterr().out
+    assert "device 'xyz-table'" in text and " 0 failed" in text and "state-declared" in text
+    assert main(["test-plugin", "xyz-tabel"]) == 2
+    assert "did you mean 'xyz-table'?" in capsys.readouterr().err
+
+
+def test_a_suite_in_a_strangers_tests(tmp_path):
+    """What the docs say: inherit, run pytest."""
+    import subprocess
+
+    (tmp_path / "test_it.py").write_text(
+        textwrap.dedent("""
+        from bad import LeavesTheQuaternionZero
+        from slider import Slider
+        from itouch.testing import DeviceTests
+
+        class TestBad(DeviceTests):
+            device, name = type("Bad", (Slider,), {"Twin": LeavesTheQuaternionZero}), "slider"
+        """)
+    )
+    here = os.pathsep.join([str(Path(__file__).parent), *sys.path])
+    done = subprocess.run([sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-k", "twin_pose or twin_fills"],
+                          cwd=tmp_path, capture_output=True, text=True, env=os.environ | {"PYTHONPATH": here})  # fmt: skip
+    assert "1 failed, 1 passed" in done.stdout
+    assert "w x y z with unit length" in done.stdout
