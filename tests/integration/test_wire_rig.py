@@ -1,0 +1,65 @@
+"""A scene on every device's real protocol, host and virtual rig in step: contacts as with twins."""
+
+from __future__ import annotations
+
+import socket
+from pathlib import Path
+
+import pytest
+from shipped import SCENES
+
+from itouch.cli.lockstep import Lockstep
+from itouch.cli.virtual_rig import main as virtual_rig
+from itouch.plugin import read_trace
+from itouch.session import build, load_scene
+
+
+def free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        return int(listener.getsockname()[1])
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    """The wire scene at addresses of its own, with a touch of aluminium as soon as touch-off is done."""
+    text = (SCENES / "four_materials_wire.xml").read_text()
+    begin, end = text.index("<motion>"), text.index("</motion>")
+    motion = '<to pos="-33 0 40 mm" in="0.5 s" hold="2.6 s"/><to pos="-33 0 16 mm" in="0.5 s" hold="0.7 s"/>'
+    (tmp_path / "scene.xml").write_text(text[:begin] + "<motion>" + motion + text[end:])
+    (tmp_path / "materials.xml").write_text((SCENES / "materials.xml").read_text())
+    rig = (SCENES / "rigs/wire.xml").read_text()
+    rig = rig.replace("127.0.0.1:3240", f"127.0.0.1:{free_port()}").replace(
+        "127.0.0.1:5502", f"127.0.0.1:{free_port()}"
+    )
+    rig = rig.replace("/tmp/itouch-table", f"{tmp_path}/table").replace("/tmp/itouch-tec", f"{tmp_path}/tec")
+    (tmp_path / "rigs").mkdir()
+    (tmp_path / "rigs/wire.xml").write_text(rig)
+    return tmp_path / "scene.xml"
+
+
+def test_contacts_on_the_wires_are_those_on_twins(scene: Path, tmp_path: Path) -> None:
+    twins = build(load_scene(scene, twin="all"))
+    twins.run()
+    expected = twins.report()
+    with (tmp_path / "wire.trace").open("w") as stream:
+        wires = Lockstep(str(scene), trace=stream)
+        found = wires.run()
+    assert found["faults"] == []
+    assert not found["twins"]
+    (contact,), (other,) = found["contacts"], expected["contacts"]
+    assert contact["object"] == other["object"] == "aluminium"
+    assert contact["plate"]
+    assert abs(contact["plate_gap_mm"]) < 0.2  # touch-off through servo torques found the 3 mm
+    assert contact["mean_flux_W_m2"] == pytest.approx(other["mean_flux_W_m2"], rel=0.5)
+    # The fast approach is most of this short run: over the whole four-material scene both are at 0.07 mm.
+    assert found["table"]["tracking_mm"]["p99"] < expected["table"]["tracking_mm"]["p99"] + 1.5
+    entries = read_trace((tmp_path / "wire.trace").read_text().splitlines())
+    assert {entry.device for entry in entries} == {"arm", "table", "peltier"}
+    assert entries[-1].device in ("arm", "table", "peltier")
+    assert not (tmp_path / "table").exists()
+
+
+def test_a_taken_address_and_wrong_options_are_told(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        virtual_rig([str(scene), "--report", "x.json"])
+    assert "go with --run" in capsys.readouterr().err
