@@ -30,6 +30,7 @@ def needed(session: Session) -> bool:
 
 def run(options: argparse.Namespace, *, window: bool = False) -> int:
     """Run in real time, in a window if that is asked for, and return the exit code."""
+    from itouch.cli import keeping
     from itouch.servo import launch
 
     if not 0 <= options.seed < 1 << 63:
@@ -40,7 +41,7 @@ def run(options: argparse.Namespace, *, window: bool = False) -> int:
             raise ItouchError(f"--{named} needs --pace fast: in real time a window or an attached process does that")
     handle = launch(
         options.scene, seed=options.seed, twin=options.twin, rig=options.rig, seconds=options.duration,
-        save=options.save, enable=not window,
+        save=options.save, enable=not window, keep=keeping.wanted(options),
     )  # fmt: skip
     with handle:
         if window:

@@ -10,7 +10,7 @@ import threading
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from itouch.cli import live, pictures, sounds, windows
+from itouch.cli import keeping, live, pictures, sounds, windows
 from itouch.cli.arguments import output_file, seconds
 from itouch.plugin import trace
 from itouch.schema import ItouchError
@@ -36,7 +36,7 @@ def main(argv: Sequence[str]) -> int:
     for notice in session.notices:
         print(f"note: {notice}", file=sys.stderr)
     screen = Screen(session, sys.stdout)
-    with pictures.taking(session, options), sounds.keeping(session, options):
+    with pictures.taking(session, options), sounds.keeping(session, options), keeping.keeping(session, options):
         code = _run(session, options, screen)
     report = session.report()
     screen.finish(report)
@@ -62,12 +62,14 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of all noise (default 0)")
     pictures.add_options(parser)
     sounds.add_options(parser)
+    keeping.add_options(parser)
     return parser
 
 
 def _check(options: argparse.Namespace) -> None:
     if not 0 <= options.seed < 1 << 63:
         raise ItouchError(f"--seed {options.seed} is out of range: 0 to 2^63 - 1")
+    keeping.wanted(options)
     if options.scene.endswith(".itouch") and (options.twin or options.rig):
         raise ItouchError("--twin and --rig choose devices for a scene; a session has its own")
 
@@ -96,7 +98,7 @@ def _run(session: Session, options: argparse.Namespace, screen: Any) -> int:
     if stop.signal:
         print(f"stopped by {signal.Signals(stop.signal).name}; the devices are safe", file=sys.stderr)
         return 128 + stop.signal
-    return 0
+    return 1 if session.failed else 0
 
 
 class _Stop:

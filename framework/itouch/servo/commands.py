@@ -38,6 +38,8 @@ class Commands:
             "reconnect": self._reconnect,
             "inject": self._inject,
             "report": self._report,
+            "mark": self._mark,
+            "save": self._save,
         }
 
     def obey(self, message: dict[str, Any]) -> None:
@@ -92,6 +94,13 @@ class Commands:
     def _report(self, value: Any) -> None:
         self._servo.outbox.tell("report", {"report": self._servo.report()})
 
+    def _mark(self, value: Any) -> None:
+        named = {"name": value} if isinstance(value, str) else value
+        self._servo.session.mark(str(named["name"]), named.get("payload"))
+
+    def _save(self, value: Any) -> None:
+        self._servo.session.save(str(value))
+
     def _write(self, what: str, value: Any) -> None:
         device, _, channel = what.partition(".")
         session = self._servo.session
@@ -104,6 +113,7 @@ class Commands:
         if numbers.shape != session.state[field].shape or not np.isfinite(numbers).all():
             raise ValueError(f"'{what}' takes {session.state[field].size} finite numbers")
         session.state[field] = numbers
+        session.note_outside("command")
 
 
 def _written(model: Model) -> set[str]:

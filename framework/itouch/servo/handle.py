@@ -24,6 +24,7 @@ from itouch.servo.guarding import Guarded
 from itouch.servo.link import Link
 from itouch.servo.segment import Segment, ServoError
 from itouch.session import choose_twins
+from itouch.session.keeping import Keep
 
 #: How long [s] the end of a session may take before the servo process is killed; its guardian acts long before.
 END_TIME = 10.0
@@ -270,6 +271,7 @@ def launch(
     name: str | None = None,
     enable: bool = False,
     realtime: bool = True,
+    keep: Keep | None = None,
 ) -> Handle:
     """Run a scene or a saved session in real time, in a servo process of its own.
 
@@ -289,6 +291,8 @@ def launch(
         Let hardware move or heat at once; without it ``Handle.enable`` is needed.  Twins enable by themselves.
     realtime
         Ask for real-time priority and locked memory.
+    keep
+        What to keep while it runs: a recording, snapshots now and then.
 
     Returns
     -------
@@ -309,6 +313,7 @@ def launch(
     config = _config(scene, twin) | {
         "seed": seed, "rig": None if rig is None else os.fspath(rig), "seconds": seconds, "enable": enable,
         "save": None if save is None else os.fspath(save), "realtime": realtime, "sys_path": sys.path,
+        "keep": (keep or Keep()).dump(),
     }  # fmt: skip
     handle = _start(name or _name(config["scene"]), config)
     handle.await_ready()

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import base64
+import contextlib
 import time
 from typing import Any
 
-from itouch.loop import WallClock
+from itouch.loop import Engine, WallClock
 from itouch.scene import write
 from itouch.servo import realtime
 from itouch.servo import words as at
@@ -18,6 +19,7 @@ from itouch.servo.publish import ORDERED, TIMING_EVERY, Publisher, slots_for
 from itouch.servo.remote import Remotes
 from itouch.servo.segment import Segment, ServoError, monotonic
 from itouch.session import Session
+from itouch.session.keeping import Keep, keeping
 
 #: How often the servo process looks round while the engine rests [s].
 _IDLE = 1e-3
@@ -87,24 +89,42 @@ class Servo:
     def run(self) -> tuple[dict[str, Any], BaseException | None]:
         """Run to the end; return the report, and the error that ended the run if one did."""
         error: BaseException | None = None
+        kept = contextlib.ExitStack()
         try:
+            kept.enter_context(keeping(self.session, Keep(**self._config["keep"])))
             self._begin()
             self._run()
             error = self._failure
         except BaseException as raised:
             error = raised
         self.words[at.PHASE] = at.ENDING
-        try:
-            self.session.close()
-        except Exception as raised:
-            error = error or raised
-        self.remotes.hang_up()
-        self.words[at.ARMED] = 0
-        self.remotes.close()
+        for act in (self._park, self._release, self._finish):
+            try:
+                act()
+            except BaseException as raised:
+                error = error or raised
         self._publish(0.0, 0.0)
         if self._config["save"]:
             self.session.save(self._config["save"])
         return self.report(), error
+
+    def _park(self) -> None:
+        """Make devices that are not simulated here safe in the rig's order, unless a fault has done so."""
+        if self.words[at.ARMED] and self.session.fault is None:
+            self.session.park()
+
+    def _release(self) -> None:
+        """Let go of the devices; from now on silence is no danger."""
+        try:
+            Engine.close(self.session)
+        finally:
+            self.remotes.hang_up()
+            self.words[at.ARMED] = 0
+
+    def _finish(self) -> None:
+        """End what takes long: recordings, and the twins' processes."""
+        self.session.close()
+        self.remotes.close()
 
     def _begin(self) -> None:
         """Become punctual, say so, and enable the devices when that is wanted."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
@@ -19,6 +20,7 @@ from itouch.session.document import to_xml
 from itouch.session.errors import SessionError
 from itouch.session.plausible import check_plausible
 from itouch.session.recorder import Recorder
+from itouch.session.saving import Saving
 from itouch.session.snapshot import Snapshot, SnapshotWriter, write_snapshot
 from itouch.world import Model
 
@@ -43,6 +45,9 @@ class Session(Engine):
         #: The recorder that is at work, if any; ``records``: whether a run follows the scene's ``<record>``.
         self.recorder: Recorder | None = None
         self.records = True
+        #: Whether the session was ended because it could not be recorded.
+        self.failed = False
+        self._posted: deque[tuple[str, Any]] = deque()
         #: Called when a tick has failed, before anything is made safe; they must not change the State.
         self.fault_hooks: list[Callable[[DeviceFaultError], None]] = []
         with keeping(self._bases):
@@ -68,9 +73,13 @@ class Session(Engine):
             self._writer = SnapshotWriter(self.model, self.state, self._bases, self._catalog)
         return self._writer
 
-    def pack(self) -> bytes:
-        """Return the bytes of a snapshot."""
-        return self._snapshots().pack(self.state, self.ledger.dump())
+    def pack(self, state: Record | None = None, ledger: dict[str, Any] | None = None) -> bytes:
+        """Return the bytes of a snapshot: of now, or of a State and a ledger that were taken before."""
+        return self._snapshots().pack(state if state is not None else self.state, ledger or self.ledger.dump())
+
+    def saving(self, path: Path, every: float) -> Saving:
+        """Return a context in which the session is saved every so many seconds while it runs."""
+        return Saving(self, os.fspath(path), every)
 
     def save(self, path: Path) -> None:
         """Write a snapshot: never half a file, the old one stays until the new one is whole.
@@ -140,19 +149,18 @@ class Session(Engine):
         """Note that recording has stopped; the session goes on, or ends after this tick, as the scene says."""
         self._let_go(recorder)
         element = self.model.scene.record
-        tick = int(self.state["tick"])
-        self.ledger.faults.append(
-            {
-                "device": "recorder",
-                "tick": tick,
-                "time_s": tick * self.model.period,
-                "trip": "recording",
-                "cause": recorder.failure,
-                "scene": str(self.model.scene.places.of(element)) if element is not None else None,
-            }
-        )
+        self.note_fault("recording", recorder.failure)
         if element is not None and element.on_failure == "stop":
+            self.failed = True
             self.stop()
+
+    def note_fault(self, trip: str, cause: str) -> None:
+        """Note in the report that something beside the devices has failed: ``recording`` or ``saving``."""
+        element, tick = self.model.scene.record, int(self.state["tick"])
+        place = self.model.scene.places.of(element) if element is not None and trip == "recording" else None
+        entry: dict[str, Any] = {"device": "recorder" if trip == "recording" else "session", "tick": tick}
+        entry |= {"time_s": tick * self.model.period, "trip": trip, "cause": cause}
+        self.ledger.faults.append({**entry, "scene": str(place) if place is not None else None})
 
     def make_safe(self, fault: DeviceFaultError) -> None:
         """Make every device safe; whoever wants to know of the tick that failed is told before that."""
@@ -163,14 +171,22 @@ class Session(Engine):
     def enable(self) -> None:
         """Enable as ``Engine.enable`` says; a recording notes the State after it, because it came from outside."""
         super().enable()
-        if self.recorder is not None:
-            self.recorder.note_state("enable")
+        self.note_outside("enable")
 
     def rearm(self) -> None:
         """Re-arm as ``Engine.rearm`` says; a recording notes the State after it."""
         super().rearm()
+        self.note_outside("rearm")
+
+    def reconnect(self, device: str) -> None:
+        """Reconnect as ``Engine.reconnect`` says; a recording notes the State after it."""
+        super().reconnect(device)
+        self.note_outside("reconnect")
+
+    def note_outside(self, reason: str) -> None:
+        """Tell a recording that the State was changed from outside the loop: a replay starts again from it."""
         if self.recorder is not None:
-            self.recorder.note_state("rearm")
+            self.recorder.note_state(reason)
 
     def mark(self, name: str, payload: Any = None) -> None:
         """Note a mark, such as the begin of a trial, before the next tick: in State, and in the recording.
@@ -191,6 +207,23 @@ class Session(Engine):
         tick = marks.put(self.state, stored, text)
         if self.recorder is not None:
             self.recorder.tell("/marks", tick, name=name, payload=text.decode())
+
+    def post_mark(self, name: str, payload: Any = None) -> None:
+        """Note a mark from another thread or a signal handler: it is set between this tick and the next.
+
+        Raises
+        ------
+        ValueError
+            If name or payload can't be kept.
+        """
+        marks.encode(name, payload)
+        self._posted.append((name, payload))
+        if self._take_marks not in self.taps:
+            self.taps.append(self._take_marks)
+
+    def _take_marks(self, tick: int) -> None:
+        while self._posted:
+            self.mark(*self._posted.popleft())
 
     @property
     def marks(self) -> list[dict[str, Any]]:

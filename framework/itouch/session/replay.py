@@ -83,10 +83,10 @@ class Playback(Twin):
         DeviceError
             If the device failed in this tick.
         """
-        if self._inner is None and (cause := self._feed.error_of(self._name)):
-            raise DeviceError(cause)
         if self._inner is not None:
             self._inner.read(state, reading.copy())
+        if cause := self._feed.error_of(self._name):
+            raise DeviceError(cause)
         return self._feed.give(self._name, reading)
 
 
@@ -310,7 +310,7 @@ def _starts(recording: Recording) -> dict[int, Mapping[str, Any]]:
     for letter in recording.states:
         tick = int(letter["tick"])
         lost = any(gap < t <= tick for t in after_gap)
-        if letter["reason"] in ("start", "enable", "rearm") or (letter["reason"] == "every" and lost):
+        if letter["reason"] not in ("every", "fault") or (letter["reason"] == "every" and lost):
             found[tick] = letter
         gap = tick
     return found

@@ -1,0 +1,68 @@
+"""The options of ``run`` that keep a session: recording, snapshots now and then, Lab Streaming Layer."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import signal
+import threading
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from itouch.cli.arguments import output_file, seconds
+from itouch.schema import ItouchError
+
+if TYPE_CHECKING:
+    from itouch.session import Session
+    from itouch.session.keeping import Keep
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    group = parser.add_argument_group("keeping the session")
+    group.add_argument("--record", type=output_file, metavar="FILE.mcap",
+                       help="record the session; default: as the scene's <record> says")  # fmt: skip
+    group.add_argument("--no-record", action="store_true", help="do not record, whatever the scene says")
+    group.add_argument("--save-every", type=seconds, metavar="10s",
+                       help="save to the file of --save again and again while it runs")  # fmt: skip
+    group.add_argument("--lsl", action="store_true", help="Lab Streaming Layer: offer readings, give and take marks")
+
+
+def wanted(options: argparse.Namespace) -> Keep:
+    """Return what the options ask to keep.
+
+    Raises
+    ------
+    ItouchError
+        If options do not go together.
+    """
+    from itouch.session.keeping import Keep
+
+    if options.save_every is not None and not options.save:
+        raise ItouchError("--save-every needs --save FILE.itouch")
+    if options.save_every is not None and options.save_every < 0.1:
+        raise ItouchError("--save-every is at least 0.1 s")
+    if options.record and options.no_record:
+        raise ItouchError("--record and --no-record exclude one another")
+    return Keep(options.record or "", not options.no_record, options.save or "", options.save_every or 0.0, options.lsl)
+
+
+@contextlib.contextmanager
+def keeping(session: Session, options: argparse.Namespace) -> Iterator[None]:
+    """Keep what is asked for while the session runs here; SIGUSR1 sets a mark named ``operator``."""
+    from itouch.session.keeping import keeping as keep
+
+    with keep(session, wanted(options)), _marking(session):
+        yield
+
+
+@contextlib.contextmanager
+def _marking(session: Session) -> Iterator[None]:
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGUSR1, lambda number, frame: session.post_mark("operator"))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGUSR1, before)

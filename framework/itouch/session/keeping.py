@@ -1,0 +1,60 @@
+"""What is kept of a session while it runs, beside its report: recording, snapshots now and then, streams."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from itouch.session.engine import Session
+
+
+@dataclass(frozen=True, slots=True)
+class Keep:
+    """What to keep.
+
+    Attributes
+    ----------
+    record
+        File to record to; empty: as the scene's ``<record>`` says.
+    records
+        False: do not record, whatever the scene says.
+    save, every
+        File to save to every so many seconds; 0: not while it runs.
+    streams
+        Offer Lab Streaming Layer streams.
+    """
+
+    record: str = ""
+    records: bool = True
+    save: str = ""
+    every: float = 0.0
+    streams: bool = False
+
+    def dump(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return asdict(self)
+
+
+@contextlib.contextmanager
+def keeping(session: Session, keep: Keep) -> Iterator[None]:
+    """Keep what is asked for while the session runs.
+
+    Raises
+    ------
+    RecordingError, SessionError
+        If a file can't be written, or streams can't be offered.
+    """
+    session.records = keep.records
+    with contextlib.ExitStack() as stack:
+        if keep.record:
+            session.record(keep.record)
+        if keep.every > 0.0:
+            stack.enter_context(session.saving(keep.save, keep.every))
+        if keep.streams:
+            from itouch.session.lsl import Streams
+
+            stack.enter_context(Streams(session))
+        yield

@@ -1,0 +1,71 @@
+"""Saving now and then while a session runs, without holding up its loop."""
+
+from __future__ import annotations
+
+import queue
+import threading
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+from itouch.session.errors import SessionError
+from itouch.session.snapshot import write_snapshot
+
+if TYPE_CHECKING:
+    from itouch.session.engine import Session
+
+
+class Saving:
+    """Saves a session every so many seconds; a tap takes the State, a thread packs and writes it.
+
+    On the virtual clock the loop waits for the thread, so that no snapshot is left out; in real time one is left out
+    if the disk has not taken the one before.
+    """
+
+    def __init__(self, session: Session, path: str, every: float) -> None:
+        self._session, self._path = session, path
+        self._ticks = max(1, round(every / session.model.period))
+        self._work: queue.Queue[tuple[bytes, dict[str, Any]] | None] = queue.Queue(1)
+        self._thread = threading.Thread(target=self._write, name="saving", daemon=True)
+        self.saved = self.left_out = 0
+        self.failure = ""
+
+    def __enter__(self) -> Saving:
+        self._session.pack()  # what never changes is packed now, not in a tick
+        self._thread.start()
+        self._session.taps.append(self._tap)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._session.taps.remove(self._tap)
+        self._work.put(None)
+        self._thread.join()
+        self._tell()
+
+    def _tap(self, tick: int) -> None:
+        if (tick + 1) % self._ticks:
+            return
+        self._tell()
+        ledger = self._session.ledger.dump()
+        taken = self._session.state.tobytes(), {**ledger, "contacts": list(ledger["contacts"])}
+        try:
+            self._work.put(taken, block=self._session.clock.pace != "real")
+        except queue.Full:
+            self.left_out += 1
+
+    def _write(self) -> None:
+        state = self._session.state.copy()
+        while (work := self._work.get()) is not None:
+            state.raw[:] = memoryview(work[0])
+            try:
+                write_snapshot(self._path, self._session.pack(state, work[1]))
+                self.saved += 1
+            except SessionError as error:
+                self.failure = str(error)
+
+    def _tell(self) -> None:
+        """Note a failure as a fault; the session goes on, and so does the saving."""
+        if self.failure:
+            self._session.note_fault("saving", self.failure)
+            self.failure = ""

@@ -1,0 +1,54 @@
+"""Lab Streaming Layer: a session's streams are seen by others, and their marks come into the session."""
+
+from __future__ import annotations
+
+import json
+import time
+
+import pytest
+from shipped import SCENES
+
+import itouch
+from itouch.session.lsl import MARKS, Streams
+
+
+def test_marks_go_out_and_come_in() -> None:
+    import pylsl
+
+    session = itouch.build(SCENES / "first_touch.xml")
+    session.clock = itouch.WallClock()
+    theirs = pylsl.StreamOutlet(pylsl.StreamInfo("eeg triggers", "Markers", 1, 0.0, "string", "amp-1"))
+    with Streams(session):
+        deadline, inlet, arm, marks, samples = time.monotonic() + 20.0, None, None, [], []
+        while time.monotonic() < deadline and not (marks and samples and session.marks[-1:] != []
+                                                   and session.marks[-1]["name"] == "eeg triggers"):  # fmt: skip
+            session.run(0.05)
+            if inlet is None:
+                found = {s.name(): s for s in pylsl.resolve_streams(0.3)}
+                if MARKS in found and "itouch arm" in found:
+                    inlet = pylsl.StreamInlet(found[MARKS])
+                    arm = pylsl.StreamInlet(found["itouch arm"])
+                    inlet.open_stream(2.0)
+                    arm.open_stream(2.0)
+            else:
+                session.mark("trial", {"n": 1})
+                theirs.push_sample(["stimulus 7"])
+                session.run(0.1)
+                marks += inlet.pull_chunk(timeout=0.2)[0]
+                samples += arm.pull_chunk(timeout=0.2)[0]
+    assert {"name": "trial", "payload": {"n": 1}} in [json.loads(row[0]) for row in marks]
+    assert len(samples[0]) == sum(max(1, c.size) for c in _columns(session))
+    taken = [mark for mark in session.marks if mark["name"] == "eeg triggers"]
+    assert taken[0]["payload"]["value"] == "stimulus 7"
+
+
+def _columns(session: itouch.Session) -> list[object]:
+    from itouch.session.rows import replay_tracks
+
+    return list(next(t for t in replay_tracks(session.model, session.state) if t.name == "arm").columns)
+
+
+def test_without_the_library(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "pylsl", None)
+    with pytest.raises(itouch.SessionError, match=r"pip install 'itouch-py\[lsl\]'"):
+        Streams(itouch.build(SCENES / "first_touch.xml"))
