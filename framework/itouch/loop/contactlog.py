@@ -70,7 +70,9 @@ class ContactLog:
             self._physical[...] = self._coupling.touched
         if self._plate.item() and self._toucher.plate.item():
             height = self._toucher.figures[render.SURFACE_HEIGHT].item()
-            error = abs(height - self._coupling.true_top.item())
+            twin = self._table is not None and self._table.model.twin
+            top = self._coupling.true_top.item() if twin else figures[render.PLATE_TOP].item()
+            error = abs(height - top)
             if error > self._ledger.height_error:
                 self._ledger.height_error = error
 
