@@ -5,9 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from meshfiles import stl
 
 from itouch.bench.contact import main
+from itouch.bench.contact.figures import judged
+from itouch.bench.contact.measure import Row
 from itouch.bench.contact.work import HEIGHT_FIELD_CELLS, SPHERE_SUBDIVISIONS, around, height_field, icosphere
+from itouch.schema import ItouchError
 
 
 def test_a_small_bench(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -22,6 +26,65 @@ def test_a_small_bench(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
         assert rows["itouch step, no friction"]["force_in_free_space"] == 0
         assert rows["itouch step, no friction"]["error_p99_n"] < 0.1
         assert all(0 < row["p50_us"] <= row["p99_us"] <= row["max_us"] for row in rows.values())
+
+
+def test_a_mesh_file_is_measured(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ITOUCH_MESH_CACHE", str(tmp_path / "cache"))
+    (tmp_path / "ball.stl").write_bytes(stl(*icosphere(3, 50.0)))
+    out = tmp_path / "figures.json"
+    words = [
+        "--mesh",
+        str(tmp_path / "ball.stl"),
+        "--scale",
+        "0.001",
+        "--steps",
+        "600",
+        "--no-peers",
+        "--json",
+        str(out),
+    ]
+    assert main(words) == 0
+    said = capsys.readouterr().out
+    assert "ball.stl: 1280 triangles" in said
+    assert "again from the cache" in said
+    figures = json.loads(out.read_text())["figures"]
+    assert {figure["work"] for figure in figures} == {"ball.stl"}
+    assert len(figures) == 8
+    assert all(figure["pass"] for figure in figures)
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [(["--mesh", "absent.stl"], "cannot read 'absent.stl'"), (["--json", "absent/x.json"], "there is no folder"),
+     (["--steps", "3"], "too few"), (["--mesh", __file__], "mesh files are .stl")],
+)  # fmt: skip
+def test_what_cannot_be_measured_is_said(words: list[str], says: str) -> None:
+    with pytest.raises(ItouchError, match=says):
+        main([*words, "--no-peers"])
+
+
+def test_figures_are_judged() -> None:
+    def row(name: str, p99: float, **more: float) -> Row:
+        return Row(name, p99 / 2, p99, p99 * 2, **more)  # type: ignore[arg-type]
+
+    step = {"locked": 0, "force_in_free_space": 0, "popped_through": 2, "outside_cone": 0}
+    rows = [
+        row("itouch step, friction 0.5/0.3", 10.0, **step),
+        row("itouch step, no friction", 10.0, error_p99_n=0.2, **step),
+        row("itouch step in the compiled loop, in contact, friction 0.5/0.3", 7.0),
+        row("itouch closest", 3.0, build_ms=100.0, memory_mb=149.0),
+        row("open3d compute_closest_points", 20.0, build_ms=50.0),
+    ]
+    verdicts = {figure.name: figure.passed for figure in judged("hf 1M", "1M", rows, smooth=True)}
+    failed = {name for name, passed in verdicts.items() if not passed}
+    assert failed == {
+        "steps through the surface, friction 0.5/0.3", "steps through the surface, no friction",
+        "spring force against k x exact penetration, p99, no friction", "step in the compiled loop, p50 in contact",
+    }  # fmt: skip
+    assert len(verdicts) == 14
+    assert not any("CHAI3D" in figure.name for figure in judged("ico 1M", "", rows, smooth=True))
 
 
 def test_the_surfaces_are_those_of_the_definition() -> None:

@@ -239,6 +239,18 @@ def test_defaults_hold_for_meshes(folder: Path) -> None:
     assert model is not None and not problems
 
 
+def test_a_mesh_that_the_table_cannot_reach_is_told(folder: Path) -> None:
+    (folder / "rigs").mkdir()
+    (folder / "rigs" / "twin.xml").write_bytes((SCENES / "rigs" / "twin.xml").read_bytes())
+    probe = '<interaction><probe name="finger" pose-from="arm" force-to="arm" surface-to="table"/></interaction>'
+    text = scene(MESH.replace("/>", ' pos="POS"/>'), head='<include file="rigs/twin.xml"/>').replace(
+        "</itouch>", probe + "</itouch>"
+    )
+    assert not compiled(folder, text.replace("POS", "0 0 5 mm"))[1]
+    for place in ("300 0 5 mm", "0 0 200 mm"):
+        assert the_problem(folder, text.replace("POS", place)).code == "out-of-reach"
+
+
 def test_the_shipped_meshes_are_what_their_script_makes() -> None:
     namespace: dict[str, object] = {"__file__": str(SCENES / "meshes" / "make.py"), "__name__": "make"}
     exec((SCENES / "meshes" / "make.py").read_text(), namespace)

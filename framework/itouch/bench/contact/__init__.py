@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.bench.contact.figures import Figure, judged
-from itouch.bench.contact.measure import Row, closest_row, peer_row, proxy_rows, resident_mb
+from itouch.bench.contact.measure import CHUNK, Row, closest_row, peer_row, proxy_rows, resident_mb
 from itouch.bench.contact.peers import PACKAGES, PEERS
 from itouch.bench.contact.work import HEIGHT_FIELD_CELLS, Work, around, standard
 from itouch.contact import Proxy, Surface
@@ -92,8 +92,8 @@ def _rows(work: Work, with_peers: bool) -> tuple[list[Row], list[str]]:
             continue
         try:
             rows.append(peer_row(name, peer, work, most_queries))
-        except ImportError as reason:
-            missing.append(f"{name}: not installed ({reason})")
+        except ImportError:
+            missing.append(f"{name}: not installed (pip install {PACKAGES[name]})")
         except Exception as reason:  # a peer that refuses a surface is no fault of the bench
             missing.append(f"{name}: {type(reason).__name__}: {reason}")
     return rows, missing
@@ -115,12 +115,17 @@ def _line(row: Row) -> str:
 def main(argv: list[str]) -> int:
     """Measure and print; returns the exit code."""
     options = _parser().parse_args(argv)
+    if options.json is not None and not options.json.resolve().parent.is_dir():
+        raise ItouchError(f"cannot write '{options.json}': there is no folder '{options.json.parent}'")
+    if options.steps < 2 * CHUNK:
+        raise ItouchError(f"--steps {options.steps} is too few; at least {2 * CHUNK} are needed")
     warm = Proxy(Surface(np.eye(3), np.array([[0, 1, 2]])), radius=0.01)
     warm.step((0.0, 0.0, 0.0))
     warm.follow(np.zeros((2, 3)))
     document: list[dict[str, object]] = []
     figures: list[Figure] = []
-    peers = {name: version for name in PACKAGES if (version := _version(name))}
+    packages = " ".join(PACKAGES.values()).split()
+    peers = {name: version for name in packages if (version := _version(name))}
     print("installed: " + (", ".join(f"{name} {version}" for name, version in peers.items()) or "no other library"))
     for work, size in _works(options):
         rows, missing = _rows(work, not options.no_peers)
@@ -142,7 +147,11 @@ def main(argv: list[str]) -> int:
     print("\n".join(["figures to reach", *(figure.line() for figure in figures)]))
     if options.json is not None:
         judgements = [figure.as_dict() for figure in figures]
-        options.json.write_text(json.dumps({"contact": document, "figures": judgements, "peers": peers}, indent=1))
+        text = json.dumps({"contact": document, "figures": judgements, "peers": peers}, indent=1)
+        try:
+            options.json.write_text(text)
+        except OSError as error:
+            raise ItouchError(f"cannot write '{options.json}': {error.strerror or error}") from error
     return 0
 
 

@@ -119,5 +119,5 @@ PEERS: dict[str, tuple[Peer, int, int]] = {  # what it does; queries at most; tr
     "mujoco collision with the convex hull": (_mujoco, 10**9, 200_000),
 }
 
-#: The packages that hold them.
-PACKAGES = ("open3d", "python-fcl", "coal", "libigl", "trimesh", "mujoco")
+#: What to install for each.
+PACKAGES = dict(zip(PEERS, ("open3d", "libigl", "python-fcl", "coal", "trimesh rtree", "mujoco"), strict=True))

@@ -21,6 +21,11 @@ _PACKED = ((b"PK\x03\x04", "a zip archive"), (b"PK\x05\x06", "a zip archive"), (
            (b"\x28\xb5\x2f\xfd", "compressed by zstd"))  # fmt: skip
 
 
+# Without O_NONBLOCK a named pipe would hold the program until somebody writes into it; a link put in place of the file
+# after its path was resolved is not followed.
+_GUARDED = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_NOFOLLOW", 0)
+
+
 @dataclass(frozen=True, slots=True)
 class MeshFile:
     """The whole content of a mesh file, with all that it needs from other files put into it.
@@ -131,8 +136,7 @@ def read_inside(path: str, root: str, shown: str, most: int) -> bytes:
         if real != root and not real.startswith(root.rstrip(os.sep) + os.sep):
             advice = "copy it into the folder of the scene, or below it"
             raise MeshError("outside-folder", f"'{shown}' lies outside the scene's folder", advice)
-        # Without O_NONBLOCK a named pipe would hold the program until somebody writes into it.
-        handle = os.open(real, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0))
+        handle = os.open(real, os.O_RDONLY | _GUARDED)
         try:
             size = _size(os.fstat(handle), shown)
             data = b"" if size > most else _whole(handle, size)
