@@ -68,7 +68,7 @@ class Streams:
         channels = info.desc().append_child("channels")
         for label, unit in labels:
             channel = channels.append_child("channel")
-            channel.append_child_value("label", label)
+            channel.append_child_value("label", f"{track.name}.{label}")
             channel.append_child_value("unit", unit or "1")
         return self._lsl.StreamOutlet(info)
 

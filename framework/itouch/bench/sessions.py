@@ -1,0 +1,160 @@
+"""``itouch-py bench sessions``: what publishing, recording, saving and restoring cost."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from itouch.recording.ring import Ring, Shape, Word
+from itouch.recording.scribe import Scribe
+from itouch.recording.sink import Sink
+from itouch.recording.spec import Spec
+from itouch.recording.tracks import Column, Track
+from itouch.session import Session, build, restore
+
+#: Channels and rate of the recorder's task.
+CHANNELS, RATE = 60, 1000.0
+_SECONDS = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """One measured figure and its limit."""
+
+    name: str
+    value: float
+    unit: str
+    limit: float
+    at_least: bool = False
+
+    @property
+    def good(self) -> bool:
+        """Whether it is within its limit."""
+        return self.value >= self.limit if self.at_least else self.value <= self.limit
+
+    def line(self) -> str:
+        """Return it for the screen."""
+        head = f"{self.name:<58} {self.value:9.3f} {self.unit:<3}"
+        if self.limit == float("inf"):
+            return head
+        return f"{head} {'>=' if self.at_least else '<='} {self.limit:g}  {'ok' if self.good else 'MISSED'}"
+
+
+def main(argv: Sequence[str]) -> int:
+    """Measure what publishing, recording, saving and restoring cost."""
+    parser = argparse.ArgumentParser(prog="itouch-py bench sessions", description=main.__doc__)
+    parser.add_argument("--scene", help="a scene that runs on twins; default: the four-material scene")
+    parser.add_argument("--json", metavar="FILE", help="write the figures to this file too")
+    options = parser.parse_args(argv)
+    figures = measure(options.scene or _four_materials())
+    for figure in figures:
+        print(figure.line())
+    if options.json:
+        judged = [figure for figure in figures if figure.limit != float("inf")]
+        content = [{**asdict(figure), "good": figure.good} for figure in judged]
+        Path(options.json).write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    return 0
+
+
+def _four_materials() -> str:
+    import itouch
+
+    package = Path(itouch.__file__).parent
+    folders = (package / "scenes", package.parents[1] / "scenes")
+    return str(next(f / "four_materials.xml" for f in folders if (f / "four_materials.xml").is_file()))
+
+
+def measure(scene: str) -> list[Figure]:
+    """Return the figures; best of several, because the machine does other things, too."""
+    with tempfile.TemporaryDirectory() as folder:
+        session = build(scene)
+        for _ in range(3000):
+            session.tick()
+        tick, tap = _publishing(session, os.path.join(folder, "r.mcap"))
+        figures = [
+            Figure("a tick", tick * 1e6, "us", float("inf")),
+            Figure("publishing it to the recorder", tap * 1e6, "us", float("inf")),
+            Figure("publishing, part of a tick", 100 * tap / tick, "%", 2.0),
+        ]
+        times = recording(os.path.join(folder, "s.mcap"))
+        label = f"recording {CHANNELS} float64 channels at 1 kHz, times real time"
+        figures.append(Figure(label, times, "x", 50.0, at_least=True))
+        return figures + _saving(session, os.path.join(folder, "s.itouch"))
+
+
+def _publishing(session: Session, path: str) -> tuple[float, float]:
+    """Return seconds of a tick, and of the recorder's tap alone."""
+    recorder = session.record(path)
+    session.taps.remove(recorder.tap)
+    ticks, taps, number = [], [], int(session.state["tick"])
+    for _ in range(12):
+        ticks.append(_each(session.tick, 500))
+        begin = time.perf_counter()
+        for _ in range(2000):
+            recorder.tap(number)
+            number += 1
+        taps.append((time.perf_counter() - begin) / 2000)
+        time.sleep(0.15)  # the writing process empties the ring
+    session.close()
+    session.enable()
+    return min(ticks), min(taps)
+
+
+def _each(work: Callable[[], object], count: int) -> float:
+    begin = time.perf_counter()
+    for _ in range(count):
+        work()
+    return (time.perf_counter() - begin) / count
+
+
+def recording(path: str) -> float:
+    """Return how many times faster than real time the writing process's work is: ring to file, by itself."""
+    track = Track("bench", 1, True, tuple(Column(f"bench.c{i}", f"c{i}", "f8", 0, "m") for i in range(CHANNELS)))
+    places = {column.field: 8 * index for index, column in enumerate(track.columns)}
+    spec = Spec((track,), places, {}, 1.0 / RATE, 0, {"manifest": {}, "layout": []}, {})
+    ring = Ring.create(Shape(8192, 8 * CHANNELS, 1 << 16))
+    walk = np.cumsum(np.random.default_rng(1).standard_normal((4096, CHANNELS)), axis=0)
+    slots = np.frombuffer(ring.rows, np.float64).reshape(8192, CHANNELS)
+    count, spent = int(_SECONDS * RATE), 0.0
+    sink = Sink(path)
+    scribe = Scribe(ring, spec, sink, np.dtype([("tick", "i8")]))
+    begin = time.perf_counter()
+    scribe.begin()
+    spent += time.perf_counter() - begin
+    for first in range(0, count, 2048):
+        block = min(2048, count - first)
+        at = (first + np.arange(block)) % 8192
+        slots[at] = walk[:block]
+        np.frombuffer(ring.ticks, np.int64)[at] = first + np.arange(block)
+        ring.words[Word.ROWS_IN] = first + block
+        begin = time.perf_counter()
+        scribe.step()
+        spent += time.perf_counter() - begin
+    begin = time.perf_counter()
+    scribe.drain()
+    spent += time.perf_counter() - begin
+    sink.close()
+    return _SECONDS / spent
+
+
+def _saving(session: Session, path: str) -> list[Figure]:
+    def best(work: Callable[[], Any], count: int) -> float:
+        work()
+        return min(_each(work, 1) for _ in range(count))
+
+    packing, saving = best(session.pack, 40), best(lambda: session.save(path), 40)
+    restoring = best(lambda: restore(path), 5)
+    return [
+        Figure("snapshot: putting it together", packing * 1e3, "ms", 5.0),
+        Figure("snapshot: on the disk, synced and renamed", saving * 1e3, "ms", 5.0),
+        Figure("restore", restoring, "s", 0.5),
+    ]
