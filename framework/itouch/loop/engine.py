@@ -337,8 +337,14 @@ class Engine:
                 return
         raise EngineError(f"probe '{probe}' is not moved by an operator twin: it can't be steered from here")
 
+    def park(self) -> None:
+        """Make every device safe as after a fault, in the rig's order, because the session ends."""
+        self._safe_stop.wind_down(self.taps, self.clock.wait if self._paced else None)
+
     def close(self) -> None:
         """Make every device safe and release it; the state stays readable."""
+        if any(runner.enabled and not runner.model.twin for runner in self._all):
+            self.park()
         for runner in self._all:
             if runner.status is not Status.CLOSED and not runner.model.twin:
                 runner.close()

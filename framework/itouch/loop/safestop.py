@@ -9,7 +9,7 @@ from itouch.loop.ledger import Ledger
 from itouch.loop.rig import ProbeRig
 from itouch.loop.runner import Runner
 from itouch.plugin import Record
-from itouch.safety import DeviceFaultError, SafeSequence
+from itouch.safety import DeviceFaultError, SafeSequence, Trip
 from itouch.world import Model
 
 
@@ -34,17 +34,26 @@ class SafeStop:
         """Make every device safe; ``taps`` hear of each tick that this takes, ``wait`` paces them in real time."""
         entry = self._describe(fault)
         self._ledger.faults.append(entry)
+        outcome = self._sequence.carry_out(fault, self._after_tick(taps, wait))
+        if outcome.also:
+            entry["also"] = outcome.also
+        entry["safe"] = {"reached": outcome.safe, "after_s": outcome.seconds, "devices": outcome.devices}
 
+    def wind_down(self, taps: Sequence[Callable[[int], None]], wait: Callable[[], float] | None = None) -> None:
+        """Make every device safe in the same order, without a fault: a session ends."""
+        nothing = DeviceFaultError("", self._tick.item(), Trip.NONE, "ends")
+        self._sequence.carry_out(nothing, self._after_tick(taps, wait))
+
+    def _after_tick(
+        self, taps: Sequence[Callable[[int], None]], wait: Callable[[], float] | None
+    ) -> Callable[[], None]:
         def after_tick() -> None:
             for tap in taps:
                 tap(self._tick.item() - 1)
             if wait is not None:
                 wait()
 
-        outcome = self._sequence.carry_out(fault, after_tick)
-        if outcome.also:
-            entry["also"] = outcome.also
-        entry["safe"] = {"reached": outcome.safe, "after_s": outcome.seconds, "devices": outcome.devices}
+        return after_tick
 
     def _move(self) -> None:
         for rig in self._rigs:
