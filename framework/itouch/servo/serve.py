@@ -62,6 +62,7 @@ class Servo:
         self._commands = Commands(self)
         self._told = len(session.ledger.contacts)
         self.paused = self._held = False
+        self._kept = contextlib.ExitStack()
         self._failure: BaseException | None = None
         self.enabled = bool(config["enable"]) or not self._hardware()
 
@@ -89,9 +90,8 @@ class Servo:
     def run(self) -> tuple[dict[str, Any], BaseException | None]:
         """Run to the end; return the report, and the error that ended the run if one did."""
         error: BaseException | None = None
-        kept = contextlib.ExitStack()
         try:
-            kept.enter_context(keeping(self.session, Keep(**self._config["keep"])))
+            self._kept.enter_context(keeping(self.session, Keep(**self._config["keep"])))
             self._begin()
             self._run()
             error = self._failure
@@ -123,6 +123,7 @@ class Servo:
 
     def _finish(self) -> None:
         """End what takes long: recordings, and the twins' processes."""
+        self._kept.close()
         self.session.close()
         self.remotes.close()
 
