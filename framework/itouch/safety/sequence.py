@@ -55,7 +55,8 @@ class SafeSequence:
     ) -> None:
         self._supervisors, self._period, self._move = tuple(supervisors), period, move
         self._tick = state["tick"]
-        self._retracting = [s for s in supervisors if _retracts(s)]
+        self._ways = [(s, s.stopped) for s in supervisors if s.stopped is not None and _retracts(s)]
+        self._retracting = [s for s, _ in self._ways]
         self._mute: set[str] = set()
         self._held_for: dict[str, int] = {}
         self._begun: dict[str, list[float]] = {}
@@ -83,7 +84,7 @@ class SafeSequence:
                 self._mind_direction(heights)
                 if self._passed * self._period >= LEAVE_TIME or all(self._left(s) for s in self._retracting):
                     self._release()
-                if not any(s.keeping for s in self._carried) and self._safe(heights):
+                if not self._busy() and self._safe(heights):
                     break
         finally:
             self._release()
@@ -98,11 +99,15 @@ class SafeSequence:
         for supervisor in self._carried:
             supervisor.keeping = False
 
+    def _busy(self) -> bool:
+        """Tell whether a drive is still kept, or a surface driven back."""
+        return any(s.keeping for s in self._carried) or any(way.item() == BACKWARDS for _, way in self._ways)
+
     def _hold_still(self) -> None:
         """Hold what was driven back: nobody minds its direction after the sequence."""
-        for supervisor in self._retracting:
-            if supervisor.stopped is not None and supervisor.stopped.item() == BACKWARDS:
-                supervisor.stopped[...] = HELD
+        for _, stopped in self._ways:
+            if stopped.item() == BACKWARDS:
+                stopped[...] = HELD
 
     def _step(self) -> None:
         tick = self._tick.item()
@@ -135,23 +140,20 @@ class SafeSequence:
             return False
         return "wrench" not in supervisor.reading or abs(float(supervisor.reading["wrench"][2])) < LEFT
 
+    def _pressed(self, supervisor: Supervisor) -> bool:
+        """Tell whether a surface still presses on the finger, by a force sensor that can be believed."""
+        return self._believed(supervisor) and not self._left(supervisor)
+
     def _mind_direction(self, heights: dict[str, float]) -> None:
         """Hold a surface that comes nearer when it is told to retract; if it still presses then, drive it back."""
-        for supervisor in self._retracting:
-            stopped = supervisor.stopped
-            if stopped is None:
-                continue
+        for supervisor, stopped in self._ways:
             name = supervisor.model.name
             gone = heights[name] - _height(supervisor)
             if stopped.item() == 0 and gone < -WRONG_WAY:
                 stopped[...], self._held_for[name] = HELD, 0
             elif stopped.item() == HELD and name in self._held_for:
                 self._held_for[name] += 1
-                if (
-                    self._held_for[name] * self._period > SETTLE
-                    and self._believed(supervisor)
-                    and not self._left(supervisor)
-                ):
+                if self._held_for[name] * self._period > SETTLE and self._pressed(supervisor):
                     stopped[...] = BACKWARDS
             elif stopped.item() == BACKWARDS and gone >= CLEAR and self._left(supervisor):
                 stopped[...] = HELD
@@ -179,10 +181,9 @@ class SafeSequence:
         bottom = channel.low[2] if channel is not None and channel.low else -math.inf
         height = _height(supervisor)
         gone = before - height
-        pressed = self._believed(supervisor) and not self._left(supervisor)
-        stopped = 0 if supervisor.stopped is None else supervisor.stopped.item()
-        if stopped:
-            return f"goes the wrong way: held {gone * 1e3:.1f} mm further back", pressed or stopped == BACKWARDS
+        pressed = self._pressed(supervisor)
+        if any(s is supervisor and stopped.item() for s, stopped in self._ways):
+            return f"goes the wrong way: held {gone * 1e3:.1f} mm further back", pressed
         if (gone >= RETREAT or height <= bottom + AT_END) and not pressed:
             return f"retracted {max(0.0, gone) * 1e3:.1f} mm", False
         return f"retracted only {gone * 1e3:.1f} mm{', still touched' if pressed else ''}", True

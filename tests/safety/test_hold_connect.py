@@ -1,0 +1,119 @@
+"""Hold-to-run, and connecting all devices at once."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import pytest
+from parts import ARM, PERIOD, TABLE, Fake, model, state
+
+from itouch.plugin import Channel, DeviceError, Record
+from itouch.safety import DeviceFaultError, Hold, Status, Supervisor, Trip, connect
+
+
+def supervised(*kinds: tuple[str, object], twin: bool = True) -> tuple[Record, list[Supervisor]]:
+    models = [model(channels, name=name, twin=twin) for name, channels in kinds]  # type: ignore[arg-type]
+    data = state(*models)
+    return data, [Supervisor(one, data, PERIOD, device=Fake()) for one in models]
+
+
+def test_hardware_needs_somebody_twins_only_if_asked() -> None:
+    data, twins = supervised(("arm", ARM), twin=True)
+    assert not Hold(data, twins, PERIOD, asked=False).required
+    assert Hold(data, twins, PERIOD, asked=True).required
+    data, hardware = supervised(("arm", ARM), twin=False)
+    assert Hold(data, hardware, PERIOD, asked=False).required
+
+
+def test_a_word_holds_for_eighty_milliseconds() -> None:
+    data, twins = supervised(("arm", ARM))
+    hold = Hold(data, twins, PERIOD, asked=True)
+    assert not hold.held(0)
+    hold.press(5, True)
+    assert hold.held(5)
+    assert hold.held(84)
+    assert not hold.held(85)
+    hold.press(90, True)
+    hold.press(95, False)
+    assert not hold.held(95)
+    assert data["hold"].item() == 95
+
+
+def test_a_switch_of_a_device_holds() -> None:
+    switch = Channel("deadman", 1, "")
+    data, twins = supervised(("arm", ((*ARM[0], switch), ARM[1])))
+    hold = Hold(data, twins, PERIOD, asked=True)
+    twins[0].reading["deadman"][0] = 1.0
+    assert hold.held(10**6)
+    twins[0].reading["deadman"][0] = 0.5
+    assert not hold.held(10**6)
+
+
+def test_letting_go_stops_what_acts() -> None:
+    data, twins = supervised(("arm", ARM), ("table", TABLE))
+    hold = Hold(data, twins, PERIOD, asked=True)
+    hold.check(0)  # nothing acts yet
+    for one in twins:
+        one.open()
+        one.enable()
+    hold.press(0, True)
+    hold.check(79)
+    with pytest.raises(
+        DeviceFaultError, match="device 'table' was let go: nobody holds the switch at tick 80"
+    ) as caught:
+        hold.check(80)
+    assert caught.value.trip is Trip.RELEASED
+    twins[1].disable()
+    with pytest.raises(DeviceFaultError, match="device 'arm'"):
+        hold.check(80)
+    Hold(data, twins, PERIOD, asked=False).check(80)
+
+
+def test_all_devices_are_opened_at_once_and_read() -> None:
+    data, devices = supervised(("one", ARM), ("two", ARM), ("three", ARM), twin=False)
+    barrier = threading.Barrier(3, timeout=10.0)
+    for one in devices:
+        assert isinstance(one.device, Fake)
+        one.device.open = barrier.wait  # type: ignore[method-assign,assignment]  # opens only if all do
+    assert connect(devices, 0) == {}
+    assert [one.status for one in devices] == [Status.OPEN] * 3
+    assert [data[f"{name}.sequence"].item() for name in ("one", "two", "three")] == [1, 1, 1]
+
+
+def test_all_that_fail_are_told_together() -> None:
+    _, devices = supervised(("one", ARM), ("two", ARM), ("three", ARM), ("four", ARM), twin=False)
+    one, two, three, four = devices
+    assert isinstance(one.device, Fake)
+    assert isinstance(two.device, Fake)
+    assert isinstance(three.device, Fake)
+    one.device.open_fails = DeviceError("no power")
+    two.device.open_fails = OSError()
+
+    def nonsense(reading: Record) -> bool:
+        reading["pose"][0] = float("nan")
+        return True
+
+    three.device.says = nonsense
+    assert connect(devices, 0) == {"one": "no power", "two": "OSError", "three": "reads NaN (pose)"}
+    assert four.status is Status.OPEN
+
+
+def test_a_device_that_never_opens_is_told() -> None:
+    _, devices = supervised(("one", ARM), ("two", ARM), twin=False)
+    done = threading.Event()
+    assert isinstance(devices[0].device, Fake)
+    devices[0].device.open = done.wait  # type: ignore[method-assign,assignment]
+    begin = time.monotonic()
+    failures = connect(devices, 0, patience=0.05)
+    done.set()
+    assert failures == {"one": "did not open within 0.05 s"}
+    assert time.monotonic() - begin < 10.0
+
+
+def test_what_is_open_is_not_opened_again() -> None:
+    _, devices = supervised(("one", ARM), twin=False)
+    devices[0].open()
+    assert connect(devices, 0) == {}
+    assert isinstance(devices[0].device, Fake)
+    assert devices[0].device.calls == ["open"]

@@ -1,0 +1,322 @@
+"""The safe sequence: its order, how long it waits, and what it says of devices that are not safe."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import pytest
+from parts import ARM, PERIOD, PLATE, TABLE, Fake, FakeTwin, model, state
+
+from itouch.plugin import Channel, Record
+from itouch.safety import DeviceFaultError, Outcome, SafeSequence, Status, Supervisor, Trip
+from itouch.safety.sequence import LEAVE_TIME, SAFE_TIME
+
+
+class Rig:
+    """An arm, a table that carries a plate, and a display on it; the table obeys, and the finger follows for a while."""
+
+    def __init__(self, *, twin: bool = False, table: object = TABLE) -> None:
+        models = [
+            model(ARM, name="arm"), model(table, name="table", twin=twin),  # type: ignore[arg-type]
+            model(PLATE, name="plate", carrier="table"),
+        ]  # fmt: skip
+        self.state = state(*models)
+        self.twin = FakeTwin()
+        parts: list[dict[str, object]] = [{"device": Fake()}, {"device": Fake()}, {"device": Fake()}]
+        if twin:
+            parts[1] = {"twin": self.twin}
+        self.all = [
+            Supervisor(one, self.state, PERIOD, **part)  # type: ignore[arg-type]
+            for one, part in zip(models, parts, strict=True)
+        ]
+        self.arm, self.table, self.plate = self.all
+        self.height, self.load, self.temperature = 0.03, 1.0, 300.0
+        self.leaves_after, self.ticks = 0.005, 0
+        self.obey: Callable[[float], None] = self.follow
+        self.noise = True
+        self.sent: list[tuple[float, float, float]] = []
+        if self.arm.device is not None and self.plate.device is not None:
+            self.arm.device.read = self.say_arm  # type: ignore[method-assign]
+            self.plate.device.read = self.say_plate  # type: ignore[method-assign]
+        if twin:
+            self.twin.says = self.say_table
+        elif self.table.device is not None:
+            self.table.device.read = self.say_table  # type: ignore[method-assign]
+        for one in self.all:
+            one.reset()
+            one.open()
+            one.read(0)
+            one.enable()
+        self.arm.sent["wrench"][0] = 1.0
+        self.plate.sent["current"][0] = 1.5
+        self.sequence = SafeSequence(self.all, self.state, PERIOD, self.move)
+
+    def say_arm(self, reading: Record) -> bool:
+        reading["pose"] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+        return True
+
+    def say_table(self, reading: Record) -> bool:
+        reading["pose"] = (0.0, 0.0, self.height, 1.0, 0.0, 0.0, 0.0)
+        if "wrench" in reading:
+            reading["wrench"] = (0.0, 0.0, -self.load - 1e-6 * (self.ticks % 2) * self.noise, 0.0, 0.0, 0.0)
+        return True
+
+    def say_plate(self, reading: Record) -> bool:
+        reading["plate_temperature"] = reading["sink_temperature"] = self.temperature
+        return True
+
+    def follow(self, goal: float) -> None:
+        self.height = goal
+        self.load = 1.0 if 0.03 - self.height < self.leaves_after else 0.0
+
+    def move(self) -> None:
+        self.ticks += 1
+        self.sent.append((
+            self.arm.sent["wrench"][0].item(), self.table.sent["pose_target"][2].item(),
+            self.plate.sent["current"][0].item(),
+        ))  # fmt: skip
+        self.obey(self.table.sent["pose_target"][2].item())
+        if self.twin.place is not None:
+            self.twin.place[2] = self.height
+
+    def stop(self, device: str, trip: Trip = Trip.TRACKING) -> Outcome:
+        after: list[int] = []
+        outcome = self.sequence.carry_out(
+            DeviceFaultError(device, 0, trip, "has failed"), lambda: after.append(self.state["tick"].item())
+        )
+        assert after == list(range(1, len(after) + 1))
+        assert outcome.seconds == pytest.approx(len(after) * PERIOD)
+        return outcome
+
+
+def test_force_off_and_retract_at_once_the_plate_when_the_finger_has_left() -> None:
+    rig = Rig()
+    outcome = rig.stop("arm", Trip.SPEED)
+    assert outcome.safe
+    assert outcome.also == {}
+    assert [force for force, _, _ in rig.sent] == [0.0] * len(rig.sent)
+    drops = [height for _, height, _ in rig.sent]
+    assert drops == pytest.approx([0.03 - 0.00025 * (n + 1) for n in range(len(drops))])
+    left = next(n for n, (_, height, _) in enumerate(rig.sent) if 0.03 - height >= 0.005)
+    assert [drive for _, _, drive in rig.sent] == [1.5] * (left + 1) + [0.0] * (len(rig.sent) - left - 1)
+    assert rig.arm.status is Status.FAULT
+    assert rig.arm.trip is Trip.SPEED
+    assert rig.table.status is rig.plate.status is Status.OPEN
+    assert outcome.devices["arm"] == "wrench off"
+    assert outcome.devices["table"].startswith("retracted 5.")
+    assert outcome.devices["plate"] == "current off, plate at 26.9 degC"
+    assert outcome.seconds == pytest.approx(0.021, abs=0.002)
+
+
+def test_a_plate_at_fault_is_cut_at_once() -> None:
+    rig = Rig()
+    assert rig.stop("plate", Trip.PLATE_TEMPERATURE).safe
+    assert {drive for _, _, drive in rig.sent} == {0.0}
+
+
+def test_a_finger_that_stays_is_waited_for_three_tenths_of_a_second() -> None:
+    rig = Rig()
+    rig.leaves_after = math.inf
+    outcome = rig.stop("arm")
+    kept = sum(drive == 1.5 for _, _, drive in rig.sent)
+    assert kept * PERIOD == pytest.approx(LEAVE_TIME, abs=2 * PERIOD)
+    assert not outcome.safe
+    assert outcome.seconds == pytest.approx(SAFE_TIME)
+    assert outcome.devices["table"].endswith(", still touched")
+    assert not rig.plate.keeping
+
+
+def test_a_surface_that_does_not_go_is_told() -> None:
+    rig = Rig()
+
+    def stuck(goal: float) -> None:
+        rig.load = 0.0
+
+    rig.obey = stuck
+    outcome = rig.stop("arm")
+    assert not outcome.safe
+    assert outcome.devices["table"] == "retracted only 0.0 mm"
+
+
+def test_a_surface_at_the_end_of_its_travel_is_safe() -> None:
+    rig = Rig()
+    rig.height = rig.table.sent["pose_target"][2] = 0.0009
+    rig.load = 0.0
+    rig.table.watch.forget()
+    rig.table.read(1)
+    rig.obey = lambda goal: None
+    outcome = rig.stop("arm")
+    assert outcome.safe
+    assert outcome.devices["table"] == "retracted 0.0 mm"
+
+
+def test_a_surface_that_goes_the_wrong_way_is_held_then_driven_back() -> None:
+    rig = Rig()
+
+    def reversed_drive(goal: float) -> None:
+        rig.height = 0.06 - goal
+        rig.load = 1.0 if rig.height > 0.025 else 0.0
+
+    rig.obey = reversed_drive
+    outcome = rig.stop("table")
+    assert outcome.safe
+    assert outcome.devices["table"] == "goes the wrong way: held 8.0 mm further back"
+    highest = min(height for _, height, _ in rig.sent)
+    assert highest == pytest.approx(0.03 - 0.0015, abs=5.1e-4)
+    assert rig.table.stopped is not None
+    assert rig.table.stopped.item() == 1
+    held = [height for _, height, _ in rig.sent].count(highest)
+    assert held * PERIOD == pytest.approx(0.05, abs=0.004)
+
+
+def test_one_that_goes_the_wrong_way_untouched_is_only_held() -> None:
+    rig = Rig()
+
+    def reversed_drive(goal: float) -> None:
+        rig.height, rig.load = 0.06 - goal, 0.0
+
+    rig.obey = reversed_drive
+    outcome = rig.stop("table")
+    assert outcome.safe
+    assert outcome.devices["table"].startswith("goes the wrong way: held -1.")
+    assert rig.height < 0.0325
+
+
+def test_what_is_still_being_driven_back_at_the_end_is_held_there() -> None:
+    rig = Rig()
+
+    def reversed_drive(goal: float) -> None:
+        rig.height, rig.load = 0.06 - goal, 1.0
+
+    rig.obey = reversed_drive
+    outcome = rig.stop("table")
+    assert not outcome.safe
+    assert rig.table.stopped is not None
+    assert rig.table.stopped.item() == 1
+
+
+def test_a_second_fault_on_the_way_is_latched_and_told() -> None:
+    rig = Rig()
+
+    def broken(goal: float) -> None:
+        rig.follow(goal)
+        rig.temperature = math.nan
+
+    rig.obey = broken
+    outcome = rig.stop("arm")
+    assert outcome.also == {"plate": "not-a-number"}
+    assert rig.plate.status is Status.FAULT
+    assert outcome.devices["plate"] == "can't be verified: its sensors are not believed, or it does not answer"
+    assert not outcome.safe
+
+
+def test_a_device_that_fails_to_obey_does_not_stop_the_others() -> None:
+    rig = Rig()
+    assert isinstance(rig.plate.device, Fake)
+    rig.plate.device.write_fails = OSError("gone")
+    outcome = rig.stop("arm")
+    assert outcome.also == {"plate": "device-error"}
+    assert rig.height < 0.025
+
+
+def test_hardware_that_is_not_believed_can_not_be_verified() -> None:
+    for trip in (Trip.SENSOR_RANGE, Trip.DEVICE_ERROR, Trip.SENSOR_FROZEN):
+        rig = Rig()
+        rig.leaves_after = 0.0
+        outcome = rig.stop("table", trip)
+        assert not outcome.safe
+        assert "can't be verified" in outcome.devices["table"]
+        kept = sum(drive == 1.5 for _, _, drive in rig.sent)
+        assert kept * PERIOD == pytest.approx(LEAVE_TIME, abs=2 * PERIOD)  # a sensor that lies ends no waiting
+
+
+def test_the_true_place_of_a_twin_counts_where_its_sensors_lie() -> None:
+    rig = Rig(twin=True)
+    rig.twin.place = [0.0, 0.0, 0.03]
+    outcome = rig.stop("table", Trip.NOT_A_NUMBER)
+    assert outcome.safe
+    assert outcome.seconds == pytest.approx(LEAVE_TIME, abs=2 * PERIOD)
+    assert outcome.devices["table"].startswith("retracted 30.0 mm")
+
+
+def test_a_twin_without_a_true_place_is_measured() -> None:
+    rig = Rig(twin=True)
+    assert rig.stop("arm").devices["table"].startswith("retracted 5.")
+
+
+def test_a_reading_that_stands_still_is_not_believed() -> None:
+    rig = Rig(twin=True)
+    rig.twin.place = [0.0, 0.0, 0.03]
+    frozen = {"height": rig.height, "load": rig.load}
+
+    def say(reading: Record) -> bool:
+        reading["pose"] = (0.0, 0.0, frozen["height"], 1.0, 0.0, 0.0, 0.0)
+        reading["wrench"] = (0.0, 0.0, frozen["load"], 0.0, 0.0, 0.0)
+        return True
+
+    rig.twin.says = say
+    outcome = rig.stop("arm")
+    assert outcome.safe
+    assert outcome.devices["table"].startswith("retracted 30.0 mm")
+
+
+def test_without_a_force_sensor_the_finger_is_taken_to_leave() -> None:
+    rig = Rig(table=((TABLE[0][0],), TABLE[1]))
+    outcome = rig.stop("arm")
+    assert outcome.safe
+    assert outcome.devices["table"] == "retracted 3.0 mm"
+    assert [drive for _, _, drive in rig.sent][:3] == [1.5, 0.0, 0.0]
+
+
+def test_a_surface_without_ends_retracts_nowhere() -> None:
+    endless = Channel("pose_target", 7, "m", safe=TABLE[1][0].safe)
+    rig = Rig(table=(TABLE[0], (endless,)))
+    rig.load = 0.0
+    rig.obey = lambda goal: None
+    outcome = rig.stop("arm")
+    assert not outcome.safe
+    assert outcome.devices["table"] == "retracted only 0.0 mm"
+
+
+def test_a_plate_beyond_what_may_ever_be_is_not_safe() -> None:
+    rig = Rig()
+    for one in rig.all:
+        one.disable()
+    rig.temperature = 318.5
+    rig.plate.watch.forget()
+    outcome = rig.stop("plate", Trip.PLATE_TEMPERATURE)
+    assert not outcome.safe
+    assert outcome.devices["plate"] == "off, but the plate is at 45.4 degC"
+
+
+def test_a_command_that_stays_on_is_told() -> None:
+    rig = Rig()
+    rig.plate.fault(Trip.FLUX, 0)
+    rig.plate.keeping = True
+    rig.plate.sent["current"][0] = 0.5
+    rig.sequence._carried = []
+    outcome = rig.stop("arm")
+    assert not outcome.safe
+    assert outcome.devices["plate"] == "current is not off"
+
+
+def test_a_device_that_only_reads_has_nothing_to_switch_off() -> None:
+    one = model((ARM[0], ()), name="tracker")
+    data = state(one)
+    it = Supervisor(one, data, PERIOD, device=Fake())
+    it.open()
+    sequence = SafeSequence([it], data, PERIOD, lambda: None)
+    outcome = sequence.carry_out(DeviceFaultError("tracker", 0, Trip.SPEED, "x"), lambda: None)
+    assert outcome == Outcome(True, PERIOD, {"tracker": "nothing to switch off"}, {})
+
+
+def test_the_drive_is_released_whatever_happens() -> None:
+    rig = Rig()
+
+    def fail() -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        rig.sequence.carry_out(DeviceFaultError("arm", 0, Trip.SPEED, "x"), fail)
+    assert not rig.plate.keeping

@@ -1,0 +1,536 @@
+"""The supervisor: what a device may do when, and what passes between it and the loop."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, Channels, Fake, FakeTwin, Slow, lost, model, state
+
+from itouch.plugin import HOLD, Channel, DeviceError, Record
+from itouch.safety import DeviceFaultError, Status, Supervisor, Trip
+
+
+class Rig:
+    """A supervised device with all that it is sent, and what it will say."""
+
+    def __init__(self, channels: Channels = ARM, *, cls: type[Fake] = Fake, **of_model: object) -> None:
+        self.device = cls()
+        one = model(channels, cls=cls, **of_model)  # type: ignore[arg-type]
+        self.state = state(one)
+        self.it = Supervisor(one, self.state, PERIOD, device=self.device)
+        self.it.reset()
+        self.place = [0.0, 0.0, 0.03]
+        self.temperature = 300.0
+        self.device.says = self.say
+        self.it.closing = 0.1
+
+    def say(self, reading: Record) -> bool:
+        if "pose" in reading:
+            reading["pose"] = (*self.place, 1.0, 0.0, 0.0, 0.0)
+        for name in reading:
+            if name.endswith("temperature"):
+                reading[name] = self.temperature
+        return True
+
+    def enabled(self) -> Rig:
+        self.it.open()
+        self.it.read(0)
+        self.it.enable()
+        return self
+
+    def last(self, name: str = "wrench") -> list[float]:
+        return self.device.written[-1][name]
+
+
+def test_a_device_is_opened_enabled_disabled_and_closed_once() -> None:
+    rig = Rig()
+    it = rig.it
+    assert (it.status, it.enabled, it.trip) == (Status.CLOSED, False, Trip.NONE)
+    it.open()
+    assert (it.status, it.enabled) == (Status.OPEN, False)
+    it.enable()
+    assert (it.status, it.enabled) == (Status.ENABLED, True)
+    it.disable()
+    assert it.status is Status.OPEN
+    it.disable()
+    assert it.status is Status.OPEN
+    it.close()
+    assert it.status is Status.CLOSED
+    it.close()
+    assert rig.device.calls == ["open", "close"]
+
+
+def test_only_an_open_device_can_be_enabled() -> None:
+    rig = Rig()
+    with pytest.raises(DeviceError, match="device 'it' is CLOSED, it can't be enabled"):
+        rig.it.enable()
+    rig.enabled()
+    with pytest.raises(DeviceError, match="ENABLED"):
+        rig.it.enable()
+
+
+def test_a_device_that_refuses_stays_closed() -> None:
+    rig = Rig()
+    rig.device.open_fails = DeviceError("no power")
+    with pytest.raises(DeviceError, match="no power"):
+        rig.it.open()
+    assert rig.it.status is Status.CLOSED
+
+
+def test_closed_nothing_open_only_what_is_safe_enabled_what_is_asked() -> None:
+    rig = Rig()
+    rig.it.command["wrench"][0] = 0.5
+    rig.it.write(0)
+    rig.it.read(0)
+    assert rig.device.written == []
+    assert rig.state["it.sequence"].item() == 0
+    rig.it.open()
+    rig.it.write(0)
+    assert rig.last() == [0.0] * 6
+    rig.it.enable()
+    rig.it.write(1)
+    assert rig.last() == [0.0] * 6  # what was asked for before it was enabled is forgotten
+    rig.it.command["wrench"][0] = 0.5
+    rig.it.write(2)
+    assert rig.last() == [0.5, 0, 0, 0, 0, 0]
+    rig.it.disable()
+    rig.it.write(3)
+    assert rig.last() == [0.0] * 6
+
+
+def test_commands_are_limited_counted_and_dropped() -> None:
+    rig = Rig().enabled()
+    rig.it.command["wrench"][:] = (9.0, 0, 0, 1.0, 1.0, 0)
+    rig.it.write(0)
+    assert rig.last() == [1.0, 0, 0, 0, 0, 0]
+    assert rig.state["it.clamped"].item() == 1
+    assert rig.state["it.dropped"].item() == 2
+    rig.it.command["wrench"][:] = (0.5, 0, 0, 0, 0, 0)
+    rig.it.write(1)
+    assert rig.state["it.clamped"].item() == 1
+    assert rig.state["it.dropped"].item() == 2
+
+
+def test_a_surface_begins_where_it_stands() -> None:
+    rig = Rig(TABLE)
+    rig.place = [0.01, 0.02, 0.04]
+    rig.enabled()
+    assert rig.it.command["pose_target"][:3].tolist() == [0.01, 0.02, 0.04]
+    rig.it.write(0)
+    assert rig.last("pose_target")[:3] == [0.01, 0.02, 0.04]
+    rig.it.command["pose_target"][2] = 0.06
+    rig.it.write(1)
+    assert rig.last("pose_target")[2] == pytest.approx(0.0401)
+
+
+def test_a_device_without_a_pose_of_its_own_holds() -> None:
+    rig = Rig(((), (Channel("pose_target", 7, "m", safe=HOLD), Channel("other", 1, "N", safe=HOLD))))
+    rig.it.sent["pose_target"][:] = rig.it.sent["other"][:] = 0.25
+    rig.enabled()
+    assert rig.it.command["pose_target"].tolist() == [0.25] * 7
+    assert rig.it.command["other"].tolist() == [0.25]
+
+
+def test_the_ramp_of_enabling() -> None:
+    rig = Rig(limits=dataclasses.replace(LIMITS, ramp=2.0)).enabled()
+    rig.it.command["wrench"][0] = 3.0
+    shares = []
+    for tick in range(3):
+        rig.it.write(tick)
+        shares.append(rig.last()[0])
+    assert shares == pytest.approx([0.0015, 0.003, 0.0045])
+    rig.state["it.ramp"] = 0.99999
+    rig.it.sent["wrench"][0] = 3.0
+    rig.it.write(3)
+    assert rig.last()[0] == pytest.approx(3.0)
+    assert rig.state["it.ramp"].item() == 1.0
+    assert Rig().enabled().state["it.ramp"].item() == 1.0
+
+
+def test_after_re_arming_a_second_of_ramp() -> None:
+    rig = Rig().enabled()
+    rig.it.ramp_in()
+    rig.it.command["wrench"][0] = 3.0
+    rig.it.write(0)
+    assert rig.last()[0] == pytest.approx(0.003)
+
+
+def test_fading_and_heat_cut_down_what_is_sent() -> None:
+    rig = Rig().enabled()
+    rig.it.fade = 0.1
+    rig.it.command["wrench"][0] = 3.0
+    rig.it.write(0)
+    assert rig.last()[0] == pytest.approx(0.3)
+    plate = Rig(PLATE).enabled()
+    plate.state["it.heat.share"] = 0.25
+    plate.it.command["current"][0] = 2.0
+    plate.it.write(0)
+    assert plate.last("current") == [0.5]
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_a_command_that_is_no_number_is_a_fault(bad: float) -> None:
+    rig = Rig().enabled()
+    rig.it.command["wrench"][2] = bad
+    count = len(rig.device.written)
+    with pytest.raises(DeviceFaultError, match=r"device 'it' was commanded with .* \(wrench\) at tick 7") as caught:
+        rig.it.write(7)
+    assert (caught.value.trip, caught.value.device, caught.value.tick) == (Trip.NOT_A_NUMBER, "it", 7)
+    assert len(rig.device.written) == count
+
+
+def test_a_reading_that_is_no_number_is_a_fault_and_nobody_sees_it() -> None:
+    rig = Rig().enabled()
+    rig.place[1] = math.nan
+    with pytest.raises(DeviceFaultError, match=r"reads NaN \(pose\)") as caught:
+        rig.it.read(3)
+    assert caught.value.trip is Trip.NOT_A_NUMBER
+    assert rig.it.reading["pose"][:3].tolist() == [0.0, 0.0, 0.03]
+
+
+def test_a_hot_plate_is_a_fault_that_everybody_may_see() -> None:
+    rig = Rig(PLATE).enabled()
+    rig.temperature = 315.5
+    with pytest.raises(DeviceFaultError, match="past its trip"):
+        rig.it.read(1)
+    assert rig.it.reading["plate_temperature"].item() == 315.5
+
+
+def test_heat_is_checked_every_ten_milliseconds() -> None:
+    rig = Rig(PLATE).enabled()
+    for tick in range(1, 31):
+        rig.it.read(tick)
+    assert rig.state["it.heat.samples"].item() == 4  # ticks 0, 10, 20, 30
+    slow = Rig(PLATE, cls=Slow).enabled()
+    for tick in range(1, 31):
+        slow.it.read(tick)
+    assert slow.state["it.sequence"].item() == 7
+    assert slow.state["it.heat.samples"].item() == 4
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [(DeviceError("the plug is out"), "failed: the plug is out"), (KeyError("x"), "failed in read: KeyError: 'x'")],
+)
+def test_a_device_that_fails_to_read_is_a_fault(error: Exception, words: str) -> None:
+    rig = Rig().enabled()
+
+    def fail(reading: Record) -> bool:
+        raise error
+
+    rig.device.says = fail
+    with pytest.raises(DeviceFaultError) as caught:
+        rig.it.read(1)
+    assert (caught.value.trip, caught.value.cause) == (Trip.DEVICE_ERROR, words)
+    assert caught.value.__cause__ is not None
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [(DeviceError("the plug is out"), "failed: the plug is out"), (OSError("gone"), "failed in write: OSError: gone")],
+)
+def test_a_device_that_fails_to_write_is_a_fault(error: Exception, words: str) -> None:
+    for enabled in (True, False):
+        rig = Rig().enabled()
+        if not enabled:
+            rig.it.disable()
+        rig.device.write_fails = error
+        with pytest.raises(DeviceFaultError) as caught:
+            rig.it.write(4)
+        assert (caught.value.trip, caught.value.cause, caught.value.tick) == (Trip.DEVICE_ERROR, words, 4)
+
+
+def test_silence_is_a_fault_after_the_watchdogs_time() -> None:
+    rig = Rig().enabled()
+    rig.device.says = lambda reading: False
+    for tick in range(1, 21):
+        rig.it.read(tick)
+    assert rig.state["it.age"].item() == 20
+    with pytest.raises(DeviceFaultError, match="was silent for 0.021 s") as caught:
+        rig.it.read(21)
+    assert caught.value.trip is Trip.SILENT
+
+
+def test_an_answer_ends_the_silence() -> None:
+    rig = Rig().enabled()
+    for tick in range(1, 200):
+        rig.device.says = rig.say if tick % 15 == 0 else lambda reading: False
+        rig.it.read(tick)
+    assert rig.state["it.age"].item() == 4
+    assert rig.state["it.sequence"].item() == 14
+
+
+def test_a_device_that_is_only_open_may_be_silent() -> None:
+    rig = Rig()
+    rig.it.open()
+    rig.device.says = lambda reading: False
+    for tick in range(100):
+        rig.it.read(tick)
+    assert rig.state["it.age"].item() == 100
+
+
+def test_a_slow_device_is_read_in_its_own_time() -> None:
+    rig = Rig(cls=Slow).enabled()
+    for tick in range(1, 12):
+        rig.it.read(tick)
+    assert rig.state["it.sequence"].item() == 3  # ticks 0, 5, 10
+    rig.device.says = lambda reading: False
+    rig.it.read(15)
+    assert rig.state["it.age"].item() == 5
+
+
+def test_after_a_silence_a_reading_may_be_further_away() -> None:
+    rig = Rig().enabled()
+    rig.device.says = lambda reading: False
+    for tick in range(1, 11):
+        rig.it.read(tick)
+    rig.device.says = rig.say
+    rig.place[0] = 0.050
+    rig.it.read(11)
+    rig.place[0] = 0.0
+    with pytest.raises(DeviceFaultError, match="not believable"):
+        rig.it.read(12)
+
+
+def test_a_fault_latches_and_sends_what_is_safe() -> None:
+    rig = Rig().enabled()
+    rig.it.command["wrench"][0] = 1.0
+    rig.it.write(0)
+    rig.it.fault(Trip.SPEED, 5)
+    assert (rig.it.status, rig.it.trip) == (Status.FAULT, Trip.SPEED)
+    assert rig.state["it.tripped"].item() == 5
+    assert rig.state["it.ramp"].item() == 0.0
+    assert rig.last() == [0.0] * 6
+    rig.it.write(6)
+    rig.it.disable()
+    assert rig.it.status is Status.FAULT
+    assert rig.last() == [0.0] * 6
+    with pytest.raises(DeviceError, match="FAULT"):
+        rig.it.enable()
+
+
+def test_in_a_fault_nothing_raises_any_more() -> None:
+    rig = Rig().enabled()
+    rig.device.write_fails = OSError("gone")
+    rig.it.fault(Trip.DEVICE_ERROR, 5)
+    rig.device.says = lost
+    rig.it.read(6)
+    rig.it.write(6)
+    rig.device.says = rig.say
+    rig.place[2] = math.nan
+    rig.it.read(7)
+    assert rig.it.reading["pose"][2] == 0.03
+    rig.place[2] = 1.5
+    rig.it.read(8)
+    assert rig.it.reading["pose"][2] == 1.5
+
+
+def test_re_arming_needs_a_reading_that_is_believed() -> None:
+    rig = Rig().enabled()
+    rig.it.rearm()
+    assert rig.it.status is Status.ENABLED  # nothing to re-arm
+    rig.it.fault(Trip.NOT_A_NUMBER, 5)
+    rig.place[0] = math.nan
+    with pytest.raises(DeviceError, match=r"device 'it' can't be re-armed: it reads NaN \(pose\)"):
+        rig.it.rearm()
+    assert rig.it.status is Status.FAULT
+    assert rig.it.reading["pose"][0] == 0.0
+    rig.device.says = lost
+    with pytest.raises(DeviceError, match="it failed: the plug is out"):
+        rig.it.rearm()
+    rig.device.says = rig.say
+    rig.place[0] = 0.5
+    rig.it.rearm()
+    assert (rig.it.status, rig.it.trip) == (Status.OPEN, Trip.NONE)
+    assert rig.state["it.sequence"].item() == 1
+    rig.it.command["wrench"][0] = 9.0
+    rig.it.enable()
+    assert rig.it.command["wrench"].tolist() == [0.0] * 6
+    rig.it.read(9)
+
+
+def test_a_used_up_dose_is_not_given_back() -> None:
+    rig = Rig(PLATE).enabled()
+    rig.it.fault(Trip.DOSE, 5)
+    for act in (rig.it.rearm, rig.it.reconnect):
+        with pytest.raises(DeviceError, match="has given the whole thermal dose of a session"):
+            act()
+    assert rig.it.status is Status.FAULT
+
+
+def test_reconnecting_begins_anew_and_sends_nothing_old() -> None:
+    rig = Rig().enabled()
+    rig.it.command["wrench"][0] = rig.it.sent["wrench"][0] = 1.0
+    rig.it.fault(Trip.DEVICE_ERROR, 5)
+    rig.it.command["wrench"][0] = 1.0
+    rig.device.close_fails = OSError("gone")
+    rig.state["it.age"] = 7
+    rig.it.reconnect()
+    assert (rig.it.status, rig.it.trip) == (Status.OPEN, Trip.NONE)
+    assert rig.device.calls == ["open", "close", "open"]
+    assert not np.any(rig.it.command["wrench"])
+    assert not np.any(rig.it.sent["wrench"])
+    assert rig.state["it.age"].item() == rig.state["it.sequence"].item() == 0
+    rig.place = [1.5, 0.0, 0.0]
+    rig.it.read(6)  # wherever it is now
+
+
+def test_a_surface_that_is_reconnected_keeps_its_target_until_it_is_enabled() -> None:
+    rig = Rig(TABLE).enabled()
+    rig.it.sent["pose_target"][2] = 0.02
+    rig.it.reconnect()
+    assert rig.it.sent["pose_target"][2] == pytest.approx(0.02 - 0.00025)  # closing had it retract
+
+
+def test_reconnecting_what_is_missing_leaves_it_closed() -> None:
+    rig = Rig().enabled()
+    rig.device.open_fails = DeviceError("not there")
+    with pytest.raises(DeviceError, match="not there"):
+        rig.it.reconnect()
+    assert rig.it.status is Status.CLOSED
+
+
+def test_closing_sends_what_is_safe_and_releases_even_if_that_fails() -> None:
+    rig = Rig().enabled()
+    rig.it.sent["wrench"][0] = 1.0
+    rig.it.close()
+    assert rig.last() == [0.0] * 6
+    failing = Rig().enabled()
+    failing.device.write_fails = OSError("gone")
+    failing.it.leave()
+    assert failing.it.status is Status.CLOSED
+    assert failing.device.calls == ["open", "close"]
+
+
+def test_the_loss_of_an_optional_device_is_told_not_raised() -> None:
+    rig = Rig().enabled()
+    told: list[DeviceFaultError] = []
+    rig.it.on_loss = told.append
+    rig.device.says = lost
+    rig.it.read(3)
+    assert [(fault.device, fault.tick, fault.trip) for fault in told] == [("it", 3, Trip.DEVICE_ERROR)]
+    assert (rig.it.status, rig.it.trip) == (Status.FAULT, Trip.DEVICE_ERROR)
+    rig.it.read(4)
+    assert len(told) == 1
+
+
+def test_a_limit_of_an_optional_device_stops_all() -> None:
+    rig = Rig().enabled()
+    rig.it.on_loss = lambda fault: None
+    rig.place[0] = math.nan
+    with pytest.raises(DeviceFaultError):
+        rig.it.read(3)
+
+
+def test_a_glance_judges_but_does_not_raise() -> None:
+    rig = Rig().enabled()
+    assert rig.it.glance(1) is True
+    rig.device.says = lambda reading: False
+    assert rig.it.glance(2) is False
+    rig.device.says = lost
+    rig.it.disable()
+    assert rig.it.glance(3) is False
+    assert (rig.it.status, rig.it.trip) == (Status.FAULT, Trip.DEVICE_ERROR)
+    assert rig.state["it.tripped"].item() == 3
+    assert rig.it.glance(4) is False
+    assert rig.state["it.tripped"].item() == 3
+    rig.device.says = rig.say
+    rig.place[0] = math.nan
+    assert rig.it.glance(5) is True
+    assert rig.it.reading["pose"][0] == 0.0
+    rig.it.leave()
+    assert rig.it.glance(6) is False
+
+
+def test_a_glance_at_a_jump_is_a_fault() -> None:
+    rig = Rig().enabled()
+    rig.place[0] = 0.0069
+    assert rig.it.glance(1) is True
+    assert rig.it.status is Status.ENABLED
+    rig.place[0] = 0.0141
+    assert rig.it.glance(2) is True
+    assert (rig.it.status, rig.it.trip) == (Status.FAULT, Trip.SENSOR_JUMP)
+    slow = Rig(cls=Slow).enabled()
+    slow.place[0] = 0.0269
+    assert slow.it.glance(5) is True
+    assert slow.it.status is Status.ENABLED
+
+
+def test_a_surface_retracts_is_kept_held_or_driven_back() -> None:
+    rig = Rig(TABLE).enabled()
+    rig.it.disable()
+    heights = []
+    rig.it.write(0)
+    heights.append(rig.last("pose_target")[2])
+    rig.it.keeping = True
+    rig.it.write(1)
+    heights.append(rig.last("pose_target")[2])
+    rig.it.keeping = False
+    for mode in (1, 2, 0):
+        rig.state["it.stopped"] = mode
+        rig.it.write(2)
+        heights.append(rig.last("pose_target")[2])
+    assert np.diff(heights).tolist() == pytest.approx([0.0, 0.0, 0.00025, -0.00025])
+    rig.state["it.stopped"] = 1
+    rig.it.fault(Trip.TRACKING, 3)
+    rig.it.rearm()
+    assert rig.state["it.stopped"].item() == 0
+
+
+def test_without_a_device_nothing_is_written_and_nothing_is_new() -> None:
+    one = model(ARM)
+    it = Supervisor(one, state(one), PERIOD)
+    it.open()
+    it.read(0)
+    assert it._age.item() == 1
+    it.write(0)
+    it.close()
+
+
+def test_a_twin_is_read_in_place_of_the_device() -> None:
+    one = model(ARM, twin=True)
+    data, twin = state(one), FakeTwin()
+
+    def say(reading: Record) -> bool:
+        reading["pose"][:4] = (0.1, 0.2, 0.3, 1.0)
+        return True
+
+    twin.says = say
+    it = Supervisor(one, data, PERIOD, twin=twin)
+    it.open()
+    it.read(0)
+    assert it.reading["pose"][:3].tolist() == [0.1, 0.2, 0.3]
+
+
+def test_a_restored_session_compares_with_the_reading_in_state() -> None:
+    rig = Rig().enabled()
+    rig.it.read(1)
+    other = Rig()
+    other.state.raw[:] = rig.state.raw
+    other.it.restore()
+    other.place = [0.5, 0.0, 0.03]
+    with pytest.raises(DeviceFaultError, match="not believable"):
+        other.it.read(2)
+    fresh = Rig()
+    fresh.it.open()
+    fresh.it.restore()
+    fresh.place = [0.5, 0.0, 0.03]
+    fresh.it.read(0)
+
+
+def test_starting_anew_forgets_the_last_trip() -> None:
+    rig = Rig(PLATE).enabled()
+    rig.it.fault(Trip.FLUX, 5)
+    rig.state["it.heat.share"] = 0.0
+    rig.it.reset()
+    assert rig.state["it.tripped"].item() == -1
+    assert rig.state["it.heat.share"].item() == 1.0
+    assert rig.it.watch.last == []
+
+
+def test_the_trip_has_a_name_in_reports() -> None:
+    assert Trip.NOT_A_NUMBER.label == "not-a-number"
+    assert len({trip.label for trip in Trip}) == len(Trip)
