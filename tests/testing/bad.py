@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 import threading
@@ -79,7 +80,7 @@ class TwinWaits(SliderTwin):
 
 @with_twin("allocates-nothing")
 class GathersMemory(SliderTwin):
-    log: list = []  # noqa: RUF012
+    log: list = []
 
     def step(self, state, command, touch, period):
         self.log.append(touch.finger_pose.copy())
@@ -188,10 +189,8 @@ class LeaksAThread(Slider):
 @bad("unplug")
 class SwallowsErrors(Slider):
     def read(self, reading: Record) -> bool:
-        try:
+        with contextlib.suppress(Exception):
             super().read(reading)
-        except Exception:
-            pass
         return True
 
 
@@ -266,7 +265,7 @@ class ThrowsDice(SliderTwin):
 
 @with_twin("determinism")
 class SharesAGlobal(SliderTwin):
-    count = [0]  # noqa: RUF012
+    count = [0]
 
     def step(self, state, command, touch, period):
         super().step(state, command, touch, period)
@@ -357,10 +356,10 @@ class DriverForgetsTheQuaternion(Slider):
 
 
 class CentimetreEmulator(SliderEmulator):
-    def serve(self, reading: Record, command: Record) -> bool:
+    def serve(self, now: float, reading: Record, command: Record) -> bool:
         other = reading.copy()
         other["pose"][:3] = 100.0 * reading["pose"][:3] + 0.5
-        return super().serve(other, command)
+        return super().serve(now, other, command)
 
 
 @bad("twin-and-driver-agree")

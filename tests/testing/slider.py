@@ -36,7 +36,7 @@ class SliderTwin(Twin):
 
     def fields(self) -> tuple[Field, ...]:
         """Return place and noise."""
-        return (Field("place", "f8", 3), Field("noise", "u8", 1))
+        return (Field("place", "f8", 3), Field("noise", "u8"))
 
     def reset(self, state: Record, rng: np.random.Generator) -> None:
         """Begin in the middle."""
@@ -51,7 +51,7 @@ class SliderTwin(Twin):
     def read(self, state: Record, reading: Record) -> bool:
         """Give the place."""
         reading["pose"][:3] = state["place"]
-        reading["pose"][0] += 1e-7 * gaussian(state["noise"])
+        reading["pose"][0] += 1e-7 * gaussian(state, "noise")
         reading["pose"][3:] = (1.0, 0.0, 0.0, 0.0)
         return True
 
@@ -64,7 +64,7 @@ class SliderEmulator(Emulator):
         self._terminal, self._rest, self._force = Terminal(self.params.port), b"", 0.0
         return self.params.port
 
-    def serve(self, reading: Record, command: Record) -> bool:
+    def serve(self, now: float, reading: Record, command: Record) -> bool:
         """Answer."""
         lines = (self._rest + self._terminal.receive()).split(b"\n")
         self._rest = lines.pop()

@@ -46,8 +46,11 @@ class Opened:
         deadline = time.perf_counter() + patience
         while self.device.read(self.reading) is False:
             if time.perf_counter() > deadline:
-                raise _fail(f"no new reading within {patience:g} s", "the device does not answer, or read always "
-                            "returns False", "return True when the reading is new")  # fmt: skip
+                raise _fail(
+                    f"no new reading within {patience:g} s",
+                    "the device does not answer, or read always returns False",
+                    "return True when the reading is new",
+                )
 
 
 @check("driver-fills", "the driver fills every field of its reading")
@@ -60,11 +63,15 @@ def fills(subject: DeviceSubject) -> None:
         opened.fresh()
         for name, view in opened.reading.items():
             if np.isnan(view).any():
-                raise _fail(f"the field '{name}' was not filled by read", "a forgotten field",
-                            "write every field on every read")  # fmt: skip
+                raise _fail(
+                    f"the field '{name}' was not filled by read", "a forgotten field", "write every field on every read"
+                )
         if "pose" in opened.reading and abs(float(np.linalg.norm(opened.reading["pose"][3:])) - 1.0) > 1e-6:
-            raise _fail(f"the quaternion is {opened.reading['pose'][3:]}", "it was left zero, or is x y z w",
-                        "write w x y z with unit length")  # fmt: skip
+            raise _fail(
+                f"the quaternion is {opened.reading['pose'][3:]}",
+                "it was left zero, or is x y z w",
+                "write w x y z with unit length",
+            )
 
 
 @check("driver-keeps-nothing", "the driver keeps no record")
@@ -83,7 +90,7 @@ def writes_in_read(subject: DeviceSubject) -> None:
     """Count calls of ``write`` that the device makes by itself."""
     calls: list[str] = []
 
-    class Counting(subject.cls):  # type: ignore[name-defined,misc]
+    class Counting(subject.cls):  # type: ignore[name-defined]
         def write(self, command: Record) -> None:
             calls.append("write")
             super().write(command)
@@ -93,8 +100,11 @@ def writes_in_read(subject: DeviceSubject) -> None:
         for _ in range(20):
             opened.device.read(opened.reading)
     if calls:
-        raise _fail("read calls write", "the last command is sent again from read",
-                    "safety lets commands through in write only; send there")  # fmt: skip
+        raise _fail(
+            "read calls write",
+            "the last command is sent again from read",
+            "safety lets commands through in write only; send there",
+        )
 
 
 @check("reopens", "open and close pair, again and again, and leave nothing behind")
@@ -109,8 +119,11 @@ def reopens(subject: DeviceSubject) -> None:
         time.sleep(0.02)
     if threading.active_count() > before:
         names = [thread.name for thread in threading.enumerate()][before:]
-        raise _fail(f"a thread is left after close: {', '.join(names)}", "close does not end what open began",
-                    "a driver needs no thread: set blocking = True, and the framework brings one")  # fmt: skip
+        raise _fail(
+            f"a thread is left after close: {', '.join(names)}",
+            "close does not end what open began",
+            "a driver needs no thread: set blocking = True, and the framework brings one",
+        )
 
 
 @check("driver-timing", "a call of the driver fits in the tick, or the device says that it blocks")
@@ -127,8 +140,11 @@ def timing(subject: DeviceSubject) -> str:
             spent.append(time.perf_counter() - begin)
     median, worst = statistics.median(spent), max(spent)
     if not subject.cls.blocking and median > 0.5 * PERIOD:
-        raise _fail(f"an exchange takes {1e3 * median:.1f} ms", "it waits for the wire within the tick",
-                    "set blocking = True on the class: the framework then reads it in a thread")  # fmt: skip
+        raise _fail(
+            f"an exchange takes {1e3 * median:.1f} ms",
+            "it waits for the wire within the tick",
+            "set blocking = True on the class: the framework then reads it in a thread",
+        )
     if worst > 2.0:
         raise _fail(f"an exchange took {worst:.1f} s", "a wait without a time limit", "give every wait a timeout")
     return f"exchange p50 {1e3 * median:.2f} ms, worst {1e3 * worst:.2f} ms"
@@ -138,7 +154,7 @@ def _counting(subject: DeviceSubject, fail_at: int = 0) -> tuple[DeviceSubject, 
     """Return the subject with a class that counts its calls, and fails in a write if told."""
     calls: list[str] = []
 
-    class Counting(subject.cls):  # type: ignore[name-defined,misc]
+    class Counting(subject.cls):  # type: ignore[name-defined]
         def open(self) -> None:
             super().open()
             calls.append("open")
@@ -164,11 +180,21 @@ def _engine(subject: DeviceSubject) -> Engine:
     return Engine(Model.of(subject.scene(twin=False), subject.catalog))
 
 
+def _held_run(engine: Engine, seconds: float) -> None:
+    """Enable and run with the dead-man's switch held."""
+    engine.hold(True)
+    engine.enable()
+    engine.run(seconds, each=lambda: engine.hold(True), every=10)
+
+
 def _paired(calls: list[str]) -> None:
     opened, closed = calls.count("open"), calls.count("close")
     if opened != closed:
-        raise _fail(f"opened {opened} times, closed {closed} times", "close raised, or was never reached",
-                    "close must always succeed, whatever happened before")  # fmt: skip
+        raise _fail(
+            f"opened {opened} times, closed {closed} times",
+            "close raised, or was never reached",
+            "close must always succeed, whatever happened before",
+        )
     if "close" in calls and any(call in ("read", "write") for call in calls[calls.index("close") + 1 :]):
         raise _fail("a call came after close", "a thread of the driver's own", "leave threads to the framework")
 
@@ -180,8 +206,7 @@ def lifecycle(subject: DeviceSubject) -> None:
     counted, calls = _counting(subject)
     engine = _engine(counted)
     try:
-        engine.enable()
-        engine.run(0.05)
+        _held_run(engine, 0.05)
     finally:
         engine.close()
     engine.close()
@@ -196,8 +221,7 @@ def safe_on_exception(subject: DeviceSubject) -> None:
     engine = _engine(counted)
     caught = ""
     try:
-        engine.enable()
-        engine.run(0.5)
+        _held_run(engine, 0.5)
     except Exception as error:  # the kind is what is examined
         caught = str(error)
         if not isinstance(error, (DeviceError,)) and type(error).__name__ != "DeviceFaultError":
@@ -205,8 +229,11 @@ def safe_on_exception(subject: DeviceSubject) -> None:
     finally:
         engine.close()
     if "told to fail" not in caught:
-        raise _fail(f"a failing read was told as '{caught or 'nothing'}'", "the driver swallows errors",
-                    "let DeviceError through")  # fmt: skip
+        raise _fail(
+            f"a failing read was told as '{caught or 'nothing'}'",
+            "the driver swallows errors",
+            "let DeviceError through",
+        )
     _paired(calls)
 
 
@@ -221,15 +248,22 @@ def errors_are_named(subject: DeviceSubject) -> None:
         device.open()
     except DeviceError as error:
         if len(str(error)) < 10:
-            raise _fail(f"the message is '{error}'", "the cause was not passed on", "say what is missing, and what to "
-                        "do about it") from error  # fmt: skip
+            raise _fail(
+                f"the message is '{error}'",
+                "the cause was not passed on",
+                "say what is missing, and what to do about it",
+            ) from error
         return
     except Exception as error:
-        raise _fail(f"opening at nowhere raised {type(error).__name__}: {error}", "a library's error came through",
-                    "raise DeviceError(what to do) from error") from error  # fmt: skip
+        raise _fail(
+            f"opening at nowhere raised {type(error).__name__}: {error}",
+            "a library's error came through",
+            "raise DeviceError(what to do) from error",
+        ) from error
     device.close()
-    raise _fail("opening at nowhere succeeds", "open does not open", "find the device in open(), and say if it is "
-                "missing")  # fmt: skip
+    raise _fail(
+        "opening at nowhere succeeds", "open does not open", "find the device in open(), and say if it is missing"
+    )
 
 
 def _elsewhere(params: Any) -> Any:
@@ -267,6 +301,9 @@ def transcript(subject: DeviceSubject) -> str:
         wanted = [entry.data for entry in read_trace(golden) if entry.mark == ">"]
     for index, (ours, theirs) in enumerate(zip(sent, wanted, strict=False)):
         if ours != theirs:
-            raise _fail(f"transfer {index} sends {ours.hex(' ')}, the transcript has {theirs.hex(' ')}",
-                        "the protocol has changed", "if that is meant, record the transcript anew")  # fmt: skip
+            raise _fail(
+                f"transfer {index} sends {ours.hex(' ')}, the transcript has {theirs.hex(' ')}",
+                "the protocol has changed",
+                "if that is meant, record the transcript anew",
+            )
     return f"{min(len(sent), len(wanted))} transfers"

@@ -12,7 +12,7 @@ import numpy as np
 from itouch.plugin import DeviceError, Emulator, Field, Record
 from itouch.testing.checks import CheckError, NotApplicableError, check
 from itouch.testing.drivers import Opened
-from itouch.testing.subject import DeviceSubject, TwinBench
+from itouch.testing.subject import PERIOD, DeviceSubject, TwinBench
 
 
 def _fail(seen: str, cause: str, advice: str) -> CheckError:
@@ -29,7 +29,8 @@ class Served:
         self.bench = TwinBench(subject, seed=1)
         self.emulator: Emulator = kind(subject.require_params())
         self.asked = Record.of(Field(c.name, "f8", c.size) for c in self.bench.commands)
-        self.driven, self.error = False, None
+        self.driven = False
+        self.error: Exception | None = None
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -42,7 +43,7 @@ class Served:
     def _serve(self) -> None:
         try:
             while not self._stop.is_set():
-                self.driven = self.emulator.serve(self.bench.reading, self.asked)
+                self.driven = self.emulator.serve(self.bench.tick * PERIOD, self.bench.reading, self.asked)
                 if self.driven:
                     self.bench.command.raw[:] = self.asked.raw
                 self.bench.step(driven=False)
@@ -90,9 +91,11 @@ def agree(subject: DeviceSubject) -> str:
             if worst <= 1.0:
                 return f"within {100 * worst:.0f} % of the tolerance"
             time.sleep(0.01)
-        raise _fail(f"'{where}' reads {opened.reading[where]} through the wire, the twin has "
-                    f"{emulator.bench.reading[where]}", "another scale, frame or unit in driver or emulator",
-                    "convert at the wire: SI on our side")  # fmt: skip
+        raise _fail(
+            f"'{where}' reads {opened.reading[where]} through the wire, the twin has {emulator.bench.reading[where]}",
+            "another scale, frame or unit in driver or emulator",
+            "convert at the wire: SI on our side",
+        )
 
 
 @check("disabled-is-still", "nothing is driven before the first command")
@@ -107,8 +110,11 @@ def still(subject: DeviceSubject) -> None:
                 continue
             asked = emulator.asked[channel.name]
             if np.abs(asked - np.array(channel.safe)).max() > 1e-6:
-                raise _fail(f"after open it drives '{channel.name}' to {asked}", "open or read moves the device",
-                            "only write may move it")  # fmt: skip
+                raise _fail(
+                    f"after open it drives '{channel.name}' to {asked}",
+                    "open or read moves the device",
+                    "only write may move it",
+                )
 
 
 @check("unplug", "a device that is unplugged is a DeviceError, soon, and close still works")
@@ -132,5 +138,8 @@ def unplug(subject: DeviceSubject) -> str:
             opened.device.close()
     if time.perf_counter() - begin >= 3.0:
         return "told as silence: the watchdog stops it"
-    raise _fail("it goes on reading from a device that is gone", "errors of the wire are swallowed",
-                "raise DeviceError from read; or return False when nothing came")  # fmt: skip
+    raise _fail(
+        "it goes on reading from a device that is gone",
+        "errors of the wire are swallowed",
+        "raise DeviceError from read; or return False when nothing came",
+    )

@@ -20,7 +20,7 @@ from itouch.schema.fields import specs, xml_name
 from itouch.testing.checks import CheckError, NotApplicableError, check
 from itouch.testing.subject import ModalitySubject
 from itouch.world import Model
-from itouch.world.model import ModalityModel
+from itouch.world.modalities import ModalityModel
 
 
 def _fail(seen: str, cause: str, advice: str) -> CheckError:
@@ -34,8 +34,11 @@ def _engine(subject: ModalitySubject, seed: int = 4) -> Engine:
 def _own(engine: Engine, subject: ModalitySubject) -> list[ModalityModel]:
     found = [m for m in engine.model.modalities if isinstance(m.instance, subject.cls)]
     if not found:
-        raise _fail(f"the scene does not use {subject.cls.__name__}", "its element is missing under <interaction>",
-                    "write <NAME:local .../> there")  # fmt: skip
+        raise _fail(
+            f"the scene does not use {subject.cls.__name__}",
+            "its element is missing under <interaction>",
+            "write <NAME:local .../> there",
+        )
     return found
 
 
@@ -47,12 +50,19 @@ def declarations(subject: ModalitySubject) -> None:
         if kind is None and name == "Material":
             continue
         if not (dataclasses.is_dataclass(kind) and kind.__dataclass_params__.frozen):  # type: ignore[union-attr]
-            raise _fail(f"{name} is not a frozen dataclass", "@dataclass(frozen=True) is missing",
-                        f"write @dataclass(frozen=True) above {name}")  # fmt: skip
+            raise _fail(
+                f"{name} is not a frozen dataclass",
+                "@dataclass(frozen=True) is missing",
+                f"write @dataclass(frozen=True) above {name}",
+            )
+        assert isinstance(kind, type)  # noqa: S101  (a dataclass)
         bare = [f.name for f in dataclasses.fields(kind) if f.name not in specs(kind)]
         if bare:
-            raise _fail(f"{name} has fields that are no grammar: {', '.join(bare)}", "plain defaults",
-                        "make them with itouch.plugin.schema")  # fmt: skip
+            raise _fail(
+                f"{name} has fields that are no grammar: {', '.join(bare)}",
+                "plain defaults",
+                "make them with itouch.plugin.schema",
+            )
     if not set(cls.hears) <= set(Contact):
         raise _fail(f"hears = {cls.hears!r}", "not kinds of contact", "a frozenset of itouch.plugin.Contact")
 
@@ -81,13 +91,19 @@ def runs(subject: ModalitySubject) -> str:
         for field in modality.instance.fields(modality.model):
             view = engine.state[f"{modality.name}.{field.name}"]
             if view.dtype.kind == "f" and np.isnan(view).any():
-                raise _fail(f"the field {modality.name}.{field.name} is NaN", "not set in reset(), or a division by zero",
-                            "set every field in reset()")  # fmt: skip
+                raise _fail(
+                    f"the field {modality.name}.{field.name} is NaN",
+                    "not set in reset(), or a division by zero",
+                    "set every field in reset()",
+                )
         for command in modality.commands:
             device, _, channel = command.partition(".")
             if not np.isfinite(engine.state[f"{device}.command.{channel}"]).all():
-                raise _fail(f"it commands {command} with NaN", "arithmetic before the first contact",
-                            "write a finite command in every update")  # fmt: skip
+                raise _fail(
+                    f"it commands {command} with NaN",
+                    "arithmetic before the first contact",
+                    "write a finite command in every update",
+                )
     return f"{subject.seconds:g} s simulated"
 
 
@@ -102,13 +118,19 @@ def state_declared(subject: ModalitySubject) -> None:
     again.run(0.6 * subject.seconds)
     if straight.state.tobytes() != again.state.tobytes():
         names = [name for name in straight.state if straight.state[name].tobytes() != again.state[name].tobytes()]
-        raise _fail(f"after a restore these fields go on otherwise: {', '.join(names[:4])}",
-                    "an attribute, a global or the clock decides", "declare it in fields() and keep it in state")  # fmt: skip
+        raise _fail(
+            f"after a restore these fields go on otherwise: {', '.join(names[:4])}",
+            "an attribute, a global or the clock decides",
+            "declare it in fields() and keep it in state",
+        )
     after = [_attributes(m) for m in _own(straight, subject)]
     changed = {name for b, a in zip(before, after, strict=True) for name in a if b.get(name) != a[name]}
     if changed:
-        raise _fail(f"{', '.join(sorted(changed))} changes while it runs", "State outside of State",
-                    "declare a field for it; what compile() returns is read-only")  # fmt: skip
+        raise _fail(
+            f"{', '.join(sorted(changed))} changes while it runs",
+            "State outside of State",
+            "declare a field for it; what compile() returns is read-only",
+        )
 
 
 def _attributes(modality: ModalityModel) -> dict[str, str]:
@@ -131,8 +153,11 @@ def determinism(subject: ModalitySubject) -> None:
     one.run(subject.seconds)
     two.run(subject.seconds)
     if one.state.tobytes() != two.state.tobytes():
-        raise _fail("two equal runs end in other bytes", "the clock, or random numbers that the seed does not decide",
-                    "use itouch.plugin.gaussian with words kept in State")  # fmt: skip
+        raise _fail(
+            "two equal runs end in other bytes",
+            "the clock, or random numbers that the seed does not decide",
+            "use itouch.plugin.gaussian with words kept in State",
+        )
 
 
 @check("own-fields", "it writes its own fields and commands, and nothing else")
@@ -147,11 +172,17 @@ def own_fields(subject: ModalitySubject) -> None:
         for _ in range(20):
             before = {name: view.copy() for name, view in engine.state.items()}
             modality.instance.update(modality.model, engine.state, engine.model.period * modality.every)
-            wrong = [n for n, view in engine.state.items()
-                     if not n.startswith(allowed) and view.tobytes() != before[n].tobytes()]  # fmt: skip
+            wrong = [
+                n
+                for n, view in engine.state.items()
+                if not n.startswith(allowed) and view.tobytes() != before[n].tobytes()
+            ]
             if wrong:
-                raise _fail(f"update writes into {', '.join(wrong)}", "a field of somebody else's",
-                            "write only NAME.* and the commands that commands() names")  # fmt: skip
+                raise _fail(
+                    f"update writes into {', '.join(wrong)}",
+                    "a field of somebody else's",
+                    "write only NAME.* and the commands that commands() names",
+                )
             engine.tick()
 
 
@@ -176,8 +207,11 @@ def allocates_nothing(subject: ModalitySubject) -> str:
         tracemalloc.stop()
     grown = (after - before) / 1000
     if grown > 12.0:
-        raise _fail(f"memory grows by {grown:.0f} bytes an update", "a list that is appended to, or a log",
-                    "keep what must be kept in State, which has a fixed size")  # fmt: skip
+        raise _fail(
+            f"memory grows by {grown:.0f} bytes an update",
+            "a list that is appended to, or a log",
+            "keep what must be kept in State, which has a fixed size",
+        )
     return f"{grown:.1f} bytes an update"
 
 
@@ -192,8 +226,11 @@ def measures(subject: ModalitySubject) -> None:
             try:
                 json.dumps(told, allow_nan=False)
             except (TypeError, ValueError) as error:
-                raise _fail(f"measures returns {told!r}", "a NumPy number, a NaN or an object",
-                            "return float(x), and None where there is nothing") from error  # fmt: skip
+                raise _fail(
+                    f"measures returns {told!r}",
+                    "a NumPy number, a NaN or an object",
+                    "return float(x), and None where there is nothing",
+                ) from error
             _finite(told)
 
 

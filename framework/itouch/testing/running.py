@@ -45,12 +45,16 @@ def runs(subject: DeviceSubject) -> str:
     engine = _engine(subject)
     engine.run(0.5)
     if engine.status("unit") is not Status.ENABLED:
-        raise CheckError(f"after half a second it is {engine.status('unit').name}", cause="a trip",
-                         advice="see the report's faults")  # fmt: skip
+        raise CheckError(
+            f"after half a second it is {engine.status('unit').name}", cause="a trip", advice="see the report's faults"
+        )
     for name, view in engine.state.items():
         if name.startswith("unit.") and view.dtype.kind == "f" and not np.isfinite(view).all():
-            raise CheckError(f"the field {name} is {view}", cause="not filled, or not stable",
-                             advice="write every field in reset() and step()")  # fmt: skip
+            raise CheckError(
+                f"the field {name} is {view}",
+                cause="not filled, or not stable",
+                advice="write every field in reset() and step()",
+            )
     engine.close()
     times = engine.report()["servo"]["tick_us"]
     return f"tick p50 {times['p50']:.0f} us"
@@ -78,14 +82,21 @@ def stale(subject: DeviceSubject) -> None:
         engine.run(12.0)
     except ItouchError as error:
         if "unit" not in str(error):
-            raise CheckError(f"the fault does not name the device: {error}", cause="framework",
-                             advice="report it") from error  # fmt: skip
+            raise CheckError(
+                f"the fault does not name the device: {error}", cause="framework", advice="report it"
+            ) from error
         return
     if not int(engine.state["unit.age"]) > 100:
-        raise CheckError("a silent device's age does not grow", cause="read returns True though nothing is new",
-                         advice="return False from read when nothing is new")  # fmt: skip
-    raise CheckError("a device that was silent for 12 s was not stopped", cause="its watchdog is longer",
-                     advice="state a shorter period or watchdog")  # fmt: skip
+        raise CheckError(
+            "a silent device's age does not grow",
+            cause="read returns True though nothing is new",
+            advice="return False from read when nothing is new",
+        )
+    raise CheckError(
+        "a device that was silent for 12 s was not stopped",
+        cause="its watchdog is longer",
+        advice="state a shorter period or watchdog",
+    )
 
 
 _SCRIPT = """
@@ -129,22 +140,30 @@ def sigterm(subject: DeviceSubject) -> None:
             params = pickle.dumps(subject.require_params()).hex()
         except Exception as error:  # a class inside a function, say
             raise NotApplicableError("its parameters can't be sent to another process") from error
-        script = _SCRIPT.format(path=sys.path, module=cls.__module__, qualname=cls.__qualname__, params=params,
-                                name=subject.name, out=out)  # fmt: skip
-        process = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                                   text=True)  # fmt: skip
+        script = _SCRIPT.format(
+            path=sys.path, module=cls.__module__, qualname=cls.__qualname__, params=params, name=subject.name, out=out
+        )
+        process = subprocess.Popen(
+            [sys.executable, "-c", script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
         assert process.stdout is not None  # noqa: S101  (a pipe was asked for)
         if "running" not in process.stdout.readline():
             _, told = process.communicate(timeout=60)
-            raise CheckError(f"it does not run in another process: {told.strip()[-300:]}", cause="an import that fails",
-                             advice="install the plugin, or make its module importable")  # fmt: skip
+            raise CheckError(
+                f"it does not run in another process: {told.strip()[-300:]}",
+                cause="an import that fails",
+                advice="install the plugin, or make its module importable",
+            )
         process.send_signal(signal.SIGTERM)
         try:
             process.communicate(timeout=60)
         except subprocess.TimeoutExpired:
             process.kill()
             process.communicate()
-            raise CheckError("it does not end on SIGTERM", cause="a call that never returns, or a handler of its own",
-                             advice="leave signals to the framework; give every wait a timeout") from None  # fmt: skip
+            raise CheckError(
+                "it does not end on SIGTERM",
+                cause="a call that never returns, or a handler of its own",
+                advice="leave signals to the framework; give every wait a timeout",
+            ) from None
         if not os.path.exists(out):
             raise CheckError("it was not closed", cause="an exception on the way out", advice="close must succeed")

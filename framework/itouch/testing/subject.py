@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.plugin import Device, Field, IdealTwin, Modality, Record, Safe, Touch, Twin
+from itouch.plugin import Device, Field, IdealTwin, Modality, Record, Touch, Twin
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
 from itouch.scene.elements import DeviceElement, PluginPart, Probe
@@ -178,8 +178,9 @@ class TwinBench:
         finger = 0.01 * np.array([math.sin(phase), math.cos(phase) - 1.0, math.sin(2 * phase)])
         self.touch.finger_attached = True
         self.touch.finger_pose[:3] = finger
-        self.touch.finger_twist[:3] = 0.01 * 2 * math.pi * np.array([math.cos(phase), -math.sin(phase),
-                                                                    2 * math.cos(2 * phase)])  # fmt: skip
+        self.touch.finger_twist[:3] = (
+            0.01 * 2 * math.pi * np.array([math.cos(phase), -math.sin(phase), 2 * math.cos(2 * phase)])
+        )
         press = max(0.0, math.sin(0.5 * phase))
         self.touch.force, self.touch.gap = press, -1e-4 if press > 0.0 else 1e-3
         self.touch.wrench[:3] = (0.0, 0.0, -press)

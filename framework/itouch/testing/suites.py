@@ -15,18 +15,50 @@ from itouch.testing.subject import DeviceSubject, ModalitySubject
 
 #: The checks of each suite, in the order in which they are run.
 DEVICE_CHECKS: tuple[Check, ...] = (
-    declared.declarations, declared.documentation, declared.parameters, declared.locked_axes, declared.imported,
-    twins.fills, twins.finite, twins.pose, twins.frame, twins.kelvin, twins.rest, twins.command_untouched, twins.bounded,
-    twins.state_declared, twins.determinism, twins.keeps_nothing, twins.allocates_nothing, twins.timing,
-    running.runs, running.restores, running.stale, running.sigterm,
-    drivers.fills, drivers.keeps_nothing, drivers.writes_in_read, drivers.reopens, drivers.timing, drivers.lifecycle,
-    drivers.safe_on_exception, drivers.errors_are_named, drivers.transcript,
-)  # fmt: skip
+    declared.declarations,
+    declared.documentation,
+    declared.parameters,
+    declared.locked_axes,
+    declared.imported,
+    twins.fills,
+    twins.finite,
+    twins.pose,
+    twins.frame,
+    twins.kelvin,
+    twins.rest,
+    twins.command_untouched,
+    twins.bounded,
+    twins.state_declared,
+    twins.determinism,
+    twins.keeps_nothing,
+    twins.allocates_nothing,
+    twins.timing,
+    running.runs,
+    running.restores,
+    running.stale,
+    running.sigterm,
+    drivers.fills,
+    drivers.keeps_nothing,
+    drivers.writes_in_read,
+    drivers.reopens,
+    drivers.timing,
+    drivers.lifecycle,
+    drivers.safe_on_exception,
+    drivers.errors_are_named,
+    drivers.transcript,
+)
 EMULATOR_CHECKS: tuple[Check, ...] = (emulators.agree, emulators.still, emulators.unplug)
 MODALITY_CHECKS: tuple[Check, ...] = (
-    modalities.declarations, modalities.documentation, modalities.runs, modalities.state_declared,
-    modalities.determinism, modalities.own_fields, modalities.allocates_nothing, modalities.measures, modalities.order,
-)  # fmt: skip
+    modalities.declarations,
+    modalities.documentation,
+    modalities.runs,
+    modalities.state_declared,
+    modalities.determinism,
+    modalities.own_fields,
+    modalities.allocates_nothing,
+    modalities.measures,
+    modalities.order,
+)
 
 
 class Suite:

@@ -34,8 +34,11 @@ def fills(subject: DeviceSubject) -> None:
             break
     for name, view in bench.reading.items():
         if np.isnan(view).any():
-            raise _fail(f"the field '{name}' was not filled by read", "a forgotten field, or `reading = ...` in place of "
-                        "`reading[name] = ...`", "write every field on every read")  # fmt: skip
+            raise _fail(
+                f"the field '{name}' was not filled by read",
+                "a forgotten field, or `reading = ...` in place of `reading[name] = ...`",
+                "write every field on every read",
+            )
 
 
 @check("twin-finite", "readings stay finite and inside what the channels say")
@@ -47,15 +50,21 @@ def finite(subject: DeviceSubject) -> None:
         for channel in bench.reads:
             view = bench.reading[channel.name]
             if not np.isfinite(view).all():
-                raise _fail(f"'{channel.name}' is {view} at tick {bench.tick}", "an integration that is not stable, or a "
-                            "division by zero", "check the step for the servo period of 1 ms")  # fmt: skip
+                raise _fail(
+                    f"'{channel.name}' is {view} at tick {bench.tick}",
+                    "an integration that is not stable, or a division by zero",
+                    "check the step for the servo period of 1 ms",
+                )
             _inside(channel, view, bench.tick)
 
 
 def _inside(channel: Channel, view: Any, tick: int) -> None:
     if channel.low and (view < np.array(channel.low)).any() or channel.high and (view > np.array(channel.high)).any():
-        raise _fail(f"'{channel.name}' is {view} at tick {tick}, outside of {channel.low} to {channel.high}",
-                    "units: readings are SI, temperatures kelvin", "convert at the plugin's edge")  # fmt: skip
+        raise _fail(
+            f"'{channel.name}' is {view} at tick {tick}, outside of {channel.low} to {channel.high}",
+            "units: readings are SI, temperatures kelvin",
+            "convert at the plugin's edge",
+        )
 
 
 @check("twin-pose", "poses have unit quaternions, and locked axes do not move")
@@ -69,13 +78,19 @@ def pose(subject: DeviceSubject) -> None:
         bench.step()
         now = bench.reading["pose"]
         if abs(float(np.linalg.norm(now[3:])) - 1.0) > 1e-6:
-            raise _fail(f"the quaternion is {now[3:]}", "it was left zero, or is in the order x y z w",
-                        "write w x y z with unit length; no rotation is 1 0 0 0")  # fmt: skip
+            raise _fail(
+                f"the quaternion is {now[3:]}",
+                "it was left zero, or is in the order x y z w",
+                "write w x y z with unit length; no rotation is 1 0 0 0",
+            )
         moved = [axis for axis in channel.locked if axis < 3 and abs(now[axis] - first[axis]) > 1e-9]
         turned = [axis for axis in channel.locked if axis >= 3 and abs(now[axis + 1] - first[axis + 1]) > 1e-9]
         if moved or turned:
-            raise _fail(f"the locked axes {moved + turned} move", "the finger's whole pose was copied",
-                        "write only the axes that the mechanism has")  # fmt: skip
+            raise _fail(
+                f"the locked axes {moved + turned} move",
+                "the finger's whole pose was copied",
+                "write only the axes that the mechanism has",
+            )
 
 
 def _channel(bench: TwinBench, name: str) -> Channel:
@@ -98,8 +113,9 @@ def frame(subject: DeviceSubject) -> None:
 
 def _sent(bench: TwinBench, target: Channel) -> Any:
     start = bench.start["pose"][:3].copy()
-    goal = start + np.clip(np.array([0.004, -0.006, 0.005]), np.array(target.low[:3]) - start,
-                           np.array(target.high[:3]) - start)  # fmt: skip
+    goal = start + np.clip(
+        np.array([0.004, -0.006, 0.005]), np.array(target.low[:3]) - start, np.array(target.high[:3]) - start
+    )
     for tick in range(3000):
         part = min(1.0, tick / 1000)
         bench.command["pose_target"] = (*(start + part * (goal - start)), 1.0, 0.0, 0.0, 0.0)
@@ -113,8 +129,11 @@ def _held(bench: TwinBench) -> Any:
     bench.touch.finger_pose[:3] = place
     bench.step(600, driven=False)
     if not bench.reading["pose"][:3].any():
-        raise _fail("the twin does not follow the finger", "touch.finger_pose is not used",
-                    "while touch.finger_attached, the device's end is at touch.finger_pose")  # fmt: skip
+        raise _fail(
+            "the twin does not follow the finger",
+            "touch.finger_pose is not used",
+            "while touch.finger_attached, the device's end is at touch.finger_pose",
+        )
     return place
 
 
@@ -128,8 +147,11 @@ def _compare(seen: Any, place: Any, what: str) -> None:
         cause = "readings in millimetres: units are SI, metres"
     elif 3e-4 < ratio < 3e-3:
         cause = "millimetres read as micrometres, or a factor of 1000 too much"
-    raise _fail(f"the pose reads {np.round(seen, 5)} m, but {what} is {np.round(place, 5)} m", cause,
-                "readings are in the device's own frame, in metres")  # fmt: skip
+    raise _fail(
+        f"the pose reads {np.round(seen, 5)} m, but {what} is {np.round(place, 5)} m",
+        cause,
+        "readings are in the device's own frame, in metres",
+    )
 
 
 @check("twin-kelvin", "temperatures are kelvin and begin near the room's")
@@ -143,9 +165,11 @@ def kelvin(subject: DeviceSubject) -> None:
     for channel in channels:
         for value in np.ravel(bench.reading[channel.name]):
             if abs(value - ROOM) > 40.0:
-                raise _fail(f"'{channel.name}' reads {value:g} K in a room of {ROOM:g} K",
-                            "degrees Celsius" if abs(value + 273.15 - ROOM) < 40 else "a twin that ignores `stand`",
-                            "add 273.15; take the room from stand(ambient, ...)")  # fmt: skip
+                raise _fail(
+                    f"'{channel.name}' reads {value:g} K in a room of {ROOM:g} K",
+                    "degrees Celsius" if abs(value + 273.15 - ROOM) < 40 else "a twin that ignores `stand`",
+                    "add 273.15; take the room from stand(ambient, ...)",
+                )
 
 
 @check("twin-rest", "under the safe command the device stays where it is")
@@ -159,9 +183,11 @@ def rest(subject: DeviceSubject) -> None:
     bench.step(500, driven=False)
     moved = float(np.abs(bench.reading["pose"][:3] - first).max())
     if moved > 2e-3:
-        raise _fail(f"it moves {1e3 * moved:.1f} mm in half a second under its safe command",
-                    "it moves when it is not enabled, or its safe command is none",
-                    "a device moves only by its command")  # fmt: skip
+        raise _fail(
+            f"it moves {1e3 * moved:.1f} mm in half a second under its safe command",
+            "it moves when it is not enabled, or its safe command is none",
+            "a device moves only by its command",
+        )
 
 
 @check("twin-command", "the twin changes neither the command nor what it is touched by")
@@ -173,8 +199,11 @@ def command_untouched(subject: DeviceSubject) -> None:
         before, finger = bench.command.tobytes(), bench.touch.finger_pose.copy()
         bench.step(driven=False)
         if bench.command.tobytes() != before or (bench.touch.finger_pose != finger).any():
-            raise _fail("the twin writes into its command or its touch", "an operation in place on an argument",
-                        "copy before you change: np.array(command[...])")  # fmt: skip
+            raise _fail(
+                "the twin writes into its command or its touch",
+                "an operation in place on an argument",
+                "copy before you change: np.array(command[...])",
+            )
 
 
 @check("state-declared", "everything that changes is in State")
@@ -190,14 +219,19 @@ def state_declared(subject: DeviceSubject) -> None:
         other.step()
         if bench.state.tobytes() != other.state.tobytes() or bench.reading.tobytes() != other.reading.tobytes():
             names = [n for n in bench.state if bench.state[n].tobytes() != other.state[n].tobytes()] or ["the reading"]
-            raise _fail(f"a restored twin goes on otherwise after {tick + 1} ticks, first in {', '.join(names[:3])}",
-                        "something that changes is kept in an attribute, a global or a generator of its own",
-                        "declare it in fields() and keep it in state; random words come from State")  # fmt: skip
+            raise _fail(
+                f"a restored twin goes on otherwise after {tick + 1} ticks, first in {', '.join(names[:3])}",
+                "something that changes is kept in an attribute, a global or a generator of its own",
+                "declare it in fields() and keep it in state; random words come from State",
+            )
     after = _attributes(bench.twin)
     changed = [name for name in after if before.get(name) != after[name]]
     if changed:
-        raise _fail(f"the twin's attribute {', '.join(changed)} changes while it runs", "State outside of State",
-                    "declare a field for it")  # fmt: skip
+        raise _fail(
+            f"the twin's attribute {', '.join(changed)} changes while it runs",
+            "State outside of State",
+            "declare a field for it",
+        )
 
 
 def _attributes(thing: Any) -> dict[str, str]:
@@ -222,9 +256,11 @@ def determinism(subject: DeviceSubject) -> None:
         one.step()
         two.step(2)
     if one.state.tobytes() != alone.state.tobytes() or one.reading.tobytes() != alone.reading.tobytes():
-        raise _fail("a second run, beside another instance, gives other bytes",
-                    "a shared global, the clock, or random numbers that the seed does not decide",
-                    "keep everything in State, and draw from the rng that reset() gets")  # fmt: skip
+        raise _fail(
+            "a second run, beside another instance, gives other bytes",
+            "a shared global, the clock, or random numbers that the seed does not decide",
+            "keep everything in State, and draw from the rng that reset() gets",
+        )
 
 
 @check("keeps-nothing", "records are not kept")
@@ -245,21 +281,27 @@ def _held_by(plugin: Any, record: Record, what: str) -> None:
     for value in _reach(plugin):
         shares = isinstance(value, np.ndarray) and value.size and np.shares_memory(value, record.raw)
         if value is record or id(value) in ours or shares:
-            raise _fail(f"the {what} is kept after the call", f"an attribute holds the {what} record or a view of it",
-                        "copy the numbers you need: float(x), np.array(x)")  # fmt: skip
+            raise _fail(
+                f"the {what} is kept after the call",
+                f"an attribute holds the {what} record or a view of it",
+                "copy the numbers you need: float(x), np.array(x)",
+            )
 
 
 def _reach(thing: Any, depth: int = 3) -> list[Any]:
     found: list[Any] = []
     if depth == 0:
         return found
-    inner = list(getattr(thing, "__dict__", {}).values()) if not isinstance(thing, (dict, list, tuple)) else (
-        list(thing.values()) if isinstance(thing, dict) else list(thing))  # fmt: skip
+    inner = (
+        list(getattr(thing, "__dict__", {}).values())
+        if not isinstance(thing, (dict, list, tuple))
+        else (list(thing.values()) if isinstance(thing, dict) else list(thing))
+    )
     for value in inner:
         found.append(value)
-        if isinstance(value, (dict, list, tuple)) or hasattr(value, "__dict__"):
-            if not isinstance(value, type) and not callable(value):
-                found += _reach(value, depth - 1)
+        holds = isinstance(value, (dict, list, tuple)) or hasattr(value, "__dict__")
+        if holds and not isinstance(value, type) and not callable(value):
+            found += _reach(value, depth - 1)
     return found
 
 
@@ -281,8 +323,11 @@ def allocates_nothing(subject: DeviceSubject) -> str:
         tracemalloc.stop()
     grown = after - before
     if grown > 24_000:
-        raise _fail(f"memory grows by {grown / 2000:.0f} bytes a tick", "a list that is appended to, or a log",
-                    "keep what must be kept in State, which has a fixed size")  # fmt: skip
+        raise _fail(
+            f"memory grows by {grown / 2000:.0f} bytes a tick",
+            "a list that is appended to, or a log",
+            "keep what must be kept in State, which has a fixed size",
+        )
     return f"{grown / 2000:.1f} bytes a tick"
 
 
@@ -298,9 +343,11 @@ def timing(subject: DeviceSubject) -> str:
         spent.append(time.perf_counter() - begin)
     median, worst = statistics.median(spent), sorted(spent)[int(0.99 * len(spent))]
     if median > 0.5 * PERIOD:
-        raise _fail(f"a step takes {1e3 * median:.2f} ms, the tick has {1e3 * PERIOD:g} ms",
-                    "it waits (sleep, a socket), or computes too much",
-                    "never wait in a twin; delays are State; compile heavy arithmetic")  # fmt: skip
+        raise _fail(
+            f"a step takes {1e3 * median:.2f} ms, the tick has {1e3 * PERIOD:g} ms",
+            "it waits (sleep, a socket), or computes too much",
+            "never wait in a twin; delays are State; compile heavy arithmetic",
+        )
     return f"p50 {1e6 * median:.0f} us, p99 {1e6 * worst:.0f} us"
 
 
@@ -319,5 +366,8 @@ def bounded(subject: DeviceSubject) -> None:
                 bench.step(200, driven=False)
     for name, view in bench.reading.items():
         if not np.isfinite(view).all():
-            raise _fail(f"'{name}' is {view} after commands at their limits", "no limit in the twin's physics",
-                        "the twin must survive every command that its channels allow")  # fmt: skip
+            raise _fail(
+                f"'{name}' is {view} after commands at their limits",
+                "no limit in the twin's physics",
+                "the twin must survive every command that its channels allow",
+            )
