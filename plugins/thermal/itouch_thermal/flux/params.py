@@ -51,7 +51,7 @@ class FluxControlParams:
         "warn", "avoid", default="warn", doc="below the dew point: warn, or keep the plate 1 K above it"
     )
     proportional: float = schema.quantity("", low=0.0, high=1e4, default=40.0, doc="gain of `paper`")
-    integral: float = schema.quantity("Hz", low=0.0, high=1e5, default=100.0, doc="integral gain of `paper`")
+    integral: float = schema.quantity("Hz", low=0.0, high=1e5, default=800.0, doc="integral gain of `paper`")
     curves: tuple[MaterialCurve, ...] = schema.children(MaterialCurve, doc="curves of single materials")
 
     def __post_init__(self) -> None:
