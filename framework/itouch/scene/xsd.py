@@ -1,0 +1,192 @@
+"""The scene language as XML Schema 1.0, for editors: completion, hover texts, first checks while typing.
+
+What the loader checks is more, and told better; what a schema of this kind can't say (units, order of rules) it leaves
+open, so that every scene which the loader takes is valid.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+from xml.sax.saxutils import escape, quoteattr
+
+from itouch.scene import elements
+from itouch.scene.documents import SECTIONS
+from itouch.scene.extensions import Extensions
+from itouch.schema.fields import REQUIRED, Spec, default_of, specs, tag_of, xml_name
+from itouch.schema.quantities import describe, format_quantity
+
+NAMESPACE = "urn:itouch:plugin:"
+_ROOTS: dict[str, type] = {
+    "include": elements.Include,
+    "materials": elements.Materials,
+    "world": elements.WorldElement,
+    "devices": elements.Devices,
+    "interaction": elements.Interaction,
+    "rates": elements.Rates,
+    "safety": elements.Safety,
+    "fault": elements.Fault,
+    "record": elements.RecordElement,
+}
+#: Where plugins may put elements: the class that holds them, and the host's name.
+_HOSTS: dict[type, str] = {
+    elements.DeviceElement: "device",
+    elements.Material: "material",
+    elements.Interaction: "interaction",
+}
+_HEAD = '<?xml version="1.0" encoding="utf-8"?>'
+
+
+def schemas(extensions: Extensions) -> dict[str, str]:
+    """Return the documents by file name: ``itouch.xsd``, and one for each plugin, which it imports."""
+    plugins = [p for p in extensions.plugin_names if any(_offers(extensions, p, host) for host in _HOSTS.values())]
+    found = {"itouch.xsd": _main(extensions, plugins)}
+    for plugin in plugins:
+        found[f"{plugin}.xsd"] = _plugin(extensions, plugin)
+    return found
+
+
+def _offers(extensions: Extensions, plugin: str, host: str) -> list[tuple[str, type]]:
+    listed = ((local, extensions.element_class(plugin, host, local)) for local in extensions.locals(plugin, host))
+    return [(local, cls) for local, cls in listed if cls is not None]
+
+
+def _main(extensions: Extensions, plugins: Sequence[str]) -> str:
+    spaces = "".join(f' xmlns:{plugin}="{NAMESPACE}{plugin}"' for plugin in plugins)
+    lines = [_HEAD, f'<xs:schema xmlns:xs="http://www.w3.org/2001/XMLSchema"{spaces} elementFormDefault="qualified">']
+    lines += [f'  <xs:import namespace="{NAMESPACE}{p}" schemaLocation="{p}.xsd"/>' for p in plugins]
+    guests = {
+        host: [f"{plugin}:{local}" for plugin in plugins for local, _ in _offers(extensions, plugin, host)]
+        for host in _HOSTS.values()
+    }
+    writer = _Writer(guests)
+    lines += writer.root()
+    return "\n".join([*lines, "</xs:schema>", ""])
+
+
+def _plugin(extensions: Extensions, plugin: str) -> str:
+    space = f"{NAMESPACE}{plugin}"
+    lines = [
+        _HEAD,
+        f'<xs:schema xmlns:xs="http://www.w3.org/2001/XMLSchema" targetNamespace="{space}" '
+        'elementFormDefault="qualified" attributeFormDefault="unqualified">',
+    ]
+    writer, seen = _Writer({}), set()
+    for host in _HOSTS.values():
+        for local, cls in _offers(extensions, plugin, host):
+            if local in seen:
+                continue
+            seen.add(local)
+            more = [_attribute("name", Spec("name", "its name; default: the element's"), None, 6)]
+            lines += writer.element(local, cls, 2, more if host == "interaction" else [])
+    return "\n".join([*lines, "</xs:schema>", ""])
+
+
+class _Writer:
+    """Writes elements with what may stand inside; ``guests`` are plugins' elements by host."""
+
+    def __init__(self, guests: dict[str, list[str]]) -> None:
+        self._guests = guests
+
+    def root(self) -> Iterator[str]:
+        """Yield ``<itouch>`` with its sections."""
+        yield '  <xs:element name="itouch">'
+        yield "    " + _documented("A scene: what is touched, with what, and how it feels.")
+        yield "    <xs:complexType>"
+        yield '      <xs:choice minOccurs="0" maxOccurs="unbounded">'
+        for tag in SECTIONS:
+            if tag == "defaults":
+                yield from _defaults()
+            elif tag in _ROOTS:
+                yield from self.element(tag, _ROOTS[tag], 8)
+        yield "      </xs:choice>"
+        yield '      <xs:attribute name="version" type="xs:string" use="required"/>'
+        yield "    </xs:complexType>"
+        yield "  </xs:element>"
+
+    def element(self, tag: str, cls: type, indent: int, more: Sequence[str] = ()) -> Iterator[str]:
+        """Yield the declaration of an element."""
+        pad = " " * indent
+        yield f'{pad}<xs:element name="{tag}">'
+        yield f"{pad}  {_documented((cls.__doc__ or '').strip().splitlines()[0])}"
+        yield f"{pad}  <xs:complexType>"
+        inner = list(self._inside(cls, indent + 6))
+        if inner:
+            yield f'{pad}    <xs:choice minOccurs="0" maxOccurs="unbounded">'
+            yield from inner
+            yield f"{pad}    </xs:choice>"
+        for name, spec in specs(cls).items():
+            if spec.kind not in ("child", "children", "plugin"):
+                yield _attribute(xml_name(name), spec, default_of(cls, name), indent + 4)
+        yield from more
+        if hasattr(cls, "OPEN"):
+            yield f'{pad}    <xs:anyAttribute processContents="skip"/>'
+        yield f"{pad}  </xs:complexType>"
+        yield f"{pad}</xs:element>"
+
+    def _inside(self, cls: type, indent: int) -> Iterator[str]:
+        for spec in specs(cls).values():
+            for child in spec.elements:
+                yield from self.element(tag_of(child, spec), child, indent)
+        for name in self._guests.get(_HOSTS.get(cls, ""), ()):
+            yield f'{" " * indent}<xs:element ref="{name}"/>'
+
+
+def _defaults() -> Iterator[str]:
+    yield '        <xs:element name="defaults">'
+    yield "          " + _documented("Attributes that hold for the elements of a tag, here and in what includes this.")
+    yield "          <xs:complexType>"
+    yield '            <xs:sequence><xs:any minOccurs="0" maxOccurs="unbounded" processContents="skip"/></xs:sequence>'
+    yield "          </xs:complexType>"
+    yield "        </xs:element>"
+
+
+def _attribute(name: str, spec: Spec, default: Any, indent: int) -> str:
+    pad = " " * indent
+    # a default or base may supply a required attribute, so that an editor must not insist
+    words = _words(spec, default)
+    kind = _type(spec, indent + 2)
+    return f"{pad}<xs:attribute name={quoteattr(name)}>\n{pad}  {_documented(words)}\n{kind}\n{pad}</xs:attribute>"
+
+
+def _words(spec: Spec, default: Any) -> str:
+    parts = [spec.doc] if spec.doc else []
+    if spec.kind == "quantity":
+        limits = spec.range_text()
+        parts.append(describe(spec.unit, spec.size, spec.absolute) + (f", {limits}" if limits else ""))
+    elif spec.kind == "integer":
+        parts.append(f"whole number, {spec.range_text()}" if spec.range_text() else "whole number")
+    elif spec.kind == "ref":
+        parts.append(f"name of a {spec.target}")
+    if default is REQUIRED:
+        parts.append("required")
+    elif default not in (None, ""):
+        shown = format_quantity(default, spec.unit) if spec.kind == "quantity" else _plain(default)
+        parts.append(f"default: {shown}")
+    return "; ".join(parts)
+
+
+def _plain(value: Any) -> str:
+    return ("yes" if value else "no") if isinstance(value, bool) else str(value)
+
+
+def _type(spec: Spec, indent: int) -> str:
+    pad = " " * indent
+    if spec.kind in ("choice", "flag"):
+        also = getattr(spec, "values", ())
+        words = [*(("yes", "no") if spec.kind == "flag" else ()), *also]
+        inner = "".join(f"<xs:enumeration value={quoteattr(word)}/>" for word in dict.fromkeys(words))
+        return f'{pad}<xs:simpleType><xs:restriction base="xs:token">{inner}</xs:restriction></xs:simpleType>'
+    if spec.kind == "integer":
+        return f'{pad}<xs:simpleType><xs:restriction base="xs:integer"/></xs:simpleType>'
+    if spec.kind == "quantity":
+        pattern = r"\s*[-+.0-9](.|\s)*"
+        return (
+            f'{pad}<xs:simpleType><xs:restriction base="xs:string">'
+            f'<xs:pattern value="{pattern}"/></xs:restriction></xs:simpleType>'
+        )
+    return f'{pad}<xs:simpleType><xs:restriction base="xs:string"/></xs:simpleType>'
+
+
+def _documented(words: str) -> str:
+    return f"<xs:annotation><xs:documentation>{escape(words)}</xs:documentation></xs:annotation>"
