@@ -112,4 +112,37 @@ WRITERS = {
     "glTF": ("gltf", gltf),
 }
 
+CORNERS = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (2, 0.5, 0), (-1, 0.5, 0.25)]
+#: Faces of several sizes over CORNERS, and how many triangles they are.
+POLYGONS = {
+    "triangles": ([(0, 1, 2), (0, 2, 3)], 2),
+    "quads": ([(0, 1, 2, 3), (0, 3, 5, 5)], 3),
+    "mixed": ([(0, 1, 2, 3), (1, 4, 2), (0, 3, 5)], 4),
+    "a pentagon": ([(0, 1, 4, 2, 3), (0, 3, 5)], 4),
+}
+
+
+def polygon_file(kind: str, faces: list[tuple[int, ...]]) -> tuple[str, bytes]:
+    """A file of polygons: its name's end, and its content."""
+    rows = [" ".join(map(str, corner)) for corner in CORNERS]
+    counted = [f"{len(f)} {' '.join(map(str, f))}" for f in faces]
+    if kind == "OFF":
+        return "off", "\n".join([f"OFF {len(rows)} {len(faces)} 0", *rows, "# faces", *counted, ""]).encode()
+    if kind == "OBJ":
+        lines = ["f " + " ".join(str(i + 1) for i in f) for f in faces]
+        return "obj", "\n".join([*(f"v {row}" for row in rows), *lines]).encode()
+    order = {"text PLY": "", "PLY, little end first": "<", "PLY, great end first": ">"}[kind]
+    form = {"": "ascii", "<": "binary_little_endian", ">": "binary_big_endian"}[order]
+    head = [
+        "ply", f"format {form} 1.0", "comment by hand", f"element vertex {len(rows)}", "property float x",
+        "property float y", "property float z", f"element face {len(faces)}", "property list uchar int vertex_indices",
+        "end_header", "",
+    ]  # fmt: skip
+    if not order:
+        return "ply", "\n".join(head).encode() + "\n".join([*rows, *counted]).encode()
+    body = [struct.pack(f"{order}3f", *corner) for corner in CORNERS]
+    body += [struct.pack(f"{order}B{len(f)}i", len(f), *f) for f in faces]
+    return "ply", "\n".join(head).encode() + b"".join(body)
+
+
 BOX = box_mesh(0.5, 0.25, 0.125)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from meshfiles import BOX, WRITERS, glb_of, gltf_document, obj, off, ply, stl, stl_text
+from meshfiles import BOX, POLYGONS, WRITERS, glb_of, gltf_document, obj, off, ply, polygon_file, stl, stl_text
 from probing import grid
 
 from itouch.contact.meshfile import MeshError, MeshFile, load_mesh, load_source, read_mesh_file
@@ -91,6 +91,18 @@ v 0 0 1\nv 1 0 1\nv 1 1 1\no two\nf -3 -2 -1\nl 1 2\n"""
     assert mesh.facts.triangles == 3
     assert mesh.surface.closest([0.9, 0.2, 1.0])[1] < 1e-15
     assert mesh.surface.closest([0.2, 0.9, 0.0])[1] < 1e-15
+
+
+@pytest.mark.parametrize("faces", POLYGONS)
+@pytest.mark.parametrize("kind", ["OFF", "OBJ", "text PLY", "PLY, little end first", "PLY, great end first"])
+def test_polygons_become_triangles(kind: str, faces: str) -> None:
+    polygons, triangles = POLYGONS[faces]
+    end, data = polygon_file(kind, polygons)
+    mesh = load_source(MeshFile.of(f"a.{end}", data))
+    assert mesh.facts.triangles == triangles
+    assert mesh.facts.turned_faces == 0
+    square = mesh.surface.closest([[0.2, 0.7, 0.0], [0.7, 0.2, 0.0], [0.9, 0.9, 1.0]])[1]
+    np.testing.assert_allclose(square, [0.0, 0.0, 1.0], atol=1e-12)
 
 
 def test_nodes_place_the_meshes_of_a_gltf() -> None:

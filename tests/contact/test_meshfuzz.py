@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from meshfiles import BOX, WRITERS, glb_of, gltf_document
+from meshfiles import BOX, POLYGONS, WRITERS, glb_of, gltf_document, polygon_file
 from probing import grid
 
 from itouch.contact.meshfile import MeshError, MeshFile, load_source
@@ -43,15 +43,21 @@ def damaged(data: bytes, rng: np.random.Generator) -> bytes:
     return bytes(out)
 
 
-@pytest.mark.parametrize("name", WRITERS)
+SOUND = {
+    name: (kind, [writer(*BOX), writer(*grid(3))]) for name, (kind, writer) in WRITERS.items()
+} | {
+    f"{kind} of polygons": (polygon_file(kind, POLYGONS["mixed"][0])[0], [polygon_file(kind, f)[1] for f, _ in POLYGONS.values()])
+    for kind in ("OFF", "OBJ", "text PLY", "PLY, little end first")
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SOUND)
 def test_damaged_files(name: str) -> None:
-    kind, writer = WRITERS[name]
+    kind, sound = SOUND[name]
     rng = np.random.default_rng(sum(name.encode()))
-    vertices, faces = grid(3)
-    sound = [writer(*BOX), writer(vertices, faces.astype(np.int64))]
     refused = 0
     for turn in range(ROUNDS):
-        data = damaged(sound[turn % 2], rng)
+        data = damaged(sound[turn % len(sound)], rng)
         try:
             mesh = load_source(MeshFile.of(f"a.{kind}", data))
         except MeshError as error:

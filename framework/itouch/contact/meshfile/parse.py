@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from itouch.contact.meshfile.faults import MeshError
 from itouch.contact.meshfile.gltf import read_gltf
 from itouch.contact.meshfile.limits import MAX_FACES, too_many_faces
+from itouch.contact.meshfile.ply import read_header, read_polygons
+from itouch.contact.meshfile.polygons import fans
 from itouch.contact.meshfile.preflight import checked, pieces
 from itouch.contact.meshfile.source import MeshFile
 
@@ -81,12 +83,12 @@ def _unlogged() -> Iterator[None]:
 
 def _loaded(data: bytes, kind: str, shown: str) -> Iterator[tuple[NDArray[np.float64], NDArray[np.int64]]]:
     loader: Any = getattr(import_module(f"trimesh.exchange.{kind}"), _LOADERS[kind])
-    more = {} if kind in ("stl", "off") else {"skip_materials": True}
+    more = {"skip_materials": True} if kind == "obj" else {}
     try:
         for piece in pieces(checked(data, kind, shown), kind):
             with warnings.catch_warnings(), _unlogged():
                 warnings.simplefilter("error")  # a number that can't be read is only a warning to numpy
-                loaded = loader(io.BytesIO(piece), **more)
+                loaded = loader(io.BytesIO(piece), **more) if kind != "ply" else _ply(loader, piece)
             for part in loaded["geometry"].values() if "geometry" in loaded else [loaded]:
                 if part.get("faces") is not None and len(part["faces"]):
                     yield _part(part)
@@ -98,8 +100,23 @@ def _loaded(data: bytes, kind: str, shown: str) -> Iterator[tuple[NDArray[np.flo
         raise MeshError("mesh-damaged", sentence, "is it complete? export it again") from None
 
 
+def _ply(loader: Any, data: bytes) -> dict[str, Any]:
+    """Read a PLY by trimesh; one with polygons of several sizes, which trimesh takes for damaged, without it."""
+    try:
+        loaded: dict[str, Any] = loader(io.BytesIO(data), skip_materials=True)
+        return loaded
+    except Exception:
+        header = read_header(data)
+        if not header.order:
+            raise
+        vertices, faces = read_polygons(data, header)
+        return {"vertices": vertices, "faces": faces}
+
+
 def _part(part: dict[str, Any]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     vertices, faces = np.asarray(part["vertices"], np.float64), np.asarray(part["faces"]).astype(np.int64)
+    if faces.ndim == 2 and faces.shape[1] > 3:
+        faces = fans(np.full(len(faces), faces.shape[1]), faces.ravel())
     if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
         raise ValueError("its vertices or faces have not three columns")
     if faces.min() < 0 or faces.max() >= len(vertices):

@@ -6,6 +6,7 @@ import io
 import re
 import struct
 from collections.abc import Iterator
+from itertools import pairwise
 
 from itouch.contact.meshfile.faults import MeshError
 from itouch.contact.meshfile.limits import (
@@ -15,14 +16,10 @@ from itouch.contact.meshfile.limits import (
     too_many_faces,
     too_many_vertices,
 )
+from itouch.contact.meshfile.ply import read_header
 
 _MAX_PARTS = 10_000  # named parts of a text file: the parser's work grows with their square
 _STL_HEAD, _STL_ROW = 84, 50
-_PLY_BYTES = {
-    "char": 1, "int8": 1, "uchar": 1, "uint8": 1, "short": 2, "int16": 2, "ushort": 2, "uint16": 2, "int": 4,
-    "int32": 4, "uint": 4, "uint32": 4, "float": 4, "float16": 2, "float32": 4, "double": 8, "float64": 8,
-    "int64": 8, "uint64": 8,
-}  # fmt: skip
 _OFF_COUNTS = re.compile(rb"\s*C?OFF\s+(\d{1,18})\s+(\d{1,18})")
 _COMMENT = re.compile(rb"#[^\n]*")
 _END_FACET = re.compile(rb"(?i)endfacet")
@@ -113,30 +110,20 @@ def _next_facet(data: bytes, at: int) -> int:
 
 
 def _ply(data: bytes, shown: str) -> bytes:
-    end = data[: 1 << 16].find(b"end_header")
-    if not re.match(rb"ply\s", data) or end < 0:
-        raise _not("PLY", shown, data, "" if not data.startswith(b"ply") else "its header does not end")
-    lines = [line.split() for line in data[:end].decode("latin-1").splitlines()[1:]]
-    binary = any(line[:1] == ["format"] and "ascii" not in line[1:2] for line in lines)
-    rows, total, least, known = 0, 0, 0, set()
-    for line in lines:
-        if line[:1] == ["element"]:
-            if len(line) != 3 or not line[2].isdecimal() or len(line[2]) > 18 or line[1] in known:
-                raise _not("PLY", shown, data, f"its header says '{' '.join(line)[:60]}'")
-            known.add(line[1])
-            rows = int(line[2])
-            total += rows
-            _ply_count(line[1], rows, shown, binary)
-        elif line[:1] == ["property"]:
-            size = _PLY_BYTES.get(line[2 if line[1:2] == ["list"] else 1] if len(line) > 2 else "")
-            if size is None or not known:
-                raise _not("PLY", shown, data, f"its header says '{' '.join(line)[:60]}'")
-            least += rows * (size if binary else 2)
-    if least > len(data) - end:
-        sentence = f"its header announces at least {least} bytes, it has {len(data) - end}"
-        raise _not("PLY", shown, data, sentence)
-    if not binary:
-        _check_lines(data, total, "PLY", shown)
+    try:
+        header = read_header(data)
+    except (ValueError, KeyError, IndexError) as error:
+        raise _not("PLY", shown, data, str(error) if isinstance(error, ValueError) else "") from None
+    least = 0
+    for element in header.elements:
+        _ply_count(element.name, element.rows, shown, bool(header.order))
+        sizes = [struct.calcsize("<" + (p.length_kind or p.kind)) for p in element.properties]
+        least += element.rows * (sum(sizes) if header.order else 2 * len(sizes))
+    held = len(data) - header.start
+    if least > held + 1:  # the last line of a text may have no end
+        raise _not("PLY", shown, data, f"its header announces at least {least} bytes, it has {held}")
+    if not header.order:
+        _check_lines(data, sum(element.rows for element in header.elements), "PLY", shown)
     return data
 
 
@@ -170,7 +157,29 @@ def _off(data: bytes, shown: str) -> bytes:
         announced = f"it announces {vertices} vertices and {faces} faces"
         raise _not("OFF", shown, data, f"{announced}, more than it has bytes for")
     _check_lines(data, vertices + faces, "OFF", shown)
-    return data
+    return _plain_off(data, vertices, faces, shown)
+
+
+def _plain_off(data: bytes, vertices: int, faces: int, shown: str) -> bytes:
+    """Keep an OFF's vertices and faces only, the faces as triangles: without comments, which may stand anywhere."""
+    lines = [line for line in _COMMENT.sub(b"", data).splitlines() if line.strip()]
+    first = 1 if len(lines[0].split()) >= 3 else 2  # the counts may stand beside the OFF
+    rows = [line.split() for line in lines[first + vertices : first + vertices + faces]]
+    triangles: list[bytes] = []
+    for row in rows:
+        count = int(row[0])
+        if count < 0 or len(row) <= count:
+            raise _not("OFF", shown, data, f"a face announces {count} corners and has {len(row) - 1}")
+        triangles += [b"3 " + three for three in _fan(row[1 : count + 1])]
+        if len(triangles) > MAX_FACES:
+            raise too_many_faces(shown, len(triangles))
+    return b"\n".join([b"OFF", b"%d %d 0" % (vertices, len(triangles)), *lines[first : first + vertices], *triangles])
+
+
+def _fan(corners: list[bytes]) -> Iterator[bytes]:
+    """Cut a polygon into triangles that share its first corner."""
+    for second, third in pairwise(corners[1:]):
+        yield b" ".join((corners[0], second, third))
 
 
 def _obj(data: bytes, shown: str) -> bytes:
@@ -195,7 +204,7 @@ def _obj(data: bytes, shown: str) -> bytes:
 
 
 def _plain_obj(data: bytes) -> bytes:
-    """Keep an OBJ's vertices and faces only, with each face's vertices as plain positive numbers.
+    """Keep an OBJ's vertices and faces only, the faces as triangles of plain positive numbers.
 
     Names, materials, textures and normals are not felt; and numbers counted back from a line mean something else to a
     parser that reads all vertices first.
@@ -208,7 +217,5 @@ def _plain_obj(data: bytes) -> bytes:
             lines.append(b" ".join(line[:4]))
         elif line[:1] == [b"f"]:
             corners = [int(word.split(b"/", 1)[0]) for word in line[1:]]
-            if len(corners) < 3:
-                continue
-            lines.append(b"f " + b" ".join(b"%d" % (c if c > 0 else count + 1 + c) for c in corners))
+            lines += [b"f " + three for three in _fan([b"%d" % (c if c > 0 else count + 1 + c) for c in corners])]
     return b"\n".join(lines)
