@@ -114,7 +114,7 @@ def test_an_independent_reader_plots_it(recorded: tuple[itouch.Session, Path]) -
 def test_chosen_channels_at_their_rates(scenes: Path) -> None:
     path = scenes / "first_touch.xml"
     text = path.read_text(encoding="utf-8")
-    more = '<record to="out/{scene}.mcap" channels="finger.hip finger.*force" rate="250 Hz"><channels of="tick" rate="10 Hz"/></record>'
+    more = '<record to="out/{scene}.mcap" channels="finger.normal finger.*force" rate="250 Hz"><channels of="tick" rate="10 Hz"/></record>'
     path.write_text(text.replace("</itouch>", more + "</itouch>"), encoding="utf-8")
     folder = os.getcwd()
     os.chdir(scenes)
@@ -131,7 +131,8 @@ def test_chosen_channels_at_their_rates(scenes: Path) -> None:
         os.chdir(folder)
     assert len(recording["chosen/finger/250Hz"]) == 125
     assert list(recording["chosen/session/10Hz"]["tick"]) == [0, 100, 200, 300, 400]
-    assert recording["finger.hip"].shape == (125, 3)
+    assert recording["finger.normal"].shape == (125, 3)
+    assert recording["finger.hip"].shape == (500, 3)
     assert itouch.write(session.scene).count("<record") == 1
     assert itouch.restore(_saved(session, scenes)).scene == session.scene
 

@@ -65,7 +65,7 @@ class ProbeRig:
         operator, table, face = self.probe.operator, self.table, self.face
         hand = None
         if operator is not None and self.tracker.model.twin:
-            hand = Hand(operator, self.probe.name, state, self.model.period)
+            hand = Hand(operator, self.probe.name, state, self.model.period, recorded=self.probe.recorded)
         return Coupling(
             hand, self.probe.scene.radius, self.tracker if hand is not None else None,
             table if table is not None and table.model.twin else None,

@@ -15,6 +15,8 @@ from itouch.world import Model
 _STATUS = ("status", "trip", "ramp", "age", "sequence", "clamped", "dropped")
 #: What comes from outside the loop besides readings.
 _INPUTS = ("hold", "ready")
+#: What is recorded of each probe, with units: enough to draw it, and to move a hand by it in another scene.
+_PROBE = {"hip": "m", "force": "N", "penetration": "m", "object": ""}
 #: Gaps up to this many bytes are copied along: one copy more costs more.
 _GAP = 512
 
@@ -23,7 +25,7 @@ Wish = tuple[Sequence[str], float]
 
 
 def replay_tracks(model: Model, state: Record) -> list[Track]:
-    """Return the tracks that a replay needs: of each device, and of the session itself."""
+    """Return the tracks that are always recorded: of each device and probe, and of the session itself."""
     tracks = []
     for name, device in model.devices.items():
         columns = [_column(state, f"{name}.{c.name}", c.name, c.unit) for c in device.reads]
@@ -31,6 +33,9 @@ def replay_tracks(model: Model, state: Record) -> list[Track]:
             columns += [_column(state, f"{name}.{kind}.{c.name}", f"{kind}.{c.name}", c.unit) for c in device.commands]
         columns += [_column(state, f"{name}.{field}", field) for field in _STATUS if f"{name}.{field}" in state]
         tracks.append(Track(name, 1, True, tuple(columns)))
+    for probe in model.probes:
+        columns = [_column(state, f"{probe.name}.{field}", field, unit) for field, unit in _PROBE.items()]
+        tracks.append(Track(probe.name, 1, True, tuple(columns)))
     inputs = tuple(_column(state, field, field) for field in _INPUTS if field in state)
     return [Track("session", 1, True, inputs), *tracks]
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from itouch.plugin import Record
 from itouch.scene.elements import Operator
+from itouch.world.recorded import RecordedMotion
 
 Vector = tuple[float, float, float]
 #: Speed at which a hand is led away from its path for a calibration, and back [m/s].
@@ -36,11 +37,42 @@ class Path:
         self.pieces.setflags(write=False)
 
 
+class RecordedPath:
+    """The motion of the hand's target along recorded places: one piece that is laid anew for every step.
+
+    A piece of minimum jerk is at its middle half-way between its ends, with 1.875 times its mean velocity; so it is
+    laid round each moment to pass through the recorded place with the recorded velocity.
+    """
+
+    def __init__(self, recorded: RecordedMotion) -> None:
+        self._places, self._step = recorded.positions, recorded.period
+        self._last = len(self._places) - 1
+        self.start: Vector = (self._places[0, 0].item(), self._places[0, 1].item(), self._places[0, 2].item())
+        self.duration = self._last * self._step
+        self._row = np.array([(-1.0, 2.0, *self.start, *self.start)], np.float64)
+        self.pieces = self._row[:]
+        self.pieces.setflags(write=False)
+
+    def lay(self, time: float) -> None:
+        """Lay the piece round a time [s]; before the begin and after the end the hand rests."""
+        at = min(max(time / self._step, 0.0), float(self._last))
+        index = min(int(at), max(self._last - 1, 0))
+        here, there = self._places[index], self._places[min(index + 1, self._last)]
+        place = here + (at - index) * (there - here)
+        half = (there - here) / (2.0 * self._step) if 0.0 < time < self.duration else np.zeros(3)
+        self._row[0, 0], self._row[0, 1] = time - 0.9375, 1.875
+        self._row[0, 2:5], self._row[0, 5:8] = place - half, place + half
+
+
 class Hand:
     """The target of one probe's hand, and the finger's motion, on their part of State."""
 
-    def __init__(self, operator: Operator, name: str, state: Record, period: float) -> None:
-        self.operator, self.path, self._period = operator, Path(operator), period
+    def __init__(
+        self, operator: Operator, name: str, state: Record, period: float, *, recorded: RecordedMotion | None = None
+    ) -> None:
+        self.operator, self._period = operator, period
+        self._recorded = RecordedPath(recorded) if recorded is not None else None
+        self.path: Path | RecordedPath = self._recorded or Path(operator)
         self._end = math.ceil(self.path.duration / period - 1e-9)
         self.ticks, self.offset = state[f"{name}.hand.ticks"], state[f"{name}.hand.offset"]
         self._steered, self._wanted = state[f"{name}.hand.steered"], state[f"{name}.hand.wanted"]
@@ -100,4 +132,6 @@ class Hand:
         if moving and not self._follow():
             ticks += 1
             self.ticks[...] = ticks
+        if self._recorded is not None:
+            self._recorded.lay(ticks * self._period)
         return ticks * self._period

@@ -21,6 +21,7 @@ from itouch.world.files import SceneFile, SceneFiles
 from itouch.world.limits import check_safety
 from itouch.world.modalities import ModalityModel, build_modalities, notices_of
 from itouch.world.motion import NO_MOTIONS, Motions, build_motions
+from itouch.world.recorded import RecordedMotion, recorded_motion
 from itouch.world.rig import DeviceModel, build_devices, orientation
 from itouch.world.shapes import build_shapes
 from itouch.world.surfaces import build_effects, build_friction, contact_of
@@ -37,6 +38,7 @@ class ProbeModel:
     coupling: tuple[Coupling, ...]
     face: str
     effects: tuple[Effects, ...] = ()
+    recorded: RecordedMotion | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +97,7 @@ def compile_scene(scene: Scene, catalog: Catalog) -> tuple[Model | None, list[Pr
     effects = build_effects(scene, reader, problems, notices)
     poses = _poses(scene, problems)
     motions = build_motions(scene, poses, shapes, devices, reader, problems)
-    probes = _probes(scene, devices, effects, notices)
+    probes = _probes(scene, devices, effects, notices, reader, problems)
     period = 1.0 / scene.rates.servo
     modalities = build_modalities(scene, catalog, devices, period, problems)
     notices += notices_of(modalities)
@@ -117,8 +119,9 @@ def _poses(scene: Scene, problems: list[Problem]) -> NDArray[np.float64]:
 
 
 def _probes(
-    scene: Scene, devices: Mapping[str, DeviceModel], effects: Sequence[Effects], notices: list[str]
-) -> list[ProbeModel]:
+    scene: Scene, devices: Mapping[str, DeviceModel], effects: Sequence[Effects], notices: list[str],
+    reader: SceneFiles, problems: list[Problem],
+) -> list[ProbeModel]:  # fmt: skip
     found = []
     for index, probe in enumerate(scene.probes):
         operator = next((o for o in scene.operators if o.probe == probe.name), None)
@@ -129,7 +132,8 @@ def _probes(
         coupling = on_bodies(coupling, scene.objects, 1.0 / scene.rates.servo, notices)
         face = next((d.name for d in devices.values() if d.carrier and d.carrier == probe.surface_to), probe.surface_to)
         own = stable_effects(probe, arm, effects, coupling, names, 1.0 / scene.rates.servo, notices)
-        found.append(ProbeModel(probe.name, index, probe, operator, coupling, face, own))
+        recorded = recorded_motion(scene, operator, reader, problems)
+        found.append(ProbeModel(probe.name, index, probe, operator, coupling, face, own, recorded))
     return found
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from itouch.scene.elements.document import PluginPart
-from itouch.schema.fields import child, children, name, plugin_parts, quantity, ref, temperature
+from itouch.schema.fields import child, children, file, name, plugin_parts, quantity, ref, temperature, text
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,10 +54,17 @@ class To:
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """What the operator's hand does; the first target is where it starts."""
+    """What the operator's hand does: targets, of which the first is where it starts, or what was recorded."""
 
     TAG: ClassVar[str] = "motion"
+    REQUIRES: ClassVar[tuple[tuple[str, str], ...]] = (("recorded_probe", "file"),)
+    file: str = file(default="", doc="a recording (.mcap): the hand goes where the finger was")
+    recorded_probe: str = text(default="", doc="the probe of the recording; default: the one of this operator's name")
     targets: tuple[To, ...] = children(To, doc="one after the other")
+
+    def __post_init__(self) -> None:
+        if self.file and self.targets:
+            raise ValueError("a recorded motion has no targets of its own: give file, or <to>")
 
 
 @dataclass(frozen=True, slots=True)

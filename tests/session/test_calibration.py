@@ -1,0 +1,212 @@
+"""Calibrations on record: fitted from samples, dated, put into the scene, refused when they have expired."""
+
+from __future__ import annotations
+
+import datetime
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shipped import SCENES
+
+from itouch.cli import calibrate
+from itouch.cli import main as cli
+from itouch.cli.calibrate import rigid
+from itouch.plugin import poses
+from itouch.schema import ItouchError, SceneError
+from itouch.session import build, calibration, load_scene
+
+ARM = """<itouch version="1.0" xmlns:usb-arm="urn:itouch:plugin:usb-arm" xmlns:thermal="urn:itouch:plugin:thermal">
+  <materials><material name="wood"><contact stiffness="1 N/mm"/></material></materials>
+  <world><box name="block" size="60 60 20 mm" pos="0 0 10 mm" material="wood"/></world>
+  <devices>
+    <device name="arm" plugin="usb-arm"><mount pos="0 100 0 mm"/><usb-arm:hardware force-scale="2000"/></device>
+    <device name="table" plugin="xyz-table"><mount pos="0 0 -50 mm" rpy="0 0 90 deg"/></device>
+    <device name="plate" plugin="thermal"><thermal:hardware><thermal:labjack host="x">
+      <thermal:flux-sensor sensitivity="1e-6"/></thermal:labjack></thermal:hardware></device>
+  </devices>
+  <interaction><probe name="finger" pose-from="arm" force-to="arm"/></interaction>
+</itouch>"""
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    path = tmp_path / "scene.xml"
+    path.write_text(ARM)
+    return path
+
+
+def samples(tmp_path: Path, rows: np.ndarray, heading: str = "") -> str:
+    file = tmp_path / "samples.csv"
+    file.write_text(heading + "\n".join(",".join(f"{v:.9g}" for v in row) for row in rows) + "\n")
+    return str(file)
+
+
+def test_force_scale_from_a_scale(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    asked = np.array([0.5, 1.0, 1.5, 2.0, 2.5])
+    file = samples(tmp_path, np.stack([asked, 0.8 * asked + 0.05], axis=1), "asked,given\n")
+    assert cli(["calibrate", str(scene), "--kind", "force-scale", "--samples", file]) == 0
+    assert "force_scale = 2500" in capsys.readouterr().out
+    (arm, _, _) = load_scene(scene).devices
+    assert arm.parts[0].params.force_scale == pytest.approx(2500.0)
+    assert load_scene(scene, records=False).devices[0].parts[0].params.force_scale == 2000.0
+    assert load_scene(scene, twin="none").devices[0].parts[0].params.force_scale == 2000.0  # the record is the twin's
+    (record,) = calibration.read_records(scene.with_suffix(".calibration.json"))
+    assert (record.device, record.kind, record.twin, record.samples, record.unit) == (
+        "arm",
+        "force-scale",
+        True,
+        5,
+        "N",
+    )
+    assert record.residual < 1e-9
+    lasts = datetime.datetime.fromisoformat(record.expires) - datetime.datetime.fromisoformat(record.made)
+    assert lasts == datetime.timedelta(days=180)
+
+
+def test_an_expired_record_refuses_the_scene_until_it_is_extended(scene: Path, tmp_path: Path) -> None:
+    file = samples(tmp_path, np.array([[1.0, 1.0], [2.0, 2.0], [3.0, 3.0]]))
+    assert cli(["calibrate", str(scene), "--kind", "force-scale", "--samples", file, "--days", "30"]) == 0
+    path = calibration.file_of(scene)
+    (record,) = calibration.read_records(path)
+    past = (calibration.now() - datetime.timedelta(days=1)).isoformat()
+    made = (calibration.now() - datetime.timedelta(days=31)).isoformat()
+    calibration.write_records(path, [replace(record, made=made, expires=past)])
+    with pytest.raises(SceneError, match="calibration-stale.*\n|force-scale") as refusal:
+        build(scene)
+    assert "expired on" in str(refusal.value)
+    assert "--extend" in str(refusal.value)
+    assert cli(["run", str(scene), "--for", "0.01s", "--headless"]) == 2
+    assert cli(["calibrate", str(scene), "--extend", "--device", "table"]) == 0
+    assert calibration.read_records(path)[0].expires == past  # it is another's
+    assert cli(["calibrate", str(scene), "--extend"]) == 0
+    assert not calibration.read_records(path)[0].stale(calibration.now())
+    build(scene).close()
+
+
+def test_flux_gain_and_offset(scene: Path, tmp_path: Path) -> None:
+    reference = np.array([0.0, 200.0, 500.0, 1000.0])
+    file = samples(tmp_path, np.stack([reference, 1.1 * reference + 20.0], axis=1))
+    assert cli(["calibrate", str(scene), "--kind", "flux-gain", "--samples", file]) == 0
+    sensor = load_scene(scene).devices[2].parts[0].params.labjack.flux_sensor
+    assert sensor.sensitivity == pytest.approx(1.1e-6)
+    volts = (1.1 * 500.0 + 20.0) * 1e-6  # what the old sheet read as 570
+    assert sensor.flux(volts, 296.15) == pytest.approx(500.0)
+
+
+def test_mount_fit_finds_a_turned_and_shifted_arm(scene: Path, tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    truth = np.array([0.01, 0.02, 0.03, *poses.quaternion_from_rpy((0.3, -0.2, 1.1))])  # table from arm
+    here = rng.uniform(-0.05, 0.05, (8, 3))
+    there = np.array([poses.transform(truth, p) for p in here]) + rng.normal(0, 1e-4, (8, 3))
+    file = samples(tmp_path, np.hstack([here, there]))
+    assert (
+        cli(["calibrate", str(scene), "--kind", "mount-fit", "--device", "arm", "--to", "table", "--samples", file])
+        == 0
+    )
+    arm, table, _ = load_scene(scene).devices
+    world_from_table = np.array(calibration.mount_pose(table.mount))
+    expected = poses.compose(world_from_table, truth)
+    got = np.array(calibration.mount_pose(arm.mount))
+    assert got[:3] == pytest.approx(expected[:3], abs=3e-4)
+    assert abs(got[3:] @ expected[3:]) == pytest.approx(1.0, abs=1e-5)
+    (record,) = calibration.read_records(calibration.file_of(scene))
+    assert 0.05 < record.residual < 0.3
+    assert record.unit == "mm"
+
+
+def test_rigid_fit_is_exact_and_refuses_lines() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        turn = rng.normal(size=4)
+        pose = np.array([*rng.normal(size=3), *poses.normalized(tuple(turn))])
+        points = rng.normal(size=(4, 3))
+        found, rest = rigid(points, np.array([poses.transform(pose, p) for p in points]))
+        assert rest < 1e-12
+        assert found[:3] == pytest.approx(pose[:3], abs=1e-10)
+        assert abs(found[3:] @ pose[3:]) == pytest.approx(1.0, abs=1e-12)
+    line = np.outer(np.arange(4.0), (1.0, 2.0, 3.0))
+    with pytest.raises(ValueError, match="on a line"):
+        rigid(line, line)
+    with pytest.raises(ValueError, match="three or more"):
+        rigid(line[:2], line[:2])
+
+
+def test_a_step_of_current_gives_the_module(scene: Path, tmp_path: Path) -> None:
+    """The samples are those of a twin with another module, with the noise of its sensors."""
+    from itouch_thermal.display.params import DisplayParams
+    from itouch_thermal.drivers.fits import _simulate
+
+    times = np.arange(0.0, 8.0, 0.05)
+    currents = np.where(times < 0.5, 0.0, np.where(times < 4.0, 2.0, -1.5))
+    module = {"seebeck": 0.055, "resistance": 1.6, "conductance": 0.65}
+    shown = _simulate(DisplayParams(**module), times, currents, 296.15).reshape(2, -1)
+    shown += np.random.default_rng(1).normal(0.0, [[0.01], [0.02]], shown.shape)
+    file = samples(tmp_path, np.stack([times, currents, *shown], axis=1))
+    assert cli(["calibrate", str(scene), "--kind", "tec-step", "--samples", file]) == 0
+    params = load_scene(scene).devices[2].parts[0].params
+    for name, value in module.items():
+        assert getattr(params, name) == pytest.approx(value, rel=0.03), name
+    (record,) = calibration.read_records(calibration.file_of(scene))
+    assert record.residual < 0.03
+
+
+def test_touch_off_is_kept_and_used(tmp_path: Path) -> None:
+    """The shipped rig's mount is 3 mm off: after a calibration on record a run without touch-off knows the height."""
+    text = (SCENES / "four_materials.xml").read_text()
+    (tmp_path / "scene.xml").write_text(text)
+    for name in ("materials.xml", "rigs/twin.xml"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text((SCENES / name).read_text())
+    scene = tmp_path / "scene.xml"
+    assert cli(["calibrate", str(scene), "--kind", "touch-off"]) == 0
+    table = next(d for d in load_scene(scene).devices if d.name == "table")
+    assert table.mount.pos[2] == pytest.approx(-0.011, abs=2e-4)  # written -8 mm, true -11
+    assert load_scene(scene, records=False).devices[1].mount.pos[2] == -0.008
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--kind", "colour"], "no device has a calibration 'colour'"),
+        (["--kind", "mount-fit"], "several devices have a calibration 'mount-fit'"),
+        (["--kind", "mount-fit", "--device", "arm"], "in whose frame"),
+        (["--kind", "force-scale"], "as --samples: columns asked [N], given [N]"),
+        (["--kind", "force-scale", "--samples", "/no/such"], "cannot be read"),
+        (["--kind", "force-scale", "--samples", "BAD"], "sample 2 is '1 x'"),
+        (["--kind", "force-scale", "--samples", "FEW"], "a line needs three samples"),
+        (["--kind", "force-scale", "--samples", "GOOD", "--days", "-1"], "out of range"),
+        (["--kind", "touch-off", "--device", "arm"], "no device has a calibration"),
+    ],
+)
+def test_what_is_wrong_is_told(
+    scene: Path, tmp_path: Path, words: list[str], says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files = {"BAD": "1 2\n1 x\n", "FEW": "1 1\n2 2\n", "GOOD": "1 1\n2 2\n3 3\n"}
+    for name, content in files.items():
+        (tmp_path / name).write_text(content)
+    words = [str(tmp_path / word) if word in files else word for word in words]
+    assert cli(["calibrate", str(scene), *words]) == 2
+    assert says in capsys.readouterr().err
+    assert not calibration.file_of(scene).exists()
+
+
+def test_a_broken_file_of_records_is_told(scene: Path) -> None:
+    for content in (
+        "{",
+        "[]",
+        json.dumps({"format": "x"}),
+        json.dumps({"format": calibration.FORMAT, "records": [{}]}),
+    ):
+        calibration.file_of(scene).write_text(content)
+        with pytest.raises(ItouchError, match="cannot be used"):
+            load_scene(scene)
+
+
+def test_the_list_names_what_there_is(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert calibrate.main([str(scene)]) == 0
+    out = capsys.readouterr().out
+    for words in ("arm  --kind force-scale", "plate  --kind tec-step", "table  --kind touch-off", "no records"):
+        assert words in out
