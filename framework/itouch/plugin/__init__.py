@@ -20,6 +20,7 @@ from itouch.plugin.channel import (
 )
 from itouch.plugin.device import Attached, Device, DeviceError, Touch, Twin
 from itouch.plugin.emulator import Emulator
+from itouch.plugin.fit import Fit, Fitted, line_through
 from itouch.plugin.ideal import IdealTwin
 from itouch.plugin.modality import Contact, ContactEvent, Modality, ParameterError, World, WorldDevice, WorldObject
 from itouch.plugin.noise import gaussian
@@ -41,6 +42,8 @@ __all__ = [
     "DeviceError",
     "Emulator",
     "Field",
+    "Fit",
+    "Fitted",
     "IdealTwin",
     "ItouchError",
     "Modality",
@@ -60,6 +63,7 @@ __all__ = [
     "gaussian",
     "heat_flux",
     "kept",
+    "line_through",
     "measured_wrench",
     "parse_quantity",
     "pose",

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from itouch.plugin.channel import Channel
 from itouch.plugin.emulator import Emulator
+from itouch.plugin.fit import Fit
 from itouch.plugin.record import Field, Record
 from itouch.plugin.trace import Trace
 from itouch.schema import ItouchError
@@ -90,6 +91,8 @@ class Device(ABC):
     Twin: ClassVar[type[Twin] | None] = None
     #: What speaks the device's protocol with the twin behind it; None: the driver has no emulator.
     Emulator: ClassVar[type[Emulator] | None] = None
+    #: Calibrations that it offers besides those of its mount.
+    fits: ClassVar[tuple[Fit, ...]] = ()
     #: True if read and write wait for the wire and must run in an I/O thread.
     blocking: ClassVar[bool] = False
     #: Seconds between two exchanges; 0 means one every servo tick.

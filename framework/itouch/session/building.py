@@ -11,6 +11,7 @@ from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene, load
 from itouch.schema import Problem, SceneError
 from itouch.schema.diagnostics import did_you_mean
+from itouch.session.calibration import calibrated
 from itouch.session.engine import Session
 from itouch.session.errors import SessionError
 from itouch.session.open import read_session
@@ -21,7 +22,12 @@ Path = str | os.PathLike[str]
 
 
 def load_scene(
-    path: Path, *, rig: Path | None = None, twin: str | None = None, catalog: Catalog | None = None
+    path: Path,
+    *,
+    rig: Path | None = None,
+    twin: str | None = None,
+    catalog: Catalog | None = None,
+    records: bool = True,
 ) -> Scene:
     """Load a scene file.
 
@@ -35,6 +41,8 @@ def load_scene(
         ``"all"``, ``"none"``, or names of devices separated by commas that shall run as twins.
     catalog
         The plugins; default: those of this environment.
+    records
+        Whether the calibrations on record beside the file are put in.
 
     Raises
     ------
@@ -42,7 +50,8 @@ def load_scene(
         With all problems.
     """
     scene = load(path, catalog or Catalog(), rig=rig)
-    return scene if twin is None else choose_twins(scene, twin)
+    chosen = scene if twin is None else choose_twins(scene, twin)
+    return calibrated(chosen) if records else chosen
 
 
 def choose_twins(scene: Scene, twin: str) -> Scene:

@@ -15,6 +15,7 @@ from itouch.plugin import (
     DeviceError,
     Emulator,
     Field,
+    Fit,
     Record,
     Touch,
     Twin,
@@ -25,6 +26,7 @@ from itouch.plugin import (
 from itouch_usb_arm.emulator import ArmEmulator
 from itouch_usb_arm.errors import NotHomed
 from itouch_usb_arm.falcon import FORCE_SCALE, Falcon
+from itouch_usb_arm.fits import FORCE_SCALE_FIT
 from itouch_usb_arm.look import look
 from itouch_usb_arm.remote import Remote
 from itouch_usb_arm.wire import Buttons
@@ -107,6 +109,7 @@ class UsbArm(Device):
     reads = (pose(),)
     commands = (wrench(force=FORCE),)
     Twin = UsbArmTwin
+    fits: ClassVar[tuple[Fit, ...]] = (FORCE_SCALE_FIT,)
     Emulator: ClassVar[type[Emulator] | None] = ArmEmulator
     blocking: ClassVar[bool] = True
     #: A process that dies lets go of the interface, so that another one can send zero force.

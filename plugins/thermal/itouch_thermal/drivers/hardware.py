@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any, ClassVar
 
-from itouch.plugin import Attached, Device, DeviceError, Emulator, Record
+from itouch.plugin import Attached, Device, DeviceError, Emulator, Fit, Record
 from itouch_thermal.drivers.emulator import DisplayEmulator
+from itouch_thermal.drivers.fits import FITS
 from itouch_thermal.drivers.rig import Rig, rig_of
 
 #: What stands in a reading of the skin as long as no thermometer has seen it [K]; it is marked as not valid.
@@ -17,6 +18,7 @@ class HardwareDisplay(Device):
     """Opens what ``<thermal:hardware>`` names: a current source, and sensors."""
 
     Emulator: ClassVar[type[Emulator] | None] = DisplayEmulator
+    fits: ClassVar[tuple[Fit, ...]] = FITS
     blocking: ClassVar[bool] = True
     #: A MeCom transaction takes 7 ms at 57600 baud, and an exchange has three.
     exchange: ClassVar[float] = 0.02

@@ -1,0 +1,61 @@
+"""Calibrations that a device offers: from columns of measured numbers to values of its parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """What a calibration found: parameters by their Python names (``part.name`` inside a child), and how well they fit.
+
+    ``residual`` is the rms of what is left over, in ``unit``.
+    """
+
+    values: Mapping[str, float]
+    residual: float
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """A calibration of one kind.
+
+    Attributes
+    ----------
+    kind, doc
+        Its name, and how the samples are taken.
+    columns
+        What the columns of the samples are, with their units.
+    days
+        How long its result holds.
+    solve
+        Takes the device's parameters and the samples, shape (n, columns), and raises ``ValueError`` if they are too few
+        or say nothing.
+    """
+
+    kind: str
+    doc: str
+    columns: tuple[str, ...]
+    days: float
+    solve: Callable[[Any, NDArray[np.float64]], Fitted]
+
+
+def line_through(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[float, float, float]:
+    """Return slope, value at 0 and rms residual of the straight line y(x), least squares.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than three samples or all have the same x.
+    """
+    if len(x) < 3 or np.ptp(x) <= 1e-12 * max(1.0, float(np.abs(x).max())):
+        raise ValueError("a line needs three samples or more at different values")
+    slope, zero = np.polyfit(x, y, 1)
+    rest = y - (slope * x + zero)
+    return float(slope), float(zero), float(np.sqrt(np.mean(rest * rest)))
