@@ -67,6 +67,16 @@ def test_a_text_stl_of_several_solids_and_in_capitals() -> None:
     assert load_source(MeshFile.of("box.stl", text.upper())).facts.triangles == 12
 
 
+@pytest.mark.parametrize(
+    "name", [name for name, (kind, _) in WRITERS.items() if name not in ("binary STL", "binary PLY", "GLB")]
+)
+@pytest.mark.parametrize("end", [b"\r\n", b"\r"])
+def test_texts_of_other_systems(name: str, end: bytes) -> None:
+    kind, writer = WRITERS[name]
+    text = b"\xef\xbb\xbf" + writer(*BOX).replace(b"\n", end)
+    assert load_source(MeshFile.of(f"a.{kind}", text)).surface.is_solid
+
+
 def test_a_long_text_stl_is_read_in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     from itouch.contact.meshfile import preflight
 

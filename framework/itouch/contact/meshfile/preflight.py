@@ -40,7 +40,14 @@ def checked(data: bytes, kind: str, shown: str) -> bytes:
         If it is not of this format, is cut, announces more than it has, or is too large.
     """
     check = {"stl": _stl, "ply": _ply, "off": _off, "obj": _obj}[kind]
-    return check(data, shown)
+    text = {"stl": b"solid" in data[:32].lower(), "ply": b"format binary" not in data[:1024]}.get(kind, True)
+    return check(_plain_text(data) if text and not is_binary_stl(data) else data, shown)
+
+
+def _plain_text(data: bytes) -> bytes:
+    """Return a text with line ends of one kind and without the byte order mark that some editors put before it."""
+    data = data.removeprefix(b"\xef\xbb\xbf")
+    return data.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in data else data
 
 
 def _not(kind: str, shown: str, data: bytes, why: str = "") -> MeshError:
@@ -210,7 +217,7 @@ def _plain_obj(data: bytes) -> bytes:
     parser that reads all vertices first.
     """
     lines, count = [], 0
-    for raw in io.BytesIO(data.replace(b"\\\n", b" ").replace(b"\\\r\n", b" ")):
+    for raw in io.BytesIO(data.replace(b"\\\n", b" ")):
         line = raw.split(b"#", 1)[0].split()
         if line[:1] == [b"v"]:
             count += 1
