@@ -17,6 +17,7 @@ import tempfile
 import zlib
 from collections.abc import Iterator
 from dataclasses import asdict
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -39,6 +40,7 @@ CAPACITY = 2 << 30
 _MAGIC = b"itouch-py mesh\n"
 _HEAD = struct.Struct("<II")
 _LONGEST_HEADER = 1 << 16
+_BUILDERS = ("bvh", "neighbours", "solid", "surface", "triangle", "vectors")
 _TABLES = (("<f8", 3), ("<i4", bvh.TRIANGLE_WIDTH), ("<f4", bvh.NODE_WIDTH))
 
 
@@ -59,9 +61,21 @@ def folder() -> Path | None:
     return root / "itouch-py" / "meshes" if root.is_absolute() else None
 
 
+@cache
+def _code() -> str:
+    """Return the digest of the code that makes tables: what another edition of it has built is not used."""
+    here = Path(__file__).parent
+    digest = hashlib.sha256()
+    for path in (*sorted(here.glob("*.py")), *(here.parent / f"{name}.py" for name in _BUILDERS)):
+        with contextlib.suppress(OSError):  # a program packed into one file has no sources
+            digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
 def key(digest: str, kind: str, scale: float) -> str:
     """Return the key of a surface: of the file's content, and of all else that its tables depend on."""
-    words = (digest, kind, float(scale).hex(), VERSION, metadata.version("trimesh"), sys.byteorder)
+    versions = (VERSION, metadata.version("itouch-py"), metadata.version("trimesh"), _code(), sys.byteorder)
+    words = (digest, kind, float(scale).hex(), *versions)
     return hashlib.sha256(repr(words).encode()).hexdigest()[:40]
 
 
