@@ -43,7 +43,7 @@ def measures(state: Record, name: str, source: str) -> dict[str, float | str | b
     rendered, ready, ticks, total, peak, first, extreme, squares, scored = state[f"{name}.account"].tolist()
     if not rendered or not ticks:
         keys = ("flux_source", "mean_flux_W_m2", "peak_flux_W_m2", "skin_drop_K", "flux_error_rms", "plate_ready")
-        return dict.fromkeys(keys)
+        return {**dict.fromkeys(keys), "plate_ready": bool(ready) if rendered else None}
     drop = first - extreme
     return {
         "flux_source": source,

@@ -1,0 +1,74 @@
+"""Flux control in a scene at all its rates, by current and by temperature, touch after touch: no instability."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from display_scenes import Display
+
+import itouch
+
+HOLDS_TEMPERATURE = {
+    "hardware": '<thermal:hardware command="temperature"/>',
+    "limits": '<limits temperature="15 40 degC"/>',
+}
+
+
+def rate(text: str) -> str:
+    return f' flux-control="{text}"' if text else ""
+
+
+@pytest.mark.parametrize("hertz", ["", "500 Hz", "250 Hz", "50 Hz"])
+def test_every_touch_is_followed_at_every_rate(scenes: Path, hertz: str) -> None:
+    path = Display(left="pyrex", right="aluminium", rates=rate(hertz)).write(scenes)
+    engine = itouch.build(path, seed=4)
+    band = []
+    while not engine.done:
+        engine.tick()
+        band.append(float(engine.state["peltier.twin.true_plate"]))
+    report = engine.report()
+    assert [entry["object"] for entry in report["contacts"]] == ["left", "right"]
+    for entry in report["contacts"]:
+        assert entry["plate_ready"]
+        assert entry["flux_error_rms"] < 0.02, (hertz, entry["object"])
+    assert report["faults"] == []
+    assert min(band) > 288.15
+    assert max(band) < 313.15
+
+
+@pytest.mark.parametrize("hertz", ["", "50 Hz"])
+def test_a_driver_that_holds_a_temperature_does_as_well(scenes: Path, hertz: str) -> None:
+    path = Display(left="pyrex", right="wood", rates=rate(hertz), **HOLDS_TEMPERATURE).write(scenes)
+    engine = itouch.build(path, seed=4)
+    targets, currents = [], []
+    while not engine.done:
+        engine.tick()
+        targets.append(float(engine.state["peltier.sent.temperature_target"][0]))
+        currents.append(abs(float(engine.state["peltier.actual_current"][0])))
+    assert "peltier.command.current" not in engine.state
+    assert all(entry["flux_error_rms"] < 0.04 for entry in engine.report()["contacts"])
+    assert min(targets) >= 288.15
+    assert max(targets) <= 313.15
+    assert 1.0 < max(currents) <= 6.4 * 1.01
+    assert engine.state["peltier.sent.output"][0] == 1.0
+
+
+def test_what_a_driver_of_temperature_does_is_safe_when_it_stops(scenes: Path) -> None:
+    engine = itouch.build(Display(**HOLDS_TEMPERATURE).write(scenes))
+    engine.run(6.0)
+    engine.state["peltier.command.temperature_target"] = np.nan
+    engine.model.modalities[1].instance.update = lambda *_: engine.state["peltier.command.temperature_target"].fill(
+        np.nan
+    )
+    with pytest.raises(itouch.ItouchError):
+        engine.run(0.1)
+    assert engine.state["peltier.sent.output"][0] == 0.0
+    assert engine.report()["faults"][0]["device"] == "peltier"
+
+
+def test_a_scene_at_half_the_servo_rate_runs_too(scenes: Path) -> None:
+    engine = itouch.build(Display(left="wood", servo="500 Hz").write(scenes), seed=2)
+    engine.run()
+    assert all(entry["flux_error_rms"] < 0.03 for entry in engine.report()["contacts"])
