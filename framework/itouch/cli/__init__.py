@@ -22,11 +22,14 @@ COMMANDS = {
     "bench": ("itouch.cli.bench", "measure accuracy and speed"),
     "inspect": ("itouch.cli.inspect", "say what a scene, a session or a recording holds"),
     "export": ("itouch.cli.export", "write a session as XML, or a recording as tables"),
+    "new-plugin": ("itouch.cli.new_plugin", "begin a plugin: a complete distribution with numbered steps"),
+    "new-scene": ("itouch.cli.new_scene", "begin a scene, with completion in editors"),
     "schema": ("itouch.cli.schema", "write the scene language as XML Schema, for editors"),
     "test-plugin": ("itouch.cli.test_plugin", "examine an installed plugin: the conformance suite with a score card"),
     "report": ("itouch.cli.report", "write one page of a session: plots, contacts, faults, provenance"),
     "view": ("itouch.cli.view", "open a window on a session that runs"),
     "replay": ("itouch.cli.replay", "feed a recording to the engine and compare every command"),
+    "safety-report": ("itouch.cli.safety_report", "write limits, trips, worst case and tests of a scene, for a board"),
     "recover": ("itouch.cli.recover", "make a damaged recording whole: its longest valid prefix"),
 }
 

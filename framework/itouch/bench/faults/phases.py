@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from itouch.scene import Scene
 from itouch.scene.elements import Fault
 from itouch.session import Session, build, load_scene
 
@@ -18,9 +19,9 @@ BEFORE, INTO, UNTIL = 0.25, 1.5, 0.15
 _STEP = 10
 
 
-def prepared(path: str | os.PathLike[str], *, slots: int = 1, seed: int = 0) -> Session:
+def prepared(scene: str | os.PathLike[str] | Scene, *, slots: int = 1, seed: int = 0) -> Session:
     """Build a session whose every device has slots for injected faults, none of which ever begins by itself."""
-    scene = load_scene(path)
+    scene = scene if isinstance(scene, Scene) else load_scene(scene)
     late = 1e6
     faults = tuple(Fault(device=d.name, kind="freeze", at=late) for d in scene.devices for _ in range(slots))
     return build(dataclasses.replace(scene, faults=faults), seed=seed)
@@ -40,7 +41,8 @@ def phases(session: Session) -> dict[str, bytes]:
     def store() -> None:
         stored[session.ticks] = session.state.tobytes()
 
-    session.run(None, each=store, every=_STEP, until=lambda: bool(session.ledger.contacts))
+    if session.scripted:
+        session.run(None, each=store, every=_STEP, until=lambda: bool(session.ledger.contacts) or session.done)
     if not session.ledger.contacts:
         raise ValueError("the scene's script has no whole contact")
     contact: dict[str, Any] = session.ledger.contacts[0]

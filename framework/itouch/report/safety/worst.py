@@ -1,0 +1,95 @@
+"""The worst that a scene's script does to the operator's twin: what is true of the plant, not what sensors say."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from itouch.plugin import Record
+from itouch.session import Session
+
+#: Temperatures [K] from which dose counts, and at which a second is a second.
+DOSE_FROM, DOSE_UNIT = 312.15, 316.15
+Value = Callable[[], float]
+
+
+@dataclass
+class Worst:
+    """Follows a session tick by tick and keeps the extremes."""
+
+    session: Session
+    low: dict[str, float] = field(default_factory=dict)
+    high: dict[str, float] = field(default_factory=dict)
+    dose: float = 0.0
+    longest: float = 0.0
+    _touched: float = 0.0
+
+    def __post_init__(self) -> None:
+        self._values = _values(self.session)
+        self._skin = next((value for name, value in self._values.items() if name.endswith("skin temperature")), None)
+        probe = self.session.model.probes[0].name if self.session.model.probes else ""
+        self._press = self.session.state[f"{probe}.plate_force"] if probe else None
+
+    def note(self, tick: int) -> None:
+        """Look at the plant after a tick."""
+        for name, value in self._values.items():
+            now = value()
+            if not self.low.get(name, math.inf) <= now:
+                self.low[name] = now
+            if not self.high.get(name, -math.inf) >= now:
+                self.high[name] = now
+        period = self.session.model.period
+        if self._skin is not None and (skin := self._skin()) >= DOSE_FROM:
+            self.dose += period * (0.5 if skin >= DOSE_UNIT else 0.25) ** (DOSE_UNIT - skin)
+        pressed = self._press is not None and self._press.item() > 0.0
+        self._touched = self._touched + period if pressed else 0.0
+        self.longest = max(self.longest, self._touched)
+
+
+def _values(session: Session) -> dict[str, Value]:
+    """Return what is followed, by name; the unit stands at the end."""
+    state, found = session.state, dict[str, Value]()
+    for name, device in session.model.devices.items():
+        if device.command("wrench") is not None:
+            found[f"{name}: force [N]"] = _length(state, f"{name}.sent.wrench", 3)
+        for field_name, what in (("true_plate", "plate temperature"), ("true_skin", "skin temperature")):
+            if f"{name}.twin.{field_name}" in state:
+                found[f"{name}: {what}"] = state[f"{name}.twin.{field_name}"].item
+        if f"{name}.twin.true_flux" in state:
+            found[f"{name}: flux [W/m²]"] = state[f"{name}.twin.true_flux"].item
+        if "sink_temperature" in {channel.name for channel in device.reads}:
+            found[f"{name}: sink temperature"] = state[f"{name}.sink_temperature"].item
+    for probe in session.model.probes:
+        found[f"{probe.name}: plate force [N]"] = state[f"{probe.name}.plate_force"].item
+        found[f"{probe.name}: force in all [N]"] = state[f"{probe.name}.total_force"].item
+        found[f"{probe.name}: speed [m/s]"] = _length(state, f"{probe.name}.velocity", 3)
+    return found
+
+
+def _length(state: Record, name: str, size: int) -> Value:
+    view = state[name]
+    return lambda: math.hypot(*view[:size].tolist())
+
+
+def run(session: Session, *, longest: float = 120.0) -> tuple[Worst, str]:
+    """Run the scene's script on its twins and follow it; return what was seen, and the fault that ended it, if any.
+
+    Parameters
+    ----------
+    session
+        Freshly built.
+    longest
+        How many seconds are run where there is no script that ends.
+    """
+    from itouch.loop import DeviceFaultError
+
+    worst, fault = Worst(session), ""
+    session.taps.append(worst.note)
+    try:
+        session.run(None if session.scripted else min(longest, 5.0))
+    except DeviceFaultError as error:
+        fault = str(error)
+    finally:
+        session.taps.remove(worst.note)
+    return worst, fault
