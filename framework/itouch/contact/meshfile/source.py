@@ -151,14 +151,14 @@ def read_inside(path: str, root: str, shown: str, most: int) -> bytes:
         raise MeshError("no-such-file", f"cannot read '{shown}': {reason}", advice) from None
     if size > most:
         sentence = f"'{shown}' is larger than {most / (1 << 20):.4g} MiB, the most that it may take"
-        raise MeshError("mesh-too-large", sentence, "simplify it, or save it in a binary format")
+        raise MeshError("mesh-too-large", sentence, "make it smaller, or save it in a binary format")
     return data
 
 
 def _size(status: os.stat_result, shown: str) -> int:
     if not stat.S_ISREG(status.st_mode):
-        what = "a folder" if stat.S_ISDIR(status.st_mode) else "not a regular file"
-        raise MeshError("no-such-file", f"'{shown}' is {what}, not a mesh file", "check the path")
+        what = "a folder" if stat.S_ISDIR(status.st_mode) else "a pipe or a device"
+        raise MeshError("no-such-file", f"'{shown}' is {what}, not a regular file", "check the path")
     return status.st_size
 
 
