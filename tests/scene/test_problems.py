@@ -89,7 +89,6 @@ DEVICES = [
     ('<device name="a" plugin="usb-arm"><limits current="1 A"/></device>', "limit-without-channel", "current", "no current"),
     ('<device name="a" plugin="usb-arm"><limits froce="1 N"/></device>', "unknown-attribute", "froce", "did you mean 'force'"),
     ('<device name="a" plugin="usb-arm"><limits force="-1 N"/></device>', "out-of-range", "force", "more than 0"),
-    ('<device name="a" plugin="thermal" twin="no"/>', "twin-only", "twin", "twin only"),
     ('<device name="a" plugin="usb-arm" twin="perhaps"/>', "bad-value", "twin", "yes or no"),
     ('<device name="a" plugin="usb-arm"><mount on="a"/></device>', "mount-cycle", 'on="a"', "mounted on itself"),
     ('<device name="a" plugin="usb-arm"><mount pos="0 0 0" pos="1 1 1"/></device>', "not-well-formed", "pos=\"1", "duplicate"),
@@ -209,3 +208,13 @@ def test_a_rate_that_does_not_divide_gives_the_nearest(scenes: Path) -> None:
     (problem,) = problems_of(path)
     assert problem.code == "rate"
     assert "58.8235 Hz" in problem.advice
+
+
+def test_a_device_without_a_driver_is_twin_only(write: Write, monkeypatch: pytest.MonkeyPatch) -> None:
+    from itouch_usb_arm import UsbArm
+
+    monkeypatch.setattr(UsbArm, "twin_only", True)
+    path = write("scene.xml", '<itouch version="1.0"><devices><device name="a" plugin="usb-arm" twin="no"/></devices></itouch>')
+    (problem,) = [problem for problem in problems_of(path) if problem.severity == "error"]
+    assert problem.code == "twin-only"
+    assert "twin only" in str(problem.sentence)
