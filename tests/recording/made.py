@@ -70,12 +70,12 @@ def written(chunks: int = 30, rows: int = 20, *, finish: bool = True) -> tuple[b
     stream = io.BytesIO()
     npy.write_array(stream, np.zeros(1, [("tick", "i8")]), allow_pickle=False)
     state = base64.b64encode(zlib.compress(stream.getvalue())).decode()
-    first = [("/session", 0, spec.first_message()), ("/state", 0, message(0, 1e-3, reason="start", npy=state))]
+    first = [("/log/session", 0, spec.first_message()), ("/log/state", 0, message(0, 1e-3, reason="start", npy=state))]
     writer.chunk({}, first)
     table = rows_of(one, 0, chunks * rows)
     for index in range(chunks):
         part = table[index * rows : (index + 1) * rows]
-        letters = [("/marks", int(part["tick"][0]), message(int(part["tick"][0]), 1e-3, name="m", payload=str(index)))]
+        letters = [("/log/marks", int(part["tick"][0]), message(int(part["tick"][0]), 1e-3, name="m", payload=str(index)))]
         writer.chunk({one.name: part}, letters)
     if finish:
         writer.finish()

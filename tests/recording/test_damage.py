@@ -41,7 +41,7 @@ def check_prefix(content: Content, least: int) -> None:
     found = content.rows["probe"]
     assert found.tobytes() == ROWS[: len(found)].tobytes()
     assert len(found) >= least
-    assert [int(m["payload"]) for m in content.letters.get("/marks", [])] == list(range(len(found) // 20))
+    assert [int(m["payload"]) for m in content.letters.get("/log/marks", [])] == list(range(len(found) // 20))
 
 
 def test_whole() -> None:

@@ -52,9 +52,9 @@ def write(sink: Sink) -> int:
     done = 0
     try:
         writer.start({})
-        writer.chunk({}, [("/session", 0, spec.first_message())])
+        writer.chunk({}, [("/log/session", 0, spec.first_message())])
         for index in range(CHUNKS):
-            writer.chunk({one.name: rows_of(one, index * ROWS, ROWS)}, [("/marks", 0, message(0, 1e-3, name="m"))])
+            writer.chunk({one.name: rows_of(one, index * ROWS, ROWS)}, [("/log/marks", 0, message(0, 1e-3, name="m"))])
             done += ROWS
         writer.finish()
     except OSError:

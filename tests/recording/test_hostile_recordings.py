@@ -40,7 +40,7 @@ def channel_record(number: int, topic: bytes) -> bytes:
 
 
 def session_chunk(session: object) -> bytes:
-    data = channel_record(9, b"/session") + text_message(9, json.dumps(session).encode())
+    data = channel_record(9, b"/log/session") + text_message(9, json.dumps(session).encode())
     return MAGIC + chunk(data)
 
 
@@ -58,7 +58,7 @@ HOSTILE = {
     "object column": session_chunk({**GOOD, "tracks": [{**TRACK, "columns": [["a", "x", "O", 1, ""]]}]}),
     "columns twice": session_chunk({**GOOD, "tracks": [{**TRACK, "columns": TRACK["columns"] * 2}]}),
     "tracks twice": session_chunk({**GOOD, "tracks": [TRACK, TRACK]}),
-    "deep": MAGIC + chunk(channel_record(9, b"/session") + text_message(9, b"[" * 200_000)),
+    "deep": MAGIC + chunk(channel_record(9, b"/log/session") + text_message(9, b"[" * 200_000)),
     "bomb that says so": MAGIC + chunk(b"", said=1 << 50, packed=zstandard.compress(bytes(1 << 20))),
     "bomb that lies": MAGIC + chunk(b"x", said=1, packed=zstandard.compress(bytes(80 << 20))),
     "window": MAGIC + chunk(b"x", packed=bytes.fromhex("28b52ffd00ff") + bytes(40)),

@@ -86,13 +86,13 @@ def test_an_independent_reader_plots_it(recorded: tuple[itouch.Session, Path]) -
         reader = make_reader(stream, validate_crcs=True)
         summary = reader.get_summary()
         assert summary is not None and summary.statistics is not None
-        assert {channel.topic for channel in summary.channels.values()} >= {"/arm", "/table", "/peltier", "/events"}
+        assert {channel.topic for channel in summary.channels.values()} >= {"/arm", "/table", "/peltier", "/log/events"}
         assert {schema.encoding for schema in summary.schemas.values()} == {"protobuf", "jsonschema"}
         seen, times = 0, []
-        for schema, channel, message in reader.iter_messages(topics=["/arm", "/events"], log_time_order=True):
+        for schema, channel, message in reader.iter_messages(topics=["/arm", "/log/events"], log_time_order=True):
             times.append(message.log_time)
             assert schema is not None
-            if channel.topic == "/events":
+            if channel.topic == "/log/events":
                 assert json.loads(message.data)["probe"] == "finger"
                 continue
             files = descriptor_pb2.FileDescriptorSet.FromString(schema.data)

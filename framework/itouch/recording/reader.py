@@ -204,7 +204,7 @@ class _Parser:
         for name, table in rows:
             self._blocks.setdefault(name, []).append(table)
         for topic, letter, _ in letters:
-            if topic != "/session":
+            if topic != "/log/session":
                 self.content.letters.setdefault(topic, []).append(letter)
         if self._keep:
             kept = [(topic, int(letter.get("tick", 0)), text) for topic, letter, text in letters]
@@ -223,7 +223,7 @@ class _Parser:
         found = json.loads(data)
         if not isinstance(found, dict):
             raise ValueError(f"a message of '{topic}' is not a JSON object")
-        if topic != "/session":
+        if topic != "/log/session":
             found["tick"], found["time"] = int(found["tick"]), float(found["time"])
         elif not self.content.session:
             self._begin(found)

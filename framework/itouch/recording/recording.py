@@ -83,32 +83,32 @@ class Recording(Mapping[str, NDArray[Any]]):
     @property
     def events(self) -> list[dict[str, Any]]:
         """Contact events: tick, time [s], kind, probe, object, point [m], normal."""
-        return self._letters("/events")
+        return self._letters("/log/events")
 
     @property
     def marks(self) -> list[dict[str, Any]]:
         """Operator marks and trial markers: tick, time [s], name, payload."""
-        return self._letters("/marks")
+        return self._letters("/log/marks")
 
     @property
     def faults(self) -> list[dict[str, Any]]:
         """Faults: tick, time [s], device, trip, cause."""
-        return self._letters("/faults")
+        return self._letters("/log/faults")
 
     @property
     def lifecycle(self) -> list[dict[str, Any]]:
         """Changes of a device's status: tick, time [s], device, status."""
-        return self._letters("/lifecycle")
+        return self._letters("/log/lifecycle")
 
     @property
     def timing(self) -> list[dict[str, Any]]:
         """How the loop kept time: tick, p50, p99 and max of a tick [us], overruns, lost samples."""
-        return self._letters("/timing")
+        return self._letters("/log/timing")
 
     @property
     def states(self) -> list[dict[str, Any]]:
         """Whole States: at the start, every 10 s, and where something came from outside the loop."""
-        return self._letters("/state")
+        return self._letters("/log/state")
 
     @property
     def ticks(self) -> NDArray[np.int64]:

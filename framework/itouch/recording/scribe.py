@@ -39,7 +39,7 @@ class Scribe:
     def begin(self) -> None:
         """Write the head of the file, with the first State if it has come."""
         self.writer.start(self.spec.attachments)
-        self.writer.chunk({}, [("/session", 0, self.spec.first_message()), *self._letters()])
+        self.writer.chunk({}, [("/log/session", 0, self.spec.first_message()), *self._letters()])
         self._tell()
 
     def step(self, *, most: int = MOST_ROWS) -> int:
@@ -87,7 +87,7 @@ class Scribe:
             tick = int.from_bytes(data[:8], "little", signed=True)
             if kind == STATE:
                 reason, _, body = data[8:].partition(b"\n")
-                found.append(("/state", tick, self.state_message(tick, reason.decode(), body)))
+                found.append(("/log/state", tick, self.state_message(tick, reason.decode(), body)))
             elif kind == MESSAGE:
                 topic, _, body = data[8:].partition(b"\n")
                 found.append((topic.decode(), tick, body))
@@ -109,7 +109,7 @@ class Scribe:
             for index in np.flatnonzero(values != before):
                 tick, value = int(ticks[index]), int(values[index])
                 status = STATUSES[value] if 0 <= value < len(STATUSES) else str(value)
-                found.append(("/lifecycle", tick, message(tick, self.spec.period, device=device, status=status)))
+                found.append(("/log/lifecycle", tick, message(tick, self.spec.period, device=device, status=status)))
             if len(values):
                 self._status_of[device] = int(values[-1])
         return found

@@ -27,13 +27,13 @@ MAGIC = b"\x89MCAP0\r\n"
 PROFILE, LIBRARY = "itouch", "itouch-py"
 #: Topics of messages that are JSON, with their schemas' properties: see the reference of the format.
 LETTERS: dict[str, dict[str, Any]] = {
-    "/session": {},
-    "/state": {"tick": "integer", "time": "number", "reason": "string", "npy": "string"},
-    "/events": {"tick": "integer", "time": "number", "kind": "string", "probe": "string", "object": "string"},
-    "/marks": {"tick": "integer", "time": "number", "name": "string", "payload": "string"},
-    "/faults": {"tick": "integer", "time": "number", "device": "string", "trip": "string", "cause": "string"},
-    "/lifecycle": {"tick": "integer", "time": "number", "device": "string", "status": "string"},
-    "/timing": {"tick": "integer", "time": "number", "p50": "number", "p99": "number", "max": "number",
+    "/log/session": {},
+    "/log/state": {"tick": "integer", "time": "number", "reason": "string", "npy": "string"},
+    "/log/events": {"tick": "integer", "time": "number", "kind": "string", "probe": "string", "object": "string"},
+    "/log/marks": {"tick": "integer", "time": "number", "name": "string", "payload": "string"},
+    "/log/faults": {"tick": "integer", "time": "number", "device": "string", "trip": "string", "cause": "string"},
+    "/log/lifecycle": {"tick": "integer", "time": "number", "device": "string", "status": "string"},
+    "/log/timing": {"tick": "integer", "time": "number", "p50": "number", "p99": "number", "max": "number",
                 "overruns": "integer", "lost": "integer", "waiting": "integer"},
 }  # fmt: skip
 
@@ -249,7 +249,7 @@ def _catalogue(
         metadata = {"units": json.dumps(units), "every": str(track.every), "replay": "yes" if track.replay else "no"}
         channels.append(records.Channel(number, track.topic, "protobuf", metadata, number))
     for topic, number in letters.items():
-        name = "itouch." + topic[1:]
+        name = "itouch." + topic.removeprefix("/log/")
         schemas.append(records.Schema(number, json_schema(name, LETTERS[topic]), "jsonschema", name))
         channels.append(records.Channel(number, topic, "json", {}, number))
     return schemas, channels

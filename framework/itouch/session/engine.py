@@ -206,7 +206,7 @@ class Session(Engine):
         stored, text = marks.encode(name, payload)
         tick = marks.put(self.state, stored, text)
         if self.recorder is not None:
-            self.recorder.tell("/marks", tick, name=name, payload=text.decode())
+            self.recorder.tell("/log/marks", tick, name=name, payload=text.decode())
 
     def post_mark(self, name: str, payload: Any = None) -> None:
         """Note a mark from another thread or a signal handler: it is set between this tick and the next.

@@ -207,7 +207,7 @@ class Recorder:
         counts = times.record["counts"][1]
         p50, p99 = (1e6 * (percentile(counts, percent) or 0.0) for percent in (50, 99))
         longest = 1e6 * float(times.record["greatest"][1])
-        self.tell("/timing", tick, p50=p50, p99=p99, max=longest, overruns=times.overruns, lost=self.lost,
+        self.tell("/log/timing", tick, p50=p50, p99=p99, max=longest, overruns=times.overruns, lost=self.lost,
                   waiting=waiting)  # fmt: skip
 
     def _tell_events(self, seen: int, count: int) -> None:
@@ -219,13 +219,13 @@ class Recorder:
             kind, tick, probe, index = (row.pop(name) for name in ("kind", "tick", "probe", "object"))
             finite = {name: value for name, value in row.items() if np.isfinite(value).all()}
             self.tell(
-                "/events", tick, kind=Contact(kind).name, probe=probes[probe], object=model.objects[index], **finite
+                "/log/events", tick, kind=Contact(kind).name, probe=probes[probe], object=model.objects[index], **finite
             )
 
     def _tell_faults(self) -> None:
         known = self.session.ledger.faults
         for fault in known[self._faults :]:
-            self.tell("/faults", int(fault["tick"]), **{k: v for k, v in fault.items() if k not in ("tick", "time")})
+            self.tell("/log/faults", int(fault["tick"]), **{k: v for k, v in fault.items() if k not in ("tick", "time")})
         self._faults = len(known)
 
     def close(self) -> None:
