@@ -154,7 +154,7 @@ def main(argv: Sequence[str]) -> int:
     for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
     realtime.take_priority(realtime.GUARDIAN_PRIORITY)
-    realtime.lock_memory()
+    realtime.lock_memory(as_touched=True)
     realtime.sharpen_timer()
     with contextlib.suppress(OSError), open("/proc/self/oom_score_adj", "w", encoding="ascii") as stream:
         stream.write("-1000")

@@ -19,7 +19,7 @@ SERVO_PRIORITY, GUARDIAN_PRIORITY, REMOTE_PRIORITY = 50, 60, 55
 #: How long [s] a wake-up may be put off to join it with others, and how often threads of Python take turns.
 TIMER_SLACK, SWITCH_INTERVAL = 1e-6, 1e-4
 _PR_SET_TIMERSLACK = 29
-_MCL_CURRENT, _MCL_FUTURE = 1, 2
+_MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,9 +54,9 @@ def take_priority(priority: int) -> Effort:
     return Effort("real-time priority", True, f"SCHED_FIFO {priority}")
 
 
-def lock_memory() -> Effort:
-    """Keep the whole process in memory, now and later."""
-    if _libc().mlockall(_MCL_CURRENT | _MCL_FUTURE) == 0:
+def lock_memory(*, as_touched: bool = False) -> Effort:
+    """Keep the whole process in memory, now and later; ``as_touched``: each page from when it is first used."""
+    if _libc().mlockall(_MCL_CURRENT | _MCL_FUTURE | (_MCL_ONFAULT if as_touched else 0)) == 0:
         return Effort("memory lock", True, "all pages stay in memory")
     limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
     return Effort("memory lock", False, f"not given ({_reason()}): this user may lock {limit >> 20} MiB")

@@ -133,14 +133,14 @@ class Servo:
         self._publish(0.0, 0.0)
         self.words[at.PHASE] = at.READY
         ready = {"efforts": [[effort.what, effort.done, effort.said] for effort in efforts]}
+        self._await_guardian()
+        self.remotes.connect()
         if self._waits():  # the operator must be able to see before anything may move
             self.outbox.tell("ready", ready)
         while self._waits() and not self.words[at.STOP]:
             self._rest()
         if self.words[at.STOP]:
             return
-        self._await_guardian()
-        self.remotes.connect()
         if self._hardware():  # opening and homing may take long; twins, or a restored session of twins, need none of it
             self.session.enable()
         self.words[at.BEAT] = monotonic()

@@ -73,6 +73,7 @@ def strike(victim: str, manner: str, wait: float) -> Outcome:
 def _strike(handle: Handle, victim: str, manner: str, wait: float, before: frozenset[int]) -> Outcome:
     observer = Observer(handle.name, handle.link.devices)
     stand = _stand_in(victim, handle.name) if victim != "servo" else None
+    _await_motion(handle)
     time.sleep(wait)
     at = handle.seconds
     pid = stand.pid if stand is not None else handle.pid
@@ -89,6 +90,12 @@ def _strike(handle: Handle, victim: str, manner: str, wait: float, before: froze
             stand.stdout.close()
     left = _left(handle.name, before)
     return Outcome(victim, manner, at, observer.safe_after(event), left, said)
+
+
+def _await_motion(handle: Handle) -> None:
+    """Wait until the loop runs: there is nothing to make safe before."""
+    while handle.running and handle.link.tick == 0:
+        time.sleep(0.005)
 
 
 def _stand_in(what: str, name: str) -> subprocess.Popen[str]:
