@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import signal
 import socket
 import sys
@@ -217,8 +218,10 @@ class TwinServer:
         """Step until the session is over and the twin is at rest."""
         clock, end = WallClock(), monotonic() + round(PATIENCE * 1e9)
         clock.start(self._period)
-        rested = 0
+        rested, parent = 0, os.getppid()
         while monotonic() < end:
+            if not self._begun and os.getppid() != parent:  # the servo process died before the session began
+                return
             if clock.wait() > 0.1:
                 clock.start(self._period)
             self.step()
