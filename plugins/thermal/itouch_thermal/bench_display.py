@@ -4,36 +4,48 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import re
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from itouch.plugin import ItouchError, parse_quantity
 from itouch_thermal.display.params import DisplayParams, Mismatch
 from itouch_thermal.rendering.bound import bound
-from itouch_thermal.rendering.closedloop import GAINS, PERIOD, Case, Course, Run, desired_course, simulate
-from itouch_thermal.rendering.materials import material
+from itouch_thermal.rendering.closedloop import GAINS, PERIOD, Case, desired_course, simulate, start_for
+from itouch_thermal.rendering.materials import made_up, material
+from itouch_thermal.rendering.plantfile import read_plant
 from itouch_thermal.rendering.plants import SEEDS, corners
 from itouch_thermal.rendering.score import rms, summary
+from itouch_thermal.rendering.table import Table
 
-#: Grid of gains from which `paper` has its one pair.
-PROPORTIONAL, INTEGRAL = (5.0, 10.0, 20.0, 40.0), (0.0, 30.0, 100.0)
+CONTROLLERS = ("hold", "paper", "model")
+#: Grid of gains from which `paper` has its one pair, and the corners on which, beside the nominal plant, it is taken.
+PROPORTIONAL, INTEGRAL, CORNERS = (20.0, 40.0, 60.0, 80.0, 120.0), (0.0, 100.0, 400.0, 800.0, 1600.0), (1, 10, 14)
+#: What may be asked: temperatures of object and skin [K], resistance, press, its error, seconds, rates.
+OBJECT, SKIN, RESISTANCE = (233.15, 353.15), (293.15, 313.15), (1e-5, 0.1)
+PRESSES, PRESS_OFF, SECONDS, RATES = (0.0, 10.0), (0.05, 20.0), (0.5, 120.0), (10.0, 1000.0)
+
+Plants = list[tuple[DisplayParams, int]]
 
 
 def main(argv: Sequence[str]) -> int:
     """Measure the rendering of materials on the display's twin."""
     options = _parser().parse_args(list(argv))
     try:
-        rows = list(_grid(options) if options.grid else _rows(options))
-    except (ValueError, ItouchError) as error:
-        print(f"error: {error}", file=sys.stderr)
+        rows = list(_grid(options) if options.grid else _table(options) if options.table else _rows(options))
+        if options.json:
+            Path(options.json).write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    except OSError as error:
+        print(f"error: {error.filename}: {error.strerror}", file=sys.stderr)
         return 2
-    if options.json:
-        Path(options.json).write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    except (ValueError, ItouchError) as error:
+        text = str(error)
+        print(text if text.startswith("error[") else f"error: {text}", file=sys.stderr)
+        return 2
     return 0
 
 
@@ -41,11 +53,13 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="itouch-py bench display", description=__doc__)
     add = parser.add_argument
     add("--materials", default="aluminium,pyrex,wood,polystyrene", help="names, or NAME:k:c:rho in SI, with commas")
+    add("--random", type=int, default=0, metavar="N", help="add N made-up materials, effusivity 20 to 24000")
+    add("--random-seed", type=int, default=1, metavar="SEED", help="that they are drawn with (default 1)")
     add("--object-temperature", default="23 degC", help="of the object before the touch")
     add("--skin-temperature", default="33 degC", help="of the skin before the touch")
     add("--resistance", default="0.002", help="contact resistance [K m2/W]")
     add("--controller", default="model", help="hold, paper, model, or several with commas")
-    add("--plant", default="nominal", help="nominal, worst, or a scene or rig file with a thermal display")
+    add("--plant", default="nominal", help="nominal, worst, or a file with <thermal:hardware>")
     add("--exact-finger", action="store_true", help="in `worst`, leave the finger as modelled")
     add("--flux-gain", type=float, default=0.0, help="error of the flux sensor's gain, such as 0.01")
     add("--flux-noise", type=float, default=None, help="rms of a flux sample [W/m2]")
@@ -58,66 +72,97 @@ def _parser() -> argparse.ArgumentParser:
     add("--seeds", type=int, default=3, help="of `worst`, how many of the list")
     add("--no-bound", action="store_true", help="leave the bound out")
     add("--grid", action="store_true", help="print `paper` over its grid of gains instead")
+    add("--table", action="store_true", help="print every promise with its figure instead")
+    add("--quick", action="store_true", help="with --table: four corners, one seed, objects at 23 degC")
     add("--json", metavar="FILE", help="write the rows")
     return parser
 
 
-def _value(text: str, unit: str, absolute: bool = False) -> float:
-    spaced = re.sub(r"(?<=[0-9.])\s*(?=[A-DF-Za-df-z%])", " ", text, count=1)
-    return parse_quantity(spaced, unit, absolute=absolute)[0]
+def _value(name: str, text: str, unit: str, allowed: tuple[float, float], *, absolute: bool = False) -> float:
+    """Read a quantity and check its range; the message names the option."""
+    spaced = re.sub(r"(?<=[0-9.])\s*(?=[A-DF-Za-df-z%])", " ", text.strip(), count=1)
+    try:
+        value = parse_quantity(spaced, unit, absolute=absolute)[0]
+    except (ValueError, ItouchError) as error:
+        raise ValueError(f"--{name} '{text}': {error}") from None
+    shift = 273.15 if absolute else 0.0
+    return _number(name, value, allowed, shift, "degC" if absolute else unit)
 
 
-def _case(options: argparse.Namespace, name: str) -> Case:
-    return Case(
-        material(name)[1],
-        _value(options.object_temperature, "K", True),
-        _value(options.skin_temperature, "K", True),
-        _value(options.resistance, "m^2*K/W"),
-        options.seconds,
-        _value(options.press, "s"),
-        options.press_off,
+def _number(name: str, value: float, allowed: tuple[float, float], shift: float = 0.0, unit: str = "") -> float:
+    if not (math.isfinite(value) and allowed[0] <= value <= allowed[1]):
+        low, high, given = (f"{end - shift:g}" for end in (*allowed, value))
+        raise ValueError(f"--{name} = {given} {unit}".rstrip() + f" is out of range: {low} to {high} {unit}".rstrip())
+    return value
+
+
+def _cases(options: argparse.Namespace) -> list[tuple[str, Case]]:
+    materials = [material(text) for text in options.materials.split(",") if text.strip()]
+    materials += made_up(int(_number("random", options.random, (0, 1000))), options.random_seed)
+    if not materials:
+        raise ValueError("--materials: none given")
+    found = Case(
+        materials[0][1],
+        _value("object-temperature", options.object_temperature, "K", OBJECT, absolute=True),
+        _value("skin-temperature", options.skin_temperature, "K", SKIN, absolute=True),
+        _value("resistance", options.resistance, "m^2*K/W", RESISTANCE),
+        _number("seconds", options.seconds, SECONDS),
+        _value("press", options.press, "s", PRESSES),
+        _number("press-off", options.press_off, PRESS_OFF),
     )
+    return [(name, replace(found, material=what)) for name, what in materials]
 
 
-def _plants(options: argparse.Namespace) -> tuple[list[tuple[DisplayParams, int]], DisplayParams]:
+def _plants(options: argparse.Namespace) -> tuple[Plants, DisplayParams]:
     """Return the plants with their seeds, and what the controller believes."""
     nominal = DisplayParams()
+    seeds = SEEDS[: int(_number("seeds", options.seeds, (1, len(SEEDS))))]
+    gain = _number("flux-gain", options.flux_gain, (-0.5, 1.0))
+    if options.plant not in ("nominal", "worst"):
+        nominal = read_plant(options.plant, _value("resistance", options.resistance, "m^2*K/W", RESISTANCE))
     if options.flux_noise is not None:
-        nominal = replace(nominal, flux_noise=options.flux_noise)
-    if options.plant == "nominal":
-        return [(replace(nominal, mismatch=Mismatch(flux_gain=options.flux_gain)), SEEDS[0])], nominal
+        nominal = replace(nominal, flux_noise=_number("flux-noise", options.flux_noise, (0.0, 5e3)))
+    believed = replace(nominal, mismatch=Mismatch())
     if options.plant == "worst":
-        listed = corners(exact_finger=options.exact_finger)[: options.corners]
-        plants = [(replace(nominal, mismatch=m), seed) for m in listed for seed in SEEDS[: options.seeds]]
-        return plants, nominal
-    scene: Any = import_module("itouch").load(options.plant)
-    for device in scene.devices:
-        for part in device.parts:
-            if isinstance(part.params, DisplayParams):
-                return [(part.params, SEEDS[0])], replace(part.params, mismatch=Mismatch())
-    raise ValueError(f"{options.plant}: no device with <thermal:hardware>")
+        every = corners(exact_finger=options.exact_finger)
+        listed = every[: int(_number("corners", options.corners, (1, len(every))))]
+        offs = [replace(off, flux_gain=gain) for off in listed]
+        return [(replace(nominal, mismatch=off), seed) for off in offs for seed in seeds], believed
+    off = replace(nominal.mismatch, flux_gain=gain) if gain else nominal.mismatch
+    return [(replace(nominal, mismatch=off), SEEDS[0])], believed
+
+
+def _controllers(options: argparse.Namespace) -> list[str]:
+    found = [name.strip() for name in options.controller.split(",")]
+    for name in found:
+        if name not in CONTROLLERS:
+            raise ValueError(f"--controller '{name}' is unknown: {', '.join(CONTROLLERS)}")
+    return found
 
 
 def _rows(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     plants, believed = _plants(options)
-    hold = max(1, round(1.0 / _value(options.rate, "Hz") / PERIOD))
-    stream = max(1, round(1.0 / _value(options.stream, "Hz") / PERIOD))
-    print(f"{'material':<20}{'controller':<8}{'rms %':>8}{'median':>8}{'>0.3s':>8}{'>1s':>7}"
+    hold, stream = (
+        max(1, round(1.0 / _value(name, text, "Hz", RATES) / PERIOD))
+        for name, text in (("rate", options.rate), ("stream", options.stream))
+    )
+    cases, controllers = _cases(options), _controllers(options)
+    print(f"{'material':<20}{'controller':<11}{'rms %':>8}{'median':>8}{'>0.3s':>8}{'>1s':>7}"
           f"{'W/m2':>8}{'skin K':>8}{'>0.3s':>8}{'>1s':>7}{'2AFC':>7}{'bound':>8}  limited")  # fmt: skip
-    for name in options.materials.split(","):
-        case = _case(options, name)
+    for name, case in cases:
         course = desired_course(case)
-        spread = max(abs(plant.mismatch.contact_resistance) for plant, _ in plants)
-        best = None if options.no_bound else bound(case, course, believed, spread)
-        for controller in options.controller.split(","):
-            if controller not in ("hold", "paper", "model"):
-                raise ValueError(f"controller '{controller}' is unknown: hold, paper or model")
+        best = None if options.no_bound else bound(case, course, believed, [plant.mismatch for plant, _ in plants])
+        for controller in controllers:
+            start = start_for(case, course, believed) if controller == "model" else None
             runs = [
-                simulate(case, course, plant, controller, believed=believed, seed=seed, hold=hold, stream=stream)
+                simulate(
+                    case, course, plant, controller, believed=believed, seed=seed, hold=hold, stream=stream,
+                    start=start,
+                )
                 for plant, seed in plants
-            ]
+            ]  # fmt: skip
             row = {
-                "material": name.split(":")[0],
+                "material": name,
                 "object_temperature_C": round(case.object_temperature - 273.15, 6),
                 "controller": controller,
                 "plant": options.plant,
@@ -132,7 +177,7 @@ def _rows(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
 def _show(row: dict[str, Any]) -> None:
     best = "-" if row["bound_rms_pct"] is None else f"{row['bound_rms_pct']:.3f}"
     print(
-        f"{row['material']:<20}{row['controller']:<8}{row['rms_pct']:8.3f}{row['rms_pct_median']:8.3f}"
+        f"{row['material']:<20}{row['controller']:<11}{row['rms_pct']:8.3f}{row['rms_pct_median']:8.3f}"
         f"{row['max_after_300ms_pct']:8.2f}{row['max_after_1s_pct']:7.2f}{row['rms_W_m2']:8.2f}"
         f"{row['skin_error_max_K']:8.3f}{row['skin_error_max_after_300ms_K']:8.3f}"
         f"{row['skin_error_max_after_1s_K']:7.3f}{row['jnd_2afc']:7.3f}{best:>8}  {row['plate_limited'] or ''}",
@@ -140,18 +185,29 @@ def _show(row: dict[str, Any]) -> None:
     )
 
 
+def _table(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
+    """Yield every promise with its figure."""
+    materials = [(name, case.material) for name, case in _cases(options)]
+    print(f"{'case':<40}{'figure':<42}{'value':>11}{'limit':>9}       worst")
+    for line in Table(materials, options.quick, seconds=options.seconds).lines():
+        limit = "-" if line.limit is None else f"{line.limit:g}"
+        kept = {True: "ok", False: "MISSED", None: ""}[line.holds]
+        print(f"{line.case:<40}{line.figure:<42}{line.value:>11.4g}{limit:>9} {kept:<6}{line.worst}", flush=True)
+        yield {**line._asdict(), "holds": line.holds}
+
+
 def _grid(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
-    """Yield the worst rms of `paper` over the materials for each pair of gains."""
-    plants, believed = _plants(options)
-    cases = [(case, desired_course(case)) for case in (_case(options, n) for n in options.materials.split(","))]
+    """Yield the worst rms of `paper` over materials, the nominal plant and some corners, for each pair of gains."""
+    nominal = DisplayParams()
+    plants = [nominal, *(replace(nominal, mismatch=corners()[k]) for k in CORNERS)]
+    cases = [(case, desired_course(case)) for _, case in _cases(options)]
     for kp in PROPORTIONAL:
         for ki in INTEGRAL:
-            worst = max(rms(_paper(case, course, plants[0], believed, (kp, ki))) for case, course in cases)
-            print(f"kp {kp:5g}  ki {ki:5g} /s  worst rms {worst:8.2f} %{'  (used)' if (kp, ki) == GAINS else ''}")
+            worst = max(
+                rms(simulate(case, course, plant, "paper", believed=nominal, seed=SEEDS[0], gains=(kp, ki)))
+                for case, course in cases
+                for plant in plants
+            )
+            print(f"kp {kp:5g}  ki {ki:5g} /s  worst rms {worst:8.2f} %{'  (used)' if (kp, ki) == GAINS else ''}",
+                  flush=True)  # fmt: skip
             yield {"proportional": kp, "integral": ki, "rms_pct": worst}
-
-
-def _paper(
-    case: Case, course: Course, plant: tuple[DisplayParams, int], believed: DisplayParams, gains: tuple[float, float]
-) -> Run:
-    return simulate(case, course, plant[0], "paper", believed=believed, seed=plant[1], gains=gains)

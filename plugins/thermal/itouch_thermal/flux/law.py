@@ -33,7 +33,7 @@ REFERENCE = 296.15
 REFRESH = 16e-3
 #: Greatest rate of the plate in a touch [K/s], as a mean over so many seconds, and the part of it that is used.
 RATE, RATE_OVER, RATE_USED = 10.0, 0.5, 0.98
-#: A change of the contact resistance by so many deviations is acted upon, if the deviation is more than enough: less may be noise.
+#: A change of the contact resistance is acted upon from so many deviations on, while these are more than enough.
 SURE, ENOUGH = 2.0, 0.015
 #: Time [s] that a pump is given to stop the face, and how far from the ends of its band [K].
 STOPPING, SLACK = 0.05, 0.02
@@ -119,7 +119,8 @@ def _follow(
     above, below, rest = work[:n], work[n:o], work[o:]
     period, step = c[at.O_PERIOD], size * c[at.O_PERIOD]
     found = theta[at.RESISTANCE]
-    theta[at.RESISTANCE] = found * max(0.0, 1.0 - SURE * SURE * max(0.0, doubt - ENOUGH * ENOUGH) / max(found * found, 1e-12))
+    noise = SURE * SURE * max(0.0, doubt - ENOUGH * ENOUGH)
+    theta[at.RESISTANCE] = found * max(0.0, 1.0 - noise / max(found * found, 1e-12))
     ticks = memory[at.M_TICKS]
     if ticks % max(1.0, round(REFRESH / period)) < hold:
         planner.respond(c, tissue, plate, theta, scale, hats, above, below, response)

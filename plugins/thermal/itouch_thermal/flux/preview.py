@@ -125,9 +125,7 @@ def _starts(
     return low, middle, high
 
 
-def _start(
-    layers: tuple[Layer, ...], heat: HeatParams, body: Side, skin: float, law: ModelLaw, trial: Trial
-) -> float:
+def _start(layers: tuple[Layer, ...], heat: HeatParams, body: Side, skin: float, law: ModelLaw, trial: Trial) -> float:
     side, coarse = finger_side(layers, heat.arterial, skin, skin), law.coarse_ticks
     count = trial.needed * coarse
     flux, warmth = contact_course(side, body, heat.expected_resistance, law.period, count, heat.press)

@@ -2,40 +2,81 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
-from itouch_thermal.display.column import F_END, F_PORT, P_END, P_PORT, REACH, Array, column
-from itouch_thermal.display.params import DisplayParams
+from itouch_thermal.display.column import F_BEGIN, F_DECAY, F_END, F_PORT, P_END, P_PORT, REACH, Array, column
+from itouch_thermal.display.params import DisplayParams, Mismatch
 from itouch_thermal.flux import observer as at
 from itouch_thermal.flux import planner
 from itouch_thermal.flux.law import REFERENCE, ModelLaw
 from itouch_thermal.flux.preview import rising
 from itouch_thermal.heat import FINGER
 from itouch_thermal.rendering.closedloop import AMBIENT, BAND, CORE, PERIOD, Case, Course, press_factor
-from itouch_thermal.rendering.score import FLOOR
+from itouch_thermal.rendering.score import FLOOR, index
+from itouch_thermal.solver.blas import one_thread
 
-#: Grid of the optimisation [s], knots of the pump, and how far past the band the face may be [K].
-STEP, KNOTS, SLACK = 5e-3, 60, 0.02
+#: Grid of the optimisation [s], and knots of the pump.
+STEP, KNOTS = 5e-3, 60
+#: A band that costs even a clairvoyant more than this [%] limits the rendering.
+LIMITED = 0.3
 
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """The least rms error [%], the start temperature [K] that reaches it, and what limits it, if anything does."""
+    """The least rms error [%], and which end of the plate's band limits the rendering, if one does."""
 
     rms_pct: float
-    start: float
     limited: str | None
 
 
-def bound(case: Case, course: Course, display: DisplayParams, spread: float = 0.0) -> Bound:
-    """Return the best that the nominal plant can do; needs scipy.
+def bound(case: Case, course: Course, display: DisplayParams, plants: Iterable[Mismatch] = ()) -> Bound:
+    """Return the best that the nominal plant can do, and whether the plate's band limits it or one of ``plants``.
 
     Bounded least squares in the plate's start temperature and the knots of the pumped flux, which may begin with the
-    contact.  The face's temperature is fixed by the flux that is wanted, so its band is checked, not traded;
-    ``spread`` is the part by which the plants' contact resistance may be off.
+    contact.  The face's temperature follows from the flux that is wanted: where its band is in the way, the flux is
+    the greatest that the band permits.  Needs scipy.
     """
+    ends = [_within_band(case, course, display, *off) for off in _contacts(plants)]
+    worst, limited = max(ends)
+    return Bound(max(_pumped(case, course, display), ends[0][0]), limited if worst > LIMITED else None)
+
+
+def _contacts(plants: Iterable[Mismatch]) -> list[tuple[float, float]]:
+    """Return by what parts contact resistance and finger differ; the nominal contact first."""
+    return list(dict.fromkeys([(0.0, 0.0), *((p.contact_resistance, p.finger_effusivity) for p in plants)]))
+
+
+def _within_band(
+    case: Case, course: Course, display: DisplayParams, resistance_off: float, finger_off: float
+) -> tuple[float, str]:
+    """Return the rms error [%] of a contact that is right wherever the face may be, and the end that is in the way."""
+    parts = column(FINGER, CORE, case.skin, display.plate, PERIOD, REACH / 1e-3)
+    rows, gain = parts.tissue, 1.0 / (1.0 + finger_off)
+    own = gain * float(rows[F_PORT] @ rows[F_END])
+    modes, flux = rising(parts, case.skin).copy(), 0.0
+    count = round(case.seconds / PERIOD)
+    found, stopped = np.empty(count), [0, 0]
+    for i in range(count):
+        modes = rows[F_DECAY] * modes - gain * rows[F_BEGIN] * flux
+        skin = parts.rest + float(rows[F_PORT] @ modes)
+        contact = case.resistance * (1.0 + resistance_off) * press_factor((i + 1) * PERIOD, case.press) + own
+        wanted = float(course.flux[i])
+        flux = min((skin - BAND[0]) / contact, max((skin - BAND[1]) / contact, wanted))
+        stopped[0] += flux < wanted
+        stopped[1] += flux > wanted
+        modes -= gain * rows[F_END] * flux
+        found[i] = flux
+    desired = course.flux[:count]
+    error = ((found - desired) / np.maximum(np.abs(desired), FLOOR))[index(0.1) :]
+    which = "lowest" if stopped[0] >= stopped[1] else "highest"
+    return 100.0 * float(np.sqrt(np.mean(error**2))), f"{which} plate temperature"
+
+
+def _pumped(case: Case, course: Course, display: DisplayParams) -> float:
+    """Return the least rms error [%] that start temperature and pump leave."""
     try:
         from scipy.optimize import lsq_linear
     except ImportError as missing:
@@ -43,7 +84,7 @@ def bound(case: Case, course: Course, display: DisplayParams, spread: float = 0.
     parts = column(FINGER, CORE, case.skin, display.plate, STEP, REACH / 1e-3)
     every = slice(round(STEP / PERIOD) - 1, None, round(STEP / PERIOD))
     count = round(case.seconds / STEP)
-    wanted, skin = course.flux[every][:count], course.skin[every][:count]
+    wanted = course.flux[every][:count]
     times = np.arange(1, count + 1) * STEP
     scored = times >= 0.1
     resistance = np.array([case.resistance * press_factor(float(t), case.press) for t in times])
@@ -59,17 +100,10 @@ def bound(case: Case, course: Course, display: DisplayParams, spread: float = 0.
     rows = np.stack(columns, axis=-1) * scale[:, None]
     low = np.concatenate(([BAND[0] - REFERENCE], np.full(KNOTS, -1.0)))
     high = np.concatenate(([BAND[1] - REFERENCE], np.full(KNOTS, 1.0)))
-    found = lsq_linear(rows[scored], ((wanted - free) * scale)[scored], (low, high), method="bvls", max_iter=200)
+    with one_thread():
+        found = lsq_linear(rows[scored], ((wanted - free) * scale)[scored], (low, high), method="bvls", max_iter=200)
     left = (rows @ found.x - (wanted - free) * scale)[scored]
-    faces = np.stack([skin - (1.0 + part) * resistance * wanted for part in (-spread, 0.0, spread)])
-    return Bound(100.0 * float(np.sqrt(np.mean(left**2))), REFERENCE + float(found.x[0]), _limit(faces[:, scored]))
-
-
-def _limit(face: Array) -> str | None:
-    """Say which end of the band the plate's face would have to pass."""
-    if float(face.min()) < BAND[0] - SLACK:
-        return "lowest plate temperature"
-    return "highest plate temperature" if float(face.max()) > BAND[1] + SLACK else None
+    return 100.0 * float(np.sqrt(np.mean(left**2)))
 
 
 class _Drive:

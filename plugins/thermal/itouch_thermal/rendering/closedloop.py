@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from itouch.plugin import Field, Record, Touch
-from itouch_thermal.display.column import Array
+from itouch_thermal.display.column import Array, plate_capacity
 from itouch_thermal.display.device import DisplayTwin, ThermalDisplay
-from itouch_thermal.display.params import DisplayParams
+from itouch_thermal.display.params import DisplayParams, Mismatch
 from itouch_thermal.display.peltier import current_for
 from itouch_thermal.flux.law import ModelLaw
 from itouch_thermal.flux.preview import contact_course, rising
@@ -24,7 +24,11 @@ BAND = (288.15, 313.15)
 #: Seconds that the plate has to reach its start temperature.
 BEFORE = 3.0
 #: Gains of `paper`: the best pair of the grid of ``bench display --grid``.
-GAINS = (40.0, 100.0)
+GAINS = (40.0, 800.0)
+#: Greatest rate of the plate in a touch [K/s] as a mean over so many seconds, and the part of it that is used.
+RATE, RATE_OVER, RATE_USED = 10.0, 0.5, 0.9
+#: Time [s] in which `paper` and `hold` come to the start temperature, and in which they stop at a limit.
+APPROACH, STOPPING = 0.25, 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,12 +57,16 @@ class Course:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Run:
-    """What a contact was: true flux, skin, plate face, pumped flux and sensor reading at the ends of the periods."""
+    """What a contact was at the ends of the periods.
+
+    True flux [W/m2], skin and plate face [K], flux asked of the pump, current [A], and what the flux sensor read.
+    """
 
     flux: Array
     skin: Array
     plate: Array
     pump: Array
+    current: Array
     sensed: Array
     start: float
     desired: Array
@@ -118,15 +126,14 @@ def simulate(
     twin = DisplayTwin(replace(plant, full_force=1.0 if case.press else 0.0))
     state = Record.of(twin.fields())
     twin.reset(state, np.random.default_rng(seed))
-    brain = _Brain(case, course, believed or replace(display, mismatch=type(display.mismatch)()), controller, gains)
-    if start is not None:
-        brain.start = start
+    known = believed or replace(display, mismatch=Mismatch())
+    brain = _Brain(case, course, known, controller, gains, start)
     reads, commands = ThermalDisplay.channels(plant)
     reading = Record.of(Field(c.name, "f8", c.size) for c in reads)
     command = Record.of(Field(c.name, "f8", c.size) for c in commands)
     touch = Touch(ambient=AMBIENT)
     before, count = round(BEFORE / PERIOD), round(case.seconds / PERIOD)
-    found = np.empty((5, count))
+    found = np.empty((6, count))
     for k in range(before + count):
         i = k - before
         twin.read(state, reading)
@@ -141,35 +148,41 @@ def simulate(
         if i >= 0:
             found[:, i] = (
                 state["true_flux"].item(), state["true_skin"].item(), state["true_plate"].item(), brain.flux,
-                reading["heat_flux"].item(),
+                brain.sent, reading["heat_flux"].item(),
             )  # fmt: skip
-    flux, skin, plate, pump, sensed = found
-    return Run(flux, skin, plate, pump, sensed, brain.start, course.flux[:count], course.skin[:count])
+    flux, skin, plate, pump, current, sensed = found
+    return Run(flux, skin, plate, pump, current, sensed, brain.start, course.flux[:count], course.skin[:count])
 
 
 class _Brain:
     """A controller outside a scene."""
 
     def __init__(
-        self, case: Case, course: Course, display: DisplayParams, controller: str, gains: tuple[float, float]
-    ) -> None:
+        self, case: Case, course: Course, display: DisplayParams, controller: str, gains: tuple[float, float],
+        start: float | None,
+    ) -> None:  # fmt: skip
         self.case, self.course, self.display, self.controller, self.gains = case, course, display, controller, gains
         self.sent = self.flux = 0.0
         self.memory = Record.of([Field("pi.integral")])
         self.reading = (0.0, AMBIENT, AMBIENT)
         self.law: ModelLaw | None = None
+        self.passed: list[float] = []
         if controller == "model":
             self.law = law = _law(display, case.skin, case.resistance)
             self.state = Record.of(law.fields())
             law.reset(self.state)
             self.finger = rising(law.fine, case.skin)
-            wanted = _start(law, case, course, self.finger)
-        else:
-            wanted = equation_three(
-                case.material.effusivity, display.plate[-1].effusivity, FINGER[0].effusivity,
-                case.object_temperature, case.skin,
-            )  # fmt: skip
-        self.start = within(BAND, wanted)
+        self.start = self._own_start() if start is None else start
+
+    def _own_start(self) -> float:
+        case = self.case
+        if self.law is not None:
+            return start_for(case, self.course, self.display)
+        wanted = equation_three(
+            case.material.effusivity, self.display.plate[-1].effusivity, FINGER[0].effusivity,
+            case.object_temperature, case.skin,
+        )  # fmt: skip
+        return within(BAND, wanted)
 
     def take(self, reading: Record, new: bool, i: int) -> None:
         """Take in a reading, or only that time has passed."""
@@ -193,11 +206,22 @@ class _Brain:
                 self.memory, "pi", error, self.gains, self.display.flux_limit, hold * PERIOD
             )
         else:
-            limit = self.display.flux_limit
-            self.flux = min(limit, max(-limit, 2.8e3 * (plate - self.start) / 0.25))
+            limit, capacity = self.display.flux_limit, plate_capacity(self.display.plate)
+            self.flux = min(limit, max(-limit, capacity * (plate - self.start) / APPROACH))
+        if i >= 0:
+            self.flux = self._bounded(self.flux, flux, plate, hold)
         p = self.display
         wanted = current_for(p.seebeck, p.resistance, p.conductance, self.flux * p.area, plate, sink)
         return float(min(p.max_current, max(-p.max_current, wanted)))
+
+    def _bounded(self, pump: float, flux: float, plate: float, hold: int) -> float:
+        """Return the pumped flux that neither takes the plate out of its band nor past its greatest rate."""
+        self.passed.append(plate)
+        before = self.passed[max(0, len(self.passed) - round(RATE_OVER / PERIOD / hold))]
+        swing = RATE * RATE_OVER * RATE_USED
+        low, high = max(BAND[0], before - swing), min(BAND[1], before + swing)
+        stiff = plate_capacity(self.display.plate) / max(STOPPING, 2.0 * hold * PERIOD)
+        return min(flux + stiff * (plate - low), max(flux + stiff * (plate - high), pump))
 
     def _predictive(self, law: ModelLaw, i: int, hold: int) -> float:
         if i < 0:
@@ -217,6 +241,12 @@ def _start(law: ModelLaw, case: Case, course: Course, finger: Array) -> float:
     flux, skin = course.flux[every][: trial.needed], course.skin[every][: trial.needed]
     press = np.array([press_factor((i + 1) * law.step, case.press) for i in range(trial.needed)])
     return start_temperature(trial, finger, Touched(flux, skin, press, case.material.effusivity))
+
+
+def start_for(case: Case, course: Course, believed: DisplayParams) -> float:
+    """Return the start temperature [K] that `model` chooses."""
+    law = _law(believed, case.skin, case.resistance)
+    return within(BAND, _start(law, case, course, rising(law.fine, case.skin)))
 
 
 _LAWS: dict[tuple[object, ...], ModelLaw] = {}

@@ -5,10 +5,21 @@ The first four are those of the paper; the others are rounded handbook values at
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
+
 from itouch_thermal.heat import ThermalMaterial
+from itouch_thermal.solver.materials import library
 
 #: Effusivity [W s^1/2 / m2K] below which a material counts as a foam.
 FOAM = 300.0
+
+#: What the numbers are and where they may be.
+_NAMES = "conductivity", "specific heat", "density"
+_RANGES = (1e-3, 5e3), (10.0, 2e4), (0.1, 3e4)
+#: Effusivity and volumetric heat capacity [J/m3K] of made-up materials.
+_DRAWN = (20.0, 24000.0), (1.5e4, 4e6)
 
 _VALUES: dict[str, tuple[float, float, float]] = {
     "aluminium": (200.0, 900.0, 2750.0),
@@ -37,7 +48,9 @@ _VALUES: dict[str, tuple[float, float, float]] = {
 
 
 def material(text: str) -> tuple[str, ThermalMaterial]:
-    """Return a material by name, or one written ``NAME:CONDUCTIVITY:SPECIFIC-HEAT:DENSITY`` in SI.
+    """Return a material by name, of this table or the shipped library, or one written out in SI.
+
+    Written out it is ``NAME:CONDUCTIVITY:SPECIFIC-HEAT:DENSITY``.
 
     Raises
     ------
@@ -45,7 +58,7 @@ def material(text: str) -> tuple[str, ThermalMaterial]:
         If the name is unknown or the numbers are none.
     """
     name, *numbers = text.split(":")
-    values = _VALUES.get(name)
+    values = _VALUES.get(name) or _shipped(name)
     if numbers:
         try:
             values = tuple(float(number) for number in numbers)  # type: ignore[assignment]
@@ -53,5 +66,31 @@ def material(text: str) -> tuple[str, ThermalMaterial]:
             values = None
     if values is None or len(values) != 3:
         known = ", ".join(_VALUES)
-        raise ValueError(f"materials: '{text}' is unknown; known are {known}; or NAME:k:c:rho in SI")
+        raise ValueError(
+            f"materials: '{text}' is unknown; known are {known}, those of `itouch-py thermal materials`; "
+            "or NAME:k:c:rho in SI"
+        )
+    for what, value, (low, high) in zip(_NAMES, values, _RANGES, strict=True):
+        if not low <= value <= high:
+            raise ValueError(f"materials: '{text}': {what} = {value:g} is out of range: {low:g} to {high:g}")
     return name, ThermalMaterial(conductivity=values[0], specific_heat=values[1], density=values[2])
+
+
+def _shipped(name: str) -> tuple[float, float, float] | None:
+    """Return conductivity, specific heat and density of a material of the shipped library."""
+    for found in library():
+        if found.name == name:
+            return found.layer.conductivity, found.layer.specific_heat, found.layer.density
+    return None
+
+
+def made_up(count: int, seed: int) -> list[tuple[str, ThermalMaterial]]:
+    """Return materials that nobody has: effusivity and heat capacity drawn evenly on logarithmic scales."""
+    draw, found = np.random.default_rng(seed), list[tuple[str, ThermalMaterial]]()
+    while len(found) < count:
+        effusivity, capacity = (math.exp(draw.uniform(math.log(low), math.log(high))) for low, high in _DRAWN)
+        conductivity = effusivity**2 / capacity
+        if 0.02 <= conductivity <= 420.0:
+            what = ThermalMaterial(conductivity=conductivity, specific_heat=1000.0, density=capacity / 1000.0)
+            found.append((f"e{effusivity:.0f} k{conductivity:.3g}", what))
+    return found

@@ -13,7 +13,7 @@ SIGNS: tuple[tuple[int, ...], ...] = tuple(
     (a, b, c, d, b * c * d, a * c * d, a * b * c, a * b * d)
     for a in (-1, 1) for b in (-1, 1) for c in (-1, 1) for d in (-1, 1)
 )  # fmt: skip
-SEEDS = (1, 2, 3)
+SEEDS: tuple[int, ...] = (1, 2, 3)
 
 
 def corners(*, exact_finger: bool = False) -> tuple[Mismatch, ...]:

@@ -23,17 +23,17 @@ def errors(run: Run) -> Array:
 
 def rms(run: Run) -> float:
     """Return the rms error from 0.1 s on, in per cent."""
-    return 100.0 * float(np.sqrt(np.mean(errors(run)[_index(0.1) :] ** 2)))
+    return 100.0 * float(np.sqrt(np.mean(errors(run)[index(0.1) :] ** 2)))
 
 
 def largest(run: Run, after: float) -> float:
     """Return the greatest error after a time [s], in per cent."""
-    return 100.0 * float(np.abs(errors(run)[_index(after) :]).max(initial=0.0))
+    return 100.0 * float(np.abs(errors(run)[index(after) :]).max(initial=0.0))
 
 
 def skin_error(run: Run, after: float = 0.0) -> float:
     """Return the greatest difference [K] of the skin from the ideal one after a time [s]."""
-    return float(np.abs(run.skin - run.ideal_skin)[_index(after) :].max(initial=0.0))
+    return float(np.abs(run.skin - run.ideal_skin)[index(after) :].max(initial=0.0))
 
 
 def told_apart(run: Run) -> float:
@@ -41,7 +41,7 @@ def told_apart(run: Run) -> float:
 
     Signal detection with the heat of the first second as the cue; 0.5 is chance.
     """
-    first = _index(1.0)
+    first = index(1.0)
     real = abs(float(run.desired[:first].mean()))
     difference = abs(float(run.flux[:first].mean()) - float(run.desired[:first].mean())) / max(real, FLOOR)
     z = 0.6744897501960817 * difference / WEBER
@@ -50,7 +50,7 @@ def told_apart(run: Run) -> float:
 
 def summary(runs: Sequence[Run]) -> dict[str, float]:
     """Return the row's figures: the worst of the runs, and the median of the rms."""
-    absolute = [float(np.sqrt(np.mean((r.flux - r.desired)[_index(0.1) :] ** 2))) for r in runs]
+    absolute = [float(np.sqrt(np.mean((r.flux - r.desired)[index(0.1) :] ** 2))) for r in runs]
     return {
         "rms_pct": max(rms(r) for r in runs),
         "rms_pct_median": float(np.median([rms(r) for r in runs])),
@@ -64,5 +64,6 @@ def summary(runs: Sequence[Run]) -> dict[str, float]:
     }
 
 
-def _index(time: float) -> int:
+def index(time: float) -> int:
+    """Return the index of the first period that ends after a time [s]."""
     return round(time / PERIOD)

@@ -8,9 +8,20 @@ import numpy as np
 
 from itouch.plugin import Field, Record, Touch
 from itouch_thermal.display import plant
-from itouch_thermal.display.column import P_BACK, P_DECAY, P_PORT, P_PUMP, REACH, Array, column, plate_capacity
+from itouch_thermal.display.column import (
+    P_BACK,
+    P_DECAY,
+    P_MEAN,
+    P_PORT,
+    P_PUMP,
+    REACH,
+    Array,
+    column,
+    plate_capacity,
+)
 from itouch_thermal.display.device import DisplayTwin, ThermalDisplay
 from itouch_thermal.display.params import DisplayParams, Mismatch
+from itouch_thermal.display.peltier import current_for, pumped_heat
 from itouch_thermal.flux.law import ModelLaw
 from itouch_thermal.heat import FINGER
 from itouch_thermal.rendering.closedloop import AMBIENT, BAND, CORE, PERIOD
@@ -20,31 +31,69 @@ CLOSE = 0.05
 
 
 def least_time(display: DisplayParams, begin: float, end: float) -> float:
-    """Return the least time [s] to bring face and base from one even temperature [K] to another.
+    """Return the least time [s] in which a plant brings face and base from one even temperature [K] to another.
 
     The greatest flux all the way and, at the end, the greatest the other way for as long as serves best: with one
-    slow and one fast mode that matter, time-optimal pumping changes sign once.
+    slow and one fast mode that matter, time-optimal pumping changes sign once.  The greatest flux is the one that may
+    be asked or, if that is less, what the plant's own module carries at its greatest current.
     """
+    off = display.mismatch
     parts = column(FINGER, CORE, 306.15, display.plate, PERIOD, REACH / 1e-3)
-    change = abs(end - begin)
-    capacity = plate_capacity(display.plate)
-    pushed = round(change * capacity / display.flux_limit / PERIOD)
-    best = np.inf
-    for extra in range(60):
-        for back in range(extra + 1):
-            time = _arrival(parts.plate, pushed + extra, back, display.flux_limit, change)
-            best = min(best, time)
-    return float(best)
+    rows, lighter = parts.plate, 1.0 / (1.0 + off.plate_effusivity)
+    way = 1.0 if end < begin else -1.0
+    drive, ahead, sink = _Drive(display), [np.zeros(rows.shape[1])], AMBIENT
+    sinks = [sink]
+    most = round(3.0 * abs(end - begin) * plate_capacity(display.plate) / lighter / display.flux_limit / PERIOD) + 60
+    for _ in range(most):
+        modes = ahead[-1]
+        flux, sink = drive.greatest(way, begin + float(rows[P_BACK] @ modes), sink)
+        ahead.append(rows[P_DECAY] * modes - lighter * rows[P_PUMP] * flux)
+        sinks.append(sink)
+    means = np.array([begin + float(rows[P_MEAN] @ modes) for modes in ahead])
+    near = int(np.argmax(way * (means - end) <= 0.0))
+    times = [
+        _arrival(rows, lighter, drive, ahead[forward], sinks[forward], way, begin, end, back) + forward
+        for forward in range(max(0, near - 10), min(most, near + 80), 2)
+        for back in range(0, 60, 2)
+    ]
+    return min(times) * PERIOD
 
 
-def _arrival(rows: Array, forward: int, back: int, flux: float, change: float) -> float:
-    modes, last = np.zeros(rows.shape[1]), 0
-    for i in range(forward + back + 40):
-        pump = flux if i < forward else -flux if i < forward + back else 0.0
-        modes = rows[P_DECAY] * modes + rows[P_PUMP] * pump
-        if max(abs(rows[P_PORT] @ modes - change), abs(rows[P_BACK] @ modes - change)) > CLOSE:
+class _Drive:
+    """The greatest flux that a plant's module carries, and how its sink warms."""
+
+    def __init__(self, display: DisplayParams) -> None:
+        off, p = display.mismatch, display
+        self.display = display
+        self.module = p.seebeck * (1.0 + off.seebeck), p.resistance * (1.0 + off.resistance)
+        self.legs = p.conductance * (1.0 + off.conductance)
+
+    def greatest(self, way: float, back: float, sink: float) -> tuple[float, float]:
+        """Return the greatest flux [W/m2] one way (1: out of the plate) and the sink's temperature [K] a period on."""
+        p, (seebeck, resistance) = self.display, self.module
+        current = current_for(seebeck, resistance, self.legs, way * p.flux_limit * p.area, back, sink)
+        current = min(p.max_current, max(-p.max_current, current))
+        heat = pumped_heat(seebeck, resistance, self.legs, current, back, sink)
+        electric = seebeck * (sink - back) * current + current * current * resistance
+        warmed = heat + electric - (sink - AMBIENT) / p.sink_resistance
+        return heat / p.area, sink + PERIOD / p.sink_capacity * warmed
+
+
+def _arrival(
+    rows: Array, lighter: float, drive: _Drive, modes: Array, sink: float, way: float, begin: float, end: float,
+    back: int,
+) -> float:  # fmt: skip
+    """Return the periods until face and base stay at their end, when the pump turns round for ``back`` periods."""
+    last = 0
+    for i in range(back + 40):
+        flux = 0.0
+        if i < back:
+            flux, sink = drive.greatest(-way, begin + float(rows[P_BACK] @ modes), sink)
+        modes = rows[P_DECAY] * modes - lighter * rows[P_PUMP] * flux
+        face, base = begin + float(rows[P_PORT] @ modes), begin + float(rows[P_BACK] @ modes)
+        if max(abs(face - end), abs(base - end)) > CLOSE:
             last = i + 1
-    return last * PERIOD if last < forward + back + 40 else np.inf
+    return float(last) if last < back + 40 else np.inf
 
 
 def switching_time(display: DisplayParams, begin: float, end: float, *, seed: int = 1) -> float:
