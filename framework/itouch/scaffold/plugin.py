@@ -1,0 +1,121 @@
+"""A complete distribution for a new plugin, unfinished where only its author knows."""
+
+from __future__ import annotations
+
+import os
+from importlib.metadata import version
+
+from itouch.scaffold.files import check_name, fill, write
+
+KINDS = ("device", "modality", "both")
+TRANSPORTS = ("serial", "usb", "tcp", "none")
+
+
+def make_plugin(name: str, *, kind: str = "device", transport: str = "none", folder: str = ".") -> list[str]:
+    """Write ``itouch-NAME`` into a folder and return the paths of its files.
+
+    Parameters
+    ----------
+    name
+        Of the plugin in XML: small letters, digits, dashes.
+    kind
+        ``device``, ``modality`` or ``both``.
+    transport
+        What its device is connected by: ``serial``, ``usb``, ``tcp`` or ``none``.
+
+    Raises
+    ------
+    ItouchError
+        If the name can't be one, or the folder is there already.
+    """
+    words = _words(check_name(name), kind, transport)
+    package = words["package"]
+    contents = {
+        "pyproject.toml": fill("pyproject.toml.in", words),
+        "README.md": _readme(words, kind, transport),
+        ".github/workflows/tests.yml": fill("tests.yml.in", words),
+        ".gitignore": "__pycache__/\n*.egg-info/\n.venv/\n.pytest_cache/\n",
+        f"{package}/__init__.py": _init(words, kind),
+        "tests/test_steps.py": fill("test_steps.py.in", words),
+        "tests/test_plugin.py": _tests(words, kind, transport),
+    }
+    if kind != "modality":
+        contents[f"{package}/device.py"] = fill(f"device_{_wire(transport)}.py.in", words)
+        contents[f"scenes/{name}.xml"] = fill("device.xml.in", words)
+        if transport != "none":
+            contents[f"{package}/line.py"] = fill(f"line_{transport}.py.in", words)
+        if transport in ("serial", "tcp"):
+            contents[f"{package}/emulator.py"] = fill(f"emulator_{transport}.py.in", words)
+    if kind != "device":
+        contents[f"{package}/modality.py"] = fill("modality.py.in", words)
+        contents[f"scenes/{name}-render.xml"] = fill("modality.xml.in", words)
+    return write(os.path.join(folder, f"itouch-{name}"), contents)
+
+
+def _wire(transport: str) -> str:
+    return "plain" if transport == "none" else "wire"
+
+
+def _words(name: str, kind: str, transport: str) -> dict[str, str]:
+    title = "".join(part.capitalize() for part in name.split("-"))
+    needs = {"serial": '"pyserial>=3.5,<4"', "usb": '"pyusb>=1.3,<2"'}
+    own = needs.get(transport, "") if kind != "modality" else ""
+    entries = []
+    if kind != "modality":
+        entries += [
+            '[project.entry-points."itouch.devices"]',
+            f'{name} = "itouch_{name.replace("-", "_")}:{title}"',
+            "",
+        ]
+    if kind != "device":
+        entries += [
+            '[project.entry-points."itouch.modalities"]',
+            f'"{name}.render" = "itouch_{name.replace("-", "_")}:{title}Render"',
+            "",
+        ]
+    emulated, package = transport in ("serial", "tcp"), f"itouch_{name.replace('-', '_')}"
+    return {
+        "name": name, "package": f"itouch_{name.replace('-', '_')}", "Name": title, "version": version("itouch-py"),
+        "needs": ", ".join(part for part in (f'"itouch-py>={_base()}"', own) if part), "entries": "\n".join(entries),
+        "address": {"serial": "/dev/ttyUSB0", "usb": "1234:5678", "tcp": "192.168.0.10:4001"}.get(transport, ""),
+        "address_doc": {"serial": "serial port", "usb": "vendor:product", "tcp": "host:port"}.get(transport, ""),
+        "emulator_import": f"from {package}.emulator import {title}Emulator\n" if emulated else "",
+        "emulator_line": f"    Emulator = {title}Emulator\n" if emulated else "",
+        "transport": transport,
+    }  # fmt: skip
+
+
+def _base() -> str:
+    major, minor, *_ = version("itouch-py").split(".")
+    return f"{major}.{minor}"
+
+
+def _init(words: dict[str, str], kind: str) -> str:
+    names = {"device": ("device",), "modality": ("modality",), "both": ("device", "modality")}[kind]
+    classes = {"device": words["Name"], "modality": f"{words['Name']}Render"}
+    lines = [f'"""The plugin `{words["name"]}` of itouch-py."""', ""]
+    lines += [f"from {words['package']}.{part} import {classes[part]}" for part in names]
+    listed = ", ".join(f'"{classes[part]}"' for part in names)
+    return "\n".join([*lines, "", f"__all__ = [{listed}]", ""])
+
+
+def _readme(words: dict[str, str], kind: str, transport: str) -> str:
+    parts = [fill("README.md.in", words)]
+    if kind != "modality":
+        parts.append(fill(f"steps_device_{_wire(transport)}.md.in", words))
+        if transport != "none":
+            parts.append(fill(f"steps_emulator_{transport}.md.in", words))
+    if kind != "device":
+        parts.append(fill("steps_modality.md.in", words))
+    return "\n".join(parts)
+
+
+def _tests(words: dict[str, str], kind: str, transport: str) -> str:
+    parts = [fill("test_head.py.in", words)]
+    if kind != "modality":
+        parts.append(fill("test_device.py.in", words))
+        if transport in ("serial", "tcp"):
+            parts.append(fill(f"test_emulator_{transport}.py.in", words))
+    if kind != "device":
+        parts.append(fill("test_modality.py.in", words))
+    return "\n\n".join(part.rstrip("\n") for part in parts) + "\n"

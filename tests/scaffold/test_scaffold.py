@@ -1,0 +1,98 @@
+"""A scaffold's tests say what is next; done as its README says, it passes everything."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from finishing import finish
+from lxml import etree
+
+from itouch.cli import main
+from itouch.scaffold import make_plugin, make_scene
+from itouch.schema import ItouchError
+
+COMBINATIONS = [("device", "serial"), ("both", "tcp")]
+
+
+def run_tests_of(home: Path, site: Path | None, *words: str) -> subprocess.CompletedProcess[str]:
+    path = os.pathsep.join(str(p) for p in (site, home) if p is not None)
+    return subprocess.run([sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *words], cwd=home,
+                          capture_output=True, text=True, env=os.environ | {"PYTHONPATH": path}, timeout=600)  # fmt: skip
+
+
+def install(home: Path, site: Path) -> None:
+    subprocess.run([sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--no-build-isolation", "--no-index",
+                    "--disable-pip-version-check", "--target", str(site), str(home)], check=True)  # fmt: skip
+
+
+@pytest.mark.parametrize(("kind", "transport"), COMBINATIONS)
+def test_a_scaffold_says_what_is_next_and_passes_when_finished(kind, transport, tmp_path):
+    make_plugin("test-lever", kind=kind, transport=transport, folder=str(tmp_path))
+    home, site = tmp_path / "itouch-test-lever", tmp_path / "site"
+    first = run_tests_of(home, None, "tests/test_steps.py")
+    assert first.returncode == 1
+    assert f"next is step {1 if kind != 'modality' else 11}:" in first.stdout
+    steps = finish(home, "itouch_test_lever")
+    assert steps >= 3
+    install(home, site)
+    done = run_tests_of(home, site)
+    assert done.returncode == 0, done.stdout[-3000:]
+    assert " failed" not in done.stdout
+
+
+@pytest.mark.parametrize(("kind", "transport"), [("device", "none"), ("device", "usb"), ("modality", "none")])
+def test_every_scaffold_can_be_finished(kind, transport, tmp_path):
+    make_plugin("test-lever", kind=kind, transport=transport, folder=str(tmp_path))
+    home = tmp_path / "itouch-test-lever"
+    assert finish(home, "itouch_test_lever") >= 3
+    for path in home.rglob("*.py"):
+        compile(path.read_text(), str(path), "exec")
+    assert run_tests_of(home, None, "tests/test_steps.py").returncode == 0
+
+
+def test_a_finished_device_is_short(tmp_path):
+    make_plugin("test-lever", transport="serial", folder=str(tmp_path))
+    home = tmp_path / "itouch-test-lever"
+    finish(home, "itouch_test_lever")
+    assert len((home / "itouch_test_lever" / "device.py").read_text().splitlines()) < 120
+
+
+def test_steps_come_one_after_the_other(tmp_path):
+    make_plugin("test-lever", folder=str(tmp_path))
+    home = tmp_path / "itouch-test-lever"
+    device = home / "itouch_test_lever" / "device.py"
+    device.write_text("\n".join(line for line in device.read_text().splitlines() if "# STEP 1" not in line))
+    said = run_tests_of(home, None, "tests/test_steps.py").stdout
+    assert "next is step 2:" in said and "device.py:" in said
+
+
+@pytest.mark.parametrize("name", ["Lever", "a b", "../x", "1x", "-x", "x--y", "", "x" * 60])
+def test_names_that_cannot_be_one_are_refused(name, tmp_path):
+    with pytest.raises(ItouchError, match="small letters"):
+        make_plugin(name, folder=str(tmp_path))
+    assert not list(tmp_path.iterdir())
+
+
+def test_nothing_is_written_over(tmp_path):
+    make_plugin("lever", folder=str(tmp_path))
+    with pytest.raises(ItouchError, match="is there already"):
+        make_plugin("lever", folder=str(tmp_path))
+
+
+def test_a_new_scene_runs_and_is_valid_for_its_editor(tmp_path, capsys):
+    assert main(["new-scene", "blocks", "--folder", str(tmp_path)]) == 0
+    home = tmp_path / "blocks"
+    assert main(["check", str(home / "blocks.xml")]) == 0
+    assert main(["run", str(home / "blocks.xml"), "--headless"]) == 0
+    tree = etree.parse(str(home / "blocks.xml"))
+    pointer = tree.getroot().getprevious()
+    while pointer is not None and not isinstance(pointer, etree._ProcessingInstruction):
+        pointer = pointer.getprevious()
+    assert pointer is not None and pointer.target == "xml-model"
+    etree.XMLSchema(etree.parse(str(home / pointer.get("href")))).assertValid(tree)
+    with pytest.raises(ItouchError):
+        make_scene("blocks", {}, folder=str(tmp_path))
