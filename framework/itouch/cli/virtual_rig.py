@@ -45,6 +45,7 @@ def main(argv: Sequence[str]) -> int:
         from itouch.cli import lockstep
 
         return lockstep.main(options)
+    from itouch.servo import realtime
     from itouch.servo.prepare import prepare
 
     session = prepare(options.scene, seed=options.seed, twin="all", rig=options.rig)
@@ -55,6 +56,7 @@ def main(argv: Sequence[str]) -> int:
         for name, where in rig.open():
             print(f"{name}: {where}")
         print("ready; Ctrl-C ends it", flush=True)
+        realtime.be_punctual()
         limit = time.monotonic() + options.duration if options.duration is not None else float("inf")
         rig.run(lambda: bool(ended) or time.monotonic() >= limit)
     finally:
