@@ -6,10 +6,13 @@ import hashlib
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
-from itouch.contact.meshfile import MeshError, MeshFile, read_mesh_file
-from itouch.contact.meshfile.source import read_inside
+from itouch.contact.meshfile.faults import MeshError
 from itouch.scene import Scene
+
+if TYPE_CHECKING:
+    from itouch.contact.meshfile import MeshFile
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +51,8 @@ class SceneFiles:
         MeshError
             If it is missing, outside the scene's folder, too large, or of another format.
         """
+        from itouch.contact.meshfile.source import MeshFile, read_mesh_file
+
         if file in self._known:
             known = self._known[file]
             return MeshFile(file, known.data, known.digest)
@@ -67,6 +72,8 @@ class SceneFiles:
         MeshError
             If it is missing, outside the scene's folder, or too large.
         """
+        from itouch.contact.meshfile.source import read_inside
+
         if file not in self._known:
             if self._scene.files is not None:
                 data = self._given(file)

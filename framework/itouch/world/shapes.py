@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from itouch.contact import Box, Capsule, Cylinder, Mesh, Plane, Shape, Sphere
-from itouch.contact.meshfile import LoadedMesh, MeshError, load_source
+from itouch.contact.meshfile.faults import MeshError
 from itouch.scene import Scene, elements
 from itouch.schema import Problem
 from itouch.world.files import SceneFile, SceneFiles
+
+if TYPE_CHECKING:
+    from itouch.contact.meshfile import LoadedMesh
 
 Corners = tuple[tuple[float, ...], tuple[float, ...]]
 
@@ -80,6 +83,8 @@ def _mesh(
     key = (element.file, element.scale, sides)
     if key in loaded:
         return loaded[key]
+    from itouch.contact.meshfile.load import load_source
+
     try:
         source = reader.mesh(element.file)
         loaded[key] = load_source(source, scale=element.scale, sides=sides, scaled=scaled)
