@@ -84,7 +84,8 @@ class Servos:
             raise ServoError("the table's servos need a package more: pip install 'itouch-py[moteus]'") from error
         self._watchdog, self._patience = watchdog, PATIENCE * patience
         self._loop = asyncio.new_event_loop()
-        self._loop.set_exception_handler(lambda loop, context: None)  # what breaks is told by the exchange that it breaks
+        # What breaks is told by the exchange that it breaks.
+        self._loop.set_exception_handler(lambda loop, context: None)
         self._transport: Any = None
         try:
             self._transport = self._run(_opened(moteus, port, self._patience, trace))
