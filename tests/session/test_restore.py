@@ -57,7 +57,7 @@ def straight_digest(scene: str, ticks: int) -> str:
 
 
 @settings(
-    max_examples=size(6, 200), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture],
+    max_examples=size(6, 80), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture],
     derandomize=True,
 )  # fmt: skip
 @given(
@@ -86,7 +86,7 @@ FAULTS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("number", range(size(3, 60)))
+@pytest.mark.parametrize("number", range(size(3, 30)))
 def test_faults_in_flight(number: int, scenes: Path) -> None:
     """Stop before, in and after the safe sequence of an injected fault, several times."""
     generator = random.Random(number)

@@ -26,6 +26,7 @@ def _check(path: str, rig: str | None, twin: str | None) -> bool:
     from itouch.scene.loader import in_file_order, read_scene
     from itouch.schema.diagnostics import SceneError, render
     from itouch.session import choose_twins
+    from itouch.session.wishes import recording_problems
     from itouch.world import compile_scene
 
     catalog = Catalog()
@@ -36,10 +37,11 @@ def _check(path: str, rig: str | None, twin: str | None) -> bool:
         problems += error.problems
     broken = any(problem.severity == "error" for problem in problems)
     model, more = (None, []) if broken else compile_scene(scene, catalog)
-    found = in_file_order([*problems, *more])
+    unrecordable = recording_problems(model) if model is not None else []
+    found = in_file_order([*problems, *more, *unrecordable])
     if found:
         print(render(found), file=sys.stderr)
-    if model is None:
+    if model is None or unrecordable:
         return False
     for notice in model.notices:
         print(f"note: {notice}")

@@ -70,7 +70,9 @@ def _check(options: argparse.Namespace) -> None:
     if not 0 <= options.seed < 1 << 63:
         raise ItouchError(f"--seed {options.seed} is out of range: 0 to 2^63 - 1")
     keeping.wanted(options)
-    if options.scene.endswith(".itouch") and (options.twin or options.rig):
+    from itouch.session.open import is_session
+
+    if (options.twin or options.rig) and is_session(options.scene):
         raise ItouchError("--twin and --rig choose devices for a scene; a session has its own")
 
 

@@ -43,7 +43,7 @@ class Column:
     @property
     def labels(self) -> tuple[str, ...]:
         """Names of its numbers in flat tables."""
-        if self.size == 0:
+        if self.size <= 1:
             return (self.name,)
         return tuple(f"{self.name}.{part}" for part in self.parts or map(str, range(self.size)))
 

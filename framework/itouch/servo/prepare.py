@@ -68,9 +68,9 @@ def prepare(scene: str, *, seed: int, twin: str | None, rig: str | None) -> Sess
     words = [scene, *(["--twin", twin] if twin else []), *(["--rig", rig] if rig else [])]
     with _Companion(words) as companion:
         from itouch.plugin.discovery import Catalog
-        from itouch.session import Session, load_scene, restore
+        from itouch.session import Session, is_session, load_scene, restore
 
-        if scene.endswith(".itouch"):
+        if is_session(scene):
             companion.wait()
             return restore(scene)
         from itouch.loop.rehearsal import rehearse_modalities

@@ -169,7 +169,12 @@ class Session(Engine):
         super().make_safe(fault)
 
     def enable(self) -> None:
-        """Enable as ``Engine.enable`` says; a recording notes the State after it, because it came from outside."""
+        """Enable as ``Engine.enable`` says; a recording notes the State after it, because it came from outside.
+
+        Twins that are enabled, as after a restore, are left alone: one reading more would be another run.
+        """
+        if self._enabled and all(device.twin and not device.remote for device in self.model.devices.values()):
+            return
         super().enable()
         self.note_outside("enable")
 

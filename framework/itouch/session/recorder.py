@@ -225,7 +225,8 @@ class Recorder:
     def _tell_faults(self) -> None:
         known = self.session.ledger.faults
         for fault in known[self._faults :]:
-            self.tell("/log/faults", int(fault["tick"]), **{k: v for k, v in fault.items() if k not in ("tick", "time")})
+            content = {key: value for key, value in fault.items() if key not in ("tick", "time")}
+            self.tell("/log/faults", int(fault["tick"]), **content)
         self._faults = len(known)
 
     def close(self) -> None:

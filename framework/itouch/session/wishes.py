@@ -11,7 +11,7 @@ from itouch.recording.tracks import Track
 from itouch.scene.elements import RecordElement
 from itouch.schema import Problem, SceneError
 from itouch.session.rows import Wish, chosen_tracks, replay_tracks
-from itouch.world import Model
+from itouch.world import Model, make_state
 
 
 def tracks_of(model: Model, state: Record) -> list[Track]:
@@ -31,6 +31,15 @@ def tracks_of(model: Model, state: Record) -> list[Track]:
         place = model.scene.places.of(element)
         advice = "channels are names of State, such as arm.pose or finger.*; `itouch-py inspect SCENE` lists them"
         raise SceneError([Problem("unknown-channel", f"<record>: {error}", place, advice)]) from error
+
+
+def recording_problems(model: Model) -> list[Problem]:
+    """Return what is wrong with the channels that the scene wants recorded."""
+    try:
+        tracks_of(model, make_state(model))
+    except SceneError as error:
+        return list(error.problems)
+    return []
 
 
 def wishes_of(element: RecordElement, servo: float) -> list[Wish]:

@@ -1,0 +1,167 @@
+"""The commands that keep, look at and give out sessions, as a user calls them."""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shipped import SCENES
+
+import itouch
+from itouch.cli import main
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("kept")
+    words = [str(SCENES / "first_touch.xml"), "--headless", "--for", "1.5s", "--seed", "4"]
+    words += ["--record", str(folder / "r.mcap"), "--save", str(folder / "s.itouch"), "--save-every", "0.4s"]
+    assert main(words) == 0
+    return folder
+
+
+def test_a_session_goes_on_from_its_snapshot_and_from_its_xml(kept: Path, tmp_path: Path) -> None:
+    assert main(["export", str(kept / "s.itouch"), "--xml", str(tmp_path / "s.xml")]) == 0
+    ends = []
+    for name, path in (("a", kept / "s.itouch"), ("b", tmp_path / "s.xml")):
+        saved = tmp_path / f"{name}.itouch"
+        assert main([str(path), "--headless", "--for", "0.5s", "--save", str(saved)]) == 0
+        ends.append(itouch.restore(saved).state.tobytes())
+    assert ends[0] == ends[1]
+    straight = itouch.build(SCENES / "first_touch.xml", seed=4)
+    straight.run(2.0)
+    assert ends[0] == straight.state.tobytes()
+    assert main(["check", str(tmp_path / "s.xml")]) == 0
+    assert main(["export", str(tmp_path / "s.xml"), "--itouch", str(tmp_path / "c.itouch")]) == 0
+    assert itouch.restore(tmp_path / "c.itouch").state == itouch.restore(kept / "s.itouch").state
+
+
+@pytest.mark.parametrize("name", ["r.mcap", "s.itouch"])
+def test_inspect(kept: Path, name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["inspect", str(kept / name)]) == 0
+    text = capsys.readouterr().out
+    assert "first_touch.xml" in text
+    assert main(["inspect", str(kept / name), "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["seconds"] == 1.5
+    assert facts["seed"] == 4
+    if name == "r.mcap":
+        assert {"track": "arm", "channel": "pose", "size": 7, "unit": "m", "rate_hz": 1000.0, "samples": 1500} in facts[
+            "channels"
+        ]
+        assert facts["contacts"][0]["object"] == "block"
+        assert facts["whole"]
+
+
+def test_inspect_of_a_scene_lists_what_can_be_recorded(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["inspect", str(SCENES / "four_materials.xml"), "--json"]) == 0
+    channels = {row["channel"]: row for row in json.loads(capsys.readouterr().out)["channels"]}
+    assert channels["peltier.plate_temperature"]["unit"] == "K"
+    assert channels["heat.desired"]["unit"] == "W/m^2"
+
+
+def test_csv_has_units_and_degrees_celsius(tmp_path: Path) -> None:
+    session = itouch.build(SCENES / "four_materials.xml")
+    session.record(tmp_path / "r.mcap")
+    session.run(0.05)
+    session.close()
+    assert (
+        main(
+            [
+                "export",
+                str(tmp_path / "r.mcap"),
+                "--csv",
+                str(tmp_path / "all.csv"),
+                "--parquet",
+                str(tmp_path / "p.parquet"),
+            ]
+        )
+        == 0
+    )
+    with open(tmp_path / "all.csv", encoding="utf-8") as stream:
+        rows = list(csv.reader(stream))
+    assert len(rows) == 51
+    head = rows[0]
+    recording = itouch.read(tmp_path / "r.mcap")
+    column = head.index("peltier.plate_temperature [degC]")
+    kelvin = recording["peltier.plate_temperature"][:, 0]
+    assert [float(row[column]) for row in rows[1:]] == (kelvin - 273.15).tolist()
+    assert "arm.sent.wrench.x [N]" in head
+    assert "arm.sent.wrench.rx [N*m]" in head
+    import pyarrow.parquet
+
+    table = pyarrow.parquet.read_table(tmp_path / "p.parquet")
+    assert table["peltier.plate_temperature"].to_pylist() == kelvin.tolist()
+    assert table.schema.field("arm.pose.x").metadata == {b"unit": b"m"}
+    frame = recording.pandas("peltier")
+    assert frame.index.name == "time"
+    assert frame["plate_temperature"].tolist() == kelvin.tolist()
+
+
+def test_bids_has_a_sidecar_with_every_unit(kept: Path, tmp_path: Path) -> None:
+    assert main(["export", str(kept / "r.mcap"), "--bids", str(tmp_path), "--subject", "07", "--task", "touch"]) == 0
+    stem = tmp_path / "sub-07" / "beh" / "sub-07_task-touch"
+    sidecar = json.loads(Path(f"{stem}_recording-arm_physio.json").read_text(encoding="utf-8"))
+    with gzip.open(f"{stem}_recording-arm_physio.tsv.gz", "rt") as stream:
+        rows = [line.rstrip("\n").split("\t") for line in stream]
+    assert sidecar["SamplingFrequency"] == 1000.0
+    assert all(len(row) == len(sidecar["Columns"]) for row in rows)
+    assert {sidecar[name]["Units"] for name in sidecar["Columns"]} >= {"m", "N", "s"}
+    pose = [float(row[sidecar["Columns"].index("pose.z")]) for row in rows]
+    assert np.array_equal(pose, itouch.read(kept / "r.mcap")["arm.pose"][:, 2])
+    events = Path(f"{stem}_events.tsv").read_text(encoding="utf-8").splitlines()
+    assert events[0].split("\t") == ["onset", "duration", "trial_type", "value"]
+    assert any(line.split("\t")[2:] == ["contact", "block"] for line in events)
+    assert (tmp_path / "dataset_description.json").is_file()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [(["export", "{r}", "--hjif", "x.hjif"], "no HJIF file is written"), (["export", "{r}"], "say what to write"),
+     (["export", "{r}", "--xml", "x.xml"], "is not a session"), (["export", "{s}", "--csv"], "say what to write a session as"),
+     (["export", "{r}", "--bids", "{d}", "--subject", "0 7"], "letters and digits"),
+     (["export", "{r}", "--csv", "/nowhere/at/all.csv"], "cannot write '/nowhere/at/all.csv'"),
+     (["inspect", "none.mcap"], "cannot read 'none.mcap'"), (["recover", "none.mcap"], "cannot read 'none.mcap'"),
+     (["run", "{x}", "--save-every", "1s"], "--save-every needs --save"),
+     (["run", "{x}", "--record", "/dev/full", "--headless"], "No space left on device"),
+     (["run", "{x}", "--record", "{d}/a.mcap", "--no-record"], "exclude one another")],
+)  # fmt: skip
+def test_what_cannot_be_done(
+    words: list[str], said: str, kept: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    names = {"r": kept / "r.mcap", "s": kept / "s.itouch", "x": SCENES / "first_touch.xml", "d": tmp_path}
+    assert main([word.format(**names) for word in words]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_check_finds_channels_that_there_are_not(scenes: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = scenes / "first_touch.xml"
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace("</itouch>", '<record to="x.mcap" channels="fingr.hip"/></itouch>'), encoding="utf-8")
+    assert main(["check", str(path)]) == 2
+    assert "no channel is named 'fingr.hip'" in capsys.readouterr().err
+
+
+def test_an_interrupted_run_leaves_a_whole_recording(tmp_path: Path) -> None:
+    import signal
+    import time
+
+    words = [sys.executable, "-m", "itouch.cli", str(SCENES / "first_touch.xml"), "--headless", "--pace", "real"]
+    running = subprocess.Popen([*words, "--for", "60s", "--record", str(tmp_path / "r.mcap")], stdout=subprocess.DEVNULL,
+                               stderr=subprocess.DEVNULL)  # fmt: skip
+    deadline = time.monotonic() + 60.0
+    while not ((tmp_path / "r.mcap").exists() and (tmp_path / "r.mcap").stat().st_size > 30_000):
+        assert running.poll() is None
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    running.send_signal(signal.SIGINT)
+    running.wait(30)
+    recording = itouch.read(tmp_path / "r.mcap")
+    assert recording.whole, recording.losses
+    assert len(recording.ticks) > 100
