@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,12 +24,13 @@ SKIN = 306.15
 
 
 def touch(
-    name: str, *, film: bool, resistance: float, seconds: float, press: float = 0.0, period: float = PERIOD
+    name: str, *, resistance: float, seconds: float, films: float = 0.0, press: float = 0.0, period: float = PERIOD
 ) -> Array:
-    """Return the contact flux [W/m2] of a bare finger on 20 mm of a paper's material, with or without the film."""
+    """Return the contact flux [W/m2] of a bare finger on 20 mm of a paper's material under so many flux films."""
     from itouch_thermal.solver.stepper import Stepper
 
-    layers = ((FILM,) if film else ()) + (material(name)[1].layer(DEPTH),)
+    between = (replace(FILM, thickness=films * (FILM.thickness or 0.0)),) if films else ()
+    layers = (*between, material(name)[1].layer(DEPTH))
     body = Side(
         layers=layers,
         initial=Initial(kind="uniform", temperature=AMBIENT),
@@ -80,9 +82,11 @@ def tem_step(current: float = 1.0, seconds: float = 20.0) -> Array:
     return np.asarray(found[1] - found[0])
 
 
-def rendered(name: str, controller: str, *, resistance: float = 2e-3, start: float | None = None) -> Run:
-    """Return a rendered contact of 10 s on the nominal plant."""
-    case = Case(material(name)[1], resistance=resistance)
+def rendered(
+    name: str, controller: str, *, resistance: float = 2e-3, start: float | None = None, seconds: float = 10.0
+) -> Run:
+    """Return a rendered contact on the nominal plant."""
+    case = Case(material(name)[1], resistance=resistance, seconds=seconds)
     return simulate(case, desired_course(case), DisplayParams(), controller, seed=1, start=start)
 
 
@@ -102,7 +106,11 @@ def draw(out: Path) -> list[tuple[str, str]]:
         ("figure04", "Flux out of a resting finger after 1 A of current through the module at 1 s.", _figure4),
         ("figure05", "Tracking of metal: desired, obtained, pumped.", lambda p: _tracking(p, "aluminium")),
         ("figure06", "Tracking of wood: desired, obtained, pumped.", lambda p: _tracking(p, "wood")),
-        ("figure07", "Tracking of polystyrene: desired, obtained, pumped.", lambda p: _tracking(p, "polystyrene")),
+        (
+            "figure07",
+            "Tracking of polystyrene: desired, obtained, pumped; the published loop with a tight contact.",
+            lambda p: _tracking(p, "polystyrene", tight=True),
+        ),
         ("figure09", "A contact split into the half-spaces' exact flux and a smooth remainder.", _figure9),
         ("figure10", "What the simulation takes in, computes and gives out.", _figure10),
         ("figure11", "Flux of four materials as simulated, without a film.", _figure11),
@@ -131,7 +139,7 @@ def _axes(plt: Any, title: str) -> tuple[Any, Any]:
 def _figure2(plt: Any) -> Any:
     figure, axes = _axes(plt, "Touch of instrumented materials, R = 0.002 K m²/W pressed on in 50 ms")
     for name in PAPER:
-        flux = lagged(touch(name, film=True, resistance=2e-3, seconds=9.0, press=0.05), 0.05)
+        flux = lagged(touch(name, films=1, resistance=2e-3, seconds=9.0, press=0.05), 0.05)
         axes.plot(
             np.concatenate(([0.0, 1.0], 1.0 + np.arange(1, 9001) * PERIOD)),
             [0.0, 0.0, *flux],
@@ -164,14 +172,18 @@ def _figure4(plt: Any) -> Any:
     return figure
 
 
-def _tracking(plt: Any, name: str) -> Any:
-    figure, panels = plt.subplots(1, 2, figsize=(10.5, 3.8), sharey=True)
-    for axes, controller, title in zip(panels, ("paper", "model"), ("as published: eq. 3 + PI", "model"), strict=True):
-        run = rendered(name, controller)
+def _tracking(plt: Any, name: str, *, tight: bool = False) -> Any:
+    """Draw a contact under the published loop and under `model`; with ``tight`` the former at R = 1e-4 as well."""
+    shown = [("paper", "as published: eq. 3 + PI", 2e-3), ("model", "model", 2e-3)]
+    shown += [("paper", "as published, R = 1e-4", 1e-4)] if tight else []
+    figure, panels = plt.subplots(1, len(shown), figsize=(5.25 * len(shown), 3.8), sharey=not tight)
+    for axes, (controller, title, resistance) in zip(panels, shown, strict=True):
+        run = rendered(name, controller, resistance=resistance)
         times = np.arange(1, len(run.flux) + 1) * PERIOD
         axes.plot(times, run.flux, color="black", label="obtained")
         axes.plot(times, run.desired, color=COLORS[name], ls="--", label="desired")
         axes.set_title(f"{name}: {title}", fontsize=10)
+        axes.set_xlim(-0.05, 2.0 if resistance < 1e-3 else 10.0)
         axes.set_xlabel("time [s]")
         axes.grid(alpha=0.3)
         pump = axes.twinx()
@@ -201,7 +213,7 @@ def halfspaces(times: Any, resistance: float, name: str) -> Array:
 
 def _figure9(plt: Any) -> Any:
     figure, axes = _axes(plt, "Wood, R = 0.002 K m²/W: whole = problem 1 (half-spaces) + problem 2")
-    whole = touch("wood", film=False, resistance=2e-3, seconds=10.0)
+    whole = touch("wood", resistance=2e-3, seconds=10.0)
     times = np.arange(1, len(whole) + 1) * PERIOD
     first = halfspaces(times, 2e-3, "wood")
     for flux, label, style in (
@@ -220,16 +232,16 @@ def _figure10(plt: Any) -> Any:
     boxes = (
         (0.12, 0.75, "materials, tissue,\nresistance"),
         (0.12, 0.25, "object's temperature,\ninfrared skin temperature"),
-        (0.45, 0.5, "modes of finger\nand object"), (0.68, 0.5, "contact step:\nflux at the face"),
-        (0.9, 0.5, "desired flux,\nskin temperature"),
+        (0.46, 0.5, "modes of finger\nand object"), (0.7, 0.5, "contact step:\nflux at the face"),
+        (0.93, 0.5, "desired flux,\nskin temperature"),
     )  # fmt: skip
     for x, y, label in boxes:
         axes.text(x, y, label, ha="center", va="center", fontsize=9, bbox={"boxstyle": "round", "fc": "#eef2f7"})
     for a, b in (
-        ((0.22, 0.72), (0.37, 0.55)),
-        ((0.24, 0.28), (0.37, 0.45)),
-        ((0.53, 0.5), (0.595, 0.5)),
-        ((0.765, 0.5), (0.81, 0.5)),
+        ((0.22, 0.72), (0.36, 0.57)),
+        ((0.28, 0.3), (0.36, 0.43)),
+        ((0.555, 0.5), (0.6, 0.5)),
+        ((0.8, 0.5), (0.83, 0.5)),
     ):
         axes.annotate("", xy=b, xytext=a, arrowprops={"arrowstyle": "->"})
     axes.annotate(
@@ -242,7 +254,7 @@ def _figure10(plt: Any) -> Any:
 def _figure11(plt: Any) -> Any:
     figure, axes = _axes(plt, "Simulated touch of the bare materials, R = 0.002 K m²/W")
     for name in PAPER:
-        flux = touch(name, film=False, resistance=2e-3, seconds=9.0)
+        flux = touch(name, resistance=2e-3, seconds=9.0)
         axes.plot(1.0 + np.arange(1, 9001) * PERIOD, flux, color=COLORS[name], label=name)
     axes.set_xlim(0.0, 10.0)
     axes.legend()

@@ -30,7 +30,7 @@ from itouch_thermal.rendering.switching import least_time, switching_time
 
 #: Contact resistances [K m2/W], press [s] and object temperatures [K] of the rows.
 USUAL, LITTLE, PRESS = 2e-3, 1e-4, 0.05
-COLD, ROOM, WARM, HOT = 289.15, 296.15, 303.15, 311.15
+COLD, ROOM, HOT = 289.15, 296.15, 311.15
 #: Object temperatures [K] that the plate cannot render.
 OUTSIDE = (278.15, 318.15)
 
@@ -86,7 +86,7 @@ class Table:
 
     def lines(self) -> Iterator[Line]:
         """Measure all rows, in the order of the promise."""
-        temperatures = (ROOM,) if self.quick else (COLD, ROOM, WARM, HOT)
+        temperatures = (ROOM,) if self.quick else (COLD, ROOM, HOT)
         yield from self._rendering("worst", self.worst(), temperatures, USUAL, (0.8, 3.0), (1.5, 0.8, 6.0, 2.5))
         yield from self._nominal(temperatures)
         yield from self._gain()
