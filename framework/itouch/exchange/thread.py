@@ -6,6 +6,7 @@ import contextlib
 import os
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 
 from itouch.plugin import RETRACT, Channel, Device, DeviceError, Field, Record
@@ -19,6 +20,8 @@ CLOSE_TIME = 0.5
 FIRST_TIME = 1.0
 #: A device that does not make its caller wait, though it says so, is asked at most this often [s].
 _LEAST = 1e-4
+#: How many exchanges the figures are taken over.
+_LATEST = 5000
 
 
 class ThreadedDevice(Device):
@@ -43,6 +46,7 @@ class ThreadedDevice(Device):
         self._thread: threading.Thread | None = None
         #: How many exchanges there were, and the longest [s].
         self.exchanges, self.longest = 0, 0.0
+        self._latest: deque[tuple[float, float]] = deque(maxlen=_LATEST)
 
     def open(self) -> None:
         """Open the device and begin to exchange; returns with the first reading, or after a second without one."""
@@ -73,6 +77,21 @@ class ThreadedDevice(Device):
     def write(self, command: Record) -> None:
         """Leave a command for the next exchange; it replaces one that was not sent yet."""
         self._wanted = time.monotonic(), command.tobytes()
+
+    def figures(self) -> dict[str, float] | None:
+        """Return rate [1/s] and durations [ms] of the latest exchanges and the number of all; None before there are two."""
+        latest = list(self._latest)
+        if len(latest) < 2:
+            return None
+        durations = sorted(took for _, took in latest)
+        span = latest[-1][0] - latest[0][0]
+        return {
+            "count": self.exchanges,
+            "rate_hz": (len(latest) - 1) / span if span > 0.0 else 0.0,
+            "p50_ms": durations[len(durations) // 2] * 1e3,
+            "p99_ms": durations[len(durations) * 99 // 100] * 1e3,
+            "max_ms": self.longest * 1e3,
+        }
 
     def close(self) -> None:
         """Send what was left, close the device, and end the thread.
@@ -126,6 +145,7 @@ class ThreadedDevice(Device):
             took = time.monotonic() - begin
             self.exchanges += 1
             self.longest = max(self.longest, took)
+            self._latest.append((begin, took))
             due = max(due + period, begin)
             rest = max(due - time.monotonic(), _LEAST - took)
             if rest > 0.0:

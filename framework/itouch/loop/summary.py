@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from itouch.exchange import ThreadedDevice
 from itouch.loop.timing import Timing
+
+from itouch.world import limits
 
 if TYPE_CHECKING:
     from itouch.loop.engine import Engine
@@ -56,6 +59,8 @@ def summary(engine: Engine, open_contacts: list[dict[str, Any]], wall: float) ->
                 "status": engine.status(name).name,
                 "limited": int(engine.state[f"{name}.clamped"]),
                 "locked_dropped": int(engine.state[f"{name}.dropped"]),
+                **_dose(engine, name),
+                **_exchanges(engine, name),
             }
             for name in model.devices
         },
@@ -64,3 +69,21 @@ def summary(engine: Engine, open_contacts: list[dict[str, Any]], wall: float) ->
         "contacts": [*ledger.contacts, *open_contacts],
         "faults": sorted([*ledger.faults, *engine.injected], key=lambda entry: int(entry["tick"])),
     }
+
+
+def _dose(engine: Engine, name: str) -> dict[str, Any]:
+    """Return the thermal dose that a plate has given in this session, and whether that is much of what it may."""
+    if f"{name}.heat.dose" not in engine.state:
+        return {}
+    dose = float(engine.state[f"{name}.heat.dose"])
+    most = engine.model.devices[name].limits.dose or limits.DOSE
+    much = dose > min(limits.DOSE_WARNING, 0.5 * most)
+    told = f"has given {dose / 60.0:.2f} of at most {most / 60.0:g} CEM43 in this session" if much else None
+    return {"dose_cem43_min": dose / 60.0, "dose_warning": told}
+
+
+def _exchanges(engine: Engine, name: str) -> dict[str, Any]:
+    """Return how fast a device that is exchanged with in a thread has answered."""
+    device = next(runner.device for runner in engine.runners if runner.model.name == name)
+    figures = device.figures() if isinstance(device, ThreadedDevice) else None
+    return {"exchanges": figures} if figures is not None else {}

@@ -96,9 +96,19 @@ class Screen:
             self._new_contacts()
             _plain_table(report, self._stream)
         self._stream.write(_closing(report) + "\n")
+        for name, device in report["devices"].items():
+            if device.get("exchanges"):
+                self._stream.write(_wire(name, device["exchanges"]) + "\n")
         for fault in report["faults"]:
             self._stream.write(_fault(fault) + "\n")
         self._stream.flush()
+
+
+def _wire(name: str, figures: dict[str, float]) -> str:
+    """Say how fast a device has answered over its wire."""
+    return "{0}: {rate_hz:.0f} exchanges/s, {p50_ms:.2f} ms median, {p99_ms:.2f} ms p99, {max_ms:.1f} ms at most".format(
+        name, **figures
+    )
 
 
 def _flux(entry: dict[str, Any]) -> str:
@@ -154,8 +164,10 @@ def _closing(report: dict[str, Any]) -> str:
 
 
 def _fault(fault: dict[str, Any]) -> str:
-    lines = [f"fault[{fault['trip']}]: device '{fault['device']}' {fault['cause']} at {fault['time_s']:.3f} s"]
+    kind = fault["trip"] or "injected"
+    lines = [f"fault[{kind}]: device '{fault['device']}' {fault['cause']} at {fault['time_s']:.3f} s"]
     if fault["scene"]:
         lines.append(f"  scene:   {fault['scene']}")
-    lines.append("  devices: all have been made safe")
+    if fault["trip"]:
+        lines.append("  devices: all have been made safe")
     return "\n".join(lines)
