@@ -1,7 +1,10 @@
-"""Sphinx configuration; the scene reference is written from the grammar before the pages are read."""
+"""Sphinx configuration; scene reference and reproduction of the paper are written before the pages are read."""
 
 from __future__ import annotations
 
+import hashlib
+import subprocess
+import sys
 from importlib.metadata import version as installed
 from pathlib import Path
 
@@ -13,7 +16,7 @@ myst_enable_extensions = ["colon_fence", "dollarmath"]
 myst_heading_anchors = 3
 html_theme = "furo"
 html_title = f"itouch-py {version}"
-exclude_patterns = ["_build"]
+exclude_patterns = ["_build", "explanation/reproduced"]
 suppress_warnings = ["myst.header"]
 
 
@@ -27,4 +30,20 @@ def _write_scene_reference() -> None:
         page.write_text(text, encoding="utf-8")
 
 
+def _reproduce_paper() -> None:
+    """Recompute the paper's figures and claims with `itouch-py reproduce`; again only when the code has changed."""
+    import itouch_thermal
+
+    code, out = Path(itouch_thermal.__file__).parent, Path(__file__).parent / "explanation" / "reproduced"
+    digest = hashlib.sha256()
+    for path in sorted(code.rglob("*.py")):
+        digest.update(path.read_bytes())
+    stamp = out / "code.sha256"
+    if stamp.exists() and stamp.read_text(encoding="utf-8") == digest.hexdigest():
+        return
+    subprocess.run([sys.executable, "-m", "itouch.cli", "reproduce", "--out", str(out)], check=True)
+    stamp.write_text(digest.hexdigest(), encoding="utf-8")
+
+
 _write_scene_reference()
+_reproduce_paper()
