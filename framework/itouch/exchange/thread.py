@@ -79,7 +79,7 @@ class ThreadedDevice(Device):
         self._wanted = time.monotonic(), command.tobytes()
 
     def figures(self) -> dict[str, float] | None:
-        """Return rate [1/s] and durations [ms] of the latest exchanges and the number of all; None before there are two."""
+        """Return rate [1/s] and durations [ms] of the latest exchanges, and how many there were; None before two."""
         latest = list(self._latest)
         if len(latest) < 2:
             return None

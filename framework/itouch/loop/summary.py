@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 from itouch.exchange import ThreadedDevice
 from itouch.loop.timing import Timing
-
 from itouch.world import limits
 
 if TYPE_CHECKING:

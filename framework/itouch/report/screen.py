@@ -106,9 +106,9 @@ class Screen:
 
 def _wire(name: str, figures: dict[str, float]) -> str:
     """Say how fast a device has answered over its wire."""
-    return "{0}: {rate_hz:.0f} exchanges/s, {p50_ms:.2f} ms median, {p99_ms:.2f} ms p99, {max_ms:.1f} ms at most".format(
-        name, **figures
-    )
+    middle, late, worst = figures["p50_ms"], figures["p99_ms"], figures["max_ms"]
+    rate = figures["rate_hz"]
+    return f"{name}: {rate:.0f} exchanges/s, {middle:.2f} ms median, {late:.2f} ms p99, {worst:.1f} ms at most"
 
 
 def _flux(entry: dict[str, Any]) -> str:
