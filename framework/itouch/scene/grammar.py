@@ -19,6 +19,7 @@ _SECTIONS: tuple[tuple[type, str], ...] = (
     (elements.Rates, "inside `<itouch>`"),
     (elements.Safety, "inside `<itouch>`"),
     (elements.Fault, "inside `<itouch>`, any number of times"),
+    (elements.RecordElement, "inside `<itouch>`"),
 )
 
 
