@@ -200,6 +200,28 @@ def test_its_attributes_are_checked(folder: Path, attribute: str, code: str) -> 
     assert the_problem(folder, scene(MESH.replace("/>", f" {attribute}/>"))).code == code
 
 
+def test_all_meshes_together_have_a_bound(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from itouch.world import shapes
+
+    monkeypatch.setattr(shapes, "MAX_TRIANGLES", 30)
+    bodies = [MESH.replace('"a"', f'"m{n}" scale="{n + 1}"') for n in range(4)]
+    assert not compiled(folder, scene("\n".join(bodies[:2] + bodies[:1]).replace("m0", "x", 1)))[1]
+    _, problems = compiled(folder, scene("\n".join(bodies)))
+    assert [problem.code for problem in problems] == ["mesh-too-large"] * 2
+    assert "36 triangles together" in problems[0].sentence
+
+
+def test_all_files_together_have_a_bound(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from itouch.world import files
+
+    (folder / "other.stl").write_bytes(cube(0.03))
+    monkeypatch.setattr(files, "MOST_BYTES", 1000)
+    problem = the_problem(folder, scene(MESH + MESH.replace('"a" file="cube', '"b" file="other')))
+    assert problem.code == "mesh-too-large"
+    assert problem.place is not None
+    assert 'file="other.stl"' in problem.place.text
+
+
 def test_a_file_must_be_named(folder: Path) -> None:
     assert the_problem(folder, scene('<mesh name="a" material="stone"/>')).code == "missing-attribute"
     assert the_problem(folder, scene('<mesh name="a" file=" " material="stone"/>')).code == "bad-value"

@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     from itouch.contact.meshfile import MeshFile
 
 
+#: What all files of a scene may take together [bytes]; they are kept in memory for sessions.
+MOST_BYTES = 1 << 30
+
+
 @dataclass(frozen=True, slots=True)
 class SceneFile:
     """A file that a scene names, complete in itself.
@@ -61,7 +65,7 @@ class SceneFiles:
         else:
             path = os.path.join(self._scene.folder, file)
             found = read_mesh_file(path, folder=self._scene.folder, name=file)
-        self._known[file] = SceneFile(file, found.data, found.digest)
+        self._keep(SceneFile(file, found.data, found.digest))
         return found
 
     def read(self, file: str, most: int) -> bytes:
@@ -80,12 +84,19 @@ class SceneFiles:
             else:
                 root = os.path.realpath(self._scene.folder)
                 data = read_inside(os.path.join(root, file), root, file, most)
-            self._known[file] = SceneFile(file, data, hashlib.sha256(data).hexdigest())
+            self._keep(SceneFile(file, data, hashlib.sha256(data).hexdigest()))
         return self._known[file].data
 
     def all(self) -> tuple[SceneFile, ...]:
         """Return what was read, sorted by name."""
         return tuple(self._known[name] for name in sorted(self._known))
+
+    def _keep(self, found: SceneFile) -> None:
+        total = sum(len(other.data) for other in self._known.values()) + len(found.data)
+        if total > MOST_BYTES:
+            sentence = f"the files of the scene take more than {MOST_BYTES >> 20} MiB together"
+            raise MeshError("mesh-too-large", sentence, "leave some out, or make them smaller")
+        self._known[found.file] = found
 
     def _given(self, file: str) -> bytes:
         files = self._scene.files or {}

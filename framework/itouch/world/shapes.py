@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from itouch.contact import Box, Capsule, Cylinder, Mesh, Plane, Shape, Sphere
+from itouch.contact.bvh import MAX_TRIANGLES
 from itouch.contact.meshfile.faults import MeshError
 from itouch.scene import Scene, elements
 from itouch.schema import Problem
@@ -87,7 +88,12 @@ def _mesh(
 
     try:
         source = reader.mesh(element.file)
-        loaded[key] = load_source(source, scale=element.scale, sides=sides, scaled=scaled)
+        mesh = load_source(source, scale=element.scale, sides=sides, scaled=scaled)
+        total = sum(other.surface.face_count for other in loaded.values()) + mesh.surface.face_count
+        if total > MAX_TRIANGLES:
+            sentence = f"the scene's meshes have {total} triangles together; the most is {MAX_TRIANGLES}"
+            raise MeshError("mesh-too-large", sentence, "simplify them")
+        loaded[key] = mesh
     except MeshError as error:
         place = scene.places.of(element, "file")
         problems.append(Problem(error.code, error.sentence, place, error.advice))
