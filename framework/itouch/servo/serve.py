@@ -23,6 +23,8 @@ from itouch.session.keeping import Keep, keeping
 
 #: How often the servo process looks round while the engine rests [s].
 _IDLE = 1e-3
+#: How long [s] the guardian may take to start: it may have to load drivers.
+GUARDIAN_START = 30.0
 #: Silence [ns] of the guardian that ends a session whose devices obey.
 GUARDIAN_SILENCE = 500_000_000
 
@@ -156,9 +158,11 @@ class Servo:
 
     def _await_guardian(self) -> None:
         """Devices that obey need the guardian to live before they are enabled."""
-        deadline = time.monotonic() + 10.0
+        deadline = time.monotonic() + GUARDIAN_START
         needed = self._hardware() or self.remotes.addresses
-        while needed and not self.words[at.GUARDIAN_BEAT] and time.monotonic() < deadline:
+        while needed and not self.words[at.GUARDIAN_BEAT]:
+            if time.monotonic() > deadline:
+                raise ServoError("the guardian process did not start: nothing is enabled without it")
             self._rest()
 
     def _run(self) -> None:

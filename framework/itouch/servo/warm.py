@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
+import threading
+import time
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -22,9 +25,17 @@ def main(argv: Sequence[str]) -> int:
     options = parser.parse_args(argv)
     catalog = Catalog()
     scene = load_scene(options.scene, rig=options.rig, twin=options.twin, catalog=catalog)
+    threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
     bare = replace(scene, modalities=(), rates=replace(scene.rates, modalities=()))
     Engine(Model.of(bare, catalog))
     return 0
+
+
+def _end_with(parent: int) -> None:
+    """End this process when the one that started it has gone."""
+    while os.getppid() == parent:
+        time.sleep(0.2)
+    os._exit(1)
 
 
 if __name__ == "__main__":
