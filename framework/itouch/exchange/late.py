@@ -69,7 +69,7 @@ class LateTwin(Twin):
         inner = self._look(state)
         if not state["line.begun"].item():
             state["line.begun"] = 1
-            state["line.acting"] = _flat(command)
+            _put(state["line.acting"], command)
         left, due = state["line.left"].item(), state["line.due"].item()
         if left == 0:
             self._end(state)
@@ -77,14 +77,14 @@ class LateTwin(Twin):
         begins = due <= 0
         if begins:
             left, due = self._delay, self._every
-            state["line.taken"] = _flat(command)
+            _put(state["line.taken"], command)
             if left == 0:
                 state["line.acting"] = state["line.taken"]
-        _flat(self._acting)[:] = state["line.acting"]
+        _take(self._acting, state["line.acting"])
         self.twin.step(inner, self._acting, touch, period)
         if begins:
             self.twin.read(inner, self._reading)
-            state["line.measured"] = _flat(self._reading)
+            _put(state["line.measured"], self._reading)
             if left == 0:
                 self._end(state)
                 left = -1
@@ -104,7 +104,7 @@ class LateTwin(Twin):
         if not state["line.fresh"].item():
             return False
         state["line.fresh"] = 0
-        _flat(reading)[:] = state["line.reading"]
+        _take(reading, state["line.reading"])
         return True
 
 
@@ -116,5 +116,10 @@ def _record(channels: tuple[Channel, ...]) -> Record:
     return Record.of(Field(channel.name, "f8", channel.size) for channel in channels)
 
 
-def _flat(record: Record) -> NDArray[np.float64]:
-    return record.raw.view(np.float64)
+def _put(field: NDArray[np.float64], record: Record) -> None:
+    """Copy a record into a field of State; one without channels has a field of one number that is not used."""
+    field[: record.nbytes // 8] = record.raw.view(np.float64)
+
+
+def _take(record: Record, field: NDArray[np.float64]) -> None:
+    record.raw.view(np.float64)[:] = field[: record.nbytes // 8]
