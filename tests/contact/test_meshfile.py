@@ -77,6 +77,11 @@ def test_texts_of_other_systems(name: str, end: bytes) -> None:
     assert load_source(MeshFile.of(f"a.{kind}", text)).surface.is_solid
 
 
+def test_the_name_of_a_solid_may_hold_any_word() -> None:
+    text = stl_text(*BOX).replace(b"made by hand", b"vertex normal endsolid facet 7")
+    assert load_source(MeshFile.of("box.stl", text)).surface.is_solid
+
+
 def test_a_long_text_stl_is_read_in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     from itouch.contact.meshfile import preflight
 
@@ -207,6 +212,12 @@ REFUSED = {
     "no triangles in text": ("a.stl", b"solid x\nendsolid x\n", "mesh-empty", "no triangles"),
     "cut": ("a.stl", stl(*BOX)[:-70], "mesh-damaged", "its length"),
     "cut text": ("a.stl", stl_text(*BOX)[:-120], "mesh-damaged", "middle"),
+    "a facet of two corners": (
+        "a.stl",
+        stl_text(*BOX).replace(b"   vertex 0.5", b"   ", 1),
+        "mesh-damaged",
+        "35 corners",
+    ),
     "a word for a number": ("a.stl", stl_text(*BOX).replace(b"0.5", b"half", 1), "mesh-damaged", "STL"),
     "one triangle": ("a.stl", stl(BOX[0], BOX[1][:1]), "mesh-empty", "single triangle"),
     "no area": (

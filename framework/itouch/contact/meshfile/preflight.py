@@ -22,7 +22,8 @@ _MAX_PARTS = 10_000  # named parts of a text file: the parser's work grows with 
 _STL_HEAD, _STL_ROW = 84, 50
 _OFF_COUNTS = re.compile(rb"\s*C?OFF\s+(\d{1,18})\s+(\d{1,18})")
 _COMMENT = re.compile(rb"#[^\n]*")
-_END_FACET = re.compile(rb"(?i)endfacet")
+_SOLID_NAME = re.compile(rb"solid[^\n]*")
+_END_FACET = re.compile(rb"endfacet")
 _PIECE = 8 << 20
 _LINE_ENDS = (b"\n", b"\r", b"\x0b", b"\x0c", b"\x1c", b"\x1d", b"\x1e")
 _MOST_LINES = 4 * MAX_TEXT_VERTICES  # vertices, normals, textures, faces
@@ -87,15 +88,18 @@ def is_binary_stl(data: bytes) -> bool:
 
 
 def _stl_text(data: bytes, shown: str) -> bytes:
-    lower = data.lower()
-    corners, begun, ended = lower.count(b"vertex"), lower.count(b"facet normal"), lower.count(b"endfacet")
+    lower = _SOLID_NAME.sub(b"solid", data.lower())  # names may hold any word
+    corners, ended = lower.count(b"vertex"), lower.count(b"endfacet")
+    begun = lower.count(b"facet") - ended
     if corners > 3 * MAX_FACES:
         raise too_many_faces(shown, corners // 3)
     if lower.count(b"endsolid") > _MAX_PARTS:
         raise MeshError("mesh-too-large", f"'{shown}' has more than {_MAX_PARTS} solids", "save it as a binary STL")
     if b"endsolid" not in lower or begun != ended:
         raise _not("STL", shown, data, "it ends in the middle of a solid")
-    return data
+    if corners != 3 * begun:
+        raise _not("STL", shown, data, f"{begun} facets have {corners} corners together")
+    return lower
 
 
 def pieces(data: bytes, kind: str) -> Iterator[bytes]:
