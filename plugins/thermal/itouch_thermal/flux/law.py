@@ -55,7 +55,7 @@ def _queue(line: Any, slot: int, delay: int, size: int, fine: Any, coarse: Any) 
 @njit(cache=True, error_model="numpy")
 def _track(
     c: Any, tissue: Any, plate: Any, x: Any, theta: Any, cover: Any, gain: Any, memory: Any, line: Any, slots: Any,
-    trace: Any, size: int, sent: float, scale: float, flux: float, film: float, sink: float,
+    trace: Any, size: int, sent: float, scale: float, press: float, flux: float, film: float, sink: float,
 ) -> None:  # fmt: skip
     """Take in what was sent and read, in one call a tick."""
     delay = int(slots[1])
@@ -65,7 +65,7 @@ def _track(
         current = line[slot]
         line[slot] = sent
         slots[0] = (slot + 1) % delay
-    at.observe(c, tissue, plate, x, theta, cover, gain, memory, current, scale, flux, film, sink)
+    at.observe(c, tissue, plate, x, theta, cover, gain, memory, current, scale, press, flux, film, sink)
     if memory[at.M_TOUCHING] > 0.0:
         if memory[at.M_AGE] % size == 0.0:
             trace[int(memory[at.M_AGE] / size) % trace.shape[0]] = x[0, tissue.shape[1] + plate.shape[1] + at.X_FACE]
@@ -235,13 +235,19 @@ class ModelLaw:
         state[p + "memory"][at.M_CONTACT] = 1.0
         state[p + "slots"][1] = self.delay
 
-    def track(self, state: Record, sent: float, flux: float, film: float, sink: float, scale: float = 1.0) -> None:
-        """Take in the current [A] sent a tick ago and the newest readings."""
+    def track(
+        self, state: Record, sent: float, flux: float, film: float, sink: float, scale: float = 1.0, press: float = -1.0
+    ) -> None:
+        """Take in the current [A] sent a tick ago and the newest readings.
+
+        ``scale`` is the resistance that the force explains, as a multiple of the expected one, and ``press`` how much
+        the finger is being pressed on (below 0: as much as the scale is above 1, as in a press of 50 ms).
+        """
         s, p = state, self.prefix
         _track(
             self.constants, self.fine.tissue, self.fine.plate, s[p + "x"], s[p + "theta"], s[p + "cover"],
             s[p + "gain"], s[p + "memory"], s[p + "line"], s[p + "slots"], s[p + "trace"], self.coarse_ticks, sent,
-            scale, flux, film, sink,
+            scale, press if press >= 0.0 else max(0.0, scale - 1.0), flux, film, sink,
         )  # fmt: skip
 
     def approach(self, state: Record, target: float, hold: int = 1) -> tuple[float, float, float]:

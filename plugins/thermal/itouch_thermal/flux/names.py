@@ -38,6 +38,7 @@ class Names:
     pressing: str
     tracked: str
     force_before: str
+    scale_before: str
     x: str
     theta: str
     memory: str

@@ -80,7 +80,7 @@ def advance(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, cu
     gp, gf = 1.0 / (1.0 + theta[PLATE]), 1.0 / (1.0 + theta[TISSUE])
     seebeck, legs = c[O_SEEBECK] * (1.0 + theta[SEEBECK]), c[O_CONDUCTANCE] * (1.0 + theta[LEGS])
     ohmic = c[O_RESISTANCE] * (1.0 + theta[OHMIC])
-    pressing = (scale - 1.0) * math.exp(theta[PRESS])
+    pressing = scale - 1.0 if scale < 1.0 else (scale - 1.0) * math.exp(theta[PRESS])
     contact = c[O_CONTACT] * math.exp(theta[RESISTANCE]) * (1.0 + pressing)
     cover = c[O_COVER] if touching else 0.0
     cold, hot, face = x[0, o + X_BACK], memory[M_SINK], x[0, o + X_FACE]
@@ -155,7 +155,7 @@ def advance(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, cu
         dj1 = 0.0
         if touching:
             explicit = contact * j1 if k - 1 == RESISTANCE else 0.0
-            if k - 1 == PRESS:
+            if k - 1 == PRESS and scale > 1.0:
                 explicit = contact * pressing / (1.0 + pressing) * j1
             dj1 = (s - p - explicit) / closing
             late = gf * dj1 + of_tissue * (0.0 if base else j1)
@@ -214,9 +214,12 @@ def correct(
 @njit(cache=True, error_model="numpy")
 def observe(
     c: Any, tissue: Any, plate: Any, x: Any, theta: Any, cover: Any, gain: Any, memory: Any,
-    current: float, scale: float, flux: float, film: float, sink: float,
+    current: float, scale: float, press: float, flux: float, film: float, sink: float,
 ) -> None:  # fmt: skip
-    """Advance by one period under ``current`` [A] and take in the readings of flux, film and sink; NaN: none."""
+    """Advance by one period under ``current`` [A] and take in the readings of flux, film and sink; NaN: none.
+
+    ``press`` says how much the finger is being pressed on now: 0 not, 1 or more very much.
+    """
     advance(c, tissue, plate, x, theta, memory, current, scale)
     if sink == sink:
         memory[M_SINK] += min(1.0, SINK_RATE * c[O_PERIOD]) * (sink - memory[M_SINK_SEEN])
@@ -229,8 +232,8 @@ def observe(
     # A reading at the end of the scale says nothing but that.
     if abs(flux) < c[O_CEILING] and abs(x[0, o + X_SEEN]) < c[O_CEILING]:
         # While the finger is being pressed on, the law of the press is not believed to the last watt.
-        doubt = DOUBT * math.sqrt(min(1.0, scale - 1.0)) * abs(x[0, o + X_FLUX])
-        cover[RESISTANCE, RESISTANCE] += DRIFT_PRESS * DRIFT_PRESS * math.sqrt(min(1.0, scale - 1.0)) * c[O_PERIOD]
+        doubt = DOUBT * math.sqrt(min(1.0, press)) * abs(x[0, o + X_FLUX])
+        cover[RESISTANCE, RESISTANCE] += DRIFT_PRESS * DRIFT_PRESS * math.sqrt(min(1.0, press)) * c[O_PERIOD]
         noise = math.sqrt(c[O_FLUX_NOISE] ** 2 + doubt * doubt)
         correct(x, theta, cover, gain, o + X_SEEN, -1, flux - x[0, o + X_SEEN], noise)
     if film == film:
@@ -289,7 +292,7 @@ def begin_touch(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, cover: Any,
     for k in range(COUNT):
         x[1 + k, o + X_FLUX] = -x[1 + k, o + X_FACE] / contact
     x[1 + RESISTANCE, o + X_FLUX] = -flux
-    x[1 + PRESS, o + X_FLUX] = -flux * (memory[M_CONTACT] - 1.0) / memory[M_CONTACT]
+    x[1 + PRESS, o + X_FLUX] = -flux * max(0.0, memory[M_CONTACT] - 1.0) / memory[M_CONTACT]
 
 
 @njit(cache=True, error_model="numpy")

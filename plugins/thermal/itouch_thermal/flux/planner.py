@@ -79,7 +79,8 @@ def ahead(
 @njit(cache=True, error_model="numpy")
 def resistance(c: Any, theta: Any, scale: float) -> float:
     """Return the contact resistance [K m2/W] that is believed in."""
-    return float(c[at.O_CONTACT] * math.exp(theta[at.RESISTANCE]) * (1.0 + (scale - 1.0) * math.exp(theta[at.PRESS])))
+    pressing = scale - 1.0 if scale < 1.0 else (scale - 1.0) * math.exp(theta[at.PRESS])
+    return float(c[at.O_CONTACT] * math.exp(theta[at.RESISTANCE]) * (1.0 + pressing))
 
 
 @njit(cache=True, error_model="numpy")

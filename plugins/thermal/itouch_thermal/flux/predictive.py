@@ -17,6 +17,8 @@ from itouch_thermal.solver.live import state_size
 TOUCHED = 0.03
 #: How far the contact resistance that the force explains may be from the expected one, as a multiple of it.
 SCALE = (0.02, 50.0)
+#: Time constant of a press [s] that is as doubtful as its scale is above 1; filter of its rate [s]; what is noise.
+PRESSING, PRESS_FILTER, STILL = 0.05, 0.02, 0.1
 #: Steps of the preview that are computed anew in a tick while the resistance changes.
 STRIDE = 16
 #: Most servo periods that a touch may have begun before the force was seen.
@@ -40,6 +42,7 @@ def memory(model: FluxModel) -> tuple[Field, ...]:
         Field("reached", "i8"),
         Field("tracked", "i8"),
         Field("force_before"),
+        Field("scale_before"),
     )
 
 
@@ -51,7 +54,8 @@ def control(
     pressed = _pressed(model, state)
     ticks = tick - state[names.begun].item() if touching else 0
     scale = _scale(model, state, ticks) if touching and not model.steady else 1.0
-    _take(model, law, state, touching and not pressed, tick, scale)
+    press = _press(model, state, scale) if touching and not model.steady else 0.0
+    _take(model, law, state, touching and not pressed, tick, scale, press)
     if (pressed and not state[names.on_plate].item()) or (model.hold > 1 and not state["ready"].item()):
         law.disturb(state)
     if touching:
@@ -136,7 +140,9 @@ def _pass(model: FluxModel, law: ModelLaw, state: Record, tick: int, scale: floa
     state[names.tracked] = tick - 1
 
 
-def _take(model: FluxModel, law: ModelLaw, state: Record, hovering: bool, tick: int, scale: float) -> None:
+def _take(
+    model: FluxModel, law: ModelLaw, state: Record, hovering: bool, tick: int, scale: float, press: float
+) -> None:
     """Let the law take in what was sent and read; what is old or unclear it does not see."""
     names = model.names
     if state[names.tracked].item() != tick - 1:
@@ -149,7 +155,7 @@ def _take(model: FluxModel, law: ModelLaw, state: Record, hovering: bool, tick: 
     else:
         law.track(
             state, sent, state[names.heat_flux].item(), state[names.plate_temperature].item(),
-            state[names.sink].item(), scale,
+            state[names.sink].item(), scale, press,
         )  # fmt: skip
     state[names.tracked] = tick
 
@@ -177,6 +183,18 @@ def _scale(model: FluxModel, state: Record, ticks: int) -> float:
     force = abs(state[sensor][2].item()) if sensor else state[model.names.normal_force].item()
     found = model.resistance.at(force) / model.expected * press_factor((ticks + 1) * model.period, model.press)
     return min(SCALE[1], max(SCALE[0], found))
+
+
+def _press(model: FluxModel, state: Record, scale: float) -> float:
+    """Return how much the finger is being pressed on, by how fast the resistance changes that the force explains."""
+    now, before = math.log(scale), model.names.scale_before
+    if state[model.names.fresh].item():  # a finger that has just come is being pressed on
+        followed = now + PRESS_FILTER / PRESSING
+    else:
+        followed = state[before].item()
+        followed += min(1.0, model.hold * model.period / PRESS_FILTER) * (now - followed)
+    state[before] = followed
+    return max(0.0, PRESSING / PRESS_FILTER * abs(now - followed) - STILL)
 
 
 def _begin(model: FluxModel, law: ModelLaw, course: Preview, state: Record, ticks: int) -> None:
