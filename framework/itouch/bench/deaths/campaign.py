@@ -72,9 +72,11 @@ def strike(victim: str, manner: str, wait: float) -> Outcome:
 
 def _strike(handle: Handle, victim: str, manner: str, wait: float, before: frozenset[int]) -> Outcome:
     observer = Observer(handle.name, handle.link.devices)
-    stand = _stand_in(victim, handle.name) if victim != "servo" else None
+    stand = _stand_in(victim, handle) if victim != "servo" else None
     _await_motion(handle)
     time.sleep(wait)
+    if not handle.running:
+        raise ItouchError(f"the session ended before anything was done to it: {_ending(handle)}")
     at = handle.seconds
     pid = stand.pid if stand is not None else handle.pid
     event = monotonic()
@@ -98,11 +100,13 @@ def _await_motion(handle: Handle) -> None:
         time.sleep(0.005)
 
 
-def _stand_in(what: str, name: str) -> subprocess.Popen[str]:
-    words = [sys.executable, "-P", "-m", "itouch.bench.deaths.stand", what, name]
+def _stand_in(what: str, handle: Handle) -> subprocess.Popen[str]:
+    words = [sys.executable, "-P", "-m", "itouch.bench.deaths.stand", what, handle.name]
     stand = subprocess.Popen(words, stdout=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True)
     if stand.stdout is None or stand.stdout.readline() != "attached\n":
-        raise ItouchError(f"the stand-in of a {what} did not attach")
+        stand.kill()
+        stand.communicate()
+        raise ItouchError(f"the stand-in of a {what} did not attach; the session {_ending(handle)}")
     return stand
 
 
@@ -192,9 +196,9 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the instants (default 1)")
     parser.add_argument("--json", action="store_true", help="print every outcome as JSON")
     options = parser.parse_args(argv)
-    outcomes = []
+    outcomes: list[Outcome] = []
     for victim, manner, wait in cases(options.instants, options.seed):
-        outcome = strike(victim, manner, wait)
+        outcome = _strike_again(victim, manner, wait)
         outcomes.append(outcome)
         if not options.json:
             _tell(len(outcomes), outcome)
@@ -203,6 +207,16 @@ def main(argv: Sequence[str]) -> int:
     else:
         _sum_up(outcomes)
     return 0 if all(outcome.worst <= LIMIT and not outcome.left for outcome in outcomes) else 1
+
+
+def _strike_again(victim: str, manner: str, wait: float, *, attempts: int = 3) -> Outcome:
+    """Strike; a session that ends by itself before is told, and tried again."""
+    for _ in range(attempts - 1):
+        try:
+            return strike(victim, manner, wait)
+        except ItouchError as error:
+            print(f"again: {error}", file=sys.stderr, flush=True)
+    return strike(victim, manner, wait)
 
 
 def _tell(number: int, outcome: Outcome) -> None:
