@@ -8,6 +8,9 @@ import sys
 from importlib.metadata import version as installed
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).parent))
+from generated import draw_pictures, write_commands  # noqa: E402
+
 project = "itouch-py"
 author = "the itouch-py developers"
 version = release = installed("itouch-py")
@@ -47,3 +50,5 @@ def _reproduce_paper() -> None:
 
 _write_scene_reference()
 _reproduce_paper()
+draw_pictures()
+write_commands()
