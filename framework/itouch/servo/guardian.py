@@ -89,8 +89,10 @@ class Guardian:
         except OSError:
             return True
         letter, *numbers = told.rpartition(")")[2].split()
-        self._why = "was suspended" if letter in "Tt" else "died"
-        return letter in _GONE or bool(int(numbers[5]) & _EXITING)
+        gone = letter in _GONE or bool(int(numbers[5]) & _EXITING)
+        if gone:
+            self._why = "was suspended" if letter in "Tt" else "died"
+        return gone
 
     def _died(self) -> str:
         if not self._was_armed or self._segment.phase == at.ENDED:
