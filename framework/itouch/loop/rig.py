@@ -88,7 +88,9 @@ class ProbeRig:
             self.touch_off.reset()
 
     def rearm(self) -> None:
-        """Begin the supervision of the table anew, after a fault."""
+        """Begin the supervision of the table anew, after a fault; a real arm may have been moved meanwhile."""
+        if not self.tracker.model.twin:
+            self.toucher.restart()
         if self.carried is not None:
             self.carried.forget()
 

@@ -103,6 +103,11 @@ class Toucher:
             view[...] = -1
         self.figures[render.NEAR_DISTANCE] = self.figures[render.TIME_TO_CONTACT] = math.inf
 
+    def restart(self) -> None:
+        """Forget how the tracker moved before: it stands where it reads now."""
+        render.follow(*self._follows, True)
+        self.figures[render.VELOCITY : render.VELOCITY + 3] = 0.0
+
     def place(self, which: int, frame: Frame) -> None:
         """Tell where tracker, arm or table stands in the world."""
         self._constants[which : which + 12] = (frame.x, frame.y, frame.z, *frame.r)

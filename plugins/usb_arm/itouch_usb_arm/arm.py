@@ -112,6 +112,7 @@ class UsbArm(Device):
     fits: ClassVar[tuple[Fit, ...]] = (FORCE_SCALE_FIT,)
     Emulator: ClassVar[type[Emulator] | None] = ArmEmulator
     blocking: ClassVar[bool] = True
+    moves_on_open: ClassVar[bool] = True
     #: A process that dies lets go of the interface, so that another one can send zero force.
     second_opener: ClassVar[bool] = True
     max_stiffness: ClassVar[float | None] = STIFFNESS

@@ -35,7 +35,7 @@ from itouch_usb_arm.errors import (
 )
 from itouch_usb_arm.exchange import PATIENCE, Exchange
 from itouch_usb_arm.reading import Reading, Timing
-from itouch_usb_arm.wire import MOTOR_LIMIT, Leds, Reply, command
+from itouch_usb_arm.wire import MOTOR_LIMIT, Buttons, Leds, Reply, command, decode
 
 #: Motor counts a newton metre.  The true value is not published: what the makers of libnifalcon guessed (10 000) is
 #: about four times what the recorded traffic of the vendor's own driver shows.  This is the lower, safe one; measure
@@ -175,11 +175,19 @@ class Falcon:
         self._note(first)
 
     def _probe(self, wire: Exchange) -> Reply | None:
-        """Return the first answer to an idle frame, or None if no firmware runs."""
-        frame = command((0, 0, 0), homing=self._homing, leds=Leds.RED)
-        for _ in range(_PROBES):
+        """Return the first answer to an idle frame, or None if no firmware runs.
+
+        A boot loader that somebody left in the midst of an upload echoes every byte: an answer that is the frame itself
+        is none, unless it stays the same when the lights are asked for differently.
+        """
+        for attempt in range(_PROBES):
+            leds = Leds.RED if attempt % 2 == 0 else Leds.RED | Leds.BLUE
+            frame = command((0, 0, 0), homing=self._homing, leds=leds)
             with contextlib.suppress(Timeout, ProtocolError):
-                return wire.run(frame, frame, _PROBE_WAIT * self._patience)
+                reply = wire.run(frame, frame, _PROBE_WAIT * self._patience)
+                echo = Reply((0, 0, 0), Buttons(decode(frame).info), (False, False, False))
+                if reply != echo:
+                    return reply
         return None
 
     def close(self) -> None:
@@ -225,7 +233,7 @@ class Falcon:
         began = self._clock()
         reply = self._guarded(self._motors())
         if self._jumped(reply):
-            again = self._guarded((0, 0, 0))
+            again = self._guarded(self._motors())
             if _far(again, reply, _JUMP) and self._jumped(again):
                 raise self._failed(ProtocolError("the arm's encoders jump: three frames disagree"))
             reply = again

@@ -46,6 +46,7 @@ class PlainFalcon(usb.backend.IBackend):
         self.spoil: deque[Any] = deque()
         self.baud = 0
         self.dtr = 1
+        self.parrot = False
 
     def enumerate_devices(self) -> Any:
         return [] if self.gone else ["falcon"]
@@ -132,7 +133,9 @@ class PlainFalcon(usb.backend.IBackend):
         assert ep == 0x02
         assert timeout > 0
         data = bytes(data)
-        if self.mode == "run" and self.baud == 2:
+        if self.parrot and self.mode == "cold":
+            self.queue += data
+        elif self.mode == "run" and self.baud == 2:
             self.frame(data)
         elif self.mode == "monitor" and self.baud == 0x4138 and data == b"\x0a\x43\x0d":
             self.queue += b"\0" * self.leading_zero + b"\x0a\x44\x2c\x0d"

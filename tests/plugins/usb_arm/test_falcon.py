@@ -74,6 +74,21 @@ def test_a_cold_arm_is_reset_loaded_and_runs(
     assert rest == [(9, 1), (3, 2), *reset, (1, 0x100), (3, 0x15), (9, 1), (3, 2)]
 
 
+def test_an_arm_left_in_the_midst_of_an_upload_echoes_and_is_loaded_anew() -> None:
+    emulator = PlainFalcon()
+    emulator.parrot, emulator.size = True, len(IMAGE)
+    with Falcon(IMAGE, emulator) as arm:
+        assert emulator.mode == "run"
+        assert arm.home(1.0).valid
+
+
+def test_an_answer_that_looks_like_an_echo_once_is_one(simple: PlainFalcon) -> None:
+    simple.encoders, simple.grip = (0, 0, 0), 8  # the minus button is held, at count zero
+    with Falcon(backend=simple) as arm:
+        assert arm.read().buttons == Buttons.MINUS
+    assert simple.image == b""
+
+
 def test_a_running_arm_is_not_loaded_again(simple: PlainFalcon) -> None:
     with Falcon(backend=simple) as arm:
         arm.read()
