@@ -166,6 +166,7 @@ def test_carry_finds_the_twist_of_a_turning_device() -> None:
     turn = 3.0 * 0.199
     np.testing.assert_allclose(twist[0, :3], [0.01 - 0.3 * np.sin(turn), 0.3 * np.cos(turn), 0], atol=2e-3)
     before = place.copy()
+    carry(0, world, np.zeros(7), offset, 1e-3, 0.4, False, place, twist)
     carry(0, world, np.full(7, np.nan), offset, 1e-3, 0.4, False, place, twist)
     np.testing.assert_array_equal(place, before)
 
@@ -232,13 +233,14 @@ BAD = {
     box('<motion><to quat="1 0 0 0" rpy="0 0 0" in="1 s"/></motion>'): "exclusive",
     box('<motion><to pos="1 0 0 mm" in="1 s"/></motion>', ' pose-from="arm"'): "exclusive",
     box("", ' pose-from="arn"'): "unknown-name",
+    box("", ' pose-from="peltier"'): "missing-channel",
 }
 
 
 @pytest.mark.parametrize("objects", BAD)
 def test_motions_that_cannot_be_are_told(write: Write, objects: str) -> None:
     with pytest.raises(SceneError) as caught:
-        build(write, objects)
+        build(write, objects, devices='<device name="peltier" plugin="thermal"/>' if "peltier" in objects else "")
     codes = [problem.code for problem in caught.value.problems if problem.severity == "error"]
     assert codes == [BAD[objects]]
     assert all(problem.place is not None and problem.place.line == 3 for problem in caught.value.problems)

@@ -123,9 +123,14 @@ def carry(
     first
         Whether there is no earlier pose to take a velocity from.
     """
+    length = 0.0
     for c in range(7):
         if not np.isfinite(reading[c]):
             return
+        if c >= 3:
+            length += reading[c] * reading[c]
+    if length < 0.25:  # nothing has been read yet
+        return
     world = (frame[3], frame[4], frame[5], frame[6])
     device = product(world, (reading[3], reading[4], reading[5], reading[6]))
     place = add((frame[0], frame[1], frame[2]), _rotated(world, (reading[0], reading[1], reading[2])))

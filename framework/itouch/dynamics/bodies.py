@@ -64,6 +64,7 @@ def build_bodies(bodies: Sequence[Body], gravity: tuple[float, float, float], pe
     """
     import mujoco
 
+    mujoco.set_mju_user_warning(_ignore)  # else it writes a file into the working folder
     spec = mujoco.MjSpec()
     spec.option.timestep, spec.option.gravity = period, gravity
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
@@ -77,6 +78,10 @@ def build_bodies(bodies: Sequence[Body], gravity: tuple[float, float, float], pe
     except ValueError as error:
         raise BodyError(_which(str(error), bodies), " ".join(str(error).split())) from None
     return Bodies(model, tuple(bodies))
+
+
+def _ignore(message: str) -> None:
+    """Let a warning be: a body that runs away is put back to its start by MuJoCo, and is seen there."""
 
 
 def _which(message: str, bodies: Sequence[Body]) -> int:

@@ -25,6 +25,8 @@ def check_bindings(scene: Scene, devices: Mapping[str, DeviceModel]) -> Iterator
         yield from _channels(scene, probe, f"probe '{probe.name}'", devices)
         yield from _locked(scene, probe, "force_to", "wrench", devices)
         yield from _locked(scene, probe, "surface_to", "pose_target", devices)
+    for element in scene.objects:
+        yield from _channels(scene, element, f"object '{element.name}'", devices)
     for part in scene.modalities:
         yield from _channels(scene, part.params, f"modality '{part.name}'", devices)
     yield from _operators(scene)
