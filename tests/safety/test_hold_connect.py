@@ -6,7 +6,7 @@ import threading
 import time
 
 import pytest
-from parts import ARM, PERIOD, TABLE, Fake, model, state
+from parts import ARM, PERIOD, TABLE, Fake, lost, model, state
 
 from itouch.plugin import Channel, DeviceError, Record
 from itouch.safety import DeviceFaultError, Hold, Status, Supervisor, Trip, connect
@@ -117,3 +117,14 @@ def test_what_is_open_is_not_opened_again() -> None:
     assert connect(devices, 0) == {}
     assert isinstance(devices[0].device, Fake)
     assert devices[0].device.calls == ["open"]
+
+
+def test_the_loss_of_an_optional_device_while_it_connects_is_told_by_connect() -> None:
+    _, devices = supervised(("one", ARM), twin=False)
+    told: list[DeviceFaultError] = []
+    devices[0].on_loss = told.append
+    assert isinstance(devices[0].device, Fake)
+    devices[0].device.says = lost
+    assert connect(devices, 0) == {"one": "failed: the plug is out"}
+    assert told == []
+    assert devices[0].on_loss is not None

@@ -78,7 +78,8 @@ def changed(folder: Path, file: str, first: int, last: int, text: str) -> Path:
     path = folder / file
     whole = path.read_text(encoding="utf-8")
     path.write_text(whole[:first] + text + whole[last:], encoding="utf-8")
-    return path if file in WHOLE else folder / "four_materials.xml"
+    holders = (name for name in WHOLE if f'file="{file}"' in (folder / name).read_text(encoding="utf-8"))
+    return path if file in WHOLE else folder / next(holders)
 
 
 def mutants(name: str, value: str) -> Iterator[tuple[str, str]]:

@@ -82,10 +82,11 @@ class Rig:
 
     def stop(self, device: str, trip: Trip = Trip.TRACKING) -> Outcome:
         after: list[int] = []
+        begin = self.state["tick"].item()
         outcome = self.sequence.carry_out(
             DeviceFaultError(device, 0, trip, "has failed"), lambda: after.append(self.state["tick"].item())
         )
-        assert after == list(range(1, len(after) + 1))
+        assert after == list(range(begin + 1, begin + len(after) + 1))
         assert outcome.seconds == pytest.approx(len(after) * PERIOD)
         return outcome
 
@@ -113,6 +114,7 @@ def test_a_plate_at_fault_is_cut_at_once() -> None:
     rig = Rig()
     assert rig.stop("plate", Trip.PLATE_TEMPERATURE).safe
     assert {drive for _, _, drive in rig.sent} == {0.0}
+    assert rig.plate.status is Status.FAULT
 
 
 def test_a_finger_that_stays_is_waited_for_three_tenths_of_a_second() -> None:
@@ -320,3 +322,53 @@ def test_the_drive_is_released_whatever_happens() -> None:
     with pytest.raises(KeyboardInterrupt):
         rig.sequence.carry_out(DeviceFaultError("arm", 0, Trip.SPEED, "x"), fail)
     assert not rig.plate.keeping
+
+
+def test_the_numbers_of_the_sequence() -> None:
+    assert (LEAVE_TIME, SAFE_TIME) == (0.3, 0.5)
+    for load, safe in ((0.09, True), (0.11, False)):
+        rig = Rig()
+
+        def pressed(goal: float, rig: Rig = rig, load: float = load) -> None:
+            rig.height, rig.load = goal, load
+
+        rig.obey = pressed
+        assert rig.stop("arm").safe is safe
+    for height, safe in ((0.0009, True), (0.0015, False)):
+        rig = Rig()
+        rig.height, rig.load = height, 0.0
+        rig.table.watch.forget()
+        rig.table.read(1)
+        rig.obey = lambda goal: None
+        assert rig.stop("arm").safe is safe
+
+
+def test_a_second_sequence_begins_anew() -> None:
+    rig = Rig()
+
+    def reversed_drive(goal: float) -> None:
+        rig.height, rig.load = 0.06 - goal, 0.0
+
+    rig.obey = reversed_drive
+    rig.stop("table")
+    first = rig.sequence._begun["table"]
+    rig.table.rearm()
+    rig.height = 0.03
+    rig.table.watch.forget()
+    rig.table.read(2)
+    rig.table.enable()
+    rig.obey, rig.ticks = rig.follow, 0
+    outcome = rig.stop("table")
+    assert outcome.safe
+    assert outcome.seconds < 0.03
+    assert rig.sequence._held_for == {}
+    assert rig.sequence._begun["table"] != first
+
+
+def test_only_what_is_carried_by_what_retracts_keeps_its_drive() -> None:
+    rig = Rig()
+    assert [one.model.name for one in rig.sequence._carried] == ["plate"]
+    models = [model(PLATE, name="a", carrier="b"), model(ARM, name="b")]
+    data = state(*models)
+    both = [Supervisor(one, data, PERIOD, device=Fake()) for one in models]
+    assert SafeSequence(both, data, PERIOD, lambda: None)._carried == []

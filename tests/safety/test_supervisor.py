@@ -534,3 +534,9 @@ def test_starting_anew_forgets_the_last_trip() -> None:
 def test_the_trip_has_a_name_in_reports() -> None:
     assert Trip.NOT_A_NUMBER.label == "not-a-number"
     assert len({trip.label for trip in Trip}) == len(Trip)
+
+
+def test_at_first_nothing_may_approach_and_the_whole_force_is_let_through() -> None:
+    one = model(TABLE)
+    it = Supervisor(one, state(one), PERIOD)
+    assert (it.closing, it.fade, it.keeping, it.on_loss) == (0.0, 1.0, False, None)

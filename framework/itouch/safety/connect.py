@@ -61,7 +61,10 @@ def _start(supervisor: Supervisor, failures: dict[str, str]) -> threading.Thread
 
 
 def _first_reading(supervisor: Supervisor, tick: int, failures: dict[str, str]) -> None:
+    on_loss, supervisor.on_loss = supervisor.on_loss, None  # here its loss is told by the one who connects
     try:
         supervisor.read(tick)
     except DeviceFaultError as error:
         failures[supervisor.model.name] = error.cause
+    finally:
+        supervisor.on_loss = on_loss

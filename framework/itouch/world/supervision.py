@@ -40,7 +40,6 @@ _HEAT = (
     Field("touched", "i8"),
     Field("heat.samples", "i8"),
     Field("heat.touched", "i8"),
-    Field("heat.told", "i8"),
     Field("heat.dose"),
     Field("heat.share"),
     Field("heat.frozen"),

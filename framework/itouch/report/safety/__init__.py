@@ -55,8 +55,8 @@ def document(
 _SCOPE = (
     "itouch-py is not a medical device. The limits are for healthy adults with normal feeling in the hand who touch "
     "with a fingertip and can take it away. All figures of this report come from the simulated twin of the rig, not "
-    "from hardware and not from people. The laboratory keeps its own duty of care: inclusion criteria, supervision, the "
-    "electrical safety of its apparatus, and a test of the limits on the real apparatus before anybody touches it."
+    "from hardware and not from people. The laboratory keeps its own duty of care: inclusion criteria, supervision, "
+    "the electrical safety of its apparatus, and a test of the limits on the real apparatus before anybody touches it."
 )
 
 _RESIDUAL = (
@@ -125,7 +125,7 @@ def _worst_case(model: Model, worst: Worst | None, fault: str) -> Iterator[Block
         yield Paragraph(f"The run ended with a fault: {fault}", "bad")
     else:
         yield Paragraph("No limit tripped.", "good")
-    rows = [(name, *_extremes(name, worst)) for name in worst.high]
+    rows = [(name.split(" [")[0], *_extremes(name, worst)) for name in worst.high]
     rows.append(("thermal dose of the skin", "0", f"{worst.dose / 60:.3g} CEM43"))
     rows.append(("longest contact with the plate", "", f"{worst.longest:.2f} s"))
     yield Table(("quantity", "least", "greatest"), tuple(rows))

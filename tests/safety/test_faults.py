@@ -1,0 +1,324 @@
+"""Fault injection: each kind does what it says, on twins only, and the same again with the same seed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from shipped import SCENES
+
+import itouch
+from itouch.faults import FaultyTwin, Injection, Kind
+from itouch.plugin import DeviceError, Field, IdealTwin, Record, Touch, current, pose, pose_target, temperature, wrench
+from itouch.scene.elements import FAULTS
+
+Write = Callable[[str, str], Path]
+FIRST = SCENES / "first_touch.xml"
+
+
+class Steady(IdealTwin):
+    """A twin that reads what it was last sent, and counts."""
+
+    def __init__(self, reads: Any, commands: Any) -> None:
+        self.params, self.reads, self.commands = None, reads, commands
+
+    def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+        super().step(state, command, touch, period)
+        self.sent = {name: view.tolist() for name, view in command.items()}
+
+    def position(self, state: Record) -> Any:
+        return state["pose"][:3] if "pose" in state else None
+
+
+TABLE = ((pose(),), (pose_target(low=(-1, -1, 0), high=(1, 1, 0.1), speed=0.3),))
+PLATE = ((temperature("plate_temperature"),), (current(limit=5.0),))
+ARM = ((pose(),), (wrench(force=8.0),))
+
+
+class Bent:
+    """A faulty twin with its State, read and stepped as in a tick."""
+
+    def __init__(self, channels: Any, kind: Kind, *, begin: int = 2, end: int = 1000, channel: str = "",
+                 amount: float = math.nan) -> None:  # fmt: skip
+        reads, commands = channels
+        self.inner = Steady(reads, commands)
+        plan = [Injection(kind, begin, end, channel, amount)]
+        self.twin = FaultyTwin(self.inner, reads, commands, plan, period=1e-3, watchdog=0.005)
+        self.state = Record.of(self.twin.fields())
+        self.twin.reset(self.state, np.random.default_rng(1))
+        self.reading = Record.of([Field(c.name, "f8", c.size) for c in reads])
+        self.command = Record.of([Field(c.name, "f8", c.size) for c in commands])
+
+    def tick(self, command: Any = None) -> bool | None:
+        new = self.twin.read(self.state, self.reading)
+        if command is not None:
+            next(iter(self.command.values()))[:] = command
+        self.twin.step(self.state, self.command, Touch(), 1e-3)
+        return new
+
+
+def test_scenes_and_program_know_the_same_kinds() -> None:
+    assert set(FAULTS) == {kind.label for kind in Kind if kind is not Kind.NONE}
+    assert len(FAULTS) == 12
+    assert Kind.of("wrong-units") is Kind.WRONG_UNITS
+    for unknown in ("none", "nan ", "NAN"):
+        with pytest.raises(ValueError, match="is not one of disconnect"):
+            Kind.of(unknown)
+
+
+def test_a_disconnected_device_makes_itself_safe() -> None:
+    bent = Bent(PLATE, Kind.DISCONNECT, end=20)
+    bent.tick(2.0)
+    bent.tick(2.0)
+    sent = []
+    for _ in range(10):
+        with pytest.raises(DeviceError, match="disconnected"):
+            bent.twin.read(bent.state, bent.reading)
+        bent.command["current"][0] = 4.0
+        bent.twin.step(bent.state, bent.command, Touch(), 1e-3)
+        sent.append(bent.inner.sent["current"][0])
+    assert sent == [2.0] * 5 + [0.0] * 5
+    table = Bent(TABLE, Kind.DISCONNECT)
+    for _ in range(2):
+        table.tick((0, 0, 0.05, 1, 0, 0, 0))
+    for _ in range(8):
+        table.twin.step(table.state, table.command, Touch(), 1e-3)
+    assert table.inner.sent["pose_target"][2] == pytest.approx(0.05 - 3 * 0.25e-3)
+
+
+def test_frozen_and_late_readings() -> None:
+    bent = Bent(TABLE, Kind.FREEZE, end=6)
+    seen = []
+    for n in range(8):
+        bent.tick((0.001 * n, 0, 0, 1, 0, 0, 0))
+        seen.append(bent.reading["pose"][0])
+    assert seen == pytest.approx([0, 0, 0.001, 0.001, 0.001, 0.001, 0.005, 0.006])
+    late = Bent(TABLE, Kind.DELAY)
+    seen = []
+    for n in range(30):
+        late.tick((0.001 * n, 0, 0, 1, 0, 0, 0))
+        seen.append(late.reading["pose"][0])
+    assert seen[:2] == [0.0, 0.0]
+    assert seen[25] == pytest.approx(0.001 * (25 - 1 - 20))  # ten readings late, of commands that are ten late
+
+
+@pytest.mark.parametrize(
+    ("kind", "channels", "expected"),
+    [
+        (Kind.BIAS, PLATE, 305.0), (Kind.WRONG_UNITS, PLATE, 26.85), (Kind.BIAS, TABLE, 0.105),
+        (Kind.WRONG_UNITS, TABLE, 100.0),
+    ],
+)  # fmt: skip
+def test_shifted_and_mistaken_readings(kind: Kind, channels: Any, expected: float) -> None:
+    bent = Bent(channels, kind)
+    first = next(iter(bent.reading))
+    for _ in range(4):
+        bent.state[first][0] = 300.0 if first.endswith("temperature") else 0.1
+        bent.twin.read(bent.state, bent.reading)
+        bent.state["fault.tick"] = bent.state["fault.tick"].item() + 1
+    assert bent.reading[first][0] == pytest.approx(expected)
+    if first == "pose":
+        assert bent.reading["pose"][3:].tolist() == [1.0, 0.0, 0.0, 0.0]  # no quaternion has a unit
+
+
+def test_drift_grows_and_spikes_are_rare() -> None:
+    drift = Bent(PLATE, Kind.DRIFT, begin=0, channel="plate_temperature", amount=2.0)
+    for _ in range(501):
+        drift.tick(0.0)
+    assert drift.reading["plate_temperature"].item() == pytest.approx(296.15 + 1.0)
+    spikes = Bent(PLATE, Kind.SPIKE, begin=0)
+    seen = []
+    for _ in range(1000):
+        spikes.tick(0.0)
+        seen.append(spikes.reading["plate_temperature"].item() - 296.15)
+    assert sorted({round(value) for value in seen}) == [-30, 0, 30]
+    assert 25 < sum(value != 0.0 for value in seen) < 80
+
+
+def test_nonsense() -> None:
+    bent = Bent(TABLE, Kind.NAN)
+    for _ in range(3):
+        bent.tick()
+    assert np.all(np.isnan(bent.reading["pose"]))
+    garbage = Bent(TABLE, Kind.GARBAGE)
+    seen = set()
+    for _ in range(10):
+        garbage.tick()
+        seen.add(garbage.reading["pose"].tobytes())
+    assert len(seen) == 10
+
+
+def test_a_fifth_of_readings_and_commands_is_dropped() -> None:
+    bent = Bent(PLATE, Kind.DROP, begin=0, end=10**6)
+    missed, stale = 0, 0
+    for n in range(1, 1001):
+        missed += bent.tick(0.001 * n) is False
+        stale += bent.inner.sent["current"][0] != pytest.approx(0.001 * n, abs=1e-9)
+    assert 150 < missed < 250
+    assert 150 < stale < 250
+
+
+def test_reversed_signs() -> None:
+    arm = Bent(ARM, Kind.REVERSED_SIGN)
+    for _ in range(3):
+        arm.tick((1.0, -2.0, 3.0, 0, 0, 0))
+    assert arm.inner.sent["wrench"] == [-1.0, 2.0, -3.0, 0, 0, 0]
+    table = Bent(TABLE, Kind.REVERSED_SIGN)
+    for height in (0.05, 0.05, 0.05, 0.06, 0.01, -0.5):
+        table.tick((0, 0, height, 1, 0, 0, 0))
+        seen = table.inner.sent["pose_target"][2]
+    assert seen == 0.1  # the end of its travel
+    sensor = Bent(PLATE, Kind.REVERSED_SIGN, channel="plate_temperature")
+    for temperature_now in (300.0, 300.0, 300.0, 301.0):
+        sensor.state["plate_temperature"][0] = temperature_now
+        sensor.tick(1.0)
+    assert sensor.reading["plate_temperature"].item() == 299.0
+    assert sensor.inner.sent["current"] == [1.0]
+
+
+def test_saturated_actuators() -> None:
+    arm = Bent(ARM, Kind.SATURATED)
+    for _ in range(3):
+        arm.tick((0.3, 0.4, 0, 0, 0, 0))
+    assert arm.inner.sent["wrench"] == pytest.approx([4.8, 6.4, 0, 0, 0, 0])
+    arm.tick((0, 0, 0, 0, 0, 0))
+    assert arm.inner.sent["wrench"] == [0.0] * 6
+    plate = Bent(PLATE, Kind.SATURATED)
+    for wanted in (0.1, 0.1, -0.1):
+        plate.tick(wanted)
+    assert plate.inner.sent["current"] == [-5.0]
+    table = Bent(TABLE, Kind.SATURATED)
+    for _ in range(2):
+        table.tick((0, 0, 0.05, 1, 0, 0, 0))
+    table.tick((0.001, 0.0001, 0.04, 1, 0, 0, 0))
+    assert table.inner.sent["pose_target"][:3] == pytest.approx([1.0, 0.0001, 0.0])
+
+
+def test_one_channel_alone() -> None:
+    bent = Bent(((temperature("a"), temperature("b")), (current(limit=5.0),)), Kind.NAN, channel="b")
+    for _ in range(3):
+        bent.tick(1.0)
+    assert bent.reading["a"].item() == 296.15
+    assert math.isnan(bent.reading["b"].item())
+    command = Bent(((temperature("a"),), (current(limit=5.0),)), Kind.REVERSED_SIGN, channel="current")
+    for _ in range(3):
+        command.tick(1.0)
+    assert command.inner.sent["current"] == [-1.0]
+    with pytest.raises(ValueError, match="channel = 'c' is not one of a, current"):
+        command.twin.write_plan(command.state, 0, Injection(Kind.NAN, 0, channel="c"))
+
+
+def test_a_fault_ends() -> None:
+    bent = Bent(PLATE, Kind.NAN, begin=1, end=3)
+    seen = []
+    for _ in range(5):
+        bent.tick(0.0)
+        seen.append(math.isnan(bent.reading["plate_temperature"].item()))
+    assert seen == [False, True, True, False, False]
+
+
+def faulty(write: Write, *faults: str) -> Path:
+    text = FIRST.read_text(encoding="utf-8").replace("</itouch>", "\n".join(["", *faults, "</itouch>"]))
+    return write("s.xml", text)
+
+
+def test_a_scene_injects_and_the_report_tells_cause_and_line(write: Write) -> None:
+    path = faulty(write, '<fault device="arm" kind="nan" at="1 s" for="0.2 s"/>')
+    engine = itouch.build(path)
+    with pytest.raises(itouch.DeviceFaultError, match=r"device 'arm' reads NaN \(pose\) at tick 1000"):
+        engine.run()
+    line = (
+        path.read_text(encoding="utf-8").splitlines().index('<fault device="arm" kind="nan" at="1 s" for="0.2 s"/>') + 1
+    )
+    tripped, injected = sorted(engine.report()["faults"], key=lambda entry: entry["trip"] is None)
+    assert tripped["trip"] == "not-a-number"
+    assert tripped["injected"] == [{"device": "arm", "kind": "nan", "scene": f"{path}:{line}:1"}]
+    assert tripped["safe"]["reached"] is True
+    assert (injected["trip"], injected["kind"], injected["time_s"], injected["until_s"]) == (None, "nan", 1.0, 1.2)
+    assert injected["scene"] == f"{path}:{line}:1"
+    assert "nan" in injected["cause"]
+
+
+def test_a_fault_that_has_not_begun_is_not_told(write: Write) -> None:
+    engine = itouch.build(faulty(write, '<fault device="arm" kind="nan" at="1 s"/>'))
+    engine.run(0.5)
+    assert engine.report()["faults"] == []
+
+
+@pytest.mark.parametrize(
+    ("fault", "code"),
+    [
+        ('<fault device="arm" kind="nonsense" at="1 s"/>', "bad-value"),
+        ('<fault device="leg" kind="nan" at="1 s"/>', "unknown-name"),
+        ('<fault device="arm" kind="nan"/>', "missing-attribute"),
+        ('<fault device="arm" kind="nan" at="-1 s"/>', "out-of-range"),
+        ('<fault device="arm" kind="nan" at="1 s" for="0 s"/>', "out-of-range"),
+        ('<fault device="arm" kind="nan" at="nan"/>', "bad-value"),
+        ('<fault device="arm" kind="bias" at="1 s" channel="poses"/>', "missing-channel"),
+        ('<fault device="arm" kind="bias" at="1 s" amount="3 mm"/>', "requires"),
+        ('<fault device="arm" kind="bias" at="1 s" channel="pose" amount="3 kg"/>', "bad-value"),
+        ('<fault device="arm" kind="nan" at="1 s" wen="3"/>', "unknown-attribute"),
+    ],
+)
+def test_what_is_wrong_with_a_fault_has_a_place(write: Write, fault: str, code: str) -> None:
+    with pytest.raises(itouch.SceneError) as caught:
+        itouch.build(faulty(write, fault))
+    assert [problem.code for problem in caught.value.problems] == [code]
+    assert caught.value.problems[0].place is not None
+
+
+def test_a_fault_on_hardware_is_a_problem_with_its_place(write: Write) -> None:
+    path = faulty(write, '<fault device="arm" kind="nan" at="1 s"/>')
+    with pytest.raises(itouch.SceneError) as caught:
+        itouch.build(path, twin="none")
+    (problem,) = [problem for problem in caught.value.problems if problem.code == "fault-on-hardware"]
+    assert problem.place is not None
+    assert 'device="arm"' in problem.place.text
+    assert "--twin all" in problem.advice
+
+
+def test_amounts_are_in_the_units_of_their_channel(write: Write) -> None:
+    path = faulty(write, '<fault device="arm" kind="bias" at="0.3 s" channel="pose" amount="1 mm"/>')
+    plain, shifted = itouch.build(FIRST), itouch.build(path)
+    for engine in (plain, shifted):
+        engine.run(0.4)
+    assert shifted.state["arm.pose"][0] - plain.state["arm.pose"][0] == pytest.approx(0.001)
+
+
+def test_injected_faults_are_the_same_again_and_survive_restoring(write: Write, tmp_path: Path) -> None:
+    path = faulty(
+        write, '<fault device="arm" kind="drop" at="0.2 s" for="1 s"/>', '<fault device="arm" kind="delay" at="0.9 s"/>'
+    )
+    straight = itouch.build(path, seed=3)
+    straight.run(1.5)
+    broken = itouch.build(path, seed=3)
+    broken.run(0.7)
+    broken.save(tmp_path / "s.itouch")
+    again = itouch.restore(tmp_path / "s.itouch")
+    again.run(1.5 - again.seconds)
+    assert again.state.tobytes() == straight.state.tobytes()
+
+
+def test_faults_from_python(write: Write) -> None:
+    engine = itouch.build(faulty(write, '<fault device="arm" kind="nan" at="100 s"/>'))
+    engine.run(0.3)
+    plain = itouch.build(FIRST)
+    plain.run(0.3)
+    engine.inject("arm", "bias", duration=0.1, channel="pose", amount=0.001)
+    for shift in (0.001, 0.0):
+        for one in (engine, plain):
+            one.run(0.05 if shift else 0.1)
+        assert engine.state["arm.pose"][0] - plain.state["arm.pose"][0] == pytest.approx(shift, abs=1e-4)
+    assert [entry["kind"] for entry in engine.report()["faults"]] == ["bias"]
+    for wrong in ({"device": "arm", "kind": "x"}, {"device": "arm", "kind": "nan", "slot": 1},
+                  {"device": "arm", "kind": "nan", "channel": "x"}):  # fmt: skip
+        with pytest.raises(ValueError, match="is not one of|no slot"):
+            engine.inject(**wrong)  # type: ignore[arg-type]
+    with pytest.raises(DeviceError, match="there is no device named 'leg'"):
+        engine.inject("leg", "nan")
+    with pytest.raises(ValueError, match="no slot"):
+        itouch.build(FIRST).inject("arm", "nan")

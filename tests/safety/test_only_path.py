@@ -1,0 +1,80 @@
+"""One way to the hardware: only the supervisor writes to devices, and it is tested to the last branch."""
+
+from __future__ import annotations
+
+import ast
+import os
+import random
+import subprocess
+import sys
+from pathlib import Path
+
+import mutants
+import pytest
+from shipped import REPOSITORY
+
+FRAMEWORK = REPOSITORY / "framework" / "itouch"
+UNIT = [str(Path(__file__).parent / f"test_{name}.py") for name in mutants.TESTS]
+
+
+def device_writes(path: Path) -> list[int]:
+    """Return the lines that call ``write`` of something called a device."""
+    found = []
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "write":
+            owner = ast.unparse(node.func.value)
+            if "device" in owner.lower():
+                found.append(node.lineno)
+    return found
+
+
+def test_only_the_supervisor_writes_to_a_device() -> None:
+    writers = {
+        str(path.relative_to(FRAMEWORK)): lines
+        for path in FRAMEWORK.rglob("*.py")
+        if (lines := device_writes(path)) and "testing" not in path.parts
+    }
+    assert len(writers.pop("safety/supervisor.py")) == 1
+    carriers = {name for name in writers if not name.startswith(("exchange/", "servo/"))}
+    assert carriers == set()  # threads and sockets carry on what the supervisor has let through
+
+
+def test_every_branch_of_the_supervisor_is_tested(tmp_path: Path) -> None:
+    data = {**os.environ, "COVERAGE_FILE": str(tmp_path / "coverage")}
+    run = ["run", "--branch", "--source=itouch.safety", "-m", "pytest", "-q", "-p", "no:cacheprovider", *UNIT]
+    done = subprocess.run(
+        [sys.executable, "-m", "coverage", *run], env=data, cwd=REPOSITORY, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout[-3000:]
+    report = [sys.executable, "-m", "coverage", "report", "--fail-under=100", "--show-missing", "--skip-covered"]
+    done = subprocess.run(report, env=data, cwd=REPOSITORY, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+
+
+def test_mutants_of_the_supervisor_are_noticed() -> None:
+    """The short form of the campaign: a sample of the mutants, drawn anew by each version of the tests."""
+    code = (
+        "import random, sys\n"
+        f"sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
+        "import mutants\n"
+        "mutants.prepare()\n"
+        "every = [m for name in ('guard', 'carried', 'supervisor', 'sequence', 'heat') for m in mutants.mutants(name)]\n"
+        "chosen = random.Random(20).sample(every, 20)\n"
+        "assert mutants.survives(mutants.control('guard'))\n"
+        "alive = mutants.campaign(chosen)\n"
+        "sys.exit(len(alive))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=REPOSITORY, check=False)
+    assert done.returncode <= 4, done.stdout + done.stderr
+
+
+def test_mutants_are_what_they_say() -> None:
+    every = list(mutants.mutants("finger"))
+    assert len(every) == len({(one.line, one.what, one.code.co_code, str(one.code.co_consts)) for one in every}) > 10
+    assert random.Random(0).choice(every).module == "finger"
+
+
+@pytest.mark.long
+def test_the_whole_campaign() -> None:
+    done = subprocess.run([sys.executable, str(Path(__file__).parent / "mutants.py")], cwd=REPOSITORY, check=False)
+    assert done.returncode == 0
