@@ -7,6 +7,9 @@ import json
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from itouch.cli.arguments import output_file
+from itouch.schema import ItouchError
+
 Facts = dict[str, Any]
 
 
@@ -15,13 +18,30 @@ def main(argv: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog="itouch-py inspect", description=main.__doc__)
     parser.add_argument("file", metavar="FILE", help="a scene (.xml), a session (.itouch) or a recording (.mcap)")
     parser.add_argument("--json", action="store_true", help="as JSON")
+    parser.add_argument("--picture", type=output_file, metavar="FILE.png", help="draw a scene before anything runs")
     options = parser.parse_args(argv)
+    if options.picture:
+        _draw(options.file, options.picture)
     facts = _facts(options.file)
     if options.json:
         print(json.dumps(facts, indent=1))
     else:
         print("\n".join(_text(facts)))
     return 0
+
+
+def _draw(path: str, picture: str) -> None:
+    """Draw the scene of a scene file or a session as it stands."""
+    from itouch.session import build, is_session, restore
+    from itouch.viewer.offscreen import Offscreen, write_png
+
+    if path.endswith(".mcap"):
+        raise ItouchError("--picture draws a scene or a session; `itouch-py report` draws a recording")
+    session = restore(path) if is_session(path) else build(path)
+    shots = Offscreen(session.model)
+    shots.picture.choices.curves = False
+    write_png(picture, shots.shoot(session.state))
+    shots.close()
 
 
 def _facts(path: str) -> Facts:

@@ -33,9 +33,9 @@ def draw(ring: Ring, paint: Paint, text: Text, area: Rectangle, seen: NDArray[np
     """Draw all charts of a ring, one under the other, into an area: left, bottom, width, height [pixels]."""
     left, bottom, width, height = area
     count = len(ring.charts)
-    each = (height - 8.0 * (count - 1)) / max(count, 1)
+    each = min((height - 8.0 * (count - 1)) / max(count, 1), 0.3 * height)
     for index, chart in enumerate(ring.charts):
-        below = bottom + (count - 1 - index) * (each + 8.0)
+        below = bottom + height - (index + 1) * each - index * 8.0
         _chart(ring, chart, paint, text, (left, below, width, each), seen, size)
 
 

@@ -60,6 +60,8 @@ class Stage:
         }
         for name, shape in zip(model.objects, model.shapes, strict=True):
             self.solids[f"object {name}"] = solid_of(shape)
+        self._corners = [_corners(self.solids[f"object {name}"], shape)
+                         for name, shape in zip(model.objects, model.shapes, strict=True)]  # fmt: skip
         self._colours = {element.name: _colour(model, element.material) for element in model.scene.objects}
         self.tables = [d for d in model.devices.values() if d.command("pose_target") is not None]
         self.faces = {d.name: f for d in model.devices.values() if (f := d.cls.face(d.params)) is not None}
@@ -71,11 +73,8 @@ class Stage:
     def bounds(self, state: Record) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the corners (3,), (3,) [m] of a box around all that matters: objects and fingers."""
         low, high = np.full(3, np.inf), np.full(3, -np.inf)
-        for name, pose in zip(self.model.objects, state["objects.pose"], strict=True):
-            points = self.solids[f"object {name}"].positions
-            if isinstance(self.model.shapes[self.model.objects.index(name)], Plane):
-                points = points * 0.2
-            turned = points @ poses.matrix(pose[3:]).T + pose[:3]
+        for corners, pose in zip(self._corners, state["objects.pose"], strict=True):
+            turned = corners @ poses.matrix(pose[3:]).T + pose[:3]
             low, high = np.minimum(low, turned.min(0)), np.maximum(high, turned.max(0))
         for probe in self.model.probes:
             hip = state[f"{probe.name}.hip"]
@@ -134,6 +133,14 @@ class Stage:
             yield Draw("disc", along(state[f"{name}.normal"], point + 3e-4 * state[f"{name}.normal"]) @ scale(
                 (0.004, 0.004, 1.0)), colours.FORCE, cast=False)  # fmt: skip
         yield from arrow(proxy, state[f"{name}.contact_force"])
+
+
+def _corners(solid: Solid, shape: Any) -> NDArray[np.float64]:
+    """Return the corners (8, 3) of the box around a solid; of a plane only its middle counts."""
+    ends = np.stack([solid.positions.min(0), solid.positions.max(0)]).astype(np.float64)
+    if isinstance(shape, Plane):
+        ends *= 0.2
+    return np.array([[ends[i >> axis & 1, axis] for axis in range(3)] for i in range(8)])
 
 
 def solid_of(shape: Any) -> Solid:

@@ -1,0 +1,100 @@
+"""``itouch-py bench viewer``: how long a frame takes with small and large meshes, off the screen."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+#: Triangles of the meshes that are drawn.
+SIZES = (1_000, 100_000, 1_000_000)
+
+
+def main(argv: Sequence[str]) -> int:
+    """Print frame times with 1k, 100k and 1M triangles."""
+    parser = argparse.ArgumentParser(prog="itouch-py bench viewer", description=main.__doc__)
+    parser.add_argument("--frames", type=int, default=60, metavar="N", help="frames of each size (default 60)")
+    parser.add_argument("--size", default="1280x720", metavar="1280x720", help="of the picture")
+    parser.add_argument("--json", metavar="FILE", help="write the figures, too")
+    options = parser.parse_args(argv)
+    from itouch.cli.arguments import picture_size
+
+    try:
+        width, height = picture_size(options.size)
+    except argparse.ArgumentTypeError as error:
+        parser.error(str(error))
+    if not 3 <= options.frames <= 100_000:
+        parser.error("--frames must be 3 to 100000")
+    rows = [measure(count, options.frames, width, height) for count in SIZES]
+    print(f"{'triangles':>10} {'p50 ms':>8} {'p99 ms':>8} {'max ms':>8} {'frames/s':>9} {'setup ms':>9}")
+    for row in rows:
+        print(f"{row['triangles']:>10} {row['p50_ms']:>8.1f} {row['p99_ms']:>8.1f} {row['max_ms']:>8.1f} "
+              f"{1e3 / row['p50_ms']:>9.0f} {row['setup_ms']:>9.0f}")  # fmt: skip
+    if options.json:
+        with open(options.json, "w", encoding="utf-8") as stream:
+            json.dump(rows, stream, indent=1)
+    return 0
+
+
+def measure(triangles: int, frames: int, width: int, height: int) -> dict[str, Any]:
+    """Return the frame times [ms] of a bumpy sphere of about so many triangles, with curves and words."""
+    from itouch.contact import Surface
+    from itouch.contact.shapes import Mesh
+    from itouch.plugin.discovery import Catalog
+    from itouch.scene import loads
+    from itouch.session import build
+    from itouch.viewer.offscreen import Offscreen
+
+    vertices, faces = bumpy_sphere(triangles)
+    session = build(loads(_SCENE.encode(), Catalog()))
+    session.run(0.2)
+    model = replace(session.model, shapes=(Mesh(Surface(vertices, faces)),))
+    begin = time.perf_counter()
+    shots = Offscreen(model, width=width, height=height)
+    shots.shoot(session.state)
+    setup = time.perf_counter() - begin
+    spent = []
+    for _ in range(frames):
+        shots.picture.camera.orbit(2.0, 0.0)
+        begin = time.perf_counter()
+        shots.shoot(session.state)
+        spent.append(1e3 * (time.perf_counter() - begin))
+    shots.close()
+    p50, p99 = np.percentile(spent, [50, 99])
+    return {"triangles": len(faces), "p50_ms": float(p50), "p99_ms": float(p99), "max_ms": max(spent),
+            "setup_ms": 1e3 * setup, "width": width, "height": height}  # fmt: skip
+
+
+_SCENE = """<itouch version="1.0">
+  <materials><material name="m"><contact stiffness="1 N/mm"/><visual color="0.7 0.6 0.5"/></material></materials>
+  <world><sphere name="ball" radius="30 mm" material="m"/></world>
+  <devices><device name="arm" plugin="usb-arm"/></devices>
+  <interaction><probe name="finger" radius="8 mm" pose-from="arm" force-to="arm"/>
+    <operator probe="finger"><motion><to pos="0 0 60 mm" in="0.1 s"/></motion></operator></interaction>
+</itouch>"""
+
+
+def bumpy_sphere(triangles: int) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
+    """Return vertices [m] and faces of a closed surface of about so many triangles."""
+    rings = max(4, round((triangles / 4) ** 0.5))
+    around = 2 * rings
+    polar, azimuth = np.meshgrid(np.linspace(0, np.pi, rings + 1)[1:-1], np.arange(around) * 2 * np.pi / around,
+                                 indexing="ij")  # fmt: skip
+    radius = 0.03 * (1 + 0.05 * np.sin(7 * azimuth) * np.sin(5 * polar))
+    body = np.stack([radius * np.sin(polar) * np.cos(azimuth), radius * np.sin(polar) * np.sin(azimuth),
+                     radius * np.cos(polar)], 2).reshape(-1, 3)  # fmt: skip
+    vertices = np.vstack([body, [0, 0, 0.03], [0, 0, -0.03]])
+    row, column = np.meshgrid(np.arange(rings - 2), np.arange(around), indexing="ij")
+    a, b = (row * around + column).ravel(), (row * around + (column + 1) % around).ravel()
+    c, d = a + around, b + around
+    sides = np.vstack([np.stack([a, c, b], 1), np.stack([b, c, d], 1)])
+    first, last = np.arange(around), (rings - 2) * around + np.arange(around)
+    north, south = len(body), len(body) + 1
+    top = np.stack([np.full(around, north), first, np.roll(first, -1)], 1)
+    bottom = np.stack([np.full(around, south), np.roll(last, -1), last], 1)
+    return vertices, np.vstack([sides, top, bottom])
