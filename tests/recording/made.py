@@ -75,7 +75,9 @@ def written(chunks: int = 30, rows: int = 20, *, finish: bool = True) -> tuple[b
     table = rows_of(one, 0, chunks * rows)
     for index in range(chunks):
         part = table[index * rows : (index + 1) * rows]
-        letters = [("/log/marks", int(part["tick"][0]), message(int(part["tick"][0]), 1e-3, name="m", payload=str(index)))]
+        letters = [
+            ("/log/marks", int(part["tick"][0]), message(int(part["tick"][0]), 1e-3, name="m", payload=str(index)))
+        ]
         writer.chunk({one.name: part}, letters)
     if finish:
         writer.finish()

@@ -40,16 +40,20 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _session(options: argparse.Namespace) -> list[str]:
-    from itouch.session import restore
+    from itouch.plugin.discovery import Catalog
+    from itouch.session.building import rebuild
+    from itouch.session.document import to_xml
     from itouch.session.durable import write_whole
+    from itouch.session.open import read_session
 
     if not (options.xml or options.itouch):
         raise ItouchError("say what to write a session as: --xml FILE.xml, or --itouch FILE.itouch")
-    session = restore(options.file)
+    catalog = Catalog()
+    snapshot = read_session(options.file, catalog)
     if options.itouch:
-        session.save(options.itouch)
+        rebuild(snapshot, options.file, catalog, None).save(options.itouch)
     if options.xml:
-        write_whole(options.xml, session.to_xml().encode())
+        write_whole(options.xml, to_xml(snapshot).encode())
     return [path for path in (options.xml, options.itouch) if path]
 
 

@@ -47,6 +47,7 @@ class Toucher:
         self.plate = state[f"{name}.plate"]
         self.current, self.separated = state[f"{name}.contact.object"], state[f"{name}.contact.separated"]
         self.begin = state[f"{name}.contact.begin"]
+        self._afresh = False
         self.trips = self._nearest = 0
         self._patience = round(SEPARATION_TIME / model.period)
         self._constants = _constants(model, probe, arm, table, offset)
@@ -112,9 +113,15 @@ class Toucher:
         """Tell where tracker, arm or table stands in the world."""
         self._constants[which : which + 12] = (frame.x, frame.y, frame.z, *frame.r)
 
+    def settle(self) -> None:
+        """Take the tracker's next place without a velocity: hardware may have moved while nothing ran."""
+        self.figures[render.VELOCITY : render.VELOCITY + 3] = 0.0
+        self._afresh = True
+
     def update(self, tick: int) -> None:
         """Follow the tracker, and write the commands of arm and table."""
-        render.follow(*self._follows, tick == 0)
+        render.follow(*self._follows, tick == 0 or self._afresh)
+        self._afresh = False
         if self.model.objects:
             step(*self._steps)
             if self._effects is not None:

@@ -103,6 +103,8 @@ class Device(ABC):
     exchange: ClassVar[float] = 0.0
     #: Seconds without a command after which the device makes itself safe; armed by ``open``.  None: it does not.
     watchdog: ClassVar[float | None] = None
+    #: True if ``open`` moves the mechanism, as homing does: a restored session then opens it only when it is enabled.
+    moves_on_open: ClassVar[bool] = False
     #: True if another process may open the device too, and call ``make_safe``, when the servo process has died.
     second_opener: ClassVar[bool] = False
     #: True if no working driver is shipped and only the twin can run.

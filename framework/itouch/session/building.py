@@ -124,13 +124,18 @@ def build(
 def restore(path: Path, *, clock: Clock | None = None, catalog: Catalog | None = None) -> Session:
     """Restore a session from a snapshot or its XML; on twins it goes on byte for byte, hardware starts OPEN.
 
+    A device that moves when it is opened stays CLOSED until it is enabled, as does one that can't be opened; the
+    notices say which.
+
     Raises
     ------
     SessionError
         If the file is not a whole snapshot, or does not fit the plugins of this environment.
     """
     plugins = catalog or Catalog()
-    return rebuild(read_session(path, plugins), os.fspath(path), plugins, clock)
+    session = rebuild(read_session(path, plugins), os.fspath(path), plugins, clock)
+    session.open_readable()
+    return session
 
 
 def rebuild(snapshot: Snapshot, name: str, catalog: Catalog, clock: Clock | None) -> Session:

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from itouch.loop import Clock, DeviceFaultError, Engine
-from itouch.plugin import Record
+from itouch.loop.runner import Status
+from itouch.plugin import DeviceError, Record
 from itouch.plugin.bases import Bases, keeping
 from itouch.plugin.discovery import Catalog
 from itouch.recording import RecordingError
@@ -176,7 +177,14 @@ class Session(Engine):
         if self._enabled and all(device.twin and not device.remote for device in self.model.devices.values()):
             return
         super().enable()
+        self.settle()
         self.note_outside("enable")
+
+    def settle(self) -> None:
+        """Where there is hardware, begin from where it is: it may have moved since the last tick."""
+        if any(not device.twin for device in self.model.devices.values()):
+            for rig in self._rigs:
+                rig.toucher.settle()
 
     def rearm(self) -> None:
         """Re-arm as ``Engine.rearm`` says; a recording notes the State after it."""
@@ -187,6 +195,11 @@ class Session(Engine):
         """Reconnect as ``Engine.reconnect`` says; a recording notes the State after it."""
         super().reconnect(device)
         self.note_outside("reconnect")
+
+    def park(self) -> None:
+        """Park as ``Engine.park`` says; a recording notes the State before it, because what follows is no tick."""
+        self.note_outside("park")
+        super().park()
 
     def note_outside(self, reason: str) -> None:
         """Tell a recording that the State was changed from outside the loop: a replay starts again from it."""
@@ -253,6 +266,20 @@ class Session(Engine):
         if recorder.tap in self.taps:
             self.taps.remove(recorder.tap)
             self.fault_hooks.remove(recorder.hear)
+
+    def open_readable(self) -> None:
+        """Open the hardware that does not move by it, so that it can be read; enabling stays an explicit act."""
+        for runner in self.runners:
+            model = runner.model
+            if model.twin or runner.status is not Status.CLOSED:
+                continue
+            if model.cls.moves_on_open:
+                self._notes += (f"device '{model.name}' stays closed until it is enabled: opening it moves it",)
+                continue
+            try:
+                runner.open()
+            except DeviceError as error:
+                self._notes += (f"device '{model.name}' stays closed: {error}",)
 
     def stand_at(self, stored: bytes) -> None:
         """Stand at a State with every status as it was, also of hardware: only for a replay, which opens nothing."""

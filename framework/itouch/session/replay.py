@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from itouch.loop import DeviceFaultError
 from itouch.loop.ledger import Ledger
-from itouch.plugin import DeviceError, Record, Touch, Twin
+from itouch.plugin import Device, DeviceError, Record, Touch, Twin
 from itouch.plugin.discovery import Catalog
 from itouch.recording import Recording, RecordingError, read
 from itouch.recording.tracks import Track
@@ -59,21 +59,20 @@ class Outcome:
     losses: tuple[str, ...]
 
 
-class Playback(Twin):
-    """Gives recorded readings in a device's place; a twin that was recorded goes on stepping underneath."""
+class PlaybackTwin(Twin):
+    """Gives recorded readings in a twin's place; the twin goes on stepping underneath."""
 
-    def __init__(self, name: str, inner: Twin | None, feed: Feed) -> None:
+    def __init__(self, name: str, inner: Twin, feed: Feed) -> None:
         super().__init__(None)
         self._name, self._inner, self._feed = name, inner, feed
 
     def position(self, state: Record) -> NDArray[np.float64] | None:
-        """Return the true position of the twin underneath, if there is one."""
-        return self._inner.position(state) if self._inner is not None else None
+        """Return the true position of the twin underneath."""
+        return self._inner.position(state)
 
     def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
         """Step the twin underneath."""
-        if self._inner is not None:
-            self._inner.step(state, command, touch, period)
+        self._inner.step(state, command, touch, period)
 
     def read(self, state: Record, reading: Record) -> bool | None:
         """Give the reading of this tick; False if there was nothing new.
@@ -83,10 +82,31 @@ class Playback(Twin):
         DeviceError
             If the device failed in this tick.
         """
-        if self._inner is not None:
-            self._inner.read(state, reading.copy())
-        if cause := self._feed.error_of(self._name):
-            raise DeviceError(cause)
+        self._inner.read(state, reading.copy())
+        return self._feed.give(self._name, reading)
+
+
+class PlaybackDevice(Device):
+    """Gives recorded readings in the place of hardware, and takes commands nowhere."""
+
+    def __init__(self, name: str, feed: Feed) -> None:
+        super().__init__(None)
+        self._name, self._feed = name, feed
+
+    def open(self) -> None:
+        """Do nothing."""
+
+    def close(self) -> None:
+        """Do nothing."""
+
+    def read(self, reading: Record) -> bool | None:
+        """Give the reading of this tick; False if there was nothing new.
+
+        Raises
+        ------
+        DeviceError
+            If the device failed in this tick.
+        """
         return self._feed.give(self._name, reading)
 
 
@@ -105,7 +125,7 @@ class Feed:
         self._errors = {
             (int(f["tick"]), str(f.get("device"))): str(f.get("cause", "")).removeprefix("failed: ")
             for f in recording.faults
-            if f.get("trip") == "device-error"
+            if f.get("trip") == "device-error" and f.get("optional")
         }
         inputs = self._tables.get("session")
         self._hold = inputs["hold"] if inputs is not None and "hold" in (inputs.dtype.names or ()) else None
@@ -115,7 +135,15 @@ class Feed:
         return self._errors.get((int(self.ticks[self.at]), device), "") if self.at < len(self.ticks) else ""
 
     def give(self, device: str, reading: Record) -> bool:
-        """Fill a reading from the present row; tell whether it was new then."""
+        """Fill a reading from the present row; tell whether it was new then.
+
+        Raises
+        ------
+        DeviceError
+            If the device failed in this tick, and the session went on without it.
+        """
+        if cause := self.error_of(device):
+            raise DeviceError(cause)
         table, at = self._tables.get(device), self.at
         if table is None or at >= len(table):
             return False
@@ -229,10 +257,13 @@ class Replay:
         self._failed = {int(s["tick"]): s for s in recording.states if s["reason"] == "fault"}
         self._marks = {int(m["tick"]): m for m in recording.marks}
         for runner in self.session.runners:
-            runner.twin = Playback(runner.model.name, runner.twin, self.feed)
-            runner.device = None
+            name = runner.model.name
+            if runner.twin is not None:
+                runner.twin = PlaybackTwin(name, runner.twin, self.feed)
+            else:
+                runner.device = PlaybackDevice(name, self.feed)
         self.session.taps.append(self._after)
-        self._going = False
+        self._going = self._parks = False
 
     def step(self) -> bool:
         """Replay the next recorded tick; false at the end."""
@@ -247,6 +278,11 @@ class Replay:
         begin, failed = feed.at, self._failed.pop(tick, None)
         if failed is not None:
             return self._fail(tick, failed)
+        if self._parks:
+            self._parks = False
+            self.session.park()
+            self._going = feed.at > begin
+            return self._going or self._skip()
         try:
             self.session.tick()
         except DeviceFaultError:
@@ -271,7 +307,9 @@ class Replay:
         if letter is not None:
             stored, _ = layout.adopt(state_of(letter), self.session.state, {})
             self.session.stand_at(stored)
-            self._going = True
+            if letter["reason"] == "enable":
+                self.session.settle()
+            self._going, self._parks = True, letter["reason"] == "park"
         return self._going and int(self.session.state["tick"]) == tick
 
     def _skip(self) -> bool:

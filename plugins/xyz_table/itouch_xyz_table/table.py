@@ -95,6 +95,7 @@ class XyzTable(Device):
     Twin = XyzTableTwin
     Emulator: ClassVar[type[Emulator] | None] = TableEmulator
     blocking: ClassVar[bool] = True
+    moves_on_open: ClassVar[bool] = True
     watchdog: ClassVar[float | None] = WATCHDOG
 
     @classmethod

@@ -1,0 +1,148 @@
+"""Hardware in sessions: it starts open and is enabled by an explicit act; its recordings replay without it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import pytest
+
+import itouch
+from itouch.plugin import Channel, Device, DeviceError, Record, pose, wrench
+from itouch.plugin.discovery import Catalog, Found, find
+
+SCENE = """<itouch version="1.0">
+  <materials><material name="wood"><contact stiffness="0.5 N/mm"/></material></materials>
+  <world><box name="block" size="4 4 2 cm" pos="0 0 1 cm" material="wood"/></world>
+  <devices><device name="stick" plugin="stick" twin="no"/></devices>
+  <interaction><probe name="finger" radius="5 mm" pose-from="stick" force-to="stick"/></interaction>
+</itouch>
+"""
+
+
+@dataclass(frozen=True)
+class Params:
+    """Nothing."""
+
+
+def stick(*, moves: bool = False, missing: bool = False, fails_at: int = -1) -> type[Device]:
+    class Stick(Device):
+        """A stick that dips onto the block again and again, by its own time."""
+
+        reads = (pose(), Channel("deadman", 1, "", (0.0,), (1.0,)))
+        commands = (wrench(force=3.0),)
+        second_opener: ClassVar[bool] = True
+        moves_on_open: ClassVar[bool] = moves
+        opened: ClassVar[list[str]] = []
+
+        def open(self) -> None:
+            if missing:
+                raise DeviceError("no stick is plugged in")
+            self.opened.append("open")
+            self.count = 0
+
+        def close(self) -> None:
+            self.opened.append("close")
+
+        def read(self, reading: Record) -> bool | None:
+            self.count += 1
+            if self.count == fails_at:
+                raise DeviceError("the cable is out")
+            if self.count % 7 == 3:
+                return False  # nothing new
+            reading["deadman"] = 1.0
+            height = 0.03 - 0.008 * math.sin(self.count * 0.01) ** 2
+            reading["pose"] = (0.001 * math.sin(self.count * 0.003), 0.0, height, 1.0, 0.0, 0.0, 0.0)
+            return True
+
+    Stick.Params = Params
+    return Stick
+
+
+class Entry:
+    """What stands for an entry point."""
+
+    def __init__(self, value: type) -> None:
+        self.value, self._loaded = value.__name__, value
+
+    def load(self) -> type:
+        return self._loaded
+
+
+def catalog(cls: type[Device]) -> Catalog:
+    def finder(group: str) -> dict[str, Found]:
+        found: dict[str, Any] = dict(find(group))
+        if group == "itouch.devices":
+            found["stick"] = Found("stick", "itouch-stick", "1.0", Entry(cls))  # type: ignore[arg-type]
+        return found
+
+    return Catalog(finder)
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    (tmp_path / "scene.xml").write_text(SCENE, encoding="utf-8")
+    return tmp_path / "scene.xml"
+
+
+def saved(scene: Path) -> Path:
+    session = itouch.build(scene, catalog=catalog(stick()))
+    session.enable()
+    for _ in range(200):
+        session.tick()
+    session.save(scene.parent / "s.itouch")
+    session.close()
+    return scene.parent / "s.itouch"
+
+
+def test_restored_hardware_is_open_and_waits(scene: Path) -> None:
+    cls = stick()
+    session = itouch.restore(saved(scene), catalog=catalog(cls))
+    assert session.status("stick").name == "OPEN"
+    assert cls.opened == ["open"]
+    with pytest.raises(itouch.EngineError, match="enable"):
+        session.tick()
+    assert (
+        session.state["stick.sent.wrench"].tolist()
+        == itouch.restore(saved(scene), catalog=catalog(stick())).state["stick.sent.wrench"].tolist()
+    )
+    session.enable()
+    session.tick()
+    assert session.status("stick").name == "ENABLED"
+    assert cls.opened == ["open"]
+    session.close()
+    assert cls.opened == ["open", "close"]
+
+
+def test_what_moves_when_opened_or_is_missing_stays_closed_and_that_is_said(scene: Path) -> None:
+    path = saved(scene)
+    moving = stick(moves=True)
+    session = itouch.restore(path, catalog=catalog(moving))
+    assert session.status("stick").name == "CLOSED"
+    assert moving.opened == []
+    assert "device 'stick' stays closed until it is enabled: opening it moves it" in session.notices
+    absent = itouch.restore(path, catalog=catalog(stick(missing=True)))
+    assert "device 'stick' stays closed: no stick is plugged in" in absent.notices
+    assert int(absent.state["tick"]) == 200
+
+
+@pytest.mark.parametrize("fails_at", [-1, 700])
+def test_a_recording_of_hardware_replays_without_it(scene: Path, fails_at: int) -> None:
+    session = itouch.build(scene, catalog=catalog(stick(fails_at=fails_at)))
+    session.record(scene.parent / "r.mcap")
+    session.enable()
+    try:
+        for _ in range(1500):
+            session.tick()
+    except itouch.DeviceFaultError:
+        assert fails_at > 0
+    session.close()
+    recording = itouch.read(scene.parent / "r.mcap")
+    assert abs(recording["stick.sent.wrench"]).max() > 0.1
+    cls = stick()
+    outcome = itouch.replay(recording, catalog=catalog(cls))
+    assert (outcome.mismatches, outcome.first, outcome.skipped) == (0, None, 0)
+    assert outcome.ticks == len(recording.ticks)
+    assert cls.opened == []
