@@ -149,7 +149,7 @@ def test_the_ring_keeps_ten_seconds_of_what_the_session_measured(session):
     times, values = ring.curves(chart)
     assert times[-1] - times[0] == pytest.approx(10.0, abs=0.02)
     assert (np.diff(times) > 0).all()
-    desired = values[[signal.label for signal in chart.signals].index("desired")]
+    desired = values[[signal.label for signal in chart.signals].index("desired (heat)")]
     assert desired.tolist() == [fluxes[round(time * 1000)] for time in times]
 
 
