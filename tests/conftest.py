@@ -10,6 +10,13 @@ import pytest
 from shipped import SCENES
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Let a file's tests share a worker, because they share fixtures; and those that look at all sessions of a machine."""
+    for item in items:
+        alone = "servo" in item.path.parts
+        item.add_marker(pytest.mark.xdist_group("servo" if alone else str(item.path)))
+
+
 @pytest.fixture
 def scenes(tmp_path: Path) -> Path:
     """Return a copy of the shipped scenes that a test may change."""
