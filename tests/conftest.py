@@ -13,7 +13,7 @@ from shipped import SCENES
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Let a file's tests share a worker, because they share fixtures; and those that look at all sessions of a machine."""
     for item in items:
-        alone = "servo" in item.path.parts
+        alone = not {"servo", "cli"}.isdisjoint(item.path.parts)
         item.add_marker(pytest.mark.xdist_group("servo" if alone else str(item.path)))
 
 
