@@ -23,26 +23,24 @@ from typing import Any, Self
 import numpy as np
 
 from itouch.plugin import Trace
-from itouch_usb_arm import boot, kinematics, link, loader
+from itouch_usb_arm import boot, kinematics, link
 from itouch_usb_arm.errors import (
     Disconnected,
     FalconError,
-    FirmwareError,
     HomingTimeout,
     NotHomed,
     ProtocolError,
     Timeout,
 )
 from itouch_usb_arm.exchange import PATIENCE, Exchange
+from itouch_usb_arm.opening import PROBE_WAIT, image_of, started
 from itouch_usb_arm.reading import Reading, Timing
-from itouch_usb_arm.wire import MOTOR_LIMIT, Buttons, Leds, Reply, command, decode
+from itouch_usb_arm.wire import MOTOR_LIMIT, Leds, Reply, command
 
 #: Motor counts a newton metre.  The true value is not published: what the makers of libnifalcon guessed (10 000) is
 #: about four times what the recorded traffic of the vendor's own driver shows.  This is the lower, safe one; measure
 #: yours with `itouch-py calibrate force-scale`.
 FORCE_SCALE = 2200.0
-#: How often a frame is sent to find out whether the firmware runs, and how long [s] each answer may take.
-_PROBES, _PROBE_WAIT = 10, 0.03
 #: How often zero force is tried to be sent after an error.
 _INSIST = 8
 #: An arm moves less than this many counts between two frames, plus this many a second (2 m/s and more).
@@ -134,7 +132,7 @@ class Falcon:
         """
         if self.is_open:
             return self
-        image = self._image()
+        image = image_of(self._firmware)
         opened = link.Link(link.find(self._backend, self._serial), self._trace)
         try:
             self._start(opened, image)
@@ -145,50 +143,11 @@ class Falcon:
         atexit.register(self.close)
         return self
 
-    def _image(self) -> boot.Image | None:
-        if self._firmware is None:
-            return None
-        try:
-            return boot.load(self._firmware)
-        except ValueError as error:
-            raise FirmwareError(str(error)) from error
-
     def _start(self, opened: link.Link, image: boot.Image | None) -> None:
         self._forget()
-        loader.purge(opened)
-        loader.normal_mode(opened)
-        wire = Exchange(opened, self._clock)
-        first = self._probe(wire)
-        if first is None:
-            if image is None:
-                raise FirmwareError(
-                    "the arm's firmware does not run and no firmware file was given; "
-                    "name the file that came with the arm (it is not part of this program)"
-                )
-            loader.upload(opened, image, clock=self._clock)
-            loader.normal_mode(opened)
-            wire = Exchange(opened, self._clock)
-            first = self._probe(wire)
-        if first is None:
-            raise FirmwareError("the firmware was loaded but does not answer; is it the arm's own?")
+        wire, first = started(opened, image, homing=self._homing, patience=self._patience, clock=self._clock)
         self._link, self._wire = opened, wire
         self._note(first)
-
-    def _probe(self, wire: Exchange) -> Reply | None:
-        """Return the first answer to an idle frame, or None if no firmware runs.
-
-        A boot loader that somebody left in the midst of an upload echoes every byte: an answer that is the frame itself
-        is none, unless it stays the same when the lights are asked for differently.
-        """
-        for attempt in range(_PROBES):
-            leds = Leds.RED if attempt % 2 == 0 else Leds.RED | Leds.BLUE
-            frame = command((0, 0, 0), homing=self._homing, leds=leds)
-            with contextlib.suppress(Timeout, ProtocolError):
-                reply = wire.run(frame, frame, _PROBE_WAIT * self._patience)
-                echo = Reply((0, 0, 0), Buttons(decode(frame).info), (False, False, False))
-                if reply != echo:
-                    return reply
-        return None
 
     def close(self) -> None:
         """Send zero force and release the arm; may be called at any time, more than once."""
@@ -212,7 +171,7 @@ class Falcon:
             wire.post(frame)
         for _ in range(2):
             with contextlib.suppress(Timeout, ProtocolError):
-                wire.run(frame, frame, _PROBE_WAIT * self._patience)
+                wire.run(frame, frame, PROBE_WAIT * self._patience)
                 return
 
     def read(self) -> Reading:

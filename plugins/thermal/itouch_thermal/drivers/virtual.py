@@ -89,7 +89,7 @@ class VirtualMecom:
         return whole
 
     def _payload(self, text: str) -> bytes:
-        if text == "?IF":
+        if text[:3] == "?IF":
             return b"TEC-1091 virtual    "
         if text[:3] == "?VR" and len(text) == 9:
             return self._read(int(text[3:7], 16), int(text[7:9], 16))

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import random
 from collections import deque
-from dataclasses import dataclass
 
 from itouch_usb_arm import link
 from itouch_usb_arm.boot import KEY
 from itouch_usb_arm.kinematics import Vector
 from itouch_usb_arm.loader import AUTOBAUD, KNOCK, WELCOME
+from itouch_usb_arm.virtual.faults import Faults
 from itouch_usb_arm.virtual.hand import Hand
 from itouch_usb_arm.virtual.mechanics import Mechanics
 from itouch_usb_arm.virtual.times import HostTime, Time
@@ -33,42 +33,6 @@ class UnpluggedError(Exception):
 
 class StalledError(Exception):
     """The endpoint or request is stalled."""
-
-
-@dataclass(slots=True)
-class Faults:
-    """What shall go wrong; the counts go down as it does.
-
-    Attributes
-    ----------
-    drop, bad, stray
-        Answers that lose a byte, have a wrong one, or come after a stray byte.
-    refuse
-        Transfers that stall their endpoint.
-    mute
-        Answers that never come.
-    late
-        Delay of the next answer [s].
-    unplug_after
-        Bytes of answers until the plug is pulled; None: it stays.
-    boot_echo
-        Byte of the upload whose echo is wrong; None: none.
-    unhomed
-        Whether homing never ends.
-    deaf
-        Whether the boot loader does not answer: the arm has no power.
-    """
-
-    drop: int = 0
-    bad: int = 0
-    stray: int = 0
-    refuse: int = 0
-    mute: int = 0
-    late: float = 0.0
-    unplug_after: int | None = None
-    boot_echo: int | None = None
-    unhomed: bool = False
-    deaf: bool = False
 
 
 class VirtualFalcon:
