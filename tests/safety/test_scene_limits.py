@@ -78,8 +78,13 @@ def changed(folder: Path, file: str, first: int, last: int, text: str) -> Path:
     path = folder / file
     whole = path.read_text(encoding="utf-8")
     path.write_text(whole[:first] + text + whole[last:], encoding="utf-8")
-    holders = (name for name in WHOLE if f'file="{file}"' in (folder / name).read_text(encoding="utf-8"))
-    return path if file in WHOLE else folder / next(holders)
+    return holder(folder, file)
+
+
+def holder(folder: Path, file: str) -> Path:
+    """Return the scene that a file is, or that includes it."""
+    including = (name for name in WHOLE if f'file="{file}"' in (folder / name).read_text(encoding="utf-8"))
+    return folder / (file if file in WHOLE else next(including))
 
 
 def mutants(name: str, value: str) -> Iterator[tuple[str, str]]:
@@ -124,7 +129,7 @@ def test_an_attribute_that_is_moved_elsewhere_is_refused_or_tightens(
         cut = text[:first] + text[last:]
         moved = re.sub(rf"<{tag}\b(?![\w-])", f'<{tag} {name}="{value}"', cut, count=1)
         (scenes / file).write_text(moved, encoding="utf-8")
-        limits = in_force(scenes / (file if file in WHOLE else "four_materials.xml"))
+        limits = in_force(holder(scenes, file))
         assert limits is None or moved == cut or tag == "safety"
     (scenes / file).write_text(text, encoding="utf-8")
 
