@@ -36,7 +36,7 @@ FINGER: tuple[Layer, ...] = (
 
 @dataclass(frozen=True, slots=True)
 class ThermalMaterial:
-    """What ``<thermal:material>`` may hold."""
+    """The thermal properties of a material: what makes it feel warm or cold."""
 
     conductivity: float = schema.quantity("W/(m*K)", low=1e-4, high=1e4, doc="thermal conductivity")
     specific_heat: float = schema.quantity("J/(kg*K)", low=1.0, high=2e4, doc="specific heat")
@@ -57,7 +57,7 @@ class ThermalMaterial:
 
 @dataclass(frozen=True, slots=True)
 class HeatParams:
-    """What ``<thermal:heat>`` may hold."""
+    """Computes the heat flux that the real object would draw from the finger."""
 
     probe: str = schema.ref("probe", doc="the finger")
     contact_resistance: float = schema.quantity(

@@ -104,10 +104,10 @@ def _late(model: FluxModel, state: Record) -> int:
     """Return how many servo periods ago the finger came to the plate."""
     names = model.names
     if model.hold > 1:  # it was not there when the touch began, else it would have been set down then
-        return max(1, min(model.hold, state["tick"].item() - state[names.begun].item()))
+        return max(1, min(model.hold, int(state["tick"].item() - state[names.begun].item())))
     force = abs(state[model.force_from][2].item())
     grown = force - state[names.force_before].item()
-    return min(LATE, max(1, round(force / grown))) if grown > 0.0 else 1
+    return min(LATE, max(1, int(force / grown + 0.5))) if grown > 0.0 else 1
 
 
 def take_off(model: FluxModel, state: Record, tick: int) -> None:
