@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 import time
-from pathlib import Path
 
 import pytest
 from shipped import SCENES
 
 import itouch
 from itouch.session.lsl import MARKS, Streams
-
-os.environ.setdefault("LSLAPICFG", str(Path(__file__).with_name("lsl_api.cfg")))
 
 
 def test_marks_go_out_and_come_in() -> None:
