@@ -33,6 +33,7 @@ FIRST = {
 }  # fmt: skip
 #: How long [s] a mutant may take; one that hangs is noticed.
 PATIENCE = 60
+_OPTIONS = ("-x", "-q", "-p", "no:cacheprovider", "--no-header", "--tb=no", "-o", "filterwarnings=ignore")
 
 _COMPARE: dict[type[ast.cmpop], tuple[type[ast.cmpop], ...]] = {
     ast.Lt: (ast.LtE, ast.Gt), ast.LtE: (ast.Lt, ast.Gt), ast.Gt: (ast.GtE, ast.Lt), ast.GtE: (ast.Gt, ast.Lt),
@@ -196,15 +197,14 @@ def _run(mutant: Mutant) -> int:
     os.dup2(nowhere, 2)
     sys.meta_path.insert(0, Changed(mutant))
     first = FIRST[mutant.module]
-    files = [str(HERE / f"test_{name}.py") for name in (first, *(name for name in TESTS if name != first))]
     try:
-        return int(
-            pytest.main(
-                ["-x", "-q", "-p", "no:cacheprovider", "--no-header", "--tb=no", "-o", "filterwarnings=ignore", *files]
-            )
-        )
+        for names in ((first,), tuple(name for name in TESTS if name != first)):
+            files = [str(HERE / f"test_{name}.py") for name in names]
+            if code := int(pytest.main([*_OPTIONS, *files])):
+                return code
     except BaseException:
         return 99
+    return 0
 
 
 def prepare() -> None:

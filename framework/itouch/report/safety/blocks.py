@@ -100,7 +100,8 @@ h1 { font-size: 1.8rem; margin: 0 0 .3rem } h2 { font-size: 1.25rem; margin: 2.2
  border-bottom: 2px solid #d7dde5 } h3 { font-size: 1.05rem; margin: 1.4rem 0 .4rem }
 table { border-collapse: collapse; width: 100%; margin: .6rem 0 1rem; font-size: .87rem }
 th { text-align: left; background: #eef2f6; } th, td { border: 1px solid #d7dde5; padding: .3rem .5rem;
- vertical-align: top } td:last-child { overflow-wrap: anywhere; min-width: 12rem } td:first-child { white-space: nowrap }
+ vertical-align: top }
+td:last-child { overflow-wrap: anywhere; min-width: 12rem } td:first-child { white-space: nowrap }
 tbody tr:nth-child(even) { background: #f8fafc }
 tbody tr.bad td { background: #fdecea } p.good, p.bad, p.note { padding: .6rem .8rem; border-left: 5px solid }
 p.good { background: #eaf6ee; border-color: #2e8b57 } p.bad { background: #fdecea; border-color: #c0392b;
