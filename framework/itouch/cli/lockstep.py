@@ -75,7 +75,7 @@ class Lockstep:
         device = runner.device
         if isinstance(device, ThreadedDevice):
             inner = device.device
-            device = runner.device = EveryNth(inner, max(1, round(type(inner).exchange / self.host.model.period)))
+            device = runner.device = EveryNth(inner, max(1, round(type(inner).exchange_time / self.host.model.period)))
         if device is not None and trace is not None:
             device.trace = Trace(trace, runner.model.name)
 

@@ -100,7 +100,7 @@ class Device(ABC):
     #: Seconds that one exchange of a blocking device takes; its twin's readings are that old, commands that late.
     delay: ClassVar[float] = 0.0
     #: Seconds that one exchange over the wire of a blocking device takes in practice; only for simulating it in step.
-    exchange: ClassVar[float] = 0.0
+    exchange_time: ClassVar[float] = 0.0
     #: Seconds without a command after which the device makes itself safe; armed by ``open``.  None: it does not.
     watchdog: ClassVar[float | None] = None
     #: True if ``open`` moves the mechanism, as homing does: a restored session then opens it only when it is enabled.

@@ -43,7 +43,7 @@ def find(backend: Any, serial: str) -> Any:
     except usb.core.NoBackendError as error:
         raise NotFound("there is no USB library: install libusb-1.0 (Debian: apt install libusb-1.0-0)") from error
     except OSError as error:
-        raise NotFound(f"the USB bus cannot be searched: {error}") from error
+        raise NotFound(f"the USB bus cannot be searched: {error.strerror or error}") from error
     if serial != "any":
         devices = [device for device in devices if _serial(device) == serial]
     if not devices:

@@ -21,7 +21,7 @@ class HardwareDisplay(Device):
     fits: ClassVar[tuple[Fit, ...]] = FITS
     blocking: ClassVar[bool] = True
     #: A MeCom transaction takes 7 ms at 57600 baud, and an exchange has three.
-    exchange: ClassVar[float] = 0.02
+    exchange_time: ClassVar[float] = 0.02
     #: Serial ports and sockets of a process that died are free: another one can set the current to zero.
     second_opener: ClassVar[bool] = True
 
