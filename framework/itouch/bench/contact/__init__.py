@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.bench.contact.figures import Figure, judged
-from itouch.bench.contact.measure import CHUNK, Row, closest_row, peer_row, proxy_rows, resident_mb
+from itouch.bench.contact.measure import CHUNK, Row, building, closest_row, peer_row, proxy_rows
 from itouch.bench.contact.peers import PACKAGES, PEERS
 from itouch.bench.contact.work import HEIGHT_FIELD_CELLS, Work, around, standard
 from itouch.contact import Proxy, Surface
@@ -80,11 +80,9 @@ def _read(options: argparse.Namespace) -> tuple[Floats, Ints]:
 
 def _rows(work: Work, with_peers: bool) -> tuple[list[Row], list[str]]:
     """All rows of one work, and why peers are missing."""
-    before, begin = resident_mb(), time.perf_counter()
-    surface = Surface(work.vertices, work.faces, work.two_sided)
-    built, after = (time.perf_counter() - begin) * 1e3, resident_mb()
+    surface, built, memory = building(lambda: Surface(work.vertices, work.faces, work.two_sided))
     rows = [*proxy_rows(surface, work, FRICTION), *proxy_rows(surface, work, (0.0, 0.0))]
-    rows.append(closest_row(surface, work, built, max(after - before, surface.memory_bytes / 1e6)))
+    rows.append(closest_row(surface, work, built, max(memory, surface.memory_bytes / 1e6)))
     missing = []
     for name, (peer, most_queries, most_triangles) in PEERS.items() if with_peers else ():
         if len(work.faces) > most_triangles:
