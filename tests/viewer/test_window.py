@@ -126,6 +126,19 @@ SCRIPTS = {
         press(key.M); turn(30)
         assert not session.state["finger.hand.offset"].any()
     """,
+    "a gamepad moves the finger, and rests near its middle": """
+        from types import SimpleNamespace
+        window._gamepad = SimpleNamespace(leftx=1.0, lefty=0.0, righty=-0.5)
+        before = session.state["finger.hand.target"].copy()
+        turn(5)
+        assert not session.state["finger.hand.offset"].any()
+        press(key.M); turn(10)
+        moved = session.state["finger.hand.wanted"]
+        assert moved[0] > 8e-3 and moved[2] < -3e-3
+        window._gamepad.leftx = window._gamepad.righty = 0.05
+        still = moved.copy(); turn(5)
+        assert (session.state["finger.hand.wanted"] == still).all()
+    """,
     "resizing keeps everything in place": """
         for size in ((900, 500), (320, 200), (1, 1), (640, 400)):
             window.set_size(*size)

@@ -22,11 +22,27 @@ RATE = 60.0
 SHARE = 0.8
 #: Step [m] of the finger for an arrow key's press in a frame, and for a pixel of the mouse.
 KEY_STEP, MOUSE_STEP = 0.5e-3, 0.1e-3
+#: Greatest step [m] in a frame by a gamepad's stick, and what of its way is rest.
+STICK_STEP, STICK_REST = 1e-3, 0.15
 _NUMBERS = {key._1: "operator", key._2: "front", key._3: "side", key._4: "top", key._5: "corner"}  # noqa: SLF001
 _ARROWS = {
     key.LEFT: (-1, 0, 0), key.RIGHT: (1, 0, 0), key.UP: (0, 1, 0), key.DOWN: (0, -1, 0),
     key.PAGEUP: (0, 0, 1), key.PAGEDOWN: (0, 0, -1),
 }  # fmt: skip
+
+
+def gamepad() -> Any:
+    """Return the first gamepad, open, or None: machines without any say so in many ways."""
+    try:
+        import pyglet.input
+
+        found = pyglet.input.get_controllers()
+        if found:
+            found[0].open()
+            return found[0]
+    except Exception:  # no folder of devices, no permission, no such function on this platform
+        return None
+    return None
 
 
 class Window(pyglet.window.Window):
@@ -54,6 +70,7 @@ class Window(pyglet.window.Window):
         self._target = Frame(*self.get_framebuffer_size())
         self._keys: set[int] = set()
         self._steering = False
+        self._gamepad = gamepad()
         self._moved = False
         self._last = now()
         self._said_at = -10.0
@@ -79,6 +96,7 @@ class Window(pyglet.window.Window):
         begin = self._now()
         elapsed, self._last = begin - self._last, begin
         self._steer_by_keys()
+        self._steer_by_gamepad()
         self.source.advance(elapsed, self.picture.ring)
         self.picture.ring.add(self.source.state)
         self._speaker.hear(self.source.state)
@@ -99,6 +117,14 @@ class Window(pyglet.window.Window):
     def _say(self, words: str) -> None:
         if words:
             self.source.situation.message, self._said_at = words, self._now()
+
+    def _steer_by_gamepad(self) -> None:
+        pad = self._gamepad
+        if pad is None or not self._steering:
+            return
+        x, y, z = (float(getattr(pad, name, 0.0)) for name in ("leftx", "lefty", "righty"))
+        if max(abs(x), abs(y), abs(z)) > STICK_REST:
+            self._say(self.source.steer((STICK_STEP * x, STICK_STEP * y, STICK_STEP * z)))
 
     def _steer_by_keys(self) -> None:
         for symbol in self._keys & _ARROWS.keys():
