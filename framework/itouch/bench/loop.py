@@ -73,10 +73,11 @@ def in_thread(description: Scene, seconds: float) -> Timing:
 def in_process(description: Scene, seconds: float, *, realtime: bool) -> Timing:
     """Run in a servo process for some seconds."""
     with launch(description, realtime=realtime) as handle:
+        while handle.running and handle.link.tick == 0:
+            time.sleep(0.005)
         time.sleep(seconds)
-        times = handle.timing
         handle.stop()
-    return times
+        return handle.timing
 
 
 @contextmanager

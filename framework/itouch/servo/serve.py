@@ -106,6 +106,7 @@ class Servo:
             except BaseException as raised:
                 error = error or raised
         self._publish(0.0, 0.0)
+        self._publisher.publish_timing()
         if self._config["save"]:
             self.session.save(self._config["save"])
         return self.report(), error
