@@ -18,6 +18,7 @@ from itouch.scene.elements import (
     DeviceElement,
     Limits,
     Material,
+    Mesh,
     Motion,
     Mount,
     Operator,
@@ -50,7 +51,7 @@ _rotation = st.none() | st.tuples(_number, _number, _number)
 
 
 @st.composite
-def objects(draw: st.DrawFn, index: int) -> Box | Sphere | Plane:
+def objects(draw: st.DrawFn, index: int) -> Box | Sphere | Plane | Mesh:
     placed = {
         "name": f"o{index}",
         "pos": draw(_three),
@@ -58,9 +59,12 @@ def objects(draw: st.DrawFn, index: int) -> Box | Sphere | Plane:
         "material": "m0",
         "temperature": draw(_temperature),
     }
-    kind = draw(st.sampled_from(["box", "sphere", "plane"]))
+    kind = draw(st.sampled_from(["box", "sphere", "plane", "mesh"]))
     if kind == "box":
         return Box(size=draw(st.tuples(_length, _length, _length)), **placed)
+    if kind == "mesh":
+        file = draw(st.sampled_from(["a.stl", "parts/b c.obj", "ä & <b>.ply", "..c.glb"]))
+        return Mesh(file=file, scale=draw(st.floats(1e-6, 1e4)), sides=draw(st.sampled_from(["one", "two"])), **placed)
     return Sphere(radius=draw(_length), **placed) if kind == "sphere" else Plane(**placed)
 
 
