@@ -20,7 +20,7 @@ from itouch_thermal.solver.layers import Layer
 #: Length of the plan's coarse steps [s], as near as the period allows.
 COARSE = 5e-3
 #: What is thought possible before anything is measured: one standard deviation of each parameter.
-PRIOR = (0.25, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.05, 20.0, 0.4)
+PRIOR = (0.25, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.05, 20.0, 0.7)
 #: Random walk of the unexplained flux [W/m2 per root second] and of the plate sensor's offset [K per root second].
 DRIFT_FLUX, DRIFT_OFFSET = 3.0, 1e-3
 #: Part of the squared response below which a change of the plan is not worth its noise.

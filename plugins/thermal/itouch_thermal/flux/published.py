@@ -11,6 +11,7 @@ from itouch_thermal.display.peltier import current_for
 from itouch_thermal.flux import approach
 from itouch_thermal.flux.proportional import proportional_integral
 from itouch_thermal.flux.setting import FluxModel
+from itouch_thermal.flux.start import MARGIN
 
 #: Time constant [s] of the approach to the start temperature.
 APPROACH = 0.25
@@ -63,7 +64,7 @@ def _bounded(model: FluxModel, state: Record, flux: float, plate: float, tick: i
     before: float = passed[(piece + 1) % pieces].item()
     passed[piece % pieces] = plate
     swing = RATE * RATE_OVER * RATE_USED
-    low, high = max(model.band[0], before - swing), min(model.band[1], before + swing)
+    low, high = max(model.band[0] + MARGIN, before - swing), min(model.band[1] - MARGIN, before + swing)
     capacity = plate_capacity(model.display.plate) / max(STOPPING, 2.0 * period)
     resting: float = state[model.names.heat_flux].item()  # what the pump must carry to keep the plate where it is
     return min(resting + capacity * (plate - low), max(resting + capacity * (plate - high), flux))

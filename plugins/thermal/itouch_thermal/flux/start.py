@@ -27,7 +27,7 @@ SKIN_EVER, SKIN_LATER, NOMINAL = 0.116, 0.0155, 3e-3
 #: What the sensor's noise leaves of the flux error [W/m2], and by how much the flux falls from the trial's end on.
 NOISE, FALLS = 0.45, 3.0
 #: What the flux may be off on a hard plant, and on it for materials below THIN [W s^1/2 / m2K], relative rms.
-HARD, HARD_THIN, THIN = 6.5e-3, 13e-3, 300.0
+HARD, HARD_THIN, THIN = 5e-3, 13e-3, 300.0
 #: How much worse than the skin's it is to miss the flux.
 FLUX_FIRST = 10.0
 #: Start temperatures tried at first, and then each time between the best one's neighbours.

@@ -15,7 +15,7 @@ from itouch_thermal.display.peltier import current_for
 from itouch_thermal.flux.law import ModelLaw
 from itouch_thermal.flux.preview import contact_course, rising
 from itouch_thermal.flux.proportional import proportional_integral
-from itouch_thermal.flux.start import Touched, Trial, equation_three, start_temperature, within
+from itouch_thermal.flux.start import MARGIN, Touched, Trial, equation_three, start_temperature, within
 from itouch_thermal.heat import FINGER, ThermalMaterial, finger_side, object_side
 
 PERIOD = 1e-3
@@ -219,7 +219,7 @@ class _Brain:
         self.passed.append(plate)
         before = self.passed[max(0, len(self.passed) - round(RATE_OVER / PERIOD / hold))]
         swing = RATE * RATE_OVER * RATE_USED
-        low, high = max(BAND[0], before - swing), min(BAND[1], before + swing)
+        low, high = max(BAND[0] + MARGIN, before - swing), min(BAND[1] - MARGIN, before + swing)
         stiff = plate_capacity(self.display.plate) / max(STOPPING, 2.0 * hold * PERIOD)
         return min(flux + stiff * (plate - low), max(flux + stiff * (plate - high), pump))
 

@@ -1,0 +1,36 @@
+"""How fast the plate goes from one start temperature to another, and the least time that physics leaves."""
+
+from dataclasses import replace
+
+import pytest
+
+from itouch_thermal.display import DisplayParams, Mismatch
+from itouch_thermal.rendering.plants import corners
+from itouch_thermal.rendering.switching import CLOSE, least_time, switching_time
+
+COLD, WARM = 295.75, 303.65
+
+
+def test_least_time_is_what_the_heat_takes_and_a_little_more():
+    display = DisplayParams()
+    capacity = 0.8e-3 * 3800.0 * 880.0 + 37.5e-6 * 8933.0 * 385.0
+    heat_alone = capacity * (WARM - COLD - CLOSE) / display.flux_limit
+    for begin, end in ((COLD, WARM), (WARM, COLD)):
+        assert heat_alone < least_time(display, begin, end) < heat_alone + 0.05
+
+
+def test_least_time_grows_with_the_plate_and_with_a_weak_module():
+    plain = least_time(DisplayParams(), WARM, COLD)
+    heavy = least_time(DisplayParams(mismatch=Mismatch(plate_effusivity=0.1)), WARM, COLD)
+    assert heavy == pytest.approx(1.1 * plain, rel=0.02)
+    weak = least_time(DisplayParams(max_current=3.0), WARM, COLD)
+    assert weak > 1.3 * plain
+
+
+@pytest.mark.parametrize(("begin", "end"), [(COLD, WARM), (WARM, COLD)])
+@pytest.mark.parametrize("corner", [None, 1, 9])
+def test_model_switches_nearly_as_fast_as_can_be(begin, end, corner):
+    display = DisplayParams() if corner is None else replace(DisplayParams(), mismatch=corners()[corner])
+    least = least_time(display, begin, end)
+    took = switching_time(display, begin, end, seed=2)
+    assert least <= took <= (1.1 if corner is None else 1.25) * least + 0.02
