@@ -128,7 +128,7 @@ def test_the_least_time_is_what_the_heat_needs_and_a_little_more() -> None:
     for change, time in ((1.0, times[2]), (4.0, times[3]), (8.4, times[4])):
         heat = (change - 0.05) * 2.804e3 / display.flux_limit
         assert heat < time < heat + 0.05
-    assert least_time(strongest(display, 1.0), 296.15, 300.15) > 2.0 * times[3]
+    assert least_time(display, 296.15, 300.15, limit=strongest(display, 1.0)) > 2.0 * times[3]
 
 
 def test_an_object_out_of_the_plates_band_is_clipped_and_marked(scenes: Path) -> None:
@@ -146,3 +146,9 @@ def test_an_object_out_of_the_plates_band_is_clipped_and_marked(scenes: Path) ->
     assert left["plate_limited"] is True
     assert right["plate_limited"] is False
     assert coldest > 288.15 - 0.3
+
+
+def test_a_weak_or_slow_module_takes_as_long_as_its_heat() -> None:
+    weak = DisplayParams(flux_limit=100.0)
+    assert least_time(weak, 288.15, 313.15) == pytest.approx(24.95 * 2.804e3 / 100.0, rel=0.01)
+    assert strongest(DisplayParams(resistance=100.0), 6.4) < 2e3

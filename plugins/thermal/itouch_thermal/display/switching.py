@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
@@ -16,21 +15,34 @@ from itouch_thermal.heat import FINGER
 CLOSE = 0.05
 #: Resolution [s], how much longer than the heat alone needs is tried, and how long the plate takes to even out [s].
 STEP, EXTRA, SETTLING = 1e-3, 0.06, 0.04
+#: A switch that takes longer than this [s] is a matter of heat alone.
+SLOW = 5.0
 
 
-def least_time(display: DisplayParams, begin: float, end: float) -> float:
+def least_time(display: DisplayParams, begin: float, end: float, *, limit: float | None = None) -> float:
     """Return the least time [s] to bring face and base from one even temperature [K] to another, without the delay.
 
     The greatest flux all the way and, at the end, the greatest the other way for as long as serves best: with one
     slow and one fast mode that matter, time-optimal pumping changes sign once.
+
+    Parameters
+    ----------
+    display
+        The plate, and the greatest flux that a controller asks.
+    begin, end
+        Temperatures [K].
+    limit
+        Greatest flux [W/m2]; default: the display's.
     """
-    change = abs(end - begin)
+    change, flux = abs(end - begin), limit or display.flux_limit
     if change <= CLOSE:
         return 0.0
-    extra = round(EXTRA / STEP)
-    pushed = math.ceil(max(0.0, change - CLOSE) * plate_capacity(display.plate) / display.flux_limit / STEP)
+    extra, heat = round(EXTRA / STEP), (change - CLOSE) * plate_capacity(display.plate)
+    if heat / flux > SLOW:
+        return heat / flux
+    pushed = math.ceil(heat / flux / STEP)
     count = pushed + 2 * extra + round(SETTLING / STEP)
-    face, base = _rises(display, count)
+    face, base = _rises(display, flux, count)
     best = math.inf
     for forward in range(pushed, pushed + extra):
         for back in range(extra):
@@ -46,20 +58,21 @@ def least_time(display: DisplayParams, begin: float, end: float) -> float:
     return best
 
 
-def strongest(display: DisplayParams, ceiling: float) -> DisplayParams:
-    """Return the display with no more flux than a greatest current [A] pumps out of a plate as warm as the sink."""
+def strongest(display: DisplayParams, ceiling: float) -> float:
+    """Return the greatest flux [W/m2] that a greatest current [A] pumps out of a plate as warm as the sink."""
     cold = 296.15
-    heat = pumped_heat(display.seebeck, display.resistance, display.conductance, ceiling, cold, cold)
-    return replace(display, flux_limit=max(1.0, min(display.flux_limit, heat / display.area)))
+    current = min(ceiling, display.seebeck * cold / display.resistance)
+    heat = pumped_heat(display.seebeck, display.resistance, display.conductance, current, cold, cold)
+    return max(1e-3, min(display.flux_limit, heat / display.area))
 
 
-def _rises(display: DisplayParams, count: int) -> tuple[Array, Array]:
-    """Return by how much face and base rise [K] in so many steps of the greatest flux, shape (count,)."""
+def _rises(display: DisplayParams, flux: float, count: int) -> tuple[Array, Array]:
+    """Return by how much face and base rise [K] in so many steps of a flux [W/m2], shape (count,)."""
     rows = column(FINGER, 310.15, 306.15, display.plate, STEP, REACH / STEP).plate
     modes = np.zeros(rows.shape[1])
     found = np.empty((2, count))
     for i in range(count):
-        modes = rows[P_DECAY] * modes + rows[P_PUMP] * display.flux_limit
+        modes = rows[P_DECAY] * modes + rows[P_PUMP] * flux
         found[:, i] = rows[P_PORT] @ modes, rows[P_BACK] @ modes
     return found[0], found[1]
 

@@ -225,7 +225,7 @@ def _preset_time(
     middles = [within(band, start[1]) for start in starts if start is not None]
     needed = display.delay
     if len(middles) > 1:
-        needed += least_time(strongest(display, ceiling), min(middles), max(middles))
+        needed += least_time(display, min(middles), max(middles), limit=strongest(display, ceiling))
     longest = MARGIN * needed + SETTLED
     if params.preset_time == 0.0:
         return longest

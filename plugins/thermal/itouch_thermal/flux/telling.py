@@ -49,7 +49,7 @@ def switches(model: FluxModel) -> list[dict[str, Any]]:
     for name, start in zip(model.materials, model.starts, strict=True):
         if start is not None and len(starts) < LISTED:
             starts.setdefault(name, within(model.band, start[1]))
-    display = strongest(model.display, model.current)
+    limit = strongest(model.display, model.current)
     times: dict[float, float] = {}
     found = []
     for first, begin in starts.items():
@@ -58,7 +58,7 @@ def switches(model: FluxModel) -> list[dict[str, Any]]:
                 continue
             apart = round(abs(end - begin), 3)
             if apart not in times:
-                times[apart] = display.delay + least_time(display, begin, end)
+                times[apart] = model.display.delay + least_time(model.display, begin, end, limit=limit)
             found.append(
                 {
                     "from": first,
