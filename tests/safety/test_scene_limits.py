@@ -40,6 +40,15 @@ WHOLE = [path.name for path in sorted(SCENES.glob("*.xml")) if "<world" in path.
 SPOILT = ("nan", "inf", "-inf", "nan N", "1e999 m/s", "", "abc", "-1", "0", "1_0", "15 inf degC", "nan 40 degC")
 
 
+def scene_of(file: str) -> str:
+    """Return the scene that a file is, or one that includes it."""
+    if file in WHOLE:
+        return file
+    users = [name for name in WHOLE if f'"{file}"' in (SCENES / name).read_text(encoding="utf-8")]
+    assert users, f"no shipped scene includes {file}"
+    return users[0]
+
+
 def in_force(scene: Path) -> dict[str, DeviceLimits] | None:
     """Return the limits in force by device, or None if the scene is refused."""
     try:
