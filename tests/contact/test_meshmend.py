@@ -135,6 +135,19 @@ def test_an_inside_out_ball_is_turned_but_not_a_cavity() -> None:
     assert beside.facts.turned_parts == 1
 
 
+def test_a_foam_keeps_its_cavities_and_a_heap_of_inverted_parts_is_turned() -> None:
+    bubble = (
+        np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]) * 1e-3,
+        np.array([[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]]),
+    )
+    places = np.stack(np.meshgrid(*[np.linspace(-0.02, 0.02, 7)] * 3), -1).reshape(-1, 3)
+    bubbles = [(bubble[0] + place, bubble[1]) for place in places]
+    foam = load(*joined(BALL, *bubbles))
+    assert (foam.facts.parts, foam.facts.turned_parts, foam.facts.overlapping) == (344, 0, 0)
+    heap = load(*joined((BALL[0] + 1.0, BALL[1]), *bubbles))
+    assert heap.facts.turned_parts == 343
+
+
 def test_parts_that_reach_into_one_another_are_told() -> None:
     apart = load(*joined(BALL, (BALL[0] + 0.2, BALL[1])))
     assert (apart.facts.parts, apart.facts.overlapping) == (2, 0)

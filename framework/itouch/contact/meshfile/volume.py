@@ -22,24 +22,28 @@ def signed_volumes(vertices: Floats, faces: Ints, parts: Ints) -> Floats:
 
 
 def parts_to_turn(vertices: Floats, faces: Ints, parts: Ints, closed: Flags, volumes: Floats) -> Flags:
-    """Mark closed parts that are inside out, except the walls of cavities in other parts."""
+    """Mark closed parts that are inside out, except the walls of cavities in other parts.
+
+    With very many inverted parts (a foam) the smaller ones count as cavities as soon as their box is in another's.
+    """
     inverted = closed & (volumes < 0.0)
     if not inverted.any():
         return inverted
-    shells = _Shells(vertices, faces, parts, np.flatnonzero(closed))
-    for part in map(int, np.flatnonzero(inverted)):
-        holders = [other for other in shells.around(part) if volumes[other] > 0.0]
-        if any(shells.inside(other, shells.samples(part, 1))[0] for other in holders):
-            inverted[part] = False
+    shells = _Shells(vertices, faces, parts, closed & (volumes > 0.0))
+    for rank, part in enumerate(shells.largest_first(inverted)):
+        holders = shells.around(part)
+        if rank < _MOST_PARTS:
+            inverted[part] = not any(shells.inside(other, shells.samples(part, 1))[0] for other in holders)
+        else:
+            inverted[part] = not holders
     return inverted
 
 
 def overlapping_pairs(vertices: Floats, faces: Ints, parts: Ints, solid: Flags) -> int:
     """Count pairs of solid parts of which one has a vertex inside the other; with very many parts, of the largest."""
-    which = np.flatnonzero(solid)
-    if len(which) < 2:
+    if solid.sum() < 2:
         return 0
-    shells = _Shells(vertices, faces, parts, which)
+    shells = _Shells(vertices, faces, parts, solid)
     count = 0
     for part in shells.numbers:
         for other in shells.touching(part):
@@ -50,44 +54,49 @@ def overlapping_pairs(vertices: Floats, faces: Ints, parts: Ints, solid: Flags) 
 
 
 class _Shells:
-    """Closed parts with their boxes, made to ask whether a point is inside one."""
+    """The largest of the closed parts, made to ask whether a point is inside one."""
 
-    def __init__(self, vertices: Floats, faces: Ints, parts: Ints, which: Ints) -> None:
-        order = np.argsort(parts, kind="stable")
-        ends = np.searchsorted(parts[order], np.arange(int(parts.max()) + 2))
-        sizes = np.diff(ends)[which]
-        self.numbers = [int(p) for p in which[np.argsort(-sizes, kind="stable")][:_MOST_PARTS]]
-        self._vertices = vertices
-        self._faces = {p: faces[order[ends[p] : ends[p + 1]]] for p in {*self.numbers, *map(int, which)}}
-        self._boxes = {p: (vertices[f].min(axis=(0, 1)), vertices[f].max(axis=(0, 1))) for p, f in self._faces.items()}
+    def __init__(self, vertices: Floats, faces: Ints, parts: Ints, which: Flags) -> None:
+        self._order = np.argsort(parts, kind="stable")
+        self._ends = np.searchsorted(parts[self._order], np.arange(int(parts.max()) + 2))
+        self._vertices, self._all = vertices, faces
+        corners = vertices[faces[self._order]]
+        self._low = np.minimum.reduceat(corners.min(axis=1), self._ends[:-1])
+        self._high = np.maximum.reduceat(corners.max(axis=1), self._ends[:-1])
+        self.numbers = self.largest_first(which)[:_MOST_PARTS]
         self._work = _MOST_WORK
+
+    def largest_first(self, which: Flags) -> list[int]:
+        """Return the marked parts, those with most triangles first."""
+        marked = np.flatnonzero(which)
+        sizes = np.diff(self._ends)[marked]
+        return [int(part) for part in marked[np.argsort(-sizes, kind="stable")]]
+
+    def _faces(self, part: int) -> Ints:
+        return self._all[self._order[self._ends[part] : self._ends[part + 1]]]
 
     def around(self, part: int) -> list[int]:
         """Parts whose box holds that of ``part``."""
-        low, high = self._boxes[part]
-        return [
-            p for p in self.numbers
-            if p != part and (self._boxes[p][0] <= low).all() and (self._boxes[p][1] >= high).all()
-        ]  # fmt: skip
+        low, high = self._low[self.numbers], self._high[self.numbers]
+        holds = ((low <= self._low[part]) & (high >= self._high[part])).all(axis=1)
+        return [self.numbers[i] for i in np.flatnonzero(holds) if self.numbers[i] != part]
 
     def touching(self, part: int) -> list[int]:
         """Parts whose box meets that of ``part``."""
-        low, high = self._boxes[part]
-        return [
-            p for p in self.numbers
-            if p != part and (self._boxes[p][0] < high).all() and (self._boxes[p][1] > low).all()
-        ]  # fmt: skip
+        low, high = self._low[self.numbers], self._high[self.numbers]
+        meets = ((low < self._high[part]) & (high > self._low[part])).all(axis=1)
+        return [self.numbers[i] for i in np.flatnonzero(meets) if self.numbers[i] != part]
 
     def samples(self, part: int, count: int) -> Floats:
         """Return some vertices of a part, spread over it."""
-        corners = np.unique(self._faces[part])
+        corners = np.unique(self._faces(part))
         spread = np.linspace(0, len(corners) - 1, min(count, len(corners))).astype(np.int64)
         return np.asarray(self._vertices[corners[spread]])
 
     def inside(self, part: int, points: Floats) -> Flags:
         """Whether points are inside a part, by the winding number (van Oosterom and Strackee, 1983)."""
-        corners = self._vertices[self._faces[part]]
-        low, high = self._boxes[part]
+        corners = self._vertices[self._faces(part)]
+        low, high = self._low[part], self._high[part]
         found = np.zeros(len(points), np.bool_)
         for i, point in enumerate(points):
             if (point <= low).any() or (point >= high).any() or self._work < len(corners):
