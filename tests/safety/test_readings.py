@@ -46,6 +46,7 @@ def trip_of(watch: Watched, seconds: float = 1e-3) -> tuple[Trip, str] | None:
         (pose(), math.nan, Trip.NOT_A_NUMBER, "reads NaN (pose)"),
         (pose(), math.inf, Trip.NOT_A_NUMBER, "reads an infinite number (pose)"),
         (pose(), 1.01, Trip.SENSOR_RANGE, "reads pose 1.01 m, which is not believable"),
+        (pose(), -1.01, Trip.SENSOR_RANGE, "reads pose -1.01 m, which is not believable"),
         (
             temperature("plate_temperature"),
             K0 + 42.1,

@@ -114,6 +114,15 @@ def test_commands_are_limited_counted_and_dropped() -> None:
     assert rig.state["it.dropped"].item() == 2
 
 
+def test_enabling_begins_with_what_is_safe() -> None:
+    rig = Rig()
+    rig.it.open()
+    rig.it.sent["wrench"][0] = rig.it.command["wrench"][0] = 2.0
+    rig.it.enable()
+    assert not np.any(rig.it.sent["wrench"])
+    assert not np.any(rig.it.command["wrench"])
+
+
 def test_a_surface_begins_where_it_stands() -> None:
     rig = Rig(TABLE)
     rig.place = [0.01, 0.02, 0.04]
@@ -533,7 +542,8 @@ def test_starting_anew_forgets_the_last_trip() -> None:
 
 def test_the_trip_has_a_name_in_reports() -> None:
     assert Trip.NOT_A_NUMBER.label == "not-a-number"
-    assert len({trip.label for trip in Trip}) == len(Trip)
+    assert len({trip.label for trip in Trip}) == len(Trip) == 22
+    assert [int(trip) for trip in Trip] == list(range(22))
 
 
 def test_at_first_nothing_may_approach_and_the_whole_force_is_let_through() -> None:
