@@ -63,7 +63,7 @@ class Servo:
         self._inbox = Inbox(segment)
         self._commands = Commands(self)
         self._told = len(session.ledger.contacts)
-        self.paused = self._held = False
+        self.paused = self._held = self._armed = False
         self._kept = contextlib.ExitStack()
         self._failure: BaseException | None = None
         self.enabled = bool(config["enable"]) or not self._hardware()
@@ -115,9 +115,10 @@ class Servo:
         """Make devices that are not simulated here safe in the rig's order, unless a fault has done so."""
         if self.words[at.ARMED] and self.session.fault is None:
             self.session.park()
+        self.words[at.ARMED] = 0  # all is safe: letting go may take its time
 
     def _release(self) -> None:
-        """Let go of the devices; from now on silence is no danger."""
+        """Let go of the devices; if they could not be made safe, the guardian still watches."""
         try:
             Engine.close(self.session)
         finally:
@@ -146,8 +147,6 @@ class Servo:
             return
         if self._hardware():  # opening and homing may take long; twins, or a restored session of twins, need none of it
             self.session.enable()
-        self.words[at.BEAT] = monotonic()
-        self.words[at.ARMED] = int(bool(self._hardware() or self.remotes.addresses))
         self.outbox.tell("ready", ready)
 
     def _waits(self) -> bool:
@@ -171,6 +170,7 @@ class Servo:
         last = None if seconds is None else session.ticks + round(seconds / session.model.period)
         self._scripted = last is None and session.scripted
         session.taps.append(self._tap)
+        self.words[at.BEAT] = monotonic()
         self.words[at.PHASE] = at.RUNNING
         while not self.words[at.STOP] and not self._over(last):
             if self.paused:
@@ -209,6 +209,10 @@ class Servo:
 
     def _tap(self, tick: int) -> None:
         """Publish; called after every tick, also in the safe sequence."""
+        if not self._armed:  # nothing was commanded before the first tick
+            self._armed = True
+            self.words[at.BEAT] = monotonic()
+            self.words[at.ARMED] = int(bool(self._hardware() or self.remotes.addresses))
         times, stamps = self.session.times, self.session.stamps
         self._publish(times.late, stamps[-1] - stamps[0] if stamps else 0.0)
         contacts = self.session.ledger.contacts
