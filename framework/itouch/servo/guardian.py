@@ -87,6 +87,7 @@ class Guardian:
         try:
             told = os.pread(self._stat, 1024, 0).decode(errors="replace")
         except OSError:
+            self._why = "died"
             return True
         letter, *numbers = told.rpartition(")")[2].split()
         gone = letter in _GONE or bool(int(numbers[5]) & _EXITING)
