@@ -13,7 +13,7 @@ construction of SAH-based bounding volume hierarchies", 2007).
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.contact.compiling import entry, inner
+from itouch.contact.compiling import entry, inner, making
 from itouch.contact.vectors import Floats
 
 Floats32 = NDArray[np.float32]
@@ -72,7 +72,7 @@ def _range_box(boxes: Floats32, start: int, end: int, box: Floats32, centres: Fl
             centres[c], centres[c + 3] = min(centres[c], middle), max(centres[c + 3], middle)
 
 
-@inner
+@making
 def _best_cut(boxes: Floats32, start: int, end: int, axis: int, low: float, scale: float, bins: Floats32) -> int:
     """Bin after which to cut for the least surface area heuristic; -1 if all fall into one bin."""
     counts = np.zeros(BINS, np.int64)

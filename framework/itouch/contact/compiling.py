@@ -16,6 +16,25 @@ def entry(function: Function) -> Function:
 
 
 def inner(function: Function) -> Function:
-    """Let kernels call a function, compiled without wrappers for Python; Python runs it as it is written."""
+    """Let kernels call a function, compiled without wrappers for Python; Python runs it as it is written.
+
+    It takes part in no counting of references (see ``borrow``), so it may not make arrays.
+    """
+    marked: Function = register_jitable(
+        error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, _nrt=False
+    )(function)
+    return marked
+
+
+def flat(function: Function) -> Function:
+    """Like ``inner``, put into its callers' code: a small function's many arguments cost more than its work."""
+    marked: Function = register_jitable(
+        error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True, _nrt=False
+    )(function)
+    return marked
+
+
+def making(function: Function) -> Function:
+    """Like ``inner``, for a function that makes arrays of its own."""
     marked: Function = register_jitable(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)
     return marked

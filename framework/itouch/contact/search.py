@@ -96,17 +96,6 @@ def slab_distance(nodes: Floats32, node: int, side: int, p: Vector) -> float:
 
 
 @inner
-def _above(nodes: Floats32, node: int, side: int, n: Vector, level: float) -> bool:
-    """Whether a child may reach above the plane n . x = level, by its slab and what its box adds to that."""
-    c = CHILD_WIDTH * side
-    x, y, z = n[0] - nodes[node, c + 6], n[1] - nodes[node, c + 7], n[2] - nodes[node, c + 8]
-    high = nodes[node, c + CHILD_HIGH] + x * (nodes[node, c + 3] if x > 0.0 else nodes[node, c])
-    high += y * (nodes[node, c + 4] if y > 0.0 else nodes[node, c + 1])
-    high += z * (nodes[node, c + 5] if z > 0.0 else nodes[node, c + 2])
-    return bool(high > level)
-
-
-@inner
 def intruder(
     vertices: Floats,
     triangles: Ints32,
@@ -129,7 +118,7 @@ def intruder(
         following = -1
         for side in range(2):
             away = box_distance2(nodes, node, side, p)
-            if away >= best or slab_distance(nodes, node, side, p) >= radius or not _above(nodes, node, side, n, level):
+            if away >= best or slab_distance(nodes, node, side, p) >= radius:
                 continue
             ref, count = int(nodes[node, CHILD_REF + side]), int(nodes[node, CHILD_COUNT + side])
             if count == 0:

@@ -4,7 +4,7 @@ import numpy as np
 
 from itouch.contact import layout as at
 from itouch.contact.borrow import borrowed
-from itouch.contact.compiling import entry, inner
+from itouch.contact.compiling import entry, flat, inner
 from itouch.contact.distance import distance
 from itouch.contact.frames import to_local, to_local_then, to_world
 from itouch.contact.friction import Pressed, drag, first_touch, press
@@ -18,7 +18,7 @@ from itouch.contact.triangle import nearest_of, pierced
 from itouch.contact.vectors import Floats, Vector, norm, put, sub, vector
 
 
-@inner
+@flat
 def last_poses(memory: Floats, poses: Floats, last: Floats) -> None:
     """Unpack the poses of the last step; for a probe without a past, the present ones."""
     ready = memory[at.MEMORY_READY] > 0.0
@@ -27,7 +27,7 @@ def last_poses(memory: Floats, poses: Floats, last: Floats) -> None:
             last[obj, c] = memory[at.MEMORY_POSES + 7 * obj + c] if ready else poses[obj, c]
 
 
-@inner
+@flat
 def recall(site: Floats, mesh: Mesh | None, memory: Floats) -> None:
     """Take the triangles that were touched in the last step into view."""
     for c in range(3):
@@ -107,7 +107,7 @@ def follow(
     return drag(site, mesh, p, hip, int(memory[at.MEMORY_SLIP]))
 
 
-@inner
+@flat
 def remember(poses: Floats, memory: Floats, result: Floats) -> None:
     """Keep what the next step starts from."""
     memory[at.MEMORY_READY] = 1.0
