@@ -82,3 +82,16 @@ def test_a_deep_tree_stays_within_the_stack() -> None:
     point, distance, face = surface.closest([1.0, 0.0, 0.0])
     assert (distance, face) == (0.0, 200)
     np.testing.assert_array_equal(point, [1, 0, 0])
+
+
+def test_neighbours_of_many_triangles_about_one_vertex(rng: np.random.Generator) -> None:
+    """A cone over a ring of random places: triangles that lie side by side in memory are not neighbours."""
+    count = 20_000
+    ring = np.concatenate([[[0.0, 0.0, 1.0]], rng.normal(size=(count, 3)) * 1e-3])
+    i = np.arange(1, count)
+    triangles = Surface(ring, np.stack([0 * i, i, i + 1], 1)).tables[1]
+    place = np.empty(len(i), int)
+    place[triangles[:, 3]] = np.arange(len(i))
+    across = {face: {triangles[t, 3] for t in triangles[place[face], NEIGHBOUR:] if t >= 0} for face in range(len(i))}
+    assert across[0] == {1}
+    assert all(across[face] == {face - 1, face + 1} for face in range(1, len(i) - 1))

@@ -27,15 +27,16 @@ def add_neighbours(vertex_count: int, triangles: Ints32) -> None:
             low = min(triangles[t, e], triangles[t, (e + 1) % 3])
             half_edges[filled[low]] = 3 * t + e
             filled[low] += 1
+    waiting = np.full(vertex_count, -1, np.int32)  # by the greater end: where an edge waits for the other triangle's
     for v in range(vertex_count):
         for i in range(start[v], start[v + 1]):
             t, e = half_edges[i] // 3, half_edges[i] % 3
-            if triangles[t, NEIGHBOUR + e] >= 0:
-                continue
             high = max(triangles[t, e], triangles[t, (e + 1) % 3])
-            for j in range(i + 1, start[v + 1]):
-                u, f = half_edges[j] // 3, half_edges[j] % 3
-                same = max(triangles[u, f], triangles[u, (f + 1) % 3]) == high
-                if same and u != t and triangles[u, NEIGHBOUR + f] < 0:
-                    triangles[t, NEIGHBOUR + e], triangles[u, NEIGHBOUR + f] = u, t
-                    break
+            j = waiting[high]
+            if j < start[v]:  # nothing, or left over from an edge of another vertex
+                waiting[high] = i
+                continue
+            u, f = half_edges[j] // 3, half_edges[j] % 3
+            if u != t:
+                triangles[t, NEIGHBOUR + e], triangles[u, NEIGHBOUR + f] = u, t
+                waiting[high] = -1
