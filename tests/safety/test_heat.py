@@ -388,3 +388,30 @@ def test_the_ceiling_is_that_of_the_hardware() -> None:
     plate = Plate(channels=(PLATE[0], (current(limit=1.0),)))
     plate.say(25.0, drive=0.15)  # 0.6 A of 1 A
     assert plate.state["p.heat.driven_for"].item() == pytest.approx(STEP)
+
+
+def test_windows_are_times_also_for_a_slow_display() -> None:
+    one = model(PLATE, name="p")
+    for seconds in (0.02, 0.05, 0.2):
+        data, reading, sent = state(one), record(PLATE[0]), record(PLATE[1])
+        heat = Heat(one, data, reading, sent, seconds)
+        heat.reset()
+        reading["sink_temperature"] = K0 + 25.0
+        reading["heat_flux"] = 18e3
+        for index in range(round(0.5 / seconds) + 1):  # 15 K/s for half a second
+            reading["plate_temperature"] = K0 + 20.0 + 15.0 * seconds * index
+            heat.check()
+        assert heat.share.item() == pytest.approx(0.5, abs=0.11)
+        heat.touched[...] = 0
+        for index in range(round(1.0 / seconds)):
+            reading["plate_temperature"] = K0 + 25.0 + 1e-3 * (index % 2)
+            heat.check()
+        assert heat.share.item() == pytest.approx(0.4, abs=1e-6)
+
+
+def test_a_display_slower_than_every_window_has_windows_of_one() -> None:
+    one = model(PLATE, name="p")
+    heat = Heat(one, state(one), record(PLATE[0]), record(PLATE[1]), 5.0)
+    assert (heat._short, heat._long, heat._mean) == (1, 1, 1)
+    fast = Heat(one, state(one), record(PLATE[0]), record(PLATE[1]), 0.001)
+    assert (fast._short, fast._long, fast._mean) == (50, 50, 100)

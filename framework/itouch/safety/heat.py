@@ -14,8 +14,10 @@ from itouch.world import limits as default
 from itouch.world.rig import DeviceModel
 from itouch.world.supervision import FLUX_WINDOW, RATE_WINDOW
 
-#: How far ahead [s] a plate's temperature is extrapolated at its rate over the last 50 ms: sensors and drives lag.
-AHEAD, RATE_SAMPLES = 0.1, 5
+#: How far ahead [s] a plate's temperature is extrapolated, and over what time [s] its rate is taken for that.
+AHEAD, RATE_TIME = 0.1, 0.05
+#: T5, T6: the times [s] over which the rate in contact and the flux are averaged.
+CONTACT_RATE_TIME, FLUX_TIME = 0.5, 1.0
 #: T3: temperature [K] from which dose counts, and that at which a second is a second (Sapareto and Dewey 1984).
 DOSE_FROM, DOSE_UNIT = 312.15, 316.15
 #: T8: a step between two means of 50 ms [K] that no plate can do.
@@ -33,6 +35,9 @@ class Heat:
 
     def __init__(self, model: DeviceModel, state: Record, reading: Record, sent: Record, seconds: float) -> None:
         self._seconds, self._limits = seconds, model.limits
+        self._short = max(1, round(RATE_TIME / seconds))
+        self._long = max(1, min(RATE_WINDOW, round(CONTACT_RATE_TIME / seconds)))
+        self._mean = max(1, min(FLUX_WINDOW, round(FLUX_TIME / seconds)))
         self._plate = reading["plate_temperature"]
         self._sink = reading.get("sink_temperature")
         self._flux = reading.get("heat_flux")
@@ -104,9 +109,9 @@ class Heat:
         low, high = self._limits.temperature or default.PLATE_TEMPERATURE
         least, most = self._limits.temperature_trip
         ahead = temperature
-        if samples >= RATE_SAMPLES:
-            change = temperature - self._before(samples, RATE_SAMPLES)
-            ahead += change / (RATE_SAMPLES * self._seconds) * AHEAD
+        if samples >= self._short:
+            change = temperature - self._before(samples, self._short)
+            ahead += change / (self._short * self._seconds) * AHEAD
         if not least <= ahead <= most:
             shown = f"{temperature - 273.15:.1f} degC, on its way to {ahead - 273.15:.1f} degC"
             raise TripError(Trip.PLATE_TEMPERATURE, f"reads plate_temperature {shown}, past its trip")
@@ -117,9 +122,9 @@ class Heat:
         if not self.touched.item():
             self._since[...] = 0
             return 1.0
-        since = min(self._since.item() + 1, RATE_WINDOW + 1)
+        since = min(self._since.item() + 1, self._long + 1)
         self._since[...] = since
-        rate = abs(temperature - self._before(samples, since - 1)) / (RATE_WINDOW * self._seconds)
+        rate = abs(temperature - self._before(samples, since - 1)) / (self._long * self._seconds)
         limit = self._limits.plate_rate or default.PLATE_RATE
         if rate > 2.0 * limit:
             raise TripError(Trip.PLATE_RATE, f"changes its plate by {rate:.1f} K/s under the finger")
@@ -129,8 +134,9 @@ class Heat:
         """Return the share that the mean of |flux| over a second leaves (T6)."""
         if self._flux is None:
             return 1.0
-        self._fluxes[samples % FLUX_WINDOW] = abs(self._flux.item())
-        mean = float(self._fluxes.sum()) / FLUX_WINDOW if samples >= FLUX_WINDOW else 0.0
+        count = self._mean
+        self._fluxes[samples % count] = abs(self._flux.item())
+        mean = float(self._fluxes[:count].sum()) / count if samples >= count else 0.0
         limit = self._limits.flux or default.FLUX
         if mean * 3.0 > limit * 3.99:  # 4/3, or a sensor that has been at the end of its scale all the time
             raise TripError(Trip.FLUX, f"had a mean flux of {mean / 1e3:.1f} kW/m^2 for a second")
@@ -155,10 +161,11 @@ class Heat:
 
     def _step(self, samples: int) -> None:
         """Trip on a step of the plate's sensor that no plate can do (T8)."""
-        if samples < 2 * RATE_SAMPLES:
+        count = self._short
+        if samples < 2 * count:
             return
-        new = sum(self._before(samples, back) for back in range(RATE_SAMPLES)) / RATE_SAMPLES
-        old = sum(self._before(samples, back + RATE_SAMPLES) for back in range(RATE_SAMPLES)) / RATE_SAMPLES
+        new = sum(self._before(samples, back) for back in range(count)) / count
+        old = sum(self._before(samples, back + count) for back in range(count)) / count
         if abs(new - old) > STEP:
             raise TripError(Trip.SENSOR_JUMP, f"reads a step of the plate of {new - old:+.1f} K, not believable")
 
