@@ -17,7 +17,7 @@ import random
 import signal
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import CodeType, ModuleType
@@ -106,19 +106,39 @@ def _droppable(node: ast.stmt) -> bool:
     return True
 
 
-def mutants(module: str) -> Iterator[Mutant]:
-    """Yield every mutant of a module of the package."""
+def mutants(module: str, chosen: Container[int] | None = None) -> Iterator[Mutant]:
+    """Yield the mutants of a module of the package: all of them, or those with the numbers chosen."""
     path = PACKAGE / f"{module}.py"
     tree = ast.parse(path.read_text(encoding="utf-8"))
+    for number, (spot, child, what, changed) in enumerate(_spots(tree)):
+        if chosen is None or number in chosen:
+            yield Mutant(module, getattr(child, "lineno", 0), what, _compiled(tree, spot, child, changed, path))
+
+
+def size(module: str) -> int:
+    """Return how many mutants a module has."""
+    return sum(1 for _ in _spots(ast.parse((PACKAGE / f"{module}.py").read_text(encoding="utf-8"))))
+
+
+def sample(modules: Sequence[str], count: int, seed: int) -> list[Mutant]:
+    """Draw mutants of some modules at random."""
+    every = [(module, number) for module in modules for number in range(size(module))]
+    drawn = random.Random(seed).sample(every, min(count, len(every)))
+    return [m for module in modules for m in mutants(module, {n for name, n in drawn if name == module})]
+
+
+Spot = tuple[ast.AST, str, int | None]
+
+
+def _spots(tree: ast.Module) -> Iterator[tuple[Spot, ast.AST, str, ast.AST]]:
+    """Yield each change of a tree: where the changed part stands, the part, what is changed, and the changed part."""
     inert = {id(part) for node in ast.walk(tree) for part in _inert(node)}
     for node in [node for node in ast.walk(tree) if id(node) not in inert]:
         for name, value in list(ast.iter_fields(node)):
-            spots = enumerate(value) if isinstance(value, list) else [(None, value)]
-            for index, child in list(spots):
+            for index, child in list(enumerate(value) if isinstance(value, list) else [(None, value)]):
                 if isinstance(child, ast.AST) and id(child) not in inert:
                     for what, changed in changes(child):
-                        code = _compiled(tree, node, name, index, child, changed, path)
-                        yield Mutant(module, getattr(child, "lineno", 0), what, code)
+                        yield (node, name, index), child, what, changed
 
 
 def _inert(node: ast.AST) -> Iterator[ast.AST]:
@@ -139,21 +159,21 @@ def _names_slots(node: ast.Assign) -> bool:
     return any(isinstance(target, ast.Name) and target.id == "__slots__" for target in node.targets)
 
 
-def _compiled(
-    tree: ast.Module, node: ast.AST, name: str, index: int | None, child: ast.AST, changed: ast.AST, path: Path
-) -> CodeType:
+def _compiled(tree: ast.Module, spot: Spot, child: ast.AST, changed: ast.AST, path: Path) -> CodeType:
     ast.copy_location(changed, child)
-    if index is None:
-        setattr(node, name, changed)
-    else:
-        getattr(node, name)[index] = changed
+    _put(spot, changed)
     try:
         return compile(ast.fix_missing_locations(copy.deepcopy(tree)), str(path), "exec")
     finally:
-        if index is None:
-            setattr(node, name, child)
-        else:
-            getattr(node, name)[index] = child
+        _put(spot, child)
+
+
+def _put(spot: Spot, part: ast.AST) -> None:
+    node, name, index = spot
+    if index is None:
+        setattr(node, name, part)
+    else:
+        getattr(node, name)[index] = part
 
 
 class Changed(importlib.abc.MetaPathFinder, importlib.abc.Loader):
@@ -243,9 +263,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args(argv)
     prepare()
-    every = [mutant for module in options.modules or FIRST for mutant in mutants(module)]
-    if options.sample is not None:
-        every = random.Random(options.seed).sample(every, min(options.sample, len(every)))
+    modules = options.modules or list(FIRST)
+    if options.sample is None:
+        every = [mutant for module in modules for mutant in mutants(module)]
+    else:
+        every = sample(modules, options.sample, options.seed)
     if not survives(control("guard")):
         print("the tests fail without any change: mend them first")
         return 2

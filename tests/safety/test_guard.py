@@ -249,6 +249,12 @@ def test_retract_goes_down_as_fast_as_allowed_and_stops_at_the_end() -> None:
     assert heights(Guard(guard.channel, DeviceLimits()), 0.5) == [0.5] * 4
 
 
+def test_retracting_is_downwards_unless_it_is_said() -> None:
+    sent = np.array([0.5, 0.5, 0.5, 1.0, 0, 0, 0])
+    Guard(pose_target(low=(0, 0, 0), high=(1, 1, 1), speed=0.3), LIMITS).safe(sent, 1e-3)
+    assert sent[2] < 0.5
+
+
 def test_holding_and_endless_travel_stay() -> None:
     assert heights(Guard(Channel("pose_target", 7, "m", safe=HOLD), LIMITS), 0.5) == [0.5] * 4
     endless = pose_target(low=(0, 0, 0), high=(1, 1, 1), speed=0.3)

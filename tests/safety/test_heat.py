@@ -281,6 +281,7 @@ def test_a_frozen_sensor_under_a_changing_drive_trips() -> None:
     assert frozen(Plate(), [0.0] + [0.05] * 300) == (Trip.SENSOR_FROZEN, pytest.approx(1.01, abs=0.011))
     assert frozen(Plate(), [0.0] + [-0.3] * 300) == (Trip.SENSOR_FROZEN, pytest.approx(FROZEN_DRIVE / 0.3, abs=0.021))
     assert frozen(Plate(), [0.3] + [0.0] * 300)[0] is Trip.SENSOR_FROZEN
+    assert frozen(Plate(), [0.0] + [0.021] * 300)[0] is Trip.SENSOR_FROZEN
     assert frozen(Plate(), [0.0] + [0.019] * 300)[0] is Trip.NONE
 
 
