@@ -84,8 +84,11 @@ def preview(heat: HeatParams, world: World, law: ModelLaw) -> Preview:
     finger = live.side_model(side, world.servo_period, finger=True)
     skins = [world.skin_temperature + step for step in (-SKIN_STEP, 0.0, SKIN_STEP)]
     starts: list[tuple[float, float, float] | None] = []
+    known: dict[Side, tuple[float, float, float]] = {}
     for body in sides:
-        starts.append(None if body is None else _starts(layers, heat, body, skins, law, trial))
+        if body is not None and body not in known:
+            known[body] = _starts(layers, heat, body, skins, law, trial)
+        starts.append(None if body is None else known[body])
     widest = max((live.state_size(body) for body in bodies if body is not None), default=1)
     into = conversion(side, layers, heat.arterial, world.servo_period)
     return Preview(finger, bodies, widest, heat.expected_resistance, into, world.skin_temperature, tuple(starts))
@@ -118,21 +121,31 @@ def _starts(
     """Return the start temperatures [K] for three skin temperatures; they come from trials."""
 
     def make() -> Array:
-        return np.array([_start(layers, heat, body, skin, law, trial) for skin in skins])
+        middle = _start(layers, heat, body, skins[1], law, trial)
+        gap = skins[1] - (body.initial.temperature or 0.0)
+        share = 1.0 - (skins[1] - middle) / gap if abs(gap) > SKIN_STEP else 0.5
+        low, high = (
+            _start(layers, heat, body, skin, law, trial, middle + share * (skin - skins[1]))
+            for skin in (skins[0], skins[2])
+        )
+        return np.array([low, middle, high])
 
     given = (layers, heat, body, skins, law.display, law.given, law.period, law.band.tolist(), law.ceiling)
     low, middle, high = kept(("starts", given), make, lambda a: (a,), lambda a: _fits(a, (3,))).tolist()
     return low, middle, high
 
 
-def _start(layers: tuple[Layer, ...], heat: HeatParams, body: Side, skin: float, law: ModelLaw, trial: Trial) -> float:
+def _start(
+    layers: tuple[Layer, ...], heat: HeatParams, body: Side, skin: float, law: ModelLaw, trial: Trial,
+    near: float | None = None,
+) -> float:  # fmt: skip
     side, coarse = finger_side(layers, heat.arterial, skin, skin), law.coarse_ticks
     count = trial.needed * coarse
     flux, warmth = contact_course(side, body, heat.expected_resistance, law.period, count, heat.press)
     every = slice(coarse - 1, None, coarse)
     press = np.array([press_factor((i + 1) * law.step, heat.press) for i in range(trial.needed)])
     touched = Touched(flux[every], warmth[every], press, outer_effusivity(body.layers))
-    return start_temperature(trial, rising(law.fine, skin), touched)
+    return start_temperature(trial, rising(law.fine, skin), touched, near)
 
 
 def rising(parts: Column, skin: float) -> Array:

@@ -30,8 +30,8 @@ NOISE, FALLS = 0.45, 3.0
 HARD, HARD_THIN, THIN = 5e-3, 13e-3, 300.0
 #: How much worse than the skin's it is to miss the flux.
 FLUX_FIRST = 10.0
-#: Start temperatures tried at first, and then each time between the best one's neighbours.
-FIRST, THEN, ROUNDS = 6, 2, 5
+#: Start temperatures tried at first, how far aside they begin [K], and how close to one another they end.
+FIRST, ASIDE, CLOSE = 6, 0.5, 0.01
 #: How far start temperatures stay from the ends of the band [K].
 MARGIN = 0.1
 
@@ -131,12 +131,15 @@ class Trial:
             found[:, i] = x[0, n + m + at.X_FLUX], law.fine.rest + law.fine.tissue[F_PORT] @ x[0, :n]
         return found[0], found[1]
 
-    def cost(self, start: float, finger: Array, touched: Touched) -> float:
-        """Return how near the worst of what may be off comes to what is allowed: below 1 all is well."""
+    def cost(self, start: float, finger: Array, touched: Touched, best: float = math.inf) -> float:
+        """Return how near the worst of what may be off comes to what is allowed: below 1 all is well.
+
+        What is more than ``best`` already on the first plants is not tried on the others.
+        """
         steps = self.steps
         times = np.arange(1, steps + 1) * self.law.period
         scale = np.maximum(np.abs(touched.flux[:steps]), FLOOR)
-        warmth, pumped = 0.0, []
+        warmth, pumped, found = 0.0, list[float](), 0.0
         noise = NOISE / max(float(scale[-1]) / FALLS, FLOOR)
         hard = HARD if touched.effusivity >= THIN else HARD_THIN
         for k, differs in enumerate(PLANTS):
@@ -147,10 +150,13 @@ class Trial:
             error = ((flux - touched.flux[:steps]) / scale)[times >= COUNTED_FROM]
             rms = math.hypot(math.sqrt(float(error @ error) * self.law.period / SCORED), noise)
             pumped.append(rms / (NOMINAL if k == 0 else hard))
-        return max(warmth, *pumped) + FLUX_FIRST * sum(max(0.0, part - 1.0) for part in pumped)
+            found = max(warmth, *pumped) + FLUX_FIRST * sum(max(0.0, part - 1.0) for part in pumped)
+            if found > best:
+                break
+        return found
 
 
-def start_temperature(trial: Trial, finger: Array, touched: Touched) -> float:
+def start_temperature(trial: Trial, finger: Array, touched: Touched, near: float | None = None) -> float:
     """Return the start temperature [K] with which most is left of what may go wrong.
 
     Parameters
@@ -159,22 +165,30 @@ def start_temperature(trial: Trial, finger: Array, touched: Touched) -> float:
         Coordinates of the finger at the begin, shape (n,).
     touched
         What is to be rendered; shape (trial.needed,) each.
+    near
+        Where to look [K], if that is known.
     """
+
+    def cost(start: float, best: float) -> float:
+        return trial.cost(start, finger, touched, best)
+
+    if near is not None:
+        return _least(cost, near - ASIDE, near + ASIDE, 3)
     resistance = trial.law.constants[at.O_CONTACT] * touched.press
     faces = (touched.skin - resistance * touched.flux)[: trial.steps]
     ends = sorted((float(faces[0]), float(faces[-1])))
-    return _least(lambda start: trial.cost(start, finger, touched), ends[0] - 0.5, ends[1] + 0.5)
+    return _least(cost, ends[0] - ASIDE, ends[1] + ASIDE, FIRST)
 
 
-def _least(cost: Callable[[float], float], low: float, high: float) -> float:
+def _least(cost: Callable[[float, float], float], low: float, high: float, first: int) -> float:
     """Return where a cost with few valleys is least: some places first, then between the best one's neighbours."""
-    known = {float(place): cost(float(place)) for place in np.linspace(low, high, FIRST)}
-    for _ in range(ROUNDS):
-        places = sorted(known)
-        best = min(places, key=known.__getitem__)
-        k = places.index(best)
-        for neighbour in (places[max(0, k - 1)], places[min(len(places) - 1, k + 1)]):
-            for part in range(1, THEN):
-                place = best + (neighbour - best) * part / THEN
-                known.setdefault(place, cost(place))
+    known: dict[float, float] = {}
+    for place in np.linspace(low, high, first).tolist():
+        known[place] = cost(place, min(known.values(), default=math.inf))
+    apart = (high - low) / (first - 1)
+    while apart > 2.0 * CLOSE:
+        apart *= 0.5
+        best = min(known, key=known.__getitem__)
+        for place in (best - apart, best + apart):
+            known[place] = cost(place, known[best])
     return min(known, key=known.__getitem__)
