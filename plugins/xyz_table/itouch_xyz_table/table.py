@@ -125,6 +125,7 @@ class XyzTable(Device):
         self._goal: tuple[float, ...] | None = None
         self._before: tuple[float, ...] = ()
         self._when = 0.0
+        self._lost = False
 
     def open(self) -> None:
         """Open the bus, end latched faults and time-outs, and home.
@@ -147,15 +148,18 @@ class XyzTable(Device):
         except BaseException:
             servos.close()
             raise
-        self._servos, self._goal = servos, None
+        self._servos, self._goal, self._lost = servos, None, False
 
     def close(self) -> None:
-        """Stop the servos and let go of the bus."""
+        """Stop the servos and let go of the bus; those that are gone are stopped by their own watchdogs."""
         servos, self._servos = self._servos, None
         if servos is None:
             return
         try:
             servos.stop()
+        except DeviceError:
+            if not self._lost:
+                raise
         finally:
             servos.close()
 
@@ -183,7 +187,11 @@ class XyzTable(Device):
         if self._servos is None:
             raise DeviceError("the table is not open")
         goal = self._goal
-        states = self._servos.query() if goal is None else self._servos.command(self._goals(goal))
+        try:
+            states = self._servos.query() if goal is None else self._servos.command(self._goals(goal))
+        except DeviceError:
+            self._lost = True
+            raise
         check(states, driven=goal is not None)
         self._tell(states, reading)
         return True

@@ -28,7 +28,7 @@ class HardwareDisplay(Device):
     def __init__(self, params: Any) -> None:
         super().__init__(params)
         self._rig: Rig | None = None
-        self._current, self._skin = 0.0, _UNSEEN
+        self._current, self._skin, self._lost = 0.0, _UNSEEN, False
 
     @classmethod
     def attached(cls) -> tuple[Attached, ...]:
@@ -55,7 +55,7 @@ class HardwareDisplay(Device):
         if self.params.command != "current":
             raise DeviceError('real displays are driven by a current: write command="current"')
         self._rig = rig = rig_of(self.params, self.trace, patience=self.patience)
-        self._current = 0.0
+        self._current, self._lost = 0.0, False
         try:
             if not math.isfinite(rig.exchange(0.0).flux):
                 raise DeviceError("no flux sensor is there: write <thermal:flux-sensor> inside <thermal:labjack>")
@@ -66,8 +66,13 @@ class HardwareDisplay(Device):
     def close(self) -> None:
         """Set the current to zero and let go."""
         rig, self._rig = self._rig, None
-        if rig is not None:
+        if rig is None:
+            return
+        try:
             rig.close()
+        except DeviceError:
+            if not self._lost:  # it was told already
+                raise
 
     def write(self, command: Record) -> None:
         """Set the current, which the next exchange sends."""
@@ -83,7 +88,11 @@ class HardwareDisplay(Device):
         """
         if self._rig is None:
             raise DeviceError("the display is not open")
-        found = self._rig.exchange(self._current)
+        try:
+            found = self._rig.exchange(self._current)
+        except DeviceError:
+            self._lost = True
+            raise
         seen = math.isfinite(found.skin)
         if seen:
             self._skin = found.skin
