@@ -95,6 +95,8 @@ class Screen:
         else:
             self._new_contacts()
             _plain_table(report, self._stream)
+        for line in _marks(report):
+            self._stream.write(line + "\n")
         self._stream.write(_closing(report) + "\n")
         for name, device in report["devices"].items():
             if device.get("exchanges"):
@@ -102,6 +104,18 @@ class Screen:
         for fault in report["faults"]:
             self._stream.write(_fault(fault) + "\n")
         self._stream.flush()
+
+
+def _marks(report: dict[str, Any]) -> list[str]:
+    """Say which touches were not what they should have been."""
+    found = []
+    for entry in report["contacts"]:
+        where = f"{entry['object']} at {entry['begin_s']:.3f} s"
+        if entry.get("plate_ready") is False:
+            found.append(f"{where}: began before the plate was ready")
+        if entry.get("plate_limited"):
+            found.append(f"{where}: its start temperature is out of the plate's band and was clipped")
+    return found
 
 
 def _wire(name: str, figures: dict[str, float]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pytest
 from display_scenes import CONTROL, Display
 
 import itouch
+from itouch.report.screen import Screen
 from itouch_thermal import cli
 from itouch_thermal.display import DisplayParams
 from itouch_thermal.display.switching import least_time, strongest
@@ -67,7 +69,11 @@ def test_a_touch_before_readiness_is_marked_and_counted(scenes: Path) -> None:
     engine.run()
     report = engine.report()
     late = [entry["plate_ready"] for entry in report["contacts"]]
-    assert late[0] is True
+    assert late == [True, False]
+    stream = io.StringIO()
+    Screen(engine, stream).finish(report)
+    assert "right at" in stream.getvalue()
+    assert "before the plate was ready" in stream.getvalue()
     assert report["modalities"]["flux-control"]["contacts_before_ready"] == late.count(False)
 
 
