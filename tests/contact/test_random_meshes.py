@@ -7,6 +7,7 @@ import pytest
 from probing import Floats, winding
 from random_meshes import KINDS, Mesh, normals
 
+from itouch.bench.contact.work import standard
 from itouch.contact import Proxy, Surface
 
 STEPS = 260
@@ -100,3 +101,20 @@ def test_a_closed_loop_through_a_frictionless_stiff_contact_gives_back_no_more_t
             held = np.vstack([np.zeros(3), forces[:-1]])  # the force of a step is held over the next
             gained = float(np.einsum("ni,ni->", held, way))
             assert gained <= 0.5 * stiffness * float((way**2).sum()) + 1e-9
+
+
+@pytest.mark.parametrize("kind", ["hf", "ico"])
+@pytest.mark.parametrize("radius", [0.0, 1e-4, 1e-3, 5e-3])
+def test_small_probes_feel_the_depth_and_no_facet_holds_them(kind: str, radius: float) -> None:
+    work = standard(kind, "10k", 2000, 1.0, radius)
+    surface = Surface(work.vertices, work.faces)
+    proxy = Proxy(surface, radius=radius, stiffness=1000.0)
+    forces = np.concatenate([[proxy.reset(work.hips[0])], proxy.follow(work.hips[1:])])
+    feet, away, faces = surface.closest(work.hips)
+    up = normals(work.vertices, work.faces)[faces]
+    below = np.einsum("ni,ni->n", work.hips - feet, up) < 0
+    depth = np.where(below, away, -away) + radius
+    error = np.abs(np.linalg.norm(forces, axis=1) - 1000.0 * np.maximum(depth, 0))
+    assert np.percentile(error, 99) < 0.01
+    assert error.max() < 0.1
+    assert not forces[depth < -1e-6].any()
