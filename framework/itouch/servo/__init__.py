@@ -10,7 +10,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from itouch.servo.handle import Handle, launch
+    from itouch.servo.handle import Handle
+    from itouch.servo.launching import launch
     from itouch.servo.link import Link, SessionInfo, attach, sessions
     from itouch.servo.segment import ServoError
 
@@ -21,7 +22,7 @@ _HOMES = {
     "ServoError": "segment",
     "SessionInfo": "link",
     "attach": "link",
-    "launch": "handle",
+    "launch": "launching",
     "sessions": "link",
 }
 

@@ -46,3 +46,8 @@ class Guarded:
             self._process.wait()
         self.said = os.read(self._near, _ANSWER).decode()
         os.close(self._near)
+
+
+def child_environment() -> dict[str, str]:
+    """Return an environment in which a child finds the modules that this process finds."""
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(os.path.abspath(entry) for entry in sys.path)}

@@ -1,0 +1,113 @@
+"""Launching a session in a servo process of its own."""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+import os
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from itouch.scene import Scene, write
+from itouch.servo.guarding import child_environment
+from itouch.servo.handle import Handle
+from itouch.servo.segment import Segment, ServoError
+from itouch.session import choose_twins
+from itouch.session.keeping import Keep
+
+
+def launch(
+    scene: str | os.PathLike[str] | Scene,
+    *,
+    seed: int = 0,
+    twin: str | None = None,
+    rig: str | os.PathLike[str] | None = None,
+    seconds: float | None = None,
+    save: str | os.PathLike[str] | None = None,
+    name: str | None = None,
+    enable: bool = False,
+    realtime: bool = True,
+    keep: Keep | None = None,
+) -> Handle:
+    """Run a scene or a saved session in real time, in a servo process of its own.
+
+    Parameters
+    ----------
+    scene
+        A scene, or the path of a scene or session.
+    seed, twin, rig
+        As in ``itouch.build``.
+    seconds
+        How long to run; None: until the scripted motion ends, or until ``stop`` without one.
+    save
+        Where to save the session at its end.
+    name
+        The session's name for ``itouch.servo.attach``; default: the scene's file name and the launcher's process id.
+    enable
+        Let hardware move or heat at once; without it ``Handle.enable`` is needed.  Twins enable by themselves.
+    realtime
+        Ask for real-time priority and locked memory.
+    keep
+        What to keep while it runs: a recording, snapshots now and then.
+
+    Returns
+    -------
+    Handle
+        When the engine is built; a rig of twins runs already.
+
+    Raises
+    ------
+    SceneError, SessionError
+        If the scene or session is wrong.
+    ServoError
+        If the servo process can't be started.
+    """
+    if seconds is not None and not (math.isfinite(seconds) and seconds >= 0.0):
+        raise ValueError(f"seconds = {seconds!r} must be a finite number, at least 0")
+    if not 0 <= seed < 1 << 63:
+        raise ValueError(f"seed = {seed!r} is out of range: 0 to 2^63 - 1")
+    config = _config(scene, twin) | {
+        "seed": seed, "rig": None if rig is None else os.fspath(rig), "seconds": seconds, "enable": enable,
+        "save": None if save is None else os.fspath(save), "realtime": realtime, "sys_path": sys.path,
+        "keep": (keep or Keep()).dump(),
+    }  # fmt: skip
+    handle = _start(name or _name(config["scene"]), config)
+    handle.await_ready()
+    return handle
+
+
+def _name(scene: str) -> str:
+    return f"{Path(scene).stem or 'scene'}-{os.getpid()}-{time.monotonic_ns() // 1000 % 10**6}"
+
+
+def _config(scene: str | os.PathLike[str] | Scene, twin: str | None) -> dict[str, Any]:
+    if isinstance(scene, Scene):
+        chosen = scene if twin is None else choose_twins(scene, twin)
+        files = chosen.files
+        return {
+            "scene": chosen.source, "scene_xml": write(chosen), "twin": None, "folder": chosen.folder,
+            "files": None if files is None else {n: base64.b64encode(data).decode() for n, data in files.items()},
+        }  # fmt: skip
+    return {"scene": os.fspath(scene), "scene_xml": None, "twin": twin}
+
+
+def _start(name: str, config: dict[str, Any]) -> Handle:
+    segment = Segment.create(name)
+    near, far = socket.socketpair()
+    words = [sys.executable, "-P", "-m", "itouch.servo.process", str(segment.handle), name, str(far.fileno())]
+    try:
+        process = subprocess.Popen(
+            words, pass_fds=(segment.handle, far.fileno()), stdin=subprocess.DEVNULL, start_new_session=True,
+            env=child_environment(),
+        )  # fmt: skip
+    except OSError as error:
+        raise ServoError(f"cannot start the servo process: {error.strerror}") from error
+    finally:
+        far.close()
+    near.sendall(json.dumps(config).encode() + b"\n")
+    return Handle(process, segment, near)
