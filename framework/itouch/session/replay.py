@@ -14,37 +14,21 @@ from numpy.typing import NDArray
 
 from itouch.loop import DeviceFaultError
 from itouch.loop.ledger import Ledger
-from itouch.plugin import Device, DeviceError, Record, Touch, Twin
 from itouch.plugin.discovery import Catalog
 from itouch.recording import Recording, RecordingError, read
-from itouch.recording.tracks import Track
 from itouch.safety import Trip
 from itouch.session import layout
 from itouch.session.arrays import load_bases, record_from
 from itouch.session.building import rebuild
+from itouch.session.comparison import Comparison, Mismatch
 from itouch.session.engine import Session
+from itouch.session.playback import Feed, PlaybackDevice, PlaybackTwin
 from itouch.session.snapshot import Snapshot, checked_files, read_scene
 
 #: Greatest State that a recording may hold [bytes].
 _MAX_STATE = 64 << 20
-#: Ticks that are compared at once.
-_BLOCK = 1000
 
 Path = str | os.PathLike[str]
-
-
-@dataclass(frozen=True, slots=True)
-class Mismatch:
-    """A command that came out otherwise."""
-
-    tick: int
-    channel: str
-    recorded: Any
-    replayed: Any
-
-    def __str__(self) -> str:
-        recorded, replayed = (np.array2string(np.asarray(v), precision=17) for v in (self.recorded, self.replayed))
-        return f"tick {self.tick}, {self.channel}: recorded {recorded}, replayed {replayed}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,152 +41,6 @@ class Outcome:
     first: Mismatch | None
     skipped: int
     losses: tuple[str, ...]
-
-
-class PlaybackTwin(Twin):
-    """Gives recorded readings in a twin's place; the twin goes on stepping underneath."""
-
-    def __init__(self, name: str, inner: Twin, feed: Feed) -> None:
-        super().__init__(None)
-        self._name, self._inner, self._feed = name, inner, feed
-
-    def position(self, state: Record) -> NDArray[np.float64] | None:
-        """Return the true position of the twin underneath."""
-        return self._inner.position(state)
-
-    def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
-        """Step the twin underneath."""
-        self._inner.step(state, command, touch, period)
-
-    def read(self, state: Record, reading: Record) -> bool | None:
-        """Give the reading of this tick; False if there was nothing new.
-
-        Raises
-        ------
-        DeviceError
-            If the device failed in this tick.
-        """
-        self._inner.read(state, reading.copy())
-        return self._feed.give(self._name, reading)
-
-
-class PlaybackDevice(Device):
-    """Gives recorded readings in the place of hardware, and takes commands nowhere."""
-
-    def __init__(self, name: str, feed: Feed) -> None:
-        super().__init__(None)
-        self._name, self._feed = name, feed
-
-    def open(self) -> None:
-        """Do nothing."""
-
-    def close(self) -> None:
-        """Do nothing."""
-
-    def read(self, reading: Record) -> bool | None:
-        """Give the reading of this tick; False if there was nothing new.
-
-        Raises
-        ------
-        DeviceError
-            If the device failed in this tick.
-        """
-        return self._feed.give(self._name, reading)
-
-
-class Feed:
-    """The recorded rows, and which one is the present."""
-
-    def __init__(self, recording: Recording, session: Session) -> None:
-        self._tables = {name: recording[name] for name, t in recording.tracks.items() if t.replay}
-        self._readings = {
-            name: [c.name for c in device.reads if c.name in (self._tables[name].dtype.names or ())]
-            for name, device in session.model.devices.items()
-            if name in self._tables
-        }
-        self.ticks = recording.ticks
-        self.at = 0
-        self._errors = {
-            (int(f["tick"]), str(f.get("device"))): str(f.get("cause", "")).removeprefix("failed: ")
-            for f in recording.faults
-            if f.get("trip") == "device-error" and f.get("optional")
-        }
-        inputs = self._tables.get("session")
-        self._hold = inputs["hold"] if inputs is not None and "hold" in (inputs.dtype.names or ()) else None
-
-    def error_of(self, device: str) -> str:
-        """Return what a device said when it failed in this tick, or an empty string."""
-        return self._errors.get((int(self.ticks[self.at]), device), "") if self.at < len(self.ticks) else ""
-
-    def give(self, device: str, reading: Record) -> bool:
-        """Fill a reading from the present row; tell whether it was new then.
-
-        Raises
-        ------
-        DeviceError
-            If the device failed in this tick, and the session went on without it.
-        """
-        if cause := self.error_of(device):
-            raise DeviceError(cause)
-        table, at = self._tables.get(device), self.at
-        if table is None or at >= len(table):
-            return False
-        for name in self._readings[device]:
-            reading[name][...] = table[name][at]
-        return at == 0 or bool(table["sequence"][at] != table["sequence"][at - 1])
-
-    def inputs(self, state: Record) -> None:
-        """Write what else came from outside in this tick."""
-        if self._hold is not None and "hold" in state and self.at < len(self._hold):
-            state["hold"][...] = self._hold[self.at]
-
-
-class Comparison:
-    """Compares what the engine sends with what was sent."""
-
-    def __init__(self, recording: Recording, session: Session) -> None:
-        self._columns = [
-            (f"{track.name}.{column.name}", recording[track.name][column.name], session.state[column.field])
-            for track in recording.tracks.values()
-            if track.replay
-            for column in track.columns
-            if _is_outcome(track, column.name) and column.field in session.state
-        ]
-        self._ticks = recording.ticks
-        self._seen: list[list[NDArray[Any]]] = [[] for _ in self._columns]
-        self._begin = self.compared = self.mismatches = 0
-        self.first: Mismatch | None = None
-
-    def note(self, at: int) -> None:
-        """Keep what is sent in this tick, which is row ``at``."""
-        if not self._seen or not self._seen[0]:
-            self._begin = at
-        for (_, _, view), seen in zip(self._columns, self._seen, strict=True):
-            seen.append(view.copy())
-        if self._seen and len(self._seen[0]) >= _BLOCK:
-            self.settle()
-
-    def settle(self) -> None:
-        """Compare what was kept."""
-        for (name, recorded, _), seen in zip(self._columns, self._seen, strict=True):
-            if not seen:
-                continue
-            ours = np.stack(seen)
-            theirs = recorded[self._begin : self._begin + len(ours)].reshape(ours.shape)
-            same = (ours == theirs) | ((ours != ours) & (theirs != theirs))
-            wrong = ~same.reshape(len(ours), -1).all(axis=1)
-            self.compared += len(ours)
-            self.mismatches += int(wrong.sum())
-            if wrong.any():
-                index = int(np.argmax(wrong))
-                tick = int(self._ticks[self._begin + index])
-                if self.first is None or tick < self.first.tick:
-                    self.first = Mismatch(tick, name, theirs[index], ours[index])
-            seen.clear()
-
-
-def _is_outcome(track: Track, name: str) -> bool:
-    return track.name != "session" and (name.startswith(("command.", "sent.")) or name in ("status", "trip"))
 
 
 def session_of(recording: Recording, *, catalog: Catalog | None = None) -> Session:

@@ -1,0 +1,112 @@
+"""Recorded readings in the place of devices, for a replay."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.plugin import Device, DeviceError, Record, Touch, Twin
+from itouch.recording import Recording
+
+if TYPE_CHECKING:
+    from itouch.session.engine import Session
+
+
+class PlaybackTwin(Twin):
+    """Gives recorded readings in a twin's place; the twin goes on stepping underneath."""
+
+    def __init__(self, name: str, inner: Twin, feed: Feed) -> None:
+        super().__init__(None)
+        self._name, self._inner, self._feed = name, inner, feed
+
+    def position(self, state: Record) -> NDArray[np.float64] | None:
+        """Return the true position of the twin underneath."""
+        return self._inner.position(state)
+
+    def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+        """Step the twin underneath."""
+        self._inner.step(state, command, touch, period)
+
+    def read(self, state: Record, reading: Record) -> bool | None:
+        """Give the reading of this tick; False if there was nothing new.
+
+        Raises
+        ------
+        DeviceError
+            If the device failed in this tick.
+        """
+        self._inner.read(state, reading.copy())
+        return self._feed.give(self._name, reading)
+
+
+class PlaybackDevice(Device):
+    """Gives recorded readings in the place of hardware, and takes commands nowhere."""
+
+    def __init__(self, name: str, feed: Feed) -> None:
+        super().__init__(None)
+        self._name, self._feed = name, feed
+
+    def open(self) -> None:
+        """Do nothing."""
+
+    def close(self) -> None:
+        """Do nothing."""
+
+    def read(self, reading: Record) -> bool | None:
+        """Give the reading of this tick; False if there was nothing new.
+
+        Raises
+        ------
+        DeviceError
+            If the device failed in this tick.
+        """
+        return self._feed.give(self._name, reading)
+
+
+class Feed:
+    """The recorded rows, and which one is the present."""
+
+    def __init__(self, recording: Recording, session: Session) -> None:
+        self._tables = {name: recording[name] for name, t in recording.tracks.items() if t.replay}
+        self._readings = {
+            name: [c.name for c in device.reads if c.name in (self._tables[name].dtype.names or ())]
+            for name, device in session.model.devices.items()
+            if name in self._tables
+        }
+        self.ticks = recording.ticks
+        self.at = 0
+        self._errors = {
+            (int(f["tick"]), str(f.get("device"))): str(f.get("cause", "")).removeprefix("failed: ")
+            for f in recording.faults
+            if f.get("trip") == "device-error" and f.get("optional")
+        }
+        inputs = self._tables.get("session")
+        self._hold = inputs["hold"] if inputs is not None and "hold" in (inputs.dtype.names or ()) else None
+
+    def error_of(self, device: str) -> str:
+        """Return what a device said when it failed in this tick, or an empty string."""
+        return self._errors.get((int(self.ticks[self.at]), device), "") if self.at < len(self.ticks) else ""
+
+    def give(self, device: str, reading: Record) -> bool:
+        """Fill a reading from the present row; tell whether it was new then.
+
+        Raises
+        ------
+        DeviceError
+            If the device failed in this tick, and the session went on without it.
+        """
+        if cause := self.error_of(device):
+            raise DeviceError(cause)
+        table, at = self._tables.get(device), self.at
+        if table is None or at >= len(table):
+            return False
+        for name in self._readings[device]:
+            reading[name][...] = table[name][at]
+        return at == 0 or bool(table["sequence"][at] != table["sequence"][at - 1])
+
+    def inputs(self, state: Record) -> None:
+        """Write what else came from outside in this tick."""
+        if self._hold is not None and "hold" in state and self.at < len(self._hold):
+            state["hold"][...] = self._hold[self.at]
