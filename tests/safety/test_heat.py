@@ -416,3 +416,20 @@ def test_a_display_slower_than_every_window_has_windows_of_one() -> None:
     assert (heat._short, heat._long, heat._mean) == (1, 1, 1)
     fast = Heat(one, state(one), record(PLATE[0]), record(PLATE[1]), 0.001)
     assert (fast._short, fast._long, fast._mean) == (50, 50, 100)
+
+
+def test_every_two_seconds_of_strong_drive_are_judged_anew() -> None:
+    plate = Plate(touched=True)
+    assert plate.until_trip(202, 28.0, -1.5, drive=0.6)[0] is Trip.NONE
+    trip, after = plate.until_trip(190, 25.0, 1.5, drive=0.6)
+    assert trip is Trip.RUNAWAY
+    assert after == pytest.approx(0.15 + 2.0 / 1.5, abs=0.05)
+
+
+def test_the_first_fifty_milliseconds_are_not_extrapolated() -> None:
+    plate = Plate()
+    for temperature_c in (25.0, 26.0, 27.0, 28.0, 29.0):
+        plate.say(temperature_c)
+    assert plate.share == 1.0
+    with pytest.raises(TripError, match=r"34.0 degC, on its way to 52.0"):
+        plate.say(34.0)
