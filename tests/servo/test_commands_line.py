@@ -57,6 +57,24 @@ def test_signals_end_a_session_in_real_time_with_a_report(tmp_path: Path, number
     assert json.loads(report.read_text())["servo"]["ticks"] > 0
 
 
+def test_a_servo_process_that_is_killed_is_told_and_exits_with_1() -> None:
+    from itouch.servo import sessions
+
+    words = [FIRST, "--headless", "--pace", "real", "--for", "60s"]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "itouch.cli", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    deadline = time.monotonic() + 60
+    while process.poll() is None and not _running(process.pid) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    (servo,) = [info.pid for info in sessions() if info.owner == process.pid]
+    os.kill(servo, signal.SIGKILL)
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 1, said
+    assert "the servo process was killed by SIGKILL" in said
+    assert "Traceback" not in said
+
+
 def _running(owner: int) -> bool:
     """Tell whether the session of a launcher runs, long enough for its launcher to listen to signals."""
     from itouch.servo import attach, sessions

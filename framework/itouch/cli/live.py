@@ -31,7 +31,7 @@ def needed(session: Session) -> bool:
 def run(options: argparse.Namespace, *, window: bool = False) -> int:
     """Run in real time, in a window if that is asked for, and return the exit code."""
     from itouch.cli import keeping
-    from itouch.servo import launch
+    from itouch.servo import ServoError, launch
 
     if not 0 <= options.seed < 1 << 63:
         raise ItouchError(f"--seed {options.seed} is out of range: 0 to 2^63 - 1")
@@ -48,8 +48,12 @@ def run(options: argparse.Namespace, *, window: bool = False) -> int:
             from itouch.cli import windows
 
             windows.show(handle, mute=options.mute)
-        code = _follow(handle)
-        _report(handle, options.report)
+        try:
+            code = _follow(handle)
+            _report(handle, options.report)
+        except ServoError as error:  # it died, and has left no report
+            print(error, file=sys.stderr)
+            return 1
     if options.save:
         print(f"saved {options.save}")
     return code
