@@ -87,7 +87,13 @@ class Ring:
         for view in (self.words, self.ticks, self.rows, self.letters, self.view):
             view.release()
         self._memory.close()
-        os.close(self.descriptor)
+        self.forget()
+
+    def forget(self) -> None:
+        """Close the descriptor, once the other process has it; the memory stays."""
+        if self.descriptor >= 0:
+            os.close(self.descriptor)
+            self.descriptor = -1
 
     def post(self, kind: int, data: bytes) -> bool:
         """Put a letter in; false if there is no room for it."""

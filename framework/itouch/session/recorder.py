@@ -83,11 +83,13 @@ class Recorder:
     def _start(self) -> subprocess.Popen[bytes]:
         shape, descriptor = self._ring.shape, self._ring.descriptor
         words = [str(n) for n in (descriptor, shape.rows, shape.row, shape.letters)]
-        return subprocess.Popen(
+        process = subprocess.Popen(
             [sys.executable, "-m", "itouch.recording.process", *words, os.path.abspath(self.path)],
             stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, pass_fds=(descriptor,),
             start_new_session=True,
         )  # fmt: skip
+        self._ring.forget()
+        return process
 
     def _wait(self, done: Callable[[], bool], seconds: float) -> bool:
         until = time.monotonic() + seconds
