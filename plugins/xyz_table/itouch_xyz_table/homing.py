@@ -10,8 +10,8 @@ from itouch_xyz_table.servos import AXES, Goal, ServoError, Servos, check
 
 #: Share of the torque limit, and speed [m/s], with which an axis looks for its end.
 GENTLE, SLOW = 0.25, 0.02
-#: An axis that moves less than this [m/s] for so long [s] stands at its end.
-_STILL, _STOOD = 0.002, 0.15
+#: An axis that moves less than this [m/s] for so long [s], and so many looks, stands at its end.
+_STILL, _STOOD, _LOOKS = 0.002, 0.15, 30
 #: Distance [m] that it backs off, and how much longer than its travel takes it may look [s].
 BACK_OFF, _GRACE = 0.002, 3.0
 
@@ -57,13 +57,14 @@ def _to_the_end(
     goals: list[Goal | None] = [None, None, None]
     goals[axis] = Goal(math.nan, speed, 0.0, torque, abs(speed))
     begin = last = clock()
-    place = servos.query()[axis].position
+    place, looks = servos.query()[axis].position, 0
     while clock() - begin < limit:
         states = servos.command(goals)
         check([states[axis]] * 3, driven=False)
         now = clock()
         if abs(states[axis].position - place) * abs(lead) > _STILL * _STOOD:
-            place, last = states[axis].position, now
-        if now - last > _STOOD:
+            place, last, looks = states[axis].position, now, 0
+        looks += 1
+        if now - last > _STOOD and looks > _LOOKS:
             return
     raise ServoError(f"axis {AXES[axis]} found no end within {limit:.0f} s: check its lead and direction")

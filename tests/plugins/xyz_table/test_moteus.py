@@ -67,8 +67,11 @@ def bench() -> Iterator[Bench]:
     made.close()
 
 
-def table(bench: Bench, **changed: object) -> XyzTable:
-    return XyzTable(XyzTableParams(port=bench.terminal.path, **(PARAMS | changed)))  # type: ignore[arg-type]
+def table(bench: Bench, *, patience: float = 12.0, **changed: object) -> XyzTable:
+    """A table that waits longer for answers than a real one would: the machine may be busy."""
+    device = XyzTable(XyzTableParams(port=bench.terminal.path, **(PARAMS | changed)))  # type: ignore[arg-type]
+    device.patience = patience
+    return device
 
 
 def records() -> tuple[Record, Record]:
@@ -161,11 +164,11 @@ def test_a_fault_is_named_with_its_axis(bench: Bench, code: int, words: str) -> 
 def test_a_missing_servo_is_named(bench: Bench) -> None:
     bench.bus.servos[3].answers = False
     with pytest.raises(ServoError, match="servo z .id 3. does not answer"):
-        table(bench).open()
+        table(bench, patience=1.0).open()
 
 
 def test_lost_and_garbled_answers_end_in_a_named_error_or_in_the_truth(bench: Bench) -> None:
-    device = table(bench, homing="absolute")
+    device = table(bench, homing="absolute", patience=1.0)
     device.open()
     reading, _ = records()
     for fault in ("mute", "garble"):
@@ -173,7 +176,7 @@ def test_lost_and_garbled_answers_end_in_a_named_error_or_in_the_truth(bench: Be
         begin = time.monotonic()
         with contextlib.suppress(ServoError):
             device.read(reading)
-        assert time.monotonic() - begin < 0.5
+        assert time.monotonic() - begin < 3.0
         device.read(reading)
     device.close()
 
@@ -227,7 +230,7 @@ def test_a_trace_of_the_bus_is_text(bench: Bench) -> None:
 
 
 def test_a_full_cycle_is_fast_enough_for_a_servo_loop(bench: Bench) -> None:
-    servos = Servos(bench.terminal.path, (1, 2, 3), watchdog=0.1)
+    servos = Servos(bench.terminal.path, (1, 2, 3), watchdog=0.1, patience=12.0)
     durations = []
     for _ in range(100):
         begin = time.monotonic()
