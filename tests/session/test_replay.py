@@ -29,7 +29,7 @@ def record(path: Path, scene: str | Path, seconds: float, *, seed: int = 1) -> i
 @pytest.mark.parametrize("scene", RUNNABLE)
 def test_every_command_comes_out_the_same(scene: str, tmp_path: Path) -> None:
     for seed in range(size(1, 6)):
-        seconds = 1.6 if size(1, 2) == 1 else 2.0 + 0.5 * seed
+        seconds = 1.1 if size(1, 2) == 1 else 2.0 + 0.5 * seed
         session = record(tmp_path / "r.mcap", scene, seconds, seed=seed)
         outcome = itouch.replay(tmp_path / "r.mcap")
         assert (outcome.mismatches, outcome.first, outcome.skipped) == (0, None, 0)
