@@ -61,10 +61,13 @@ def drag(site: Floats, mesh: Mesh | None, start: Vector, hip: Vector, slip: int)
                 return p, max(state, at.SLIP_STICK), pressed
             state, margin = at.SLIP_SLIDE, _MARGIN_SLIDING
             goal = along(hip, -dynamic * normal / wanted, tangential)
+        before = p
         p, solution = slide(site, mesh, p, goal)
         pressed = press(site, mesh, p, hip)
         if not rubs:
             return p, at.SLIP_NONE if solution[1] < 0 else at.SLIP_SLIDE, pressed
+        if p[0] == before[0] and p[1] == before[1] and p[2] == before[2]:  # nor would it move the next time
+            break
     return p, at.SLIP_SLIDE, pressed
 
 
