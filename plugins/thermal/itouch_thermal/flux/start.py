@@ -30,8 +30,8 @@ NOISE, FALLS = 0.45, 3.0
 HARD, HARD_THIN, THIN = 5e-3, 13e-3, 300.0
 #: How much worse than the skin's it is to miss the flux.
 FLUX_FIRST = 10.0
-#: Start temperatures tried at first, how far aside they begin [K], and how close to one another they end.
-FIRST, ASIDE, CLOSE = 6, 0.5, 0.01
+#: Start temperatures tried at first, how far aside they begin [K], also near a known one, and how close they end.
+FIRST, ASIDE, NEAR, CLOSE = 6, 1.5, 0.5, 0.01
 #: How far start temperatures stay from the ends of the band [K].
 MARGIN = 0.1
 
@@ -173,7 +173,7 @@ def start_temperature(trial: Trial, finger: Array, touched: Touched, near: float
         return trial.cost(start, finger, touched, best)
 
     if near is not None:
-        return _least(cost, near - ASIDE, near + ASIDE, 3)
+        return _least(cost, near - NEAR, near + NEAR, 3)
     resistance = trial.law.constants[at.O_CONTACT] * touched.press
     faces = (touched.skin - resistance * touched.flux)[: trial.steps]
     ends = sorted((float(faces[0]), float(faces[-1])))

@@ -14,7 +14,17 @@ from itouch_thermal.flux import planner
 from itouch_thermal.flux.law import REFERENCE, ModelLaw
 from itouch_thermal.flux.preview import rising
 from itouch_thermal.heat import FINGER
-from itouch_thermal.rendering.closedloop import AMBIENT, BAND, CORE, PERIOD, Case, Course, press_factor
+from itouch_thermal.rendering.closedloop import (
+    AMBIENT,
+    BAND,
+    CORE,
+    PERIOD,
+    RATE,
+    RATE_OVER,
+    Case,
+    Course,
+    press_factor,
+)
 from itouch_thermal.rendering.score import FLOOR, index
 from itouch_thermal.solver.blas import one_thread
 
@@ -26,7 +36,7 @@ LIMITED = 0.3
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """The least rms error [%], and which end of the plate's band limits the rendering, if one does."""
+    """The least rms error [%], and what limits the rendering: an end of the plate's band, or its rate."""
 
     rms_pct: float
     limited: str | None
@@ -41,7 +51,21 @@ def bound(case: Case, course: Course, display: DisplayParams, plants: Iterable[M
     """
     ends = [_within_band(case, course, display, *off) for off in _contacts(plants)]
     worst, limited = max(ends)
-    return Bound(max(_pumped(case, course, display), ends[0][0]), limited if worst > LIMITED else None)
+    if worst <= LIMITED:
+        limited = "plate rate" if _fastest(case, course, _contacts(plants)) > RATE else ""
+    return Bound(max(_pumped(case, course, display), ends[0][0]), limited or None)
+
+
+def _fastest(case: Case, course: Course, contacts: Iterable[tuple[float, float]]) -> float:
+    """Return the greatest rate [K/s] that the face would have from 0.1 s on, as a mean over half a second."""
+    count, over = round(case.seconds / PERIOD), round(RATE_OVER / PERIOD)
+    press = np.array([press_factor((i + 1) * PERIOD, case.press) for i in range(count)])
+    rates = [0.0]
+    for resistance_off, _ in contacts:
+        face = course.skin[:count] - case.resistance * (1.0 + resistance_off) * press * course.flux[:count]
+        late = face[index(0.1) :]
+        rates.append(float(np.abs(late[over:] - late[:-over]).max(initial=0.0)) / RATE_OVER)
+    return max(rates)
 
 
 def _contacts(plants: Iterable[Mismatch]) -> list[tuple[float, float]]:
