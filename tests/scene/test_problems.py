@@ -214,7 +214,9 @@ def test_a_device_without_a_driver_is_twin_only(write: Write, monkeypatch: pytes
     from itouch_usb_arm import UsbArm
 
     monkeypatch.setattr(UsbArm, "twin_only", True)
-    path = write("scene.xml", '<itouch version="1.0"><devices><device name="a" plugin="usb-arm" twin="no"/></devices></itouch>')
+    path = write(
+        "scene.xml", '<itouch version="1.0"><devices><device name="a" plugin="usb-arm" twin="no"/></devices></itouch>'
+    )
     (problem,) = [problem for problem in problems_of(path) if problem.severity == "error"]
     assert problem.code == "twin-only"
     assert "twin only" in str(problem.sentence)
