@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import enum
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
@@ -72,13 +72,25 @@ class WorldDevice:
     twin: bool
 
 
+def no_file(file: str, most: int) -> bytes:
+    """Refuse a file: the reader of a world without a scene.
+
+    Raises
+    ------
+    ValueError
+        Always.
+    """
+    raise ValueError(f"cannot read '{file}': there is no scene whose folder it could be in")
+
+
 @dataclass(frozen=True, slots=True)
 class World:
     """What a modality may know of the scene when it is compiled.
 
     ``ambient`` is the room's temperature [K], ``skin_temperature`` [K] the operator twin's, if there is one;
-    ``period`` [s] is that of the modality's own updates, ``servo_period`` [s] that of a tick; ``folder`` is that of the
-    scene's file, which files named in it are relative to.
+    ``period`` [s] is that of the modality's own updates, ``servo_period`` [s] that of a tick; ``read``
+    returns the content of a file that the scene names, relative to its folder, of at most so many bytes (or raises a
+    ValueError); the file is kept with sessions.
     """
 
     objects: tuple[WorldObject, ...]
@@ -89,7 +101,7 @@ class World:
     ambient: float
     skin_temperature: float
     servo_period: float = 1e-3
-    folder: str = "."
+    read: Callable[[str, int], bytes] = no_file
 
 
 class ParameterError(ValueError):

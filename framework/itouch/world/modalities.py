@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -13,6 +12,7 @@ from itouch.scene import Scene
 from itouch.scene.elements import Operator, PluginPart
 from itouch.schema import Problem
 from itouch.schema.fields import specs
+from itouch.world.files import SceneFiles
 from itouch.world.rig import DeviceModel
 
 
@@ -29,10 +29,15 @@ class ModalityModel:
 
 
 def build_modalities(
-    scene: Scene, catalog: Catalog, devices: Mapping[str, DeviceModel], period: float, problems: list[Problem]
+    scene: Scene,
+    catalog: Catalog,
+    devices: Mapping[str, DeviceModel],
+    reader: SceneFiles,
+    period: float,
+    problems: list[Problem],
 ) -> list[ModalityModel]:
     """Return the modalities in the order of their updates; what is wrong becomes problems, and those are left out."""
-    world = _world(scene, devices, period)
+    world = _world(scene, devices, reader, period)
     rates = dict(scene.rates.modalities)
     found = []
     for part in _ordered(scene, problems):
@@ -96,7 +101,7 @@ def _visit(
     found.append(part)
 
 
-def _world(scene: Scene, devices: Mapping[str, DeviceModel], period: float) -> World:
+def _world(scene: Scene, devices: Mapping[str, DeviceModel], reader: SceneFiles, period: float) -> World:
     skin = next((operator.skin_temperature for operator in scene.operators), Operator(probe="x").skin_temperature)
     return World(
         objects=(),
@@ -110,7 +115,7 @@ def _world(scene: Scene, devices: Mapping[str, DeviceModel], period: float) -> W
         ambient=scene.world.temperature,
         skin_temperature=skin,
         servo_period=period,
-        folder=os.path.dirname(scene.source) or ".",
+        read=reader.read,
     )
 
 

@@ -99,7 +99,7 @@ def compile_scene(scene: Scene, catalog: Catalog) -> tuple[Model | None, list[Pr
     motions = build_motions(scene, poses, shapes, devices, reader, problems)
     probes = _probes(scene, devices, effects, notices, reader, problems)
     period = 1.0 / scene.rates.servo
-    modalities = build_modalities(scene, catalog, devices, period, problems)
+    modalities = build_modalities(scene, catalog, devices, reader, period, problems)
     notices += notices_of(modalities)
     problems += check_writers(scene, _writers(scene, modalities))
     if any(problem.severity == "error" for problem in problems):

@@ -117,7 +117,7 @@ def test_a_file_must_be_a_file_of_the_scenes_folder(tmp_path: Path) -> None:
     [
         (PLAYED, "t,j\n0,1\n0,2\n", "'curve.csv', line 3"),
         (PLAYED.replace("curve.csv", "../curve.csv"), "", "outside the scene's folder"),
-        (PLAYED.replace("curve.csv", "other.csv"), "", "there is no file 'other.csv'"),
+        (PLAYED.replace("curve.csv", "other.csv"), "", "cannot read 'other.csv'"),
         (PLAYED.replace(' file="curve.csv"', ""), "", "needs the attribute 'file'"),
         (PLAYED.replace(' target="file"', ""), "t,j\n0,1\n1,2\n", 'write target="file"'),
         ('<thermal:flux-control display="peltier"/>', "", "'desired-from'"),
@@ -164,6 +164,12 @@ def test_recorded_and_played_again(scenes: Path, capsys: pytest.CaptureFixture[s
         begun = begun or int(engine.state["flux-control.begun"])
         engine.tick()
     np.testing.assert_allclose(played, recorded.fluxes[: len(played)], rtol=1e-9)
+    engine.save(scenes / "half.itouch")
+    file.unlink()  # the session holds the curve
+    other = itouch.restore(scenes / "half.itouch")
+    for session in (engine, other):
+        session.run(0.1)
+    assert engine.state.tobytes() == other.state.tobytes()
     engine.run()
     entries = engine.report()["contacts"]
     assert entries[0]["material"] == "wood"

@@ -67,12 +67,12 @@ class Curve:
 
 
 def read_curve(folder: str, name: str) -> Curve:
-    """Read a curve that a scene names.
+    """Read a curve from a folder.
 
     Parameters
     ----------
     folder
-        The scene's folder, which the file must be in.
+        The folder, which the file must be in.
     name
         Path of the file, relative to the folder.
 
@@ -92,6 +92,17 @@ def read_curve(folder: str, name: str) -> Curve:
         raise ValueError(f"'{name}' is no file")
     if len(data) > LARGEST_FILE:
         raise ValueError(f"'{name}' is larger than {LARGEST_FILE >> 20} MiB")
+    return decode_curve(data, name)
+
+
+def decode_curve(data: bytes, name: str) -> Curve:
+    """Return the curve that the content of a file holds.
+
+    Raises
+    ------
+    ValueError
+        Naming the file, the row and what is wrong there.
+    """
     try:
         return parse_curve(data.decode("utf-8-sig"))
     except UnicodeDecodeError as error:

@@ -8,7 +8,7 @@ import numpy as np
 
 from itouch.plugin import ParameterError, World
 from itouch_thermal.display.column import F_BEGIN, F_DECAY, F_END, F_PORT, Array, Column
-from itouch_thermal.flux.curve import Curve, read_curve
+from itouch_thermal.flux.curve import LARGEST_FILE, Curve, decode_curve
 from itouch_thermal.flux.law import ModelLaw
 from itouch_thermal.flux.params import FluxControlParams
 from itouch_thermal.flux.preview import rising
@@ -47,7 +47,7 @@ def curves_of(params: FluxControlParams, world: World) -> tuple[Curve | None, ..
 
 def _read(world: World, name: str, what: str) -> Curve:
     try:
-        return read_curve(world.folder, name)
+        return decode_curve(world.read(name, LARGEST_FILE), name)
     except ValueError as error:
         raise ParameterError("file", f"{what}{error}") from error
 
