@@ -97,16 +97,23 @@ def test_a_disk_that_fills_up_while_recording(tmp_path: Path) -> None:
     """The limit is set on the writing process itself: the loop goes on, and a fault names file and cause."""
     session = itouch.build(SCENES / "first_touch.xml")
     recorder = session.record(tmp_path / "r.mcap")
-    resource.prlimit(recorder.process_id, resource.RLIMIT_FSIZE, (60_000, 60_000))
-    for _ in range(3):
-        session.run(1.0)
-        time.sleep(0.3)
+    session.run(0.5)
+    deadline = time.monotonic() + 60.0
+    while len(itouch.read(tmp_path / "r.mcap").ticks) < 500 and time.monotonic() < deadline:
+        time.sleep(0.05)
+    full = recorder.written + 10_000
+    resource.prlimit(recorder.process_id, resource.RLIMIT_FSIZE, (full, full))
+    while not session.report()["faults"] and time.monotonic() < deadline:
+        session.run(0.5)
+        time.sleep(0.1)
+    before = int(session.state["tick"])
+    session.run(0.2)
     fault = session.report()["faults"][0]
     assert (fault["device"], fault["trip"]) == ("recorder", "recording")
     assert fault["cause"] == f"cannot write '{tmp_path / 'r.mcap'}': File too large"
-    assert int(session.state["tick"]) == 3000
+    assert int(session.state["tick"]) == before + 200
     session.close()
     recording = itouch.read(tmp_path / "r.mcap")
-    assert len(recording.ticks) >= 100
+    assert len(recording.ticks) >= 500
     assert np.array_equal(recording.ticks, np.arange(len(recording.ticks)))
     assert not recording.whole
