@@ -22,11 +22,11 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--size", default="1280x720", metavar="1280x720", help="of the picture")
     parser.add_argument("--json", metavar="FILE", help="write the figures, too")
     options = parser.parse_args(argv)
-    from itouch.cli.arguments import picture_size
+    from itouch.viewer.offscreen import size_of
 
     try:
-        width, height = picture_size(options.size)
-    except argparse.ArgumentTypeError as error:
+        width, height = size_of(options.size)
+    except ValueError as error:
         parser.error(str(error))
     if not 3 <= options.frames <= 100_000:
         parser.error("--frames must be 3 to 100000")

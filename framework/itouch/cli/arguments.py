@@ -20,15 +20,13 @@ def seconds(text: str) -> float:
 
 
 def picture_size(text: str) -> tuple[int, int]:
-    """Read the size of a picture such as ``1280x720``, even numbers up to 4096."""
-    width, _, height = text.partition("x")
+    """Read the size of a picture such as ``1280x720``."""
+    from itouch.viewer.offscreen import size_of
+
     try:
-        size = int(width), int(height)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"'{text}' is not a size; write for example 1280x720") from None
-    if not all(64 <= side <= 4096 and side % 2 == 0 for side in size):
-        raise argparse.ArgumentTypeError(f"'{text}': both numbers must be even, 64 to 4096")
-    return size
+        return size_of(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def output_file(text: str) -> str:

@@ -26,6 +26,24 @@ class GraphicsError(ItouchError):
     """There is no OpenGL 3.3 here; the message says what to install."""
 
 
+def size_of(text: str) -> tuple[int, int]:
+    """Read the size of a picture such as ``1280x720``: even numbers, 64 to 4096.
+
+    Raises
+    ------
+    ValueError
+        If it is none.
+    """
+    width, _, height = text.partition("x")
+    try:
+        size = int(width), int(height)
+    except ValueError:
+        raise ValueError(f"'{text}' is not a size; write for example 1280x720") from None
+    if not all(64 <= side <= 4096 and side % 2 == 0 for side in size):
+        raise ValueError(f"'{text}': both numbers must be even, 64 to 4096")
+    return size
+
+
 def has_display() -> bool:
     """Tell whether there is a screen to open a window on."""
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
