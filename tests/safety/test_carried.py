@@ -8,6 +8,7 @@ import math
 import pytest
 from parts import LIMITS, PERIOD, TABLE, Slow, model, record, state
 
+from itouch.plugin import Channel, pose_target
 from itouch.safety import Carried, Trip, TripError, fade
 from itouch.world.limits import DeviceLimits
 
@@ -258,3 +259,22 @@ def test_forces_fade_where_the_finger_is_fast() -> None:
         with pytest.raises(TripError, match=r"moves at (1.2[1-9]|nan) m/s") as caught:
             fade(*fast)
         assert caught.value.trip is Trip.SPEED
+
+
+def test_exactly_at_a_limit_nothing_happens() -> None:
+    assert Surface().carried.closing(0.05, 0.003) == 0.25
+    assert Surface().until_trip(5, load=5.0, gap=-0.001)[0] is Trip.NONE
+    assert Surface().until_trip(300, load=0.51, gap=0.004)[0] is Trip.NONE
+
+
+def test_withdrawing_goes_to_the_end_of_the_travel() -> None:
+    low = pose_target(low=(-0.1, -0.1, 0.007), high=(0.1, 0.1, 0.06), speed=0.3)
+    endless = Channel("pose_target", 7, "m", safe=low.safe)
+    for channel, bottom in ((low, 0.007), (endless, 0.0)):
+        one = model((TABLE[0], (channel,)), name="t")
+        carried = Carried(one, state(one), record(TABLE[0]), PERIOD)
+        carried.withdrawn[...] = 1
+        assert carried.follow(0.03, False) == bottom
+    without = model((TABLE[0], TABLE[1]), name="t")
+    alone = model((TABLE[0], ()), name="t")
+    assert Carried(alone, state(without), record(TABLE[0]), PERIOD)._bottom == 0.0

@@ -433,3 +433,10 @@ def test_the_first_fifty_milliseconds_are_not_extrapolated() -> None:
     assert plate.share == 1.0
     with pytest.raises(TripError, match=r"34.0 degC, on its way to 52.0"):
         plate.say(34.0)
+
+
+def test_exactly_at_the_absolute_limits_is_not_beyond() -> None:
+    plate = Plate()
+    for kelvin in (281.15, 318.15):
+        plate.reading["plate_temperature"] = kelvin
+        assert plate.heat.beyond() is False

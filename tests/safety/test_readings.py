@@ -171,7 +171,7 @@ def test_two_sensors_of_the_plate_agree() -> None:
     watch.reading["plate_temperature"][0] = 300.0
     watch.reading["skin_temperature"][0] = 280.0
     for wrong in names[2:]:
-        for value, trips in ((302.9, False), (303.1, True), (296.9, True), (297.1, False)):
+        for value, trips in ((302.9, False), (303.0, False), (303.1, True), (296.9, True), (297.1, False)):
             watch.reading[wrong][0] = value
             found = trip_of(watch)
             assert (found is not None) is trips
