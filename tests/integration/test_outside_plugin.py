@@ -72,8 +72,10 @@ try:
     engine.run(0.1)
 except itouch.EngineError as error:
     print("refused:", error)
+engine.hold()
 engine.enable()
 for _ in range(1200):
+    engine.hold()
     engine.tick()
     assert abs(float(engine.state["stick.sent.wrench"][2])) <= 3.0
 device = engine._runners["stick"].device
