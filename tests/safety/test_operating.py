@@ -204,6 +204,18 @@ def test_no_limit_trips_in_the_shipped_scenes() -> None:
         assert all(state["status"] == "ENABLED" for state in engine.report()["devices"].values())
 
 
+@pytest.mark.long
+def test_five_minutes_of_touches_without_a_false_trip(scenes: Path) -> None:
+    path = scenes / "four_materials.xml"
+    text = path.read_text()
+    motion = text[text.index("<motion>") + len("<motion>") : text.index("</motion>")]
+    path.write_text(text.replace(motion, 7 * motion))
+    engine = itouch.build(path)
+    engine.run(300.0)
+    assert engine.report()["faults"] == []
+    assert len(engine.report()["contacts"]) == 28
+
+
 def test_a_safety_report_of_a_scene(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from itouch.cli import main
 
