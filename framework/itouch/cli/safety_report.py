@@ -57,18 +57,20 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _tested(scene: Scene, *, every: bool) -> list[Tested]:
-    """Inject every kind of fault into every twin, in contact if the script has one, else at the start."""
+    """Inject every kind of fault into every twin, in contact if the script has a whole one, else at the start."""
     from itouch.bench.faults import phases, prepared, single
     from itouch.report.safety import Tested
 
     if not scene.devices:
         return []
     session = prepared(scene)
+    start = {"closed-open": session.state.tobytes()}
     try:
         stored = phases(session)
-    except ValueError:
-        return []
-    chosen = stored if every else {"contact": stored["contact"]}
+        chosen = stored if every else {"contact": stored["contact"]}
+    except ValueError:  # the script has no whole contact
+        chosen = start
+    session.ledger.faults.clear()
     return [
         Tested(f"{device} {kind}", cell.phase, cell.trip, cell.safe_after, cell.good)
         for cell in single(session, chosen)
