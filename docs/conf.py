@@ -9,7 +9,7 @@ from importlib.metadata import version as installed
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
-from generated import draw_pictures, write_commands  # noqa: E402
+from generated import draw_pictures, write_commands
 
 project = "itouch-py"
 author = "the itouch-py developers"

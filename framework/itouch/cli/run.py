@@ -47,7 +47,7 @@ def main(argv: Sequence[str]) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="itouch-py run", description=main.__doc__)
     parser.add_argument("scene", metavar="SCENE|SESSION", help="a scene (.xml) or a saved session (.itouch)")
-    parser.add_argument("--headless", action="store_true", help="without a window; chosen by itself where there is no display")
+    parser.add_argument("--headless", action="store_true", help="no window; chosen by itself where there is no display")
     parser.add_argument("--mute", action="store_true", help="without sound")
     parser.add_argument("--for", dest="duration", type=seconds, metavar="30s",
                         help="simulated time; default: until the scripted motion ends")  # fmt: skip

@@ -32,9 +32,7 @@ def keeping(session: Session, options: argparse.Namespace) -> Iterator[None]:
         yield
         return
     if session.clock.pace == "real":
-        raise ItouchError(
-            "--wav renders between ticks: it needs --pace fast"
-        )
+        raise ItouchError("--wav renders between ticks: it needs --pace fast")
     from itouch.sound import SoundTrack, write_wav
 
     track = SoundTrack(session)

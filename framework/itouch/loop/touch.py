@@ -69,7 +69,8 @@ class Toucher:
             probe.scene.near, self.memory, self.result,
         )  # fmt: skip
         self._renders = (
-            self._constants, world, mesh, poses, self._twists, np.array([c.damping for c in probe.coupling], np.float64),
+            self._constants, world, mesh, poses, self._twists,
+            np.array([c.damping for c in probe.coupling], np.float64),
             table.reading["pose"] if table is not None else nothing,
             table.sent["pose_target"] if table is not None else nothing,
             self.figures, self.result,

@@ -17,9 +17,7 @@ _UNITS = {
 _OF_DEVICES = ("force", "speed", "current", "temperature")
 
 
-def device_problems(
-    scene: Scene, device: DeviceElement, ceilings: Mapping[str, tuple[Any, str]]
-) -> Iterator[Problem]:
+def device_problems(scene: Scene, device: DeviceElement, ceilings: Mapping[str, tuple[Any, str]]) -> Iterator[Problem]:
     """Find limits of a device that are looser than what holds without them, or that it has no channel for."""
     for name in _OF_DEVICES:
         wanted = getattr(device.limits, name)
