@@ -12,7 +12,18 @@ import itouch
 from itouch.session.lsl import MARKS, Streams
 
 
-def test_marks_go_out_and_come_in() -> None:
+@pytest.fixture
+def network() -> None:
+    """Leave out where no stream can be found at all: a network without multicast is no fault of ours."""
+    import pylsl
+
+    outlet = pylsl.StreamOutlet(pylsl.StreamInfo("probe", "Markers", 1, 0.0, "string", "probe-1"))
+    if not pylsl.resolve_byprop("name", "probe", 1, 8.0):
+        pytest.skip("this network has no multicast: no stream can be found on it")
+    del outlet
+
+
+def test_marks_go_out_and_come_in(network: None) -> None:
     import pylsl
 
     session = itouch.build(SCENES / "first_touch.xml")
