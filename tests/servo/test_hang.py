@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -32,6 +33,8 @@ def test_a_loop_that_hangs_is_ended_and_the_devices_are_safe(tmp_path: Path, mon
     assert str(tmp_path) in sys.path
     with itouch.launch(path) as handle:
         observer = Observer(handle.name, ("arm", "table", "peltier"))
+        while handle.link.tick < 50:  # before, nothing obeys and nothing need be made safe
+            time.sleep(0.02)
         os.kill(handle.pid, signal.SIGUSR1)
         with pytest.raises(
             itouch.ServoError, match="killed by SIGKILL; the servo process hung; arm, table, peltier made"

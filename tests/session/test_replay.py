@@ -87,13 +87,16 @@ def test_faults_are_replayed_through_the_safe_sequence(number: int, scenes: Path
 
 
 def test_a_cut_recording_is_replayed_as_far_as_it_goes(tmp_path: Path) -> None:
-    record(tmp_path / "r.mcap", "first_touch", 2.5)
+    record(tmp_path / "r.mcap", "first_touch", 20.0)
     data = (tmp_path / "r.mcap").read_bytes()
-    (tmp_path / "c.mcap").write_bytes(data[: len(data) * 2 // 3])
-    outcome = itouch.replay(tmp_path / "c.mcap")
+    for percent in range(70, 30, -1):  # where the rows lie depends on how well they pack
+        (tmp_path / "c.mcap").write_bytes(data[: len(data) * percent // 100])
+        outcome = itouch.replay(tmp_path / "c.mcap")
+        if outcome.ticks < 20000:
+            break
     assert outcome.losses
     assert outcome.mismatches == 0
-    assert 0 < outcome.ticks < 2500
+    assert 0 < outcome.ticks < 20000
 
 
 def test_after_a_gap_the_replay_goes_on_from_the_next_state(tmp_path: Path) -> None:

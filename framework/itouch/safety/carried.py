@@ -32,7 +32,7 @@ class Carried:
         self._strayed, self._clamped = state[f"{name}.strayed"], state[f"{name}.clamped"]
         self._track, self._tracked, self._compared = (state[f"{name}.{n}"] for n in ("track", "tracked", "compared"))
         self.contact_time, self.withdrawn = state[f"{name}.contact_time"], state[f"{name}.withdrawn"]
-        self._doubted = state[f"{name}.doubted"]
+        self._doubted, self._near_since = state[f"{name}.doubted"], state[f"{name}.near_since"]
         self._force_trip = model.limits.plate_force_trip
         channel = model.command("pose_target")
         self._bottom = channel.low[2] if channel is not None and channel.low else 0.0
@@ -115,6 +115,7 @@ class Carried:
 
     def _speed(self, tick: int, gap: float) -> None:
         """Trip on a speed, a mean over 50 ms, that no command can have asked for (K5)."""
+        self._note_near(tick, gap)
         known = self._tracked.item() if tick - self._compared.item() == self._every else 0  # 0: after a pause
         here, window = self._pose[:3].tolist(), SPEED_WINDOW * self._every * self._period
         self._track[known % (SPEED_WINDOW + 1)] = here
@@ -126,8 +127,17 @@ class Carried:
         speed, closing = math.dist(here, before) / window, (here[2] - before[2]) / window
         if speed > default.SPEED_TRIP:
             raise TripError(Trip.SURFACE_SPEED, f"moves at {speed:.2f} m/s")
-        if gap < default.NEAR and closing > default.SPEED_NEAR_TRIP:
+        # what was far when the window began may have come near at the speed that is allowed there
+        near = self._near_since.item()
+        if near >= 0 and tick - near >= SPEED_WINDOW * self._every and closing > default.SPEED_NEAR_TRIP:
             raise TripError(Trip.SURFACE_SPEED, f"closes in on the finger at {closing:.2f} m/s")
+
+    def _note_near(self, tick: int, gap: float) -> None:
+        near = self._near_since.item()
+        if gap >= default.NEAR:
+            self._near_since[...] = -1
+        elif near < 0:
+            self._near_since[...] = tick
 
     def _doubt(self, load: float, gap: float, calibrated: bool) -> None:
         """Trip if force sensor and tracked finger disagree: a force without a finger (T8)."""
@@ -144,6 +154,6 @@ class Carried:
     def forget(self) -> None:
         """Forget what was measured."""
         self._strayed[...] = 0
-        self._compared[...] = -1
+        self._compared[...] = self._near_since[...] = -1
         self.contact_time[...] = self._doubted[...] = 0.0
         self.withdrawn[...] = 0

@@ -31,6 +31,7 @@ _CARRIED = (
     Field("withdrawn", "i8"),
     Field("stopped", "i8"),
     Field("doubted"),
+    Field("near_since", "i8"),
     Field("compared", "i8"),
     Field("tracked", "i8"),
     Field("track", "f8", (SPEED_WINDOW + 1, 3)),
