@@ -205,3 +205,10 @@ def test_no_file_and_a_folder(tmp_path: Path) -> None:
     for path in (tmp_path / "none.itouch", tmp_path, os.devnull):
         with pytest.raises(itouch.SessionError):
             itouch.restore(path)
+
+
+def test_a_document_in_an_encoding_that_there_is_not(tmp_path: Path) -> None:
+    path = tmp_path / "s.xml"
+    path.write_bytes(b'<?xml version="1.0" encoding="uf-8"?>\n<itouch version="1.0"><session/></itouch>')
+    with pytest.raises((itouch.SessionError, itouch.SceneError), match="encoding"):
+        itouch.restore(path)

@@ -156,7 +156,9 @@ def from_xml(name: str, data: bytes, catalog: Catalog) -> Snapshot:
         files = checked_files(name, manifest, stored)
     except SessionError:
         raise
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError, OverflowError, expat.ExpatError) as error:
+    except (ValueError, LookupError, TypeError, AttributeError, RecursionError, OverflowError) as error:
+        raise SessionError(f"'{name}' is not a whole session: {error}") from error
+    except expat.ExpatError as error:
         raise SessionError(f"'{name}' is not a whole session: {error}") from error
     if digest(state.tobytes()) != manifest.get("state"):
         raise SessionError(f"'{name}' was altered: the digest of its state does not fit")
