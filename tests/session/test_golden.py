@@ -50,3 +50,18 @@ def test_a_recording_is_read_with_the_same_numbers() -> None:
         for name in sorted(recording):
             digest.update(np.ascontiguousarray(recording[name]).tobytes())
         assert digest.hexdigest() == DIGESTS[path.name]
+
+
+def test_no_stored_session_names_a_folder_of_the_machine_that_wrote_it() -> None:
+    for path in SESSIONS.values():
+        assert not read_session(path, Catalog()).manifest["source"].startswith("/"), path.name
+    for path in sorted(GOLDEN.glob("*.mcap")):
+        assert not itouch.read(path).session["manifest"]["source"].startswith("/"), path.name
+
+
+def test_a_session_keeps_of_an_absolute_path_only_the_name(tmp_path: Path) -> None:
+    scene = tmp_path / "mine.xml"
+    scene.write_text((GOLDEN / "first_touch-1.1.xml").read_text(encoding="utf-8").split("  <session", 1)[0] + "</itouch>")
+    session = itouch.build(scene)
+    assert session.snapshot().manifest["source"] == "mine.xml"
+    assert str(tmp_path) not in session.to_xml()

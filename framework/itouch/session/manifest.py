@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from functools import lru_cache
 from importlib import metadata
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
 import numpy as np
@@ -35,7 +35,7 @@ def constant_part(model: Model, catalog: Catalog, xml: bytes, dtype: np.dtype[An
         "format": FORMAT,
         "itouch-py": metadata.version("itouch-py"),
         "plugins": plugin_versions(scene, catalog),
-        "source": scene.source,
+        "source": source_name(scene.source),
         "git": git_revision(),
         "host": host_facts(),
         "twins": {device.name: device.twin for device in scene.devices},
@@ -44,6 +44,15 @@ def constant_part(model: Model, catalog: Catalog, xml: bytes, dtype: np.dtype[An
         "scene": digest(xml),
         "files": {file.file: file.digest for file in model.files},
     }
+
+
+def source_name(source: str) -> str:
+    """Return what a session says of its scene's file: a path as it was given, of an absolute one the name only.
+
+    A session is given to others, who need the scene (it is inside) and not the folders of this machine.
+    """
+    path = PurePath(source)
+    return path.name if path.is_absolute() else source
 
 
 def plugin_versions(scene: Scene, catalog: Catalog) -> dict[str, str]:
