@@ -61,7 +61,9 @@ def test_no_stored_session_names_a_folder_of_the_machine_that_wrote_it() -> None
 
 def test_a_session_keeps_of_an_absolute_path_only_the_name(tmp_path: Path) -> None:
     scene = tmp_path / "mine.xml"
-    scene.write_text((GOLDEN / "first_touch-1.1.xml").read_text(encoding="utf-8").split("  <session", 1)[0] + "</itouch>")
+    scene.write_text(
+        (GOLDEN / "first_touch-1.1.xml").read_text(encoding="utf-8").split("  <session", 1)[0] + "</itouch>"
+    )
     session = itouch.build(scene)
     assert session.snapshot().manifest["source"] == "mine.xml"
     assert str(tmp_path) not in session.to_xml()
