@@ -22,6 +22,19 @@ class Emulator(ABC):
     def __init__(self, params: Any) -> None:
         self.params = params
 
+    @classmethod
+    def somewhere(cls, params: Any) -> Any:
+        """Return the parameters with a place on this machine where driver and emulator can meet, if they name none."""
+        return params
+
+    @classmethod
+    def reachable(cls, params: Any) -> tuple[float, float, float]:
+        """Return a position [m] in the device's frame, with some room around it, that the real device can take.
+
+        Only asked of a device that tracks the finger.
+        """
+        return (0.0, 0.0, 0.0)
+
     @abstractmethod
     def open(self) -> str:
         """Begin to listen; return where, in words.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import socket
+from dataclasses import replace
 from typing import Any
 
 from itouch.plugin import DeviceError, Emulator, Record
@@ -39,6 +41,20 @@ class ArmEmulator(Emulator):
             self.arm.buttons = Buttons[params.deadman.upper()]
         self._server: UsbipServer | None = None
         self._place: list[float] = []
+
+    @classmethod
+    def somewhere(cls, params: Any) -> Any:
+        """Name a free port of this machine if no address is named."""
+        if params.usbip:
+            return params
+        with socket.create_server(("127.0.0.1", 0)) as free:
+            return replace(params, usbip=f"127.0.0.1:{free.getsockname()[1]}")
+
+    @classmethod
+    def reachable(cls, params: Any) -> kinematics.Vector:
+        """Return the middle of the arm's workspace, at the fingertip."""
+        x, y, z = (a + b for a, b in zip(kinematics.CENTRE, params.grip, strict=True))
+        return x, y, z
 
     def open(self) -> str:
         """Listen where the parameters say."""

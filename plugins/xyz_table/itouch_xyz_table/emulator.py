@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+import os
+import tempfile
+from dataclasses import replace
 from typing import Any
 
 from itouch.plugin import Emulator, Record, Terminal
@@ -20,6 +23,11 @@ class TableEmulator(Emulator):
         self._servos = list(self.bus.servos.values())
         self._terminal: Terminal | None = None
         self._when = 0.0
+
+    @classmethod
+    def somewhere(cls, params: Any) -> Any:
+        """Name a serial port of our own if none is named."""
+        return params if params.port else replace(params, port=f"{tempfile.gettempdir()}/itouch-table-{os.getpid()}")
 
     def open(self) -> str:
         """Make the serial port that the parameters name."""

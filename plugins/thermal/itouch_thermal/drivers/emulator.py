@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import socket
 import struct
+import tempfile
+from dataclasses import replace
 from typing import Any
 
 from itouch.plugin import DeviceError, Emulator, Record, Terminal
+from itouch_thermal.drivers.params import FluxSensor, Infrared, LabJack, Mecom
 from itouch_thermal.drivers.virtual import Plate, VirtualLine, VirtualMecom, VirtualT7
 
 
@@ -85,6 +89,17 @@ class DisplayEmulator(Emulator):
         self.t7 = VirtualT7() if params.labjack is not None else None
         self._terminal: Terminal | None = None
         self._server: ModbusServer | None = None
+
+    @classmethod
+    def somewhere(cls, params: Any) -> Any:
+        """Name a TEC controller and a T7 on this machine if no hardware is named."""
+        if params.mecom is not None or params.line is not None:
+            return params
+        mecom = Mecom(port=f"{tempfile.gettempdir()}/itouch-tec-{os.getpid()}")
+        with socket.create_server(("127.0.0.1", 0)) as free:
+            host = f"127.0.0.1:{free.getsockname()[1]}"
+        sensors = LabJack(host=host, flux_sensor=FluxSensor(sensitivity=1e-6), infrared=Infrared())
+        return replace(params, mecom=mecom, labjack=sensors)
 
     def open(self) -> str:
         """Make the serial port and the server that the parameters name."""

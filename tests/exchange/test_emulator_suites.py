@@ -1,0 +1,22 @@
+"""The framework's own suite on the emulators of the plugins that come with it, each over its real protocol."""
+
+from typing import ClassVar
+
+from itouch.testing import EmulatorTests
+from itouch_thermal.display.device import ThermalDisplay
+from itouch_usb_arm import UsbArm, UsbArmParams
+from itouch_xyz_table.table import XyzTable, XyzTableParams
+
+
+class TestArm(EmulatorTests):
+    device, name = UsbArm, "usb-arm"
+    params: ClassVar[UsbArmParams] = UsbArmParams(grip=(0.0, 0.01, 0.03), deadman="forward")
+
+
+class TestTable(EmulatorTests):
+    device, name = XyzTable, "xyz-table"
+    params: ClassVar[XyzTableParams] = XyzTableParams(homing="absolute", direction=(1.0, -1.0, 1.0))
+
+
+class TestDisplay(EmulatorTests):
+    device, name = ThermalDisplay, "thermal"
