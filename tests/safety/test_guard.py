@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from itouch.plugin import HOLD, Channel, current, pose_target, wrench
 from itouch.safety import Guard, Trip, TripError
 from itouch.safety.guard import not_finite
-from itouch.world.limits import DeviceLimits
+from itouch.world.limits import DeviceLimits, ceilings
 
 LIMITS = DeviceLimits(force=3.0, speed=0.25, speed_near=0.10, current=2.0, watchdog=0.02)
 TABLE = pose_target(low=(0, 0, 0), high=(0.04, 0.04, 0.04), speed=0.3)
@@ -266,3 +266,25 @@ def test_the_safe_value_is_sent_at_once() -> None:
     sent = np.full(6, 2.0)
     Guard(wrench(force=8.0), LIMITS).safe(sent, 1e-3)
     assert sent.tolist() == [0.0] * 6
+
+
+@pytest.mark.parametrize("side", ["low", "high"])
+def test_a_limit_on_one_side_leaves_the_other_endless(side: str) -> None:
+    ends = {"low": (-0.5, 0.0), "high": (0.5, 2.0)}
+    channel = Channel("valve", 2, "", **{side: ends[side]}, safe=HOLD)  # type: ignore[arg-type]
+    sent = np.zeros(2)
+    far = -9.0 if side == "low" else 9.0
+    assert Guard(channel, LIMITS).limit(np.array([far, far]), sent, 1.0, 1e-3, 1.0) == (1, 0)
+    assert sent.tolist() == list(ends[side])
+    assert Guard(channel, LIMITS).limit(np.array([-far, -far]), sent, 1.0, 1e-3, 1.0) == (0, 0)
+    assert sent.tolist() == [-far, -far]
+
+
+def test_a_torque_or_current_without_a_ceiling_is_none() -> None:
+    open_wrench = Channel("wrench", 6, "N", low=(-1.0,) * 6, safe=(0.0,) * 6)
+    sent = np.zeros(6)
+    for share in (1.0, 0.0):
+        Guard(open_wrench, LIMITS).limit(np.array([0, 0, 0, 0.5, -0.5, 0.0]), sent, share, 1e-3, 1.0)
+        assert not sent.any()
+    assert "current" not in ceilings((), (Channel("current", 1, "A", low=(-1.0,), safe=(0.0,)),))
+    assert ceilings((), (current(limit=1.5),))["current"][0] == 1.5

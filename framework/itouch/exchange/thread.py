@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import threading
 import time
@@ -182,7 +183,7 @@ def make_safe(command: Record, channels: tuple[Channel, ...]) -> None:
     for channel in channels:
         if isinstance(channel.safe, tuple):
             command[channel.name] = channel.safe
-        elif channel.safe is RETRACT and channel.low:
+        elif channel.safe is RETRACT and channel.low and math.isfinite(channel.low[2]):
             command[channel.name][2] = channel.low[2]
 
 

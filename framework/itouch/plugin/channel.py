@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import math
 from dataclasses import dataclass, replace
 
 #: Components of a pose (position, quaternion w x y z) and of a wrench (force, torque).
@@ -30,13 +31,15 @@ class Channel:
     name, size, unit
         ``size`` numbers in ``unit``.
     low, high
-        Commands: the ceiling of the hardware; readings: outside means a trip.  Empty, or ``size`` numbers.
+        Commands: the ceiling of the hardware; readings: outside means a trip.  Empty, or ``size`` numbers; given
+        one of the two, the other is endless.
     magnitude
         Greatest length of the linear part (the first three components) of a wrench; scaled with its direction kept.
     slew
         Greatest change a second, ``size`` numbers; for a pose target the first three are its speed.
     safe
         A value, HOLD or RETRACT; a command channel must state it (zero is safe for a force, not for a pose).
+        RETRACT goes down to ``low[2]``.
     locked
         Degrees of freedom, numbered 0..5 as in a wrench, that the mechanism cannot move or exert.
     """
@@ -60,6 +63,9 @@ class Channel:
             length = len(getattr(self, label))
             if length not in (0, self.size):
                 raise ValueError(f"channel '{self.name}': {label} has {length} numbers, it needs {self.size} or none")
+        if bool(self.low) != bool(self.high):  # half-open: the other side is endless
+            side, value = ("high", math.inf) if self.low else ("low", -math.inf)
+            object.__setattr__(self, side, (value,) * self.size)
         if isinstance(self.safe, tuple) and len(self.safe) != self.size:
             raise ValueError(f"channel '{self.name}': safe has {len(self.safe)} numbers, it needs {self.size}")
 

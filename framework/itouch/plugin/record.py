@@ -61,6 +61,9 @@ class Record(dict[str, NDArray[Any]]):
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Record) and self.dtype == other.dtype and self.tobytes() == other.tobytes()
 
+    def __ne__(self, other: object) -> bool:
+        return not self == other  # a dictionary has its own, which would compare arrays
+
     __hash__ = None  # mutable
 
     def __repr__(self) -> str:

@@ -25,7 +25,7 @@ LEAST_RAMP = 0.05
 class Guard:
     """Limits one command channel."""
 
-    __slots__ = ("_apply", "_high", "_limits", "_locked", "_low", "_resting", "_shut", "channel")
+    __slots__ = ("_apply", "_high", "_limits", "_locked", "_low", "_resting", "_shut", "_torques", "channel")
 
     def __init__(self, channel: Channel, limits: DeviceLimits) -> None:
         self.channel, self._limits = channel, limits
@@ -34,6 +34,7 @@ class Guard:
         self._resting = tail if len(tail) == channel.size - 3 else None  # what all but x, y, z must be, if locked
         self._locked = self._resting is None or len(tail) < len(self._shut)
         self._high, self._low = channel.high, channel.low
+        self._torques = [high if math.isfinite(high) else 0.0 for high in channel.high] or [0.0] * channel.size
         kinds = {
             "wrench": self._wrench, "pose_target": self._pose_target, "current": self._current,
             "temperature_target": self._temperature,
@@ -92,7 +93,7 @@ class Guard:
         if self._resting is not None:
             return clamped
         for index in (3, 4, 5):
-            top = self._high[index] * share if self._high else 0.0
+            top = self._torques[index] * share
             if abs(values[index]) > top:
                 values[index] = math.copysign(top, values[index])
                 clamped = 1

@@ -43,7 +43,7 @@ class Heat:
         self._flux = reading.get("heat_flux")
         self._sent, self._ceiling = sent.get("current"), 1.0
         channel = model.command("current")
-        if channel is not None and channel.high:
+        if channel is not None and channel.high and math.isfinite(channel.high[0]):
             self._ceiling = channel.high[0]
         name = model.name
         self.touched, self.dose, self.share = (

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
 import signal
 import socket
@@ -168,7 +169,8 @@ class TwinServer:
             if isinstance(channel.safe, tuple):
                 safe = safe and bool(np.array_equal(value, channel.safe))
             elif channel.safe is RETRACT:
-                down = bool(self._latched) or float(value[2]) <= channel.low[2] + 1e-6
+                bottom = channel.low[2] if channel.low else -math.inf
+                down = bool(self._latched) or float(value[2]) <= bottom + 1e-6
                 safe = safe and (down or float(value[2]) < self._last_target - 1e-9)
                 self._last_target = float(value[2])
                 clear = clear and abs(float(self.touch.wrench[2])) < 0.1

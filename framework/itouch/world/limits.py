@@ -6,6 +6,7 @@ where T, K and W number them.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -121,7 +122,7 @@ def ceilings(reads: tuple[Channel, ...], commands: tuple[Channel, ...]) -> dict[
         slew = by_name["pose_target"].slew
         found["speed"] = _least(SPEED, min(slew[:3]) if slew else None)
         found["plate_force"], found["contact_time"] = (PLATE_FORCE, DEFAULT), (CONTACT_TIME, DEFAULT)
-    if "current" in by_name and by_name["current"].high:
+    if "current" in by_name and math.isfinite(max(by_name["current"].high, default=math.inf)):
         found["current"] = (by_name["current"].high[0], CEILING)
     if "temperature_target" in by_name or any(channel.name == "plate_temperature" for channel in reads):
         found["temperature"], found["dose"] = (PLATE_TEMPERATURE, DEFAULT), (DOSE, DEFAULT)

@@ -1,0 +1,28 @@
+"""The record of State: equal bytes are equal states."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from itouch.plugin import Field, Record
+
+
+def test_records_are_equal_if_type_and_bytes_are() -> None:
+    fields = (Field("pose", "f8", 7), Field("count", "i8"))
+    one, two = Record.of(fields), Record.of(fields)
+    assert one == two and (one != two) is False
+    two["pose"] = np.arange(7.0)
+    assert one != two and (one == two) is False
+    assert one != Record.of(fields[:1]) and one != {"pose": 1} and one != dict(one)
+
+
+def test_not_a_number_equals_itself_in_a_state() -> None:
+    one = Record.of((Field("target", "f8"),))
+    one["target"] = np.nan
+    assert one == one.copy() and (one != one.copy()) is False
+
+
+def test_a_record_is_no_key() -> None:
+    with pytest.raises(TypeError):
+        hash(Record.of((Field("a", "f8"),)))
