@@ -46,7 +46,8 @@ class Engine:
     def __init__(self, model: Model, *, seed: int = 0, clock: Clock | None = None) -> None:
         self.model, self.clock = model, clock or VirtualClock()
         self.state: Record = make_state(model)
-        self.ledger, self.times = Ledger(), Timing(_parts(model))
+        self.times = Timing(_parts(model))
+        self.ledger = Ledger(times=self.times)
         self._runners = {name: Runner(device, self.state, model.period) for name, device in model.devices.items()}
         self._rigs = [ProbeRig(model, probe, self.state, self._runners, self.ledger) for probe in model.probes]
         self._all = list(self._runners.values())

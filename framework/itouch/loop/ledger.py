@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from itouch.loop.timing import Timing, merged
+
 
 class Histogram:
     """Counts of positive numbers in bins of equal width: percentiles without keeping the numbers."""
@@ -67,12 +69,25 @@ class Histogram:
 
 @dataclass
 class Ledger:
-    """What happened, for the report; ``contacts`` holds the closed ones."""
+    """What happened, for the report; ``contacts`` holds the closed ones.
+
+    ``times`` is the Timing of this run, if one counts; ``earlier`` holds the histograms of the runs before a restore.
+    """
 
     contacts: list[dict[str, Any]] = field(default_factory=list)
     faults: list[dict[str, Any]] = field(default_factory=list)
     tracking: Histogram = field(default_factory=lambda: Histogram(1e-6))
     height_error: float = 0.0
+    times: Timing | None = None
+    earlier: dict[str, list[list[float]]] = field(default_factory=dict)
+
+    def histograms(self) -> dict[str, list[list[float]]]:
+        """Return lateness and duration of all ticks of the session, those before a restore included [us, us, count]."""
+        now = self.times.histograms() if self.times is not None else {}
+        if not self.earlier:
+            return now
+        names = dict.fromkeys((*now, *self.earlier))
+        return {name: merged([self.earlier.get(name), now.get(name)]) for name in names}
 
     def dump(self) -> dict[str, Any]:
         """Return the content as plain data, for a snapshot."""
@@ -81,6 +96,7 @@ class Ledger:
             "faults": self.faults,
             "tracking": self.tracking.dump(),
             "height_error": self.height_error,
+            "histograms_us": self.histograms(),
         }
 
     def load(self, data: dict[str, Any]) -> None:
@@ -88,3 +104,5 @@ class Ledger:
         self.contacts, self.faults = list(data["contacts"]), list(data["faults"])
         self.tracking.load(data["tracking"])
         self.height_error = float(data["height_error"])
+        earlier = data.get("histograms_us", {})  # snapshots of format 1.0 and the first of 1.1 have none
+        self.earlier = {name: merged([earlier[name]]) for name in ("lateness", "tick") if name in earlier}

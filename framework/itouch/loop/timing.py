@@ -7,7 +7,7 @@ equal ratio, so that hours need no more memory than seconds.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,31 @@ _SCALE = 1.0 / LEAST
 def edges() -> NDArray[np.float64]:
     """Return the edges of the bins [s], shape (BINS + 1,); what is shorter than the first is in the first bin."""
     return LEAST * 2.0 ** (np.arange(BINS + 1) / PER_OCTAVE)
+
+
+_BORDERS_US = [round(1e6 * edge, 3) for edge in edges().tolist()]
+
+
+def bins(counts: NDArray[Any]) -> list[list[float]]:
+    """Return the bins that hold anything: lower edge [us], upper edge [us], count; ``counts`` has shape (BINS,)."""
+    used = np.flatnonzero(counts)
+    held = zip(used.tolist(), counts[used].tolist(), strict=True)
+    return [[_BORDERS_US[i], _BORDERS_US[i + 1], count] for i, count in held]
+
+
+def merged(histograms: Iterable[object]) -> list[list[float]]:
+    """Return the sum of histograms as ``bins`` returns them; what can't be a bin is left out.
+
+    They may come from files: nothing is believed of them.
+    """
+    total: dict[tuple[float, float], int] = {}
+    for histogram in histograms:
+        for entry in histogram if isinstance(histogram, list) else ():
+            if isinstance(entry, list) and len(entry) == 3 and all(isinstance(n, int | float) for n in entry):
+                low, high, count = entry
+                if 0.0 <= low < high < 1e12 and 0 < count < 1 << 53:
+                    total[float(low), float(high)] = total.get((float(low), float(high)), 0) + int(count)
+    return [[low, high, count] for (low, high), count in sorted(total.items())]
 
 
 def percentile(counts: NDArray[Any], percent: float, greatest: float = math.inf) -> float | None:
@@ -160,6 +185,8 @@ class Timing:
 
     def histogram(self, row: int) -> list[list[float]]:
         """Return the bins of one row that hold anything: lower edge [us], upper edge [us], count."""
-        counts, borders = self.record["counts"][row], edges() * 1e6
-        used = np.nonzero(counts)[0].tolist()
-        return [[round(float(borders[i]), 3), round(float(borders[i + 1]), 3), int(counts[i])] for i in used]
+        return bins(self.record["counts"][row])
+
+    def histograms(self) -> dict[str, list[list[float]]]:
+        """Return how late ticks began (in real time; else empty) and how long they took, as ``histogram`` does."""
+        return {"lateness": self.histogram(0), "tick": self.histogram(1)}

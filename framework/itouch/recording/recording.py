@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.recording.errors import RecordingError
+from itouch.recording.histograms import histograms_us
 from itouch.recording.reader import Content, read_content
 from itouch.recording.tracks import Track
 from itouch.schema.diagnostics import did_you_mean
@@ -104,6 +105,11 @@ class Recording(Mapping[str, NDArray[Any]]):
     def timing(self) -> list[dict[str, Any]]:
         """How the loop kept time: tick, p50, p99 and max of a tick [us], overruns, lost samples."""
         return self._letters("/log/timing")
+
+    @property
+    def histograms_us(self) -> dict[str, list[list[float]]]:
+        """``lateness`` (in real time) and ``tick``: lower edge [us], upper edge [us], count; empty in old files."""
+        return histograms_us(self.session, self.timing)
 
     @property
     def states(self) -> list[dict[str, Any]]:

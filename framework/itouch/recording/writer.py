@@ -34,7 +34,7 @@ LETTERS: dict[str, dict[str, Any]] = {
     "/log/faults": {"tick": "integer", "time": "number", "device": "string", "trip": "string", "cause": "string"},
     "/log/lifecycle": {"tick": "integer", "time": "number", "device": "string", "status": "string"},
     "/log/timing": {"tick": "integer", "time": "number", "p50": "number", "p99": "number", "max": "number",
-                "overruns": "integer", "lost": "integer", "waiting": "integer"},
+                "overruns": "integer", "lost": "integer", "waiting": "integer", "lateness": "array", "ticks": "array"},
 }  # fmt: skip
 
 

@@ -11,9 +11,10 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from itouch.loop import DeviceFaultError
-from itouch.loop.timing import percentile
+from itouch.loop.timing import edges, percentile
 from itouch.plugin import Contact
 from itouch.recording import RecordingError
 from itouch.recording.ring import Phase, Ring, Shape, Word
@@ -55,6 +56,7 @@ class Recorder:
         self._period = session.model.period
         self._events = int(session.state["events.count"])
         self._faults = len(session.ledger.faults)
+        self._counted = session.times.record["counts"][:2].copy()
         self._begun = int(session.state["tick"])
         self._wait(lambda: self._ring.phase is not Phase.STARTING, _BEGIN)
         if self._ring.phase is Phase.FAILED:
@@ -71,6 +73,7 @@ class Recorder:
             "layout": session.state.dtype.descr,
             "scene": scene,
             "bases": base64.b64encode(pack_bases(snapshot.bases)[0]).decode(),
+            "timing_edges_us": [round(1e6 * edge, 3) for edge in edges().tolist()],
         }
         places = self._rows.places
         statuses = {name: places[f"{name}.status"] for name in session.model.devices}
@@ -204,13 +207,16 @@ class Recorder:
         """Record a message."""
         self._post(MESSAGE, tick, topic, message(tick, self._period, **content))
 
-    def _note_timing(self, tick: int) -> None:
+    def _note_timing(self, tick: int, **more: Any) -> None:
+        """Record the loop's timing: percentiles of all ticks, histograms of those since the last note."""
         times, waiting = self.session.times, self._ring.words[Word.ROWS_IN] - self._ring.words[Word.ROWS_OUT]
         counts = times.record["counts"][1]
         p50, p99 = (1e6 * (percentile(counts, percent) or 0.0) for percent in (50, 99))
         longest = 1e6 * float(times.record["greatest"][1])
+        late, spent = times.record["counts"][:2] - self._counted
+        self._counted = times.record["counts"][:2].copy()
         self.tell("/log/timing", tick, p50=p50, p99=p99, max=longest, overruns=times.overruns, lost=self.lost,
-                  waiting=waiting)  # fmt: skip
+                  waiting=waiting, lateness=_filled(late), ticks=_filled(spent), **more)  # fmt: skip
 
     def _tell_events(self, seen: int, count: int) -> None:
         model, table = self.session.model, self.session.state["events.table"]
@@ -243,7 +249,9 @@ class Recorder:
             self._end()
             return
         self._tell_faults()
-        self._note_timing(int(self.session.state["tick"]))
+        times = self.session.times
+        self._note_timing(int(self.session.state["tick"]), parts_us=times.split(), culprits=times.culprits(),
+                          skipped=times.skipped)  # fmt: skip
         self._ring.words[Word.CLOSING] = 1
         done = self._wait(lambda: self._over, _END)
         text = self._ring_text if self._ring.phase is Phase.FAILED else ""
@@ -259,3 +267,9 @@ class Recorder:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
+
+
+def _filled(counts: NDArray[Any]) -> list[list[int]]:
+    """Return number and count of the bins that hold anything."""
+    used = np.flatnonzero(counts)
+    return np.stack((used, counts[used]), axis=1).tolist()  # type: ignore[no-any-return]
