@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import json
-import signal
 import sys
-import threading
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from itouch.cli import keeping, live, pictures, sounds, windows
 from itouch.cli.arguments import output_file, seconds
+from itouch.cli.ending import Stopping, write_report
 from itouch.plugin import trace
 from itouch.schema import ItouchError
 
@@ -86,8 +84,7 @@ def _prepare(options: argparse.Namespace) -> Session:
 def _run(session: Session, options: argparse.Namespace, screen: Any) -> int:
     from itouch.loop import DeviceFaultError
 
-    stop = _Stop(session)
-    with stop:
+    with Stopping(session.stop) as stop:
         try:
             if options.duration is None and not session.scripted:
                 raise ItouchError("the scene has no scripted motion: say for how long to run, with --for 30s")
@@ -97,42 +94,11 @@ def _run(session: Session, options: argparse.Namespace, screen: Any) -> int:
             return 1
         finally:
             session.close()
-    if stop.signal:
-        print(f"stopped by {signal.Signals(stop.signal).name}; the devices are safe", file=sys.stderr)
-        return 128 + stop.signal
-    return 1 if session.failed else 0
-
-
-class _Stop:
-    """Lets Ctrl-C, SIGTERM and SIGHUP end the run between two ticks."""
-
-    def __init__(self, session: Session) -> None:
-        self._session = session
-        self.signal = 0
-        self._before: dict[int, Any] = {}
-
-    def __enter__(self) -> None:
-        if threading.current_thread() is threading.main_thread():
-            for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-                self._before[number] = signal.signal(number, self._note)
-
-    def __exit__(self, *exception: object) -> None:
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
-
-    def _note(self, number: int, frame: object) -> None:
-        self.signal = number
-        self._session.stop()
+    return stop.code(1 if session.failed else 0)
 
 
 def _write(session: Session, options: argparse.Namespace, report: dict[str, Any]) -> None:
-    if options.report:
-        try:
-            with open(options.report, "w", encoding="utf-8") as stream:
-                json.dump(report, stream, indent=1, allow_nan=False)
-                stream.write("\n")
-        except OSError as error:
-            raise ItouchError(f"cannot write '{options.report}': {error.strerror or error}") from error
+    write_report(options.report, lambda: report)
     if options.save:
         session.save(options.save)
         print(f"saved {options.save}")

@@ -28,7 +28,7 @@ def main(argv: Sequence[str]) -> int:
 
         if not has_display():
             raise ItouchError("there is no display; `itouch-py run SCENE --film FILE.mp4` needs none")
-        window = open_window(link, time.perf_counter, owner=False, mute=options.mute)
+        window = open_window(link, time.perf_counter, mute=options.mute)
         print(f"attached to '{link.name}'; closing the window does not end it", file=sys.stderr)
         window.show(while_=lambda: link.alive)
     return 0

@@ -9,6 +9,7 @@ import time
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from itouch.report.screen import Screen
     from itouch.servo import Handle
 
 
@@ -24,8 +25,8 @@ def wanted(options: argparse.Namespace) -> bool:
     return False
 
 
-def show(handle: Handle, *, mute: bool) -> None:
-    """Open a window on a session that was launched, and show it until it ends or is closed.
+def show(handle: Handle, screen: Screen, *, mute: bool) -> None:
+    """Open a window on a session that was launched, and show it until it ends or is closed; the terminal follows.
 
     Nothing moves before the window is open: hardware is not enabled, and twins, which enable by themselves, are
     paused.  A window that can't be opened is said, and the session runs without it.
@@ -37,10 +38,15 @@ def show(handle: Handle, *, mute: bool) -> None:
     with contextlib.suppress(ServoError):  # a session that has ended is told by its launcher
         handle.command("pause")  # refused with hardware, which waits to be enabled anyway
         try:
-            window = open_window(handle.link, time.perf_counter, mute=mute)
+            window = open_window(handle.link, time.perf_counter, handle=handle, mute=mute)
         except GraphicsError as error:
             print(f"no window: {error}", file=sys.stderr)
         handle.command("resume")
         handle.command("enable")
+
+    def going() -> bool:
+        screen.show()
+        return not handle.wait(0.0)
+
     if window is not None:
-        window.show(while_=lambda: not handle.wait(0.0))
+        window.show(while_=going)

@@ -30,6 +30,10 @@ class Handle:
         What any process can read of the session: ``itouch.servo.attach(handle.name)`` gives another one.
     contacts
         Entries of the contacts that have ended so far.
+    faults
+        Faults that the session has outlasted, as they stand in the report: see ``linger`` of ``launch``.
+    refused
+        Commands that could not be obeyed, and why.
     notices
         What is rendered otherwise than the scene says, and what could not be done for punctuality, once each.
     """
@@ -40,6 +44,7 @@ class Handle:
         self.contacts: list[dict[str, Any]] = []
         self.efforts: list[tuple[str, bool, str]] = []
         self.refused: list[str] = []
+        self.faults: list[dict[str, Any]] = []
         self._report: dict[str, Any] | None = None
         self._answers = threading.Condition()
         self._answered = 0
@@ -62,6 +67,8 @@ class Handle:
                 self._ready.set()
             elif kind == "contacts":
                 self.contacts += message["contacts"]
+            elif kind == "fault":
+                self.faults.append(message["fault"])
             elif kind == "refused":
                 self.refused.append(f"{message['what']}: {message['cause']}")
             elif kind == "report":

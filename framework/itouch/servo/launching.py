@@ -31,6 +31,7 @@ def launch(
     save: str | os.PathLike[str] | None = None,
     name: str | None = None,
     enable: bool = False,
+    linger: bool = False,
     realtime: bool = True,
     keep: Keep | None = None,
 ) -> Handle:
@@ -50,6 +51,9 @@ def launch(
         The session's name for ``itouch.servo.attach``; default: the scene's file name and the launcher's process id.
     enable
         Let hardware move or heat at once; without it ``Handle.enable`` is needed.  Twins enable by themselves.
+    linger
+        Stay after a fault, with all devices safe, until somebody re-arms or stops: for whoever shows the session to a
+        person.  Without it a fault ends the session.
     realtime
         Ask for real-time priority and locked memory.
     keep
@@ -73,6 +77,7 @@ def launch(
         raise ValueError(f"seed = {seed!r} is out of range: 0 to 2^63 - 1")
     config = _config(scene, twin) | {
         "seed": seed, "rig": None if rig is None else os.fspath(rig), "seconds": seconds, "enable": enable,
+        "linger": linger,
         "save": None if save is None else os.fspath(save), "realtime": realtime, "sys_path": sys.path,
         "keep": (keep or Keep()).dump(),
     }  # fmt: skip

@@ -7,7 +7,7 @@ import contextlib
 import time
 from typing import Any
 
-from itouch.loop import Engine, WallClock
+from itouch.loop import DeviceFaultError, Engine, WallClock
 from itouch.scene import write
 from itouch.servo import realtime
 from itouch.servo import words as at
@@ -173,11 +173,19 @@ class Servo:
         self.words[at.BEAT] = monotonic()
         self.words[at.PHASE] = at.RUNNING
         while not self.words[at.STOP] and not self._over(last):
-            if self.paused:
+            if self.paused or session.fault is not None:
                 self._rest()
                 continue
             left = None if last is None else (last - session.ticks) * session.model.period
-            session.run(left, until=self._interrupted)
+            try:
+                session.run(left, until=self._interrupted)
+            except DeviceFaultError:
+                if not self._config.get("linger"):
+                    raise
+                met = [fault for fault in session.ledger.faults if not fault.get("optional")]
+                self.outbox.tell("fault", {"fault": met[-1]})
+        if session.fault is not None:
+            raise session.fault
 
     def _over(self, last: int | None) -> bool:
         return self.session.ticks >= last if last is not None else self._scripted and self.session.done

@@ -81,18 +81,31 @@ def state_of(letter: Mapping[str, Any]) -> NDArray[Any]:
     return record_from(data)
 
 
-class Replay:
-    """One replay; ``step`` takes it one recorded tick further, so that a window can show it."""
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a replay stands between two steps: the next row, the bytes of State, whether State belongs to that row."""
 
-    def __init__(self, recording: Recording, *, catalog: Catalog | None = None) -> None:
+    at: int
+    state: bytes
+    going: bool
+    parks: bool
+
+
+class Replay:
+    """One replay; ``step`` takes it one recorded tick further, so that a window can show it.
+
+    With ``compares`` false it only goes through the recording, and may be sent to and fro with ``go`` and ``begin_at``.
+    """
+
+    def __init__(self, recording: Recording, *, catalog: Catalog | None = None, compares: bool = True) -> None:
         self.recording = recording
         self.session = session_of(recording, catalog=catalog)
         self.session.records = False
         self.feed = Feed(recording, self.session)
         self.comparison = Comparison(recording, self.session)
+        self._compares = compares
         self.ticks = self.skipped = 0
-        self._starts = _starts(recording)
-        self._failed = {int(s["tick"]): s for s in recording.states if s["reason"] == "fault"}
+        self._starts, self._failed = _starts(recording), _failures(recording)
         self._marks = {int(m["tick"]): m for m in recording.marks}
         for runner in self.session.runners:
             name = runner.model.name
@@ -167,15 +180,46 @@ class Replay:
     def _after(self, tick: int) -> None:
         feed = self.feed
         if feed.at < len(feed.ticks) and int(feed.ticks[feed.at]) == tick:
-            self.comparison.note(feed.at)
+            if self._compares:
+                self.comparison.note(feed.at)
             feed.at += 1
             self.ticks += 1
+
+    def place(self) -> Place:
+        """Return where the replay stands, to ``go`` there again."""
+        return Place(self.feed.at, self.session.state.tobytes(), self._going, self._parks)
+
+    def go(self, place: Place) -> None:
+        """Stand at a place where this replay stood before."""
+        self._turn_to(place.at)
+        self.session.stand_at(place.state)
+        self._going, self._parks = place.going, place.parks
+
+    def begin_at(self, letter: Mapping[str, Any]) -> None:
+        """Stand before the row of a recorded State, one of ``recording.states`` that is not of a fault."""
+        tick = int(letter["tick"])
+        self._turn_to(int(np.searchsorted(self.feed.ticks, tick)))
+        self._starts.setdefault(tick, letter)
+        self._going = self._parks = False
+
+    def _turn_to(self, row: int) -> None:
+        """Make a row the next one; what a recording says of later ticks counts again."""
+        ticks = self.feed.ticks
+        first = int(ticks[row]) if row < len(ticks) else int(ticks[-1]) + 1 if len(ticks) else 0
+        self.feed.at = row
+        self._starts = {tick: s for tick, s in _starts(self.recording).items() if tick >= first}
+        self._failed = {tick: s for tick, s in _failures(self.recording).items() if tick >= first}
 
     def outcome(self) -> Outcome:
         """Return how it went so far."""
         self.comparison.settle()
         found = self.comparison
         return Outcome(self.ticks, found.compared, found.mismatches, found.first, self.skipped, self.recording.losses)
+
+
+def _failures(recording: Recording) -> dict[int, Mapping[str, Any]]:
+    """Return by tick the States in which a tick has failed."""
+    return {int(letter["tick"]): letter for letter in recording.states if letter["reason"] == "fault"}
 
 
 def _starts(recording: Recording) -> dict[int, Mapping[str, Any]]:

@@ -2,41 +2,78 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+from itouch.loop import Status
 from itouch.plugin import Record
 from itouch.plugin.discovery import Catalog
-from itouch.scene import loads
-from itouch.servo import Link, ServoError
+from itouch.safety import Trip
+from itouch.servo import Handle, Link, ServoError
 from itouch.viewer.overlay import Situation
 from itouch.viewer.signals import Ring
 from itouch.world import Model
 
+#: Seconds without a tick after which a session is paused: by this window or by another.
+STILL = 0.25
+
 
 class Attached:
-    """Shows a running session; closing the window ends the session only if ``owner`` says so."""
+    """Shows a running session.
 
-    def __init__(self, link: Link, *, owner: bool = False, save_to: str = "session.itouch") -> None:
-        self._link, self._owner, self._save_to = link, owner, save_to
-        self.model = Model.of(loads(link.scene_xml.encode(), Catalog(), shown=link.source), Catalog())
+    Parameters
+    ----------
+    link
+        What is read.
+    handle
+        The launcher's handle on it: closing the window ends the session then, and faults are told with their cause.
+    save_to
+        File that S writes.
+    """
+
+    def __init__(self, link: Link, *, handle: Handle | None = None, save_to: str = "session.itouch") -> None:
+        self._link, self._handle, self._save_to = link, handle, save_to
+        self.model = Model.of(link.scene(), Catalog())
         self.state: Record = link.state
         self.situation = Situation(pace="real")
+        self._refused = 0
         self._held = False
+        self._still = 0.0
 
     def advance(self, seconds: float, ring: Ring) -> None:
         """Copy the newest State; say so when the session has ended or hangs."""
+        before = int(self.state["tick"])
         self._link.refresh(self.state)
         ring.add(self.state)
         if self._held:
             self._link.hold()
-        timing = self._link.timing
-        figures = timing.summary()
-        self.situation.tick_us, self.situation.overruns = figures["p99"], timing.overruns
+        timing, now = self._link.timing, self.situation
+        now.tick_us, now.late_us, now.overruns = timing.summary()["p99"], timing.lateness()["p99"], timing.overruns
+        now.faults = self._faults()
+        self._still = 0.0 if int(self.state["tick"]) != before else self._still + seconds
+        now.paused = self._still > STILL and self._link.phase == "running" and not now.faults
+        now.waiting = self._link.phase == "ready"
+        if self._handle is not None and len(self._handle.refused) > self._refused:
+            now.message = self._handle.refused[-1]
+            self._refused = len(self._handle.refused)
         if not self._link.alive:
-            self.situation.message = f"the session is over ({self._link.phase})"
+            now.message = f"the session is over ({self._link.phase})"
+
+    def _faults(self) -> list[dict[str, Any]]:
+        """Return the faults that last: with the cause where it was told, else what State says of them."""
+        failed = [name for name in self.model.devices if int(self.state[f"{name}.status"]) == Status.FAULT]
+        if not failed:
+            return []
+        told = [] if self._handle is None else [f for f in self._handle.faults if f["device"] in failed]
+        if told:
+            return told[-1:]
+        return [{"trip": Trip(int(self.state[f"{name}.trip"])).label, "device": name, "cause": "has failed"}
+                for name in failed]  # fmt: skip
 
     def pause(self) -> str:
         """Ask a simulated session to pause, or to go on."""
-        self.situation.paused = not self.situation.paused
-        return self._ask("pause" if self.situation.paused else "resume")
+        if any(not device.twin for device in self.model.devices.values()):
+            return "a session with hardware can't pause: Esc stops it"
+        return self._ask("resume" if self.situation.paused else "pause")
 
     def hold(self, held: bool) -> None:
         """Hold the dead-man's switch as long as the key is down; a window that hangs lets go by itself."""
@@ -49,7 +86,9 @@ class Attached:
 
     def rearm(self) -> str:
         """Ask to re-arm after a fault."""
-        return self._ask("rearm")
+        if not self.situation.faults:
+            return "there is nothing to re-arm"
+        return self._ask("rearm") or "re-arming"
 
     def steer(self, step: tuple[float, float, float] | None) -> str:
         """Ask for a step of the twin's finger [m]; None gives it back to its script."""
@@ -65,9 +104,9 @@ class Attached:
         return ""
 
     def stop(self) -> None:
-        """Let go; end the session if this window owns it."""
+        """Let go; end the session if this window is its launcher's."""
         self._link.hold(False)
-        if self._owner:
+        if self._handle is not None:
             self._link.stop()  # the launcher closes its link when all is over
         else:
             self._link.close()

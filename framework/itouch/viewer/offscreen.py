@@ -15,7 +15,7 @@ from itouch.viewer.overlay import Situation
 from itouch.world import Model
 
 if TYPE_CHECKING:
-    from itouch.servo import Link
+    from itouch.servo import Handle, Link
     from itouch.viewer.picture import Picture
     from itouch.viewer.window import Window
 
@@ -81,8 +81,8 @@ def open_context(width: int, height: int) -> Any:
         raise GraphicsError(f"no OpenGL 3.3 context: {error or type(error).__name__}\n  = help: {ADVICE}") from error
 
 
-def open_window(link: Link, now: Callable[[], float], *, owner: bool = True, mute: bool = False) -> Window:
-    """Return a window on a servo process; ``owner``: closing it ends the session.
+def open_window(link: Link, now: Callable[[], float], *, handle: Handle | None = None, mute: bool = False) -> Window:
+    """Return a window on a servo process; with the launcher's ``handle``, closing it ends the session.
 
     Raises
     ------
@@ -96,7 +96,7 @@ def open_window(link: Link, now: Callable[[], float], *, owner: bool = True, mut
         from itouch.viewer.attached import Attached
         from itouch.viewer.window import Window
 
-        return Window(Attached(link, owner=owner), now, mute=mute)
+        return Window(Attached(link, handle=handle), now, mute=mute)
     except ItouchError:
         raise
     except Exception as error:  # pyglet raises many kinds, one a platform

@@ -43,6 +43,7 @@ class Situation:
 
     pace: str = "fast"
     paused: bool = False
+    waiting: bool = False
     tick_us: float | None = None
     late_us: float | None = None
     overruns: int | None = None
@@ -65,6 +66,8 @@ def status(model: Model, state: Record, now: Situation) -> Words:
         lines.append((f"FAULT {fault['trip']}: device '{fault['device']}' {fault['cause']}", "bad"))
     if now.faults:
         lines.append(("all devices have been made safe; R re-arms", "bad"))
+    if now.waiting:
+        lines.append(("nothing moves yet: hold Space where the machine asks for it", "warn"))
     if now.paused:
         lines.append(("paused: P goes on", "warn"))
     if now.message:

@@ -80,16 +80,18 @@ class Window(pyglet.window.Window):
 
     def show(self, *, while_: Callable[[], bool] = lambda: True) -> None:
         """Draw and answer until the window is closed, or a condition no longer holds."""
-        while True:
-            begin = self._now()
-            self.dispatch_events()
-            if self.closed or not while_():
-                break
-            self.frame()
-            rest = max(1.0 / RATE - self.cost, self.cost * (1.0 / SHARE - 1.0))
-            time.sleep(max(0.0, rest - (self._now() - begin - self.cost)))
-        self._speaker.close()
-        self.close()
+        try:
+            while True:
+                begin = self._now()
+                self.dispatch_events()
+                if self.closed or not while_():
+                    return
+                self.frame()
+                rest = max(1.0 / RATE - self.cost, self.cost * (1.0 / SHARE - 1.0))
+                time.sleep(max(0.0, rest - (self._now() - begin - self.cost)))
+        finally:
+            self._speaker.close()
+            self.close()
 
     def frame(self) -> None:
         """Bring the session up to date and draw it once."""
