@@ -37,18 +37,20 @@ def make_plugin(name: str, *, kind: str = "device", transport: str = "none", fol
         ".gitignore": "__pycache__/\n*.egg-info/\n.venv/\n.pytest_cache/\n",
         f"{package}/__init__.py": _init(words, kind),
         "tests/test_steps.py": fill("test_steps.py.in", words),
-        "tests/test_plugin.py": _tests(words, kind, transport),
     }
     if kind != "modality":
+        contents["tests/test_device.py"] = fill("test_device.py.in", words)
         contents[f"{package}/device.py"] = fill(f"device_{_wire(transport)}.py.in", words)
         contents[f"scenes/{name}.xml"] = fill("device.xml.in", words)
         if transport != "none":
             contents[f"{package}/line.py"] = fill(f"line_{transport}.py.in", words)
         if transport in ("serial", "tcp"):
             contents[f"{package}/emulator.py"] = fill(f"emulator_{transport}.py.in", words)
+            contents["tests/test_emulator.py"] = fill(f"test_emulator_{transport}.py.in", words)
     if kind != "device":
         contents[f"{package}/modality.py"] = fill("modality.py.in", words)
         contents[f"scenes/{name}-render.xml"] = fill("modality.xml.in", words)
+        contents["tests/test_modality.py"] = fill("test_modality.py.in", words)
     return write(os.path.join(folder, f"itouch-{name}"), contents)
 
 
@@ -108,14 +110,3 @@ def _readme(words: dict[str, str], kind: str, transport: str) -> str:
     if kind != "device":
         parts.append(fill("steps_modality.md.in", words))
     return "\n".join(parts)
-
-
-def _tests(words: dict[str, str], kind: str, transport: str) -> str:
-    parts = [fill("test_head.py.in", words)]
-    if kind != "modality":
-        parts.append(fill("test_device.py.in", words))
-        if transport in ("serial", "tcp"):
-            parts.append(fill(f"test_emulator_{transport}.py.in", words))
-    if kind != "device":
-        parts.append(fill("test_modality.py.in", words))
-    return "\n\n".join(part.rstrip("\n") for part in parts) + "\n"
