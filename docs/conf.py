@@ -1,4 +1,4 @@
-"""Sphinx configuration; scene reference and reproduction of the paper are written before the pages are read."""
+"""Sphinx configuration; what the program writes of itself is written before the pages are read."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 from generated import draw_pictures, write_commands
+from reference_pages import write_pages
 
 project = "itouch-py"
 author = "the itouch-py developers"
@@ -21,16 +22,6 @@ html_theme = "furo"
 html_title = f"itouch-py {version}"
 exclude_patterns = ["_build", "explanation/reproduced"]
 suppress_warnings = ["myst.header"]
-
-
-def _write_scene_reference() -> None:
-    from itouch.plugin.discovery import Catalog
-    from itouch.scene.grammar import reference
-
-    page = Path(__file__).parent / "reference" / "scene.md"
-    text = reference(Catalog())
-    if not page.exists() or page.read_text(encoding="utf-8") != text:
-        page.write_text(text, encoding="utf-8")
 
 
 def _reproduce_paper() -> None:
@@ -48,7 +39,7 @@ def _reproduce_paper() -> None:
     stamp.write_text(digest.hexdigest(), encoding="utf-8")
 
 
-_write_scene_reference()
+write_pages()
 _reproduce_paper()
 draw_pictures()
 write_commands()

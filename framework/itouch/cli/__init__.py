@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 COMMANDS = {
     "run": ("itouch.cli.run", "run a scene, or go on with a saved session (the default command)"),
     "check": ("itouch.cli.check", "print every problem of scene files"),
+    "explain": ("itouch.cli.explain", "say what the code of a message means, with an example"),
     "devices": ("itouch.cli.devices", "list the device plugins that are installed"),
     "demo": ("itouch.cli.demo", "run the four-material scene that comes with the program"),
     "doctor": ("itouch.cli.doctor", "say what this machine can do, and whether a person should put a finger in"),

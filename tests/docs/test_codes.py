@@ -1,0 +1,102 @@
+"""Every code that the program can print is in the table, and has an example that really gives it."""
+
+from __future__ import annotations
+
+import ast
+import functools
+from collections.abc import Iterator
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+from itouch.cli import main
+from itouch.cli.explain import examples
+from itouch.cli.explain.example import play
+from itouch.safety import Trip
+from itouch.schema.codes import CODES, HEADINGS, RUNNING
+
+EXAMPLES = examples()
+FILES = [code.name for codes in HEADINGS.values() if codes is not RUNNING for code in codes]
+#: What makes a problem with a code -> which argument the code is.
+MAKERS = {"Problem": 0, "MeshError": 0, "ValueProblemError": 0, "Finding": 0, "_refuse": 0}
+#: Notes of meshes, which carry no code on the screen.
+NOTES = {"mesh-left-out", "mesh-inverted", "mesh-repeated", "mesh-degenerate", "mesh-joined"}
+
+
+def packages() -> Iterator[Path]:
+    for name in ("itouch", "itouch_thermal", "itouch_xyz_table", "itouch_usb_arm"):
+        spec = find_spec(name)
+        assert spec is not None
+        assert spec.origin is not None
+        yield Path(spec.origin).parent
+
+
+@functools.cache
+def made() -> tuple[tuple[str, str], ...]:
+    """Return (code, where) of each problem in the source; the code is "" where it is no literal."""
+    return tuple(_made())
+
+
+def _made() -> Iterator[tuple[str, str]]:
+    for folder in packages():
+        for path in folder.rglob("*.py"):
+            if {"testing", "doctor"} & set(path.parts):  # findings of another kind
+                continue
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if not isinstance(node, ast.Call):
+                    continue
+                name = getattr(node.func, "id", "") or getattr(node.func, "attr", "")
+                if name in MAKERS and node.args:
+                    code = node.args[MAKERS[name]]
+                    yield str(code.value) if isinstance(code, ast.Constant) else "", f"{path.name}:{node.lineno}"
+
+
+def test_no_problem_has_a_code_outside_the_table() -> None:
+    unknown = {(code, where) for code, where in made() if code and code not in CODES and code not in NOTES}
+    assert not unknown
+    handed_on = {where.partition(":")[0] for code, where in made() if not code}
+    assert handed_on <= {
+        "binding.py", "documents.py", "surfaces.py", "shapes.py", "motion.py", "errors.py", "source.py", "findings.py",
+    }, "a problem with a code that is no literal: let it be one, or handed on from another problem"  # fmt: skip
+
+
+def test_no_code_is_left_over() -> None:
+    used = {code for code, _ in made()} | {trip.label for trip in Trip} | {"injected"}
+    assert set(CODES) <= used
+
+
+def test_every_trip_is_in_the_table() -> None:
+    assert {code.name for code in RUNNING} == {trip.label for trip in Trip if trip is not Trip.NONE} | {"injected"}
+
+
+def test_every_code_has_one_example() -> None:
+    assert set(EXAMPLES) == set(CODES)
+    assert len(CODES) == sum(len(codes) for codes in HEADINGS.values())
+
+
+@pytest.mark.parametrize("code", FILES)
+def test_an_input_gives_its_code(code: str) -> None:
+    printed = play(EXAMPLES[code])
+    found = [line.partition("[")[2].partition("]")[0] for line in printed.splitlines() if "[" in line.split(":")[0]]
+    assert set(found) == {code}
+    assert ".xml:" in printed
+    assert EXAMPLES[code].text.strip()
+
+
+@pytest.mark.parametrize("code", [code.name for code in RUNNING])
+def test_a_run_gives_its_code(code: str) -> None:
+    printed = play(EXAMPLES[code])
+    assert f"fault[{code}]: device '" in printed
+    others = {line.partition("[")[2].partition("]")[0] for line in printed.splitlines() if line.startswith("fault[")}
+    assert others <= {code, "injected"}
+
+
+def test_explain_lists_and_explains(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["explain"]) == 0
+    listed = capsys.readouterr().out
+    assert all(f"  {name} " in listed for name in CODES)
+    assert main(["explain", "error[unknown-name]"]) == 0
+    assert "did you mean 'wood'?" in capsys.readouterr().out
+    assert main(["explain", "unknown-nam"]) == 2
+    assert "did you mean 'unknown-name'?" in capsys.readouterr().err
