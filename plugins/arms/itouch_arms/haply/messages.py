@@ -1,0 +1,175 @@
+"""The messages of the Inverse Service's simulation channel, as its documentation gives them (versions 3.1 to 3.5).
+
+The service sends an inventory when a client connects, then exactly one state update for each message that it gets.
+Positions are metres, forces newtons, in the arm's own frame: x right, y away from the operator, z up.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from itouch_arms.errors import ArmError, NotCalibrated, ProtocolError, Refused
+from itouch_arms.finger import Vector
+
+ARMS = "inverse3"
+GRIPS = ("wireless_verse_grip", "verse_grip", "custom_verse_grip")
+#: No cursor of such an arm is farther from its base [m].
+FARTHEST = 1.0
+_AXES = "xyz"
+
+Message = Mapping[str, Any]
+
+
+class State(NamedTuple):
+    """What a state update says of one arm: where its cursor is [m], and whether a grip's button is pressed."""
+
+    position: Vector
+    pressed: bool
+
+
+def read(text: str) -> Message:
+    """Return a message.
+
+    Raises
+    ------
+    ProtocolError
+        If it is none.
+    """
+    try:
+        found = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise ProtocolError(f"the Inverse Service sent what is no JSON: {text[:40]!r}") from error
+    if not isinstance(found, dict):
+        raise ProtocolError(f"the Inverse Service sent no object: {text[:40]!r}")
+    return found
+
+
+def is_update(message: Message) -> bool:
+    """Tell whether it says something of arms; what else comes is passed over."""
+    return ARMS in message
+
+
+def arms(message: Message) -> list[Message]:
+    """Return the arms that a message names.
+
+    Raises
+    ------
+    ProtocolError
+        If they are no list of objects with a ``device_id``.
+    """
+    return _listed(message, ARMS)
+
+
+def arm(message: Message, device: str) -> Message | None:
+    """Return what a message says of one arm; None if it does not name it."""
+    return next((one for one in arms(message) if one["device_id"] == device), None)
+
+
+def _listed(message: Message, kind: str) -> list[Message]:
+    found = message.get(kind) or []
+    if not isinstance(found, list) or not all(isinstance(one, dict) and "device_id" in one for one in found):
+        raise ProtocolError(f"'{kind}' is no list of devices")
+    return found
+
+
+def check(one: Message) -> None:
+    """Check that an arm can give forces where it says that it is.
+
+    Raises
+    ------
+    ArmError
+        If it has no power, is not calibrated, or was given other axes by another program.
+    """
+    name = one["device_id"]
+    status, config = _part(one, "status"), _part(one, "config")
+    if status.get("power_supply") is False:
+        raise Refused(f"the Inverse3 {name} has no power: plug its power supply in")
+    if status.get("error"):
+        raise Refused(f"the Inverse3 {name} reports an error: {status['error']}")
+    axes = _part(config, "basis").get("permutation", "XYZ")
+    if axes != "XYZ":
+        raise Refused(f"another program has given the Inverse3 {name} the axes '{axes}': set its basis to XYZ")
+    if status.get("calibrated") is False:
+        raise NotCalibrated(
+            f"the Inverse3 {name} is not calibrated: move it as its manual says until its light is steady"
+        )
+
+
+def state_of(message: Message, one: Message, button: str, last: Vector | None) -> State | None:
+    """Return the state of an arm; None if nothing new is said of its position.
+
+    What is left out of a position is as it was in ``last``.
+
+    Raises
+    ------
+    ProtocolError
+        If it is no position.
+    """
+    found = _part(one, "state").get("cursor_position")
+    if found is None:
+        return None
+    if not isinstance(found, dict):
+        raise ProtocolError(f"'cursor_position' is {json.dumps(found)[:40]}, not x, y and z")
+    place = [_number(found.get(axis, math.nan if last is None else last[i]), axis) for i, axis in enumerate(_AXES)]
+    if max(map(abs, place)) > FARTHEST:
+        raise ProtocolError(f"the cursor is at {place} m, where no such arm reaches")
+    return State((place[0], place[1], place[2]), button != "none" and _pressed(message, button))
+
+
+def _pressed(message: Message, button: str) -> bool:
+    for kind in GRIPS:
+        for grip in _listed(message, kind):
+            state = _part(grip, "state")
+            if _part(state, "buttons").get(button) is True or (button == "button" and state.get("button") is True):
+                return True
+    return False
+
+
+def _part(one: Message, name: str) -> Message:
+    found = one.get(name)
+    if found is None:
+        return {}
+    if not isinstance(found, dict):
+        raise ProtocolError(f"'{name}' is {json.dumps(found)[:40]}, not an object")
+    return found
+
+
+def _number(value: Any, axis: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        raise ProtocolError(f"'{axis}' of the cursor is {json.dumps(value)[:40]}, no finite number")
+    return float(value)
+
+
+def force(device: str, value: Sequence[float], *, profile: str = "") -> str:
+    """Return the message that asks an arm for a force on the operator [N]; with a profile, the session is named."""
+    x, y, z = value
+    asked = {"device_id": device, "commands": {"set_cursor_force": {"values": {"x": x, "y": y, "z": z}}}}
+    session = {"session": {"configure": {"profile": {"name": profile}}}} if profile else {}
+    return json.dumps({**session, ARMS: [asked]}, separators=(",", ":"))
+
+
+def chosen(message: Message, wanted: str) -> Message:
+    """Return the arm to use: the one with that number, or the only one if any will do.
+
+    Raises
+    ------
+    ArmError
+        If there is none, or several and none is named.
+    """
+    from itouch_arms.errors import NotFound
+
+    found = arms(message)
+    names = ", ".join(str(one["device_id"]) for one in found)
+    if wanted != "any":
+        for one in found:
+            if one["device_id"] == wanted:
+                return one
+        raise NotFound(f"the Inverse Service has no Inverse3 with the number '{wanted}'; it has {names or 'none'}")
+    if not found:
+        raise NotFound("the Inverse Service has no Inverse3: plug it in and power it")
+    if len(found) > 1:
+        raise ArmError(f'the Inverse Service has several arms ({names}): write device="NUMBER"')
+    return found[0]

@@ -1,0 +1,133 @@
+"""A WebSocket server that never waits, for the virtual service; one service serves all its connections."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+from collections.abc import Callable
+from typing import Any
+
+from itouch.plugin import DeviceError
+from itouch_arms.haply.virtual import VirtualService
+
+_BYTES = 65536
+
+
+class _Guest:
+    """One connection, and answers that it does not have yet, with when they are due [s]."""
+
+    def __init__(self, line: socket.socket) -> None:
+        from websockets.server import ServerProtocol
+
+        self.line, self.protocol = line, ServerProtocol()
+        self.due: list[tuple[float, str]] = []
+
+
+class Server:
+    """Listens on an address.
+
+    Raises
+    ------
+    DeviceError
+        If it cannot, or the package is missing.
+    """
+
+    def __init__(self, service: VirtualService, address: tuple[str, int]) -> None:
+        try:
+            import websockets.server  # noqa: F401
+        except ImportError as error:
+            raise DeviceError("a virtual Haply arm needs a package more: pip install 'itouch-py[haply]'") from error
+        try:
+            self._listener = socket.create_server(address)
+        except OSError as error:
+            where = f"{address[0]}:{address[1]}"
+            raise DeviceError(f"no virtual Inverse Service can listen on {where}: {error.strerror or error}") from error
+        self._listener.setblocking(False)
+        self._service = service
+        self._guests: list[_Guest] = []
+
+    @property
+    def port(self) -> int:
+        """The port that it listens on."""
+        port: int = self._listener.getsockname()[1]
+        return port
+
+    def handles(self) -> list[int]:
+        """Return the file descriptors on which something may come."""
+        return [self._listener.fileno(), *(guest.line.fileno() for guest in self._guests)]
+
+    def step(self, now: float) -> None:
+        """Take new connections, and answer what has come by a time [s]."""
+        with contextlib.suppress(BlockingIOError):
+            line, _ = self._listener.accept()
+            line.setblocking(False)
+            line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            self._guests.append(_Guest(line))
+        for guest in list(self._guests):
+            try:
+                alive = self._attend(guest, now)
+            except OSError:
+                alive = False
+            if not alive:
+                self._guests.remove(guest)
+                guest.line.close()
+
+    def _attend(self, guest: _Guest, now: float) -> bool:
+        with contextlib.suppress(BlockingIOError):
+            data = guest.line.recv(_BYTES)
+            if data:
+                guest.protocol.receive_data(data)
+            else:
+                guest.protocol.receive_eof()
+            for event in guest.protocol.events_received():
+                if not self._take(guest, event, now):
+                    return False
+            if not data:
+                return False
+        while guest.due and guest.due[0][0] <= now:
+            guest.protocol.send_text(guest.due.pop(0)[1].encode())
+        return self._flush(guest)
+
+    def _take(self, guest: _Guest, event: Any, now: float) -> bool:
+        from websockets.frames import Frame, Opcode
+        from websockets.http11 import Request
+
+        if isinstance(event, Request):
+            guest.protocol.send_response(guest.protocol.accept(event))
+            if guest.protocol.handshake_exc is None:
+                guest.protocol.send_text(self._service.inventory().encode())
+        elif isinstance(event, Frame) and event.opcode is Opcode.TEXT:
+            faults = self._service.faults
+            answers = self._service.answer(bytes(event.data).decode(), now)
+            if faults.hang_up:
+                faults.hang_up = False
+                guest.protocol.send_text(answers[-1].encode())
+                data = b"".join(guest.protocol.data_to_send())
+                guest.line.sendall(data[: len(data) // 2])
+                return False
+            due, faults.late = now + faults.late, 0.0
+            guest.due += [(due, answer) for answer in answers]
+        return True
+
+    @staticmethod
+    def _flush(guest: _Guest) -> bool:
+        for data in guest.protocol.data_to_send():
+            if not data:
+                return False
+            guest.line.sendall(data)
+        return True
+
+    def serve(self, stop: Callable[[], bool], clock: Callable[[], float], *, look: float = 2e-4) -> None:
+        """Serve until ``stop`` says so."""
+        import select
+
+        while not stop():
+            select.select(self.handles(), [], [], look)
+            self.step(clock())
+
+    def close(self) -> None:
+        """Hang up, without a goodbye."""
+        for guest in self._guests:
+            guest.line.close()
+        self._guests.clear()
+        self._listener.close()

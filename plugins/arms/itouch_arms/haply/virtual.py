@@ -1,0 +1,141 @@
+"""A virtual Inverse Service with one arm: messages in, messages out, with a finger in a hand behind it."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+from itouch_arms.finger import Vector
+from itouch_arms.haply.faults import Faults
+
+#: Where a cursor is in front of the arm [m], as the service's documentation shows one.
+CENTRE: Vector = (0.0, -0.12, 0.15)
+#: Longest step of the integration [s], and longest time that is caught up on at once.
+_STEP, _CATCH_UP = 1e-3, 0.25
+_SHORT = (",", ":")
+
+
+@dataclass(slots=True)
+class Finger:
+    """A finger on the arm: a mass in a hand's spring and damper, pushed by the motors.
+
+    ``hand`` is where the hand wants it [m]; ``led``: somebody else moves it.
+    """
+
+    hand: Vector = CENTRE
+    mass: float = 0.15
+    stiffness: float = 300.0
+    damping: float = 8.0
+    position: Vector = CENTRE
+    velocity: Vector = (0.0, 0.0, 0.0)
+    led: bool = False
+    _now: float | None = None
+
+    def advance(self, now: float, force: Vector) -> None:
+        """Move on to a time [s] under a force [N]."""
+        self._now = now if self._now is None else max(self._now, now - _CATCH_UP)
+        while not self.led and now - self._now > 1e-9:
+            step = min(_STEP, now - self._now)
+            self._now += step
+            place, speed = list(self.position), list(self.velocity)
+            for i in range(3):
+                pull = self.stiffness * (self.hand[i] - place[i]) - self.damping * speed[i]
+                speed[i] += step * (pull + force[i]) / self.mass
+                place[i] += step * speed[i]
+            self.position, self.velocity = (place[0], place[1], place[2]), (speed[0], speed[1], speed[2])
+        self._now = now
+
+
+@dataclass(slots=True)
+class VirtualService:
+    """Answers one message with one state update, and knows the force that was asked for last.
+
+    The force stands until another one is asked for: what a real service does when its client is gone is not
+    documented, so this is the worst that it could do.
+    """
+
+    device: str = "049D"
+    finger: Finger = field(default_factory=Finger)
+    faults: Faults = field(default_factory=Faults)
+    others: tuple[str, ...] = ()
+    buttons: dict[str, bool] = field(default_factory=lambda: {"a": False, "b": False, "c": False})
+    sessions: bool = True
+    force: Vector = (0.0, 0.0, 0.0)
+    #: All forces that were asked for.
+    asked: list[Vector] = field(default_factory=list)
+
+    def inventory(self) -> str:
+        """Return the first message: all devices with their configuration."""
+        return self._dump(self._arms(full=True))
+
+    def answer(self, text: str, now: float) -> list[str]:
+        """Take a message at a time [s]; return what is sent back: nothing if it is mute."""
+        self._obey(text)
+        self.finger.advance(now, self.force)
+        sent = ['{"session":{"event":"focus_changed"}}'] if self.faults.take("extra") else []
+        if self.faults.take("mute"):
+            return sent
+        if self.faults.take("garbage"):
+            return [*sent, '{"inverse3": [{"device_id"']
+        return [*sent, self._dump(self._arms(full=False))]
+
+    def _obey(self, text: str) -> None:
+        try:
+            message = json.loads(text)
+            for one in message.get("inverse3", []):
+                values = one.get("commands", {}).get("set_cursor_force", {}).get("values")
+                if one["device_id"] == self.device and values is not None and not self.faults.unplugged:
+                    self.force = (float(values["x"]), float(values["y"]), float(values["z"]))
+                    self.asked.append(self.force)
+        except (ValueError, KeyError, TypeError, AttributeError):
+            return  # a service that is told nonsense answers all the same
+
+    def _dump(self, arms: list[dict[str, Any]]) -> str:
+        grip = {"device_id": "61548", "state": {"orientation": _turn(), "buttons": dict(self.buttons)}}
+        head = {"session_id": 7} if self.sessions else {}
+        return json.dumps({**head, "inverse3": arms, "wireless_verse_grip": [grip]}, separators=_SHORT)
+
+    def _arms(self, *, full: bool) -> list[dict[str, Any]]:
+        faults = self.faults
+        own = [] if faults.unplugged else [self._arm(self.device, full=full)]
+        return [*(self._arm(name, full=full) for name in self.others), *own]
+
+    def _arm(self, name: str, *, full: bool) -> dict[str, Any]:
+        faults, mine = self.faults, name == self.device
+        status = {
+            "calibrated": not (mine and faults.uncalibrated), "in_use": False, "ready": True, "started": True,
+            "power_supply": not (mine and faults.unpowered),
+        }  # fmt: skip
+        config = {
+            "config": {"type": "inverse3", "handedness": "right", "preset": "defaults", "basis": {"permutation": "XYZ"}}
+        }
+        place = self._place(full) if mine else _vector(CENTRE)
+        state: dict[str, Any] = {"cursor_position": place, "cursor_velocity": _vector(self.finger.velocity)}
+        if mine and not full and faults.take("bare"):
+            del state["cursor_position"]
+        return {"device_id": name, **(config if full else {}), "state": state, "status": status}
+
+    def _place(self, full: bool) -> Any:
+        place: dict[str, Any] = _vector(self.finger.position)
+        if full:
+            return place
+        if self.faults.take("odd"):
+            return {**place, "y": "0.1"}
+        if self.faults.take("nan"):
+            return {**place, "z": math.nan}
+        if self.faults.take("far"):
+            return {**place, "x": 40.0}
+        if self.faults.take("halved"):
+            return {"x": place["x"]}
+        return place
+
+
+def _vector(value: Vector) -> dict[str, Any]:
+    x, y, z = value
+    return {"x": x, "y": y, "z": z}
+
+
+def _turn() -> dict[str, float]:
+    return {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}

@@ -1,0 +1,357 @@
+"""The Inverse3's driver against the virtual service: positions, forces, and each thing that can go wrong."""
+
+from __future__ import annotations
+
+import io
+import json
+import socket
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from served import ServedService
+
+from itouch.plugin import DeviceError, Field, Record, Trace, read_trace
+from itouch.testing import DeviceTests, EmulatorTests
+from itouch_arms.errors import ArmError, Disconnected, NotCalibrated, NotFound, ProtocolError, Refused, Timeout
+from itouch_arms.haply import Haply, HaplyParams, Inverse3, messages
+from itouch_arms.haply.look import look
+from itouch_arms.haply.virtual import CENTRE, VirtualService
+
+GOLDEN = Path(__file__).parent / "haply.trace"
+
+
+@pytest.fixture
+def rig() -> Iterator[ServedService]:
+    with ServedService() as served:
+        yield served
+
+
+class TestHaplyEmulator(EmulatorTests):
+    device, name = Haply, "haply"
+
+
+class TestHaplyServed(DeviceTests):
+    """The whole suite with the driver on the virtual service."""
+
+    device, name, hardware = Haply, "haply", True
+    # These two let a virtual clock run past a thread that waits for a wire; test_haply_engine does it in step.
+    test_lifecycle = test_safe_on_exception = None
+
+    @pytest.fixture(autouse=True)
+    def serve(self, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+        service = VirtualService(buttons={"a": True})
+        with ServedService(service) as served:
+            monkeypatch.setattr(type(self), "params", HaplyParams(service=served.address, deadman="a"))
+            yield
+            assert service.force == (0.0, 0.0, 0.0)
+
+
+def test_position_and_force_go_through_the_wire(rig: ServedService) -> None:
+    finger = rig.service.finger
+    with Inverse3(rig.address) as arm:
+        assert arm.device == "049D"
+        arm.write((0.3, -0.6, 1.2))
+        state = arm.read()
+        for _ in range(400):
+            finger.hand = (0.02, -0.13, 0.17)
+            state = arm.read()
+        assert state is not None
+        assert rig.service.force == (0.3, -0.6, 1.2)
+        arm.write((0.0, 0.0, 0.0))
+    assert rig.service.force == (0.0, 0.0, 0.0)
+
+
+def test_the_finger_yields_to_the_motors_as_far_as_its_hand_lets_it() -> None:
+    service = VirtualService()
+    for tick in range(2000):
+        service.answer(messages.force("049D", (0.0, 0.0, 1.5)), 1e-3 * tick)
+    assert service.finger.position == pytest.approx((CENTRE[0], CENTRE[1], CENTRE[2] + 1.5 / 300.0), abs=1e-6)
+
+
+def test_zero_force_on_every_exit(rig: ServedService) -> None:
+    for error in (RuntimeError, KeyboardInterrupt, SystemExit):
+        with pytest.raises(error), Inverse3(rig.address) as arm:
+            arm.write((0.0, 0.0, 2.0))
+            arm.read()
+            assert rig.service.force == (0.0, 0.0, 2.0)
+            raise error
+        assert rig.service.force == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("fault", "value", "error", "words"),
+    [
+        ("mute", 1, Timeout, "in time"),
+        ("late", 5.0, Timeout, "in time"),
+        ("garbage", 1, ProtocolError, "no JSON"),
+        ("odd", 1, ProtocolError, "'y'.*no finite number"),
+        ("nan", 1, ProtocolError, "'z'.*no finite number"),
+        ("far", 1, ProtocolError, "no such arm reaches"),
+        ("hang_up", True, Disconnected, "gone"),
+        ("unplugged", True, Disconnected, "does not list it"),
+        ("unpowered", True, Refused, "no power"),
+        ("uncalibrated", True, NotCalibrated, "not calibrated"),
+    ],
+)
+def test_each_fault_has_a_name_ends_the_force_and_can_be_got_over(
+    rig: ServedService, fault: str, value: Any, error: type[ArmError], words: str
+) -> None:
+    service = rig.service
+    arm = Haply(HaplyParams(service=rig.address))
+    reading, command = records(arm)
+    arm.open()
+    command["wrench"][2] = 2.0
+    arm.write(command)
+    arm.read(reading)
+    before = reading.tobytes()
+    setattr(service.faults, fault, value)
+    with pytest.raises(error, match=words):
+        arm.read(reading)
+    assert reading.tobytes() == before  # nothing that is wrong was passed on
+    arm.close()
+    if fault in ("hang_up", "unplugged"):
+        assert service.force == (0.0, 0.0, 2.0)  # nobody could tell it; what the service does then is its own
+    else:
+        assert service.force == (0.0, 0.0, 0.0)
+    service.faults = type(service.faults)()
+    arm.open()
+    assert service.force == (0.0, 0.0, 0.0)
+    assert arm.read(reading)
+    arm.close()
+
+
+@pytest.mark.parametrize("fault", ["unpowered", "uncalibrated", "unplugged", "garbage", "mute"])
+def test_no_force_is_sent_to_an_arm_that_is_not_fit_for_it(rig: ServedService, fault: str) -> None:
+    setattr(rig.service.faults, fault, 1)
+    arm = Haply(HaplyParams(service=rig.address, calibration_time=0.1))
+    with pytest.raises(DeviceError):
+        arm.open()
+    arm.close()
+    assert not any(any(force) for force in rig.service.asked)
+
+
+def test_an_arm_is_waited_for_until_it_is_calibrated(rig: ServedService, caplog: pytest.LogCaptureFixture) -> None:
+    rig.service.faults.uncalibrated = True
+    looks = []
+
+    def sleep(seconds: float) -> None:
+        looks.append(seconds)
+        rig.service.faults.uncalibrated = len(looks) < 5
+
+    arm = Inverse3(rig.address, calibration_time=60.0, sleep=sleep)
+    arm.open()
+    assert len(looks) == 5
+    assert "not calibrated" in caplog.text
+    arm.close()
+
+
+def test_a_half_said_position_is_completed_and_an_unsaid_one_is_not_new(rig: ServedService) -> None:
+    rig.service.finger.led = True
+    with Inverse3(rig.address) as arm:
+        arm.read()
+        rig.service.finger.position = (0.05, 0.0, 0.0)
+        rig.service.faults.halved = 1
+        state = arm.read()
+        assert state is not None and state.position == (0.05, CENTRE[1], CENTRE[2])
+        rig.service.faults.bare = 1
+        assert arm.read() is None
+
+
+def test_messages_that_nobody_asked_for_do_not_put_it_behind(rig: ServedService) -> None:
+    rig.service.finger.led = True
+    with Inverse3(rig.address) as arm:
+        rig.service.faults.extra = 3
+        for step in range(20):
+            rig.service.finger.position = (1e-3 * step, 0.0, 0.1)
+            state = arm.read()
+            assert state is not None and state.position[0] == 1e-3 * step
+
+
+def test_of_several_arms_one_must_be_named(rig: ServedService) -> None:
+    rig.service.others = ("0001", "0002")
+    with pytest.raises(ArmError, match="several arms.*0001.*device="):
+        Inverse3(rig.address).open()
+    with Inverse3(rig.address, "049D") as arm:
+        arm.write((1.0, 0.0, 0.0))
+        arm.read()
+        assert rig.service.force == (1.0, 0.0, 0.0)
+        rig.service.others = ()  # another one is unplugged: nothing to us
+        assert arm.read() is not None
+    with pytest.raises(NotFound, match="'0003'.*049D"):
+        Inverse3(rig.address, "0003").open()
+
+
+def test_the_service_is_ended_and_started_again(rig: ServedService) -> None:
+    arm = Haply(HaplyParams(service=rig.address))
+    reading, _ = records(arm)
+    arm.open()
+    rig.end()
+    with pytest.raises(Disconnected, match="gone"):
+        for _ in range(3):
+            arm.read(reading)
+    arm.close()
+    with pytest.raises(NotFound, match="no Inverse Service answers.*Haply Hub"):
+        arm.open()
+    rig.start()
+    arm.open()
+    assert arm.read(reading)
+    arm.close()
+
+
+def test_a_second_process_takes_the_force_away(rig: ServedService) -> None:
+    first = Haply(HaplyParams(service=rig.address))
+    reading, command = records(first)
+    first.open()
+    command["wrench"][:3] = (0.0, 1.0, 1.0)
+    first.write(command)
+    first.read(reading)
+    assert any(rig.service.force)
+    for fault in ("", "uncalibrated", "unpowered"):
+        rig.service.force = (0.0, 1.0, 1.0)
+        if fault:
+            setattr(rig.service.faults, fault, True)
+        Haply(HaplyParams(service=rig.address)).make_safe(command)
+        assert rig.service.force == (0.0, 0.0, 0.0)
+    first.close()
+
+
+def test_a_torque_is_refused_and_so_is_what_is_no_force(rig: ServedService) -> None:
+    arm = Haply(HaplyParams(service=rig.address))
+    _, command = records(arm)
+    arm.open()
+    command["wrench"] = (0, 0, 1.0, 0, 0.1, 0)
+    with pytest.raises(ValueError, match="locked"):
+        arm.write(command)
+    command["wrench"] = (0, float("nan"), 1.0, 0, 0, 0)
+    with pytest.raises(ValueError, match="finite"):
+        arm.write(command)
+    arm.close()
+    with pytest.raises(DeviceError, match="not open"):
+        arm.write(command)
+    assert not any(any(force) for force in rig.service.asked)
+
+
+def test_the_grip_and_its_button(rig: ServedService) -> None:
+    rig.service.finger.led = True
+    arm = Haply(HaplyParams(service=rig.address, grip=(0.0, 0.0, -0.03), deadman="b"))
+    reading, _ = records(arm)
+    arm.open()
+    arm.read(reading)
+    assert reading["pose"][:3] == pytest.approx((CENTRE[0], CENTRE[1], CENTRE[2] - 0.03))
+    assert reading["deadman"].item() == 0.0
+    rig.service.buttons = {"a": False, "b": True}
+    arm.read(reading)
+    assert reading["deadman"].item() == 1.0
+    arm.close()
+
+
+def test_axes_that_another_program_has_turned_are_refused() -> None:
+    with pytest.raises(Refused, match="'XZY'"):
+        messages.check({"device_id": "1", "config": {"basis": {"permutation": "XZY"}}})
+
+
+@pytest.mark.parametrize("service", ["", "localhost", "localhost:", "localhost:http", "localhost:70000", ":10001"])
+def test_an_address_that_is_none(service: str) -> None:
+    with pytest.raises(NotFound, match="HOST:PORT"):
+        Inverse3(service).open()
+
+
+def test_something_else_that_listens_there_is_no_service() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+
+        def answer() -> None:
+            line, _ = listener.accept()
+            line.recv(4096)
+            line.sendall(b"HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\n\r\n")
+            line.close()
+
+        thread = threading.Thread(target=answer)
+        thread.start()
+        with pytest.raises(ArmError, match=r"no Inverse Service|gone"):
+            Inverse3(f"127.0.0.1:{listener.getsockname()[1]}").open()
+        thread.join()
+
+
+def test_what_is_attached_is_told_with_what_is_wrong_with_it(rig: ServedService) -> None:
+    (found,) = look(rig.address)
+    assert found.usable and found.where == "Inverse3 049D"
+    rig.service.faults.unpowered = True
+    (found,) = look(rig.address)
+    assert not found.usable and "no power" in found.note
+    rig.service.faults.unplugged = True
+    (found,) = look(rig.address)
+    assert not found.usable and "no Inverse3" in found.note
+    rig.end()
+    (found,) = look(rig.address)
+    assert not found.usable and "Haply Hub" in found.note
+    rig.start()
+    assert not rig.service.asked
+
+
+@pytest.mark.parametrize("sessions", [True, False])
+def test_the_session_is_named_once_and_only_where_there_are_sessions(sessions: bool) -> None:
+    trace = io.StringIO()
+    with (
+        ServedService(VirtualService(sessions=sessions)) as rig,
+        Inverse3(rig.address, trace=Trace(trace, "arm")) as arm,
+    ):
+        arm.read()
+    sent = [json.loads(entry.data) for entry in read_trace(trace.getvalue().splitlines()) if entry.mark == ">"]
+    assert ["session" in message for message in sent] == [sessions, False, False]
+
+
+def test_the_wire_is_that_of_the_golden_transcript(rig: ServedService) -> None:
+    """Recorded with the virtual service: opening, three exchanges, closing."""
+    rig.service.finger.led = True
+    stream = io.StringIO()
+    with Inverse3(rig.address, trace=Trace(stream, "arm", clock=lambda: 0.0)) as arm:
+        for step in range(3):
+            rig.service.finger.position = (0.01 * step, -0.12, 0.15)
+            arm.write((0.0, 0.25 * step, -0.5))
+            arm.read()
+    assert stream.getvalue() == GOLDEN.read_text(encoding="utf-8")
+
+
+PLAIN = {
+    "device_id": "04BA",
+    "state": {"cursor_position": {"x": 0.078, "y": -0.148, "z": 0.143}, "cursor_velocity": {"x": 0, "y": 0, "z": 0}},
+}
+
+
+def test_a_service_of_another_hand_with_less_in_its_messages() -> None:
+    """A server made with the library's own, which answers as the documentation of version 3.1 says, and no more."""
+    from websockets.sync.server import ServerConnection, serve
+
+    heard: list[dict[str, Any]] = []
+
+    def handler(line: ServerConnection) -> None:
+        line.send(json.dumps({"inverse3": [{**PLAIN, "config": {"type": "inverse3"}}], "verse_grip": []}))
+        for text in line:
+            heard.append(json.loads(text))
+            line.ping()
+            line.send([json.dumps({"inverse3": [PLAIN]})[:9], json.dumps({"inverse3": [PLAIN]})[9:]])  # in two frames
+
+    with serve(handler, "127.0.0.1", 0) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        arm = Inverse3(f"127.0.0.1:{server.socket.getsockname()[1]}")
+        arm.open()
+        arm.write((0.1, 0.2, 0.3))
+        for _ in range(50):
+            state = arm.read()
+            assert state is not None and state.position == (0.078, -0.148, 0.143)
+        arm.close()
+        server.shutdown()
+        thread.join()
+    assert [m["inverse3"][0]["commands"]["set_cursor_force"]["values"] for m in heard[-2:]] == [
+        {"x": 0.1, "y": 0.2, "z": 0.3}, {"x": 0.0, "y": 0.0, "z": 0.0},
+    ]  # fmt: skip
+    assert not any("session" in message for message in heard)
+
+
+def records(arm: Haply) -> tuple[Record, Record]:
+    reads, commands = arm.channels(arm.params)
+    return tuple(Record.of(Field(c.name, "f8", c.size) for c in side) for side in (reads, commands))  # type: ignore[return-value]
