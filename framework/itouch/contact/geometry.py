@@ -135,6 +135,15 @@ class Geometry:
         """Numbers that one probe remembers between steps."""
         return layout.MEMORY_POSES + 7 * self.count
 
+    def memory_range(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Return the lowest and the highest number of each place of a probe's memory that is an index or a count."""
+        low, high = np.full(self.memory_size(), -np.inf), np.full(self.memory_size(), np.inf)
+        objects = slice(layout.MEMORY_CONTACTS, layout.MEMORY_CONTACTS + 2 * layout.MAX_CONTACTS, 2)
+        low[[layout.MEMORY_SLIP, layout.MEMORY_COUNT]] = 0
+        high[layout.MEMORY_SLIP], high[layout.MEMORY_COUNT] = layout.SLIP_SLIDE, layout.MAX_CONTACTS
+        low[objects], high[objects] = -1, self.count - 1
+        return tuple(low.tolist()), tuple(high.tolist())
+
     def new_memory(self) -> Floats:
         """Return the zeroed memory of one probe: its first step is a reset."""
         return np.zeros(self.memory_size())

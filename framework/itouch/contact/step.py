@@ -35,8 +35,9 @@ def recall(site: Floats, mesh: Mesh | None, memory: Floats) -> None:
     if mesh is not None:
         for c in range(int(memory[at.MEMORY_COUNT])):
             obj, t = memory[at.MEMORY_CONTACTS + 2 * c], int(memory[at.MEMORY_CONTACTS + 2 * c + 1])
+            there = 0 <= t < mesh[1].shape[0]  # the memory may come from a file
             for k in range(at.FRAME_FIRST, int(site[at.ENDS, at.END_FRAMES])):
-                if site[k, at.FRAME_OBJECT] == obj and site[k, at.FRAME_KIND] == at.KIND_MESH:
+                if there and site[k, at.FRAME_OBJECT] == obj and site[k, at.FRAME_KIND] == at.KIND_MESH:
                     add_seed(site, k, t, 1.0)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -9,17 +10,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+Bound = float | tuple[float, ...]
+
 
 @dataclass(frozen=True, slots=True)
 class Field:
     """A named piece of State: a NumPy scalar type and a size; size 0 is a plain scalar.
 
-    ``dtype`` may be a list of (name, type) pairs for a table of ``size`` rows.
+    ``dtype`` may be a list of (name, type) pairs for a table of ``size`` rows.  ``low`` and ``high`` say what it may
+    hold where that matters, as of an index or a choice: one number for all components, or one each (infinite: any).
+    A stored session that holds anything else is refused; in a run they are not looked at.
     """
 
     name: str
     dtype: Any = "f8"
     size: int | tuple[int, ...] = 0
+    low: Bound = -math.inf
+    high: Bound = math.inf
+
+    def __post_init__(self) -> None:
+        for label, bound in (("low", self.low), ("high", self.high)):
+            if isinstance(bound, tuple) and len(bound) != self.size:
+                raise ValueError(f"state field '{self.name}': {label} has {len(bound)} numbers for size {self.size}")
 
     def descriptor(self, prefix: str = "") -> tuple[Any, ...]:
         """Return the entry of a NumPy dtype list."""

@@ -1,41 +1,43 @@
-"""Whether a stored State can be one: what is used as an index or as a choice must be in range."""
+"""Whether a stored State can be one: what is used as an index, a count or a choice must be in range."""
 
 from __future__ import annotations
 
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
 from itouch.plugin import Record
 from itouch.world import Model
+from itouch.world.state import layout
 
-#: Statuses that a device may have: CLOSED, OPEN, ENABLED, FAULT.
-_STATUSES = 4
+#: Greatest count: one more must still be a number.
+_MOST = 1 << 62
 
 
 def check_plausible(model: Model, state: Record) -> None:
-    """Check every field of the framework that is an index, a count or a choice.
+    """Check every field by the range that it was declared with, and that every count can go on.
 
     Raises
     ------
     ValueError
         Naming the field, what it holds, and the range.
     """
-    objects = len(model.objects)
-    _within(state, "tick", 0, 1 << 62)
-    _within(state, "ready", 0, 1)
-    for device in model.devices:
-        _within(state, f"{device}.status", 0, _STATUSES - 1)
-        for name in ("age", "sequence", "clamped", "dropped"):
-            _within(state, f"{device}.{name}", 0, 1 << 62)
-        _within(state, f"{device}.touch_off.stage", 0, 3)
-        _within(state, f"{device}.touch_off.point", 0, 8)
-    for probe in model.probes:
-        for name in ("object", "near_object", "contact.object"):
-            _within(state, f"{probe.name}.{name}", -1, objects - 1)
-        _within(state, f"{probe.name}.hand.ticks", 0, 1 << 62)
-    _within(state, "events.count", 0, 1 << 62)
+    for field in layout(model):
+        values = state[field.name]
+        if values.dtype.names is not None:
+            continue
+        if values.dtype.kind == "i":
+            _within(field.name, values, np.full(values.shape, -_MOST), np.full(values.shape, _MOST))
+        low, high = (np.broadcast_to(np.asarray(bound, np.float64), values.shape) for bound in (field.low, field.high))
+        _within(field.name, values, low, high)
 
 
-def _within(state: Record, name: str, low: int, high: int) -> None:
-    if name not in state:
+def _within(name: str, values: NDArray[Any], low: NDArray[Any], high: NDArray[Any]) -> None:
+    limited = np.isfinite(low) | np.isfinite(high)
+    inside = (values >= low) & (values <= high)
+    if (inside | ~limited).all():
         return
-    for value in state[name].ravel().tolist():
-        if not low <= value <= high:
-            raise ValueError(f"{name} = {value!r} is out of range: {low} to {high}")
+    index = np.unravel_index(int(np.argmax(limited & ~inside)), values.shape)
+    place = name + (f"[{', '.join(str(i) for i in index)}]" if index else "")
+    raise ValueError(f"{place} = {values[index].item()!r} is out of range: {low[index]:g} to {high[index]:g}")

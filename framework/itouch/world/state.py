@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable
+from dataclasses import replace
 
 from itouch.contact.surfaces import EFFECTS_MEMORY
 from itouch.plugin import Field, Record
@@ -11,6 +13,8 @@ from itouch.world.model import Model
 from itouch.world.rig import DeviceModel
 from itouch.world.supervision import supervision
 
+#: The range of what must be a number.
+_FINITE = (-sys.float_info.max, sys.float_info.max)
 #: How many contact events are remembered in State.
 EVENTS = 64
 #: One remembered event.
@@ -33,18 +37,21 @@ EVENT_DTYPE = [
 
 def layout(model: Model) -> tuple[Field, ...]:
     """Return all fields of the State of a model, in order."""
-    fields: list[Field] = [Field("tick", "i8"), Field("seed", "u8"), Field("ready", "i8"), Field("hold", "i8")]
     count = len(model.objects)
+    fields: list[Field] = [
+        Field("tick", "i8", low=0), Field("seed", "u8"), Field("ready", "i8", low=0, high=1), Field("hold", "i8")
+    ]  # fmt: skip
     fields += [Field("objects.pose", "f8", (count, 7)), Field("objects.twist", "f8", (count, 6))]
     if model.moving:
-        fields.append(Field("objects.ticks", "i8"))
+        fields.append(Field("objects.ticks", "i8", low=0))
     if model.motions.bodies is not None:
         fields.append(Field("objects.physics", "f8", model.motions.bodies.state_size))
     for device in model.devices.values():
         fields += _device(device)
     for probe in model.probes:
-        fields += _prefixed(probe.name, _PROBE)
-        fields.append(Field(f"{probe.name}.memory", "f8", model.memory_size))
+        fields += _prefixed(probe.name, _probe(count))
+        low, high = model.geometry.memory_range()
+        fields.append(Field(f"{probe.name}.memory", "f8", model.memory_size, low, high))
         fields.append(Field(f"{probe.name}.result", "f8", model.result_size))
         if any(effects.any for effects in probe.effects):
             fields.append(Field(f"{probe.name}.effects", "f8", EFFECTS_MEMORY))
@@ -52,16 +59,16 @@ def layout(model: Model) -> tuple[Field, ...]:
             fields += _prefixed(f"{probe.name}.hand", _HAND)
     for modality in model.modalities:
         fields += _prefixed(modality.name, modality.instance.fields(modality.model))
-    fields += [Field("events.count", "i8"), Field("events.table", EVENT_DTYPE, EVENTS), *marks.FIELDS]
+    fields += [Field("events.count", "i8", low=0), Field("events.table", EVENT_DTYPE, EVENTS), *marks.FIELDS]
     return tuple(fields)
 
 
 def _prefixed(prefix: str, fields: Iterable[Field]) -> list[Field]:
-    return [Field(f"{prefix}.{field.name}", field.dtype, field.size) for field in fields]
+    return [replace(field, name=f"{prefix}.{field.name}") for field in fields]
 
 
-_PROBE = (
-    # the figures that one tick writes, in the order of ``itouch.loop.render``
+#: The figures that one tick writes, in the order of ``itouch.loop.render``.
+_FIGURES = (
     Field("hip", "f8", 3),
     Field("velocity", "f8", 3),
     Field("proxy", "f8", 3),
@@ -80,11 +87,23 @@ _PROBE = (
     Field("plate_yield"),
     Field("plate_top"),
     Field("tracking"),
-    Field("object", "i8"),
-    Field("near_object", "i8"),
-    Field("plate", "i8"),
-    # the open contact
-    Field("contact.object", "i8"),
+)
+
+
+def _probe(objects: int) -> tuple[Field, ...]:
+    """Return the State of a probe in a scene of so many objects."""
+    which = ("object", "near_object")
+    return (
+        *_FIGURES,
+        *(Field(name, "i8", low=-1, high=objects - 1) for name in which),
+        Field("plate", "i8"),
+        Field("contact.object", "i8", low=-1, high=objects - 1),
+        *_CONTACT,
+    )
+
+
+#: The open contact, and the true plate under a finger's twin, in the order of ``itouch.twin.mechanics``.
+_CONTACT = (
     Field("contact.begin", "i8"),
     Field("contact.separated", "i8"),
     Field("contact.plate", "i8"),
@@ -94,7 +113,6 @@ _PROBE = (
     Field("contact.peak_area"),
     Field("contact.impact_speed"),
     Field("contact.physical_begin", "i8"),
-    # the true plate under a finger's twin, in the order of ``itouch.twin.mechanics``
     Field("plate_touched", "i8"),
     Field("plate_force"),
     Field("plate_true_top"),
@@ -106,7 +124,7 @@ _HAND = (
     Field("position", "f8", 3),
     Field("velocity", "f8", 3),
     Field("target", "f8", 3),
-    Field("ticks", "i8"),
+    Field("ticks", "i8", low=0),
     Field("offset", "f8", 3),
     Field("steered", "i8"),
     Field("wanted", "f8", 3),
@@ -117,14 +135,14 @@ def _device(device: DeviceModel) -> list[Field]:
     name = device.name
     fields = [Field(f"{name}.{channel.name}", "f8", channel.size) for channel in device.reads]
     fields += [Field(f"{name}.command.{channel.name}", "f8", channel.size) for channel in device.commands]
-    fields += [Field(f"{name}.sent.{channel.name}", "f8", channel.size) for channel in device.commands]
+    fields += [Field(f"{name}.sent.{channel.name}", "f8", channel.size, *_FINITE) for channel in device.commands]
     fields += _prefixed(name, supervision(device.reads, device.commands))
     if device.touch_off:
         fields += _prefixed(
             f"{name}.touch_off",
             (
-                Field("stage", "i8"),
-                Field("point", "i8"),
+                Field("stage", "i8", low=0, high=3),
+                Field("point", "i8", low=0, high=device.touch_off),
                 Field("sums", "f8", 5),
                 Field("offsets", "f8", device.touch_off),
                 Field("target"),

@@ -14,35 +14,35 @@ RATE_WINDOW, FLUX_WINDOW = 50, 100
 SPEED_WINDOW = 5
 
 _EVERY = (
-    Field("status", "i8"),
+    Field("status", "i8", low=0, high=3),  # CLOSED, OPEN, ENABLED, FAULT
     Field("trip", "i8"),
     Field("tripped", "i8"),
-    Field("ramp"),
-    Field("age", "i8"),
-    Field("sequence", "i8"),
-    Field("clamped", "i8"),
-    Field("dropped", "i8"),
+    Field("ramp", low=0.0, high=1.0),
+    Field("age", "i8", low=0),
+    Field("sequence", "i8", low=0),
+    Field("clamped", "i8", low=0),
+    Field("dropped", "i8", low=0),
     Field("strayed", "i8"),
     Field("calibration", "f8", 7),
 )
 
 _CARRIED = (
-    Field("contact_time"),
+    Field("contact_time", low=0.0),
     Field("withdrawn", "i8"),
     Field("stopped", "i8"),
     Field("doubted"),
     Field("near_since", "i8"),
     Field("compared", "i8"),
-    Field("tracked", "i8"),
+    Field("tracked", "i8", low=0),
     Field("track", "f8", (SPEED_WINDOW + 1, 3)),
 )
 
 _HEAT = (
     Field("touched", "i8"),
-    Field("heat.samples", "i8"),
+    Field("heat.samples", "i8", low=0),
     Field("heat.touched", "i8"),
-    Field("heat.dose"),
-    Field("heat.share"),
+    Field("heat.dose", low=0.0),
+    Field("heat.share", low=0.0, high=1.0),
     Field("heat.frozen"),
     Field("heat.frozen_for"),
     Field("heat.frozen_drive"),

@@ -176,7 +176,7 @@ class Heat(Modality):
         return (
             Field("desired"),
             Field("in_contact", "i8"),
-            Field("object", "i8"),
+            Field("object", "i8", low=-1, high=count - 1),
             Field("skin_temperature"),
             Field("resistance"),
             Field("contact_area"),
@@ -185,7 +185,7 @@ class Heat(Modality):
             Field("objects", "f8", (count, model.widest)),
             Field("touched", "i8", count),
             Field("skin_ring", "f8", model.window),
-            Field("skin_count", "i8"),
+            Field("skin_count", "i8", low=0),
         )
 
     def reset(self, model: HeatModel, state: Record) -> None:

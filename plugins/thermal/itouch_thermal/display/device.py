@@ -66,14 +66,15 @@ class DisplayTwin(Twin):
 
     def fields(self) -> tuple[Field, ...]:
         """Return modes, delay line, sensors, energies and the generator's word."""
+        slots = 1 + round(self.params.delay / SHORTEST)
         return (
             Field("true_flux"),
             Field("true_skin"),
             Field("true_plate"),
-            Field("memory", "f8", plant.MEMORY),
+            Field("memory", "f8", plant.MEMORY, *_one(plant.MEMORY, plant.SLOT, slots - 1)),
             Field("tissue", "f8", self._column.tissue.shape[1]),
             Field("plate", "f8", self._column.plate.shape[1]),
-            Field("line", "f8", 1 + round(self.params.delay / SHORTEST)),
+            Field("line", "f8", slots),
             Field("noise", "u8", 1),
         )
 
@@ -215,3 +216,10 @@ class ThermalDisplay(HardwareDisplay):
         """Return the half extents [m] of the plate, a square of its area."""
         half = 0.5 * math.sqrt(params.area)
         return half, half
+
+
+def _one(size: int, index: int, most: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return the ranges of numbers of which one is an index from 0 to ``most`` and the others are free."""
+    low, high = [-math.inf] * size, [math.inf] * size
+    low[index], high[index] = 0.0, float(most)
+    return tuple(low), tuple(high)

@@ -218,7 +218,11 @@ class ModelLaw:
             "work": wide + planner.HATS * (planner.HATS + 1), "future": self.ahead + 1,
             "trace": round(RATE_OVER / self.step), "span": (2, self.steps),
         }  # fmt: skip
-        return tuple(Field(self.prefix + name, "f8", size) for name, size in sizes.items())
+        low, high = {"slots": (0.0, float(self.delay))}, {"slots": (max(0.0, self.delay - 1.0), float(self.delay))}
+        return tuple(
+            Field(self.prefix + name, "f8", size, low.get(name, -math.inf), high.get(name, math.inf))
+            for name, size in sizes.items()
+        )
 
     def reset(self, state: Record) -> None:
         """Begin with an even plate at the room's temperature and the data sheets' values."""

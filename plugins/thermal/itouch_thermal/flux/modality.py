@@ -43,7 +43,7 @@ class FluxControl(Modality):
             Field("approached", "i8"),
             Field("preset_begun", "i8"),
             Field("touching", "i8"),
-            Field("object", "i8"),
+            Field("object", "i8", low=-1, high=len(model.curves) - 1),
             Field("begun", "i8"),
             Field("fresh", "i8"),
             Field("pressing", "i8"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from itouch.plugin import Field, Record
 from itouch_thermal.flux import approach
@@ -32,13 +33,13 @@ def memory(model: FluxModel) -> tuple[Field, ...]:
     if model.law is None or model.preview is None:
         return ()
     cut = len(model.name) + 1
-    own = tuple(Field(field.name[cut:], field.dtype, field.size) for field in model.law.fields())
+    own = tuple(replace(field, name=field.name[cut:]) for field in model.law.fields())
     size = state_size(model.preview.finger)
     return (
         *own,
         Field("preview_finger", "f8", size),
         Field("preview_object", "f8", model.preview.widest),
-        Field("preview_index", "i8"),
+        Field("preview_index", "i8", low=-1, high=len(model.curves) - 1),
         Field("reached", "i8"),
         Field("tracked", "i8"),
         Field("force_before"),

@@ -1,0 +1,72 @@
+"""What a stored State may hold: every number that is used as an index or a choice is in its declared range."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from shipped import SCENES
+
+import itouch
+from itouch.plugin import Field
+from itouch.session.engine import Session
+from itouch.session.plausible import check_plausible
+
+HUGE = float(1 << 62)
+
+
+@pytest.fixture(scope="module")
+def session() -> Iterator[Session]:
+    built = itouch.build(SCENES / "four_materials.xml", seed=3)
+    built.run(1.0)
+    yield built
+    built.close()
+
+
+def test_a_state_that_has_run_is_plausible(session: Session) -> None:
+    check_plausible(session.model, session.state)
+
+
+@pytest.mark.parametrize(
+    ("field", "index", "value"),
+    [
+        ("tick", None, -1), ("ready", None, 2), ("arm.status", None, 4), ("arm.status", None, -1),
+        ("arm.ramp", None, 1.5), ("arm.ramp", None, -math.inf), ("arm.sent.wrench", 2, math.nan),
+        ("table.sent.pose_target", 0, math.inf), ("table.tracked", None, np.iinfo(np.int64).max),
+        ("table.touch_off.stage", None, 9), ("table.touch_off.point", None, 900),
+        ("finger.object", None, 99), ("finger.contact.object", None, -2), ("finger.near_object", None, 1 << 40),
+        ("finger.memory", 5, math.nan), ("finger.memory", 5, 1e18), ("finger.memory", 6, 99.0), ("finger.memory", 12, -2.0),
+        ("peltier.heat.samples", None, -5), ("peltier.heat.dose", None, -1e9), ("peltier.heat.share", None, 7.0),
+        ("peltier.twin.memory", 23, 1e6), ("peltier.twin.memory", 23, math.nan), ("peltier.twin.memory", 23, -1.0),
+        ("heat.object", None, 99), ("heat.skin_count", None, np.iinfo(np.int64).max),
+        ("flux-control.object", None, 99), ("flux-control.preview_index", None, -7),
+        ("flux-control.slots", 0, 1e18), ("flux-control.slots", 0, math.nan), ("flux-control.slots", 1, 1e6),
+    ],
+)  # fmt: skip
+def test_what_would_be_used_as_an_index_is_refused(
+    session: Session, field: str, index: int | None, value: float
+) -> None:
+    forged = session.state.copy()
+    if index is None:
+        forged[field] = value
+    else:
+        forged[field][index] = value
+    with pytest.raises(ValueError, match=field.replace(".", r"\.")) as caught:
+        check_plausible(session.model, forged)
+    assert "out of range" in str(caught.value)
+
+
+def test_what_is_free_may_be_anything(session: Session) -> None:
+    free = session.state.copy()
+    free["peltier.twin.memory"][0] = math.nan
+    free["finger.memory"][1] = -HUGE
+    free["heat.desired"] = math.inf
+    check_plausible(session.model, free)
+
+
+def test_a_field_has_a_range_for_all_or_for_each() -> None:
+    Field("slot", "f8", 3, low=(0.0, -math.inf, -1.0), high=4.0)
+    with pytest.raises(ValueError, match=r"state field 'slot': low has 2 numbers for size 3"):
+        Field("slot", "f8", 3, low=(0.0, 1.0))
