@@ -15,13 +15,17 @@ from reference_pages import write_pages
 project = "itouch-py"
 author = "the itouch-py developers"
 version = release = installed("itouch-py")
-extensions = ["myst_parser"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+autodoc_member_order = "groupwise"
+autodoc_class_signature = "mixed"
+napoleon_google_docstring = False
+napoleon_use_ivar = True
 myst_enable_extensions = ["colon_fence", "dollarmath"]
 myst_heading_anchors = 3
 html_theme = "furo"
 html_title = f"itouch-py {version}"
 exclude_patterns = ["_build", "explanation/reproduced"]
-suppress_warnings = ["myst.header"]
+suppress_warnings = ["myst.header", "ref.python"]
 
 
 def _reproduce_paper() -> None:

@@ -6,6 +6,10 @@ import hashlib
 from collections.abc import Callable
 from pathlib import Path
 
+import channels
+import python_api
+import units_page
+
 HERE = Path(__file__).parent
 
 
@@ -25,7 +29,7 @@ def write_pages() -> None:
 
 
 def _pages() -> dict[str, Callable[[], str]]:
-    return {"scene.md": _scene}
+    return {"scene.md": _scene, "channels.md": channels.page, "units.md": units_page.page, **python_api.pages()}
 
 
 def _scene() -> str:
