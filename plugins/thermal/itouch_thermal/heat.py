@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from itouch.plugin import Contact as ContactKind
 from itouch.plugin import ContactEvent, Field, Modality, Record, World, schema
 from itouch_thermal.laws import KINDS, ForceLaw, check_laws, law_of, press_factor
+from itouch_thermal.played import Playing, played_curves
 from itouch_thermal.solver.layers import FINGER_FILM, Back, Film, Initial, Layer, Side
 from itouch_thermal.solver.resistance import ResistanceLaw, contact_area
 
@@ -130,6 +131,7 @@ class HeatModel:
     skin_from: str
     valid_from: str
     window: int
+    playing: Playing
 
 
 class Heat(Modality):
@@ -168,6 +170,7 @@ class Heat(Modality):
             skin_from=skin_from,
             valid_from=valid,
             window=max(1, round(SKIN_WINDOW / period)),
+            playing=Playing(played_curves(name, world), period),
         )
 
     def fields(self, model: HeatModel) -> tuple[Field, ...]:
@@ -202,12 +205,13 @@ class Heat(Modality):
         if event.probe != model.probe:
             return
         name = model.name
-        if event.kind is ContactKind.BEGIN and model.bodies[event.object_index] is not None:
+        index = event.object_index
+        if event.kind is ContactKind.BEGIN and (model.bodies[index] is not None or model.playing.plays(index)):
             self._start(model, state)
-            state[f"{name}.object"] = event.object_index
+            state[f"{name}.object"] = index
             state[f"{name}.in_contact"] = 1
             state[f"{name}.since"] = 0
-            state[f"{name}.touched"][event.object_index] = 1
+            state[f"{name}.touched"][index] = 1
         elif event.kind is ContactKind.END:
             state[f"{name}.object"] = -1
             state[f"{name}.in_contact"] = 0
@@ -230,8 +234,11 @@ class Heat(Modality):
         index = state[names.object].item()
         force = state[names.normal_force].item() if index >= 0 else 0.0
         flux, resistance = 0.0, self._resistance(model, state, force, period) if force > 0.0 else np.inf
-        body = model.bodies[index] if math.isfinite(resistance) else None
-        if body is not None:
+        played = model.playing.plays(index)
+        body = model.bodies[index] if math.isfinite(resistance) and not played else None
+        if played and force > 0.0:
+            flux = model.playing.step(model.finger, finger, index, state[names.since].item())
+        elif body is not None:
             flux = live.contact_step(model.finger, finger, body, objects[index], resistance)
         else:
             live.air_step(model.finger, finger)
@@ -249,9 +256,9 @@ class Heat(Modality):
     def _resistance(self, model: HeatModel, state: Record, force: float, period: float) -> float:
         """Return the contact resistance at the end of this period [K m2/W] under a force [N]."""
         resistance = model.law.at(force)
+        since = state[model.names.since].item() + 1
+        state[model.names.since] = since
         if model.press > 0.0:
-            since = state[model.names.since].item() + 1
-            state[model.names.since] = since
             resistance *= press_factor(since * period, model.press)
         return resistance
 
