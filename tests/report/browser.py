@@ -28,7 +28,7 @@ def need_chromium() -> str:
 
 
 class Browser:
-    """One page; ``said`` collects what its console says and what fails in it."""
+    """One page; ``said`` collects what its console says and what fails in it, ``asked`` what it asks a network for."""
 
     def __init__(self, chromium: str) -> None:
         self._folder = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
@@ -47,12 +47,12 @@ class Browser:
         )  # fmt: skip
         os.close(theirs_in)
         os.close(theirs_out)
-        self._number, self._buffer, self.said = 0, b"", []
+        self._number, self._buffer, self.said, self.asked = 0, b"", [], []
         targets = self._call("Target.getTargets")["targetInfos"]
         page = next(target for target in targets if target["type"] == "page")
         self._session = ""
         self._session = self._call("Target.attachToTarget", targetId=page["targetId"], flatten=True)["sessionId"]
-        for domain in ("Page", "Runtime", "Log"):
+        for domain in ("Page", "Runtime", "Log", "Network"):
             self._call(f"{domain}.enable")
 
     def _message(self) -> dict[str, Any]:
@@ -68,6 +68,10 @@ class Browser:
             self.said.append(message["params"]["exceptionDetails"].get("text", "exception"))
         if method == "Runtime.consoleAPICalled" and message["params"]["type"] in ("error", "warning", "assert"):
             self.said.append(str([argument.get("value") for argument in message["params"]["args"]]))
+        if method == "Network.requestWillBeSent":
+            url = message["params"]["request"]["url"]
+            if not url.startswith(("file:", "data:", "blob:")):
+                self.asked.append(url)
         if method == "Log.entryAdded" and message["params"]["entry"]["level"] == "error":
             self.said.append(message["params"]["entry"]["text"])
         return message
@@ -97,6 +101,12 @@ class Browser:
         done = self._call("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
         assert "exceptionDetails" not in done, done["exceptionDetails"]
         return done["result"].get("value")
+
+    def press(self, key: str, *, code: int, text: str = "") -> None:
+        """Press and release a key."""
+        about: dict[str, Any] = {"key": key, "code": key, "windowsVirtualKeyCode": code}
+        self._call("Input.dispatchKeyEvent", type="keyDown", **about, **({"text": text} if text else {}))
+        self._call("Input.dispatchKeyEvent", type="keyUp", **about)
 
     def shoot(self, path: Path) -> None:
         """Write a picture of what is seen."""

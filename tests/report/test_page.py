@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 import subprocess
 import sys
 
@@ -45,6 +46,7 @@ def test_the_page_is_one_file_that_asks_for_nothing(recorded):
     head = text[: text.index('<script id="data"')]
     assert not re.search(r"""(src|href)\s*=\s*["'](?!data:)""", head)
     assert "@import" not in head and "url(" not in head
+    assert "default-src 'none'" in head
 
 
 @pytest.mark.parametrize("width", [400, 1600])
@@ -52,8 +54,9 @@ def test_plots_are_drawn_and_nothing_overflows_or_complains(recorded, browser, w
     browser.said.clear()
     browser.open(recorded / "run.mcap.html", width=width, height=900)
     browser.run(SETTLE)
-    assert browser.said == []
-    assert browser.run("document.querySelectorAll('.plot').length") >= 5
+    assert browser.said == [] and browser.asked == []
+    assert browser.run("document.querySelectorAll('.plot').length") >= 6
+    assert browser.run("document.querySelectorAll('#histogram0 .scatterlayer path.js-fill').length") == 1
     assert browser.run(
         "[...document.querySelectorAll('[id^=chart]')].every(p => p.querySelectorAll('.scatterlayer path.js-line').length > 0)"
     )
@@ -65,38 +68,92 @@ def test_plots_are_drawn_and_nothing_overflows_or_complains(recorded, browser, w
     assert (tmp_path / "page.png").stat().st_size > 20_000
 
 
-def test_choosing_a_contact_shows_it_and_the_button_shows_all(recorded, browser):
+RANGE = "document.getElementById('chart0').layout.xaxis.range"
+POINTS = "document.getElementById('chart0').data[0].x.length"
+WHICH = "document.getElementById('which')"
+
+
+def chosen(browser: Browser) -> tuple[str, list[bool]]:
+    pressed = "[...document.querySelectorAll('tr.choice')].map(r => r.getAttribute('aria-pressed') === 'true')"
+    return browser.run(f"{WHICH}.value"), browser.run(pressed)
+
+
+def test_every_control_chooses_what_the_curves_show(recorded, browser):
+    browser.said.clear()
     browser.open(recorded / "run.mcap.html", width=1200, height=900)
     browser.run(SETTLE)
-    span = browser.run("document.getElementById('chart0').layout.xaxis.range")
+    whole = browser.run(RANGE)
+    assert whole == pytest.approx([0.001, 23.0], abs=0.05) and chosen(browser) == ("-1", [False, False])
     browser.run("document.querySelectorAll('tr.choice')[1].click()")
-    browser.run(SETTLE)
-    chosen = browser.run("document.getElementById('chart0').layout.xaxis.range")
     rows = browser.run("[...document.querySelectorAll('tr.choice')[1].cells].map(c => c.textContent)")
-    assert chosen == pytest.approx([float(rows[2]) - 0.5, float(rows[3]) + 0.5], abs=2e-3)
-    assert browser.run("document.getElementById('which').value") == "1"
-    browser.run("document.getElementById('all').click()")
-    browser.run(SETTLE)
-    again = browser.run("document.getElementById('chart0').layout.xaxis.range")
-    assert again == pytest.approx(span, rel=0.02, abs=0.1)
-    select = "document.getElementById('which')"
-    browser.run(f"{select}.value = '0'; {select}.dispatchEvent(new Event('change'))")
-    browser.run(SETTLE)
-    assert browser.run("document.querySelectorAll('tr.choice')[0].classList.contains('chosen')")
+    assert browser.run(RANGE) == pytest.approx([float(rows[2]) - 0.5, min(23.0, float(rows[3]) + 0.5)], abs=5e-3)
+    assert chosen(browser) == ("1", [False, True])
+    assert browser.run(POINTS) > 1000  # a contact is drawn finer than it is in the whole
+    for button, value in (("before", "0"), ("before", "-1"), ("after", "0"), ("after", "1"), ("all", "-1")):
+        browser.run(f"document.getElementById('{button}').click()")
+        assert chosen(browser)[0] == value
+    assert browser.run(RANGE) == whole
+    assert browser.run("document.getElementById('before').disabled")
+    browser.run(f"{WHICH}.value = '0'; {WHICH}.dispatchEvent(new Event('change'))")
+    assert chosen(browser) == ("0", [True, False])
     assert browser.said == []
 
 
-def test_the_page_prints(recorded, browser):
+def test_a_keyboard_is_enough(recorded, browser):
     browser.open(recorded / "run.mcap.html", width=1200, height=900)
     browser.run(SETTLE)
-    pdf = browser.pdf()
-    assert pdf.startswith(b"%PDF") and len(pdf) > 50_000
+    browser.run("window.printed = 0; window.print = () => { window.printed += 1; }")
+    order: list[str] = []
+    active = "document.activeElement"
+    while "SUMMARY" not in order and len(order) < 100:
+        browser.press("Tab", code=9)
+        order.append(browser.run(f"{active}.id || {active}.className || {active}.tagName"))
+        if order[-1] == "print":
+            browser.press("Enter", code=13, text="\r")
+        if order[-1] == "choice":
+            rows = order.count("choice")
+            browser.press("Enter", code=13) if rows == 1 else browser.press(" ", code=32)
+            assert chosen(browser)[0] == str(rows - 1)
+        if order[-1] == "which":
+            browser.press("ArrowUp", code=38)
+            assert chosen(browser)[0] == "0"
+    assert browser.run("window.printed") == 1
+    assert order[:7] == ["print", "choice", "choice", "before", "which", "after", "all"]
+    assert "SUMMARY" in order
+
+
+def test_every_contact_is_drawn_by_itself_when_it_comes_into_sight(recorded, browser):
+    browser.open(recorded / "run.mcap.html", width=400, height=800)
+    browser.run("document.querySelectorAll('section.contact')[1].scrollIntoView()")
+    browser.run(SETTLE)
+    small = "[...document.querySelectorAll('section.contact')[1].querySelectorAll('.small')]"
+    assert browser.run(f"{small}.length") >= 5
+    assert browser.run(f"{small}.every(p => p.querySelectorAll('.scatterlayer path.js-line').length > 0)")
+    first = browser.run(f"{small}[0].data[0].x[0]")
+    assert first == pytest.approx(-0.5, abs=2e-3)  # seconds since the touch
+
+
+def test_the_page_prints_all_of_it(recorded, browser, tmp_path):
+    browser.open(recorded / "run.mcap.html", width=400, height=800)
+    browser.run(SETTLE)
+    wide = browser.run("document.getElementById('chart0').layout.height")
+    (tmp_path / "page.pdf").write_bytes(browser.pdf())
+    assert browser.run("[...document.querySelectorAll('.small')].every(p => p.dataset.drawn === 'yes')")
+    assert not browser.run("document.querySelector('details').open")
+    assert browser.run("document.getElementById('chart0').layout.height") == wide
+    assert browser.run("document.documentElement.scrollWidth") <= 400
+    if pdftotext := shutil.which("pdftotext"):
+        text = subprocess.run(
+            [pdftotext, tmp_path / "page.pdf", "-"], capture_output=True, text=True, check=True
+        ).stdout
+        for part in ("aluminium", "Contact by contact", "The scene that ran", "<itouch version", "Provenance"):
+            assert part in text
 
 
 def test_the_page_tells_what_the_session_was(recorded, browser):
     browser.open(recorded / "run.mcap.html", width=1200, height=900)
     text = browser.run("document.body.innerText")
-    for part in ("aluminium", "pyrex", "Faults", "none", "23.000 s", "itouch-py", "commands differ"):
+    for part in ("aluminium", "pyrex", "Faults", "none", "23.000 s", "itouch-py", "commands that differ"):
         assert part in text
     session = itouch.restore(recorded / "end.itouch")
     first = session.report()["contacts"][0]
@@ -114,6 +171,7 @@ def test_a_snapshot_has_a_page_without_curves(recorded, browser):
 def test_faults_are_shown_and_names_are_not_markup(recorded):
     findings = collect(recorded / "end.itouch")
     findings.faults = [{"time_s": 1.5, "device": "<b>x</b>", "trip": "silence", "cause": "</script><i>", "scene": None}]
+    findings.notices = ["\ud800 \0 <script>"]
     findings.scene_xml = "</script><script>alert(1)</script>"
     text = page(findings)
     assert "&lt;b&gt;x&lt;/b&gt;" in text and "<b>x</b>" not in text

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import os
+import sys
 from collections.abc import Sequence
 
 from itouch.cli.arguments import output_file
@@ -16,15 +18,23 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("-o", "--output", type=output_file, required=True, metavar="FILE.html", help="the page")
     parser.add_argument("--no-picture", action="store_true", help="leave the picture of the scene out")
     options = parser.parse_args(argv)
+    given, target = options.session, options.output
+    if os.path.exists(given) and os.path.exists(target) and os.path.samefile(given, target):
+        raise ItouchError(f"'{target}' is the session itself; name another file for the page")
     from itouch.report.collect import collect
     from itouch.report.page import page, scene_picture
 
-    findings = collect(options.session)
+    findings = collect(options.session, progress=_shown if sys.stderr.isatty() else None)
     text = page(findings, picture=None if options.no_picture else scene_picture(findings))
     try:
         with open(options.output, "w", encoding="utf-8") as stream:
             stream.write(text)
     except OSError as error:
         raise ItouchError(f"cannot write '{options.output}': {error.strerror or error}") from error
-    print(f"wrote {options.output}: {findings.kind}, {len(findings.contacts)} contacts")
+    size = os.path.getsize(options.output) / 1e6
+    print(f"wrote {options.output}: {findings.kind}, {len(findings.contacts)} contacts, {size:.1f} MB")
     return 0
+
+
+def _shown(part: float) -> None:
+    print(f"\rreplaying: {100 * part:.0f} %", end="\r" if part < 1.0 else "\n", file=sys.stderr, flush=True)

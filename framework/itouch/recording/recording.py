@@ -107,6 +107,13 @@ class Recording(Mapping[str, NDArray[Any]]):
         return self._letters("/log/timing")
 
     @property
+    def report(self) -> dict[str, Any] | None:
+        """The session's report at the end of the recording; None if it was cut, or is of an earlier version."""
+        found = self._letters("/log/report")
+        report = found[-1].get("report") if found else None
+        return report if isinstance(report, dict) else None
+
+    @property
     def histograms_us(self) -> dict[str, list[list[float]]]:
         """``lateness`` (in real time) and ``tick``: lower edge [us], upper edge [us], count; empty in old files."""
         return histograms_us(self.session, self.timing)

@@ -35,6 +35,7 @@ LETTERS: dict[str, dict[str, Any]] = {
     "/log/lifecycle": {"tick": "integer", "time": "number", "device": "string", "status": "string"},
     "/log/timing": {"tick": "integer", "time": "number", "p50": "number", "p99": "number", "max": "number",
                 "overruns": "integer", "lost": "integer", "waiting": "integer", "lateness": "array", "ticks": "array"},
+    "/log/report": {"tick": "integer", "time": "number", "report": "object"},
 }  # fmt: skip
 
 

@@ -3,38 +3,37 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any
 
 from itouch.plugin import Record
 from itouch.plugin.discovery import Catalog
-from itouch.viewer.signals import Chart, Signal, charts
+from itouch.report.curves import Curves, Sampler
 from itouch.world import Model
 
-#: Samples of a curve at most; a longer session is thinned out.
-MOST = 20_000
+if TYPE_CHECKING:
+    from itouch.recording import Recording
 
+#: Ticks between two calls of ``progress``.
+_TOLD_EVERY = 5000
 
-@dataclass(slots=True)
-class Curves:
-    """Charts with their sampled signals; ``values`` has one row a signal of all charts in order."""
-
-    charts: tuple[Chart, ...]
-    times: NDArray[np.float64]
-    values: NDArray[np.float64]
+Progress = Callable[[float], None]
 
 
 @dataclass(slots=True)
 class Findings:
-    """All that the page shows."""
+    """All that the page shows.
+
+    ``report`` is the session's own, with the keys of ``docs/reference/report.md``; the page takes every figure from it.
+    ``timing`` has the keys of its ``servo``, as far as they are known.
+    """
 
     title: str
     kind: str
-    summary: dict[str, Any]
-    contacts: list[dict[str, Any]]
+    summary: dict[str, str]
+    report: dict[str, Any]
     faults: list[dict[str, Any]]
     marks: list[dict[str, Any]]
     losses: list[str]
@@ -46,48 +45,17 @@ class Findings:
     state: Record | None
     notices: list[str] = field(default_factory=list)
 
-
-class Sampler:
-    """Reads the signals of a model every so many ticks."""
-
-    def __init__(self, model: Model, ticks: int) -> None:
-        self.charts = (*charts(model), *_gaps(model))
-        self._signals = [signal for chart in self.charts for signal in chart.signals]
-        self._every, self._period = max(1, -(-ticks // MOST)), model.period
-        self._times: list[float] = []
-        self._rows: list[list[float]] = []
-        self._count = 0
-
-    def add(self, state: Record) -> None:
-        """Take a sample, if one is due."""
-        if self._count % self._every == 0:
-            self._times.append(int(state["tick"]) * self._period)
-            self._rows.append([signal.read(state) for signal in self._signals])
-        self._count += 1
-
-    def curves(self) -> Curves:
-        """Return what was sampled."""
-        values = np.array(self._rows, float).reshape(len(self._rows), len(self._signals)).T
-        return Curves(self.charts, np.array(self._times), values)
+    @property
+    def contacts(self) -> list[dict[str, Any]]:
+        """One entry each, as in the report."""
+        return list(self.report["contacts"])
 
 
-def _gaps(model: Model) -> tuple[Chart, ...]:
-    found = tuple(
-        Signal(probe.name, (0.0, 0.0, 0.0), _millimetres(f"{probe.name}.plate_gap"))
-        for probe in model.probes
-        if probe.scene.surface_to
-    )
-    return (Chart("gap between plate and virtual surface", "mm", found, 0.1),) if found else ()
-
-
-def _millimetres(key: str) -> Any:
-    return lambda state: float(state[key]) * 1e3
-
-
-def collect(path: str | os.PathLike[str]) -> Findings:
+def collect(path: str | os.PathLike[str], *, progress: Progress | None = None) -> Findings:
     """Return what a recording (.mcap) or a snapshot (.itouch) tells.
 
-    A recording is replayed, so that all of State is known at every tick, not only what was recorded.
+    A recording is replayed, so that all of State is known at every tick, not only what was recorded; ``progress`` is
+    told now and then which part of it is done, 0 to 1.
 
     Raises
     ------
@@ -95,69 +63,128 @@ def collect(path: str | os.PathLike[str]) -> Findings:
         If the file can't be read.
     """
     name = os.fspath(path)
-    return _recording(name) if name.endswith(".mcap") else _snapshot(name)
+    return _recording(name, progress) if name.endswith(".mcap") else _snapshot(name)
 
 
-def _recording(path: str) -> Findings:
+def _recording(path: str, progress: Progress | None) -> Findings:
     from itouch.recording import read
     from itouch.session.replay import Replay
 
     recording = read(path)
     work = Replay(recording)
-    sampler = Sampler(work.session.model, len(recording.ticks))
+    ticks = len(recording.ticks)
+    sampler = Sampler(work.session.model, ticks)
+    work.session.taps.append(lambda tick: sampler.add(work.session.state))  # in the safe sequence, too
     while work.step():
-        sampler.add(work.session.state)
-    outcome, report = work.outcome(), work.session.report()
-    summary = _summary(report, recording.duration)
-    summary["replayed"] = f"{outcome.mismatches} of {outcome.compared} commands differ"
+        if progress is not None and work.feed.at % _TOLD_EVERY == 0:
+            progress(work.feed.at / ticks)
+    outcome, report = work.outcome(), _report(recording.report, work.session.report())
+    faults = report["faults"] if recording.report else recording.faults
+    spans = [(contact["begin_s"], contact["end_s"]) for contact in report["contacts"]]
+    summary = _summary(report, faults, recording.duration)
+    summary["commands that differ in its replay"] = f"{outcome.mismatches} of {outcome.compared}"
+    losses = list(recording.losses)
+    if outcome.skipped:
+        losses.append(f"{outcome.skipped} ticks after gaps could not be replayed: curves and contacts lack them")
+    manifest = dict(recording.session.get("manifest", {}))
+    begin = _time(
+        int(recording.session["start_ns"]) * 1e-9 + float(recording.ticks[0] if ticks else 0) * recording.period
+    )
     return Findings(
-        os.path.basename(path), "recording", summary, report["contacts"], recording.faults, recording.marks,
-        list(recording.losses), _timing(recording.timing), _provenance(dict(recording.session.get("manifest", {}))),
-        recording.scene, sampler.curves(), work.session.model, work.session.state, list(work.session.notices),
+        os.path.basename(path), "recording", summary, report, faults, recording.marks, losses,
+        _timing(recording, report), _provenance(manifest, {"begin": begin}), recording.scene,
+        sampler.curves(spans), work.session.model, work.session.state, list(work.session.notices),
     )  # fmt: skip
 
 
 def _snapshot(path: str) -> Findings:
+    from itouch.scene import write
     from itouch.session import restore
     from itouch.session.open import read_session
 
     stored = read_session(path, Catalog())
     session = restore(path)
     report = session.report()
-    from itouch.scene import write
-
+    faults = report["faults"]
+    timing = {"ticks": report["servo"]["ticks"], "histograms_us": session.ledger.histograms()}
     return Findings(
-        os.path.basename(path), "snapshot", _summary(report, session.seconds), report["contacts"], report["faults"], [],
-        [], dict(report["servo"]), _provenance(stored.manifest), write(session.model.scene), None, session.model,
-        session.state, list(session.notices),
+        os.path.basename(path), "snapshot", _summary(report, faults, session.seconds), report, faults, [], [], timing,
+        _provenance(stored.manifest, {}), write(session.model.scene), None, session.model, session.state,
+        list(session.notices),
     )  # fmt: skip
 
 
-def _summary(report: dict[str, Any], seconds: float) -> dict[str, Any]:
+def _summary(report: Mapping[str, Any], faults: list[dict[str, Any]], seconds: float) -> dict[str, str]:
     contacts = report["contacts"]
-    forces = [c["peak_force_N"] for c in contacts if c.get("peak_force_N") is not None]
-    gaps = [abs(c["plate_gap_mm"]) for c in contacts if c.get("plate_gap_mm") is not None]
-    errors = [c["flux_error_rms"] for c in contacts if c.get("flux_error_rms") is not None]
-    tracking = report["table"]["tracking_mm"]["p99"]
-    return {
+    forces, gaps, errors = (
+        [abs(contact[key]) for contact in contacts if _finite(contact.get(key))]
+        for key in ("peak_force_N", "plate_gap_mm", "flux_error_rms")
+    )
+    tracking = (report["table"].get("tracking_mm") or {}).get("p99")
+    found = {
         "duration": f"{seconds:.3f} s",
         "contacts": str(len(contacts)),
-        "faults": str(len(report["faults"])),
-        "greatest force": f"{max(forces):.2f} N" if forces else "-",
-        "greatest plate gap": f"{max(gaps):.3f} mm" if gaps else "-",
-        "table within (p99)": f"{tracking:.2f} mm" if tracking is not None else "-",
-        "greatest flux error (rms)": f"{100 * max(errors):.1f} %" if errors else "-",
+        "faults": str(len(faults)),
+        "greatest force": f"{max(forces):.2f} N" if forces else None,
+        "greatest plate gap": f"{max(gaps):.3f} mm" if gaps else None,
+        "table within (p99)": f"{tracking:.2f} mm" if _finite(tracking) else None,
+        "greatest flux error (rms)": f"{100 * max(errors):.1f} %" if errors else None,
     }
+    return {name: value for name, value in found.items() if value is not None}
 
 
-def _timing(letters: list[dict[str, Any]]) -> dict[str, Any]:
-    return dict(letters[-1]) if letters else {}
+def _report(recorded: dict[str, Any] | None, replayed: dict[str, Any]) -> dict[str, Any]:
+    """Return the recorded report; what it lacks, or what can't be one, is the replay's."""
+    if recorded is None:
+        return replayed
+    found = {key: recorded[key] if isinstance(recorded.get(key), type(value)) else value
+             for key, value in replayed.items()}  # fmt: skip
+    for key in ("contacts", "faults"):
+        if not all(isinstance(entry, dict) for entry in found[key]):
+            found[key] = replayed[key]
+    if not all(map(_is_contact, found["contacts"])):
+        found["contacts"] = replayed["contacts"]
+    return found
 
 
-def _provenance(manifest: dict[str, Any]) -> dict[str, Any]:
-    told = {"scene": manifest.get("source"), "itouch-py": manifest.get("itouch-py"), "format": manifest.get("format"),
-            "seed": manifest.get("seed"), "twins": manifest.get("twins"), "git": manifest.get("git")}  # fmt: skip
+def _is_contact(entry: Mapping[str, Any]) -> bool:
+    """Tell whether an entry of a file has what the page needs; all else of it is shown as it is."""
+    begin, end = entry.get("begin_s"), entry.get("end_s")
+    named = isinstance(entry.get("probe"), str) and isinstance(entry.get("object"), str)
+    return named and _finite(begin) and (end is None or _finite(end))
+
+
+def _finite(value: object) -> bool:
+    return isinstance(value, int | float) and -1e9 < value < 1e9
+
+
+def _timing(recording: Recording, report: Mapping[str, Any]) -> dict[str, Any]:
+    """Return how the loop kept time: from the report, of a cut recording from its last note; under a report's keys."""
+    histograms = recording.histograms_us
+    lost = {"lost": recording.timing[-1].get("lost")} if recording.timing else {}
+    if recording.report is not None and isinstance(report["servo"], dict):
+        return {**report["servo"], **lost, "histograms_us": histograms}
+    if not recording.timing:
+        return {}
+    last = recording.timing[-1]
+    percentiles = {name: last[name] for name in ("p50", "p99", "max") if name in last}
+    return {"ticks": len(recording.ticks), "tick_us": percentiles, "overruns": last.get("overruns"), **lost,
+            "histograms_us": histograms}  # fmt: skip
+
+
+def _provenance(manifest: Mapping[str, Any], more: Mapping[str, Any]) -> dict[str, Any]:
+    twins = manifest.get("twins")
+    told = {"scene": manifest.get("source"), **more, "itouch-py": manifest.get("itouch-py"),
+            "session format": manifest.get("format"), "seed": manifest.get("seed"),
+            "git": manifest.get("git")}  # fmt: skip
+    if isinstance(twins, Mapping):
+        told["simulated devices"] = ", ".join(str(name) for name, twin in twins.items() if twin)
+        told["real devices"] = ", ".join(str(name) for name, twin in twins.items() if not twin)
     told |= {f"plugin {name}": version for name, version in (manifest.get("plugins") or {}).items()}
     told |= {f"host {name}": value for name, value in (manifest.get("host") or {}).items()}
-    told |= {f"digest {name}": value for name, value in manifest.items() if name.endswith("digest")}
+    told |= {f"digest of {name}": manifest.get(name) for name in ("scene", "model", "layout")}
     return {name: value for name, value in told.items() if value not in (None, "", [], {})}
+
+
+def _time(seconds: float) -> str:
+    return datetime.fromtimestamp(seconds, UTC).strftime("%Y-%m-%d %H:%M:%S UTC")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import json
 import os
 import subprocess
 import sys
@@ -23,6 +24,7 @@ from itouch.recording.spec import Spec
 from itouch.recording.tracks import Track
 from itouch.scene import write
 from itouch.session.arrays import pack_bases
+from itouch.session.manifest import source_name
 from itouch.session.rows import Rows
 from itouch.world.state import EVENTS
 
@@ -207,7 +209,7 @@ class Recorder:
         """Record a message."""
         self._post(MESSAGE, tick, topic, message(tick, self._period, **content))
 
-    def _note_timing(self, tick: int, **more: Any) -> None:
+    def _note_timing(self, tick: int) -> None:
         """Record the loop's timing: percentiles of all ticks, histograms of those since the last note."""
         times, waiting = self.session.times, self._ring.words[Word.ROWS_IN] - self._ring.words[Word.ROWS_OUT]
         counts = times.record["counts"][1]
@@ -216,7 +218,15 @@ class Recorder:
         late, spent = times.record["counts"][:2] - self._counted
         self._counted = times.record["counts"][:2].copy()
         self.tell("/log/timing", tick, p50=p50, p99=p99, max=longest, overruns=times.overruns, lost=self.lost,
-                  waiting=waiting, lateness=_filled(late), ticks=_filled(spent), **more)  # fmt: skip
+                  waiting=waiting, lateness=_filled(late), ticks=_filled(spent))  # fmt: skip
+
+    def _tell_report(self) -> None:
+        """Record the report as it is now; of very many contacts only what a replay does not give."""
+        report = self.session.report()
+        report["scene"] = source_name(str(report["scene"]))
+        if len(json.dumps(report)) > LETTERS // 2:
+            report = {**report, "contacts": None}
+        self.tell("/log/report", int(self.session.state["tick"]), report=report)
 
     def _tell_events(self, seen: int, count: int) -> None:
         model, table = self.session.model, self.session.state["events.table"]
@@ -249,9 +259,8 @@ class Recorder:
             self._end()
             return
         self._tell_faults()
-        times = self.session.times
-        self._note_timing(int(self.session.state["tick"]), parts_us=times.split(), culprits=times.culprits(),
-                          skipped=times.skipped)  # fmt: skip
+        self._note_timing(int(self.session.state["tick"]))
+        self._tell_report()
         self._ring.words[Word.CLOSING] = 1
         done = self._wait(lambda: self._over, _END)
         text = self._ring_text if self._ring.phase is Phase.FAILED else ""

@@ -1,0 +1,151 @@
+"""The parts of a session's page, each as markup."""
+
+from __future__ import annotations
+
+import base64
+import os
+from typing import Any
+
+from itouch.report.collect import Findings
+from itouch.report.limits import limit_rows
+from itouch.report.markup import flattened, number, table, text
+
+#: Columns of the table of contacts: key of the report, title, form, scale.
+_CONTACTS = (
+    ("probe", "probe", "", 1.0), ("object", "object", "", 1.0), ("material", "material", "", 1.0),
+    ("begin_s", "begin [s]", ".3f", 1.0), ("end_s", "end [s]", ".3f", 1.0),
+    ("impact_speed_m_s", "impact [mm/s]", ".0f", 1e3), ("peak_force_N", "peak force [N]", ".2f", 1.0),
+    ("plate_gap_mm", "plate gap [mm]", ".3f", 1.0), ("plate_lead_ms", "plate lead [ms]", ".0f", 1.0),
+    ("mean_flux_W_m2", "mean flux [W/m²]", ".0f", 1.0), ("peak_flux_W_m2", "peak flux [W/m²]", ".0f", 1.0),
+    ("skin_drop_K", "skin drop [K]", ".2f", 1.0), ("flux_error_rms", "flux error rms [%]", ".1f", 100.0),
+)  # fmt: skip
+_TEXTS = ("probe", "object", "material")
+#: Figures of a tick, in the order in which they are shown.
+_PERCENTILES = ("p50", "p99", "p99.9", "max")
+
+
+def head(findings: Findings) -> str:
+    """Return the title, what it is of, and the buttons."""
+    source = os.path.basename(str(findings.provenance.get("scene") or ""))
+    told = [f"{findings.kind} of {source}" if source else findings.kind, findings.provenance.get("begin")]
+    return (
+        f'<header><h1>{text(findings.title)}</h1><p class="soft">{text(", ".join(t for t in told if t))}</p>'
+        '<div class="controls"><button id="print" type="button">Print or save as PDF</button></div></header>'
+    )
+
+
+def summary(findings: Findings) -> str:
+    """Return the figures at a glance, and what is missing or rendered otherwise."""
+    cards = "".join(
+        f'<div class="card{" alarm" if name == "faults" and value != "0" else ""}">'
+        f"<b>{text(value)}</b><span>{text(name)}</span></div>"
+        for name, value in findings.summary.items()
+    )
+    notes = "".join(f'<p class="bad">{text(loss)}</p>' for loss in findings.losses)
+    notes += "".join(f'<p class="soft">{text(notice)}</p>' for notice in findings.notices)
+    return f'<section class="cards">{cards}</section>{notes}'
+
+
+def faults(findings: Findings) -> str:
+    """Return the table of faults."""
+    if not findings.faults:
+        return '<h2>Faults</h2>\n<p class="good">none</p>'
+    rows = [
+        [number(fault.get("time_s", fault.get("time")), ".3f"), fault.get("device", ""), _trip(fault),
+         fault.get("cause") or "", _safe(fault), fault.get("scene") or ""]
+        for fault in findings.faults
+    ]  # fmt: skip
+    heads = ["time [s]", "device", "trip", "cause", "safe after [s]", "scene"]
+    return "<h2>Faults</h2>\n" + table(heads, rows, words=(1, 2, 3, 5))
+
+
+def _trip(fault: dict[str, Any]) -> str:
+    return str(fault.get("trip") or f"injected: {fault.get('kind', '?')}")
+
+
+def _safe(fault: dict[str, Any]) -> str:
+    safe = fault.get("safe")
+    if not isinstance(safe, dict):
+        return "-"
+    return number(safe.get("after_s"), ".3f") if safe.get("reached") else "not reached"
+
+
+def contacts(findings: Findings) -> str:
+    """Return the table of contacts; columns that nothing is known of are left out."""
+    found = findings.contacts
+    if not found:
+        return '<h2>Contacts</h2>\n<p class="soft">none</p>'
+    several = findings.model is None or len(findings.model.probes) > 1
+    shown = [
+        column for column in _CONTACTS
+        if any(entry.get(column[0]) is not None for entry in found) and (several or column[0] != "probe")
+    ]  # fmt: skip
+    rows = [[number(entry.get(key), form, scale) for key, _, form, scale in shown] for entry in found]
+    words = [index for index, column in enumerate(shown) if column[0] in _TEXTS]
+    choices = findings.curves is not None
+    return "<h2>Contacts</h2>\n" + table([c[1] for c in shown], rows, words=words, choices=choices)
+
+
+def picture(png: bytes | None) -> str:
+    """Return the picture of the scene, if there is one."""
+    if png is None:
+        return ""
+    image = base64.b64encode(png).decode()
+    return f'<h2>Scene</h2>\n<img alt="the scene at the end of the session" src="data:image/png;base64,{image}">'
+
+
+def timing(findings: Findings, histograms: int) -> str:
+    """Return how the loop kept time: figures, and room for so many histograms."""
+    found = findings.timing
+    rows = [[name, *(number(figures.get(p), ".1f") for p in _PERCENTILES)] for name, figures in _measured(found)]
+    facts = [row for key in ("ticks", "overruns", "skipped", "lost") for row in flattened(_FACTS[key], found.get(key))]
+    facts += flattened("overruns by", found.get("culprits") or {})
+    made = "<h2>Timing of the servo loop</h2>\n"
+    if rows:
+        made += table(["duration [µs]", *_PERCENTILES], rows)
+    if facts:
+        made += table(["count", "value"], facts)
+    plots = "".join(f'<div class="plot" id="histogram{index}"></div>' for index in range(histograms))
+    return made + f'<div class="grid">{plots}</div>' if rows or facts or plots else ""
+
+
+_FACTS = {"ticks": "ticks", "overruns": "overruns", "skipped": "periods given up", "lost": "samples not recorded"}
+
+
+def _measured(found: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
+    parts = found.get("parts_us")
+    named = [("tick", found.get("tick_us")), ("lateness", found.get("lateness_us"))]
+    named += list(parts.items()) if isinstance(parts, dict) else []
+    return [(name, figures) for name, figures in named if isinstance(figures, dict) and figures]
+
+
+def marks(findings: Findings) -> str:
+    """Return the table of marks, if there are any."""
+    if not findings.marks:
+        return ""
+    rows = [[number(m.get("time"), ".3f"), m.get("name", ""), m.get("payload", "")] for m in findings.marks]
+    return "<h2>Marks</h2>\n" + table(["time [s]", "mark", "payload"], rows, words=(1, 2))
+
+
+def parameters(findings: Findings) -> str:
+    """Return devices, limits, what the modalities say, provenance, and the scene."""
+    made = "<h2>Parameters</h2>\n"
+    devices, model = findings.report.get("devices", {}), findings.model
+    if model is not None and model.devices:
+        rows = [
+            [name, device.plugin, "twin" if device.twin else "hardware",
+             *(number(devices.get(name, {}).get(key)) for key in ("status", "limited", "locked_dropped"))]
+            for name, device in model.devices.items()
+        ]  # fmt: skip
+        made += table(["device", "plugin", "kind", "status", "limited ticks", "dropped"], rows, words=(1, 2, 3))
+        limits = [row for device in model.devices.values() for row in limit_rows(device)]
+        made += table(["device", "limit", "value", "set by"], limits, words=(1, 2, 3))
+    said = [row for name, found in findings.report.get("modalities", {}).items() for row in flattened(name, found)]
+    if said:
+        made += _folded("What the modalities say", table(["modality", "value"], said, words=(1,)))
+    made += "<h2>Provenance</h2>\n" + table(["what", "value"], list(findings.provenance.items()), words=(1,))
+    return made + _folded("The scene that ran", f"<pre>{text(findings.scene_xml)}</pre>")
+
+
+def _folded(title: str, content: str) -> str:
+    return f"<details><summary>{text(title)}</summary>{content}</details>"
