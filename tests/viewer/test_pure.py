@@ -142,14 +142,14 @@ def test_the_ring_keeps_ten_seconds_of_what_the_session_measured(session):
 
     def note() -> None:
         ring.add(running.state)
-        fluxes[int(running.state["tick"])] = float(running.state["heat.desired"])
+        fluxes[int(running.state["tick"])] = float(running.state["flux-control.desired"])
 
     running.run(12.0, each=note)
     chart = ring.charts[1]
     times, values = ring.curves(chart)
     assert times[-1] - times[0] == pytest.approx(10.0, abs=0.02)
     assert (np.diff(times) > 0).all()
-    desired = values[[signal.label for signal in chart.signals].index("desired (heat)")]
+    desired = values[[signal.label for signal in chart.signals].index("desired")]
     assert desired.tolist() == [fluxes[round(time * 1000)] for time in times]
 
 
@@ -168,8 +168,14 @@ def test_the_overlay_names_devices_contact_and_faults(session):
     for part in ("arm: enabled (twin)", "peltier: plate", "degC", "3 overruns", "1000 Hz", "tick p99 50 us"):
         assert part in text
     now.faults = [{"trip": "over-temperature", "device": "peltier", "cause": "is at 46 degC"}]
-    lines = overlay.status(session.model, session.state, now).lines
-    assert ("FAULT over-temperature: device 'peltier' is at 46 degC", "bad") in lines
+    said = overlay.alarm(now, 200)
+    assert said is not None
+    assert ("FAULT over-temperature: device 'peltier' is at 46 degC", "bad") in said.lines
+    assert any("R re-arms" in line for line, _ in said.lines)
+    narrow = overlay.alarm(now, 24)
+    assert narrow is not None and max(len(line) for line, _ in narrow.lines) <= 24
+    assert " ".join(line for line, weight in narrow.lines if weight == "bad") == said.lines[0][0]
+    assert overlay.alarm(Situation(), 80) is None
 
 
 def test_properties_of_objects_and_devices(session):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 import subprocess
 import sys
 import textwrap
@@ -172,23 +170,6 @@ SCRIPTS = {
         assert not window.closed
     """,
 }
-
-
-@pytest.fixture(scope="module")
-def screen(tmp_path_factory):
-    if shutil.which("Xvfb") is None:
-        (pytest.fail if os.environ.get("CI") else pytest.skip)("Xvfb is not installed")
-    read, write = os.pipe()
-    server = subprocess.Popen(
-        ["Xvfb", "-displayfd", str(write), "-screen", "0", "1280x800x24", "-nolisten", "tcp"],
-        pass_fds=[write], stderr=subprocess.DEVNULL,
-    )  # fmt: skip
-    os.close(write)
-    with os.fdopen(read) as number:
-        display = number.readline().strip()
-    yield os.environ | {"DISPLAY": f":{display}"}
-    server.terminate()
-    server.wait()
 
 
 @pytest.mark.parametrize("name", SCRIPTS)

@@ -1,4 +1,4 @@
-"""``itouch-py replay FILE.mcap``: recorded readings in, every command compared."""
+"""``itouch-py replay FILE.mcap``: recorded readings in, every command compared; or in a window, or as pictures."""
 
 from __future__ import annotations
 
@@ -6,27 +6,73 @@ import argparse
 import sys
 import time
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from itouch.cli import pictures
+from itouch.schema import ItouchError
+
+if TYPE_CHECKING:
+    from itouch.recording import Recording
+    from itouch.session.replay import Outcome
 
 
 def main(argv: Sequence[str]) -> int:
     """Feed a recording to the engine and compare every command; exit code 1 if one differs."""
     parser = argparse.ArgumentParser(prog="itouch-py replay", description=main.__doc__)
     parser.add_argument("recording", metavar="FILE.mcap", help="a recording")
+    parser.add_argument("--view", action="store_true",
+                        help="play it in a window with a time line; nothing is compared then")  # fmt: skip
+    pictures.add_options(parser)
     options = parser.parse_args(argv)
     from itouch.recording import read
-    from itouch.session.replay import replay
 
+    if options.view and (options.screenshot or options.film):
+        raise ItouchError("--view opens a window; --screenshot and --film need none: choose one")
+    if options.view:
+        _need_display()
     recording = read(options.recording)
     for loss in recording.losses:
         print(f"note: {loss}", file=sys.stderr)
+    return _view(recording) if options.view else _compare(recording, options)
+
+
+def _need_display() -> None:
+    from itouch.viewer.offscreen import has_display
+
+    if not has_display():
+        raise ItouchError("there is no display for --view; --screenshot FILE.png and --film FILE.mp4 need none")
+
+
+def _view(recording: Recording) -> int:
+    """Play a recording in a window until that is closed."""
+    from itouch.viewer.offscreen import open_player
+    from itouch.viewer.playback import Playback
+    from itouch.viewer.reel import Reel
+
+    open_player(Playback(Reel(recording)), time.perf_counter).show()
+    return 0
+
+
+def _compare(recording: Recording, options: argparse.Namespace) -> int:
     begin = time.perf_counter()
-    outcome = replay(recording)
+    outcome = _replay(recording, options)
     spent = time.perf_counter() - begin
     if outcome.skipped:
         print(f"note: {outcome.skipped} ticks after gaps could not be replayed", file=sys.stderr)
     seconds = outcome.ticks * recording.period
-    print(f"{options.recording}: {outcome.ticks} ticks ({seconds:.3f} s) replayed in {spent:.1f} s, "
+    print(f"{recording.path}: {outcome.ticks} ticks ({seconds:.3f} s) replayed in {spent:.1f} s, "
           f"{outcome.compared} commands compared, {outcome.mismatches} mismatches")  # fmt: skip
     if outcome.first is not None:
         print(f"first difference: {outcome.first}")
     return 1 if outcome.mismatches or not outcome.ticks else 0
+
+
+def _replay(recording: Recording, options: argparse.Namespace) -> Outcome:
+    """Replay a recording, and take the pictures that are asked for meanwhile."""
+    from itouch.session.replay import Replay
+
+    work = Replay(recording)
+    with pictures.taking(work.session, options):
+        while work.step():
+            pass
+    return work.outcome()

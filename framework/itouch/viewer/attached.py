@@ -10,7 +10,7 @@ from itouch.plugin.discovery import Catalog
 from itouch.safety import Trip
 from itouch.servo import Handle, Link, ServoError
 from itouch.viewer.overlay import Situation
-from itouch.viewer.signals import Ring
+from itouch.viewer.signals import Curves
 from itouch.world import Model
 
 #: Seconds without a tick after which a session is paused: by this window or by another.
@@ -39,7 +39,7 @@ class Attached:
         self._held = False
         self._still = 0.0
 
-    def advance(self, seconds: float, ring: Ring) -> None:
+    def advance(self, seconds: float, ring: Curves) -> None:
         """Copy the newest State; say so when the session has ended or hangs."""
         before = int(self.state["tick"])
         self._link.refresh(self.state)

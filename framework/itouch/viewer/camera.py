@@ -19,6 +19,8 @@ VIEWS = {
     "corner": (-35.0, 30.0),
 }
 FIELD_OF_VIEW = math.radians(36.0)
+#: Share of the picture that a framed box may fill.
+FILLED = 0.80
 
 
 @dataclass(slots=True)
@@ -94,12 +96,22 @@ class Camera:
         self.azimuth, self.elevation = VIEWS[view]
 
     def frame(self, low: NDArray[np.float64], high: NDArray[np.float64], aspect: float = 16 / 9) -> None:
-        """Put the whole of a box in a picture of this width over height."""
+        """Put the whole of a box in the middle of a picture of this width over height."""
         middle = (low + high) / 2
-        self.target = (float(middle[0]), float(middle[1]), float(middle[2]))
         radius = max(0.01, float(np.linalg.norm(high - low)) / 2)
-        narrow = min(1.0, aspect * (1.0 - self.aside))
-        self.distance = 0.92 * radius / (narrow * math.sin(FIELD_OF_VIEW / 2))
+        corners = np.array([[(low, high)[i >> axis & 1][axis] for axis in range(3)] for i in range(8)])
+        view = self.view()[:3, :3]
+        half = math.tan(FIELD_OF_VIEW / 2) * np.array([aspect * (1.0 - self.aside), 1.0]) * FILLED
+        right, up, out = ((corners - middle) @ view.T).T
+        self.distance = radius
+        for _ in range(4):  # the middle of what is seen depends on the distance
+            depth = np.maximum(self.distance - out, 0.05 * radius)
+            across = np.stack([right / depth, up / depth])
+            centre = (across.min(1) + across.max(1)) / 2 * self.distance
+            seen = np.stack([right - centre[0], up - centre[1]])
+            self.distance = float((out + (np.abs(seen) / half[:, None]).max(0)).max())
+        target = middle + centre[0] * view[0] + centre[1] * view[1]
+        self.target = (float(target[0]), float(target[1]), float(target[2]))
 
     def project(self, point: NDArray[np.float64], width: int, height: int) -> tuple[float, float] | None:
         """Return where a point appears in a picture [pixels from the lower left], or None behind the eye."""

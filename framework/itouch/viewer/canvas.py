@@ -12,10 +12,13 @@ from itouch.plugin import Record
 from itouch.viewer import colours, shaders, solids
 from itouch.viewer.buffers import Frame, Paint, Program, ShadowMap, Triangles
 from itouch.viewer.camera import Camera
+from itouch.viewer.drawing import rectangle
 from itouch.viewer.stage import Draw, Stage, from_pose
 
 Matrix = NDArray[np.float64]
 
+#: Edges of the unit box, shape (24, 3): what is seen through others is made of such boxes.
+_EDGES = solids.box_edges((-0.5, -0.5, -0.5), (0.5, 0.5, 0.5)).astype(np.float64)
 #: Where the sun stands, seen from the scene.
 SUN = np.array([0.35, -0.45, 0.82]) / math.sqrt(0.35**2 + 0.45**2 + 0.82**2)
 
@@ -40,15 +43,21 @@ class Canvas:
         lit = _sunlight(low, high)
         self._cast(draws, lit)
         frame.begin()
-        gl.glClearColor(*colours.GROUND, 1.0)
         gl.glClear(gl.GL_COLOR_BUFFER_BIT | gl.GL_DEPTH_BUFFER_BIT)
-        gl.glEnable(gl.GL_DEPTH_TEST)
         gl.glEnable(gl.GL_BLEND)
         gl.glBlendFunc(gl.GL_SRC_ALPHA, gl.GL_ONE_MINUS_SRC_ALPHA)
+        gl.glDisable(gl.GL_DEPTH_TEST)
+        whole = rectangle((-1.0, -1.0, 2.0, 2.0), (*colours.GROUND, 1.0), (*colours.SKY, 1.0))
+        self.paint.draw(gl.GL_TRIANGLES, whole, np.eye(4))
+        gl.glEnable(gl.GL_DEPTH_TEST)
         seen = camera.projection(frame.width / frame.height) @ camera.view()
         if aids:
             self._aids(state, seen, float(low[2]), float(max(high[:2] - low[:2])))
-        self._lit(draws, seen, lit, camera)
+        hidden = [draw for draw in draws if draw.through]
+        self._lit([draw for draw in draws if draw.opacity == 1.0 and not draw.through], seen, lit, camera)
+        self._ghosts(hidden, seen)
+        self._lit(hidden, seen, lit, camera)
+        self._lit([draw for draw in draws if draw.opacity < 1.0], seen, lit, camera)
 
     def _cast(self, draws: list[Draw], lit: Matrix) -> None:
         self._shadows.begin()
@@ -63,6 +72,25 @@ class Canvas:
                 self._meshes[draw.solid].draw(self._depth)
         gl.glDisable(gl.GL_POLYGON_OFFSET_FILL)
 
+    def _ghosts(self, draws: list[Draw], seen: Matrix) -> None:
+        """Show solids through what hides them: their faces faintly, their edges in full."""
+        gl.glDepthFunc(gl.GL_GREATER)
+        gl.glDepthMask(gl.GL_FALSE)
+        gl.glEnable(gl.GL_CULL_FACE)
+        self._flat.use()
+        self._flat.matrix("seen", seen)
+        for draw in draws:
+            self._flat.matrix("world", draw.matrix)
+            self._flat.vector("colour", *draw.colour, 0.22)
+            self._meshes[draw.solid].draw(self._flat)
+        gl.glDisable(gl.GL_CULL_FACE)
+        for draw in draws:
+            edges = _EDGES @ draw.matrix[:3, :3].T + draw.matrix[:3, 3]
+            light = tuple(0.5 + 0.5 * part for part in draw.colour)
+            self.paint.draw(gl.GL_LINES, tinted(edges.astype(np.float32), (light[0], light[1], light[2], 0.9)), seen)
+        gl.glDepthMask(gl.GL_TRUE)
+        gl.glDepthFunc(gl.GL_LESS)
+
     def _lit(self, draws: list[Draw], seen: Matrix, lit: Matrix, camera: Camera) -> None:
         program = self._solid
         program.use()
@@ -73,13 +101,17 @@ class Canvas:
         program.unit("shadows", 0)
         gl.glActiveTexture(gl.GL_TEXTURE0)
         gl.glBindTexture(gl.GL_TEXTURE_2D, self._shadows.texture)
-        for draw in sorted(draws, key=lambda draw: draw.opacity < 1.0):
+        for draw in draws:
+            glass = draw.opacity < 1.0  # its inside is not seen, and it does not darken itself
+            (gl.glEnable if glass else gl.glDisable)(gl.GL_CULL_FACE)
+            program.vector("dark", 0.0 if glass else 1.0)
             program.matrix("world", draw.matrix)
             turned = np.asarray(np.linalg.inv(draw.matrix[:3, :3]).T, np.float64)
             program.matrix("turned", turned)
             program.vector("colour", *draw.colour, draw.opacity)
             program.vector("gloss", draw.gloss)
             self._meshes[draw.solid].draw(program)
+        gl.glDisable(gl.GL_CULL_FACE)
 
     def _aids(self, state: Record, seen: Matrix, floor: float, width: float) -> None:
         step = 10.0 ** math.floor(math.log10(max(width, 1e-3) / 4.0))

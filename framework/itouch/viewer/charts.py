@@ -10,66 +10,92 @@ from pyglet import gl
 
 from itouch.viewer import colours
 from itouch.viewer.buffers import Paint
-from itouch.viewer.signals import WINDOW, Chart, Ring
+from itouch.viewer.drawing import AXIS, FINE, PANEL, QUIET, WORDS, Rectangle, line, rectangle, ribbon, triangle
+from itouch.viewer.signals import WINDOW, Chart, Curves
 from itouch.viewer.words import Text
 
-Rows = NDArray[np.float32]
-Rectangle = tuple[float, float, float, float]
+Values = NDArray[np.float64]
 
-_PANEL = (0.05, 0.06, 0.08, 0.80)
-_AXIS = (0.45, 0.48, 0.53, 0.8)
-_FAINT = (0.45, 0.48, 0.53, 0.25)
-_WORDS = (0.78, 0.80, 0.84)
+#: Seconds between two lines of the time axis; length of a dash and of the gap after it [s].
+STEP = 2.0
+_DASH = 0.12
 
 
-def pixels(width: int, height: int) -> NDArray[np.float64]:
-    """Return the matrix (4, 4) of a picture in pixels from its lower left."""
-    matrix = np.diag((2.0 / width, 2.0 / height, 1.0, 1.0))
-    matrix[0, 3] = matrix[1, 3] = -1.0
-    return matrix
-
-
-def draw(ring: Ring, paint: Paint, text: Text, area: Rectangle, seen: NDArray[np.float64], size: float) -> None:
-    """Draw all charts of a ring, one under the other, into an area: left, bottom, width, height [pixels]."""
+def draw(ring: Curves, paint: Paint, text: Text, area: Rectangle, seen: NDArray[np.float64], size: float) -> None:
+    """Draw all charts, one under the other with one time axis, into an area: left, bottom, width, height [pixels]."""
     left, bottom, width, height = area
-    count = len(ring.charts)
-    each = min((height - 8.0 * (count - 1)) / max(count, 1), 0.3 * height)
+    count, gap, axis = len(ring.charts), 0.8 * size, 2.4 * size
+    each = min((height - axis - gap * (count - 1)) / max(count, 1), 0.32 * height)
     for index, chart in enumerate(ring.charts):
-        below = bottom + height - (index + 1) * each - index * 8.0
-        _chart(ring, chart, paint, text, (left, below, width, each), seen, size)
+        last = index == count - 1
+        below = bottom + height - (index + 1) * each - index * gap - (axis if last else 0.0)
+        place = (left, below, width, each + (axis if last else 0.0))
+        _chart(ring, chart, paint, text, place, seen, size, foot=axis if last else 0.0)
 
 
 def _chart(
-    ring: Ring, chart: Chart, paint: Paint, text: Text, area: Rectangle, seen: NDArray[np.float64], size: float
-) -> None:
+    ring: Curves, chart: Chart, paint: Paint, text: Text, area: Rectangle, seen: NDArray[np.float64], size: float, *,
+    foot: float,
+) -> None:  # fmt: skip
     left, bottom, width, height = area
-    paint.draw(gl.GL_TRIANGLES, rectangle(area, _PANEL), seen)
-    head, foot, gutter = 2.1 * size * 1.7, 0.5 * size, 4.2 * size
-    x0, y0, w, h = left + gutter, bottom + foot, width - gutter - size, height - foot - head
+    paint.draw(gl.GL_TRIANGLES, rectangle(area, PANEL), seen)
+    text.put(f"{chart.title} [{chart.unit}]", left + 0.9 * size, bottom + height - 1.8 * size, WORDS, size=size)
+    head, foot = 4.3 * size, foot + 0.9 * size
+    if height < head + foot + 3.0 * size:
+        return
+    x0, y0, w, h = left + 5.0 * size, bottom + foot, width - 6.4 * size, height - foot - head
     times, values = ring.curves(chart)
+    _keys(chart, values, paint, text, (left + 0.9 * size, bottom + height - 3.5 * size, width, size), seen)
     low, high = span(values, chart.least)
-    end = float(times[-1]) if len(times) else 0.0
-    text.put(f"{chart.title} [{chart.unit}]", left + 0.6 * size, bottom + height - 1.6 * size, _WORDS, size=size)
-    _keys(chart, text, left + 0.6 * size, bottom + height - 3.2 * size, size)
-    for value in ticks(low, high):
+    lines = []
+    for value in ticks(low, high, round(h / (2.0 * size))):
         y = y0 + h * (value - low) / (high - low)
-        paint.draw(gl.GL_LINES, _line((x0, y), (x0 + w, y), _FAINT if value else _AXIS), seen)
-        text.put(f"{value:g}", x0 - 0.4 * size, y - 0.4 * size, _WORDS, size=0.85 * size, anchor="right")
+        lines.append(line((x0, y), (x0 + w, y), FINE if value else AXIS))
+        text.put(f"{value:g}", x0 - 0.5 * size, y - 0.35 * size, QUIET, size=0.85 * size, anchor="right")
+    end = float(times[-1]) if len(times) else 0.0
+    lines += _time_axis(text, (x0, y0, w, h), size, words=foot > 2.0 * size)
+    paint.draw(gl.GL_LINES, np.vstack(lines), seen)
+    curves = [np.empty((0, 7), np.float32)]
+    for row, signal in sorted(zip(values, chart.signals, strict=True), key=lambda pair: pair[1].dashed):
+        x = x0 + w * (1.0 + (times - end) / WINDOW)
+        y = y0 + h * (np.clip(row, low, high) - low) / (high - low)
+        drawn = np.floor(times[1:] / _DASH) % 2 == 0 if signal.dashed else None
+        curves.append(ribbon(x, y, (*signal.colour, 1.0), 0.12 * size, drawn=drawn))
+    paint.draw(gl.GL_TRIANGLES, np.vstack(curves), seen)
+
+
+def _time_axis(text: Text, area: Rectangle, size: float, *, words: bool) -> list[NDArray[np.float32]]:
+    """Return the lines of the time axis, and write its numbers."""
+    x0, y0, w, h = area
+    lines = []
+    for seconds in np.arange(-WINDOW, 0.5 * STEP, STEP):
+        x = x0 + w * (1.0 + seconds / WINDOW)
+        lines.append(line((x, y0), (x, y0 + h), FINE))
+        if words:
+            said = f"{seconds:g}" if seconds else "now"
+            text.put(said + (" s" if seconds == -WINDOW else ""), x, y0 - 1.9 * size, QUIET, size=0.85 * size,
+                     anchor="center")  # fmt: skip
+    return lines
+
+
+def _keys(chart: Chart, values: Values, paint: Paint, text: Text, place: Rectangle, seen: NDArray[np.float64]) -> None:
+    """Write what each curve is, with a piece of it and its last value; as many as there is room for."""
+    left, y, width, size = place
+    x, small = left, 0.9 * size
+    letter = text.width(small)
     for row, signal in zip(values, chart.signals, strict=True):
-        known = np.isfinite(row)
-        x = x0 + w * (1.0 + (times[known] - end) / WINDOW)
-        y = y0 + h * (np.clip(row[known], low, high) - low) / (high - low)
-        paint.draw(gl.GL_TRIANGLES, ribbon(x, y, (*signal.colour, 1.0), 0.11 * size), seen)
+        last = row[-1] if len(row) and math.isfinite(row[-1]) else None
+        words = f"{signal.label} {'--' if last is None else format(last, chart.digits)}"
+        if x + 2.4 * size + len(words) * letter > left + width:
+            return
+        for begin, end in ((0.0, 0.7), (1.1, 1.8)) if signal.dashed else ((0.0, 1.8),):
+            piece = (x + begin * size, y + 0.3 * size, (end - begin) * size, 0.28 * size)
+            paint.draw(gl.GL_TRIANGLES, rectangle(piece, (*signal.colour, 1.0)), seen)
+        text.put(words, x + 2.3 * size, y, signal.colour, size=small)
+        x += 2.3 * size + (len(words) + 1.6) * letter
 
 
-def _keys(chart: Chart, text: Text, left: float, y: float, size: float) -> None:
-    for signal in chart.signals:
-        words = f"- {signal.label}"
-        text.put(words, left, y, signal.colour, size=0.85 * size)
-        left += (len(words) + 1.5) * text.width(0.85 * size)
-
-
-def span(values: NDArray[np.float64], least: float) -> tuple[float, float]:
+def span(values: Values, least: float) -> tuple[float, float]:
     """Return the ends of an axis that holds all values, at least ``least`` high."""
     known = values[np.isfinite(values)]
     low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, least)
@@ -79,53 +105,41 @@ def span(values: NDArray[np.float64], least: float) -> tuple[float, float]:
     return low - room / 2, high + room / 2
 
 
-def ticks(low: float, high: float) -> list[float]:
-    """Return three to six round numbers between two ends."""
-    raw = (high - low) / 4.0
+def ticks(low: float, high: float, most: int = 6) -> list[float]:
+    """Return round numbers between two ends, about ``most`` of them at most and two at least."""
+    raw = (high - low) / max(2, min(most, 5))
     power = 10.0 ** math.floor(math.log10(raw))
     step = next(f * power for f in (1.0, 2.0, 5.0, 10.0) if f * power >= raw * 0.999)
     return [round(i * step, 12) for i in range(math.ceil(low / step), math.floor(high / step) + 1)]
 
 
-def scale(paint: Paint, text: Text, left: float, bottom: float, seen: NDArray[np.float64], size: float) -> None:
-    """Draw the scale of temperatures with its legend in degC."""
-    width, height, parts = 16 * size, 0.9 * size, 64
-    paint.draw(gl.GL_TRIANGLES, rectangle((left - size, bottom - 2.2 * size, width + 2 * size, 5.2 * size), _PANEL),
-               seen)  # fmt: skip
+def scale(
+    paint: Paint, text: Text, place: tuple[float, float], seen: NDArray[np.float64], size: float, *,
+    title: str, marks: dict[str, float], skin: colours.Colour,
+) -> None:  # fmt: skip
+    """Draw the scale of temperatures in degC with marks at some [K], and which colour is what."""
+    left, bottom = place
+    width, height, parts = 24 * size, 1.0 * size, 64
+    panel = (left, bottom, width + 3 * size, 8.6 * size)
+    x0, y0 = left + 1.5 * size, bottom + 4.6 * size
+    rows = [rectangle(panel, PANEL)]
     for index in range(parts):
         kelvin = colours.COLD + (colours.WARM - colours.COLD) * (index + 0.5) / parts
-        part = (left + width * index / parts, bottom, width / parts + 0.5, height)
-        paint.draw(gl.GL_TRIANGLES, rectangle(part, (*colours.of_temperature(kelvin), 1.0)), seen)
-    text.put("skin, plate [degC]", left, bottom + 1.5 * size, _WORDS, size=0.85 * size)
+        part = (x0 + width * index / parts, y0, width / parts + 0.5, height)
+        rows.append(rectangle(part, (*colours.of_temperature(kelvin), 1.0)))
+    for kelvin in marks.values():
+        rows.append(triangle(_along(kelvin, x0, width), y0 + 0.7 * size, 0.5 * size, (*WORDS, 1.0)))
+    x = x0
+    for words, colour in (("HIP", colours.HIP), ("proxy", skin), ("force", colours.FORCE)):
+        rows.append(rectangle((x, bottom + 1.0 * size, 0.9 * size, 0.9 * size), (*colour, 1.0)))
+        text.put(words, x + 1.4 * size, bottom + 1.0 * size, QUIET, size=0.85 * size)
+        x += 8.0 * size
+    paint.draw(gl.GL_TRIANGLES, np.vstack(rows), seen)
+    text.put(title, x0, y0 + 2.0 * size, WORDS, size=0.9 * size)
     for celsius in (15, 20, 25, 30, 35, 40):
-        at = left + width * (celsius + 273.15 - colours.COLD) / (colours.WARM - colours.COLD)
-        text.put(f"{celsius}", at, bottom - 1.4 * size, _WORDS, size=0.85 * size, anchor="center")
+        at = _along(celsius + 273.15, x0, width)
+        text.put(f"{celsius}", at, y0 - 1.9 * size, QUIET, size=0.85 * size, anchor="center")
 
 
-def rectangle(area: Rectangle, colour: tuple[float, float, float, float]) -> Rows:
-    """Return two triangles that fill a rectangle."""
-    x, y, w, h = area
-    corners = [(x, y), (x + w, y), (x + w, y + h), (x, y), (x + w, y + h), (x, y + h)]
-    return np.array([(a, b, 0.0, *colour) for a, b in corners], np.float32)
-
-
-def ribbon(
-    x: NDArray[np.float64], y: NDArray[np.float64], colour: tuple[float, float, float, float], half: float
-) -> Rows:
-    """Return triangles of a line of constant width through points, shape (6 (n - 1), 7)."""
-    if len(x) < 2:
-        return np.empty((0, 7), np.float32)
-    ends = np.stack([x, y], 1)
-    along = np.diff(ends, axis=0)
-    length = np.linalg.norm(along, axis=1, keepdims=True)
-    along = np.divide(along, length, out=np.zeros_like(along), where=length > 0)
-    side = half * np.stack([-along[:, 1], along[:, 0]], 1)
-    a, b = ends[:-1] - half * along, ends[1:] + half * along
-    quads = np.stack([a - side, b - side, b + side, a - side, b + side, a + side], 1).reshape(-1, 2)
-    rows = np.zeros((len(quads), 7), np.float32)
-    rows[:, :2], rows[:, 3:] = quads, colour
-    return rows
-
-
-def _line(a: tuple[float, float], b: tuple[float, float], colour: tuple[float, float, float, float]) -> Rows:
-    return np.array([(*a, 0.0, *colour), (*b, 0.0, *colour)], np.float32)
+def _along(kelvin: float, left: float, width: float) -> float:
+    return left + width * min(1.0, max(0.0, (kelvin - colours.COLD) / (colours.WARM - colours.COLD)))

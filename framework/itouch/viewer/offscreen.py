@@ -17,6 +17,8 @@ from itouch.world import Model
 if TYPE_CHECKING:
     from itouch.servo import Handle, Link
     from itouch.viewer.picture import Picture
+    from itouch.viewer.playback import Playback
+    from itouch.viewer.player import Player
     from itouch.viewer.window import Window
 
 ADVICE = "install OpenGL and EGL (on Debian: apt install libegl1 libgl1 libgl1-mesa-dri libglx-mesa0 libfontconfig1)"
@@ -97,6 +99,27 @@ def open_window(link: Link, now: Callable[[], float], *, handle: Handle | None =
         from itouch.viewer.window import Window
 
         return Window(Attached(link, handle=handle), now, mute=mute)
+    except ItouchError:
+        raise
+    except Exception as error:  # pyglet raises many kinds, one a platform
+        raise GraphicsError(f"no OpenGL 3.3 window: {error or type(error).__name__}\n  = help: {ADVICE}") from error
+
+
+def open_player(playback: Playback, now: Callable[[], float]) -> Player:
+    """Return a window that plays a recording.
+
+    Raises
+    ------
+    GraphicsError
+        If there is no usable OpenGL.
+    """
+    import pyglet
+
+    pyglet.options.audio = ("silent",)
+    try:
+        from itouch.viewer.player import Player
+
+        return Player(playback, now)
     except ItouchError:
         raise
     except Exception as error:  # pyglet raises many kinds, one a platform

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import textwrap
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,21 +13,27 @@ from itouch.plugin import Record
 from itouch.viewer.stage import plate_temperature
 from itouch.world import Model
 
+if TYPE_CHECKING:
+    from itouch.viewer.timeline import Timeline
+
 #: Key -> what it does, in the order of the help.
 KEYS = {
     "H": "show or hide this help",
     "P": "pause and go on (simulated sessions)",
-    "Space": "hold to run: the machine moves only while it is held, where the scene asks for it",
+    "Space": "hold to run, where the machine asks for it",
     "S": "save the session",
     "R": "re-arm after a fault",
     "T": "colour objects by temperature or by material",
     "G": "show or hide grid and workspace",
     "C": "show or hide the curves",
+    "N": "show or hide the names of objects",
     "1 .. 5": "views: operator, front, side, top, corner",
     "F": "frame everything",
     "M": "move the finger with the mouse or the arrow keys (simulated sessions)",
     "Esc": "stop safely and close",
-    "drag": "orbit; with Shift or the middle button: pan; wheel: zoom; click: properties",
+    "Drag": "orbit; with Shift or the middle button: pan",
+    "Wheel": "zoom",
+    "Click": "properties of an object or a device",
 }
 
 
@@ -50,11 +57,28 @@ class Situation:
     faults: list[dict[str, Any]] = field(default_factory=list)
     message: str = ""
     picked: str = ""
+    #: Of a recording that is played.
+    timeline: Timeline | None = None
+
+
+#: Keys of a recording that is played, in the place of those that ask a session for something.
+PLAYBACK_KEYS = {
+    "H": KEYS["H"],
+    "P, Space": "play and pause",
+    "Left, Right": "the tick before, the next tick; with Shift 0.1 s",
+    "Up, Down": "play faster, slower",
+    "Page up, down": "the contact, mark or fault before, the next one",
+    "Home, End": "the begin, the end",
+    **{key: KEYS[key] for key in ("T", "G", "C", "N", "1 .. 5", "F")},
+    "Time line": "click or drag: wind",
+    **{key: KEYS[key] for key in ("Drag", "Wheel", "Click")},
+    "Esc": "close",
+}
 
 
 def status(model: Model, state: Record, now: Situation) -> Words:
     """Return the lines of the status corner."""
-    lines = [(_clock(model, state, now), "plain")]
+    lines = [(line, "plain") for line in _clock(model, state, now)]
     for device in model.devices.values():
         lines.append(_device(device.name, device.twin, state))
     for probe in model.probes:
@@ -62,10 +86,6 @@ def status(model: Model, state: Record, now: Situation) -> Words:
     lines += [(line, "plain") for line in _heat(model, state)]
     if not int(state["ready"]) and not now.faults:
         lines.append(("calibrating: the machine finds its heights by touch", "warn"))
-    for fault in now.faults:
-        lines.append((f"FAULT {fault['trip']}: device '{fault['device']}' {fault['cause']}", "bad"))
-    if now.faults:
-        lines.append(("all devices have been made safe; R re-arms", "bad"))
     if now.waiting:
         lines.append(("nothing moves yet: hold Space where the machine asks for it", "warn"))
     if now.paused:
@@ -75,15 +95,25 @@ def status(model: Model, state: Record, now: Situation) -> Words:
     return Words(tuple(lines))
 
 
-def _clock(model: Model, state: Record, now: Situation) -> str:
-    parts = [f"{int(state['tick']) * model.period:8.3f} s", f"{1.0 / model.period:.0f} Hz"]
-    if now.tick_us is not None:
-        parts.append(f"tick p99 {now.tick_us:.0f} us")
-    if now.late_us is not None:
-        parts.append(f"late p99 {now.late_us:.0f} us")
+def alarm(now: Situation, width: int) -> Words | None:
+    """Return what is said of faults, in lines of so many letters; None if there is none."""
+    lines = []
+    for fault in now.faults:
+        said = f"FAULT {fault['trip']}: device '{fault['device']}' {fault['cause']}"
+        lines += [(line, "bad") for line in textwrap.wrap(said, max(width, 20))]
+    if not lines:
+        return None
+    after = "all devices have been made safe" + ("" if now.timeline is not None else "; R re-arms")
+    return Words((*lines, *((line, "plain") for line in textwrap.wrap(after, max(width, 20)))))
+
+
+def _clock(model: Model, state: Record, now: Situation) -> list[str]:
+    first = f"{int(state['tick']) * model.period:.3f} s at {1.0 / model.period:.0f} Hz"
+    figures = (("tick p99", now.tick_us), ("late p99", now.late_us))
+    parts = [f"{name} {value:.0f} us" for name, value in figures if value is not None]
     if now.overruns is not None:
         parts.append(f"{now.overruns} overruns")
-    return "   ".join(parts)
+    return [first, "   ".join(parts)] if parts else [first]
 
 
 def _device(name: str, twin: bool, state: Record) -> tuple[str, str]:
@@ -148,6 +178,8 @@ def _object(model: Model, state: Record, name: str) -> list[str]:
     return lines
 
 
-def help_words() -> Words:
+def help_words(*, playback: bool = False) -> Words:
     """Return the list of keys."""
-    return Words(tuple((f"{key:<9}{what}", "plain") for key, what in KEYS.items()))
+    keys = PLAYBACK_KEYS if playback else KEYS
+    width = max(len(key) for key in keys) + 2
+    return Words(tuple((f"{key:<{width}}{what}", "plain") for key, what in keys.items()))

@@ -1,29 +1,36 @@
-"""One whole picture: the stage, the words over it, the curves beside it."""
+"""One whole picture: the stage, the words over it, the curves beside it, the time line under it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
 from pyglet import gl
 
 from itouch.plugin import Record
-from itouch.viewer import charts, overlay
+from itouch.viewer import charts, colours, overlay, timebar
 from itouch.viewer.buffers import Frame
 from itouch.viewer.camera import Camera
 from itouch.viewer.canvas import Canvas
+from itouch.viewer.drawing import PANEL, WORDS, Rectangle, Tint, border, pixels, rectangle
 from itouch.viewer.overlay import Situation, Words
-from itouch.viewer.signals import Ring
-from itouch.viewer.stage import Stage
+from itouch.viewer.signals import Curves, Ring
+from itouch.viewer.stage import Stage, plate_temperature, skin_temperature
 from itouch.viewer.words import Text
 from itouch.world import Model
 
 _TINTS = {
-    "plain": (0.86, 0.88, 0.91),
+    "plain": (0.88, 0.90, 0.93),
     "good": (0.45, 0.85, 0.65),
     "warn": (0.95, 0.80, 0.35),
-    "bad": (1.00, 0.55, 0.40),
+    "bad": (1.00, 0.62, 0.48),
 }
-_PANEL = (0.05, 0.06, 0.08, 0.72)
+_HELP: Tint = (0.045, 0.052, 0.068, 0.97)
+_ALARM: Tint = (0.30, 0.06, 0.04, 0.94)
+_ALARM_EDGE: Tint = (1.00, 0.45, 0.30, 1.0)
+#: Most objects whose names are written.
+_NAMED = 16
 
 
 @dataclass(slots=True)
@@ -34,17 +41,23 @@ class Choices:
     aids: bool = True
     curves: bool = True
     help: bool = False
+    names: bool = True
     words: bool = True
 
 
 class Picture:
-    """Draws a State with everything around it into frames; needs a current OpenGL context."""
+    """Draws a State with everything around it into frames; needs a current OpenGL context.
 
-    def __init__(self, model: Model, *, scale: float = 1.0) -> None:
+    ``bar`` is where the last picture had its time line, for the mouse.
+    """
+
+    def __init__(self, model: Model, *, scale: float = 1.0, ring: Curves | None = None) -> None:
         self.model, self.stage = model, Stage(model)
         self.canvas, self.text = Canvas(self.stage), Text()
-        self.ring, self.camera = Ring(model), Camera()
+        self.ring: Curves = ring or Ring(model)
+        self.camera = Camera()
         self.choices, self.scale = Choices(), scale
+        self.bar: Rectangle | None = None
         self._framed = False
 
     def draw(self, state: Record, frame: Frame, now: Situation) -> None:
@@ -56,44 +69,96 @@ class Picture:
             self.reframe(state, frame)
         self.canvas.draw(state, self.camera, frame, thermal=chosen.thermal, aids=chosen.aids)
         gl.glDisable(gl.GL_DEPTH_TEST)
-        seen = charts.pixels(frame.width, frame.height)
+        seen = pixels(frame.width, frame.height)
         self.text.begin()
+        foot = self._foot(frame, now, beside, seen, size)
+        if chosen.names:
+            self._names(state, frame, foot, frame.width - beside, size)
         if chosen.words:
-            self._corner(overlay.status(self.model, state, now), frame, size, top=True)
-            charts.scale(self.canvas.paint, self.text, 2.2 * size, 3.4 * size, seen, size)
+            self._corner(overlay.status(self.model, state, now), frame, size, upper=frame.height - size)
+            self._scale(state, foot, seen, size)
         if beside:
             area = (frame.width - beside - size, size, beside, frame.height - 2 * size)
             charts.draw(self.ring, self.canvas.paint, self.text, area, seen, size)
         if now.picked:
-            self._corner(overlay.properties(self.model, state, now.picked), frame, size, top=False)
+            words = overlay.properties(self.model, state, now.picked)
+            self._corner(words, frame, size, upper=foot + 10.0 * size + 2.0 * size * (len(words.lines) + 0.4))
         if chosen.help:
-            self._middle(overlay.help_words(), frame, size)
+            self._middle(overlay.help_words(playback=now.timeline is not None), frame, size)
         self.text.draw()
 
+    def _foot(self, frame: Frame, now: Situation, beside: float, seen: NDArray[np.float64], size: float) -> float:
+        """Draw the time line and the alarm; return where what stands above them begins [pixels]."""
+        width, foot = frame.width - beside - (3 if beside else 2) * size, size
+        self.bar = None
+        if now.timeline is not None:
+            area = (size, foot, width, 5.6 * size)
+            timebar.draw(now.timeline, self.canvas.paint, self.text, area, seen, size)
+            self.bar = timebar.bar(area, size)
+            foot += area[3] + size
+        large = 1.15 * size
+        words = overlay.alarm(now, int((width - 5 * size) / self.text.width(large)))
+        if words is not None:
+            area = (size, foot, width, 2.0 * large * (len(words.lines) + 0.6))
+            self.canvas.paint.draw(gl.GL_TRIANGLES, rectangle(area, _ALARM), seen)
+            self.canvas.paint.draw(gl.GL_TRIANGLES, border(area, 0.25 * size, _ALARM_EDGE), seen)
+            for index, (line, weight) in enumerate(words.lines):
+                y = foot + area[3] - 2.0 * large * (index + 1.1) + 0.3 * size
+                self.text.put(line, 2.5 * size, y, _TINTS[weight], size=large)
+            foot += area[3] + size
+        return foot
+
+    def _scale(self, state: Record, foot: float, seen: NDArray[np.float64], size: float) -> None:
+        skin = skin_temperature(state, self.model)
+        marks = {} if skin is None else {"skin": skin}
+        for device in self.model.devices.values():
+            plate = plate_temperature(state, device)
+            if plate is not None:
+                marks[f"plate {device.name}"] = plate
+        title = "skin, plate, objects [degC]" if self.choices.thermal else "skin, plate [degC]"
+        charts.scale(self.canvas.paint, self.text, (size, foot), seen, size, title=title, marks=marks,
+                     skin=colours.PROXY if skin is None else colours.of_temperature(skin))  # fmt: skip
+
+    def _names(self, state: Record, frame: Frame, foot: float, room: float, size: float) -> None:
+        """Write the name of each object under it, where it is wide enough and nothing stands in the way."""
+        if len(self.model.objects) > _NAMED:
+            return
+        for name, corners in zip(self.model.objects, self.stage.corners(state), strict=True):
+            found = [self.camera.project(corner, frame.width, frame.height) for corner in corners]
+            places = [place for place in found if place is not None]
+            if len(places) < len(found):
+                continue
+            left, right = min(x for x, _ in places), max(x for x, _ in places)
+            wide, x = len(name) * self.text.width(0.9 * size), (left + right) / 2
+            y = min(y for _, y in places) - 1.5 * size
+            low = foot + (9.5 * size if x - wide / 2 < 29 * size else 0.0)  # the scale of temperatures
+            if right - left > wide and y > low and x + wide / 2 < room:
+                self.text.put(name, x, y, WORDS, size=0.9 * size, anchor="center")
+
     def reframe(self, state: Record, frame: Frame) -> None:
-        """Put everything in the picture."""
-        self.camera.frame(*self.stage.bounds(state), frame.width / frame.height)
+        """Put everything in the picture, with room for the arrow of a force."""
+        low, high = self.stage.bounds(state)
+        room = np.array([0.0, 0.0, 0.5 * self.stage.arrow_length(state)])
+        self.camera.frame(low, high + room, frame.width / frame.height)
         self._framed = True
 
-    def _corner(self, words: Words, frame: Frame, size: float, *, top: bool) -> None:
-        step, lines = 2.0 * size, words.lines
-        left = size
-        upper = frame.height - size if top else 10 * size + step * (len(lines) + 0.4)
-        self._panel(left, upper, words, frame, size)
-        for index, (line, weight) in enumerate(lines):
-            self.text.put(line, left + size, upper - step * (index + 1) + 0.1 * size, _TINTS[weight], size=size)
+    def _corner(self, words: Words, frame: Frame, size: float, *, upper: float) -> None:
+        self._panel(size, upper, words, frame, size)
+        for index, (line, weight) in enumerate(words.lines):
+            self.text.put(line, 2 * size, upper - 2.0 * size * (index + 1) + 0.1 * size, _TINTS[weight], size=size)
 
     def _middle(self, words: Words, frame: Frame, size: float) -> None:
         longest = max(len(line) for line, _ in words.lines) * self.text.width(size) + 2 * size
         left = max(size, (frame.width - longest) / 2)
         upper = (frame.height + 2.0 * size * len(words.lines)) / 2
-        self._panel(left, upper, words, frame, size)
+        self._panel(left, upper, words, frame, size, ground=_HELP)
         for index, (line, weight) in enumerate(words.lines):
             self.text.put(line, left + size, upper - 2.0 * size * (index + 1), _TINTS[weight], size=size)
 
-    def _panel(self, left: float, upper: float, words: Words, frame: Frame, size: float) -> None:
+    def _panel(
+        self, left: float, upper: float, words: Words, frame: Frame, size: float, *, ground: Tint = PANEL
+    ) -> None:
         width = max(len(line) for line, _ in words.lines) * self.text.width(size) + 2 * size
         height = 2.0 * size * (len(words.lines) + 0.4)
         area = (left, upper - height, width, height)
-        seen = charts.pixels(frame.width, frame.height)
-        self.canvas.paint.draw(gl.GL_TRIANGLES, charts.rectangle(area, _PANEL), seen)
+        self.canvas.paint.draw(gl.GL_TRIANGLES, rectangle(area, ground), pixels(frame.width, frame.height))

@@ -29,6 +29,7 @@ uniform vec3 eye;
 uniform vec3 sun;
 uniform vec4 colour;
 uniform float gloss;
+uniform float dark;
 uniform sampler2D shadows;
 out vec4 shown;
 float light() {
@@ -47,10 +48,10 @@ void main() {
     if (dot(n, to_eye) < 0.0) n = -n;
     float above = 0.5 + 0.5 * n.z;
     float direct = max(dot(n, sun), 0.0);
-    float lamp = direct > 0.0 ? light() : 0.0;
-    vec3 ambient = mix(vec3(0.20, 0.20, 0.23), vec3(0.46, 0.48, 0.52), above);
+    float lamp = direct > 0.0 ? mix(1.0, light(), dark) : 0.0;
+    vec3 ambient = mix(vec3(0.17, 0.17, 0.20), vec3(0.36, 0.38, 0.42), above);
     float spark = pow(max(dot(n, normalize(sun + to_eye)), 0.0), 40.0) * gloss;
-    vec3 sum = colour.rgb * (ambient + 0.72 * direct * lamp) + spark * lamp;
+    vec3 sum = colour.rgb * (ambient + 0.58 * direct * lamp) + 0.7 * spark * lamp;
     shown = vec4(pow(sum, vec3(1.0 / 1.15)), colour.a);
 }
 """

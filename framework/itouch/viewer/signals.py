@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,8 @@ class Signal:
     label: str
     colour: Colour
     read: Callable[[Record], float]
+    #: A wish, not a measurement.
+    dashed: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,15 +38,29 @@ class Chart:
     signals: tuple[Signal, ...]
     #: Least height of the axis, so that noise is not blown up.
     least: float
+    #: How its values are written.
+    digits: str
+
+
+class Curves(Protocol):
+    """What remembers the signals of charts, of a session that runs or of a recording."""
+
+    charts: tuple[Chart, ...]
+
+    def add(self, state: Record) -> None:
+        """Take note of a State."""
+
+    def curves(self, chart: Chart) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the times [s], shape (n,), and the values, shape (signals, n), of the last seconds, oldest first."""
 
 
 def charts(model: Model) -> tuple[Chart, ...]:
     """Return the charts of a model: force, heat flux, current and temperature, as far as it has them."""
     made = (
-        Chart("force", "N", _paint(_forces(model)), 1.0),
-        Chart("heat flux out of the finger", "W/m2", _paint(_fluxes(model)), 200.0),
-        Chart("current", "A", _paint(_currents(model)), 0.5),
-        Chart("temperature", "degC", _paint(_temperatures(model)), 2.0),
+        Chart("force", "N", _paint(_forces(model)), 1.0, ".2f"),
+        Chart("heat flux out of the finger", "W/m2", _paint(_fluxes(model)), 200.0, ".0f"),
+        Chart("current", "A", _paint(_currents(model)), 0.5, ".2f"),
+        Chart("temperature", "degC", _paint(_temperatures(model)), 2.0, ".1f"),
     )
     return tuple(chart for chart in made if chart.signals)
 
@@ -52,20 +69,32 @@ _Named = tuple[str, Callable[[Record], float]]
 
 
 def _paint(found: Iterator[_Named]) -> tuple[Signal, ...]:
-    return tuple(Signal(label, CURVES[i % len(CURVES)], read) for i, (label, read) in enumerate(found))
+    return tuple(Signal(label, CURVES[i % len(CURVES)], read, label.startswith("desired"))
+                 for i, (label, read) in enumerate(found))  # fmt: skip
+
+
+def rows_of(charts_: tuple[Chart, ...], chart: Chart) -> slice:
+    """Return where the signals of a chart stand among those of all charts."""
+    first = 0
+    for other in charts_:
+        if other is chart:
+            break
+        first += len(other.signals)
+    return slice(first, first + len(chart.signals))
 
 
 def _forces(model: Model) -> Iterator[_Named]:
     for probe in model.probes:
+        whose = f"{probe.name} " if len(model.probes) > 1 else ""
         key = f"{probe.name}.force"
-        yield f"{probe.name} rendered", _length(key)
+        yield f"{whose}rendered", _length(key)
         if probe.scene.surface_to:
             plate = f"{probe.name}.plate_force"
-            yield f"{probe.name} on plate", _number(plate)
+            yield f"{whose}on plate", _number(plate)
 
 
 def _fluxes(model: Model) -> Iterator[_Named]:
-    names = [m.name for m in model.modalities if any(f.name == "desired" for f in m.instance.fields(m.model))]
+    names = _desiring(model)
     for name in names:
         yield "desired" if len(names) == 1 else f"desired ({name})", _number(f"{name}.desired")
     for device in model.devices.values():
@@ -73,6 +102,16 @@ def _fluxes(model: Model) -> Iterator[_Named]:
             if channel.unit == "W/m^2":
                 key = f"{device.name}.{channel.name}"
                 yield "obtained", _number(key)
+
+
+def _desiring(model: Model) -> list[str]:
+    """Return the modalities whose desired flux is shown; one that another takes its own from is left out."""
+    names = [m.name for m in model.modalities if any(f.name == "desired" for f in m.instance.fields(m.model))]
+    given = set()
+    for part in model.scene.modalities:
+        values = [getattr(part.params, field.name) for field in fields(part.params)]
+        given |= {value for value in values if isinstance(value, str)}
+    return [name for name in names if name not in given] or names
 
 
 def _currents(model: Model) -> Iterator[_Named]:
@@ -143,10 +182,5 @@ class Ring:
         size = len(self._ticks)
         kept = min(self._count, size)
         order = (self._count - kept + np.arange(kept)) % size
-        first = 0
-        for other in self.charts:
-            if other is chart:
-                break
-            first += len(other.signals)
         times = np.asarray(self._ticks[order] * self._period, np.float64)
-        return times, self._values[first : first + len(chart.signals)][:, order]
+        return times, self._values[rows_of(self.charts, chart)][:, order]

@@ -9,7 +9,7 @@ from itouch.plugin import Record
 from itouch.schema import ItouchError
 from itouch.session import Session
 from itouch.viewer.overlay import Situation
-from itouch.viewer.signals import Ring
+from itouch.viewer.signals import Curves
 from itouch.world import Model
 
 
@@ -28,7 +28,7 @@ class Source(Protocol):
     def situation(self) -> Situation:
         """What is known besides State; the window writes ``picked`` and ``message`` into it."""
 
-    def advance(self, seconds: float, ring: Ring) -> None:
+    def advance(self, seconds: float, ring: Curves) -> None:
         """Bring State up to date after ``seconds`` of the host's time, and feed the curves."""
 
     def pause(self) -> str:
@@ -70,7 +70,7 @@ class Local:
         """The session's own State, between two ticks."""
         return self._session.state
 
-    def advance(self, seconds: float, ring: Ring) -> None:
+    def advance(self, seconds: float, ring: Curves) -> None:
         """Run as many ticks as the time asks for; a machine that is too slow runs slower, and drops the rest."""
         if self.situation.paused or self.stopped or self._session.fault is not None:
             return

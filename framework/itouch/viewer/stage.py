@@ -22,8 +22,8 @@ Matrix = NDArray[np.float64]
 
 #: Thickness [m] of what is drawn for a plate, and half side of one whose face is not stated.
 PLATE_THICKNESS, PLATE_HALF = 4e-3, 0.03
-#: Length [m] of the force arrow a newton, and its greatest length.
-ARROW_PER_NEWTON, ARROW_MAX = 0.02, 0.08
+#: Length [m] of the force arrow a newton, and its greatest length: in a scene of usual size, and at least.
+ARROW_PER_NEWTON, ARROW_MAX, ARROW_LEAST = 0.02, 0.08, 0.02
 #: Half side [m] of the square that stands for an endless plane.
 PLANE_HALF = 0.3
 _UNPAINTED: Colour = (0.62, 0.62, 0.64)
@@ -34,7 +34,7 @@ class Draw:
     """One solid to draw: its key in ``Stage.solids``, world matrix (4, 4), colour, opacity, and whose it is.
 
     ``owner`` is the name of the object or device that picking finds, empty for marks such as the force arrow;
-    ``cast`` says whether it throws a shadow.
+    ``cast`` says whether it throws a shadow, ``through`` whether it is seen through the objects that hide it.
     """
 
     solid: str
@@ -44,6 +44,7 @@ class Draw:
     owner: str = ""
     gloss: float = 0.25
     cast: bool = True
+    through: bool = False
 
 
 class Stage:
@@ -69,12 +70,12 @@ class Stage:
             d.name for d in self.tables
             if d.name not in self.faces and not any(model.devices[f].carrier == d.name for f in self.faces)
         ]  # fmt: skip
+        self._arrow = 0.0
 
     def bounds(self, state: Record) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the corners (3,), (3,) [m] of a box around all that matters: objects and fingers."""
         low, high = np.full(3, np.inf), np.full(3, -np.inf)
-        for corners, pose in zip(self._corners, state["objects.pose"], strict=True):
-            turned = corners @ poses.matrix(pose[3:]).T + pose[:3]
+        for turned in self.corners(state):
             low, high = np.minimum(low, turned.min(0)), np.maximum(high, turned.max(0))
         for probe in self.model.probes:
             hip = state[f"{probe.name}.hip"]
@@ -82,6 +83,18 @@ class Stage:
         if not np.isfinite(low).all():
             return np.full(3, -0.1), np.full(3, 0.1)
         return low, high
+
+    def corners(self, state: Record) -> Iterator[NDArray[np.float64]]:
+        """Yield the corners (8, 3) [m] of a box around each object, in the order of the model."""
+        for corners, pose in zip(self._corners, state["objects.pose"], strict=True):
+            yield corners @ poses.matrix(pose[3:]).T + pose[:3]
+
+    def arrow_length(self, state: Record) -> float:
+        """Return the greatest length [m] of a force arrow, by the size of the scene when it was first drawn."""
+        if self._arrow == 0.0:
+            low, high = self.bounds(state)
+            self._arrow = min(ARROW_MAX, max(ARROW_LEAST, 0.4 * float(np.linalg.norm(high - low))))
+        return self._arrow
 
     def draws(self, state: Record, *, thermal: bool = False) -> list[Draw]:
         """Return all that is drawn; ``thermal`` colours objects by their temperature instead of their material."""
@@ -106,10 +119,10 @@ class Stage:
             kelvin = plate_temperature(state, self.model.devices[name])
             colour = _UNPAINTED if kelvin is None else colours.of_temperature(kelvin)
             yield Draw("unit box", place @ shift((0, 0, -PLATE_THICKNESS / 2)) @ scale((2 * half[0], 2 * half[1],
-                       PLATE_THICKNESS)), colour, 0.92, name, gloss=0.5)  # fmt: skip
+                       PLATE_THICKNESS)), colour, 1.0, name, gloss=0.5, through=True)  # fmt: skip
             carrier = (0.35, 0.37, 0.42)
             size = (2 * half[0] + 0.012, 2 * half[1] + 0.012, 0.008)
-            yield Draw("unit box", place @ shift((0, 0, -PLATE_THICKNESS - 0.004)) @ scale(size), carrier, 0.92, name)
+            yield Draw("unit box", place @ shift((0, 0, -PLATE_THICKNESS - 0.004)) @ scale(size), carrier, 1.0, name)
 
     def place(self, state: Record, device: DeviceModel) -> Matrix:
         """Return the matrix (4, 4) of a device's frame in the world as mount, calibration and carrier say."""
@@ -132,7 +145,7 @@ class Stage:
             point = state[f"{name}.point"]
             yield Draw("disc", along(state[f"{name}.normal"], point + 3e-4 * state[f"{name}.normal"]) @ scale(
                 (0.004, 0.004, 1.0)), colours.FORCE, cast=False)  # fmt: skip
-        yield from arrow(proxy, state[f"{name}.contact_force"])
+        yield from arrow(proxy, state[f"{name}.contact_force"], self.arrow_length(state) / ARROW_MAX)
 
 
 def _corners(solid: Solid, shape: Any) -> NDArray[np.float64]:
@@ -159,17 +172,21 @@ def solid_of(shape: Any) -> Solid:
     return solids.from_mesh(shape.surface.vertices, shape.surface.faces)
 
 
-def arrow(start: NDArray[np.float64], force: NDArray[np.float64]) -> Iterator[Draw]:
-    """Yield the arrow of a force [N] that begins at a point [m]; nothing below 10 mN."""
+def arrow(start: NDArray[np.float64], force: NDArray[np.float64], factor: float = 1.0) -> Iterator[Draw]:
+    """Yield the arrow of a force [N] that begins at a point [m]; nothing below 10 mN.
+
+    ``factor`` makes it smaller for small scenes.
+    """
     size = float(np.linalg.norm(force))
     if size < 0.01:
         return
-    length = min(ARROW_MAX, ARROW_PER_NEWTON * size)
-    tip = min(0.35 * length, 0.008)
+    length = factor * min(ARROW_MAX, ARROW_PER_NEWTON * size)
+    tip = min(0.35 * length, 0.008 * factor)
     frame = along(force / size, start)
     middle = shift((0, 0, (length - tip) / 2))
-    yield Draw("shaft", frame @ middle @ scale((0.0012, 0.0012, length - tip)), colours.FORCE, cast=False)
-    yield Draw("tip", frame @ shift((0, 0, length - tip)) @ scale((0.003, 0.003, tip)), colours.FORCE, cast=False)
+    thin, wide = 0.0012 * factor, 0.003 * factor
+    yield Draw("shaft", frame @ middle @ scale((thin, thin, length - tip)), colours.FORCE, cast=False)
+    yield Draw("tip", frame @ shift((0, 0, length - tip)) @ scale((wide, wide, tip)), colours.FORCE, cast=False)
 
 
 def plate_temperature(state: Mapping[str, Any], device: DeviceModel) -> float | None:
@@ -181,11 +198,11 @@ def plate_temperature(state: Mapping[str, Any], device: DeviceModel) -> float | 
 
 
 def skin_temperature(state: Mapping[str, Any], model: Model) -> float | None:
-    """Return the rendered temperature [K] of the skin, if a modality renders one."""
-    for modality in model.modalities:
-        key = f"{modality.name}.skin_temperature"
+    """Return the temperature [K] of the skin: as a modality renders it, else as a device reads it, else None."""
+    for name in (*(modality.name for modality in model.modalities), *model.devices):
+        key = f"{name}.skin_temperature"
         if key in state:
-            kelvin = float(state[key])
+            kelvin = float(np.ravel(state[key])[0])
             return kelvin if math.isfinite(kelvin) and kelvin > 200.0 else None
     return None
 

@@ -16,10 +16,10 @@ from itouch.viewer.offscreen import config, write_png
 from itouch.viewer.picture import Picture
 from itouch.viewer.source import Source
 
-#: Greatest frames a second; with software rendering a frame may take one core's whole time, never more.
-RATE = 60.0
-#: Share of one core that drawing may take.
-SHARE = 0.8
+#: Greatest frames a second, and the share of one core that drawing may take: software rendering would take them all.
+RATE, SHARE = 60.0, 0.8
+#: Longest rest [s] between two frames.
+MOST_REST = 1.0
 #: Step [m] of the finger for an arrow key's press in a frame, and for a pixel of the mouse.
 KEY_STEP, MOUSE_STEP = 0.5e-3, 0.1e-3
 #: Greatest step [m] in a frame by a gamepad's stick, and what of its way is rest.
@@ -77,9 +77,11 @@ class Window(pyglet.window.Window):
         self.cost = 0.0  # seconds that the last picture took
         self.closed = False
         self._speaker = Speaker(source.model, mute=mute)
+        self._say("H lists the keys")
 
     def show(self, *, while_: Callable[[], bool] = lambda: True) -> None:
         """Draw and answer until the window is closed, or a condition no longer holds."""
+        used = time.process_time()
         try:
             while True:
                 begin = self._now()
@@ -87,8 +89,9 @@ class Window(pyglet.window.Window):
                 if self.closed or not while_():
                     return
                 self.frame()
-                rest = max(1.0 / RATE - self.cost, self.cost * (1.0 / SHARE - 1.0))
-                time.sleep(max(0.0, rest - (self._now() - begin - self.cost)))
+                before, used = used, time.process_time()  # of all threads, also of those that draw by software
+                rest = max(1.0 / RATE, (used - before) / SHARE)
+                time.sleep(max(0.0, min(MOST_REST, rest - (self._now() - begin))))
         finally:
             self._speaker.close()
             self.close()
@@ -145,6 +148,8 @@ class Window(pyglet.window.Window):
             chosen.aids = not chosen.aids
         elif symbol == key.C:
             chosen.curves = not chosen.curves
+        elif symbol == key.N:
+            chosen.names = not chosen.names
         elif symbol == key.F:
             self.picture.reframe(source.state, self._target)
         elif symbol in _NUMBERS:

@@ -1,0 +1,182 @@
+"""The window that plays a recording, on a virtual screen: keys and mouse as events; frames are driven by hand."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import textwrap
+
+import pytest
+from graphics import need_graphics
+from shipped import SCENES
+from test_pictures import itouch_py
+
+PREPARE = """
+import sys, numpy as np, itouch, pyglet
+from pyglet.window import key, mouse
+from itouch.viewer.offscreen import open_player
+from itouch.viewer.playback import Playback
+from itouch.viewer.reel import Reel
+clock = [0.0]
+playback = Playback(Reel(itouch.read(sys.argv[1])))
+window = open_player(playback, lambda: clock[0])
+line, state = playback.line, playback.state
+def turn(frames=1, period=1 / 60):
+    for _ in range(frames):
+        clock[0] += period
+        window.dispatch_events()
+        window.frame()
+    while line.reading:
+        window.frame()
+def tell(*event):
+    window.dispatch_event(*event)
+    window.dispatch_events()
+def press(symbol, modifiers=0):
+    tell("on_key_press", symbol, modifiers)
+    if not window.closed:
+        tell("on_key_release", symbol, modifiers)
+def pixels():
+    window.switch_to()
+    return window._target.read().astype(int)
+def changed(a, b):
+    return int((np.abs(a - b).max(2) > 24).sum())
+def at(share):
+    left, bottom, width, height = window.picture.bar
+    return int(left + share * width), int(bottom + height / 2)
+turn()
+"""
+
+SCRIPTS = {
+    "P and Space play and pause": """
+        turn(30)
+        assert abs(line.now - 31 / 60) < 0.003, line.now
+        for symbol in (key.P, key.SPACE):
+            press(symbol); before = line.now; turn(10)
+            assert not line.playing and line.now == before
+            press(symbol); turn(5)
+            assert line.playing and line.now > before
+    """,
+    "arrows step by one tick, with Shift by a hundred, and repeat while held": """
+        press(key.P); playback.seek(1.0); turn()
+        for symbol, modifiers, ticks in ((key.RIGHT, 0, 1), (key.LEFT, 0, -1), (key.RIGHT, key.MOD_SHIFT, 100),
+                                         (key.LEFT, key.MOD_SHIFT, -100)):
+            before = int(state["tick"]); press(symbol, modifiers); turn()
+            assert int(state["tick"]) - before == ticks
+        before = int(state["tick"])
+        tell("on_key_press", key.RIGHT, 0); turn(60); tell("on_key_release", key.RIGHT, 0)
+        after = int(state["tick"])
+        assert 5 < after - before < 20, after - before
+        turn(20)
+        assert int(state["tick"]) == after
+    """,
+    "up and down change the speed": """
+        press(key.UP); press(key.UP); before = line.now; turn(6, 0.01)
+        assert line.speed == 4.0 and abs(line.now - before - 0.24) < 0.01
+        for _ in range(4): press(key.DOWN)
+        assert line.speed == 0.25
+    """,
+    "page and home and end go where something happened": """
+        press(key.P); press(key.HOME); turn()
+        stops = []
+        for _ in range(len(line.stops)):
+            stops.append(round(line.now, 3)); press(key.PAGEDOWN); turn()
+        assert stops == [round(stop, 3) for stop in line.stops], (stops, line.stops)
+        press(key.PAGEUP); turn()
+        assert round(line.now, 3) == stops[-2]
+        press(key.END); turn()
+        assert line.now == line.last
+    """,
+    "the mouse winds on the time line and orbits beside it": """
+        press(key.P); turn()
+        camera = window.picture.camera; before = camera.azimuth
+        tell("on_mouse_press", *at(0.25), mouse.LEFT, 0); turn()
+        assert abs(line.now - (line.first + 0.25 * (line.last - line.first))) < 0.02
+        tell("on_mouse_drag", *at(0.8), 300, 0, mouse.LEFT, 0); turn()
+        assert abs(line.now - (line.first + 0.8 * (line.last - line.first))) < 0.02
+        tell("on_mouse_drag", 5000, at(0)[1], 300, 0, mouse.LEFT, 0); turn()
+        assert line.now == line.last and camera.azimuth == before
+        tell("on_mouse_release", *at(0.8), mouse.LEFT, 0)
+        assert window.playback.situation.picked == ""
+        tell("on_mouse_press", 400, 400, mouse.LEFT, 0)
+        tell("on_mouse_drag", 430, 400, 30, 0, mouse.LEFT, 0)
+        assert camera.azimuth != before and line.now == line.last
+    """,
+    "the picture follows, and is the same when one comes back": """
+        press(key.P); playback.seek(0.2); turn(2); first = pixels()
+        playback.seek(1.5); turn(2); later = pixels()
+        assert changed(first, later) > 500
+        window.playback.situation.message = ""
+        clock[0] += 10; turn(60)
+        playback.seek(0.2); turn(60)
+        left = slice(0, 600)  # above the time line
+        assert changed(first[left, :880], pixels()[left, :880]) < 600
+    """,
+    "H lists these keys, views and a lost context work as ever": """
+        press(key.P); turn(300); plain = pixels()
+        press(key.H); turn()
+        assert changed(plain, pixels()) > 1000
+        press(key.H); press(key._4); turn()
+        assert window.picture.camera.elevation > 80
+        press(key.M); press(key.S); press(key.R)
+        assert "recording" in playback.situation.message
+        tell("on_context_lost"); turn()
+        assert window.picture.ring is playback.curves and window.picture.bar is not None
+        window.set_size(500, 300); tell("on_resize", 500, 300); turn(2)
+        window.set_size(1, 1); tell("on_resize", 1, 1); turn(2)
+        assert not window.closed
+    """,
+    "Esc closes": """
+        press(key.ESCAPE)
+        assert window.closed
+    """,
+}
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    path = tmp_path_factory.mktemp("player") / "r.mcap"
+    done = itouch_py("run", str(SCENES / "first_touch.xml"), "--record", str(path), "--for", "2.4s")
+    assert done.returncode == 0, done.stderr
+    return path
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_player(name: str, screen, recorded):
+    script = PREPARE + textwrap.dedent(SCRIPTS[name])
+    done = subprocess.run(
+        [sys.executable, "-c", script, str(recorded)], capture_output=True, text=True, env=screen, timeout=300
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_pictures_of_a_recording(recorded, tmp_path):
+    need_graphics()
+    shot, film = tmp_path / "shot.png", tmp_path / "film.gif"
+    done = itouch_py("replay", str(recorded), "--screenshot", str(shot), "--at", "1.2s", "--film", str(film), "--size",
+                     "320x180")  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "0 mismatches" in done.stdout
+    from PIL import Image
+
+    with Image.open(shot) as picture, Image.open(film) as moving:
+        assert picture.size == moving.size == (320, 180)
+        assert 22 <= moving.n_frames <= 26
+    again = tmp_path / "again.png"
+    done = itouch_py("run", str(SCENES / "first_touch.xml"), "--screenshot", str(again), "--at", "1.2s", "--for", "1.3s",
+                     "--size", "320x180")  # fmt: skip
+    assert done.returncode == 0 and again.read_bytes() == shot.read_bytes()
+
+
+def test_what_cannot_be_viewed_is_said(recorded, tmp_path):
+    for words, says in (
+        (("--view",), "no display"),
+        (("--view", "--screenshot", "x.png"), "choose one"),
+        (("--at", "1s"), "--screenshot"),
+        (("--screenshot", str(tmp_path / "x.png"), "--at", "99s"), "the run ended at"),
+    ):
+        done = itouch_py("replay", str(recorded), *words)
+        assert done.returncode == 2 and says in done.stderr and "Traceback" not in done.stderr, done.stderr
+    done = itouch_py("replay", str(tmp_path / "none.mcap"), "--view", DISPLAY=":999")
+    assert done.returncode == 2 and "none.mcap" in done.stderr
+    done = itouch_py("replay", str(recorded), "--view", DISPLAY=":999")
+    assert done.returncode == 2 and "window" in done.stderr and "Traceback" not in done.stderr
