@@ -11,6 +11,7 @@ from itouch.cli.ending import Stopping, write_report
 from itouch.schema import ItouchError
 
 if TYPE_CHECKING:
+    from itouch.cli.leading import Leader
     from itouch.loop.timing import Timing
     from itouch.plugin import Record
     from itouch.servo import Handle
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 
 #: How often [s] the terminal is brought up to date.
 _EVERY = 0.05
+#: How often [s] a gamepad is looked at.
+_LOOK = 0.01
 
 
 def needed(session: Session) -> bool:
@@ -26,9 +29,9 @@ def needed(session: Session) -> bool:
     return any(not device.twin or device.remote for device in session.model.devices.values())
 
 
-def run(options: argparse.Namespace, *, window: bool = False) -> int:
-    """Run in real time, in a window if that is asked for, and return the exit code."""
-    from itouch.cli import keeping
+def run(options: argparse.Namespace, *, window: bool = False, leader: Leader | None = None) -> int:
+    """Run in real time, in a window if that is asked for, or led by a gamepad, and return the exit code."""
+    from itouch.cli import keeping, leading
     from itouch.servo import ServoError, launch
 
     for option in ("screenshot", "film", "wav"):
@@ -41,17 +44,22 @@ def run(options: argparse.Namespace, *, window: bool = False) -> int:
     )  # fmt: skip
     with handle:
         try:
-            code = _follow(handle, window=window, mute=options.mute)
+            if not window and leader is None:
+                leader = leading.without_window(Shown(handle).model, real=True)
+            code = _follow(handle, window=window, mute=options.mute, leader=leader)
             write_report(options.report, handle.report)
         except ServoError as error:  # it died, and has left no report
             print(error, file=sys.stderr)
             return 1
+        finally:
+            if leader is not None:
+                leader.close()
     if options.save:
         print(f"saved {options.save}")
     return code
 
 
-def _follow(handle: Handle, *, window: bool, mute: bool) -> int:
+def _follow(handle: Handle, *, window: bool, mute: bool, leader: Leader | None) -> int:
     """Show the session until it ends, on the terminal and in a window if that is asked for; return the exit code."""
     from itouch.cli import windows
     from itouch.loop import DeviceFaultError
@@ -65,8 +73,10 @@ def _follow(handle: Handle, *, window: bool, mute: bool) -> int:
         try:
             if window:
                 windows.show(handle, screen, mute=mute)
-            while not handle.wait(_EVERY):
+            while not handle.wait(_EVERY if leader is None else _LOOK):
                 screen.show()
+                if leader is not None:
+                    leader.lead(handle)
         except DeviceFaultError:
             code = 1
     screen.finish(handle.report())

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from itouch.cli import keeping, live, pictures, sounds, windows
+from itouch.cli import keeping, leading, live, pictures, sounds, windows
 from itouch.cli.arguments import output_file, seconds
 from itouch.cli.ending import Stopping, write_report
 from itouch.plugin import trace
@@ -29,6 +29,9 @@ def main(argv: Sequence[str]) -> int:
     session = _prepare(options)
     if options.pace is None and live.needed(session):
         return live.run(options)
+    leader = leading.without_window(session.model, real=options.pace is None and not _drawn(options))
+    if leader is not None:
+        return live.run(options, leader=leader)
     from itouch.report.screen import Screen
 
     for notice in session.notices:
@@ -40,6 +43,11 @@ def main(argv: Sequence[str]) -> int:
     screen.finish(report)
     _write(session, options, report)
     return code
+
+
+def _drawn(options: argparse.Namespace) -> bool:
+    """Whether pictures or sounds are asked for, which are made between ticks."""
+    return bool(options.screenshot or options.film or options.wav)
 
 
 def _parser() -> argparse.ArgumentParser:

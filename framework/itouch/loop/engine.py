@@ -54,7 +54,10 @@ class Engine:
         self._objects = Objects(model, self.state, self._runners, [rig.toucher for rig in self._rigs])
         self._hands = [rig.coupling.hand for rig in self._rigs if rig.coupling.hand is not None]
         #: Whether an operator twin follows a motion.
-        self.scripted = any(hand.path.duration > 0 for hand in self._hands) or self._objects.scripted
+        self._length = max((device.duration for device in model.devices.values()), default=0.0)
+        self.scripted = (
+            any(hand.path.duration > 0 for hand in self._hands) or self._objects.scripted or self._length > 0
+        )
         self._modalities = [(m.instance, m.model, m.every) for m in model.modalities]
         self._tick, self._ready = self.state["tick"], self.state["ready"]
         self._events = Events(model, self.state, self._rigs, self._modalities)
@@ -116,7 +119,8 @@ class Engine:
     @property
     def done(self) -> bool:
         """Whether every scripted motion has ended; never true without one."""
-        return self.scripted and self._objects.done and all(hand.done for hand in self._hands)
+        over = self._length <= 0.0 or self.seconds >= self._length
+        return self.scripted and over and self._objects.done and all(hand.done for hand in self._hands)
 
     @property
     def runners(self) -> tuple[Runner, ...]:

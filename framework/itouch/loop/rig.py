@@ -65,9 +65,12 @@ class ProbeRig:
         operator, table, face = self.probe.operator, self.table, self.face
         hand = None
         if operator is not None and self.tracker.model.twin:
-            hand = Hand(operator, self.probe.name, state, self.model.period, recorded=self.probe.recorded)
+            probe = self.probe
+            hand = Hand(
+                operator, probe.name, state, self.model.period, recorded=probe.recorded, start=probe.start
+            )  # fmt: skip
         return Coupling(
-            hand, self.probe.scene.radius, self.tracker if hand is not None else None,
+            hand, self.probe.scene.radius, self.tracker,
             table if table is not None and table.model.twin else None,
             face if face is not None and face.model.twin else None,
             offset, face.model.cls.face(face.model.params) if face is not None else None, state, self.probe.name,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -109,6 +110,9 @@ class Device(ABC):
     second_opener: ClassVar[bool] = False
     #: True if no working driver is shipped and only the twin can run.
     twin_only: ClassVar[bool] = False
+    #: Who moves the finger on its twin, if not the scene's operator: a person by "mouse", "keyboard" or "gamepad",
+    #: who leads the operator's hand; or a "recording", which knows its way.
+    led_by: ClassVar[str] = ""
     #: Greatest stiffness [N/m] that the device can render stably, and its own damping [N s/m]; None: not stated.
     max_stiffness: ClassVar[float | None] = None
     damping: ClassVar[float | None] = None
@@ -126,6 +130,30 @@ class Device(ABC):
     def channels(cls, params: Any) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
         """Return what this device reads and obeys with these parameters; by default the class's declarations."""
         return cls.reads, cls.commands
+
+    @classmethod
+    def bind(cls, params: Any, read: Callable[[str, int], bytes]) -> Any:
+        """Return what driver and twin are made from: the parameters, with the content of files that they name.
+
+        Parameters
+        ----------
+        params
+            The parameters as the scene has them.
+        read
+            Returns the content of a file that the scene names, of at most so many bytes; it is kept with sessions.
+
+        Raises
+        ------
+        ValueError
+            If a file does not hold what it must; the message becomes a problem at the element's place, that of a
+            `ParameterError` at the attribute's.
+        """
+        return params
+
+    @classmethod
+    def duration(cls, bound: Any) -> float:
+        """Return how long the twin's own motion lasts [s], from what ``bind`` returned; 0: it has none."""
+        return 0.0
 
     @classmethod
     def face(cls, params: Any) -> tuple[float, float] | None:

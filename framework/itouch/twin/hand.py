@@ -24,9 +24,9 @@ STEER_SPEED = 0.3
 class Path:
     """The motion of the hand's target: pieces of minimum jerk, each followed by a rest; see ``mechanics.aim``."""
 
-    def __init__(self, operator: Operator) -> None:
+    def __init__(self, operator: Operator, start: Vector = (0.0, 0.0, 0.0)) -> None:
         targets = operator.motion.targets
-        self.start: Vector = targets[0].pos if targets else (0.0, 0.0, 0.0)
+        self.start: Vector = targets[0].pos if targets else start
         rows, here, time = [], self.start, 0.0
         for target in targets:
             rows.append((time, target.in_, *here, *target.pos))
@@ -68,11 +68,12 @@ class Hand:
     """The target of one probe's hand, and the finger's motion, on their part of State."""
 
     def __init__(
-        self, operator: Operator, name: str, state: Record, period: float, *, recorded: RecordedMotion | None = None
-    ) -> None:
+        self, operator: Operator, name: str, state: Record, period: float, *, recorded: RecordedMotion | None = None,
+        start: Vector = (0.0, 0.0, 0.0),
+    ) -> None:  # fmt: skip
         self.operator, self._period = operator, period
         self._recorded = RecordedPath(recorded) if recorded is not None else None
-        self.path: Path | RecordedPath = self._recorded or Path(operator)
+        self.path: Path | RecordedPath = self._recorded or Path(operator, start)
         self._end = math.ceil(self.path.duration / period - 1e-9)
         self.ticks, self.offset = state[f"{name}.hand.ticks"], state[f"{name}.hand.offset"]
         self._steered, self._wanted = state[f"{name}.hand.steered"], state[f"{name}.hand.wanted"]

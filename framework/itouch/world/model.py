@@ -18,6 +18,7 @@ from itouch.schema import Problem, SceneError
 from itouch.world.bindings import check_bindings, check_reach, check_writers
 from itouch.world.coupling import Coupling, couplings, on_bodies, stable_effects
 from itouch.world.files import SceneFile, SceneFiles
+from itouch.world.leading import hand_of
 from itouch.world.limits import check_safety
 from itouch.world.modalities import ModalityModel, build_modalities, notices_of
 from itouch.world.motion import NO_MOTIONS, Motions, build_motions
@@ -29,7 +30,7 @@ from itouch.world.surfaces import build_effects, build_friction, contact_of
 
 @dataclass(frozen=True, slots=True)
 class ProbeModel:
-    """A probe with its bindings; ``coupling`` has one row an object."""
+    """A probe with its bindings; ``coupling`` has one row an object; a hand without a motion begins at ``start``."""
 
     name: str
     index: int
@@ -39,6 +40,7 @@ class ProbeModel:
     face: str
     effects: tuple[Effects, ...] = ()
     recorded: RecordedMotion | None = None
+    start: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,11 +87,11 @@ class Model:
 def compile_scene(scene: Scene, catalog: Catalog) -> tuple[Model | None, list[Problem]]:
     """Compile a scene; the model is None if any of the problems is an error."""
     problems: list[Problem] = []
-    devices = build_devices(scene, catalog, problems)
+    reader = SceneFiles(scene)
+    devices = build_devices(scene, catalog, problems, reader)
     problems += check_safety(scene)
     problems += check_bindings(scene, devices)
     notices: list[str] = []
-    reader = SceneFiles(scene)
     built = build_shapes(scene, reader, problems)
     notices += built.notices
     problems += check_reach(scene, devices, built.boxes)
@@ -124,7 +126,7 @@ def _probes(
 ) -> list[ProbeModel]:  # fmt: skip
     found = []
     for index, probe in enumerate(scene.probes):
-        operator = next((o for o in scene.operators if o.probe == probe.name), None)
+        operator, start = hand_of(scene, probe, devices, problems)
         arm = devices.get(probe.force_to)
         materials = [contact_of(scene, element, []) for element in scene.objects]
         names = [element.material for element in scene.objects]
@@ -133,7 +135,7 @@ def _probes(
         face = next((d.name for d in devices.values() if d.carrier and d.carrier == probe.surface_to), probe.surface_to)
         own = stable_effects(probe, arm, effects, coupling, names, 1.0 / scene.rates.servo, notices)
         recorded = recorded_motion(scene, operator, reader, problems)
-        found.append(ProbeModel(probe.name, index, probe, operator, coupling, face, own, recorded))
+        found.append(ProbeModel(probe.name, index, probe, operator, coupling, face, own, recorded, start))
     return found
 
 

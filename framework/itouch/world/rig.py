@@ -5,15 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from itouch.contact.meshfile.faults import MeshError
 from itouch.exchange import LateTwin, ThreadedDevice
 from itouch.faults import FaultyTwin, Injection
-from itouch.plugin import Channel, Device, IdealTwin, Twin, poses, trace
+from itouch.plugin import Channel, Device, IdealTwin, ParameterError, Twin, poses, trace
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
 from itouch.scene.elements import DeviceElement
 from itouch.schema import Problem
 from itouch.schema.diagnostics import did_you_mean
 from itouch.schema.fields import REQUIRED, default_of, specs, xml_name
+from itouch.world.files import SceneFiles
 from itouch.world.injection import injections
 from itouch.world.limits import DeviceLimits, resolve
 
@@ -46,6 +48,12 @@ class DeviceModel:
     servo_period: float = 1e-3
     remote: bool = False
     faults: tuple[Injection, ...] = ()
+    bound: Any = None
+
+    @property
+    def duration(self) -> float:
+        """How long its twin's own motion lasts [s]."""
+        return self.cls.duration(self.bound) if self.twin else 0.0
 
     def command(self, name: str) -> Channel | None:
         """Return a command channel, or None."""
@@ -58,7 +66,7 @@ class DeviceModel:
     def make_twin(self) -> Twin:
         """Return the twin that the plugin brings, or the ideal one."""
         cls = self.cls.Twin
-        twin: Twin = IdealTwin(self.params, self.cls) if cls is None else cls(self.params)
+        twin: Twin = IdealTwin(self.params, self.cls) if cls is None else cls(self.bound)
         twin.stand(self.ambient, self.skin_temperature)
         late = self.cls.blocking and (self.cls.delay > 0.0 or self.cls.period > self.servo_period)
         if late:
@@ -70,29 +78,35 @@ class DeviceModel:
 
     def make_device(self) -> Device:
         """Return the device itself; behind a thread if it makes its caller wait."""
-        device = self.cls(self.params)
+        device = self.cls(self.bound)
         made = ThreadedDevice(device, patience=self.limits.watchdog) if self.cls.blocking else device
         made.trace = trace.wanted(self.name)
         return made
 
 
-def build_devices(scene: Scene, catalog: Catalog, problems: list[Problem]) -> dict[str, DeviceModel]:
+def build_devices(
+    scene: Scene, catalog: Catalog, problems: list[Problem], reader: SceneFiles | None = None
+) -> dict[str, DeviceModel]:
     """Return the devices by name; what is wrong becomes problems, and those devices are left out."""
     devices: dict[str, DeviceModel] = {}
+    reader = reader or SceneFiles(scene)
     for element in scene.devices:
-        model = _build(scene, element, catalog, problems)
+        model = _build(scene, element, catalog, problems, reader)
         if model is not None:
             devices[element.name] = model
     return devices
 
 
-def _build(scene: Scene, element: DeviceElement, catalog: Catalog, problems: list[Problem]) -> DeviceModel | None:
+def _build(
+    scene: Scene, element: DeviceElement, catalog: Catalog, problems: list[Problem], reader: SceneFiles
+) -> DeviceModel | None:
     cls = catalog.device(element.plugin)
     if cls is None:
         problems.append(_missing(scene, element, catalog))
         return None
     params = _params(scene, element, cls, problems)
-    if params is None:
+    bound = _bound(scene, element, cls, params, reader, problems) if params is not None else None
+    if bound is None:
         return None
     reads, commands = cls.channels(params)
     limits, found = resolve(scene, element, reads, commands)
@@ -113,7 +127,7 @@ def _build(scene: Scene, element: DeviceElement, catalog: Catalog, problems: lis
         element.name, element.plugin, cls, params, reads, commands, mount, element.mount.mount_error, element.mount.on,
         limits, bool(element.twin), element.optional, touch_off, scene.world.temperature,
         next((operator.skin_temperature for operator in scene.operators), None), 1.0 / scene.rates.servo,
-        element.twin == "remote", injections(scene, element, (*reads, *commands), problems),
+        element.twin == "remote", injections(scene, element, (*reads, *commands), problems), bound,
     )  # fmt: skip
 
 
@@ -143,6 +157,27 @@ def _params(scene: Scene, element: DeviceElement, cls: type[Device], problems: l
         problems.append(Problem("missing-element", sentence, scene.places.of(element)))
         return None
     return cls.Params()
+
+
+def _bound(
+    scene: Scene, element: DeviceElement, cls: type[Device], params: Any, reader: SceneFiles, problems: list[Problem]
+) -> Any:
+    """Return the parameters with the files that they name; None if those cannot be used."""
+    try:
+        return cls.bind(params, reader.read)
+    except MeshError as error:  # its file is missing, too large, or elsewhere
+        place = scene.places.of(params, _file_of(params)) or scene.places.of(element)
+        problems.append(Problem(error.code, f"device '{element.name}': {error.sentence}", place, error.advice))
+        return None
+    except ValueError as error:
+        field = error.field if isinstance(error, ParameterError) else _file_of(params)
+        place = scene.places.of(params, field) or scene.places.of(params) or scene.places.of(element)
+        problems.append(Problem("device", f"device '{element.name}': {error}", place))
+        return None
+
+
+def _file_of(params: Any) -> str:
+    return next((name for name, spec in specs(type(params)).items() if spec.kind == "file"), "")
 
 
 def orientation(element: Any, scene: Scene, problems: list[Problem]) -> tuple[float, float, float, float]:

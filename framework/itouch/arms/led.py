@@ -1,0 +1,132 @@
+"""Arms that are simulated, with a finger that a person leads by mouse, keyboard or gamepad.
+
+The finger hangs on an arm without mass or friction.  Its hand follows the person where there is a window (a gamepad
+needs none), and the scene's ``<operator>`` otherwise.  The arm's force moves the simulated finger; nobody feels it.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from itouch.arms.pad import PadError, find_pad
+from itouch.plugin import Attached, Device, DeviceError, Record, pose, schema, wrench
+
+Vector = tuple[float, float, float]
+#: Greatest force [N] and stiffness [N/m] of the simulated arm: those of common desktop arms.
+FORCE, STIFFNESS = 8.0, 3000.0
+_START: Vector = (0.0, 0.0, 0.05)
+
+
+def _start() -> Any:
+    return schema.quantity(
+        "m", size=3, low=-1.0, high=1.0, default=_START, doc="where the finger begins if the scene has no operator"
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class MouseParams:
+    """What ``<mouse:hardware>`` may hold."""
+
+    start: Vector = _start()
+    step: float = schema.quantity("m", low=1e-6, high=0.01, default=1e-4, doc="way of the finger for a pixel")
+
+
+@dataclass(frozen=True, slots=True)
+class KeyboardParams:
+    """What ``<keyboard:hardware>`` may hold."""
+
+    start: Vector = _start()
+    speed: float = schema.quantity("m/s", low=1e-4, high=0.3, default=0.03, doc="while a key is held")
+
+
+@dataclass(frozen=True, slots=True)
+class GamepadParams:
+    """What ``<gamepad:hardware>`` may hold."""
+
+    start: Vector = _start()
+    speed: float = schema.quantity("m/s", low=1e-4, high=0.3, default=0.06, doc="with a stick fully to one side")
+
+
+class LedArm(Device):
+    """A simulated arm whose finger a person leads."""
+
+    reads = (pose(locked=(3, 4, 5)),)
+    commands = (wrench(force=FORCE),)
+    twin_only: ClassVar[bool] = True
+    max_stiffness: ClassVar[float | None] = STIFFNESS
+    damping: ClassVar[float | None] = 0.0
+
+    def open(self) -> None:
+        """Refuse: there is nothing to open.
+
+        Raises
+        ------
+        DeviceError
+            Always.
+        """
+        raise DeviceError(f'a {self.led_by} is no arm that could be opened: it is twin only, write twin="yes"')
+
+    def close(self) -> None:
+        """Do nothing: it was never open."""
+
+    def read(self, reading: Record) -> bool | None:
+        """Refuse, as `open` does.
+
+        Raises
+        ------
+        DeviceError
+            Always.
+        """
+        raise DeviceError(f"a {self.led_by} is no arm that could be read: it is twin only")
+
+
+class Mouse(LedArm):
+    """A simulated arm whose finger the mouse leads across, and its wheel up and down, in the window."""
+
+    Params = MouseParams
+    led_by: ClassVar[str] = "mouse"
+
+    @classmethod
+    def attached(cls) -> tuple[Attached, ...]:
+        """Tell whether there is a screen, and with it a mouse."""
+        return (_window("moves the finger across; its wheel raises and lowers it"),)
+
+
+class Keyboard(LedArm):
+    """A simulated arm whose finger the arrow keys lead across, and Page Up and Down up and down, in the window."""
+
+    Params = KeyboardParams
+    led_by: ClassVar[str] = "keyboard"
+
+    @classmethod
+    def attached(cls) -> tuple[Attached, ...]:
+        """Tell whether there is a screen, and with it a keyboard."""
+        return (_window("the arrow keys move the finger across, Page Up and Page Down raise and lower it"),)
+
+
+class Gamepad(LedArm):
+    """A simulated arm whose finger a gamepad leads: the left stick across, the right one up and down."""
+
+    Params = GamepadParams
+    led_by: ClassVar[str] = "gamepad"
+
+    @classmethod
+    def attached(cls) -> tuple[Attached, ...]:
+        """Look for a gamepad."""
+        try:
+            pad = find_pad()
+        except PadError as error:
+            return (Attached("gamepad", False, str(error)),)
+        try:
+            return (Attached(pad.name, True, "the left stick moves the finger across, the right one up and down"),)
+        finally:
+            pad.close()
+
+
+def _window(note: str) -> Attached:
+    screen = os.environ.get("WAYLAND_DISPLAY") or os.environ.get("DISPLAY")
+    if screen:
+        return Attached(f"the window on {screen}", True, note)
+    return Attached("the window", False, "there is no display: the finger follows the scene's <operator>")

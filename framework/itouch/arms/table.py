@@ -1,0 +1,177 @@
+"""Poses over time, out of a recording, out of a table of text, or made up."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import re
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.plugin import ParameterError
+from itouch.recording.errors import RecordingError
+from itouch.recording.reader import parse
+from itouch.schema.diagnostics import did_you_mean
+
+Motion = tuple[list[float], NDArray[np.float64]]
+#: Longest table [rows].
+MOST_ROWS = 4_000_000
+_PLACE, _TURN = ("x", "y", "z"), ("qw", "qx", "qy", "qz")
+_SCALES = {"": 1.0, "m": 1.0, "mm": 1e-3, "cm": 1e-2, "um": 1e-6, "s": 1.0, "ms": 1e-3}
+_LABEL = re.compile(r"^(?P<name>[^\[]*?)\s*(?:\[(?P<unit>[^\]]*)\])?$")
+
+
+def example() -> Motion:
+    """Return four seconds of a finger that comes down by 30 mm, strokes along by 20 mm, and goes up again."""
+    times = np.arange(401, dtype=np.float64) * 0.01
+    down, along, up = (_blend(times, begin) for begin in (0.4, 1.6, 2.8))
+    poses = np.zeros((len(times), 7))
+    poses[:, 0], poses[:, 2], poses[:, 3] = 0.02 * along, 0.05 - 0.03 * down + 0.03 * up, 1.0
+    return times.tolist(), poses
+
+
+def _blend(times: NDArray[np.float64], begin: float) -> NDArray[np.float64]:
+    """Minimum jerk from 0 to 1 in 0.8 s (Flash and Hogan 1985)."""
+    s: NDArray[np.float64] = np.clip((times - begin) / 0.8, 0.0, 1.0)
+    return np.asarray(s**3 * (10.0 + s * (6.0 * s - 15.0)), np.float64)
+
+
+def from_recording(name: str, data: bytes, track: str) -> Motion:
+    """Return the pose of a recorded device, or the place of a recorded probe.
+
+    Raises
+    ------
+    ParameterError
+        Naming what is not in the file, and what is.
+    """
+    try:
+        content = parse(name, data, len(data))
+    except RecordingError as error:
+        raise ParameterError("file", str(error)) from error
+    columns = {key: _column(table.dtype.names or ()) for key, table in content.rows.items() if len(table)}
+    known = sorted(key for key, column in columns.items() if column)
+    if not known:
+        raise ParameterError("file", f"'{name}' has recorded no pose of a device or place of a probe")
+    if track and track not in known:
+        advice = did_you_mean(track, known, "it has")
+        raise ParameterError("track", f"'{name}' has recorded no pose of '{track}'; {advice}")
+    if not track:
+        posed = [key for key in known if columns[key] == "pose"] or known
+        if len(posed) > 1:
+            raise ParameterError(
+                "track", f"'{name}' has several poses ({', '.join(posed)}): write track=\"{posed[0]}\""
+            )
+        track = posed[0]
+    rows = content.rows[track]
+    values = np.asarray(rows[columns[track]], np.float64).reshape(len(rows), -1)
+    return checked(np.asarray(rows["time"], np.float64), values)
+
+
+def _column(names: tuple[str, ...]) -> str:
+    return "pose" if "pose" in names else "hip" if "hip" in names else ""
+
+
+def from_csv(data: bytes) -> Motion:
+    """Return the poses of a table of text.
+
+    Columns are found by their names, as ``itouch-py export`` writes them (``time [s]``, ``pose.x [m]`` ...
+    ``pose.qz``, or ``hip.x [m]`` ...), or ``t, x, y, z`` and perhaps ``qw, qx, qy, qz``; without names they stand in
+    this order.
+
+    Raises
+    ------
+    ValueError
+        Saying what is not there.
+    """
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise ValueError("it is no text") from None
+    try:
+        rows = [row for row in csv.reader(io.StringIO(text)) if row and not row[0].lstrip().startswith("#")]
+    except csv.Error as error:
+        raise ValueError(f"it is no table ({error})") from None
+    if not rows:
+        raise ValueError("it has no rows")
+    if len(rows) > MOST_ROWS:
+        raise ValueError(f"it has more than {MOST_ROWS} rows")
+    if _is_number(rows[0][0]):
+        columns = [(index, 1.0) for index in range(len(rows[0]))]
+        if len(columns) not in (4, 8):
+            raise ValueError(
+                f"without names it must have 4 columns (t x y z) or 8 (with qw qx qy qz), not {len(columns)}"
+            )
+    else:
+        columns, rows = _named(rows[0]), rows[1:]
+    table = np.array([_numbers(row, columns, index) for index, row in enumerate(rows, 1)], np.float64)
+    table = table.reshape(len(rows), len(columns))
+    return checked(table[:, 0], table[:, 1:])
+
+
+def _named(header: list[str]) -> list[tuple[int, float]]:
+    """Return index and scale of time, position and, if they are there, of the quaternion's parts."""
+    found: dict[str, tuple[int, float]] = {}
+    for index, label in enumerate(header):
+        match = _LABEL.match(label.strip())
+        if match is None:
+            continue
+        name, unit = match["name"], match["unit"] or ""
+        short = {"time": "t"}.get(name, name.rsplit(".", 1)[-1] if re.search(r"(^|\.)(pose|hip)\.\w+$", name) else name)
+        if short in ("t", *_PLACE, *_TURN):
+            if unit not in _SCALES:
+                raise ValueError(f"the unit of column '{label}' is not known: write m, mm, s or ms")
+            if short in found and short != "t":
+                raise ValueError(
+                    f"it has several columns of {short} ({header[found[short][0]]}, {label}): keep those of one"
+                )
+            found.setdefault(short, (index, _SCALES[unit]))
+    missing = [name for name in ("t", *_PLACE) if name not in found]
+    if missing:
+        raise ValueError(f"it has no column named {', '.join(missing)}; it has {', '.join(header)[:120]}")
+    turns = [name for name in _TURN if name in found]
+    if turns and len(turns) < 4:
+        raise ValueError(f"of a quaternion it has only {', '.join(turns)}")
+    return [found[name] for name in ("t", *_PLACE, *turns)]
+
+
+def _numbers(row: list[str], columns: list[tuple[int, float]], index: int) -> list[float]:
+    try:
+        return [float(row[column]) * scale for column, scale in columns]
+    except (ValueError, IndexError):
+        raise ValueError(f"row {index} is not {len(columns)} numbers: {','.join(row)[:60]}") from None
+
+
+def _is_number(word: str) -> bool:
+    try:
+        return math.isfinite(float(word)) or True
+    except ValueError:
+        return False
+
+
+def checked(times: NDArray[np.float64], values: NDArray[np.float64]) -> Motion:
+    """Return a motion from times [s] and positions (n, 3) or poses (n, 7), beginning at 0.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two rows, times that do not rise, what is no number, or quaternions of no length.
+    """
+    if len(times) < 2:
+        raise ValueError(f"it has {len(times)} rows; a motion has two at least")
+    good = np.isfinite(values).all(axis=1) & np.isfinite(times)
+    if not good.all():
+        raise ValueError(f"row {int(np.argmin(good)) + 1} holds what is no finite number")
+    late = np.diff(times) <= 0.0
+    if late.any():
+        raise ValueError(f"the time does not rise after row {int(np.argmax(late)) + 1}")
+    poses = np.zeros((len(times), 7))
+    poses[:, :3], poses[:, 3] = values[:, :3], 1.0
+    if values.shape[1] >= 7:
+        size = np.linalg.norm(values[:, 3:7], axis=1)
+        if (size < 1e-6).any():
+            raise ValueError(f"the quaternion of row {int(np.argmax(size < 1e-6)) + 1} is zero")
+        poses[:, 3:] = values[:, 3:7] / size[:, None]
+    poses.setflags(write=False)
+    return (times - times[0]).tolist(), poses

@@ -1,0 +1,75 @@
+"""Who leads the finger of an arm that a person leads, where there is no window: a gamepad, or the scene's operator."""
+
+from __future__ import annotations
+
+import sys
+import time
+from typing import TYPE_CHECKING
+
+from itouch.schema import ItouchError
+
+if TYPE_CHECKING:
+    from itouch.arms.pad import Pad
+    from itouch.servo import Handle
+    from itouch.world import Model
+
+#: Longest time [s] that one look at a gamepad counts for.
+_LONGEST = 0.1
+
+
+class Leader:
+    """A gamepad that leads the hand of one probe in a session that was launched."""
+
+    def __init__(self, pad: Pad, probe: str, speed: float) -> None:
+        self._pad, self._probe, self._speed = pad, probe, speed
+        self._last = time.monotonic()
+        self._taken = False
+
+    def lead(self, handle: Handle) -> None:
+        """Move the hand as far as the sticks ask since the last call."""
+        now = time.monotonic()
+        elapsed, self._last = min(now - self._last, _LONGEST), now
+        sticks = self._pad.sticks()
+        if any(sticks) or not self._taken:
+            self._taken = True  # the script waits from now on
+            x, y, z = (self._speed * elapsed * part for part in sticks)
+            handle.command("steer", {"probe": self._probe, "step": (x, y, z)})
+
+    def close(self) -> None:
+        """Let the gamepad go."""
+        self._pad.close()
+
+
+def without_window(model: Model, *, real: bool) -> Leader | None:
+    """Return who leads the finger of a scene that is run without a window; None: the scene's operator does.
+
+    Parameters
+    ----------
+    model
+        The compiled scene.
+    real
+        Whether it may run in real time: nobody can lead a finger in a simulation that runs faster.
+
+    Raises
+    ------
+    ItouchError
+        If nobody would lead it.
+    """
+    from itouch.arms.pad import PadError, find_pad
+    from itouch.world.leading import led
+
+    for probe, arm in led(model):
+        reason = f"the {arm.cls.led_by} leads it in a window, and there is none"
+        if arm.cls.led_by == "gamepad":
+            reason = "a gamepad leads it in real time only"
+            if real:
+                try:
+                    return Leader(find_pad(), probe.name, arm.params.speed)
+                except PadError as error:
+                    reason = f"gamepad: {error}"
+        operator = probe.operator
+        if operator is None or not (operator.motion.targets or operator.motion.file):
+            advice = f"open a window, or give probe '{probe.name}' an <operator> with a <motion> to follow"
+            raise ItouchError(f"nobody leads the finger on arm '{arm.name}' ({reason})\n  = help: {advice}")
+        print(f"note: arm '{arm.name}': {reason}; the finger follows its <operator>", file=sys.stderr)
+    return None

@@ -1,0 +1,50 @@
+"""Who moves the finger of a probe: the scene's operator, a person who leads the operator's hand, or a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from itouch.plugin import poses
+from itouch.scene import Scene
+from itouch.scene.elements import Operator, Probe
+from itouch.schema import Problem
+from itouch.world.rig import DeviceModel
+
+if TYPE_CHECKING:
+    from itouch.world.model import Model, ProbeModel
+
+Vector = tuple[float, float, float]
+#: What a person leads a hand by.
+PERSON = ("mouse", "keyboard", "gamepad")
+
+
+def hand_of(
+    scene: Scene, probe: Probe, devices: Mapping[str, DeviceModel], problems: list[Problem]
+) -> tuple[Operator | None, Vector]:
+    """Return the operator of a probe, and where its hand begins if it has no motion, in the world [m].
+
+    An arm that a person leads needs a hand: a scene without an operator gets one with the defaults.
+    """
+    operator = next((o for o in scene.operators if o.probe == probe.name), None)
+    arm = devices.get(probe.pose_from)
+    if arm is None or arm.cls.led_by not in (*PERSON, "recording"):
+        return operator, (0.0, 0.0, 0.0)
+    if arm.cls.led_by == "recording":
+        if operator is not None and (operator.motion.targets or operator.motion.file):
+            sentence = f"probe '{probe.name}' follows the recording of '{arm.name}', and its operator has a motion too"
+            problems.append(Problem("exclusive", sentence, scene.places.of(operator.motion), "remove one of them"))
+        return None, (0.0, 0.0, 0.0)
+    start = np.array(getattr(arm.params, "start", (0.0, 0.0, 0.0)), np.float64)
+    x, y, z = poses.transform(np.array(arm.mount), start).tolist()
+    return operator or Operator(probe=probe.name), (x, y, z)
+
+
+def led(model: Model) -> Iterator[tuple[ProbeModel, DeviceModel]]:
+    """Yield the probes whose hand a person leads, each with its arm."""
+    for probe in model.probes:
+        arm = model.devices[probe.scene.pose_from]
+        if arm.twin and arm.cls.led_by in PERSON:
+            yield probe, arm
