@@ -10,7 +10,9 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 from generated import draw_pictures, write_commands
+from pygments.lexers.special import TextLexer
 from reference_pages import write_pages
+from sphinx.application import Sphinx
 
 project = "itouch-py"
 author = "the itouch-py developers"
@@ -47,3 +49,8 @@ write_pages()
 _reproduce_paper()
 draw_pictures()
 write_commands()
+
+
+def setup(app: Sphinx) -> None:
+    """Let tables of numbers be a language: they are tested apart from text."""
+    app.add_lexer("csv", TextLexer)
