@@ -1,4 +1,4 @@
-"""``itouch-py bench viewer``: how long a frame takes with small and large meshes, off the screen."""
+"""``itouch-py bench viewer``: how long a frame takes with small and large meshes; what a viewer does to the loop."""
 
 from __future__ import annotations
 
@@ -11,17 +11,28 @@ from typing import Any
 
 import numpy as np
 
+from itouch.schema import ItouchError
+
 #: Triangles of the meshes that are drawn.
 SIZES = (1_000, 100_000, 1_000_000)
 
 
 def main(argv: Sequence[str]) -> int:
-    """Print frame times with 1k, 100k and 1M triangles."""
+    """Print frame times with 1k, 100k and 1M triangles; with --servo, how punctual the loop is beside viewers."""
     parser = argparse.ArgumentParser(prog="itouch-py bench viewer", description=main.__doc__)
     parser.add_argument("--frames", type=int, default=60, metavar="N", help="frames of each size (default 60)")
     parser.add_argument("--size", default="1280x720", metavar="1280x720", help="of the picture")
     parser.add_argument("--json", metavar="FILE", help="write the figures, too")
+    beside = "instead: the servo loop beside a viewer that is there, killed, frozen, overloaded"
+    parser.add_argument("--servo", action="store_true", help=beside)
+    parser.add_argument("--seconds", type=float, default=10.0, metavar="S",
+                        help="with --servo: of each situation in a round (default 10)")  # fmt: skip
+    parser.add_argument("--rounds", type=int, default=1, metavar="N", help="with --servo: rounds (default 1)")
     options = parser.parse_args(argv)
+    if not 0.1 <= options.seconds <= 3600 or not 1 <= options.rounds <= 1000:
+        parser.error("--seconds must be 0.1 to 3600, --rounds 1 to 1000")
+    if options.servo:
+        return _beside_the_loop(options)
     from itouch.viewer.offscreen import size_of
 
     try:
@@ -35,10 +46,27 @@ def main(argv: Sequence[str]) -> int:
     for row in rows:
         print(f"{row['triangles']:>10} {row['p50_ms']:>8.1f} {row['p99_ms']:>8.1f} {row['max_ms']:>8.1f} "
               f"{1e3 / row['p50_ms']:>9.0f} {row['setup_ms']:>9.0f}")  # fmt: skip
-    if options.json:
-        with open(options.json, "w", encoding="utf-8") as stream:
-            json.dump(rows, stream, indent=1)
+    _write(rows, options.json)
     return 0
+
+
+def _beside_the_loop(options: argparse.Namespace) -> int:
+    from itouch.bench import viewer_servo
+
+    rows = viewer_servo.measure(options.seconds, options.rounds)
+    print(viewer_servo.table(rows))
+    _write([row.figures() for row in rows], options.json)
+    return 0
+
+
+def _write(rows: list[dict[str, Any]], path: str | None) -> None:
+    if path is None:
+        return
+    try:
+        with open(path, "w", encoding="utf-8") as stream:
+            json.dump(rows, stream, indent=1)
+    except OSError as error:
+        raise ItouchError(f"cannot write '{path}': {error.strerror or error}") from error
 
 
 def measure(triangles: int, frames: int, width: int, height: int) -> dict[str, Any]:
