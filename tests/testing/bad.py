@@ -32,7 +32,9 @@ def with_twin(check: str):
     """Make a device of a twin that is wrong."""
 
     def note(twin: type[SliderTwin]) -> type[SliderTwin]:
-        BAD[type(twin.__name__, (Slider,), {"Twin": twin, "__doc__": "A slider.", "__module__": __name__})] = check
+        BAD[type(twin.__name__, (Slider,), {"Twin": twin, "__doc__": "A slider.", "__module__": twin.__module__})] = (
+            check
+        )
         return twin
 
     return note

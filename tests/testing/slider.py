@@ -86,7 +86,7 @@ class Slider(Device):
 
     Params = SliderParams
     reads = (pose(locked=(3, 4, 5)),)
-    commands = (wrench(force=5.0),)
+    commands = (wrench(force=5.0, locked=(0, 1, 3, 4, 5)),)
     Twin = SliderTwin
     Emulator = SliderEmulator
     watchdog = 0.1

@@ -7,6 +7,8 @@ import sys
 import textwrap
 from pathlib import Path
 
+import bad_guests
+import bad_states
 import pytest
 from bad import BAD
 from slider import Slider, SliderParams
@@ -14,6 +16,8 @@ from slider import Slider, SliderParams
 from itouch.testing import DeviceSubject, DeviceTests, EmulatorTests
 from itouch.testing.suites import DEVICE_CHECKS, EMULATOR_CHECKS
 
+#: Checks that need the wire.
+WIRE = ("twin-and-driver-agree", "disabled-is-still", "commands-arrive", "unplug")
 CHECKS = {check.name: check for check in (*DEVICE_CHECKS, *EMULATOR_CHECKS)}
 
 
@@ -22,9 +26,9 @@ def port(folder: Path) -> SliderParams:
 
 
 def subject(cls: type[Slider], check: str, folder: Path) -> DeviceSubject:
-    emulated = check in {one.name for one in EMULATOR_CHECKS}
+    emulated = check in WIRE
     params = port(folder) if emulated else None
-    return DeviceSubject(cls, "slider", params, hardware=not emulated)
+    return DeviceSubject(cls, "slider", params, hardware=not emulated, emulated=emulated)
 
 
 class TestSlider(DeviceTests):
@@ -40,8 +44,9 @@ class TestSliderOnItsEmulator(EmulatorTests):
 
 
 def test_there_are_enough_bad_plugins():
-    assert len(BAD) >= 20
-    assert len(set(BAD.values())) >= 20
+    assert len(BAD) >= 100
+    assert len(set(BAD.values())) >= 35
+    assert {cls.__module__ for cls in BAD} >= {bad_guests.__name__, bad_states.__name__}
 
 
 @pytest.mark.parametrize(("cls", "check"), BAD.items(), ids=[cls.__name__ for cls in BAD])

@@ -19,8 +19,8 @@ def main(argv: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog="itouch-py test-plugin", description=main.__doc__)
     parser.add_argument("name", metavar="NAME", help="a device plugin, a modality PLUGIN.LOCAL, or a plugin with both")
     parser.add_argument("--scene", metavar="FILE", help="a scene that uses it: its parameters are taken from there")
-    parser.add_argument("--hardware", action="store_true", help="open the device, too; it is never enabled to move")
-    parser.add_argument("--emulator", action="store_true", help="run the driver against the plugin's emulator, too")
+    parser.add_argument("--hardware", action="store_true", help="open the device, too; it is commanded what is safe")
+    parser.add_argument("--emulator", action="store_true", help="run the driver on the plugin's emulator, too")
     options = parser.parse_args(argv)
     from itouch.plugin.discovery import Catalog
 
@@ -49,10 +49,13 @@ def _scene(path: str | None, catalog: Catalog) -> Scene | None:
 
 
 def _device(options: argparse.Namespace, catalog: Catalog, scene: Scene | None) -> bool:
-    from itouch.testing.card import write_card
+    from dataclasses import replace
+
+    from itouch.testing.card import Card
     from itouch.testing.checks import examine
     from itouch.testing.subject import DeviceSubject
     from itouch.testing.suites import DEVICE_CHECKS, EMULATOR_CHECKS
+    from itouch.testing.wire import Shared
 
     cls = catalog.device(options.name)
     if cls is None:
@@ -62,27 +65,37 @@ def _device(options: argparse.Namespace, catalog: Catalog, scene: Scene | None) 
         parts = [p.params for d in scene.devices if d.plugin == options.name for p in d.parts if p.plugin == d.plugin]
         params = parts[0] if parts else None
     subject = DeviceSubject(cls, options.name, params, options.hardware)
-    findings = examine(DEVICE_CHECKS, subject)
+    card = Card(f"device '{options.name}' {catalog.version(options.name)}", sys.stdout)
+    checks = [check for check in DEVICE_CHECKS if not options.emulator or check not in EMULATOR_CHECKS]
+    good = card.write(examine(checks, subject))
     if options.emulator:
-        findings += examine(EMULATOR_CHECKS, subject)
-    version = catalog.version(options.name)
-    return write_card(f"device '{options.name}' {version}", findings, sys.stdout)
+        card = Card(f"device '{options.name}' on its emulator", sys.stdout)
+        shared = Shared() if cls.moves_on_open else None
+        try:
+            emulated = replace(subject, hardware=False, emulated=True, shared=shared)
+            good = card.write(examine(EMULATOR_CHECKS, emulated)) and good
+        finally:
+            if shared is not None:
+                shared.end()
+    return good
 
 
 def _modality(name: str, path: str | None, catalog: Catalog) -> bool:
     from pathlib import Path
 
-    from itouch.testing.card import write_card
-    from itouch.testing.checks import examine
-    from itouch.testing.subject import ModalitySubject
+    from itouch.testing.card import Card
+    from itouch.testing.checks import NotApplicableError, examine
+    from itouch.testing.situation import ModalitySubject
     from itouch.testing.suites import MODALITY_CHECKS
 
     plugin, _, local = name.partition(".")
     cls = catalog.modality(plugin, local)
     if cls is None:
         raise ItouchError(catalog.failure(plugin))
-    if path is None:
-        print(f"modality '{name}': give a scene that uses it with --scene FILE\n")
-        return True
-    findings = examine(MODALITY_CHECKS, ModalitySubject(cls, Path(path)))
-    return write_card(f"modality '{name}' {catalog.version(plugin)}", findings, sys.stdout)
+    subject = ModalitySubject(cls, Path(path) if path else None, name=name)
+    try:
+        subject.seconds  # noqa: B018  (looked for once, and told before the card)
+    except NotApplicableError as reason:
+        raise ItouchError(f"modality '{name}' can't be examined: {reason}") from reason
+    card = Card(f"modality '{name}' {catalog.version(plugin)}", sys.stdout)
+    return card.write(examine(MODALITY_CHECKS, subject))

@@ -7,7 +7,8 @@
 """
 
 from itouch.testing.checks import Check, CheckError, Finding
-from itouch.testing.subject import DeviceSubject, ModalitySubject
+from itouch.testing.situation import ModalitySubject
+from itouch.testing.subject import DeviceSubject
 from itouch.testing.suites import DeviceTests, EmulatorTests, ModalityTests
 
 __all__ = [

@@ -1,27 +1,50 @@
-"""The score card: how a plugin did, for people."""
+"""The score card: how a plugin did, for people; it fits a terminal of eighty columns."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import textwrap
+from collections.abc import Iterable
 from typing import TextIO
 
 from itouch.testing.checks import Finding
 
 _MARKS = {"passed": "ok  ", "failed": "FAIL", "left out": "-   "}
+_WIDTH, _NAME = 80, 22
 
 
-def write_card(title: str, findings: Sequence[Finding], stream: TextIO) -> bool:
-    """Write the card; return whether nothing failed."""
-    stream.write(f"{title}\n\n")
-    width = max((len(finding.check.name) for finding in findings), default=0)
-    for finding in findings:
-        note = "" if finding.outcome == "failed" else f"  [{finding.note}]" if finding.note else ""
-        stream.write(f"  {_MARKS[finding.outcome]}  {finding.check.name:<{width}}  {finding.check.title}{note}\n")
+class Card:
+    """A score card that is written line by line, while the checks run."""
+
+    def __init__(self, title: str, stream: TextIO) -> None:
+        self._stream = stream
+        stream.write(f"{title}\n\n")
+
+    def write(self, findings: Iterable[Finding]) -> bool:
+        """Write a line for each finding as it comes, then the sum; return whether nothing failed."""
+        seen: list[Finding] = []
+        for finding in findings:
+            seen.append(finding)
+            self._line(finding)
+            self._stream.flush()
+        count = {mark: sum(f.outcome == mark for f in seen) for mark in _MARKS}
+        spent = sum(finding.seconds for finding in seen)
+        failed = [finding.check.name for finding in seen if finding.outcome == "failed"]
+        told = [f"{count['passed']} passed, {count['failed']} failed, {count['left out']} left out, in {spent:.1f} s"]
+        if failed:
+            told += textwrap.wrap(f"failed: {', '.join(failed)}", _WIDTH)
+        self._stream.write("\n" + "\n".join(told) + "\n\n")
+        return not failed
+
+    def _line(self, finding: Finding) -> None:
+        head = f"  {_MARKS[finding.outcome]}  {finding.check.name:<{_NAME}}"
+        note = f" [{finding.note}]" if finding.note and finding.outcome != "failed" else ""
+        self._stream.write(_wrapped(finding.check.title + note, head) + "\n")
         if finding.outcome == "failed":
-            stream.write("".join(f"          {line}\n" for line in finding.note.splitlines()))
-    count = {mark: sum(f.outcome == mark for f in findings) for mark in _MARKS}
-    spent = sum(finding.seconds for finding in findings)
-    stream.write(
-        f"\n{count['passed']} passed, {count['failed']} failed, {count['left out']} left out, in {spent:.1f} s\n"
-    )
-    return count["failed"] == 0
+            for line in finding.note.splitlines():
+                label = line.strip()[:14] if line.startswith("  ") else ""
+                self._stream.write(_wrapped(line.strip(), " " * 8, " " * (8 + len(label))) + "\n")
+
+
+def _wrapped(text: str, head: str, further: str = "") -> str:
+    return textwrap.fill(text, _WIDTH, initial_indent=head, subsequent_indent=further or " " * len(head),
+                         break_long_words=False, break_on_hyphens=False)  # fmt: skip

@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+import contextlib
+import signal
+import threading
 import time
-import traceback
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from types import FrameType
 from typing import Any, Literal
+
+from itouch.testing.apart import described
+from itouch.testing.surroundings import Surroundings
+
+#: How long a check may take [s]; what takes longer hangs.
+LIMIT = 45.0
+#: The check after which nothing else is examined: a plugin that lacks it would end or block whoever examines it.
+VITAL = "survives"
 
 
 class CheckError(AssertionError):
@@ -31,6 +42,10 @@ class NotApplicableError(Exception):
     """The property has no meaning for this plugin, or can't be seen here; the text says why."""
 
 
+class _Hang(BaseException):
+    """A check that takes too long; no handler of a plugin's for ordinary errors catches it."""
+
+
 @dataclass(frozen=True, slots=True)
 class Check:
     """A named property; ``run`` raises CheckError if the subject lacks it."""
@@ -42,15 +57,22 @@ class Check:
     def examine(self, subject: Any) -> Finding:
         """Run the check; an error of the plugin's own is a failure, with the place where it was raised."""
         begin = time.perf_counter()
-        try:
-            note, outcome = self.run(subject) or "", "passed"
-        except NotApplicableError as reason:
-            note, outcome = str(reason), "left out"
-        except CheckError as error:
-            note, outcome = str(error), "failed"
-        except Exception as error:  # whatever a stranger's code raises
-            note, outcome = str(escaped(error)), "failed"
-        return Finding(self, outcome, note, time.perf_counter() - begin)  # type: ignore[arg-type]
+        outcome: Literal["passed", "failed", "left out"]
+        with _limited() as interrupted:
+            before = Surroundings()
+            try:
+                note, outcome = self.run(subject) or "", "passed"
+            except NotApplicableError as reason:
+                note, outcome = str(reason), "left out"
+            except CheckError as error:
+                note, outcome = str(error), "failed"
+            except BaseException as error:  # whatever a stranger's code raises
+                if interrupted:
+                    raise
+                note, outcome = str(escaped(error)), "failed"
+            finally:
+                before.put_back()
+        return Finding(self, outcome, note, time.perf_counter() - begin)
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,18 +90,60 @@ def check(name: str, title: str) -> Callable[[Callable[[Any], str | None]], Chec
     return lambda function: Check(name, title, function)
 
 
-def examine(checks: Iterable[Check], subject: Any) -> list[Finding]:
-    """Run checks one after the other."""
-    return [one.examine(subject) for one in checks]
+def examine(checks: Iterable[Check], subject: Any) -> Iterator[Finding]:
+    """Run checks one after the other; none after one that shows that the plugin ends or blocks its process."""
+    perilous = False
+    for one in checks:
+        finding = unexamined(one) if perilous else one.examine(subject)
+        perilous = perilous or (one.name == VITAL and finding.outcome == "failed")
+        yield finding
 
 
-def escaped(error: Exception) -> CheckError:
+def unexamined(one: Check) -> Finding:
+    """Return the finding of a check that is left out because of an earlier one."""
+    return Finding(one, "left out", f"not examined: first '{VITAL}' must pass", 0.0)
+
+
+def escaped(error: BaseException) -> CheckError:
     """Turn an error that came out of the plugin into a failure that says where it was raised."""
-    frames = traceback.extract_tb(error.__traceback__)
-    last = frames[-1] if frames else None
-    where = f" at {last.filename}:{last.lineno}" if last else ""
+    if isinstance(error, _Hang):
+        return CheckError(
+            f"it does not end within {LIMIT:g} s; it is in {described(error).rpartition(' at ')[2]}",
+            cause="a wait without a time limit, or a loop without an end",
+            advice="give every wait a timeout",
+        )
     return CheckError(
-        f"{type(error).__name__}: {error}{where}",
+        described(error),
         cause="the plugin's code raised where the framework needs an answer",
         advice="handle it there; what a device or a person can cause is a DeviceError with what to do",
     )
+
+
+@contextlib.contextmanager
+def _limited() -> Iterator[list[bool]]:
+    """Limit the time of what is done within; the list is not empty once a person has interrupted it."""
+    interrupted: list[bool] = []
+    if threading.current_thread() is not threading.main_thread():
+        yield interrupted
+        return
+
+    def give_up(number: int, frame: FrameType | None) -> None:
+        raise _Hang
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        interrupted.append(True)
+        raise KeyboardInterrupt
+
+    before = {signal.SIGALRM: signal.signal(signal.SIGALRM, give_up)}
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        before[signal.SIGINT] = signal.signal(signal.SIGINT, interrupt)
+    left, _ = signal.setitimer(signal.ITIMER_REAL, LIMIT, 1.0)
+    begin = time.perf_counter()
+    try:
+        yield interrupted
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        if left:  # somebody else's alarm, such as that of a test's time limit
+            signal.setitimer(signal.ITIMER_REAL, max(0.01, left - (time.perf_counter() - begin)))

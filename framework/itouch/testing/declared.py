@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import inspect
 import math
-import subprocess
 import sys
 from typing import Any
 
@@ -17,6 +15,7 @@ from itouch.scene import loads, write
 from itouch.schema import SceneError
 from itouch.schema.fields import Spec, specs, validate, xml_name
 from itouch.schema.quantities import format_quantity
+from itouch.schema.units import parse_unit
 from itouch.testing.checks import CheckError, NotApplicableError, check
 from itouch.testing.subject import DeviceSubject
 
@@ -108,7 +107,7 @@ def documentation(subject: DeviceSubject) -> None:
             "`doc=` was forgotten",
             'the reference and the editors show it: write doc="..."',
         )
-    module = inspect.getmodule(cls)
+    module = sys.modules.get(cls.__module__)
     if module is not None and not (module.__doc__ or "").strip():
         raise _fail(f"the module {module.__name__} has no docstring", "not written yet", "say what the module is for")
 
@@ -206,41 +205,67 @@ def _ranged(subject: DeviceSubject, name: str, spec: Spec) -> None:
         raise _fail(f"{label} takes a unit of another kind", "the unit is not checked", "use schema.quantity(unit)")
 
 
-_WATCH = """
-import sys
-seen = []
-def watch(event, words):
-    if event in ("socket.connect", "socket.bind", "subprocess.Popen", "os.system"):
-        seen.append(f"{event} {words[1:2] or words}")
-    if event == "open" and isinstance(words[0], str) and words[0].startswith("/dev/"):
-        if words[0] not in ("/dev/null", "/dev/urandom", "/dev/random"):
-            seen.append(f"opened {words[0]}")
-import threading
-before = threading.active_count()
-sys.addaudithook(watch)
-__import__(sys.argv[1])
-if threading.active_count() > before:
-    seen.append("started a thread")
-print("\\n".join(seen))
-"""
+@check("units", "channels are in SI units, and the times that the class states are in seconds")
+def units(subject: DeviceSubject) -> None:
+    """Look at the unit of every channel, and at what the class says of its timing."""
+    cls = subject.cls
+    reads, commands = cls.channels(subject.require_params())
+    for channel in (*reads, *commands):
+        try:
+            unit = parse_unit(channel.unit) if channel.unit else None
+        except ValueError as error:
+            raise _fail(
+                f"the channel '{channel.name}' is in '{channel.unit}', which is no unit",
+                "a misspelling, or a word",
+                "write it as in m/s^2, N*m or W/m^2; a number without a unit has ''",
+            ) from error
+        if unit is not None and (unit.factor != 1.0 or unit.offset):
+            raise _fail(
+                f"the channel '{channel.name}' is in {channel.unit}",
+                "the device's own unit",
+                "declare the SI unit (m, N, K, A, ...), and convert in read and write",
+            )
+        if channel.unit == "K" and channel.high and max(channel.high) < 200.0:
+            raise _fail(
+                f"'{channel.name}' is limited to {max(channel.high):g} K",
+                "degrees Celsius",
+                "limits are kelvin: add 273.15",
+            )
+    times = {"period": 2.0, "delay": 2.0, "exchange_time": 2.0, "watchdog": 30.0}
+    for name, most in times.items():
+        value = getattr(cls, name)
+        if isinstance(value, (int, float)) and value > most:
+            raise _fail(f"{name} = {value:g} s", "milliseconds", f"give {name} in seconds")
 
 
-@check("import", "importing the plugin opens no port, starts nothing")
-def imported(subject: DeviceSubject) -> None:
-    """Import the plugin's module in a new process that watches."""
-    module = inspect.getmodule(subject.cls)
-    if module is None or module.__name__ == "__main__":
-        raise NotApplicableError("the class is not in a module that can be imported")
-    folder = str(getattr(module, "__file__", "") or "")
-    script = f"import sys; sys.path[:0] = {sys.path!r}\n" + _WATCH
-    done = subprocess.run([sys.executable, "-c", script, module.__name__], capture_output=True, text=True, timeout=120)
-    if done.returncode:
-        raise NotApplicableError(f"{module.__name__} can't be imported by itself ({folder})")
-    if done.stdout.strip():
+@check("limits-of-params", "a limit among the parameters limits the channel that it is about")
+def limits_of_params(subject: DeviceSubject) -> str:
+    """Lower each parameter that is called a limit, and see whether the channels of its unit follow."""
+    params, seen = subject.require_params(), []
+    for name, spec in specs(subject.cls.Params).items():
+        called = name.split("_")
+        if spec.kind != "quantity" or not spec.scalar or not {"max", "limit", "maximum", "ceiling"} & set(called):
+            continue
+        given = getattr(params, name)
+        low = spec.low if math.isfinite(spec.low) and spec.low > 0.0 else 0.5 * given if given else 0.0
+        for channel in subject.cls.channels(params)[1]:
+            if channel.unit == spec.unit and channel.high and low:
+                lowered = dataclasses.replace(params, **{name: low})
+                _follows(subject, channel, lowered, xml_name(name), low)
+                seen.append(name)
+    if not seen:
+        raise NotApplicableError("no parameter is called a limit of a command")
+    return ", ".join(sorted(set(seen)))
+
+
+def _follows(subject: DeviceSubject, channel: Channel, lowered: Any, label: str, value: float) -> None:
+    after = next((c for c in subject.cls.channels(lowered)[1] if c.name == channel.name), None)
+    free = [i for i in range(min(channel.size, 3)) if i not in channel.locked]
+    if after is not None and free and max(after.high[i] for i in free) > value and after.high == channel.high:
         raise _fail(
-            f"importing {module.__name__}: {done.stdout.strip().splitlines()[0]}",
-            "hardware is looked for at import",
-            "do it in open()",
+            f"with {label}=\"{value:g} {channel.unit}\" '{channel.name}' still goes up to {max(after.high):g}",
+            "the channels do not depend on the parameter",
+            "make them of the parameters: override `channels(cls, params)`",
         )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import statistics
+import gc
 import threading
 import time
 from typing import Any
@@ -11,9 +11,12 @@ import numpy as np
 
 from itouch.loop import Engine
 from itouch.plugin import Device, DeviceError, Field, Record
+from itouch.testing.apart import described
+from itouch.testing.bouts import opened
 from itouch.testing.checks import CheckError, NotApplicableError, check
-from itouch.testing.subject import PERIOD, DeviceSubject
-from itouch.testing.twins import _held_by
+from itouch.testing.subject import DeviceSubject
+from itouch.testing.surroundings import children, native_threads, open_files
+from itouch.testing.wire import Opened, elsewhere
 from itouch.world import Model
 
 
@@ -21,68 +24,32 @@ def _fail(seen: str, cause: str, advice: str) -> CheckError:
     return CheckError(seen, cause=cause, advice=advice)
 
 
-class Opened:
-    """A device that is open, with records of its channels and a count of its own calls."""
-
-    def __init__(self, subject: DeviceSubject) -> None:
-        subject.require_hardware()
-        self.device = subject.cls(subject.require_params())
-        reads, commands = subject.cls.channels(subject.params)
-        self.reading = Record.of(Field(c.name, "f8", c.size) for c in reads)
-        self.command = Record.of(Field(c.name, "f8", c.size) for c in commands)
-        for channel in commands:
-            if isinstance(channel.safe, tuple):
-                self.command[channel.name] = channel.safe
-        self.device.open()
-
-    def __enter__(self) -> Opened:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.device.close()
-
-    def fresh(self, patience: float = 1.0) -> None:
-        """Read until there is something new."""
-        deadline = time.perf_counter() + patience
-        while self.device.read(self.reading) is False:
-            if time.perf_counter() > deadline:
-                raise _fail(
-                    f"no new reading within {patience:g} s",
-                    "the device does not answer, or read always returns False",
-                    "return True when the reading is new",
-                )
-
-
-@check("driver-fills", "the driver fills every field of its reading")
+@check("driver-fills", "the driver fills every field of its reading, every time")
 def fills(subject: DeviceSubject) -> None:
-    """Read into a record full of NaN."""
-    with Opened(subject) as opened:
-        opened.fresh()
-        for view in opened.reading.values():
-            view[...] = np.nan
-        opened.fresh()
-        for name, view in opened.reading.items():
-            if np.isnan(view).any():
-                raise _fail(
-                    f"the field '{name}' was not filled by read", "a forgotten field", "write every field on every read"
-                )
-        if "pose" in opened.reading and abs(float(np.linalg.norm(opened.reading["pose"][3:])) - 1.0) > 1e-6:
+    """Read into a record full of NaN, again and again."""
+    with opened(subject) as device:
+        device.fresh()
+        for _ in range(30):
+            for view in device.reading.values():
+                view[...] = np.nan
+            device.fresh()
+            _filled(device.reading)
+
+
+def _filled(reading: Record) -> None:
+    for name, view in reading.items():
+        if np.isnan(view).any():
             raise _fail(
-                f"the quaternion is {opened.reading['pose'][3:]}",
-                "it was left zero, or is x y z w",
-                "write w x y z with unit length",
+                f"the field '{name}' was not filled by read, which is {view}",
+                "a forgotten field, or a NaN in place of a DeviceError",
+                "write every field on every read that returns True",
             )
-
-
-@check("driver-keeps-nothing", "the driver keeps no record")
-def keeps_nothing(subject: DeviceSubject) -> None:
-    """Look whether the device still holds what it was given."""
-    with Opened(subject) as opened:
-        opened.fresh()
-        _held_by(opened.device, opened.reading, "reading")
-        if opened.command:
-            opened.device.write(opened.command)
-            _held_by(opened.device, opened.command, "command")
+    if "pose" in reading and abs(float(np.linalg.norm(reading["pose"][3:])) - 1.0) > 1e-6:
+        raise _fail(
+            f"the quaternion is {reading['pose'][3:]}",
+            "it was left zero, or is x y z w",
+            "write w x y z with unit length",
+        )
 
 
 @check("writes-in-read", "reading sends no command of its own")
@@ -90,15 +57,20 @@ def writes_in_read(subject: DeviceSubject) -> None:
     """Count calls of ``write`` that the device makes by itself."""
     calls: list[str] = []
 
-    class Counting(subject.cls):  # type: ignore[name-defined]
-        def write(self, command: Record) -> None:
-            calls.append("write")
-            super().write(command)
+    def write(command: Record) -> None:
+        calls.append("write")
 
-    counted = DeviceSubject(Counting, subject.name, subject.params, hardware=subject.hardware)
-    with Opened(counted) as opened:
-        for _ in range(20):
-            opened.device.read(opened.reading)
+    with opened(subject) as device:
+        kept = device.device.write
+        try:
+            device.device.write = write  # type: ignore[method-assign]
+        except AttributeError as error:
+            raise NotApplicableError("its class has slots") from error
+        try:
+            for _ in range(20):
+                device.device.read(device.reading)
+        finally:
+            device.device.write = kept  # type: ignore[method-assign]
     if calls:
         raise _fail(
             "read calls write",
@@ -109,45 +81,88 @@ def writes_in_read(subject: DeviceSubject) -> None:
 
 @check("reopens", "open and close pair, again and again, and leave nothing behind")
 def reopens(subject: DeviceSubject) -> None:
-    """Open and close three times; count threads."""
-    before = threading.active_count()
-    for _ in range(3):
-        with Opened(subject) as opened:
-            opened.fresh()
+    """Open and close; count threads, files and processes; open the same object again."""
+    subject.require_hardware()
+    cycles = 1 if subject.shared is not None else 4
+    _cycle(subject)
+    first = _left()
+    for _ in range(cycles):
+        _cycle(subject)
+    _compare_left(first, _left(), cycles)
+    if not subject.emulated:
+        _same_again(subject)
+
+
+def _cycle(subject: DeviceSubject) -> None:
+    before = threading.enumerate()
+    device = Opened(subject)
+    try:
+        device.fresh(5.0)
+    finally:
+        _close(device)
     deadline = time.perf_counter() + 2.0
-    while threading.active_count() > before and time.perf_counter() < deadline:
+    left = [thread for thread in threading.enumerate() if thread not in before]
+    while left and time.perf_counter() < deadline:
         time.sleep(0.02)
-    if threading.active_count() > before:
-        names = [thread.name for thread in threading.enumerate()][before:]
+        left = [thread for thread in left if thread.is_alive()]
+    if left:
         raise _fail(
-            f"a thread is left after close: {', '.join(names)}",
+            f"a thread is left after close: {', '.join(thread.name for thread in left)}",
             "close does not end what open began",
-            "a driver needs no thread: set blocking = True, and the framework brings one",
+            "end it and join it in close; for waiting, no thread is needed: set blocking = True",
         )
 
 
-@check("driver-timing", "a call of the driver fits in the tick, or the device says that it blocks")
-def timing(subject: DeviceSubject) -> str:
-    """Time reads; the figure is reported."""
-    spent = []
-    with Opened(subject) as opened:
-        opened.fresh()
-        for _ in range(60):
-            begin = time.perf_counter()
-            opened.device.read(opened.reading)
-            if opened.command:
-                opened.device.write(opened.command)
-            spent.append(time.perf_counter() - begin)
-    median, worst = statistics.median(spent), max(spent)
-    if not subject.cls.blocking and median > 0.5 * PERIOD:
+def _close(device: Opened) -> None:
+    try:
+        device.__exit__()
+    except Exception as error:  # whatever a stranger's code raises
         raise _fail(
-            f"an exchange takes {1e3 * median:.1f} ms",
-            "it waits for the wire within the tick",
-            "set blocking = True on the class: the framework then reads it in a thread",
+            f"close raised {described(error)}",
+            "something was closed twice, or is gone already",
+            "close must always succeed, whatever happened before",
+        ) from error
+
+
+def _left() -> tuple[dict[str, str], set[int], int]:
+    gc.collect()
+    return open_files(), children(), native_threads()
+
+
+def _compare_left(first: Any, last: Any, cycles: int) -> None:
+    files = [what for number, what in last[0].items() if number not in first[0]]
+    if len(files) >= cycles:
+        raise _fail(
+            f"{len(files)} files are left open after {cycles} times open and close, the last is {files[-1]}",
+            "close does not close the port, or open opens two",
+            "close in close() what open() opened",
         )
-    if worst > 2.0:
-        raise _fail(f"an exchange took {worst:.1f} s", "a wait without a time limit", "give every wait a timeout")
-    return f"exchange p50 {1e3 * median:.2f} ms, worst {1e3 * worst:.2f} ms"
+    if len(last[1] - first[1]) >= cycles:
+        raise _fail(
+            f"{len(last[1] - first[1])} processes are left after {cycles} times open and close",
+            "a program that open started goes on",
+            "end it and wait for it in close()",
+        )
+    if last[2] - first[2] >= cycles > 1:
+        raise _fail(
+            f"{last[2] - first[2]} threads that Python does not know are left after {cycles} times open and close",
+            "a library's threads, or _thread.start_new_thread",
+            "end in close() what open() began",
+        )
+
+
+def _same_again(subject: DeviceSubject) -> None:
+    device: Device = subject.cls(subject.require_params())
+    for turn in ("first", "second"):
+        try:
+            device.open()
+        except Exception as error:
+            raise _fail(
+                f"the same object can't be opened a {turn} time: {described(error)}",
+                "something that open needs was used up",
+                "a device that was lost is closed and opened again: set in open() all that open needs",
+            ) from error
+        device.close()
 
 
 def _counting(subject: DeviceSubject, fail_at: int = 0) -> tuple[DeviceSubject, list[str]]:
@@ -176,6 +191,12 @@ def _counting(subject: DeviceSubject, fail_at: int = 0) -> tuple[DeviceSubject, 
     return DeviceSubject(Counting, subject.name, subject.params, hardware=subject.hardware), calls
 
 
+def _require_in_step(subject: DeviceSubject) -> None:
+    """Leave the check out on an emulator: the engine's time is simulated here, and the emulator's is not."""
+    if not subject.hardware:
+        raise NotApplicableError("needs the device or a loop-back: `hardware = True`, or --hardware")
+
+
 def _engine(subject: DeviceSubject) -> Engine:
     return Engine(Model.of(subject.scene(twin=False), subject.catalog))
 
@@ -202,7 +223,7 @@ def _paired(calls: list[str]) -> None:
 @check("lifecycle", "open, read, write, close come in order, and close exactly once")
 def lifecycle(subject: DeviceSubject) -> None:
     """Run it in an engine."""
-    subject.require_hardware()
+    _require_in_step(subject)
     counted, calls = _counting(subject)
     engine = _engine(counted)
     try:
@@ -216,7 +237,7 @@ def lifecycle(subject: DeviceSubject) -> None:
 @check("safe-on-exception", "a driver that fails is made safe, closed once, and named")
 def safe_on_exception(subject: DeviceSubject) -> None:
     """Let the tenth read fail."""
-    subject.require_hardware()
+    _require_in_step(subject)
     counted, calls = _counting(subject, fail_at=10)
     engine = _engine(counted)
     caught = ""
@@ -240,13 +261,15 @@ def safe_on_exception(subject: DeviceSubject) -> None:
 @check("errors-are-named", "a device that is not there is a DeviceError that says what to do")
 def errors_are_named(subject: DeviceSubject) -> None:
     """Open where there is nothing, if the parameters can say so."""
-    params = _elsewhere(subject.require_params())
+    params = elsewhere(subject.require_params())
     if params is None:
         raise NotApplicableError("no parameter names a port, a path or a host")
     device: Device = subject.cls(params)
+    before = open_files()
     try:
         device.open()
     except DeviceError as error:
+        _nothing_kept(before)
         if len(str(error)) < 10:
             raise _fail(
                 f"the message is '{error}'",
@@ -266,13 +289,15 @@ def errors_are_named(subject: DeviceSubject) -> None:
     )
 
 
-def _elsewhere(params: Any) -> Any:
-    from dataclasses import replace
-
-    for name in ("port", "path", "device", "serial_port"):
-        if isinstance(getattr(params, name, None), str):
-            return replace(params, **{name: "/dev/itouch-nowhere"})
-    return None
+def _nothing_kept(before: dict[str, str]) -> None:
+    gc.collect()
+    files = [what for number, what in open_files().items() if number not in before]
+    if files:
+        raise _fail(
+            f"an open that fails leaves {files[0]} open",
+            "what was opened before the failure is forgotten",
+            "close it where open gives up: close() is not called after an open that failed",
+        )
 
 
 @check("transcript", "the wire carries what the golden transcript says")

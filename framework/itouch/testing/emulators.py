@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import contextlib
-import threading
 import time
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from itouch.plugin import DeviceError, Emulator, Field, Record
+from itouch.plugin import Channel, DeviceError
 from itouch.testing.checks import CheckError, NotApplicableError, check
-from itouch.testing.drivers import Opened
-from itouch.testing.subject import PERIOD, DeviceSubject, TwinBench
+from itouch.testing.subject import DeviceSubject, limits
+from itouch.testing.wire import Opened, Served, served
 
 #: Where the finger leads a device that tracks it, about a place that it can take [m], and time to go there [s].
 _ABOUT = tuple(np.array(away) for away in ((0.0, 0.0, 0.0), (0.008, -0.005, 0.004), (-0.006, 0.007, -0.009)))
@@ -24,75 +22,10 @@ def _fail(seen: str, cause: str, advice: str) -> CheckError:
     return CheckError(seen, cause=cause, advice=advice)
 
 
-class Served:
-    """An emulator that answers in a thread, with the twin behind it."""
-
-    def __init__(self, subject: DeviceSubject) -> None:
-        kind = subject.cls.Emulator
-        if kind is None:
-            raise NotApplicableError("the device class names no Emulator")
-        self.subject = replace(subject, params=kind.somewhere(subject.require_params()), hardware=True)
-        params = self.subject.params
-        self.bench = TwinBench(self.subject, seed=1)
-        self.emulator: Emulator = kind(params)
-        reads, commands = subject.cls.channels(params)
-        #: Whether it follows the finger; it is held then where the real device can be.
-        self.tracks = any(c.name == "pose" for c in reads) and not any(c.name == "pose_target" for c in commands)
-        if self.tracks:
-            self.hold(kind.reachable(params))
-        self.asked = Record.of(Field(c.name, "f8", c.size) for c in self.bench.commands)
-        self.driven = False
-        self.error: Exception | None = None
-        self._stop = threading.Event()
-        self._thread: threading.Thread | None = None
-
-    def __enter__(self) -> Served:
-        self.emulator.open()
-        self._thread = threading.Thread(target=self._serve, name="emulator", daemon=True)
-        self._thread.start()
-        return self
-
-    def _serve(self) -> None:
-        try:
-            while not self._stop.is_set():
-                self.driven = self.emulator.serve(self.bench.tick * PERIOD, self.bench.reading, self.asked)
-                if self.driven:
-                    self.bench.command.raw[:] = self.asked.raw
-                self.bench.step(driven=False)
-                time.sleep(5e-4)
-        except Exception as error:  # told by whoever waits
-            self.error = error
-
-    def hold(self, place: Sequence[float]) -> None:
-        """Put the finger that holds the device at a place [m] in its frame."""
-        self.bench.touch.finger_attached = True
-        self.bench.touch.finger_pose[:3] = place
-
-    def hang_up(self) -> None:
-        """Take the device away."""
-        self._stop.set()
-        if self._thread is not None:
-            self._thread.join(5.0)
-            self._thread = None
-            self.emulator.close()
-
-    def __exit__(self, *_: object) -> None:
-        self.hang_up()
-        if self.error is not None:
-            raise self.error
-
-
-@contextlib.contextmanager
-def served(subject: DeviceSubject) -> Iterator[tuple[Served, DeviceSubject]]:
-    """Serve the emulator; yield it with a subject whose hardware can be opened."""
-    with Served(subject) as emulator:
-        yield emulator, emulator.subject
-
-
 @check("twin-and-driver-agree", "the driver reads through the wire what the twin is")
 def agree(subject: DeviceSubject) -> str:
     """Compare readings of the driver with those of the twin behind the wire; a finger leads what tracks it about."""
-    with served(subject) as (emulator, open_subject), Opened(open_subject) as opened:
+    with served(subject) as (emulator, open_subject), Opened(open_subject, emulator) as opened:
         opened.fresh(5.0)
         if not emulator.tracks:
             return f"within {100 * _agreed(emulator, opened):.0f} % of the tolerance"
@@ -130,7 +63,7 @@ def _agreed(emulator: Served, opened: Opened) -> float:
 @check("disabled-is-still", "nothing is driven before the first command")
 def still(subject: DeviceSubject) -> None:
     """Open and read; the emulator must not be driven to anything but its safe command."""
-    with served(subject) as (emulator, open_subject), Opened(open_subject) as opened:
+    with served(subject) as (emulator, open_subject), Opened(open_subject, emulator) as opened:
         for _ in range(20):
             with contextlib.suppress(CheckError):
                 opened.fresh(0.2)
@@ -146,11 +79,65 @@ def still(subject: DeviceSubject) -> None:
                 )
 
 
+@check("commands-arrive", "what is commanded is what the device is asked for: scale, sign and unit agree")
+def arrive(subject: DeviceSubject) -> str:
+    """Command half of what is allowed, and compare with what the emulator makes of it."""
+    with served(subject) as (emulator, open_subject), Opened(open_subject, emulator) as opened:
+        opened.fresh(5.0)
+        wanted = {c.name: _half(c) for c in opened.commands if c.name != "pose_target" and c.low}
+        if not wanted:
+            raise NotApplicableError("it obeys no command but a place to go to")
+        worst = 0.0
+        for name, value in wanted.items():
+            opened.be_safe()
+            opened.command[name] = value
+            worst = max(worst, _arrived(emulator, opened, name))
+        return f"within {100 * worst:.0f} % of the tolerance"
+
+
+def _half(channel: Channel) -> NDArray[np.float64]:
+    """Return a command in the midst of what is allowed, another in each component; nothing on locked axes."""
+    low, high = limits(channel.low, channel.size), limits(channel.high, channel.size)
+    shares = np.resize([0.75, 0.3, 0.6], channel.size)
+    value = low + shares * (high - low)
+    if channel.magnitude is not None:
+        value[:3] *= min(1.0, 0.5 * channel.magnitude / max(float(np.linalg.norm(value[:3])), 1e-12))
+    value[list(channel.locked)] = 0.0
+    return value
+
+
+def _arrived(emulator: Served, opened: Opened, name: str) -> float:
+    """Send the command until it has arrived; return how much of the tolerance is left."""
+    wanted, told = opened.command[name].copy(), emulator.asked[name]
+    scale = 0.03 * float(np.abs(wanted).max())
+    deadline, error = time.perf_counter() + 3.0, np.inf
+    while time.perf_counter() < deadline:
+        opened.device.write(opened.command)
+        opened.device.read(opened.reading)
+        error = float(np.abs(told - wanted).max()) / scale
+        if error <= 1.0:
+            return error
+        time.sleep(2e-3)
+    silent = [axis for axis in range(len(wanted)) if wanted[axis] and not told[axis]]
+    if silent and np.abs((told - wanted)[told != 0.0]).max(initial=0.0) < scale:
+        raise _fail(
+            f"of '{name}' {np.round(wanted, 6)} is commanded, but nothing arrives on the axes {silent}",
+            "the device has no drive there, or write forgets them",
+            f"send them, or lock them: locked={tuple(silent)}",
+        )
+    ratio = float((told * wanted).sum() / (wanted * wanted).sum())
+    raise _fail(
+        f"of '{name}' {np.round(wanted, 6)} is commanded, {np.round(told, 6)} arrives: {ratio:.3g} times it",
+        "another unit (milliamperes, millinewtons), a sign, or axes that are swapped, in write or in the emulator",
+        "convert at the wire: SI on our side",
+    )
+
+
 @check("unplug", "a device that is unplugged is a DeviceError, soon, and close still works")
 def unplug(subject: DeviceSubject) -> str:
     """Hang up while the driver reads."""
     with served(subject) as (emulator, open_subject):
-        opened = Opened(open_subject)
+        opened = Opened(open_subject, emulator)
         try:
             opened.fresh(5.0)
             emulator.hang_up()
@@ -158,7 +145,9 @@ def unplug(subject: DeviceSubject) -> str:
             while time.perf_counter() - begin < 3.0:
                 try:
                     if opened.device.read(opened.reading) is False:
+                        time.sleep(1e-3)
                         continue
+                    _no_nan(opened)
                 except DeviceError:
                     return f"told after {1e3 * (time.perf_counter() - begin):.0f} ms"
                 if time.perf_counter() - begin > 1.0:
@@ -172,3 +161,13 @@ def unplug(subject: DeviceSubject) -> str:
         "errors of the wire are swallowed",
         "raise DeviceError from read; or return False when nothing came",
     )
+
+
+def _no_nan(opened: Opened) -> None:
+    wrong = [name for name, view in opened.reading.items() if not np.isfinite(view).all()]
+    if wrong:
+        raise _fail(
+            f"unplugged, it goes on and reads '{wrong[0]}' as {opened.reading[wrong[0]]}",
+            "an error of the wire is turned into NaN",
+            "raise DeviceError from read: it says what happened, and safety acts upon it",
+        )

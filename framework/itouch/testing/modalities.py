@@ -2,44 +2,29 @@
 
 from __future__ import annotations
 
-import copy
 import dataclasses
-import gc
+import hashlib
 import inspect
 import json
 import math
-import tracemalloc
 from typing import Any
 
 import numpy as np
 
 from itouch.loop import Engine
 from itouch.plugin import Contact, Modality
-from itouch.plugin.discovery import Catalog
-from itouch.schema.fields import specs, xml_name
+from itouch.schema import SceneError
+from itouch.schema.fields import Spec, specs, validate, xml_name
+from itouch.testing.apart import apart
+from itouch.testing.bouts import touch
 from itouch.testing.checks import CheckError, NotApplicableError, check
-from itouch.testing.subject import ModalitySubject
-from itouch.world import Model
+from itouch.testing.continuation import attributes, scatter
+from itouch.testing.situation import ModalitySubject
 from itouch.world.modalities import ModalityModel
 
 
 def _fail(seen: str, cause: str, advice: str) -> CheckError:
     return CheckError(seen, cause=cause, advice=advice)
-
-
-def _engine(subject: ModalitySubject, seed: int = 4) -> Engine:
-    return Engine(Model.of(subject.without_record(), Catalog()), seed=seed)
-
-
-def _own(engine: Engine, subject: ModalitySubject) -> list[ModalityModel]:
-    found = [m for m in engine.model.modalities if isinstance(m.instance, subject.cls)]
-    if not found:
-        raise _fail(
-            f"the scene does not use {subject.cls.__name__}",
-            "its element is missing under <interaction>",
-            "write <NAME:local .../> there",
-        )
-    return found
 
 
 @check("declarations", "parameters, hears and material are declared as the contract says")
@@ -81,39 +66,73 @@ def documentation(subject: ModalitySubject) -> None:
         raise _fail(f"the module {module.__name__} has no docstring", "not written yet", "say what it is for")
 
 
-@check("runs", "it runs in its scene without a fault, and its fields stay finite")
+@check("parameters", "every parameter keeps its range")
+def parameters(subject: ModalitySubject) -> str:
+    """Put every number below and above its range, and validate."""
+    engine = subject.engine()
+    own = subject.own(engine)[0]
+    params = next(part.params for part in engine.scene.modalities if part.name == own.name)
+    count = 0
+    for name, spec in specs(type(params)).items():
+        count += 1
+        if spec.kind == "quantity" and spec.scalar:
+            _ranged(params, name, spec)
+    return f"{count} parameters"
+
+
+def _ranged(params: Any, name: str, spec: Spec) -> None:
+    for end, beyond in ((spec.low, -1.0), (spec.high, 1.0)):
+        value = end + beyond * max(1.0, abs(end))
+        if not math.isfinite(end):
+            continue
+        try:
+            validate(dataclasses.replace(params, **{name: value}))
+        except (ValueError, SceneError):
+            continue
+        raise _fail(
+            f"{xml_name(name)} = {value:g} {spec.unit} is accepted",
+            "the range is not checked",
+            "give low= and high= to schema.quantity",
+        )
+
+
+@check("runs", "it runs through a touch without a fault, and its fields stay finite")
 def runs(subject: ModalitySubject) -> str:
-    """Run the scene."""
-    engine = _engine(subject)
-    owned = _own(engine, subject)
-    engine.run(subject.seconds)
-    for modality in owned:
-        for field in modality.instance.fields(modality.model):
-            view = engine.state[f"{modality.name}.{field.name}"]
-            if view.dtype.kind == "f" and np.isnan(view).any():
+    """Run the scene; look in every tick."""
+    engine = subject.engine()
+    owned = subject.own(engine)
+    views = [
+        (f"{m.name}.{f.name}", engine.state[f"{m.name}.{f.name}"]) for m in owned for f in m.instance.fields(m.model)
+    ]
+    views = [(name, view) for name, view in views if view.dtype.kind == "f"]
+    told = [(f"{device}.{channel}", engine.state[f"{device}.command.{channel}"])
+            for m in owned for device, _, channel in (c.partition(".") for c in m.commands)]  # fmt: skip
+    for _ in range(round(subject.seconds / engine.model.period)):
+        engine.tick()
+        for name, view in views:
+            if np.isnan(view).any():
                 raise _fail(
-                    f"the field {modality.name}.{field.name} is NaN",
+                    f"the field {name} is NaN after {engine.seconds:.3f} s",
                     "not set in reset(), or a division by zero",
-                    "set every field in reset()",
+                    "set every field in reset(), and mind what is zero before the first contact",
                 )
-        for command in modality.commands:
-            device, _, channel = command.partition(".")
-            if not np.isfinite(engine.state[f"{device}.command.{channel}"]).all():
+        for name, view in told:
+            if not np.isfinite(view).all():
                 raise _fail(
-                    f"it commands {command} with NaN",
-                    "arithmetic before the first contact",
+                    f"it commands {name} with {view} after {engine.seconds:.3f} s",
+                    "arithmetic before the first contact, or a division by zero",
                     "write a finite command in every update",
                 )
-    return f"{subject.seconds:g} s simulated"
+    return f"{subject.seconds:.2g} s simulated, with a touch that begins, slides and ends"
 
 
 @check("state-declared", "everything that changes is in its declared fields")
 def state_declared(subject: ModalitySubject) -> None:
-    """Go on in a second engine from copied State; watch attributes."""
-    straight, again = _engine(subject), _engine(subject, seed=8)
+    """Go on in a second engine from copied State, here and in a process that knows nothing of the first."""
+    straight, again = subject.engine(), subject.engine(seed=8)
     straight.run(0.4 * subject.seconds)
     again.adopt(straight.state.tobytes())
-    before = [_attributes(m) for m in _own(straight, subject)]
+    before = [_attributes(m) for m in subject.own(straight)]
     straight.run(0.6 * subject.seconds)
     again.run(0.6 * subject.seconds)
     if straight.state.tobytes() != again.state.tobytes():
@@ -123,128 +142,171 @@ def state_declared(subject: ModalitySubject) -> None:
             "an attribute, a global or the clock decides",
             "declare it in fields() and keep it in state",
         )
-    after = [_attributes(m) for m in _own(straight, subject)]
-    changed = {name for b, a in zip(before, after, strict=True) for name in a if b.get(name) != a[name]}
+    after = [_attributes(m) for m in subject.own(straight)]
+    changed = {name for b, a in zip(before, after, strict=True) for name in a if b.get(name, a[name]) != a[name]}
     if changed:
         raise _fail(
             f"{', '.join(sorted(changed))} changes while it runs",
             "State outside of State",
             "declare a field for it; what compile() returns is read-only",
         )
+    _in_another_process(subject)
+
+
+def _in_another_process(subject: ModalitySubject) -> None:
+    subject.seconds  # noqa: B018  (found once, for both)
+    straight = apart(lambda: _straight(subject), 60.0)
+    if straight.kind != "returned":
+        raise _fail(straight.text, "it does not work in a child process", "see what it needs of the process")
+    told = json.loads(straight.value)
+    restored = apart(lambda: _restored(subject, bytes.fromhex(told["state"])), 60.0)
+    if restored.kind != "returned" or json.loads(restored.value)["end"] != told["end"]:
+        raise _fail(
+            "a session that is restored in a new process goes on otherwise",
+            "something that changes is kept in a global, in the class, in a variable of a function, or in a file",
+            "declare it in fields() and keep it in state",
+        )
+
+
+def _straight(subject: ModalitySubject) -> bytes:
+    scatter(1)
+    engine = subject.engine()
+    engine.run(0.4 * subject.seconds)
+    state = engine.state.tobytes().hex()
+    engine.run(0.6 * subject.seconds)
+    return json.dumps({"state": state, "end": _print(engine)}).encode()
+
+
+def _restored(subject: ModalitySubject, state: bytes) -> bytes:
+    scatter(2)
+    engine = subject.engine(seed=8)
+    engine.adopt(state)
+    engine.run(0.6 * subject.seconds)
+    return json.dumps({"end": _print(engine)}).encode()
+
+
+def _print(engine: Engine) -> str:
+    return hashlib.sha256(engine.state.tobytes()).hexdigest()
 
 
 def _attributes(modality: ModalityModel) -> dict[str, str]:
-    found = {}
+    found: dict[str, str] = {}
     for owner, thing in (("self", modality.instance), ("model", modality.model)):
-        for name, value in getattr(thing, "__dict__", {}).items():
-            if callable(value):
-                continue
-            try:
-                found[f"{owner}.{name}"] = repr(copy.deepcopy(value))
-            except Exception:  # what can't be copied can't be compared
-                continue
+        found |= {f"{owner}.{name}": value for name, value in attributes(thing).items()}
     return found
 
 
-@check("determinism", "equal seeds give equal bytes")
+@check("determinism", "equal seeds give equal bytes, and two sessions do not disturb each other")
 def determinism(subject: ModalitySubject) -> None:
-    """Run twice."""
-    one, two = _engine(subject), _engine(subject)
-    one.run(subject.seconds)
-    two.run(subject.seconds)
-    if one.state.tobytes() != two.state.tobytes():
+    """Run one alone, then two side by side."""
+    alone = subject.engine()
+    alone.run(subject.seconds)
+    one, two = subject.engine(), subject.engine()
+    for _ in range(alone.ticks):
+        one.tick()
+        two.tick()
+    if one.state.tobytes() != alone.state.tobytes() or two.state.tobytes() != alone.state.tobytes():
         raise _fail(
-            "two equal runs end in other bytes",
-            "the clock, or random numbers that the seed does not decide",
+            "a second equal run, beside another, ends in other bytes",
+            "a shared global, the clock, or random numbers that the seed does not decide",
             "use itouch.plugin.gaussian with words kept in State",
         )
 
 
 @check("own-fields", "it writes its own fields and commands, and nothing else")
 def own_fields(subject: ModalitySubject) -> None:
-    """Compare State before and after each update."""
-    engine = _engine(subject)
-    engine.run(0.3 * subject.seconds)
-    for modality in _own(engine, subject):
-        allowed = tuple(
-            {f"{modality.name}.", *(f"{c.partition('.')[0]}.command.{c.partition('.')[2]}" for c in modality.commands)}
-        )
-        for _ in range(20):
-            before = {name: view.copy() for name, view in engine.state.items()}
-            modality.instance.update(modality.model, engine.state, engine.model.period * modality.every)
-            wrong = [
-                n
-                for n, view in engine.state.items()
-                if not n.startswith(allowed) and view.tobytes() != before[n].tobytes()
-            ]
-            if wrong:
-                raise _fail(
-                    f"update writes into {', '.join(wrong)}",
-                    "a field of somebody else's",
-                    "write only NAME.* and the commands that commands() names",
-                )
-            engine.tick()
+    """Compare State before and after its calls."""
+    engine = subject.engine()
+    for modality in subject.own(engine):
+        commands = {f"{c.partition('.')[0]}.command.{c.partition('.')[2]}" for c in modality.commands}
+        for _ in range(60):
+            engine.run(subject.seconds / 60)
+            _writes(engine, modality, "update", (f"{modality.name}.", *commands))
+            _writes(engine, modality, "on_contact", (f"{modality.name}.", *commands))
+            for silent in ("measures", "status", "report"):
+                _writes(engine, modality, silent, ())
 
 
-@check("allocates-nothing", "no memory is gathered from tick to tick")
-def allocates_nothing(subject: ModalitySubject) -> str:
-    """Compare what is allocated after many updates."""
-    engine = _engine(subject)
-    engine.run(0.3 * subject.seconds)
-    modality = _own(engine, subject)[0]
-    period = engine.model.period * modality.every
-    for _ in range(300):
-        modality.instance.update(modality.model, engine.state, period)
-    gc.collect()
-    tracemalloc.start()
-    try:
-        before, _ = tracemalloc.get_traced_memory()
-        for _ in range(1000):
-            modality.instance.update(modality.model, engine.state, period)
-        gc.collect()
-        after, _ = tracemalloc.get_traced_memory()
-    finally:
-        tracemalloc.stop()
-    grown = (after - before) / 1000
-    if grown > 12.0:
+def _writes(engine: Engine, modality: ModalityModel, name: str, allowed: tuple[str, ...]) -> None:
+    """Make a call on a copy of State, and see what it writes."""
+    instance, model, scratch = modality.instance, modality.model, engine.state.copy()
+    event = touch(engine)
+    if name == "update":
+        instance.update(model, scratch, engine.model.period * modality.every)
+    elif name == "on_contact" and event is not None:
+        instance.on_contact(event, model, scratch)
+    elif name == "measures" and event is not None:
+        instance.measures(model, scratch, event.probe, event.object_index)
+    elif name == "status":
+        instance.status(model, scratch)
+    elif name == "report":
+        instance.report(model, scratch)
+    wrong = [
+        n
+        for n, view in scratch.items()
+        if not n.startswith(allowed or "\0") and view.tobytes() != engine.state[n].tobytes()
+    ]
+    if wrong:
         raise _fail(
-            f"memory grows by {grown:.0f} bytes an update",
-            "a list that is appended to, or a log",
-            "keep what must be kept in State, which has a fixed size",
+            f"{name} writes into {', '.join(wrong[:4])}",
+            "a field of somebody else's"
+            if allowed
+            else f"{name} is asked now and then, or never, and must change nothing",
+            "write only NAME.* and the commands that commands() names, in on_contact and update",
         )
-    return f"{grown:.1f} bytes an update"
 
 
-@check("measures", "what it tells of a contact is plain and finite")
+@check("uses-given-state", "it works on the State that it is given, and on no other")
+def uses_given_state(subject: ModalitySubject) -> None:
+    """Update a copy of State: the original must stay."""
+    engine = subject.engine()
+    engine.run(0.5 * subject.seconds)
+    for modality in subject.own(engine):
+        before, scratch = engine.state.tobytes(), engine.state.copy()
+        modality.instance.update(modality.model, scratch, engine.model.period * modality.every)
+        if engine.state.tobytes() != before:
+            raise _fail(
+                "update writes into a State that it was given earlier",
+                "a view of State that was kept in reset() or on_contact()",
+                "look fields up in the state that each call gets",
+            )
+
+
+@check("measures", "what it tells of a contact and of a run is plain and finite")
 def measures(subject: ModalitySubject) -> None:
-    """Ask for the measures of a contact."""
-    engine = _engine(subject)
-    engine.run(subject.seconds)
-    for modality in _own(engine, subject):
-        for probe in engine.model.probes:
-            told = modality.instance.measures(modality.model, engine.state, probe.name, 0)
-            try:
-                json.dumps(told, allow_nan=False)
-            except (TypeError, ValueError) as error:
-                raise _fail(
-                    f"measures returns {told!r}",
-                    "a NumPy number, a NaN or an object",
-                    "return float(x), and None where there is nothing",
-                ) from error
-            _finite(told)
+    """Ask for the measures of a contact, for the live line and for the report."""
+    engine = subject.engine()
+    for _ in range(20):
+        engine.run(subject.seconds / 20)
+        for modality in subject.own(engine):
+            instance, model, state = modality.instance, modality.model, engine.state
+            for probe in engine.model.probes:
+                _plain("measures", instance.measures(model, state, probe.name, 0))
+            _plain("report", instance.report(model, state))
+            if not isinstance(instance.status(model, state), str):
+                raise _fail("status returns no text", "a number or None", "return a few words, or an empty text")
 
 
-def _finite(told: dict[str, Any]) -> None:
-    for key, value in told.items():
-        if isinstance(value, float) and not math.isfinite(value):
-            raise _fail(f"measures['{key}'] is {value}", "no contact yet", "return None where there is nothing")
+def _plain(what: str, told: Any) -> None:
+    try:
+        json.dumps(told, allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise _fail(
+            f"{what} returns {told!r}",
+            "a NumPy number, a NaN or an object",
+            "return float(x), and None where there is nothing",
+        ) from error
+    if not isinstance(told, dict):
+        raise _fail(f"{what} returns {told!r}", "no dictionary", "return {} where there is nothing to tell")
 
 
 @check("order", "contact events come before the update of their tick, END after BEGIN")
 def order(subject: ModalitySubject) -> None:
     """Watch the calls of the instance."""
-    engine = _engine(subject)
-    modality = _own(engine, subject)[0]
+    engine = subject.engine()
+    modality = subject.own(engine)[0]
+    if not modality.instance.hears:
+        raise NotApplicableError("it hears no contact")
     heard: list[int] = []
     instance = modality.instance
     original = instance.on_contact
@@ -261,5 +323,9 @@ def order(subject: ModalitySubject) -> None:
     touches = [kind for kind in heard if kind in (Contact.BEGIN, Contact.END)]
     if any(a == b for a, b in zip(touches, touches[1:], strict=False)) and len(engine.model.probes) == 1:
         raise _fail("BEGIN and END do not alternate", "framework", "report it")
-    if not heard and subject.cls.hears:
-        raise NotApplicableError("nothing is touched in the scene: it can't be seen whether events are heard")
+    if not heard:
+        raise _fail(
+            "it hears no event though something is touched",
+            "`hears` names none of the kinds that come",
+            "name the kinds that on_contact wants: BEGIN, MOVE, END, NEAR",
+        )

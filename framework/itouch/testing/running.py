@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
-import sys
 import tempfile
 from pathlib import Path
 
@@ -14,6 +13,7 @@ import numpy as np
 from itouch.loop import Engine, Status
 from itouch.schema import ItouchError
 from itouch.testing.checks import CheckError, NotApplicableError, check
+from itouch.testing.elsewhere import script
 from itouch.testing.subject import DeviceSubject
 from itouch.world import Model
 
@@ -99,22 +99,6 @@ def stale(subject: DeviceSubject) -> None:
     )
 
 
-_SCRIPT = """
-import sys
-sys.path[:0] = {path!r}
-import importlib
-from itouch.testing.subject import DeviceSubject
-from itouch.testing.running import serve
-module = importlib.import_module({module!r})
-cls = module
-for part in {qualname!r}.split("."):
-    cls = getattr(cls, part)
-import pickle
-params = pickle.loads(bytes.fromhex({params!r}))
-serve(DeviceSubject(cls, {name!r}, params), {out!r})
-"""
-
-
 def serve(subject: DeviceSubject, out: str) -> None:
     """Run until a signal comes; write how it ended."""
     engine = _engine(subject)
@@ -129,23 +113,10 @@ def serve(subject: DeviceSubject, out: str) -> None:
 @check("sigterm", "SIGTERM ends a session safely")
 def sigterm(subject: DeviceSubject) -> None:
     """Run it in a process of its own, and end that."""
-    import pickle
-
-    cls = subject.cls
-    if "<locals>" in cls.__qualname__ or cls.__module__ == "__main__":
-        raise NotApplicableError("the class is not in a module that another process can import")
     with tempfile.TemporaryDirectory() as folder:
         out = os.path.join(folder, "end")
-        try:
-            params = pickle.dumps(subject.require_params()).hex()
-        except Exception as error:  # a class inside a function, say
-            raise NotApplicableError("its parameters can't be sent to another process") from error
-        script = _SCRIPT.format(
-            path=sys.path, module=cls.__module__, qualname=cls.__qualname__, params=params, name=subject.name, out=out
-        )
-        process = subprocess.Popen(
-            [sys.executable, "-c", script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-        )
+        command = script(subject, f"{__name__}:serve", out)
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         assert process.stdout is not None  # noqa: S101  (a pipe was asked for)
         if "running" not in process.stdout.readline():
             _, told = process.communicate(timeout=60)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.plugin import Device, Field, IdealTwin, Modality, Record, Touch, Twin
+from itouch.plugin import Device, Field, IdealTwin, Record, Touch, Twin
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
 from itouch.scene.elements import DeviceElement, PluginPart, Probe
@@ -73,6 +73,10 @@ class DeviceSubject:
         Whether ``open`` works here: a loop-back, or a port with an emulator behind it.
     transcript
         A golden trace of the wire to compare with, if there is one.
+    emulated
+        Whether the driver is examined on the device's emulator.
+    shared
+        The open device that several checks use in turn (`itouch.testing.wire.Shared`); None: each opens its own.
     """
 
     cls: type[Device]
@@ -80,6 +84,8 @@ class DeviceSubject:
     params: Any = None
     hardware: bool = False
     transcript: Path | None = None
+    emulated: bool = False
+    shared: Any = None
 
     def __post_init__(self) -> None:
         if self.params is None and not self.needed:
@@ -117,8 +123,10 @@ class DeviceSubject:
 
     def require_hardware(self) -> None:
         """Leave the check out where the hardware can't be opened."""
-        if not self.hardware:
-            raise NotApplicableError("needs hardware, a loop-back or an emulator: set `hardware = True` in the suite")
+        if self.emulated and self.cls.Emulator is None:
+            raise NotApplicableError("the device class names no Emulator")
+        if not self.hardware and not self.emulated:
+            raise NotApplicableError("needs the device, a loop-back or an emulator")
 
     def scene(self, *, twin: bool = True, params: Any = None) -> Scene:
         """Return a scene with nothing but the device, and a probe if it tracks a finger."""
@@ -200,27 +208,3 @@ def limits(values: tuple[float, ...], size: int) -> NDArray[np.float64]:
     if not values:
         return np.zeros(size)
     return np.array([value if math.isfinite(value) else math.copysign(1.0, value) for value in values])
-
-
-@dataclass(frozen=True)
-class ModalitySubject:
-    """A modality class under examination, in a scene that uses it.
-
-    ``scene`` is a file, or the text of one.
-    """
-
-    cls: type[Modality]
-    scene: str | Path
-    seconds: float = 1.5
-
-    def load(self) -> Scene:
-        """Return the scene."""
-        from itouch.scene import load, loads
-
-        if isinstance(self.scene, Path) or not self.scene.lstrip().startswith("<"):
-            return load(self.scene, Catalog())
-        return loads(self.scene.encode(), Catalog())
-
-    def without_record(self) -> Scene:
-        """Return the scene with nothing recorded."""
-        return replace(self.load(), record=None)

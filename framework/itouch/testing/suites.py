@@ -9,53 +9,97 @@ from typing import Any, ClassVar
 import pytest
 
 from itouch.plugin import Device, Modality
-from itouch.testing import declared, drivers, emulators, modalities, running, twins
-from itouch.testing.checks import Check
-from itouch.testing.subject import DeviceSubject, ModalitySubject
+from itouch.testing import (
+    conduct,
+    continuation,
+    declared,
+    drivers,
+    emulators,
+    imported,
+    memory,
+    modalities,
+    running,
+    timing,
+    twins,
+)
+from itouch.testing.checks import VITAL, Check, Finding, unexamined
+from itouch.testing.situation import ModalitySubject
+from itouch.testing.subject import DeviceSubject
 
+#: How a guest behaves: in every suite.
+CONDUCT: tuple[Check, ...] = (
+    conduct.survives,
+    conduct.quiet,
+    conduct.surroundings,
+    conduct.errors_come_through,
+    conduct.params_untouched,
+    memory.allocates_nothing,
+)
+DRIVER_CHECKS: tuple[Check, ...] = (
+    drivers.fills,
+    memory.driver_keeps_nothing,
+    drivers.writes_in_read,
+    timing.driver_timing,
+    timing.lets_others_run,
+    drivers.reopens,
+)
 #: The checks of each suite, in the order in which they are run.
 DEVICE_CHECKS: tuple[Check, ...] = (
     declared.declarations,
+    declared.units,
     declared.documentation,
     declared.parameters,
+    declared.limits_of_params,
     declared.locked_axes,
-    declared.imported,
+    imported.imported,
+    *CONDUCT,
+    conduct.opens_nothing,
     twins.fills,
     twins.finite,
     twins.pose,
     twins.frame,
+    twins.velocity,
     twins.kelvin,
     twins.rest,
     twins.command_untouched,
     twins.bounded,
-    twins.state_declared,
-    twins.determinism,
-    twins.keeps_nothing,
-    twins.allocates_nothing,
-    twins.timing,
+    continuation.state_declared,
+    continuation.determinism,
+    memory.keeps_nothing,
+    timing.twin_timing,
+    conduct.steady,
     running.runs,
     running.restores,
     running.stale,
     running.sigterm,
-    drivers.fills,
-    drivers.keeps_nothing,
-    drivers.writes_in_read,
-    drivers.reopens,
-    drivers.timing,
+    *DRIVER_CHECKS,
     drivers.lifecycle,
     drivers.safe_on_exception,
     drivers.errors_are_named,
     drivers.transcript,
 )
-EMULATOR_CHECKS: tuple[Check, ...] = (emulators.agree, emulators.still, emulators.unplug)
+EMULATOR_CHECKS: tuple[Check, ...] = (
+    *CONDUCT,
+    emulators.still,
+    emulators.agree,
+    emulators.arrive,
+    *DRIVER_CHECKS,
+    emulators.unplug,
+)
 MODALITY_CHECKS: tuple[Check, ...] = (
     modalities.declarations,
     modalities.documentation,
+    modalities.parameters,
+    imported.imported,
+    *CONDUCT,
+    conduct.opens_nothing,
     modalities.runs,
     modalities.state_declared,
     modalities.determinism,
     modalities.own_fields,
-    modalities.allocates_nothing,
+    modalities.uses_given_state,
+    timing.modality_timing,
+    conduct.steady,
     modalities.measures,
     modalities.order,
 )
@@ -65,9 +109,11 @@ class Suite:
     """What all suites have: one test a check, which skips where the check does not apply."""
 
     checks: ClassVar[Sequence[Check]] = ()
+    _vital: ClassVar[dict[str, Finding]]
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
+        cls._vital = {}
         for one in cls.checks:
             name = "test_" + one.name.replace("-", "_")
             if name not in cls.__dict__ and not hasattr(cls, name):
@@ -77,10 +123,23 @@ class Suite:
         """Return what is examined."""
         raise NotImplementedError
 
+    def examine(self, one: Check) -> Finding:
+        """Run a check, unless the plugin would end or block the process that does."""
+        subject = self.subject()
+        vital = next((other for other in self.checks if other.name == VITAL), None)
+        if vital is not None and VITAL not in self._vital:
+            self._vital[VITAL] = vital.examine(subject)
+        if vital is None or one is vital:
+            return self._vital[VITAL] if vital is not None else one.examine(subject)
+        return unexamined(one) if self._vital[VITAL].outcome == "failed" else one.examine(subject)
+
 
 def _test(one: Check) -> Any:
-    def test(self: Suite) -> None:
-        finding = one.examine(self.subject())
+    def test(self: Suite, record_property: Any) -> None:
+        finding = self.examine(one)
+        record_property(
+            "itouch", [type(self).__name__, one.name, one.title, finding.outcome, finding.note, finding.seconds]
+        )
         if finding.outcome == "left out":
             pytest.skip(finding.note)
         if finding.outcome == "failed":
@@ -106,7 +165,7 @@ class DeviceTests(Suite):
 
 
 class EmulatorTests(Suite):
-    """Tests of a device's driver against its emulator; ``params`` say where both meet."""
+    """Tests of a device's driver on its emulator; ``params`` say where both meet, or the emulator finds a place."""
 
     checks = EMULATOR_CHECKS
     device: ClassVar[type[Device]]
@@ -115,17 +174,32 @@ class EmulatorTests(Suite):
 
     def subject(self) -> DeviceSubject:
         """Return the device class with its parameters."""
-        return DeviceSubject(self.device, self.name, self.params)
+        return DeviceSubject(self.device, self.name, self.params, emulated=True)
 
 
 class ModalityTests(Suite):
-    """Tests of a modality plugin; set ``modality`` and ``scene``, a file or the text of one that uses it."""
+    """Tests of a modality plugin; set ``modality`` and ``scene``, a file or the text of one that uses it.
+
+    The scene is run until a touch has begun, slid and ended, and ``seconds`` at least; where nothing in it is touched,
+    the operator's motion is replaced.  Without a scene set ``name``, ``plugin.local``, and one is made.
+    """
 
     checks = MODALITY_CHECKS
     modality: ClassVar[type[Modality]]
-    scene: ClassVar[str | Path]
-    seconds: ClassVar[float] = 1.5
+    scene: ClassVar[str | Path | None] = None
+    name: ClassVar[str] = ""
+    seconds: ClassVar[float | None] = None
 
     def subject(self) -> ModalitySubject:
         """Return the modality class with its scene."""
-        return ModalitySubject(self.modality, self.scene, self.seconds)
+        wanted = ModalitySubject(self.modality, self.scene, self.seconds, self.name)
+        kept: ModalitySubject | None = type(self).__dict__.get("_kept")
+        if kept is None or (kept.cls, kept.scene, kept.least, kept.name) != (
+            wanted.cls,
+            wanted.scene,
+            wanted.least,
+            wanted.name,
+        ):
+            kept = wanted
+            setattr(type(self), "_kept", kept)  # its touch is looked for once  # noqa: B010
+        return kept

@@ -1,0 +1,169 @@
+"""A bout: a plugin at work for some ticks, whichever kind it is, so that its conduct can be looked at."""
+
+from __future__ import annotations
+
+import contextlib
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+from itouch.loop import Engine
+from itouch.plugin import Contact, ContactEvent, Record
+from itouch.testing.situation import ModalitySubject
+from itouch.testing.subject import PERIOD, DeviceSubject, TwinBench
+from itouch.testing.wire import Opened
+
+#: A call of the plugin with a record that may be replaced, and what it is called.
+Call = tuple[str, Record, Callable[[Record], Any]]
+
+
+class Bout(ABC):
+    """A plugin at work; entered before the first tick and left after the last."""
+
+    #: What works, in words.
+    what: str
+    #: Ticks in which everything has happened once.
+    ticks: int
+
+    @abstractmethod
+    def tick(self) -> None:
+        """Let it work for a tick."""
+
+    @abstractmethod
+    def calls(self) -> Sequence[Call]:
+        """Return the calls that the framework makes in every tick, each with the record that it gives."""
+
+    @property
+    @abstractmethod
+    def params(self) -> Any:
+        """The parameters that the plugin works with."""
+
+    def __enter__(self) -> Bout:
+        return self
+
+    def __exit__(self, *_: object) -> None:  # noqa: B027
+        """Nothing is left to end."""
+
+
+class TwinBout(Bout):
+    """A twin on its bench."""
+
+    what, ticks = "the twin", 1200
+
+    def __init__(self, subject: DeviceSubject) -> None:
+        self.bench: TwinBench = subject.bench()
+
+    @property
+    def params(self) -> Any:
+        """The parameters of the twin."""
+        return self.bench.twin.params
+
+    def tick(self) -> None:
+        """Drive, step and read."""
+        self.bench.step()
+
+    def calls(self) -> Sequence[Call]:
+        """Return step and read."""
+        b, twin = self.bench, self.bench.twin
+        return (
+            ("step(state, ...)", b.state, lambda state: twin.step(state, b.command, b.touch, PERIOD)),
+            ("step(..., command, ...)", b.command, lambda command: twin.step(b.state, command, b.touch, PERIOD)),
+            ("read(state, reading)", b.reading, lambda reading: twin.read(b.state, reading)),
+        )
+
+
+class DriverBout(Bout):
+    """A driver that is open."""
+
+    what, ticks = "the driver", 60
+
+    def __init__(self, subject: DeviceSubject) -> None:
+        self._subject = subject
+        self._end = contextlib.ExitStack()
+        self.opened: Opened
+
+    @property
+    def params(self) -> Any:
+        """The parameters of the device."""
+        return self.opened.device.params
+
+    def __enter__(self) -> Bout:
+        self.opened = self._end.enter_context(opened(self._subject))
+        self.opened.fresh(5.0)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._end.close()
+
+    def tick(self) -> None:
+        """Read, and send the safe command."""
+        self.opened.exchange()
+
+    def calls(self) -> Sequence[Call]:
+        """Return read, and write if it obeys anything."""
+        o = self.opened
+        read: Call = ("read(reading)", o.reading, o.device.read)
+        return (read, ("write(command)", o.command, o.device.write)) if o.command else (read,)
+
+
+@contextlib.contextmanager
+def opened(subject: DeviceSubject) -> Iterator[Opened]:
+    """Lend the device that several checks share, or open one for this check alone."""
+    if subject.shared is not None:
+        yield subject.shared.lend(subject)
+        return
+    with Opened(subject) as own:
+        yield own
+
+
+class ModalityBout(Bout):
+    """A modality in its scene."""
+
+    what = "the modality"
+
+    def __init__(self, subject: ModalitySubject) -> None:
+        self.engine: Engine = subject.engine()
+        self.own = subject.own(self.engine)[0]
+        self.ticks = round(subject.seconds / self.engine.model.period)
+
+    @property
+    def params(self) -> Any:
+        """The parameters of its element."""
+        parts = {part.name: part for part in self.engine.scene.modalities}
+        return parts[self.own.name].params
+
+    def tick(self) -> None:
+        """Let the engine make a tick."""
+        self.engine.tick()
+
+    def calls(self) -> Sequence[Call]:
+        """Return on_contact and update."""
+        own, period = self.own, self.engine.model.period * self.own.every
+        event = touch(self.engine)
+        found: list[Call] = [
+            ("update(model, state, ...)", self.engine.state, lambda s: own.instance.update(own.model, s, period))
+        ]
+        if event is not None and Contact.BEGIN in own.instance.hears:
+            found.append(("on_contact(event, model, state)", self.engine.state,
+                          lambda s: own.instance.on_contact(event, own.model, s)))  # fmt: skip
+        return found
+
+
+def touch(engine: Engine) -> ContactEvent | None:
+    """Return the begin of a contact that could be, if anything can be touched."""
+    model = engine.model
+    if not model.objects or not model.probes:
+        return None
+    up, still = (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
+    return ContactEvent(Contact.BEGIN, engine.ticks, model.probes[0].name, model.objects[0], 0, still, up, 0.0, 0.0,
+                        still, 1e-4, 1.0, 0.0)  # fmt: skip
+
+
+def bouts(subject: DeviceSubject | ModalitySubject) -> list[Callable[[], Bout]]:
+    """Return what of a plugin can be seen at work here: a modality; or a twin, and a driver if it can be opened."""
+    if isinstance(subject, ModalitySubject):
+        return [lambda: ModalityBout(subject)]
+    found: list[Callable[[], Bout]] = [lambda: TwinBout(subject)]
+    if subject.hardware or (subject.emulated and subject.cls.Emulator is not None):
+        found.append(lambda: DriverBout(subject))
+    return found

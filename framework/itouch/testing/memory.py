@@ -1,0 +1,174 @@
+"""What a plugin may keep of what it is given, and how much memory it may take: nothing, and none that grows."""
+
+from __future__ import annotations
+
+import gc
+import tracemalloc
+import types
+import weakref
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from itouch.plugin import Record, Touch
+from itouch.testing.bouts import bouts, opened
+from itouch.testing.checks import CheckError, check
+from itouch.testing.conduct import Subject
+from itouch.testing.subject import PERIOD, DeviceSubject
+
+#: Bytes that may be left from tick to tick, and that may be taken and given back within one.
+_GROWTH, _WITHIN = 12.0, 16_000
+
+
+def _kept(watched: weakref.ref[Any], what: str) -> CheckError | None:
+    """Return the failure that somebody still holds the memory of a record."""
+    gc.collect()
+    memory = watched()
+    if memory is None:
+        return None
+    return CheckError(
+        f"the {what} is kept after the call{_by(memory)}",
+        cause=f"an attribute or a variable holds the {what} or a view of it",
+        advice="copy the numbers you need: float(x), np.array(x)",
+    )
+
+
+def _by(memory: Any) -> str:
+    """Return who holds the memory, if that can be told: views first lead to their dictionaries, those to objects."""
+    things, seen = [memory], {id(memory)}
+    for _ in range(5):
+        further = []
+        for thing in things:
+            for holder in gc.get_referrers(thing):
+                if id(holder) in seen or isinstance(holder, types.FrameType) or holder is things:
+                    continue
+                seen.add(id(holder))
+                name = _named(holder, thing)
+                if name:
+                    return f" by {name}"
+                if isinstance(holder, (np.ndarray, dict, list, tuple, types.CellType)):
+                    further.append(holder)
+        things = further
+    return ""
+
+
+def _named(holder: Any, thing: Any) -> str:
+    if isinstance(holder, dict) and "__name__" in holder:
+        key = next((key for key, value in holder.items() if value is thing), "?")
+        return f"{holder['__name__']}.{key}"
+    if isinstance(holder, (np.ndarray, dict, list, tuple, types.FrameType, types.CellType)):
+        return ""
+    module = type(holder).__module__
+    if module.startswith(("itouch.", "weakref", "builtins", "_pytest")):
+        return ""
+    attributes = getattr(holder, "__dict__", {})
+    key = next((key for key, value in attributes.items() if value is thing), "")
+    return f"{type(holder).__name__}.{key}" if key else f"an object of class {type(holder).__name__}"
+
+
+def _let_go(call: Callable[[Any], Any], record: Record, what: str) -> None:
+    """Give a record of which nobody else knows, forget it, and see whether it is gone."""
+    copied = record.copy()
+    watched = weakref.ref(_memory(copied))
+    call(copied)
+    del copied
+    failure = _kept(watched, what)
+    if failure is not None:
+        raise failure
+
+
+def _memory(record: Record) -> Any:
+    """Return the array that owns a record's memory."""
+    array: Any = record.raw
+    while isinstance(array.base, np.ndarray):
+        array = array.base
+    return array
+
+
+@check("keeps-nothing", "records are not kept: neither reading nor command, State or touch")
+def keeps_nothing(subject: DeviceSubject) -> None:
+    """Give new records, and look whether anybody still holds them."""
+    bench = subject.bench()
+    bench.step(3)
+    twin = bench.twin
+    _let_go(lambda reading: twin.read(bench.state, reading), bench.reading, "reading")
+    _let_go(lambda command: twin.step(bench.state, command, bench.touch, PERIOD), bench.command, "command")
+    _let_go(lambda state: twin.step(state, bench.command, bench.touch, PERIOD), bench.state, "State")
+    _let_go(lambda state: twin.read(state, bench.reading), bench.state, "State")
+    touch = Touch(finger_attached=True)
+    watched = weakref.ref(touch.finger_pose)
+    twin.step(bench.state, bench.command, touch, PERIOD)
+    del touch
+    failure = _kept(watched, "touch")
+    if failure is not None:
+        raise failure
+
+
+@check("driver-keeps-nothing", "the driver keeps no record")
+def driver_keeps_nothing(subject: DeviceSubject) -> None:
+    """Look whether the driver still holds what it was given."""
+    with opened(subject) as device:
+        device.fresh()
+        for _ in range(3):
+            _let_go(device.device.read, device.reading, "reading")
+        if device.command:
+            _let_go(device.device.write, device.command, "command")
+
+
+@check("allocates-nothing", "no memory is gathered from tick to tick, nor much of it taken and given back")
+def allocates_nothing(subject: Subject) -> str:
+    """Compare what is allocated before and after many calls, and what is taken meanwhile."""
+    notes = []
+    for make in bouts(subject):
+        with make() as bout:
+            for _ in range(min(bout.ticks, 500)):
+                bout.tick()
+            count = 50 if bout.what == "the driver" else 1000
+            grown, taken = _allocated(bout.calls(), count)
+            if grown > (_GROWTH if count == 1000 else 40 * _GROWTH):
+                raise CheckError(
+                    f"the memory of {bout.what} grows by {grown:.0f} bytes a tick",
+                    cause="a list that is appended to, or a log",
+                    advice="keep what must be kept in State, which has a fixed size",
+                )
+            if taken > (_WITHIN if count == 1000 else 20 * _WITHIN):
+                raise CheckError(
+                    f"{bout.what} takes {taken / 1e3:.0f} kB in each tick, and gives it back",
+                    cause="an array or a buffer that is made anew in every call",
+                    advice="make it once, in __init__ or compile() or open(), and write into it",
+                )
+            notes.append(f"{max(0.0, grown):.1f} bytes a tick")
+    return ", ".join(notes)
+
+
+def _allocated(calls: Any, count: int) -> tuple[float, float]:
+    """Return the bytes that are left after a call, and that are taken within one."""
+    gc.collect()
+    tracemalloc.start()
+    try:
+        for _ in range(min(count, 200)):
+            for _, record, call in calls:
+                call(record)
+        gc.collect()
+        before, _ = tracemalloc.get_traced_memory()
+        for _ in range(count):
+            for _, record, call in calls:
+                call(record)
+        gc.collect()
+        after, _ = tracemalloc.get_traced_memory()
+        taken = max(_taken(record, call) for _, record, call in calls)
+    finally:
+        tracemalloc.stop()
+    return (after - before) / count, taken
+
+
+def _taken(record: Record, call: Callable[[Record], Any]) -> float:
+    """Return how much more memory is in use at the height of a call than before it; the median of fifty calls."""
+    taken = []
+    for _ in range(50):
+        start, _ = tracemalloc.get_traced_memory()
+        tracemalloc.reset_peak()
+        call(record)
+        taken.append(tracemalloc.get_traced_memory()[1] - start)
+    return float(sorted(taken)[25])

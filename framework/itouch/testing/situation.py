@@ -1,0 +1,305 @@
+"""A scene to examine a modality in: a touch that begins, slides and ends; made where none is given."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from itouch.loop import Engine
+from itouch.plugin import Device, DeviceError, Modality, Record, pose, schema, wrench
+from itouch.plugin.discovery import NAMESPACE, Catalog
+from itouch.scene import Scene, load, loads
+from itouch.scene.elements import Motion, Operator, To
+from itouch.schema.fields import REQUIRED, Spec, default_of, specs, xml_name
+from itouch.schema.quantities import format_quantity
+from itouch.testing.checks import CheckError, NotApplicableError
+from itouch.testing.subject import KnownCatalog
+from itouch.world import Model
+from itouch.world.modalities import ModalityModel
+
+#: The device that carries the finger in a made scene, and a slide's least length [m].
+FINGER, _SLIDE = "suite-finger", 0.005
+#: Longest part of a scene that is looked through for a touch [s].
+_LONGEST = 40.0
+
+
+@dataclass(frozen=True)
+class FingerParams:
+    """Nothing to say."""
+
+    note: str = schema.text(default="", doc="anything")
+
+
+class Finger(Device):
+    """What tracks and pushes a finger in the suite's own scenes."""
+
+    Params = FingerParams
+    reads = (pose(),)
+    commands = (wrench(force=3.0),)
+    twin_only = True
+
+    def open(self) -> None:
+        """Refuse: there is only the twin."""
+        raise DeviceError("the suite's finger is simulated")
+
+    def close(self) -> None:
+        """Nothing to release."""
+
+    def read(self, reading: Record) -> bool:
+        """Say that there is nothing."""
+        return False
+
+
+@dataclass(frozen=True)
+class ModalitySubject:
+    """A modality class under examination, in a scene that uses it.
+
+    Attributes
+    ----------
+    cls
+        The class.
+    scene
+        A file, or the text of a scene; None: one is made from the class's parameters.
+    least
+        Simulated seconds that a check runs at least; as long as it takes to see a touch begin, slide and end.
+    name
+        ``plugin.local``, under which an installed one is found; needed where there is no scene.
+    """
+
+    cls: type[Modality]
+    scene: str | Path | None = None
+    least: float | None = None
+    name: str = ""
+
+    @property
+    def catalog(self) -> KnownCatalog:
+        """The plugins of this environment, and the suite's finger."""
+        return KnownCatalog({FINGER: Finger})
+
+    @cached_property
+    def loaded(self) -> tuple[Scene, float]:
+        """The scene without a recording, and how long its touch takes [s]; its motion is replaced if none touches."""
+        scene = replace(self._read(), record=None)
+        seconds = self._seen(scene)
+        if seconds is None:
+            scene = _with_touch(scene)
+            seconds = self._seen(scene)
+        if seconds is None:
+            raise NotApplicableError(
+                "nothing is touched in the scene: give one whose operator touches an object, slides over it and lets go"
+            )
+        return scene, max(seconds, self.least or 0.0)
+
+    @property
+    def seconds(self) -> float:
+        """How long a check runs [s]."""
+        return self.loaded[1]
+
+    def engine(self, seed: int = 4) -> Engine:
+        """Return a new engine of the scene."""
+        return Engine(Model.of(self.loaded[0], self.catalog), seed=seed)
+
+    def own(self, engine: Engine) -> list[ModalityModel]:
+        """Return the modalities of this class in an engine.
+
+        Raises
+        ------
+        CheckError
+            If there is none.
+        """
+        found = [m for m in engine.model.modalities if isinstance(m.instance, self.cls)]
+        if not found:
+            raise CheckError(
+                f"the scene does not use {self.cls.__name__}",
+                cause="its element is missing under <interaction>",
+                advice="write <NAME:local .../> there",
+            )
+        return found
+
+    def _read(self) -> Scene:
+        if self.scene is None:
+            return loads(made(self.name, self.catalog).encode(), self.catalog)
+        if isinstance(self.scene, Path) or not self.scene.lstrip().startswith("<"):
+            return load(self.scene, self.catalog)
+        return loads(self.scene.encode(), self.catalog)
+
+    def _seen(self, scene: Scene) -> float | None:
+        """Return how long it takes until a touch has begun, slid and ended [s]; None if that does not come."""
+        engine = Engine(Model.of(scene, self.catalog), seed=4)
+        self.own(engine)
+        touches = [_Touch(engine, probe.name) for probe in engine.model.probes]
+
+        def over() -> bool:
+            whole = [touch.whole() for touch in touches]
+            return any(whole) or engine.seconds > _LONGEST
+
+        engine.run(None if engine.scripted else _LONGEST, until=over)
+        return engine.seconds + 0.1 if any(touch.done for touch in touches) else None
+
+
+class _Touch:
+    """What has been seen of a probe's touch."""
+
+    def __init__(self, engine: Engine, probe: str) -> None:
+        self._object, self._proxy = engine.state[f"{probe}.contact.object"], engine.state[f"{probe}.proxy"]
+        self._start: Any = None
+        self.slid = self.done = False
+
+    def whole(self) -> bool:
+        """Look at this tick; tell whether a touch has begun, slid and ended."""
+        if int(self._object) >= 0:
+            if self._start is None:
+                self._start = self._proxy.copy()
+            self.slid = self.slid or float(np.linalg.norm(self._proxy - self._start)) > _SLIDE
+        elif self._start is not None:
+            self.done = self.done or self.slid
+            self._start = None
+        return self.done
+
+
+def _with_touch(scene: Scene) -> Scene:
+    """Return the scene with a motion that presses on its first object, slides over it and lets go."""
+    if not scene.objects or not scene.probes:
+        return scene
+    probe, thing = scene.probes[0], scene.objects[0]
+    old = next((operator for operator in scene.operators if operator.probe == probe.name), Operator(probe=probe.name))
+    x, y, z = thing.pos
+    top, way = z + _height(thing) + probe.radius, min(0.02, _width(thing))
+    places = [(x - way, y, top + 0.02), (x - way, y, top - 0.004), (x + way, y, top - 0.004), (x + way, y, top + 0.02)]
+    targets = tuple(To(pos=place, in_=time) for place, time in zip(places, (0.3, 0.4, 0.6, 0.4), strict=True))
+    operator = replace(old, motion=Motion(targets=targets))
+    others = tuple(one for one in scene.operators if one is not old)
+    return replace(scene, operators=(operator, *others))
+
+
+def _height(thing: Any) -> float:
+    size, radius = getattr(thing, "size", None), getattr(thing, "radius", 0.0)
+    return float(size[2]) / 2 if size else float(radius)
+
+
+def _width(thing: Any) -> float:
+    size, radius = getattr(thing, "size", None), getattr(thing, "radius", math.inf)
+    return 0.35 * float(size[0]) if size else 0.3 * float(radius)
+
+
+_SCENE = """<itouch version="1.0" {namespaces}>
+  <materials>
+    <material name="plain">
+      <contact stiffness="600 N/m" damping="1 N*s/m" static-friction="0.3" dynamic-friction="0.2"/>
+    </material>
+    <material name="own" base="plain">{material}</material>
+  </materials>
+  <defaults><box size="60 60 20 mm"/></defaults>
+  <world temperature="23 degC">
+    <box name="first" pos="-30 0 10 mm" material="own"/>
+    <box name="second" pos="30 0 10 mm" material="plain"/>
+  </world>
+  <devices><device name="suite" plugin="{finger}"/>{devices}</devices>
+  <interaction>
+    <probe name="finger" radius="8 mm" pose-from="suite" force-to="suite"/>
+    <operator probe="finger"><motion>
+      <to pos="-40 0 45 mm" in="0.2 s"/><to pos="-40 0 25 mm" in="0.4 s" hold="0.1 s"/>
+      <to pos="25 0 25 mm" in="0.8 s"/><to pos="25 0 45 mm" in="0.4 s" hold="0.1 s"/>
+    </motion></operator>
+    {modalities}
+  </interaction>
+</itouch>
+"""
+
+
+def made(name: str, catalog: Catalog) -> str:
+    """Return the text of a scene that uses an installed modality, ``plugin.local``, with as little as it needs.
+
+    Raises
+    ------
+    NotApplicableError
+        If a parameter of it can only be known by its author.
+    """
+    plugin, _, local = name.partition(".")
+    maker = _Maker(catalog)
+    maker.modality(plugin, local)
+    material = catalog.material(plugin)
+    part = f"<{plugin}:material {maker.attributes(material, plugin, local)}/>" if material else ""
+    spaces = " ".join(f'xmlns:{p}="{NAMESPACE}{p}"' for p in sorted(maker.plugins | {plugin}))
+    return _SCENE.format(namespaces=spaces, material=part, finger=FINGER, devices="".join(maker.devices.values()),
+                         modalities="\n    ".join(maker.modalities.values()))  # fmt: skip
+
+
+class _Maker:
+    """Elements of a made scene, each with what it refers to."""
+
+    def __init__(self, catalog: Catalog) -> None:
+        self._catalog = catalog
+        self.devices: dict[str, str] = {}
+        self.modalities: dict[str, str] = {}
+        self.plugins: set[str] = set()
+
+    def modality(self, plugin: str, local: str) -> str:
+        """Add a modality and return its name."""
+        cls = self._catalog.modality(plugin, local)
+        if cls is None:
+            raise NotApplicableError(f"there is no modality '{plugin}.{local}' to make a scene with")
+        if local not in self.modalities:
+            self.plugins.add(plugin)
+            text = self.attributes(cls.Params, plugin, local)
+            self.modalities[local] = f"<{plugin}:{local} {text}/>"
+        return local
+
+    def attributes(self, kind: type, plugin: str, local: str) -> str:
+        """Return the attributes that must be given."""
+        needed = {n: s for n, s in specs(kind).items() if default_of(kind, n) is REQUIRED}
+        return " ".join(f'{xml_name(n)}="{self._value(n, s, plugin, local)}"' for n, s in needed.items())
+
+    def _value(self, name: str, spec: Spec, plugin: str, local: str) -> str:
+        if spec.kind == "ref" and spec.target == "probe":
+            return "finger"
+        if spec.kind == "ref" and spec.target == "object":
+            return "first"
+        if spec.kind == "ref" and spec.target == "material":
+            return "own"
+        if spec.kind == "ref" and spec.target == "device":
+            return self._device(spec, plugin)
+        if spec.kind == "ref" and spec.target == "modality":
+            others = [other for other in self._catalog.modality_names(plugin) if other != local]
+            if others:
+                return self.modality(plugin, others[0])
+        if spec.kind == "quantity":
+            return format_quantity(_middle(spec), spec.unit)
+        if spec.kind == "integer":
+            return str(round(_middle(replace(spec, size=1))))
+        if spec.kind in ("choice", "flag"):
+            return spec.values[0] if spec.values else "yes"
+        raise NotApplicableError(
+            f"no scene can be made for it: nobody but its author knows a good '{xml_name(name)}'; give a scene that "
+            "uses it (test-plugin --scene FILE, or `scene` in the suite)"
+        )
+
+    def _device(self, spec: Spec, plugin: str) -> str:
+        """Add a device with these channels, the plugin's own if it has one."""
+        if set(spec.reads) <= {"pose"} and set(spec.commands) <= {"wrench"}:
+            return "suite"
+        names: Sequence[str] = sorted(self._catalog.device_names, key=lambda name: name != plugin)
+        for name in names:
+            cls = self._catalog.device(name)
+            if cls is None or any(default_of(cls.Params, n) is REQUIRED for n in specs(cls.Params)):
+                continue
+            reads, commands = cls.channels(cls.Params())
+            if set(spec.reads) <= {c.name for c in reads} and set(spec.commands) <= {c.name for c in commands}:
+                self.devices.setdefault(name, f'<device name="{name}" plugin="{name}"/>')
+                return name
+        raise NotApplicableError(f"no installed device reads {spec.reads} and obeys {spec.commands}: give a scene")
+
+
+def _middle(spec: Spec) -> Any:
+    low, high = spec.low, spec.high
+    if math.isfinite(low) and math.isfinite(high):
+        value = math.sqrt(low * high) if low > 0.0 else (low + high) / 2
+    else:
+        value = low + 1.0 if math.isfinite(low) else high - 1.0 if math.isfinite(high) else 1.0
+    return value if spec.scalar else np.full(spec.size, value).tolist()

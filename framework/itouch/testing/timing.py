@@ -1,0 +1,175 @@
+"""How long a call may take: it fits in the tick, and waits for nothing."""
+
+from __future__ import annotations
+
+import resource
+import statistics
+import threading
+import time
+from collections.abc import Callable, Sequence
+
+from itouch.testing.bouts import opened
+from itouch.testing.checks import CheckError, NotApplicableError, check
+from itouch.testing.situation import ModalitySubject
+from itouch.testing.subject import PERIOD, DeviceSubject
+
+#: Part of the tick [s] that one plugin's calls may take.
+_SHARE = 0.5 * PERIOD
+#: Of a thousand calls so many may be held up by something else that this machine does.
+_MISHAPS = 3
+
+
+def _fail(seen: str, cause: str, advice: str) -> CheckError:
+    return CheckError(seen, cause=cause, advice=advice)
+
+
+class Timed:
+    """Durations of calls [s], the processor's part of them, and whether the thread gave the processor away."""
+
+    def __init__(self) -> None:
+        self.spent: list[float] = []
+        self.computed: list[float] = []
+        self.waited: list[float] = []
+
+    def call(self, function: Callable[[], object]) -> None:
+        """Call a function and note how long that takes."""
+        switches = resource.getrusage(resource.RUSAGE_THREAD).ru_nvcsw
+        begin, computed = time.perf_counter(), time.thread_time()
+        function()
+        self.computed.append(time.thread_time() - computed)
+        self.spent.append(time.perf_counter() - begin)
+        gave_way = resource.getrusage(resource.RUSAGE_THREAD).ru_nvcsw > switches
+        self.waited.append(self.spent[-1] if gave_way else 0.0)
+
+    @property
+    def waits(self) -> Sequence[float]:
+        """Durations of the calls that waited for longer than their share of a tick."""
+        return [waited for waited in self.waited if waited > _SHARE]
+
+    def words(self) -> str:
+        """Return median and 99th percentile."""
+        worst = sorted(self.spent)[int(0.99 * len(self.spent))]
+        return f"p50 {1e6 * statistics.median(self.spent):.0f} us, p99 {1e6 * worst:.0f} us"
+
+
+def _judge(timed: Timed, what: str) -> None:
+    median = statistics.median(timed.computed)
+    if len(timed.waits) > _MISHAPS:
+        raise _fail(
+            f"{len(timed.waits)} of {len(timed.spent)} calls of {what} wait, {1e3 * max(timed.waits):.1f} ms at most",
+            "sleep, a lock, or a wait for the wire or another thread",
+            "never wait within a tick: delays are State; a driver that must wait says blocking = True",
+        )
+    if median > _SHARE:
+        raise _fail(
+            f"a call of {what} takes {1e3 * median:.2f} ms, a tick has {1e3 * PERIOD:g} ms for all",
+            "it computes too much",
+            "compile heavy arithmetic (numba), or do it once in compile() or __init__",
+        )
+    slow = [spent for spent in timed.computed if spent > 2 * PERIOD]
+    if len(slow) > _MISHAPS:
+        raise _fail(
+            f"{len(slow)} of {len(timed.spent)} calls of {what} take more than 2 ms, {1e3 * max(slow):.1f} ms at most",
+            "now and then it computes much, or compiles",
+            "spread it over the ticks, or do it once in compile() or __init__",
+        )
+
+
+@check("twin-timing", "a step of the twin fits in the tick, and waits for nothing")
+def twin_timing(subject: DeviceSubject) -> str:
+    """Time step and read; the figure is reported, a twin that waits is refused."""
+    bench = subject.bench()
+    bench.step(300)
+    timed = Timed()
+    for _ in range(1000):
+        bench.drive()
+        timed.call(lambda: bench.step(driven=False))
+        if sum(timed.spent) > 2.0:
+            break
+    _judge(timed, "the twin")
+    return timed.words()
+
+
+@check("timing", "an update of the modality fits in the tick, and waits for nothing")
+def modality_timing(subject: ModalitySubject) -> str:
+    """Time updates through a touch; the figure is reported."""
+    engine = subject.engine()
+    own = subject.own(engine)[0]
+    period, timed = engine.model.period * own.every, Timed()
+    engine.run(0.05)
+    for tick in range(round(subject.seconds / engine.model.period)):
+        engine.tick()
+        if tick % own.every == 0 and len(timed.spent) < 1500:
+            scratch = engine.state.copy()
+            timed.call(lambda scratch=scratch: own.instance.update(own.model, scratch, period))  # type: ignore[misc]
+        if sum(timed.spent) > 3.0:
+            break
+    _judge(timed, "update")
+    return timed.words()
+
+
+@check("driver-timing", "a call of the driver fits in the tick, or the device says that it blocks")
+def driver_timing(subject: DeviceSubject) -> str:
+    """Time exchanges; the figure is reported."""
+    timed = Timed()
+    with opened(subject) as device:
+        device.fresh()
+        for _ in range(200):
+            timed.call(device.exchange)
+            if sum(timed.spent) > 2.0:
+                break
+    median, worst = statistics.median(timed.spent), max(timed.spent)
+    often = (
+        len(timed.waits) > max(_MISHAPS, 0.1 * len(timed.spent)) if subject.emulated else len(timed.waits) > _MISHAPS
+    )
+    if not subject.cls.blocking and (statistics.median(timed.computed) > _SHARE or often):
+        raise _fail(
+            f"an exchange takes {1e3 * median:.1f} ms, {1e3 * worst:.1f} ms at most",
+            "it waits for the wire within the tick",
+            "set blocking = True on the class: the framework then reads it in a thread",
+        )
+    if worst > 2.0:
+        raise _fail(f"an exchange took {worst:.1f} s", "a wait without a time limit", "give every wait a timeout")
+    return f"exchange p50 {1e3 * median:.2f} ms, worst {1e3 * worst:.2f} ms"
+
+
+@check("lets-others-run", "a driver that waits lets other threads run meanwhile")
+def lets_others_run(subject: DeviceSubject) -> str:
+    """Exchange in a thread, and watch how long this one is held up."""
+    if not subject.cls.blocking:
+        raise NotApplicableError("it does not block")
+    with opened(subject) as device:
+        device.fresh(5.0)
+        done = threading.Event()
+
+        def work() -> None:
+            begin = time.perf_counter()
+            while time.perf_counter() - begin < 0.6:
+                device.exchange()
+                time.sleep(1e-3)
+            done.set()
+
+        thread = threading.Thread(target=work, name="exchange", daemon=True)
+        alone = _gaps(lambda: False)
+        thread.start()
+        beside = _gaps(done.is_set)
+        thread.join(5.0)
+    often = sum(gap > 4e-3 for gap in beside)
+    if often > 20 and often > 5 * sum(gap > 4e-3 for gap in alone):
+        raise _fail(
+            f"while it waits, everything else stands still, {often} times for {1e3 * max(beside):.0f} ms at most",
+            "a library that keeps the interpreter's lock (GIL), or a loop that computes until something comes",
+            "call it through ctypes.CDLL, which gives the lock away, or wait with select and a timeout",
+        )
+    return f"{often} gaps above 4 ms"
+
+
+def _gaps(stop: Callable[[], bool]) -> list[float]:
+    """Return how far apart the turns of a busy loop are, over half a second."""
+    begin = last = time.perf_counter()
+    gaps = []
+    while last - begin < 0.5 and not stop():
+        now = time.perf_counter()
+        gaps.append(now - last)
+        last = now
+    return gaps

@@ -1,0 +1,207 @@
+"""A device that is open: on its hardware or loop-back, or on its emulator, which answers in a thread."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import socket
+import tempfile
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import is_dataclass, replace
+from typing import Any
+
+from itouch.plugin import Channel, Emulator, Field, Record
+from itouch.testing.checks import CheckError, NotApplicableError
+from itouch.testing.subject import PERIOD, DeviceSubject, TwinBench
+
+#: Parameters that say where a device is.
+PLACES = ("port", "path", "device", "serial_port", "tty", "address", "host", "url")
+#: How much longer than on a machine of its own an emulated device may take to answer.
+_PATIENCE = 5.0
+#: Ticks that a twin which was held up makes at once.
+_MOST = 20
+
+
+class Served:
+    """An emulator that answers in a thread, with the twin behind it."""
+
+    def __init__(self, subject: DeviceSubject) -> None:
+        kind = subject.cls.Emulator
+        if kind is None:
+            raise NotApplicableError("the device class names no Emulator")
+        given = subject.require_params()
+        params = kind.somewhere(given)
+        self.subject = replace(subject, params=_here(params) if params is given else params, emulated=False)
+        params = self.subject.params
+        self.bench = TwinBench(self.subject, seed=1)
+        self.emulator: Emulator = kind(params)
+        reads, commands = subject.cls.channels(params)
+        #: Whether it follows the finger; it is held then where the real device can be.
+        self.tracks = any(c.name == "pose" for c in reads) and not any(c.name == "pose_target" for c in commands)
+        if self.tracks:
+            self.hold(kind.reachable(params))
+        self.asked = Record.of(Field(c.name, "f8", c.size) for c in self.bench.commands)
+        self.driven = False
+        self._begun = 0.0
+        self.error: Exception | None = None
+        self._stop = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def __enter__(self) -> Served:
+        self.emulator.open()
+        self._begun = time.perf_counter()
+        self._thread = threading.Thread(target=self._serve, name="emulator", daemon=True)
+        self._thread.start()
+        return self
+
+    def _serve(self) -> None:
+        try:
+            while not self._stop.is_set():
+                self.driven = self.emulator.serve(self.bench.tick * PERIOD, self.bench.reading, self.asked)
+                if self.driven:
+                    self.bench.command.raw[:] = self.asked.raw
+                self.bench.step(self._due(), driven=False)
+                time.sleep(5e-4)
+        except Exception as error:  # told by whoever waits
+            self.error = error
+
+    def _due(self) -> int:
+        """Return how many ticks the twin must make to be as far as the clock; it never leaps ahead."""
+        behind = round((time.perf_counter() - self._begun) / PERIOD) - self.bench.tick
+        if behind > _MOST:
+            self._begun += (behind - _MOST) * PERIOD
+        return min(max(behind, 0), _MOST)
+
+    def hold(self, place: Sequence[float]) -> None:
+        """Put the finger that holds the device at a place [m] in its frame."""
+        self.bench.touch.finger_attached = True
+        self.bench.touch.finger_pose[:3] = place
+
+    def hang_up(self) -> None:
+        """Take the device away."""
+        self._stop.set()
+        if self._thread is not None:
+            self._thread.join(5.0)
+            self._thread = None
+            self.emulator.close()
+
+    def __exit__(self, *_: object) -> None:
+        self.hang_up()
+        if self.error is not None:
+            raise self.error
+
+
+def _here(params: Any) -> Any:
+    """Return parameters that name a place of this machine, if they name one by a usual name."""
+    if not is_dataclass(params) or isinstance(params, type):
+        return params
+    for name in PLACES:
+        value = getattr(params, name, None)
+        if isinstance(value, str) and re.search(r":\d+$", value) and "://" not in value:
+            with socket.create_server(("127.0.0.1", 0)) as free:
+                return replace(params, **{name: f"127.0.0.1:{free.getsockname()[1]}"})
+        if isinstance(value, str) and (value.startswith("/dev/") or not value):
+            return replace(params, **{name: f"{tempfile.gettempdir()}/itouch-{os.getpid()}-port"})
+    return params
+
+
+@contextlib.contextmanager
+def served(subject: DeviceSubject) -> Iterator[tuple[Served, DeviceSubject]]:
+    """Serve the emulator; yield it with a subject whose hardware can be opened."""
+    with Served(subject) as emulator:
+        yield emulator, replace(emulator.subject, hardware=True)
+
+
+class Opened:
+    """A device that is open, with records of its channels; closed, and its emulator too, on leaving."""
+
+    def __init__(self, subject: DeviceSubject, served_by: Served | None = None) -> None:
+        subject.require_hardware()
+        self._end = contextlib.ExitStack()
+        self.served: Served | None = served_by
+        if subject.emulated:
+            self.served, subject = self._end.enter_context(served(subject))
+        self.device = subject.cls(subject.require_params())
+        if subject.cls.Emulator is not None:
+            self.device.patience = _PATIENCE
+        reads, commands = subject.cls.channels(subject.params)
+        self.reading = Record.of(Field(c.name, "f8", c.size) for c in reads)
+        self.command = Record.of(Field(c.name, "f8", c.size) for c in commands)
+        self.commands: Sequence[Channel] = commands
+        self.be_safe()
+        try:
+            self.device.open()
+        except BaseException:
+            self._end.close()
+            raise
+
+    def be_safe(self) -> None:
+        """Set the command to what is safe."""
+        for channel in self.commands:
+            if isinstance(channel.safe, tuple):
+                self.command[channel.name] = channel.safe
+
+    def stay(self) -> None:
+        """Let a command that leads somewhere lead to where the device is."""
+        if "pose_target" in self.command and "pose" in self.reading:
+            self.command["pose_target"] = self.reading["pose"]
+
+    def __enter__(self) -> Opened:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with self._end:
+            self.device.close()
+
+    def fresh(self, patience: float = 1.0) -> None:
+        """Read until there is something new."""
+        deadline = time.perf_counter() + patience
+        while self.device.read(self.reading) is False:
+            if time.perf_counter() > deadline:
+                raise CheckError(
+                    f"no new reading within {patience:g} s",
+                    cause="the device does not answer, or read always returns False",
+                    advice="return True when the reading is new",
+                )
+            time.sleep(1e-4)  # let whoever answers, answer
+
+    def exchange(self) -> None:
+        """Read, and send the safe command."""
+        self.device.read(self.reading)
+        self.stay()
+        if self.command:
+            self.device.write(self.command)
+
+
+class Shared:
+    """A device that several checks use in turn, where opening it takes long; it is opened when it is first lent."""
+
+    def __init__(self) -> None:
+        self._opened: Opened | None = None
+
+    def lend(self, subject: DeviceSubject) -> Opened:
+        """Return the open device."""
+        if self._opened is None:
+            self._opened = Opened(subject)
+        self._opened.be_safe()
+        return self._opened
+
+    def end(self) -> None:
+        """Close it, if it was ever lent."""
+        lent, self._opened = self._opened, None
+        if lent is not None:
+            lent.__exit__()
+
+
+def elsewhere(params: Any) -> Any:
+    """Return parameters that name a place where there is nothing; None if none of them names a place."""
+    for name in PLACES:
+        value = getattr(params, name, None)
+        if isinstance(value, str) and (":" not in value or "://" in value):
+            return replace(params, **{name: "/dev/itouch-nowhere"})
+        if isinstance(value, str):
+            return replace(params, **{name: "127.0.0.1:1"})
+    return None
