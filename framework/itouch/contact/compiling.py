@@ -1,18 +1,18 @@
 """How the kernels are compiled."""
 
 from collections.abc import Callable
-from typing import Any, TypeVar, cast
+from typing import TypeVar
 
-from numba import njit
 from numba.extending import register_jitable
+
+from itouch.compiling import kernel
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
 
 def entry(function: Function) -> Function:
     """Compile a kernel that Python calls; kept on disk together with all that it calls."""
-    compiled: Any = njit(cache=True, error_model="numpy")(function)
-    return cast(Function, compiled)
+    return kernel(function)
 
 
 def inner(function: Function) -> Function:

@@ -14,9 +14,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from itouch.compiling import kernel
 from itouch.contact import layout as at
 from itouch.contact.cast import sphere_cast
 from itouch.twin.turning import turned_in, turned_out
@@ -48,7 +48,7 @@ YIELD_RATE, YIELD_RETURN = 0.02, 0.005
 REACH = 0.2
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def follow(c: Floats, tracker: Floats, figures: Floats, first: bool) -> None:
     """Take the tracker's position as the HIP, and filter its velocity."""
     x, y, z = turned_out(c, TRACKER, tracker[0], tracker[1], tracker[2])
@@ -60,7 +60,7 @@ def follow(c: Floats, tracker: Floats, figures: Floats, first: bool) -> None:
         figures[HIP + i] = place[i]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _push(c: Floats, damping: Floats, figures: Floats, result: Floats) -> None:
     """Write the contact force: the spring's, with damping along the normal that may weaken it, but never pull.
 
@@ -90,7 +90,7 @@ def _push(c: Floats, damping: Floats, figures: Floats, result: Floats) -> None:
     figures[PENETRATION] = result[at.RESULT_PENETRATION]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _approach(figures: Floats, result: Floats, poses: Floats, twists: Floats) -> None:
     """Write distance and time to the nearest object, by the speed relative to its surface."""
     figures[NEAR_DISTANCE] = figures[TIME_TO_CONTACT] = np.inf
@@ -115,7 +115,7 @@ def _approach(figures: Floats, result: Floats, poses: Floats, twists: Floats) ->
         figures[TIME_TO_CONTACT] = distance / speed
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _yield(c: Floats, figures: Floats, pressed: float) -> float:
     """Give way while the plate presses harder than it may."""
     limit, given = c[PLATE_LIMIT], figures[PLATE_YIELD]
@@ -127,7 +127,7 @@ def _yield(c: Floats, figures: Floats, pressed: float) -> float:
     return float(given)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _carry(
     c: Floats, world: Floats, mesh: Any, poses: Floats, table: Floats, load: float, figures: Floats, goal: Floats
 ) -> None:
@@ -154,7 +154,7 @@ def _carry(
     goal[3] = 1.0
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _share(c: Floats, figures: Floats, plate: bool, wrench: Floats) -> None:
     """Command the arm: where the plate renders the contact, the normal part only across a gap."""
     keep = 1.0
@@ -173,7 +173,7 @@ def _share(c: Floats, figures: Floats, plate: bool, wrench: Floats) -> None:
     wrench[0], wrench[1], wrench[2] = fx, fy, fz
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def render(
     c: Floats,
     world: Floats,

@@ -8,9 +8,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from itouch.compiling import kernel
 from itouch.twin.turning import turned_in, turned_out
 
 Floats = NDArray[np.float64]
@@ -28,7 +28,7 @@ FIGURES = 4
 BESIDE, FAR = 1e-3, 0.5
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def plate_force(constants: Floats, finger: Floats, table: Floats, figures: Floats) -> float:
     """Write force, top and distance of the plate under a finger (3,); return the gap between them [m]."""
     px, py, pz = table[0] + constants[OFFSET], table[1] + constants[OFFSET + 1], table[2] + constants[OFFSET + 2]
@@ -48,7 +48,7 @@ def plate_force(constants: Floats, finger: Floats, table: Floats, figures: Float
     return gap
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def aim(pieces: Floats, time: float, goal: Floats) -> None:
     """Write the place and velocity of the hand's target at a time [s], shape (6,).
 
@@ -66,7 +66,7 @@ def aim(pieces: Floats, time: float, goal: Floats) -> None:
         goal[3 + i] = rate * (there - here)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def step_finger(
     constants: Floats,
     pieces: Floats,
@@ -126,7 +126,7 @@ def step_finger(
     return gap
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def tell_arm(constants: Floats, hand: Floats, end: Floats, pace: Floats) -> None:
     """Write the finger's position and velocity in the arm's frame."""
     end[0], end[1], end[2] = turned_in(

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from itouch.compiling import kernel
 
 Floats = NDArray[np.float64]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def turned_out(frames: Floats, at: int, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Turn a direction out of the frame that begins at index ``at``."""
     r = at + 3
@@ -20,7 +21,7 @@ def turned_out(frames: Floats, at: int, x: float, y: float, z: float) -> tuple[f
     )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def turned_in(frames: Floats, at: int, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Turn a direction into the frame that begins at index ``at``."""
     r = at + 3

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from itouch.plugin.kernels import kernel
 
 Floats = NDArray[np.float64]
 Words = NDArray[np.uint64]
@@ -21,7 +22,7 @@ OMEGA, SPEED, ACCELERATION, MASS, DRAG, LOW, HIGH, NOISE = 0, 1, 2, 3, 4, 5, 8, 
 PARAMETERS = 12
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _mix(word: np.uint64) -> np.uint64:
     """Scramble a counter (SplitMix64, Steele, Lea and Flood 2014)."""
     word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -29,7 +30,7 @@ def _mix(word: np.uint64) -> np.uint64:
     return word ^ (word >> np.uint64(31))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _gaussian(words: Words) -> float:
     """Draw from the standard normal distribution; the generator is the one word given."""
     first = words[0] + np.uint64(0x9E3779B97F4A7C15)
@@ -40,7 +41,7 @@ def _gaussian(words: Words) -> float:
     return math.sqrt(-2.0 * math.log(u)) * math.cos(2.0 * math.pi * v)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def move(
     parameters: Floats,
     goal: Floats,

@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from numba import njit
+from itouch.plugin.kernels import kernel
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def pumped_heat(
     seebeck: float, resistance: float, conductance: float, current: float, cold: float, hot: float
 ) -> float:
@@ -20,7 +20,7 @@ def pumped_heat(
     return seebeck * cold * current - 0.5 * current * current * resistance - conductance * (hot - cold)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def current_for(seebeck: float, resistance: float, conductance: float, heat: float, cold: float, hot: float) -> float:
     """Return the current [A] that takes in ``heat`` [W]: the smaller root; beyond the best, the best one."""
     pull = seebeck * cold

@@ -9,8 +9,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from itouch.plugin.kernels import kernel
 from itouch_thermal.display.column import (
     F_BEGIN,
     F_DECAY,
@@ -47,7 +47,7 @@ from itouch_thermal.display.peltier import pumped_heat
 _TWO_PI = 2.0 * math.pi
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _scramble(word: Any) -> Any:
     """Scramble a counter (SplitMix64, Steele, Lea and Flood 2014)."""
     word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -55,7 +55,7 @@ def _scramble(word: Any) -> Any:
     return word ^ (word >> np.uint64(31))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _gauss(words: Any) -> float:
     words[0] += np.uint64(0x9E3779B97F4A7C15)
     first = float(_scramble(words[0]) >> np.uint64(11)) * 2.0**-53
@@ -64,12 +64,12 @@ def _gauss(words: Any) -> float:
     return math.sqrt(-2.0 * math.log(first + 2.0**-54)) * math.cos(_TWO_PI * second)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _counted(value: float, step: float) -> float:
     return math.floor(value / step + 0.5) * step if step > 0.0 else value
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def plant_step(
     c: Any, tissue: Any, plate: Any, memory: Any, above: Any, below: Any, line: Any, words: Any,
     command: float, contact: float, gap: float, ambient: float,
@@ -159,7 +159,7 @@ def plant_step(
     _sense(c, memory, words, seen, t, s, gap)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _drive(c: Any, memory: Any, line: Any, command: float) -> float:
     """Pass the command through the delay line and the driver."""
     size = int(c[C_SLOTS])
@@ -177,7 +177,7 @@ def _drive(c: Any, memory: Any, line: Any, command: float) -> float:
     return current
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _hold(c: Any, memory: Any, target: float) -> float:
     """Return the current of a driver that holds the plate at a temperature: proportional and integral action.
 
@@ -193,7 +193,7 @@ def _hold(c: Any, memory: Any, target: float) -> float:
     return float(current)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _sense(c: Any, memory: Any, words: Any, seen: float, film: float, skin: float, gap: float) -> None:
     """Pass the true values through the sensors."""
     memory[FLUX_LAG] = c[C_FLUX_KEEP] * memory[FLUX_LAG] + (1.0 - c[C_FLUX_KEEP]) * seen

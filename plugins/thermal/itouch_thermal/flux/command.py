@@ -10,9 +10,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba import njit
-
 from itouch.plugin import Field, Record
+from itouch.plugin.kernels import kernel
 from itouch_thermal.flux.setting import FluxModel
 
 #: Time constants [s] over which the plate's level and slope are taken, and the driver's integral.
@@ -61,7 +60,7 @@ def issue(model: FluxModel, state: Record, current: float, hold: int) -> None:
     state[names.asked] = asked
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def target_for(
     driver: Any, targets: Any, plate: float, actual: float, current: float, gain: float, integral: float,
     ceiling: float, low: float, high: float, period: float, hold: int,
@@ -99,7 +98,7 @@ def target_for(
     return target, min(ceiling, max(-ceiling, stiffness * (middle - target) + summed))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _observe(
     driver: Any, target: float, plate: float, actual: float, gain: float, integral: float, ceiling: float, time: float
 ) -> None:

@@ -7,9 +7,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from itouch.plugin import Field, Record
+from itouch.plugin.kernels import kernel
 from itouch_thermal.display.column import P_MEAN, P_PORT, REACH, Array, column, plate_capacity
 from itouch_thermal.display.params import DisplayParams
 from itouch_thermal.display.peltier import current_for
@@ -39,7 +39,7 @@ SURE, ENOUGH = 2.0, 0.015
 STOPPING, SLACK = 0.05, 0.02
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _queue(line: Any, slot: int, delay: int, size: int, fine: Any, coarse: Any) -> None:
     """Sort the currents on their way, oldest first: one by one what is no whole coarse step, then means."""
     first = fine.shape[0]
@@ -52,7 +52,7 @@ def _queue(line: Any, slot: int, delay: int, size: int, fine: Any, coarse: Any) 
         coarse[g] = total / size
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _track(
     c: Any, tissue: Any, plate: Any, x: Any, theta: Any, cover: Any, gain: Any, memory: Any, line: Any, slots: Any,
     trace: Any, size: int, sent: float, scale: float, press: float, flux: float, film: float, sink: float,
@@ -72,7 +72,7 @@ def _track(
         memory[at.M_AGE] += 1.0
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _limits(band: Any, trace: Any, first: int, allowed: float, out: Any) -> None:
     """Fill the face's band at the ends of the horizon's steps: the plate's, and what its rate permits."""
     for i in range(out.shape[1]):
@@ -81,7 +81,7 @@ def _limits(band: Any, trace: Any, first: int, allowed: float, out: Any) -> None
         out[1, i] = min(band[1], before + allowed)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _approach(
     c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, line: Any, delay: int, target: float,
     capacity: float, limit: float, ceiling: float, within: float,
@@ -107,7 +107,7 @@ def _approach(
     return min(ceiling, max(-ceiling, current)), flux, error
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _follow(
     c: Any, fine: Any, below_fine: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, scale: float,
     line: Any, slots: Any, single: Any, queue: Any, wanted: Any, response: Any, hats: Any, last: Any, work: Any,

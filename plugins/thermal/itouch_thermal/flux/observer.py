@@ -12,8 +12,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from numba import njit
-
+from itouch.plugin.kernels import kernel
 from itouch_thermal.display.column import (
     F_BEGIN,
     F_DECAY,
@@ -54,7 +53,7 @@ QUIET = 0.2
 SINK_RATE, PLATE_RATE = 2.0, 20.0
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def advance(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, current: float, scale: float) -> None:
     """Advance column and derivatives by one period.
 
@@ -186,7 +185,7 @@ def advance(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, cu
         r[o + X_FLUX], r[o + X_BACK], r[o + X_FACE] = dj1, back, p
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def correct(
     x: Any, theta: Any, cover: Any, gain: Any, column: int, explicit: int, innovation: float, noise: float
 ) -> None:
@@ -211,7 +210,7 @@ def correct(
             cover[a, b] -= gain[a] * gain[b] / total
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def observe(
     c: Any, tissue: Any, plate: Any, x: Any, theta: Any, cover: Any, gain: Any, memory: Any,
     current: float, scale: float, press: float, flux: float, film: float, sink: float,
@@ -240,7 +239,7 @@ def observe(
         correct(x, theta, cover, gain, o + X_FILM, OFFSET, film - x[0, o + X_FILM] - theta[OFFSET], c[O_PLATE_NOISE])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _disturbed(c: Any, x: Any, memory: Any, flux: float, o: int) -> bool:
     """Tell whether the flux on the bare plate was, not long ago, none that air explains."""
     if abs(flux - x[0, o + X_SEEN]) > 6.0 * c[O_FLUX_NOISE] + 0.3 * abs(x[0, o + X_SEEN]):
@@ -251,7 +250,7 @@ def _disturbed(c: Any, x: Any, memory: Any, flux: float, o: int) -> bool:
     return False
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _resume(c: Any, plate: Any, x: Any, theta: Any, film: float, n: int) -> None:
     """Follow the readings without learning from them; what the parameters had to do with the state is forgotten."""
     m = plate.shape[1]
@@ -267,7 +266,7 @@ def _resume(c: Any, plate: Any, x: Any, theta: Any, film: float, n: int) -> None
         x[0, o + X_FILM] += shift
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def begin_touch(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, cover: Any, memory: Any, prior: Any) -> None:
     """Set the finger, whose modes stand in row 0, on the plate: resistance and finger are unknown again."""
     n, m = tissue.shape[1], plate.shape[1]
@@ -295,7 +294,7 @@ def begin_touch(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, cover: Any,
     x[1 + PRESS, o + X_FLUX] = -flux * max(0.0, memory[M_CONTACT] - 1.0) / memory[M_CONTACT]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def end_touch(tissue: Any, plate: Any, x: Any, memory: Any) -> None:
     """Take the finger off."""
     memory[M_TOUCHING] = 0.0

@@ -11,9 +11,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from itouch.plugin.kernels import kernel
 from itouch_thermal.display.column import (
     F_BEGIN,
     F_DECAY,
@@ -47,13 +47,13 @@ def shapes(step: float) -> NDArray[np.float64]:
     return found
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _weight(age: float) -> float:
     """Return how much the flux counts at a time [s] after the begin: at first the stored heat alone acts."""
     return 1.0 if age >= EARLY else (age / EARLY) ** 4
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def ahead(
     c: Any, tissue: Any, plate: Any, above: Any, below: Any, flux: float, pump: float, contact: float, gf: float,
     gp: float, tissue_self: float, plate_self: float, rest: float,
@@ -76,14 +76,14 @@ def ahead(
     return float(late)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def resistance(c: Any, theta: Any, scale: float) -> float:
     """Return the contact resistance [K m2/W] that is believed in."""
     pressing = scale - 1.0 if scale < 1.0 else (scale - 1.0) * math.exp(theta[at.PRESS])
     return float(c[at.O_CONTACT] * math.exp(theta[at.RESISTANCE]) * (1.0 + pressing))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def respond(
     c: Any, tissue: Any, plate: Any, theta: Any, scale: float, hats: Any, above: Any, below: Any, response: Any
 ) -> None:
@@ -102,7 +102,7 @@ def respond(
             response[hat, i] = flux
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def selves(tissue: Any, plate: Any) -> Any:
     """Return what each surface gains over a step from the end value of the flux."""
     tissue_self = plate_self = 0.0
@@ -113,7 +113,7 @@ def selves(tissue: Any, plate: Any) -> Any:
     return tissue_self, plate_self
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def arrive(
     c: Any, tissue: Any, plate: Any, theta: Any, hot: float, scale: float, currents: Any, above: Any, below: Any,
     flux: float, back: float,
@@ -136,7 +136,7 @@ def arrive(
     return flux, back
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def plan(
     c: Any, tissue: Any, plate: Any, theta: Any, scale: float, wanted: Any, band: Any, response: Any, hats: Any,
     last: Any, above: Any, below: Any, work: Any, flux: float, smooth: float, limit: float, age: float,
@@ -189,7 +189,7 @@ def plan(
         last[a] = min(limit, max(-limit, last[a] + work[v + a]))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _solve(work: Any) -> None:
     """Solve the normal equations in place."""
     v = HATS * HATS

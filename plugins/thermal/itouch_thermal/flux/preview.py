@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from itouch.plugin import World, kept
+from itouch.plugin.kernels import kernel
 from itouch_thermal.display.column import REACH, Array, Column, tissue_side
 from itouch_thermal.flux.law import ModelLaw
 from itouch_thermal.flux.start import Touched, Trial, outer_effusivity, start_temperature
@@ -23,7 +23,7 @@ from itouch_thermal.solver.modes import layer_modes, side_modes
 SKIN_STEP = 2.0
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def run_ahead(
     finger: Any, above: Any, body: Any, below: Any, resistance: float, press: float, out: Any, first: int, count: int
 ) -> None:
@@ -40,7 +40,7 @@ def run_ahead(
         out[(first + i) % size] = live.contact_step(finger, above, body, below, now)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def look_ahead(future: Any, ticks: int, offsets: Any, desired: float, wanted: Any) -> None:
     """Fill the desired flux at ``offsets`` ticks from now; what it is now beside its preview, it stays later too."""
     size = future.shape[0]

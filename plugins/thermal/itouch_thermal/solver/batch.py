@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
+from itouch.plugin.kernels import nogil_kernel
 from itouch_thermal.solver.casefile import check_times
 from itouch_thermal.solver.contour import Complex
 from itouch_thermal.solver.exact import NO_DRIVE, start_numbers
@@ -181,7 +181,7 @@ class LockStep:
             stepper.resume(float(resistances[first + n]), amplitude[: len(modes), n].copy(), steps)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@nogil_kernel
 def _lock_step(decay: Array, gain: Array, amplitude: Array, steady: Array, every: int, flux: Array) -> None:
     """Multiply amplitudes by their decay and sum them; all of shape (modes, contacts)."""
     modes, contacts = decay.shape

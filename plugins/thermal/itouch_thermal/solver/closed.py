@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from itouch.plugin.kernels import kernel
 from itouch_thermal.solver.lanes import padded
 from itouch_thermal.solver.stack import Array
 
@@ -101,7 +101,7 @@ def _merged(rates: Array, port: Array) -> tuple[Array, Array, Array, Array]:
     return np.array(poles), np.array(ports) ** 2, np.array(mixing) * np.sign(ports)[:, None], left
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _roots(poles: Array, weights: Array, resistance: float, roots: Array, rows: Any) -> None:
     """Find the roots, ascending, and the rows ``sqrt(weight) / (pole - root)``, shape (count, poles)."""
     last = len(poles) - 1
@@ -120,7 +120,7 @@ def _roots(poles: Array, weights: Array, resistance: float, roots: Array, rows: 
             rows[k, i] = np.sqrt(weights[i]) / (shifted[i] - root)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _root_between(poles: Array, weights: Array, resistance: float, k: int, near: int, reach: float) -> float:
     """Return the root above pole k, measured from the pole ``near``, which stands at zero.
 
@@ -157,7 +157,7 @@ def _root_between(poles: Array, weights: Array, resistance: float, k: int, near:
     return float(x)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _small_root(a: float, b: float, c: float) -> float:
     """Return the root of ``a x**2 - b x + c`` next to zero, without cancellation."""
     root = np.sqrt(max(b * b - 4.0 * a * c, 0.0))

@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from itouch.plugin.kernels import nogil_kernel
 from itouch_thermal.solver.contour import WEIGHTS, Complex, Z
 from itouch_thermal.solver.stack import Array, Stack
 
@@ -22,7 +22,7 @@ STEP, RAMP = WEIGHTS / Z, WEIGHTS / Z**2
 _OPAQUE = 40.0
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@nogil_kernel
 def _root(z: complex) -> complex:
     """Return the principal square root of a number off the negative axis."""
     size = np.sqrt(z.real * z.real + z.imag * z.imag)
@@ -33,14 +33,14 @@ def _root(z: complex) -> complex:
     return complex(0.5 * abs(z.imag) / imag, imag if z.imag >= 0.0 else -imag)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@nogil_kernel
 def _over(a: complex, b: complex) -> complex:
     """Return a / b without the guards of the general division; moduli lie far from over- and underflow."""
     scale = 1.0 / (b.real * b.real + b.imag * b.imag)
     return complex((a.real * b.real + a.imag * b.imag) * scale, (a.imag * b.real - a.real * b.imag) * scale)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@nogil_kernel
 def _fade(admittance: complex, resistance: float) -> complex:
     """Return exp(-g L) with ``g L`` as admittance times resistance of the layer."""
     depth = admittance.real * resistance
@@ -51,7 +51,7 @@ def _fade(admittance: complex, resistance: float) -> complex:
     return complex(size * np.cos(angle), -size * np.sin(angle))
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@nogil_kernel
 def impedance_table(
     resistance: Array, conductivity: Array, capacity: Array, perfusion: Array, back: float, times: Array, table: Any
 ) -> None:
@@ -81,7 +81,7 @@ def impedance_table(
             table[n, k] = _over(1.0 + echo, y * (1.0 - echo))
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@nogil_kernel
 def drive_table(
     resistance: Array,
     conductivity: Array,
@@ -120,7 +120,7 @@ def drive_table(
             table[n, k] = level
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@nogil_kernel
 def combine(
     finger: Any,
     body: Any,

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from itouch.plugin.kernels import kernel
 from itouch_thermal.solver import collocation
 from itouch_thermal.solver.contour import WEIGHTS, Z
 from itouch_thermal.solver.lanes import dot
@@ -73,14 +74,14 @@ _HEAT = collocation.quadrature()
 _SQUARE = STAGES * STAGES
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def surface_temperature(model: Array, state: Array) -> float:
     """Return the contact temperature [K] of a side."""
     n = int(model[SIZE])
     return float(model[REST] + dot(model, HEAD + PORT * n, state, 0, n))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def shift_surface(model: Array, state: Array, change: float) -> None:
     """Add the stationary field that belongs to a change [K] of the contact temperature."""
     n = int(model[SIZE])
@@ -88,7 +89,7 @@ def shift_surface(model: Array, state: Array, change: float) -> None:
         state[i] += change * model[HEAD + RISE * n + i]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def contact_step(finger: Array, finger_state: Array, body: Array, body_state: Array, resistance: float) -> float:
     """Advance finger and object by one step in contact; return the flux at its end [W/m2].
 
@@ -120,13 +121,13 @@ def contact_step(finger: Array, finger_state: Array, body: Array, body_state: Ar
     return flux
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def air_step(model: Array, state: Array) -> None:
     """Advance a side by one step under its film, or insulated if it has none."""
     advance_air(model, state, np.empty(SCRATCH))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def advance_air(model: Array, state: Array, work: Any) -> None:
     """Do `air_step` with the caller's scratch, shape (SCRATCH,)."""
     tail = int(model[TAIL])
@@ -142,7 +143,7 @@ def advance_air(model: Array, state: Array, work: Any) -> None:
     state[tail] -= 1.0
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def contour(model: Array, state: Array, resistance: float, work: Any) -> tuple[float, float]:
     """Step one model exactly, its port joined to the ambient by a resistance; return flux in and heat brought."""
     n = int(model[SIZE])
@@ -156,7 +157,7 @@ def contour(model: Array, state: Array, resistance: float, work: Any) -> tuple[f
     return _flux_of(work, model[PERIOD])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def collocate(model: Array, state: Array, before: float, after: float, work: Any) -> tuple[float, float]:
     """Step one model whose port is joined to the ambient; the resistance goes linearly from before to after."""
     n = int(model[SIZE])
@@ -207,7 +208,7 @@ def _collocate_contact(
     return work[STAGES - 1], heat
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _open(model: Array, state: Array, work: Any) -> None:
     """Put the transform of the contact temperature without flux into work[0:NODES], [NODES:2 NODES] (re, im)."""
     n = int(model[SIZE])
@@ -225,7 +226,7 @@ def _divide(re: float, im: float, real: float, imag: float, work: Any, k: int) -
     work[k], work[NODES + k] = (re * real + im * imag) * size, (im * real - re * imag) * size
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _flux_of(work: Any, period: float) -> tuple[float, float]:
     """Return the flux at the end of a step [W/m2] and its integral [J/m2] from its transform in work."""
     flux = heat = 0.0
@@ -237,7 +238,7 @@ def _flux_of(work: Any, period: float) -> tuple[float, float]:
     return flux / period, heat
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _absorb(model: Array, state: Array, work: Any, sign: float) -> None:
     """Decay a state and take in the flux whose transform stands in work."""
     n = int(model[SIZE])

@@ -7,8 +7,8 @@ loop's modes while it is closed.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from itouch.plugin.kernels import kernel
 from itouch_thermal.solver import live
 from itouch_thermal.solver.lanes import dot
 from itouch_thermal.solver.packing import HEAT, PERIOD, PHASE, RESISTANCE, SIZE, TAIL
@@ -22,7 +22,7 @@ RUN, CLOSED, COUNT, BASE = range(4)
 MEMORY = 8
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def enter_loop(state: Array, vectors: Array, rest: Array, size: int) -> None:
     """Put the amplitudes of the closed loop behind the pair."""
     for k in range(len(vectors)):
@@ -33,7 +33,7 @@ def enter_loop(state: Array, vectors: Array, rest: Array, size: int) -> None:
         state[size + MEMORY + k] = total
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def leave_loop(
     state: Array, vectors: Array, rest: Array, flux: float, heat: Array, size: int, f: int, b: int, period: float
 ) -> None:
@@ -60,7 +60,7 @@ def leave_loop(
     state[size + RUN] = 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def advance_pair(
     pair: Array,
     finger: Array,

@@ -6,8 +6,8 @@ import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numba import njit
 
+from itouch.plugin.kernels import kernel
 from itouch_thermal.solver.analytic import scaled_erfc
 from itouch_thermal.solver.stack import Array
 
@@ -33,7 +33,7 @@ def first_flux(problem: Array, times: Array) -> tuple[Array, Array]:
     return difference * beta * rate * scaled_erfc(z), difference * beta / rate * rise
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _erfcx(z: float) -> float:
     """``exp(z**2) erfc(z)`` for z >= 0."""
     if z < 5.0:
@@ -44,7 +44,7 @@ def _erfcx(z: float) -> float:
     return float(1.0 / (math.sqrt(math.pi) * fraction))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _first(x: float, time: float, initial: float, rise: float, alpha: float, rate: float) -> float:
     """Temperature of problem 1 [K]; ``rise`` is how far the face goes in the end."""
     if time <= 0.0:
@@ -58,7 +58,7 @@ def _first(x: float, time: float, initial: float, rise: float, alpha: float, rat
     return float(initial + rise * part)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _explicit(nodes: Array, numbers: Array, now: Any, after: Any, field: Any, time: float, step: float) -> None:
     """Step problem 2 of one side, without the contact flux.
 
@@ -123,7 +123,7 @@ def _numbers(chain: Chain, level: float, rise: float, rate: float) -> Array:
     return np.array((chain.first, lowest, level, rise, chain.alpha, rate, *back))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _march(
     finger: Array,
     finger_numbers: Array,
@@ -169,7 +169,7 @@ def _march(
             out += 1
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _write(nodes: Array, numbers: Array, old: Array, new: Array, part: float, time: float, row: Any) -> None:
     for i in range(len(new)):
         alone = _first(nodes[0, i], time, numbers[2], numbers[3], numbers[4], numbers[5])
