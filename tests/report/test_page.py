@@ -168,14 +168,35 @@ def test_a_snapshot_has_a_page_without_curves(recorded, browser):
     assert "a recording holds the curves" in text and "pyrex" in text
 
 
-def test_faults_are_shown_and_names_are_not_markup(recorded):
-    findings = collect(recorded / "end.itouch")
-    findings.faults = [{"time_s": 1.5, "device": "<b>x</b>", "trip": "silence", "cause": "</script><i>", "scene": None}]
-    findings.notices = ["\ud800 \0 <script>"]
-    findings.scene_xml = "</script><script>alert(1)</script>"
-    text = page(findings)
-    assert "&lt;b&gt;x&lt;/b&gt;" in text and "<b>x</b>" not in text
-    assert "alert(1)</script>" not in text
+EVIL = "</script><script>window.pwned=1</script><img src=x onerror=window.pwned=1><!--\u2028'\"&amp;${1}`\0\ud800"
+
+
+def spoilt(value):
+    """Return the same with every text in it an attack."""
+    if isinstance(value, str):
+        return EVIL
+    if isinstance(value, dict):
+        return {key: spoilt(inner) for key, inner in value.items()} | {EVIL: EVIL}
+    return [spoilt(inner) for inner in value] if isinstance(value, list) else value
+
+
+def test_texts_of_a_session_are_shown_and_never_run(recorded, browser, tmp_path):
+    findings = collect(recorded / "run.mcap")
+    findings.faults = [{"time_s": 1.5, "device": "", "trip": "", "cause": "", "scene": ""}]
+    findings.marks = [{"time": 1.0, "name": "", "payload": ""}]
+    for name in ("title", "kind", "summary", "faults", "marks", "provenance", "scene_xml"):
+        setattr(findings, name, spoilt(getattr(findings, name)))
+    findings.losses, findings.notices = [EVIL], [EVIL]
+    findings.report["contacts"] = spoilt(findings.report["contacts"])
+    findings.report["modalities"] = spoilt(findings.report["modalities"])
+    (tmp_path / "evil.html").write_text(page(findings), "utf-8")
+    browser.said.clear()
+    browser.open(tmp_path / "evil.html", width=1200, height=900)
+    browser.run(SETTLE)
+    assert browser.said == [] and browser.asked == [] and browser.run("window.pwned") is None
+    assert browser.run("document.querySelectorAll('img[src=x]').length") == 0
+    assert browser.run("document.querySelectorAll('#chart0 path.js-line').length") > 0
+    assert browser.run("document.body.innerText.split('window.pwned=1').length") > 10
 
 
 @pytest.mark.parametrize("name", ["missing.mcap", "missing.itouch", "empty.mcap", "empty.itouch"])

@@ -1,0 +1,155 @@
+"""What the page tells: the session's own figures, whatever became of the recording, whatever a file says."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from shipped import SCENES
+
+import itouch
+from itouch.report.collect import collect
+from itouch.report.curves import thinned
+from itouch.report.markup import number, table
+from itouch.report.page import page
+
+SCENE = """<itouch version="1.0">
+  <materials><material name="wood"><contact stiffness="1.2 N/mm" damping="1 N*s/m" static-friction="0.4"/></material>
+    <material name="foam" base="wood"><contact stiffness="0.4 N/mm"/></material></materials>
+  <world><box name="left" size="60 60 20 mm" pos="-30 0 10 mm" material="wood"/>
+    <box name="right" size="60 60 30 mm" pos="30 0 15 mm" material="foam"/></world>
+  <devices><device name="arm" plugin="usb-arm"/></devices>
+  <interaction><probe name="finger" radius="8 mm" pose-from="arm" force-to="arm"/>
+    <operator probe="finger"><motion>{motion}</motion></operator></interaction>
+  {more}
+</itouch>"""
+
+
+def made(folder, seed: int, *, more: str = "", seconds: float | None = None) -> itouch.Session:
+    """Record a random motion into ``run.mcap``."""
+    rng = np.random.default_rng(seed)
+    steps = (f'<to pos="{x:.1f} {y:.1f} {z:.1f} mm" in="{t:.2f} s"/>' for x, y, z, t in zip(
+        rng.uniform(-50, 50, 8), rng.uniform(-20, 20, 8), rng.uniform(15, 60, 8), rng.uniform(0.1, 0.4, 8), strict=True
+    ))  # fmt: skip
+    (folder / "scene.xml").write_text(SCENE.format(motion="".join(steps), more=more))
+    session = itouch.build(folder / "scene.xml", seed=seed)
+    session.record(folder / "run.mcap")
+    try:
+        session.run(seconds)
+    except itouch.DeviceFaultError:
+        assert "fault" in more
+    session.close()
+    return session
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_figures_are_those_of_the_run_recorded_and_replayed(tmp_path, seed, monkeypatch):
+    report = json.loads(json.dumps(made(tmp_path, seed).report()))
+    shown = collect(tmp_path / "run.mcap")
+    assert shown.contacts == report["contacts"] and shown.report["devices"] == report["devices"]
+    assert shown.timing["tick_us"] == report["servo"]["tick_us"]
+    assert shown.summary["contacts"] == str(len(report["contacts"]))
+    monkeypatch.setattr("itouch.recording.Recording.report", None)  # as of an earlier version, or of a killed session
+    replayed = collect(tmp_path / "run.mcap")
+    assert json.loads(json.dumps(replayed.contacts)) == report["contacts"]
+    assert replayed.timing["tick_us"]["p99"] == report["servo"]["tick_us"]["p99"]
+    assert replayed.summary == shown.summary
+
+
+def test_a_fault_is_told_with_what_became_of_it_and_its_safe_sequence_is_drawn(tmp_path):
+    fault = '<fault device="arm" kind="disconnect" at="0.9 s"/>'
+    session = made(tmp_path, 1, more=fault)
+    shown = collect(tmp_path / "run.mcap")
+    assert shown.faults == json.loads(json.dumps(session.report()["faults"]))
+    assert shown.faults[0]["safe"]["reached"] and shown.summary["faults"] == "2"  # it, and what was injected
+    assert shown.curves.whole.times[-1] == pytest.approx(session.seconds, abs=2e-3)
+    text = page(shown)
+    assert "disconnected" in text and "injected: disconnect" in text
+
+
+@pytest.mark.parametrize("part", [0.3, 0.6, 0.95])
+def test_a_session_that_was_cut_has_a_page_that_says_so(tmp_path, part):
+    made(tmp_path, 2)
+    data = (tmp_path / "run.mcap").read_bytes()
+    (tmp_path / "run.mcap").write_bytes(data[: int(part * len(data))])
+    shown = collect(tmp_path / "run.mcap")
+    assert "not read" in shown.losses[0] and shown.losses[0] in page(shown)
+    assert np.isfinite(shown.curves.whole.values).all()
+
+
+def test_a_session_without_ticks_or_without_contacts_has_a_page(tmp_path):
+    made(tmp_path, 3, seconds=0.0)
+    shown = collect(tmp_path / "run.mcap")
+    assert shown.summary["duration"] == "0.000 s" and shown.contacts == []
+    assert "none" in page(shown)
+
+
+def test_figures_that_are_none_do_not_stop_the_page(tmp_path):
+    made(tmp_path, 4)
+    shown = collect(tmp_path / "run.mcap")
+    nan, text = float("nan"), "?"
+    for contact in shown.report["contacts"]:
+        contact |= {"peak_force_N": nan, "impact_speed_m_s": text, "material": None, "skin_drop_K": -float("inf")}
+    shown.faults = [{"time_s": text, "safe": {"reached": True, "after_s": nan}}, {}]
+    shown.marks = [{"time": nan, "payload": [1]}]
+    shown.timing = {"tick_us": {"p50": nan, "p99": "x"}, "histograms_us": [], "parts_us": 3, "culprits": None}
+    shown.curves.whole.values[:, ::3] = np.nan
+    assert "NaN" not in page(shown).split('id="data"')[1].split("</script>")[0]
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.one_of(st.none(), st.booleans(), st.integers(), st.floats(), st.text()), st.sampled_from([".6g", ".2f"]))
+def test_any_cell_is_text_that_can_be_written(value, form):
+    table(["a"], [[number(value, form)]]).encode()
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 3000), st.integers(10, 800), st.integers(0, 2), st.integers(0, 99))
+def test_thinning_keeps_extremes_order_and_gaps(count, most, gaps, seed):
+    rng = np.random.default_rng(seed)
+    ticks = np.arange(count) + 0.0
+    for place in rng.integers(1, max(count, 2), gaps):
+        ticks[place:] += 50.0
+    values = rng.standard_normal((count, 3)).astype(np.float32)
+    block = thinned(ticks * 1e-3, values, most, 1e-3)
+    holes = np.isnan(block.values).any(axis=0)
+    assert holes.sum() == len(set(np.flatnonzero(np.diff(ticks) > 1.0)))
+    assert len(block.times) == block.values.shape[1] <= max(most, 0) + 4 * (gaps + 1)
+    assert (np.diff(block.times) >= 0.0).all()
+    if count:
+        np.testing.assert_array_equal(np.nanmax(block.values, axis=1), values.max(axis=0))
+        np.testing.assert_array_equal(np.nanmin(block.values, axis=1), values.min(axis=0))
+
+
+def cli(*words: str, **more) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-m", "itouch.cli", *words], capture_output=True, text=True, **more)
+
+
+def test_without_plotly_a_sentence_says_how_to_get_it(tmp_path):
+    made(tmp_path, 5, seconds=0.1)
+    (tmp_path / "plotly").mkdir()
+    (tmp_path / "plotly" / "__init__.py").write_text("raise ImportError('no plotly')")
+    code = (
+        f"import sys; sys.path.insert(0, {str(tmp_path)!r}); from itouch.cli import main; "
+        f"sys.exit(main(['report', {str(tmp_path / 'run.mcap')!r}, '-o', {str(tmp_path / 'x.html')!r}]))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 2 and "pip install 'itouch-py[report]'" in done.stderr and "Traceback" not in done.stderr
+
+
+def test_a_page_that_can_not_be_written_is_refused_in_a_sentence(tmp_path):
+    made(tmp_path, 5, seconds=0.1)
+    session = str(tmp_path / "run.mcap")
+    (tmp_path / "old.html").write_text("old")
+    for target in (str(tmp_path), str(tmp_path / "none" / "x.html"), session, ""):
+        done = cli("report", session, "-o", target)
+        assert done.returncode == 2 and "Traceback" not in done.stderr and len(done.stderr.splitlines()) < 6, target
+    assert cli("report", session).returncode == 2
+    assert cli("report", session, "-o", str(tmp_path / "old.html"), "--no-picture").returncode == 0
+    assert "<!DOCTYPE html>" in (tmp_path / "old.html").read_text()
+    assert cli("report", str(SCENES / "first_touch.xml"), "-o", str(tmp_path / "x.html")).returncode == 2
