@@ -65,7 +65,7 @@ def play(example: Example) -> str:
         contextlib.redirect_stderr(printed),
     ):
         if example.words[0] == "python":
-            exec(compile(example.files[example.words[1]], example.words[1], "exec"), {})
+            exec(compile(example.files[example.words[1]], example.words[1], "exec", dont_inherit=True), {})
         else:
             main(list(example.words))
     return printed.getvalue()

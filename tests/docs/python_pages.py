@@ -1,0 +1,173 @@
+"""What a reader has at hand where the Python listings of a page begin: files, names, a device."""
+
+from __future__ import annotations
+
+import functools
+import json
+import shutil
+import tempfile
+import types
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from shipped import SCENES
+
+Names = dict[str, Any]
+Setup = Callable[[Path, pytest.MonkeyPatch], Names]
+
+
+class EnoughError(Exception):
+    """An endless listing has shown that it works."""
+
+
+@functools.cache
+def recording() -> bytes:
+    """Return some seconds of the four-material scene, recorded."""
+    from itouch.cli import main
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "run.mcap"
+        scene = str(SCENES / "four_materials.xml")
+        assert main(["run", scene, "--headless", "--for", "8s", "--record", str(path)]) == 0
+        return path.read_bytes()
+
+
+def scenes(folder: Path, patch: pytest.MonkeyPatch) -> Names:
+    shutil.copytree(SCENES, folder / "scenes")
+    return {}
+
+
+def engine(folder: Path, patch: pytest.MonkeyPatch) -> Names:
+    import itouch
+
+    scenes(folder, patch)
+    scene = folder / "scenes" / "faults.xml"
+    scene.write_text(scene.read_text().replace('at="8 s"', 'at="8 s" for="0.5 s"'))
+    return {"itouch": itouch, "engine": itouch.build(scene)}
+
+
+def recorded(folder: Path, patch: pytest.MonkeyPatch) -> Names:
+    import itouch
+
+    scenes(folder, patch)
+    (folder / "run.mcap").write_bytes(recording())
+    (folder / "touch.mcap").write_bytes(recording())
+    patch.setenv("MPLBACKEND", "Agg")
+    return {"session": itouch.build(folder / "scenes" / "first_touch.xml")}
+
+
+def plugin(folder: Path, patch: pytest.MonkeyPatch) -> Names:
+    import struct
+    from dataclasses import dataclass
+
+    import itouch.plugin
+
+    names = {name: getattr(itouch.plugin, name) for name in itouch.plugin.__all__}
+    port = types.SimpleNamespace(Serial=lambda *a, **k: _Port())
+    return {**names, "dataclass": dataclass, "struct": struct, "serial": port}
+
+
+class _Port:
+    """A serial port on which a lever says where it is."""
+
+    def read(self, count: int) -> bytes:
+        return b"\x00\x40"[:count]
+
+    def write(self, data: bytes) -> None:
+        self.written = data
+
+    def close(self) -> None:
+        self.closed = True
+
+
+def mesh(folder: Path, patch: pytest.MonkeyPatch) -> Names:
+    shutil.copy(SCENES / "meshes" / "pebble.stl", folder / "bunny.stl")
+    return {}
+
+
+def solver(folder: Path, patch: pytest.MonkeyPatch) -> Names:
+    import itouch_thermal as heat
+
+    side = {"layers": [{"name": "body", "L": 0.02, "k": 0.4, "rho": 1000, "c": 3500}], "back": {"type": "insulated"}}
+    case = {
+        "finger": {**side, "initial": {"type": "uniform", "T": 33.0}},
+        "object": {**side, "initial": {"type": "uniform", "T": 23.0}}, "Rth": 2e-3,
+    }  # fmt: skip
+    (folder / "case.json").write_text(json.dumps(case))
+    contact = heat.Contact.from_json(folder / "case.json")
+    return {"resistances": [2e-3, 1e-3, float("inf")], "contacts": [contact] * 3, "times": [1e-3, 1e-2]}
+
+
+def arm(folder: Path, patch: pytest.MonkeyPatch) -> Names:
+    """A Falcon is attached, and somebody homes it; after fifty exchanges the reader has seen enough."""
+    import itouch_usb_arm
+    from itouch_usb_arm import Falcon, boot
+    from itouch_usb_arm.virtual import VirtualBackend, VirtualFalcon, VirtualTime
+
+    image = boot.build([boot.Block(0x3F8000, tuple(range(150)))], entry=0x3F8002)
+    (folder / "falcon.bin").write_bytes(image)
+    time = VirtualTime()
+    backend = VirtualBackend(VirtualFalcon(time=time))
+
+    class Attached(Falcon):
+        reads = 0
+
+        def __init__(self, firmware: str) -> None:
+            super().__init__(firmware, backend, clock=time.now)
+
+        def read(self) -> Any:
+            self.reads += 1
+            if self.reads > 20_000:
+                raise EnoughError
+            return super().read()
+
+    patch.setattr(itouch_usb_arm, "Falcon", Attached)
+    patch.setattr("builtins.input", lambda: "")
+    return {}
+
+
+def servo(folder: Path, patch: pytest.MonkeyPatch) -> Names:
+    """The scene is short, and the session that a reader attaches to is a session of this test."""
+    import itouch
+    import itouch.servo
+
+    scenes(folder, patch)
+    launch, attach = itouch.launch, itouch.servo.attach
+    running: list[str] = []
+
+    def short(scene: str, **options: Any) -> Any:
+        handle = launch(
+            folder / "scenes" / "first_touch.xml", **{**options, "seconds": 1.0, "name": f"docs-{folder.name}"}
+        )
+        running[:] = [f"docs-{folder.name}"]
+        return handle
+
+    patch.setitem(vars(itouch), "launch", short)
+
+    def attached(name: str = "") -> Any:
+        handle = launch(folder / "scenes" / "first_touch.xml", seconds=3.0, name=f"docs-two-{folder.name}")
+        link = attach(f"docs-two-{folder.name}")
+        link.keeper = handle
+        return link
+
+    patch.setattr(itouch.servo, "attach", lambda name="": attach(name) if name else attached())
+    return {}
+
+
+#: Page -> what stands ready; pages that are not here have nothing but Python.
+SETUPS: dict[str, Setup] = {
+    "README.md": plugin,
+    "docs/how-to/slow-device.md": plugin,
+    "docs/tutorials/first-touch.md": scenes,
+    "docs/explanation/scene-model-state.md": scenes,
+    "docs/how-to/inject-faults.md": engine,
+    "docs/how-to/make-a-figure.md": recorded,
+    "docs/how-to/read-data-in-pandas.md": recorded,
+    "docs/reference/contact-api.md": mesh,
+    "docs/reference/thermal-solver.md": solver,
+    "docs/reference/device-usb-arm.md": arm,
+    "docs/how-to/drive-real-devices.md": arm,
+    "docs/reference/servo.md": servo,
+}

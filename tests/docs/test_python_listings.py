@@ -1,0 +1,69 @@
+"""The Python listings of a page are run one after the other, as a reader would; or stand in a tested file."""
+
+from __future__ import annotations
+
+import functools
+import re
+import textwrap
+from pathlib import Path
+
+import pytest
+from listings import ROOT, listings
+from python_pages import SETUPS, EnoughError
+
+PYTHON = [listing for listing in listings() if listing.language == "python"]
+PAGES = list(dict.fromkeys(listing.page for listing in PYTHON))
+#: Folders of code that is tested: a listing may be a piece of it.
+TESTED = ("tests/outside", "tests/scaffold", "framework/itouch/scaffold/templates", "docs/examples")
+
+
+def _bare(text: str) -> str:
+    return "\n".join(line.strip() for line in textwrap.dedent(text).splitlines() if line.strip())
+
+
+def _in_a_tested_file(text: str) -> bool:
+    """Tell whether each of a listing's pieces, without the name of its function, stands in a file that is tested."""
+    pieces = [re.sub(r"\Adef .*:\n", "", piece) for piece in text.split("\n\n")]
+    return all(any(_bare(piece) in known for known in _tested()) for piece in pieces)
+
+
+@functools.cache
+def _tested() -> list[str]:
+    paths = [path for folder in TESTED for path in (ROOT / folder).rglob("*") if path.suffix in (".py", ".md", ".in")]
+    return [_bare(path.read_text(encoding="utf-8")) for path in paths]
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_listings_run_in_the_order_of_the_page(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pieces = [listing for listing in PYTHON if listing.page == page]
+    if page not in SETUPS:
+        missing = [listing.name for listing in pieces if not _in_a_tested_file(listing.text)]
+        assert not missing, "give the page a setup in tests/docs/python_pages.py, or take listings from a tested file"
+        return
+    monkeypatch.chdir(tmp_path)
+    names = SETUPS[page](tmp_path, monkeypatch)
+    names["__name__"] = "listing"
+    for listing in pieces:
+        try:
+            exec(compile(listing.text, listing.name, "exec", dont_inherit=True), names)
+        except EnoughError:
+            continue
+
+
+def test_the_lever_of_the_readme_is_a_device(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is not only read without an error: it opens, reads a pose and writes a force."""
+    from itouch.plugin import Field, Record
+
+    names = SETUPS["README.md"](tmp_path, monkeypatch)
+    (listing,) = [listing for listing in PYTHON if listing.page == "README.md"]
+    exec(compile(listing.text, listing.name, "exec", dont_inherit=True), names)
+    lever = names["Lever"](names["LeverParams"]())
+    lever.open()
+    reading = Record.of([Field("pose", "f8", 7)])
+    lever.read(reading)
+    assert reading["pose"][2] == pytest.approx(0.025)
+    command = Record.of([Field("wrench", "f8", 6)])
+    command["wrench"] = (0.0, 0.0, 2.0, 0.0, 0.0, 0.0)
+    lever.write(command)
+    assert lever._port.written == b"\xf4\x01"
+    lever.close()
