@@ -1,0 +1,120 @@
+"""Links of the documentation lead somewhere: pages, anchors, files; figures say how they were made; nothing is fetched."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from listings import DOCS, GENERATED, ROOT, pages
+
+sys.path.insert(0, str(DOCS))
+
+from python_api import PAGES
+
+from itouch.cli import COMMANDS
+from itouch.schema.codes import CODES
+
+#: Pages that the program writes when the site is built: they need not be there yet.
+MADE = {*GENERATED, *PAGES}
+_LINK = re.compile(r"(?<!!)\[[^\]]*\]\(([^)\s]+)\)")
+_IMAGE = re.compile(r"!\[[^\]]*\]\(([^)\s]+)\)|```\{figure\} (\S+)")
+
+
+def prose(page: Path) -> str:
+    """Return a page without its listings."""
+    return re.sub(r"^ *```(?!\{figure).*?^ *```\s*$", "", page.read_text(encoding="utf-8"), flags=re.S | re.M)
+
+
+def slugs(text: str) -> set[str]:
+    """Return the anchors of a page's headings."""
+    found = re.findall(r"^#{1,3} (.*)$", text, flags=re.M)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-") for heading in found}
+
+
+def links() -> Iterator[tuple[Path, str]]:
+    for page in pages():
+        for target in _LINK.findall(prose(page)):
+            yield page, target
+
+
+@pytest.mark.parametrize(("page", "target"), list(links()), ids=lambda value: str(value)[-60:])
+def test_a_link_leads_somewhere(page: Path, target: str) -> None:
+    if re.match(r"https?://", target):
+        return
+    file, _, anchor = target.partition("#")
+    path = (page.parent / file).resolve() if file else page
+    if path.name in MADE and path.parent == DOCS / "reference":
+        if path.name == "errors.md" and anchor:
+            assert anchor in CODES or anchor == "while-running"
+        return
+    if path == DOCS / "explanation" / "paper.md" and not anchor:
+        return
+    assert path.exists() or path.with_suffix(".md").exists(), target
+    if anchor:
+        assert anchor in slugs(prose(path)), f"{target}: the anchors are {sorted(slugs(prose(path)))}"
+
+
+def test_pictures_exist_or_are_made() -> None:
+    from generated import PICTURES
+
+    for page in pages():
+        for plain, figure in _IMAGE.findall(page.read_text(encoding="utf-8")):
+            path = page.parent / (plain or figure)
+            made = path.parent.name == "_generated" and path.stem in PICTURES
+            assert made or path.is_file(), f"{page.name}: {path}"
+
+
+def test_files_that_are_named_exist() -> None:
+    """Paths of the repository in running text."""
+    missing = []
+    for page in pages():
+        for name in re.findall(r"`((?:scenes|tests|docs|framework|plugins)/[\w./-]+)`", prose(page)):
+            if not (ROOT / name).exists():
+                missing.append(f"{page.relative_to(ROOT)}: {name}")
+    assert not missing
+
+
+def test_commands_that_are_named_exist() -> None:
+    from itouch.cli import _plugin_commands
+
+    known = {*COMMANDS, *_plugin_commands()}
+    for page in pages():
+        for word in re.findall(r"`itouch-py ([a-z][\w-]*)[ `]", prose(page)):
+            assert word in known, f"{page.name}: itouch-py {word}"
+
+
+def test_every_measured_table_says_how_it_was_made() -> None:
+    """A page with measured figures names a command, the date, and the commit that printed them."""
+    measured = ("explanation/real-time.md", "explanation/thermal-display.md", "explanation/safety-case.md",
+                "explanation/session-evidence.md", "reference/contact-api.md", "reference/thermal-display.md",
+                "reference/thermal-solver.md")  # fmt: skip
+    for name in measured:
+        text = (DOCS / name).read_text(encoding="utf-8")
+        assert re.search(r"2026-\d\d-\d\d|\d\d? November 2026", text), name
+        assert re.search(r"(?<![\w/])[0-9a-f]{7}(?![\w/])", text), name
+        assert "`itouch-py bench" in text or "`itouch-py " in text, name
+
+
+def test_the_index_leads_to_every_page() -> None:
+    index = (DOCS / "index.md").read_text(encoding="utf-8")
+    for folder in ("how-to", "reference", "explanation"):
+        assert f"\n{folder}/*\n" in index
+    for page in (DOCS / "tutorials").glob("*.md"):
+        assert f"tutorials/{page.stem}" in index
+
+
+def test_the_four_kinds_of_page_are_complete() -> None:
+    wanted = {
+        "tutorials": ("first-touch", "four-materials", "plugin-in-a-day", "record-save-restore"),
+        "how-to": ("calibrate", "add-a-material", "measure-a-flux-curve", "real-time-kernel", "slow-device",
+                   "read-data-in-pandas", "make-a-figure", "port-a-scene"),
+        "explanation": ("one-tick", "scene-model-state", "proxies", "exact-start", "kinds-of-display", "safety-case",
+                        "real-time", "decisions"),
+        "reference": ("session-format", "recording-format", "safety-limits", "report"),
+    }  # fmt: skip
+    for folder, names in wanted.items():
+        for name in names:
+            assert (DOCS / folder / f"{name}.md").is_file(), f"{folder}/{name}"
