@@ -15,34 +15,13 @@ from itouch.viewer.buffers import Frame
 from itouch.viewer.offscreen import config, write_png
 from itouch.viewer.picture import Picture
 from itouch.viewer.source import Source
+from itouch.viewer.steering import Steering
 
 #: Greatest frames a second, and the share of one core that drawing may take: software rendering would take them all.
 RATE, SHARE = 60.0, 0.8
 #: Longest rest [s] between two frames.
 MOST_REST = 1.0
-#: Step [m] of the finger for an arrow key's press in a frame, and for a pixel of the mouse.
-KEY_STEP, MOUSE_STEP = 0.5e-3, 0.1e-3
-#: Greatest step [m] in a frame by a gamepad's stick, and what of its way is rest.
-STICK_STEP, STICK_REST = 1e-3, 0.15
 _NUMBERS = {key._1: "operator", key._2: "front", key._3: "side", key._4: "top", key._5: "corner"}  # noqa: SLF001
-_ARROWS = {
-    key.LEFT: (-1, 0, 0), key.RIGHT: (1, 0, 0), key.UP: (0, 1, 0), key.DOWN: (0, -1, 0),
-    key.PAGEUP: (0, 0, 1), key.PAGEDOWN: (0, 0, -1),
-}  # fmt: skip
-
-
-def gamepad() -> Any:
-    """Return the first gamepad, open, or None: machines without any say so in many ways."""
-    try:
-        import pyglet.input
-
-        found = pyglet.input.get_controllers()
-        if found:
-            found[0].open()
-            return found[0]
-    except Exception:  # no folder of devices, no permission, no such function on this platform
-        return None
-    return None
 
 
 class Window(pyglet.window.Window):
@@ -69,15 +48,14 @@ class Window(pyglet.window.Window):
         self.picture = Picture(source.model, scale=self.get_pixel_ratio())
         self._target = Frame(*self.get_framebuffer_size())
         self._keys: set[int] = set()
-        self._steering = False
-        self._gamepad = gamepad()
+        self._steering = Steering(source)
         self._moved = False
         self._last = now()
         self._said_at = -10.0
         self.cost = 0.0  # seconds that the last picture took
         self.closed = False
         self._speaker = Speaker(source.model, mute=mute)
-        self._say("H lists the keys")
+        self._say(self._steering.begin() or "H lists the keys")
 
     def show(self, *, while_: Callable[[], bool] = lambda: True) -> None:
         """Draw and answer until the window is closed, or a condition no longer holds."""
@@ -94,14 +72,14 @@ class Window(pyglet.window.Window):
                 time.sleep(max(0.0, min(MOST_REST, rest - (self._now() - begin))))
         finally:
             self._speaker.close()
+            self._steering.close()
             self.close()
 
     def frame(self) -> None:
         """Bring the session up to date and draw it once."""
         begin = self._now()
         elapsed, self._last = begin - self._last, begin
-        self._steer_by_keys()
-        self._steer_by_gamepad()
+        self._say(self._steering.frame(elapsed, self._keys))
         self.source.advance(elapsed, self.picture.ring)
         self.picture.ring.add(self.source.state)
         self._speaker.hear(self.source.state)
@@ -122,19 +100,6 @@ class Window(pyglet.window.Window):
     def _say(self, words: str) -> None:
         if words:
             self.source.situation.message, self._said_at = words, self._now()
-
-    def _steer_by_gamepad(self) -> None:
-        pad = self._gamepad
-        if pad is None or not self._steering:
-            return
-        x, y, z = (float(getattr(pad, name, 0.0)) for name in ("leftx", "lefty", "righty"))
-        if max(abs(x), abs(y), abs(z)) > STICK_REST:
-            self._say(self.source.steer((STICK_STEP * x, STICK_STEP * y, STICK_STEP * z)))
-
-    def _steer_by_keys(self) -> None:
-        for symbol in self._keys & _ARROWS.keys():
-            x, y, z = _ARROWS[symbol]
-            self._say(self.source.steer((KEY_STEP * x, KEY_STEP * y, KEY_STEP * z)))
 
     def on_key_press(self, symbol: int, modifiers: int) -> None:
         """Act on a key; see ``overlay.KEYS``."""
@@ -167,9 +132,7 @@ class Window(pyglet.window.Window):
         elif symbol == key.R:
             self._say(source.rearm())
         elif symbol == key.M:
-            self._steering = not self._steering
-            refused = source.steer((0.0, 0.0, 0.0) if self._steering else None)
-            self._say(refused or ("the mouse moves the finger" if self._steering else "the finger follows its script"))
+            self._say(self._steering.toggle())
         elif symbol == key.SPACE:
             source.hold(True)
         elif symbol == key.ESCAPE:
@@ -210,15 +173,15 @@ class Window(pyglet.window.Window):
 
     def on_mouse_motion(self, x: int, y: int, dx: int, dy: int) -> None:
         """Move the finger across, if the mouse has it."""
-        if self._steering:
-            self._say(self.source.steer((MOUSE_STEP * dx, MOUSE_STEP * dy, 0.0)))
+        self._say(self._steering.moved(dx, dy))
 
     def on_mouse_scroll(self, x: int, y: int, scroll_x: float, scroll_y: float) -> None:
         """Zoom, or raise and lower the finger, if the mouse has it."""
-        if self._steering:
-            self._say(self.source.steer((0.0, 0.0, 10 * MOUSE_STEP * scroll_y)))
-        else:
+        said = self._steering.scrolled(scroll_y)
+        if said is None:
             self.picture.camera.zoom(scroll_y)
+        else:
+            self._say(said)
 
     def on_resize(self, width: int, height: int) -> None:
         """Take the new size; a window of no height keeps its picture."""
