@@ -17,7 +17,10 @@ from sphinx.application import Sphinx
 project = "itouch-py"
 author = "the itouch-py developers"
 version = release = installed("itouch-py")
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "mathml"]
+html_math_renderer = "mathml"
+html_static_path = ["static"]
+html_css_files = ["site.css"]
 autodoc_member_order = "groupwise"
 autodoc_class_signature = "mixed"
 napoleon_google_docstring = False
