@@ -7,7 +7,6 @@ the same operator and the same finger as in a run on twins; another ``itouch-py`
 from __future__ import annotations
 
 import argparse
-import select
 import signal
 import sys
 import time
@@ -15,6 +14,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from itouch.cli.arguments import output_file, seconds
+from itouch.exchange import ServedEmulator
 from itouch.plugin import Emulator
 from itouch.schema import ItouchError
 
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from itouch.loop import Engine
     from itouch.loop.runner import Runner
 
-#: Time between two looks at the wires [s]; a simulation this far behind goes on from now [s].
-LOOK, BEHIND = 2e-4, 0.1
+#: A simulation this far behind goes on from now [s].
+BEHIND = 0.1
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
@@ -101,22 +101,34 @@ class VirtualRig:
             emulator.close()
 
     def run(self, stop: Callable[[], bool]) -> None:
-        """Simulate in real time, and answer the hosts, until ``stop`` says so."""
+        """Simulate in real time, and answer each host in a thread of its own, until ``stop`` says so."""
+        served = [(runner, ServedEmulator(emulator, runner.reading, runner.sent)) for runner, emulator in self._lines]
         due = time.monotonic()
         late = 0.0
-        while not stop():
-            self.look()
-            now = time.monotonic()
-            if now < due:
-                self.wait(min(LOOK, due - now))
-                continue
-            self.step()
-            due += self._period
-            if now - due > BEHIND:
-                late += now - due
-                due = now
+        try:
+            while not stop():
+                due += self._period
+                self._simulate(served)
+                rest = due - time.monotonic()
+                if rest > 0.0:
+                    time.sleep(rest)
+                elif -rest > BEHIND:
+                    late -= rest
+                    due -= rest
+        finally:
+            for _, wire in served:
+                wire.close()
         if late:
             print(f"note: the simulation was {late:.1f} s too slow in all", file=sys.stderr)
+
+    def _simulate(self, served: list[tuple[Runner, ServedEmulator]]) -> None:
+        """Do what the hosts have asked for last, for one period, and show them how it went."""
+        for runner, wire in served:
+            self.driven |= wire.take(runner.sent)
+        self.step()
+        now = self._session.seconds
+        for runner, wire in served:
+            wire.show(now, runner.reading)
 
     def step(self) -> None:
         """Simulate one period, and let the twins measure."""
@@ -130,10 +142,6 @@ class VirtualRig:
         now = self._session.seconds
         for runner, emulator in self._lines:
             self.driven |= emulator.serve(now, runner.reading, runner.sent)
-
-    def wait(self, seconds: float) -> None:
-        """Wait until a host asks for something, but no longer than that."""
-        select.select(self.handles(), [], [], max(0.0, seconds))
 
     def handles(self) -> list[int]:
         """Return the file descriptors on which a host's next request comes."""

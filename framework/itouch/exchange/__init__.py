@@ -1,6 +1,7 @@
 """Exchanging with a device that makes its caller wait: in a thread, or with the same delays on its twin."""
 
 from itouch.exchange.late import LateTwin
+from itouch.exchange.served import ServedEmulator
 from itouch.exchange.thread import ThreadedDevice
 
-__all__ = ["LateTwin", "ThreadedDevice"]
+__all__ = ["LateTwin", "ServedEmulator", "ThreadedDevice"]

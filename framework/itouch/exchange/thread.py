@@ -111,7 +111,7 @@ class ThreadedDevice(Device):
             raise DeviceError("does not answer; it will be closed when its exchange ends")
 
     def _live(self, opened: threading.Event, read: threading.Event, ending: threading.Event) -> None:
-        _keep_up()
+        keep_up()
         try:
             self.device.open()
         except Exception as error:
@@ -169,7 +169,7 @@ class ThreadedDevice(Device):
         return wanted
 
 
-def _keep_up() -> None:
+def keep_up() -> None:
     """Take the priority of the process's main thread, one step lower: the loop must never wait for this thread."""
     with contextlib.suppress(OSError, AttributeError):
         policy = os.sched_getscheduler(os.getpid())

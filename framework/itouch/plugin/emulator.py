@@ -59,6 +59,10 @@ class Emulator(ABC):
             What the twin obeys; what the host has commanded is written to it.
         """
 
+    def patience(self) -> float:
+        """Return for how long [s] it need not be served if nothing comes."""
+        return 1e-3
+
     def handles(self) -> Sequence[int]:
         """Return the file descriptors on which a host's next request will come."""
         return ()

@@ -4,18 +4,33 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import math
 import os
+import time
+from collections import deque
 from pathlib import Path
 
 from itouch.plugin.device import DeviceError
 
+#: Bits on a serial line that make a byte: start, eight, stop.
+_BITS = 10
+
 
 class Terminal:
-    """A pseudo-terminal that a program may open as a serial port, under a name of our choice."""
+    """A pseudo-terminal that a program may open as a serial port, under a name of our choice.
 
-    def __init__(self, name: str = "") -> None:
+    Parameters
+    ----------
+    name
+        A link to the port; empty: none.
+    baud
+        Bits a second of a line whose bytes take their time; 0: they are there at once.
+    """
+
+    def __init__(self, name: str = "", *, baud: float = 0.0) -> None:
         import tty
 
+        self._heard, self._said = _Line(baud), _Line(baud)
         self._ours, theirs = os.openpty()
         tty.setraw(self._ours)
         tty.setraw(theirs)
@@ -37,18 +52,31 @@ class Terminal:
         return self._ours
 
     def receive(self) -> bytes:
-        """Return what has come, without waiting."""
+        """Return what has come, without waiting; and say what is due."""
+        now = time.monotonic()
         try:
-            return os.read(self._ours, 1 << 16)
+            self._heard.put(os.read(self._ours, 1 << 16), now)
         except OSError as error:
-            if error.errno in (errno.EAGAIN, errno.EIO):  # nothing, or nobody there
-                return b""
-            raise
+            if error.errno not in (errno.EAGAIN, errno.EIO):  # nothing, or nobody there
+                raise
+        self._say(now)
+        return self._heard.take(now)
 
     def send(self, data: bytes) -> None:
         """Send; what nobody reads is lost."""
-        with contextlib.suppress(BlockingIOError):
-            os.write(self._ours, data)
+        now = time.monotonic()
+        self._said.put(data, now)
+        self._say(now)
+
+    def due(self) -> float:
+        """Return in how many seconds there is something to receive or to say; infinite if nothing is on its way."""
+        return max(0.0, min(self._heard.due(), self._said.due()) - time.monotonic())
+
+    def _say(self, now: float) -> None:
+        data = self._said.take(now)
+        if data:
+            with contextlib.suppress(BlockingIOError):
+                os.write(self._ours, data)
 
     def close(self) -> None:
         """Take the port away."""
@@ -57,3 +85,26 @@ class Terminal:
         if self._name:
             with contextlib.suppress(OSError):
                 os.unlink(self._name)
+
+
+class _Line:
+    """One direction of a serial line: what is put in comes out when its last bit has gone over."""
+
+    def __init__(self, baud: float) -> None:
+        self._per_byte = _BITS / baud if baud > 0.0 else 0.0
+        self._on_its_way: deque[tuple[float, bytes]] = deque()
+        self._free = 0.0
+
+    def put(self, data: bytes, now: float) -> None:
+        if data:
+            self._free = max(self._free, now) + len(data) * self._per_byte
+            self._on_its_way.append((self._free, data))
+
+    def take(self, now: float) -> bytes:
+        out = b""
+        while self._on_its_way and self._on_its_way[0][0] <= now:
+            out += self._on_its_way.popleft()[1]
+        return out
+
+    def due(self) -> float:
+        return self._on_its_way[0][0] if self._on_its_way else math.inf

@@ -74,6 +74,10 @@ class ArmEmulator(Emulator):
         if server is not None:
             server.close()
 
+    def patience(self) -> float:
+        """Return when the next packet is due."""
+        return self._server.patience() if self._server is not None else 1e-3
+
     def handles(self) -> list[int]:
         """Return what the server listens to."""
         return self._server.handles() if self._server is not None else []

@@ -131,7 +131,7 @@ def test_the_loop_writes_live_parameters_only(terminal: Terminal) -> None:
             reading = tec.exchange(0.01 * step)
         assert device.flash == once
         assert device.driven()
-        assert reading.current == pytest.approx(0.29, abs=1e-6)
+        assert reading.current == pytest.approx(0.27, abs=1e-6)
         assert (reading.plate, reading.sink) == pytest.approx((300.0, 301.5), abs=1e-4)
         tec.close()
         assert device.output() == 0.0

@@ -14,6 +14,9 @@ from itouch.plugin import DeviceError, Emulator, Record, Terminal
 from itouch_thermal.drivers.params import FluxSensor, Infrared, LabJack, Mecom
 from itouch_thermal.drivers.virtual import Plate, VirtualLine, VirtualMecom, VirtualT7
 
+#: So long [s] the sensors' readings may be old.
+_UNSEEN = 2e-3
+
 
 class ModbusServer:
     """A Modbus-TCP server that never waits; one thing answers all its connections."""
@@ -105,7 +108,7 @@ class DisplayEmulator(Emulator):
         """Make the serial port and the server that the parameters name."""
         named, words = self.params.mecom or self.params.line, []
         if named is not None:
-            self._terminal = Terminal(named.port)
+            self._terminal = Terminal(named.port, baud=named.baud * self.speed)
             words.append(f"current source of the display on {named.port}")
         if self.t7 is not None:
             host, _, port = self.params.labjack.host.partition(":")
@@ -119,6 +122,10 @@ class DisplayEmulator(Emulator):
             if part is not None:
                 part.close()
         self._terminal = self._server = None
+
+    def patience(self) -> float:
+        """Return when the serial line has the next message over, and at most how long the twin may go unseen."""
+        return min(_UNSEEN, self._terminal.due()) if self._terminal is not None else _UNSEEN
 
     def handles(self) -> list[int]:
         """Return the descriptors of serial port and server."""

@@ -15,8 +15,8 @@ INPUT_LIVE, OUTPUT_LIVE = 1, 2
 LIVE_ENABLE, LIVE_CURRENT = 50000, 50001
 STATES = {0: "init", 1: "ready", 2: "run", 3: "error", 4: "bootloader", 5: "will reset soon"}
 KELVIN = 273.15
-#: Every so many exchanges the slow things are asked: the sink's temperature, or the status.
-_SLOW = 5
+#: Every so many exchanges one of the slow things is asked, in turn: the current that flows, the sink, the status.
+_SLOW = 3
 
 
 class TecReading(NamedTuple):
@@ -32,7 +32,7 @@ class TecDriver:
 
     def __init__(self, params: Mecom, trace: Trace | None = None, *, patience: float = 1.0) -> None:
         self._client = MecomClient(params.port, params.baud, params.address, patience=patience, trace=trace)
-        self._instance, self._count, self._sink = params.instance, 0, 0.0
+        self._instance, self._count, self._sink, self._actual = params.instance, 0, 0.0, 0.0
         try:
             self._start()
         except BaseException:
@@ -71,13 +71,18 @@ class TecDriver:
         """
         self._client.write_float(LIVE_CURRENT, current, self._instance)
         plate = self._kelvin(OBJECT_TEMPERATURE)
-        actual = self._client.read_float(ACTUAL_CURRENT, self._instance)
-        self._count += 1
         if self._count % _SLOW == 0:
+            self._slowly(self._count // _SLOW % 3)
+        self._count += 1
+        return TecReading(plate, self._sink, self._actual)
+
+    def _slowly(self, turn: int) -> None:
+        if turn == 0:
+            self._actual = self._client.read_float(ACTUAL_CURRENT, self._instance)
+        elif turn == 1:
             self._sink = self._kelvin(SINK_TEMPERATURE)
-        elif self._count % _SLOW == 2:
+        else:
             self._check()
-        return TecReading(plate, self._sink, actual)
 
     def close(self) -> None:
         """Set the current to zero and the output off, then let go of the line."""

@@ -85,7 +85,7 @@ class UsbipServer:
 
     def step(self, *, wait: bool = True) -> None:
         """Do what is due; ``wait``: for the next thing, if nothing is."""
-        for key, _ in self._selector.select(self._patience() if wait else 0.0):
+        for key, _ in self._selector.select(self.patience() if wait else 0.0):
             if key.data is None:
                 self._accept()
             else:
@@ -93,7 +93,8 @@ class UsbipServer:
         for host in list(self._hosts):
             self._give(host)
 
-    def _patience(self) -> float:
+    def patience(self) -> float:
+        """Return for how long [s] nothing is due, if no host asks for anything."""
         if not any(host.waiting for host in self._hosts):
             return _IDLE
         return min(_IDLE, max(_SHORT, self.arm.next_packet - self.arm.time.now()))
