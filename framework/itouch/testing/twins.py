@@ -117,6 +117,8 @@ def _channel(bench: TwinBench, name: str) -> Channel:
 @check("twin-frame", "the twin is where the finger is, or where it was sent: frame, sign and unit agree")
 def frame(subject: DeviceSubject) -> None:
     """Hold a finger, or command a target, off centre along each axis."""
+    if subject.cls.led_by == "recording":
+        raise NotApplicableError("it leads the finger")
     bench = subject.bench()
     channel = _channel(bench, "pose")
     target = next((c for c in bench.commands if c.name == "pose_target"), None)

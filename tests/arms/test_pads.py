@@ -1,0 +1,170 @@
+"""Gamepads: read from the kernel, and through pyglet, with fakes of what only a machine with one has."""
+
+from __future__ import annotations
+
+import logging
+import os
+import struct
+import sys
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import pytest
+
+from itouch.arms import evdev, pad
+from itouch.arms.evdev import Description
+from itouch.arms.pad import Pad, PadError, find_pad
+
+STICKS = Description("a pad", frozenset({evdev.GAMEPAD, 0x131}), {0: (-32768, 32767), 1: (0, 255), 4: (0, 255)})
+MOUSE = Description("a mouse", frozenset({0x110}), {})
+
+
+def event(kind: int, code: int, value: int) -> bytes:
+    return struct.pack("@llHHi", 12, 34, kind, code, value)
+
+
+@pytest.fixture
+def wire(tmp_path: Path) -> Any:
+    """A folder of input devices: a mouse and a gamepad, which are pipes; the writing end of the gamepad."""
+    for name in ("event0", "event1"):
+        os.mkfifo(tmp_path / name)
+    (tmp_path / "mice").touch()
+    readers = [os.open(tmp_path / name, os.O_RDONLY | os.O_NONBLOCK) for name in ("event0", "event1")]
+    writer = os.open(tmp_path / "event1", os.O_WRONLY)
+    yield tmp_path, writer
+    for descriptor in (*readers, writer):
+        try:
+            os.close(descriptor)
+        except OSError:
+            continue
+
+
+def look(descriptor: int) -> Description:
+    return STICKS if os.readlink(f"/proc/self/fd/{descriptor}").endswith("event1") else MOUSE
+
+
+def test_the_kernels_gamepad_is_found_among_others_and_read(wire: Any) -> None:
+    folder, writer = wire
+    found, refused = evdev.find(str(folder), look=look)
+    assert found is not None and found.name == "a pad" and not refused
+    sticks = Pad(found)
+    assert sticks.sticks() == (0.0, 0.0, 0.0)
+    os.write(writer, event(3, 0, 32767) + event(3, 1, 0) + event(3, 4, 255) + event(1, 0x130, 1) + event(0, 0, 0))
+    assert sticks.sticks() == (1.0, 1.0, -1.0)  # right, up, down
+    os.write(writer, event(3, 0, 2000) + event(3, 4, 127))
+    assert sticks.sticks() == (0.0, 1.0, 0.0)  # near their middle they rest
+    os.write(writer, event(0, 3, 0))  # the kernel has lost some
+    assert sticks.sticks() == (0.0, 0.0, 0.0)
+    sticks.close()
+    sticks.close()
+
+
+def test_one_that_is_unplugged_rests_for_ever(wire: Any, caplog: pytest.LogCaptureFixture) -> None:
+    folder, writer = wire
+    found, _ = evdev.find(str(folder), look=look)
+    assert found is not None
+    sticks = Pad(found)
+    os.write(writer, event(3, 0, 32767))
+    assert sticks.sticks()[0] == 1.0
+    os.close(writer)
+    with caplog.at_level(logging.WARNING):
+        assert sticks.sticks() == (0.0, 0.0, 0.0)
+        assert sticks.sticks() == (0.0, 0.0, 0.0)
+    assert not sticks.connected
+    assert caplog.text.count("unplugged") == 1
+    sticks.close()
+
+
+def test_what_is_no_input_device_is_passed_over(tmp_path: Path) -> None:
+    (tmp_path / "event3").write_bytes(b"plain")
+    assert evdev.find(str(tmp_path)) == (None, [])
+    with pytest.raises(FileNotFoundError):
+        evdev.find(str(tmp_path / "nowhere"))
+
+
+def test_the_reasons_why_there_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.setattr(sys, "platform", "linux")
+
+    def nowhere() -> Any:
+        raise FileNotFoundError("/dev/input")
+
+    for found, words in (
+        (nowhere, "no folder /dev/input"),
+        (lambda: (None, []), "none is attached"),
+        (lambda: (None, ["/dev/input/event5"]), "event5.*join the group 'input'"),
+    ):
+        monkeypatch.setattr(evdev, "find", found)
+        with pytest.raises(PadError, match=words):
+            find_pad()
+
+
+class Device:
+    """What pyglet has of an evdev device: nothing is read unless it is polled and selected."""
+
+    def __init__(self) -> None:
+        self.waiting: list[dict[str, float]] = []
+        self.is_open = self.connected = True
+        self.owner: Any = None
+
+    def poll(self) -> bool:
+        return bool(self.waiting)
+
+    def select(self) -> None:
+        for name, value in self.waiting.pop(0).items():
+            setattr(self.owner, name, value)
+
+
+def controller() -> Any:
+    made = SimpleNamespace(name="of pyglet", device=Device(), leftx=0.0, lefty=0.0, righty=0.0, opened=0, closed=0)
+    made.device.owner = made
+    made.open = lambda: setattr(made, "opened", made.opened + 1)
+    made.close = lambda: setattr(made, "closed", made.closed + 1)
+    return made
+
+
+def with_pyglet(monkeypatch: pytest.MonkeyPatch, controllers: Any) -> None:
+    module = ModuleType("pyglet.input")
+    module.get_controllers = controllers  # type: ignore[attr-defined]
+    import pyglet
+
+    monkeypatch.setitem(sys.modules, "pyglet.input", module)
+    monkeypatch.setattr(pyglet, "input", module, raising=False)
+    monkeypatch.setenv("DISPLAY", ":9")
+
+
+def test_pyglets_is_asked_because_nobody_else_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = controller()
+    with_pyglet(monkeypatch, lambda: [made])
+    sticks = find_pad()
+    assert sticks.name == "of pyglet" and made.opened == 1
+    made.device.waiting = [{"leftx": 0.5}, {"lefty": -1.0, "righty": 0.25}]
+    assert sticks.sticks() == (0.5, 1.0, -0.25)
+    made.device.is_open = False
+    assert sticks.sticks() == (0.0, 0.0, 0.0)
+    sticks.close()
+
+
+def test_pyglet_without_any_or_that_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails() -> Any:
+        raise RuntimeError("no such thing here")
+
+    for found, words in ((list, "none is attached"), (fails, "no such thing here")):
+        with_pyglet(monkeypatch, found)
+        with pytest.raises(PadError, match=words):
+            find_pad()
+
+
+def test_a_pad_that_cannot_be_opened(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = controller()
+
+    def refuse() -> None:
+        raise OSError("busy")
+
+    made.open = refuse
+    monkeypatch.setattr(pad, "_of_pyglet", lambda: made)
+    monkeypatch.setenv("DISPLAY", ":9")
+    with pytest.raises(PadError, match="busy"):
+        find_pad()
