@@ -8,7 +8,7 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from itouch.cli import pictures
+from itouch.cli import pictures, sounds
 from itouch.schema import ItouchError
 
 if TYPE_CHECKING:
@@ -23,11 +23,12 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--view", action="store_true",
                         help="play it in a window with a time line; nothing is compared then")  # fmt: skip
     pictures.add_options(parser)
+    sounds.add_options(parser)
     options = parser.parse_args(argv)
     from itouch.recording import read
 
-    if options.view and (options.screenshot or options.film):
-        raise ItouchError("--view opens a window; --screenshot and --film need none: choose one")
+    if options.view and (options.screenshot or options.film or options.wav):
+        raise ItouchError("--view opens a window; --screenshot, --film and --wav need none: choose one")
     if options.view:
         _need_display()
     recording = read(options.recording)
@@ -68,11 +69,11 @@ def _compare(recording: Recording, options: argparse.Namespace) -> int:
 
 
 def _replay(recording: Recording, options: argparse.Namespace) -> Outcome:
-    """Replay a recording, and take the pictures that are asked for meanwhile."""
+    """Replay a recording, and take the pictures and the sound that are asked for meanwhile."""
     from itouch.session.replay import Replay
 
     work = Replay(recording)
-    with pictures.taking(work.session, options):
+    with pictures.taking(work.session, options), sounds.keeping(work.session, options):
         while work.step():
             pass
     return work.outcome()

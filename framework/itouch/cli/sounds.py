@@ -1,4 +1,4 @@
-"""The option of ``run`` that keeps a run's sound, rendered offline."""
+"""The option of ``run`` and ``replay`` that keeps a session's sound, rendered offline."""
 
 from __future__ import annotations
 
@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Declare the option."""
-    parser.add_argument("--wav", type=output_file, metavar="FILE.wav", help="write the sound of a simulated run")
+    parser.add_argument(
+        "--wav", type=output_file, metavar="FILE.wav", help="write the sound of a simulated run or of a recording"
+    )
 
 
 @contextlib.contextmanager

@@ -18,6 +18,8 @@ RATE = 48_000
 HALF_SPEED = 0.15
 #: How long [s] a stroke at 1 m/s lasts: it excites little above the inverse of it (Hertz: duration ~ speed ** -0.2).
 STROKE = 6e-5
+#: Shortest decay [s]: what dies away within a few samples is no tone, and must not become infinitely steep.
+SHORTEST = 5e-4
 #: Modes whose amplitude is below this are silent.
 _SILENCE = 1e-7
 
@@ -41,7 +43,7 @@ class Bank:
     def __init__(
         self, frequencies: Sequence[float], decays: Sequence[float], gains: Sequence[float], *, level: float = 0.5
     ) -> None:
-        f, decay = np.asarray(frequencies, float), np.asarray(decays, float)
+        f, decay = np.asarray(frequencies, float), np.maximum(np.asarray(decays, float), SHORTEST)
         share = np.asarray(gains, float)
         self._share = level * share / max(float(share.sum()), 1e-9)
         self._frequencies = f

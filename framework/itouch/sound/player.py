@@ -1,71 +1,98 @@
 """Plays a session's sound through the machine's card; silent, and without a word, where there is none.
 
-Latency: a State is heard in the next frame of the window (at most 17 ms at 60 Hz) and then waits in the driver's
-buffer, whose length the driver chooses (OpenAL and PulseAudio: some 50 ms).
+Latency, from a published State to the ear: the next frame of the window (17 ms at 60 Hz), the block that is being made
+(10 ms), and the buffer of the sound server or card (30 ms): at most some 60 ms.  ``itouch-py bench sound`` measures it.
 """
 
 from __future__ import annotations
 
-from typing import Any
+import threading
+import time
+from collections.abc import Callable
 
 import numpy as np
-import pyglet
-from pyglet.media import Player, Source
-from pyglet.media.codecs.base import AudioData, AudioFormat
+from numpy.typing import NDArray
 
 from itouch.plugin import Record
 from itouch.sound.modal import RATE
+from itouch.sound.output import Output, Silence, open_output
 from itouch.sound.synth import Synth
 from itouch.world import Model
 
-
-class _Stream(Source):
-    """An endless source: the driver asks for the next bytes when it needs them."""
-
-    def __init__(self, synth: Synth) -> None:
-        self._synth, self._time = synth, 0.0
-        self.audio_format = AudioFormat(channels=1, sample_size=16, sample_rate=RATE)
-        self.is_precise = True
-
-    def get_audio_data(self, num_bytes: int, compensation_time: float = 0.0) -> Any:
-        """Return at most 20 ms of sound, so that what happens now is heard soon."""
-        count = max(1, min(int(num_bytes) // 2, RATE // 50))
-        samples = np.round(self._synth.render(count) * 32767).astype("<i2").tobytes()
-        begin, self._time = self._time, self._time + count / RATE
-        return AudioData(samples, len(samples), begin, count / RATE, [])
-
-    def seek(self, timestamp: float) -> None:
-        """Go on: there is nothing to go back to."""
+#: Samples that are made at once: 10 ms, in which this thread must get its turn beside the window's.
+BLOCK = RATE // 100
+#: Blocks between two looks at the output's latency.
+_LOOK = 8
+#: Seconds that ``close`` waits for what is in the buffer.
+_PATIENCE = 1.0
 
 
 class Speaker:
-    """Hears States and plays them."""
+    """Hears States and plays them, in a thread of its own.
 
-    def __init__(self, model: Model, *, mute: bool = False) -> None:
-        self._synth = Synth(model)
-        self._player: Any = None
+    Parameters
+    ----------
+    model
+        What the States are of.
+    mute
+        Play nothing, and open no device.
+    output
+        Opens what is played to; default: the machine's sound.
+    """
+
+    def __init__(self, model: Model, *, mute: bool = False, output: Callable[[], Output] = open_output) -> None:
+        self._synth, self._open = Synth(model), output
+        self._lock, self._closing = threading.Lock(), threading.Event()
+        #: Whether nothing is to be heard: asked for, or there is no card.
         self.muted = mute
+        #: What plays: empty until it is open.
+        self.driver = ""
+        #: Blocks played, and how long [s] before it is heard the last one was made.
+        self.blocks, self.ahead = 0, 0.0
+        #: Host time [s] at which the last State that had something new was told, and at which its sound was made.
+        self.heard = self.made = 0.0
+        self._thread = threading.Thread(target=self._play, name="sound", daemon=True)
         if not mute:
-            self._open()
-
-    def _open(self) -> None:
-        try:
-            player = Player()
-            player.queue(_Stream(self._synth))
-            player.play()
-        except Exception:  # each driver has errors of its own; a session without sound is still a session
-            self.muted = True
-            return
-        self._player = player
-        self.muted = type(pyglet.media.get_audio_driver()).__name__.startswith("Silent")
+            self._thread.start()
 
     def hear(self, state: Record) -> None:
         """Take note of a State."""
-        self._synth.hear(state)
+        with self._lock:
+            self._synth.hear(state)
+            self.heard = time.perf_counter()
 
     def close(self) -> None:
-        """Be silent."""
-        if self._player is not None:
-            self._player.pause()
-            self._player.delete()
-            self._player = None
+        """Fade out and be silent."""
+        self._closing.set()
+        if self._thread.is_alive():
+            self._thread.join(_PATIENCE)
+
+    def _play(self) -> None:
+        output = self._open()
+        self._name(output)
+        while not self._closing.is_set():
+            output = self._put(output, self._block())
+        self._put(output, self._block() * np.linspace(1.0, 0.0, BLOCK))
+        output.close()
+
+    def _name(self, output: Output) -> None:
+        self.driver, self.muted = output.name, output.name == Silence.name
+
+    def _block(self) -> NDArray[np.float64]:
+        with self._lock:
+            heard, samples = self.heard, self._synth.render(BLOCK)
+        if heard > self.made:
+            self.made = time.perf_counter()
+        return samples
+
+    def _put(self, output: Output, samples: NDArray[np.float64]) -> Output:
+        """Play a block; where the sound goes away, go on in silence."""
+        try:
+            output.write(np.round(samples * 32767).astype("<i2").tobytes())
+            if self.blocks % _LOOK == 0:
+                self.ahead = output.latency()
+        except OSError:
+            output = Silence()
+            self._name(output)
+        self.blocks += 1
+        return output

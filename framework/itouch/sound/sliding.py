@@ -13,8 +13,12 @@ _PLACES, _PER_GRAIN = 1 << 15, 8.0
 FULL_SPEED, FULL_FORCE = 0.2, 2.0
 #: Speed [m/s] of a finger that rests: nobody holds quite still.
 REST_SPEED = 1e-3
+#: Time [s] in which speed and loudness follow what they should be: no step is heard, whatever the blocks are.
+FOLLOW = 0.004
 #: Pitch [Hz] above which the noise fades, so that nothing folds back.
 _FADE = 9000.0
+#: Loudness below which a fading noise has ended.
+_INAUDIBLE = 1e-5
 
 
 def surface(seed: int = 1) -> NDArray[np.float64]:
@@ -56,16 +60,19 @@ class Sliding:
             / (1.0 + (pitch / _FADE) ** 4)
         )
         loud = loud if loud > 1e-6 else 0.0
-        if loud == 0.0 and self._level == 0.0:
+        if count == 0 or (loud == 0.0 and self._level == 0.0):
             return np.zeros(count)
-        part = np.arange(1, count + 1) / count
+        left = np.exp(-np.arange(1, count + 1) / (FOLLOW * RATE))
         step = min(pitch * _PER_GRAIN / RATE, 0.5 * _PER_GRAIN)
-        steps = self._step + part * (step - self._step)
+        if self._level == 0.0:
+            self._step = step  # nothing is heard yet that could glide
+        steps = step + left * (self._step - step)
+        levels = loud + left * (self._level - loud)
         places = (self._place + np.cumsum(steps)) % _PLACES
-        self._place, self._step = float(places[-1]), step
+        self._place, self._step = float(places[-1]), float(steps[-1])
         index = places.astype(int)
         rest = places - index
         heard = self._profile[index] * (1.0 - rest) + self._profile[index + 1] * rest
-        made: NDArray[np.float64] = heard * (self._level + part * (loud - self._level))
-        self._level = loud
+        made: NDArray[np.float64] = heard * levels
+        self._level = float(levels[-1]) if loud > 0.0 or levels[-1] > _INAUDIBLE else 0.0
         return made

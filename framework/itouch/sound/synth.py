@@ -17,6 +17,10 @@ from itouch.world import Model
 
 #: The warning tone: two pitches [Hz], how long [s] each lasts, its level, and how fast [s] it comes and goes.
 TONES, TONE_TIME, TONE_LEVEL, TONE_RISE = (880.0, 660.0), 0.25, 0.2, 0.01
+#: The tone is on for this long [s], then for ``TONE_AGAIN`` once in ``TONE_EVERY``, as long as the fault lasts.
+TONE_FIRST, TONE_AGAIN, TONE_EVERY = 2.0, 0.5, 5.0
+#: A State that stays the same for longer [s] is one of a session that stands: nothing slides in it.
+STANDS = 0.1
 #: Above this level the sound is bent smoothly, so that it never reaches 1.
 _KNEE = 0.7
 #: Rms of sliding noise at full loudness.
@@ -42,10 +46,14 @@ class Synth:
         self._count = -1
         self._fault = False
         self._tone_time, self._tone_level = 0.0, 0.0
+        self._last, self._stood = -1, 0
+        self._stands = round(max(STANDS, 4.0 * model.period) * RATE)
 
     def hear(self, state: Record) -> None:
         """Take note of a State: new contacts, sliding, faults; States may be left out."""
-        count, table = int(state["events.count"]), state["events.table"]
+        count, table, tick = int(state["events.count"]), state["events.table"], int(state["tick"])
+        if tick != self._last:
+            self._last, self._stood = tick, 0
         first = count if self._count < 0 or count < self._count else max(self._count, count - len(table))
         for number in range(first, count):
             event = table[number % len(table)]
@@ -70,25 +78,29 @@ class Synth:
     def render(self, count: int) -> NDArray[np.float64]:
         """Return the next samples at 48 kHz, shape (count,), between -1 and 1."""
         made = np.zeros(count)
+        if count == 0:
+            return made
         for voice in self._voices:
             if voice is not None and not voice.bank.silent:
                 made += voice.bank.render(count)
         for name, sliding in self._sliding.items():
             speed, force, sound = self._slides.get(name, (0.0, 0.0, None))
-            if sound is not None:
+            if sound is not None and self._stood < self._stands:
                 level = _FRICTION * sound.friction * sound.loudness
                 made += sliding.render(count, speed, force, grain=sound.grain, level=level)
             elif not sliding.silent:
                 made += sliding.render(count, 0.0, 0.0, grain=1e-3, level=0.0)
         if self._fault or self._tone_level > 0.0:
             made += self._tone(count)
+        self._stood += count
         return limited(made)
 
     def _tone(self, count: int) -> NDArray[np.float64]:
-        step = (1.0 if self._fault else -1.0) * TONE_LEVEL / (TONE_RISE * RATE)
-        level = np.clip(self._tone_level + step * np.arange(1, count + 1), 0.0, TONE_LEVEL)
         times = self._tone_time + np.arange(1, count + 1) / RATE
-        self._tone_level, self._tone_time = float(level[-1]), float(times[-1]) if level[-1] > 0.0 else 0.0
+        on = self._fault and (self._tone_time < TONE_FIRST or self._tone_time % TONE_EVERY < TONE_AGAIN)
+        step = (1.0 if on else -1.0) * TONE_LEVEL / (TONE_RISE * RATE)
+        level = np.clip(self._tone_level + step * np.arange(1, count + 1), 0.0, TONE_LEVEL)
+        self._tone_level, self._tone_time = float(level[-1]), float(times[-1]) if self._fault or level[-1] > 0 else 0.0
         # one pitch fades into the other at the ends of its turn
         turn = 0.5 + 0.5 * np.clip(np.sin(math.pi * times / TONE_TIME) * 12.0, -1.0, 1.0)
         first, second = (np.sin(2 * math.pi * pitch * times) for pitch in TONES)
