@@ -23,6 +23,8 @@ from itouch.world import Model
 BLOCK = RATE // 100
 #: Blocks between two looks at the output's latency.
 _LOOK = 8
+#: Most sound [s] that an output may have taken before its time.
+_AHEAD = 0.25
 #: Seconds that ``close`` waits for what is in the buffer.
 _PATIENCE = 1.0
 
@@ -70,8 +72,12 @@ class Speaker:
     def _play(self) -> None:
         output = self._open()
         self._name(output)
+        begin = time.monotonic()
         while not self._closing.is_set():
             output = self._put(output, self._block())
+            early = self.blocks * BLOCK / RATE - (time.monotonic() - begin) - _AHEAD
+            if early > 0.0:  # it takes all that it is given, as a device that is none may
+                self._closing.wait(early)
         self._put(output, self._block() * np.linspace(1.0, 0.0, BLOCK))
         output.close()
 

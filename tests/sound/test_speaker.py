@@ -1,0 +1,193 @@
+"""What is played, through outputs that remember, through ALSA into a file, and through a sound server."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import itouch
+from itouch.sound import output
+from itouch.sound.modal import RATE
+from itouch.sound.player import BLOCK, Speaker
+
+SCENE = """<itouch version="1.0">
+  <materials><material name="bell"><contact stiffness="1 N/mm"/>
+    <sound friction="1"><mode frequency="1234 Hz" decay="0.5 s"/></sound></material></materials>
+  <world><box name="block" size="100 100 20 mm" material="bell"/></world>
+  <devices><device name="arm" plugin="usb-arm"/></devices>
+  <interaction><probe name="finger" radius="8 mm" pose-from="arm" force-to="arm"/></interaction>
+</itouch>"""
+
+
+class Tape:
+    """An output that keeps what it gets, lets the maker wait for ``turn``, and may break."""
+
+    name = "tape"
+
+    def __init__(self) -> None:
+        self.data, self.closed, self.breaks = b"", False, False
+        self.turn = threading.Semaphore(0)
+
+    def write(self, samples: bytes) -> None:
+        self.turn.acquire()
+        if self.breaks:
+            raise OSError(32, "gone")
+        self.data += samples
+
+    def latency(self) -> float:
+        return 0.02
+
+    def close(self) -> None:
+        self.closed = True
+
+    def samples(self) -> np.ndarray:
+        return np.frombuffer(self.data, "<i2") / 32767
+
+
+def until(true) -> None:
+    """Wait until something is so."""
+    for _ in range(2000):
+        if true():
+            return
+        time.sleep(0.005)
+    raise AssertionError("it never came to be so")
+
+
+@pytest.fixture
+def session(tmp_path):
+    (tmp_path / "bell.xml").write_text(SCENE)
+    return itouch.build(tmp_path / "bell.xml")
+
+
+def strike(state) -> None:
+    row = state["events.table"][int(state["events.count"])]
+    row["kind"], row["object"], row["speed"] = 1, 0, 0.5
+    state["events.count"] += 1
+    state["tick"] += 1
+
+
+def test_a_stroke_is_in_the_next_block_and_the_end_fades(session):
+    tape = Tape()
+    speaker = Speaker(session.model, output=lambda: tape)
+    speaker.hear(session.state)
+    tape.turn.release()
+    until(lambda: speaker.blocks == 1)
+    assert speaker.driver == "tape" and not speaker.muted and not tape.samples().any()
+    strike(session.state)
+    speaker.hear(session.state)
+    tape.turn.release(3)
+    until(lambda: speaker.blocks == 4)
+    assert tape.samples()[2 * BLOCK :].any()  # the block that was being made may be the one before
+    tape.turn.release(50)
+    speaker.close()
+    heard = tape.samples()
+    assert tape.closed and abs(heard[-1]) < 1e-4 and abs(heard[-BLOCK]) < 0.5
+    assert np.abs(np.diff(heard)).max() < 2 * np.pi * 1234 / RATE  # no step anywhere
+
+
+def test_a_card_that_is_pulled_out_leaves_silence(session):
+    tape = Tape()
+    speaker = Speaker(session.model, output=lambda: tape)
+    tape.breaks = True
+    tape.turn.release()
+    until(lambda: speaker.driver == "silent")
+    assert speaker.muted
+    before = speaker.blocks
+    until(lambda: speaker.blocks > before + 2)  # it goes on
+    speaker.close()
+
+
+def test_mute_opens_nothing(session):
+    def refuse() -> output.Output:
+        raise AssertionError("it was opened")
+
+    speaker = Speaker(session.model, mute=True, output=refuse)
+    speaker.hear(session.state)
+    speaker.close()
+    assert speaker.muted and speaker.driver == "" and speaker.blocks == 0
+
+
+def test_an_output_that_takes_everything_does_not_make_the_maker_run_away(session):
+    tape = Tape()
+    tape.turn.release(10_000)
+    speaker = Speaker(session.model, output=lambda: tape)
+    time.sleep(0.2)
+    speaker.close()
+    assert speaker.blocks <= 110 * (0.2 + 0.25 + 5.0)  # it was let run for 0.2 s, on however slow a machine
+
+
+def test_where_there_is_no_sound_it_is_silent():
+    def missing() -> output.Output:
+        raise OSError(2, "no such library")
+
+    quiet = output.open_output((missing,))
+    assert quiet.name == "silent" and quiet.latency() >= 0.0
+    quiet.write(b"\0" * 960)
+    quiet.close()
+
+
+def test_alsa_gets_every_sample(tmp_path):
+    """ALSA is told of a card that is a file."""
+    (tmp_path / "asound.conf").write_text(
+        f'pcm.!default {{ type file file "{tmp_path}/heard.raw" format "raw" slave.pcm "quiet" }}\n'
+        "pcm.quiet { type null }\n"
+    )
+    code = (
+        "import numpy as np; from itouch.sound.output import Alsa, open_output\n"
+        "out = open_output((Alsa,)); print(out.name)\n"
+        "for n in range(50): out.write(np.arange(480 * n, 480 * n + 480).astype('<i2').tobytes())\n"
+        "out.close()"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True,
+        env={**os.environ, "ALSA_CONFIG_PATH": str(tmp_path / "asound.conf")},
+    )  # fmt: skip
+    assert done.stdout == "ALSA\n" and done.stderr == ""
+    heard = np.fromfile(tmp_path / "heard.raw", "<i2")
+    np.testing.assert_array_equal(heard[:24000], np.arange(24000))
+
+
+def test_a_machine_without_a_card_is_told_nothing(tmp_path):
+    code = "from itouch.sound.output import open_output; print(open_output().name)"
+    env = {**os.environ, "XDG_RUNTIME_DIR": str(tmp_path), "PULSE_SERVER": f"unix:{tmp_path}/none",
+           "ALSA_CONFIG_PATH": str(tmp_path / "none")}  # fmt: skip
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=env)
+    assert done.stdout == "silent\n" and done.stderr == ""
+
+
+if shutil.which("pulseaudio") and shutil.which("parec"):
+
+    def test_a_sound_server_plays_the_modes_that_were_asked_for(tmp_path):
+        """A PulseAudio of our own whose only sink is recorded."""
+        os.chmod(tmp_path, 0o700)
+        env = {
+            **os.environ,
+            "XDG_RUNTIME_DIR": str(tmp_path),
+            "PULSE_SERVER": f"unix:{tmp_path}/sock",
+            "HOME": str(tmp_path),
+        }
+        server = subprocess.Popen(
+            ["pulseaudio", "-n", "--daemonize=no", "--exit-idle-time=-1", "--use-pid-file=no",
+             "-L", "module-null-sink sink_name=out rate=48000 channels=1 format=s16le",
+             "-L", f"module-native-protocol-unix socket={tmp_path}/sock auth-anonymous=1"],
+            env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )  # fmt: skip
+        try:
+            until((tmp_path / "sock").exists)
+            words = ["bench", "sound", "--strokes", "4", "--monitor", "out.monitor", "--json", str(tmp_path / "x.json")]
+            done = subprocess.run([sys.executable, "-m", "itouch.cli", *words], env=env, capture_output=True, text=True)
+        finally:
+            server.terminate()
+            server.wait(10)
+        assert done.returncode == 0, done.stderr
+        found = json.loads((tmp_path / "x.json").read_text())
+        assert found["plays_by"] == "PulseAudio" and found["strokes_heard"] == "4 of 4"
+        assert found["modes_off_by_at_most_Hz"] < 8.0
