@@ -27,6 +27,7 @@ napoleon_google_docstring = False
 napoleon_use_ivar = True
 myst_enable_extensions = ["colon_fence", "dollarmath"]
 myst_heading_anchors = 3
+toc_object_entries = False  # every name has a heading of its own
 html_theme = "furo"
 html_title = f"itouch-py {version}"
 exclude_patterns = ["_build", "explanation/reproduced"]

@@ -13,6 +13,7 @@ PICTURES = {
     "contact": ("four_materials.xml", "--at", "11s", "--for", "11.1s"),
     "approach": ("four_materials.xml", "--at", "6.5s", "--for", "6.6s"),
     "fault": ("faults.xml",),
+    "gallery-first_touch": ("first_touch.xml", "--at", "1.2s", "--for", "1.3s"),
     "gallery-metamer": ("metamer.xml", "--at", "8s", "--for", "8.1s"),
     "gallery-mesh": ("mesh.xml", "--at", "2s", "--for", "2.1s"),
     "gallery-moving": ("moving.xml", "--at", "2s", "--for", "2.1s"),

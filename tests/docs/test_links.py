@@ -118,3 +118,18 @@ def test_the_four_kinds_of_page_are_complete() -> None:
     for folder, names in wanted.items():
         for name in names:
             assert (DOCS / folder / f"{name}.md").is_file(), f"{folder}/{name}"
+
+
+def test_the_gallery_pictures_eight_scenes_that_run() -> None:
+    from generated import PICTURES
+
+    text = (DOCS / "reference" / "gallery.md").read_text(encoding="utf-8")
+    figures = re.findall(r"```\{figure\} \.\./_generated/([\w-]+)\.png\n`scenes/(\w+\.xml)`", text)
+    assert len(figures) >= 8
+    for picture, scene in figures:
+        assert PICTURES[picture][0] == scene
+        assert (ROOT / "scenes" / scene).is_file()
+    sys.path.insert(0, str(ROOT / "tests" / "session"))
+    from running import RUNNABLE  # what the tests run, save, restore and replay
+
+    assert {Path(scene).stem for _, scene in figures} <= set(RUNNABLE)

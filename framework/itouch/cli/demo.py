@@ -1,7 +1,9 @@
-"""``itouch-py demo``: the four-material scene, from anywhere."""
+"""``itouch-py demo``: the scenes that come with the program, from anywhere: run one, or write all into a folder."""
 
 from __future__ import annotations
 
+import argparse
+import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -25,7 +27,42 @@ def scenes_folder() -> Path:
 
 
 def main(argv: Sequence[str]) -> int:
-    """Run the four-material scene that comes with the program; takes the options of `itouch-py run`."""
+    """Run a scene that comes with the program (default: the four materials), or write all of them into a folder."""
+    parser = argparse.ArgumentParser(
+        prog="itouch-py demo",
+        description=main.__doc__,
+        allow_abbrev=False,
+        epilog="Other options are those of `itouch-py run`.",
+    )
+    parser.add_argument("name", nargs="?", default="four_materials", metavar="NAME", help="such as first_touch, mesh")
+    parser.add_argument("--scenes", metavar="FOLDER", help="write the scenes into a folder that is not there yet")
+    named = bool(argv) and not argv[0].startswith("-")
+    options, rest = parser.parse_known_args(argv if named else ["four_materials", *argv])
+    if options.scenes:
+        return _write(Path(options.scenes))
     from itouch.cli.run import main as run
 
-    return run([str(scenes_folder() / "four_materials.xml"), *argv])
+    return run([str(_scene(options.name)), *rest])
+
+
+def _scene(name: str) -> Path:
+    from itouch.schema.diagnostics import did_you_mean
+
+    path = scenes_folder() / f"{name.removesuffix('.xml')}.xml"
+    if not path.is_file():
+        known = [found.stem for found in scenes_folder().glob("*.xml")]
+        raise ItouchError(f"there is no shipped scene '{name}'\n  = help: {did_you_mean(name, known, 'scenes are')}")
+    return path
+
+
+def _write(folder: Path) -> int:
+    """Copy the shipped scenes."""
+    try:
+        shutil.copytree(scenes_folder(), folder, ignore=shutil.ignore_patterns("__pycache__"))
+    except FileExistsError:
+        raise ItouchError(f"'{folder}' is there already; name a folder that is not") from None
+    except OSError as error:
+        raise ItouchError(f"cannot write '{folder}': {error.strerror or error}") from error
+    print(f"wrote {len(list(folder.rglob('*.xml')))} scenes and rigs into {folder}; for example")
+    print(f"  itouch-py {folder / 'first_touch.xml'}")
+    return 0
