@@ -1,0 +1,157 @@
+"""Windows on sessions that run in real time in a servo process: faults, commands, several windows, their ends."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from shipped import SCENES
+from test_pictures import without_display
+from windows import drive
+
+import itouch
+from itouch.bench import viewer_servo
+
+PREPARE = """
+import sys, time, itouch, pyglet
+pyglet.options.audio = ("silent",)
+from pyglet.window import key
+from itouch.servo import attach
+from itouch.viewer.offscreen import open_window
+def begin(scene):
+    global handle, window, situation
+    handle = itouch.launch(scene, linger=True)
+    window = open_window(handle.link, time.perf_counter, handle=handle, mute=True)
+    situation = window.source.situation
+FAILING, SOUND = sys.argv[2:4]
+def until(condition, what, windows=()):
+    end = time.monotonic() + 60
+    while not condition():
+        assert time.monotonic() < end, what
+        for one in (window, *windows):
+            one.dispatch_events()
+            one.frame()
+        time.sleep(0.01)
+def press(symbol):
+    window.dispatch_event("on_key_press", symbol, 0)
+    window.dispatch_events()
+"""
+
+SCRIPTS = {
+    "a fault is told, R re-arms, Esc ends": """
+        begin(FAILING)
+        until(lambda: any("an injected fault" in fault["cause"] for fault in situation.faults), "fault")
+        assert situation.faults[0]["device"] == "table" and handle.running
+        assert situation.late_us is not None and situation.tick_us > 0 and situation.overruns is not None
+        assert not situation.paused
+        tick = handle.link.tick
+        press(key.R)
+        until(lambda: not situation.faults, "no fault any more")
+        until(lambda: handle.link.tick > tick, "goes on")
+        press(key.ESCAPE)
+        assert window.closed and handle.wait(20)
+        assert handle.report()["faults"][0]["rearmed_s"] > 1.5
+        handle.close()
+    """,
+    "a fault that nobody re-arms is the end's error": """
+        begin(FAILING)
+        until(lambda: situation.faults, "fault")
+        press(key.ESCAPE)
+        try:
+            handle.wait(20)
+        except itouch.DeviceFaultError as fault:
+            assert fault.device == "table"
+        else:
+            raise AssertionError("no error")
+        handle.close()
+    """,
+    "P pauses in two windows alike; one that goes leaves the other": """
+        begin(SOUND)
+        link = attach(handle.name)
+        other = open_window(link, time.perf_counter, mute=True)
+        press(key.P)
+        until(lambda: situation.paused and other.source.situation.paused, "both paused", (other,))
+        tick = handle.link.tick
+        other.dispatch_event("on_key_press", key.P, 0); other.dispatch_events()
+        until(lambda: not situation.paused and handle.link.tick > tick, "goes on", (other,))
+        other.dispatch_event("on_close"); other.dispatch_events(); other.close()
+        tick = handle.link.tick
+        until(lambda: handle.link.tick > tick + 20, "goes on without it")
+        assert window.source.rearm() == "there is nothing to re-arm"
+        handle.stop()
+        until(lambda: "over" in situation.message, "is over")
+        handle.close()
+    """,
+}
+
+
+@pytest.fixture(scope="module")
+def said(screen, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("live")
+    text = (SCENES / "four_materials.xml").read_text(encoding="utf-8")
+    for path in SCENES.rglob("*.xml"):
+        target = folder / path.relative_to(SCENES)
+        target.parent.mkdir(exist_ok=True)
+        target.write_text(path.read_text(encoding="utf-8"), encoding="utf-8")
+    fault = '<fault device="table" kind="disconnect" at="1500 ms" for="100 ms"/></itouch>'
+    scene = folder / "failing.xml"
+    scene.write_text(text.replace("</itouch>", fault), encoding="utf-8")
+    return drive(PREPARE, SCRIPTS, [str(scene), str(SCENES / "four_materials.xml")], screen, folder)
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_live_window(name: str, said):
+    assert not said[name], said[name]
+
+
+def view(*words: str, environment: dict[str, str]) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-m", "itouch.cli", "view", *words], capture_output=True, text=True,
+                          env=environment, timeout=60)  # fmt: skip
+
+
+def test_view_says_what_is_missing(screen):
+    nobody = view("there-is-no-such-session", environment=screen)
+    assert nobody.returncode == 2
+    assert "there is no running session" in nobody.stderr
+    with itouch.launch(SCENES / "first_touch.xml", name="unseen", seconds=30.0) as handle:
+        for environment, says in ((without_display(), "no display"), (screen | {"DISPLAY": ":990"}, "window")):
+            blind = view("unseen", environment=environment)
+            assert blind.returncode == 2
+            assert says in blind.stderr and "Traceback" not in blind.stderr, blind.stderr
+        assert handle.running
+
+
+def test_a_killed_or_frozen_viewer_is_not_waited_for(screen, monkeypatch):
+    monkeypatch.setenv("DISPLAY", screen["DISPLAY"])
+    rows = viewer_servo.measure(0.3, 1, 4000)
+    assert [(row.situation, row.triangles) for row in rows] == [
+        (viewer_servo.NONE, 0), (viewer_servo.THERE, 0), (viewer_servo.KILLED, 0), (viewer_servo.FROZEN, 0),
+        (viewer_servo.NONE, 4000), (viewer_servo.THERE, 4000),
+    ]  # fmt: skip
+    for row in rows:
+        assert row.ticks > 0 and row.late.sum() == row.ticks, row.situation
+    assert rows[2].reopened >= 1
+    lines = viewer_servo.table(rows).splitlines()
+    assert len(lines) == 7 and all(line.startswith(row.situation) for line, row in zip(lines[1:], rows, strict=True))
+
+
+def test_run_opens_a_window_that_sigterm_ends_safely(screen, tmp_path: Path):
+    report = tmp_path / "r.json"
+    words = [sys.executable, "-m", "itouch.cli", "run", str(SCENES / "four_materials.xml"), "--mute", "--report",
+             str(report), "--for", "60s"]  # fmt: skip
+    run = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=screen)
+    end = time.monotonic() + 60
+    while not any(info.owner == run.pid and info.phase == "running" for info in itouch.servo.sessions()):
+        assert time.monotonic() < end and run.poll() is None
+        time.sleep(0.05)
+    time.sleep(0.5)
+    os.kill(run.pid, signal.SIGTERM)
+    said, _ = run.communicate(timeout=60)
+    assert run.returncode == 128 + signal.SIGTERM, said
+    assert "stopped by SIGTERM" in said and "Traceback" not in said
+    assert report.exists()

@@ -1,0 +1,42 @@
+"""Scripts that drive a window: all of a module in one process, each with a window and a session of its own."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import textwrap
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+RUN = """
+import json, sys, traceback
+prepare, scripts, out = json.load(open(sys.argv[1]))
+said = {}
+for name, script in scripts.items():
+    space = {"__name__": "script"}
+    try:
+        exec(compile(prepare, "<prepare>", "exec"), space)
+        exec(compile(script, f"<{name}>", "exec"), space)
+        said[name] = ""
+    except BaseException:
+        said[name] = traceback.format_exc() + "".join(f"{line}\\n" for line in script.splitlines())
+    finally:
+        if "window" in space and space["window"].context is not None:
+            space["window"].close()
+    json.dump(said, open(out, "w"))
+"""
+
+
+def drive(
+    prepare: str, scripts: Mapping[str, str], words: Sequence[str], environment: Mapping[str, str], folder: Path
+) -> dict[str, str]:
+    """Run scripts, and return what went wrong with each, or an empty text; ``words`` are in ``sys.argv[2:]``."""
+    task, out = folder / "task.json", folder / "said.json"
+    plain = {name: textwrap.dedent(script) for name, script in scripts.items()}
+    task.write_text(json.dumps([prepare, plain, str(out)]))
+    done = subprocess.run([sys.executable, "-c", RUN, str(task), *words], capture_output=True, text=True,
+                          env=dict(environment), timeout=600)  # fmt: skip
+    said = json.loads(out.read_text()) if out.exists() else {}
+    died = f"the process ended with {done.returncode} before this script had: {done.stderr}"
+    return {name: said.get(name, died) for name in scripts}
