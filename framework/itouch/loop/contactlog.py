@@ -12,6 +12,7 @@ from itouch.loop.touch import Toucher
 from itouch.plugin import Contact, ContactEvent, Record
 from itouch.twin.coupling import Coupling
 from itouch.world import ModalityModel, Model
+from itouch.world.failing import said
 
 
 class ContactLog:
@@ -111,5 +112,8 @@ def _finite(value: float) -> float | None:
 
 
 def _measures(modality: ModalityModel, state: Record, probe: str, index: int) -> dict[str, Any]:
-    measures = modality.instance.measures(modality.model, state, probe, index)
+    try:
+        measures = modality.instance.measures(modality.model, state, probe, index)
+    except Exception as error:  # the session goes on; what is missing says so itself
+        return {f"{modality.name}_error": f"failed in measures: {said(error)}"}
     return {key: _finite(value) if isinstance(value, float) else value for key, value in measures.items()}

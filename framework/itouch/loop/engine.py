@@ -13,13 +13,14 @@ from typing import Any
 import numpy as np
 
 from itouch.faults import FOREVER, Injection, Kind
+from itouch.loop.blame import modality_fault, with_writer
 from itouch.loop.clock import Clock, VirtualClock, now
 from itouch.loop.events import Events
 from itouch.loop.ledger import Ledger
 from itouch.loop.objects import Objects
 from itouch.loop.operating import Operating
 from itouch.loop.pacing import Pacing
-from itouch.loop.rehearsal import rehearse
+from itouch.loop.rehearsal import rehearse, reset_modalities
 from itouch.loop.rig import ProbeRig
 from itouch.loop.runner import DeviceFaultError, Runner, Status
 from itouch.loop.safestop import SafeStop
@@ -27,6 +28,7 @@ from itouch.loop.timing import Timing
 from itouch.plugin import DeviceError, Record
 from itouch.schema import ItouchError
 from itouch.world import Model, make_state
+from itouch.world.failing import failing
 
 #: On a virtual clock every so many ticks are timed part by part; in real time all are.
 _SAMPLED = 16
@@ -78,14 +80,15 @@ class Engine:
         self.state["objects.pose"] = self.model.poses
         self._objects.reset()
         for runner in self._all:
-            runner.start(seed)
+            name = runner.model.name
+            with failing(f"device '{name}'", "the reset of its twin", self.model.place_of(name)):
+                runner.start(seed)
         for rig in self._rigs:
             rig.reset()
         for runner in self._all:
             if runner.model.twin:
                 runner.open()
-        for modality in self.model.modalities:
-            modality.instance.reset(modality.model, self.state)
+        reset_modalities(self.model, self.state)
 
     @property
     def scene(self) -> Any:
@@ -173,9 +176,10 @@ class Engine:
         mark = stamps.append if self._paced or not tick % _SAMPLED else None
         try:
             self._work(tick, mark)
-        except DeviceFaultError as fault:
+        except DeviceFaultError as raised:
+            fault = with_writer(self.model, self.state, raised)
             self.make_safe(fault)
-            raise
+            raise fault from raised.__cause__
         self._tick[...] = tick + 1
         if mark is None:
             stamps.append(now())
@@ -195,11 +199,7 @@ class Engine:
             rig.touch(tick, self._events.tell, self._events.moves, ready)
         if mark:
             mark(now())
-        for instance, model, every in self._modalities:
-            if tick % every == 0:
-                instance.update(model, self.state, self.model.period * every)
-            if mark:
-                mark(now())
+        self._update(tick, mark)
         for rig in self._rigs:
             rig.command()
             rig.check(tick, ready)
@@ -211,23 +211,35 @@ class Engine:
             runner.write(tick)
             if mark:
                 mark(now())
-        self._move(ready)
+        self._move(tick, ready)
         if not ready and all(rig.ready for rig in self._rigs):
             self._ready[...] = 1
         if mark:
             mark(now())
 
-    def _move(self, ready: bool) -> None:
+    def _update(self, tick: int, mark: Callable[[float], None] | None) -> None:
+        """Advance the modalities; what one raises is a fault."""
+        instance: Any = None
+        try:
+            for instance, model, every in self._modalities:
+                if tick % every == 0:
+                    instance.update(model, self.state, self.model.period * every)
+                if mark:
+                    mark(now())
+        except Exception as error:
+            raise modality_fault(self.model, instance, "update", tick, error) from error
+
+    def _move(self, tick: int, ready: bool) -> None:
         for rig in self._rigs:
             rig.couple(ready)
         if self.model.moving:
             self._objects.advance(ready)
         for runner in self._all:
-            runner.step_twin()
+            runner.step_twin(tick)
 
     def step_twins(self, moving: bool) -> None:
         """Advance the simulated world alone by one period, under what its devices were sent last."""
-        self._move(moving)
+        self._move(self.ticks, moving)
         self._tick[...] = int(self._tick) + 1
 
     def make_safe(self, fault: DeviceFaultError) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from itouch.loop.blame import modality_fault
 from itouch.loop.rig import ProbeRig
 from itouch.plugin import Contact, ContactEvent, Modality, Record
 from itouch.world import Model
@@ -17,7 +18,7 @@ class Events:
     def __init__(
         self, model: Model, state: Record, rigs: Sequence[ProbeRig], modalities: Sequence[tuple[Modality, Any, int]]
     ) -> None:
-        self._state, self._rigs = state, rigs
+        self._model, self._state, self._rigs = model, state, rigs
         self._modalities = modalities
         self._table, self._count = state["events.table"], state["events.count"]
         self._probe_index = {probe.name: probe.index for probe in model.probes}
@@ -32,7 +33,10 @@ class Events:
                 self._log(event)
         for instance, model, _ in self._modalities:
             if event.kind in instance.hears:
-                instance.on_contact(event, model, self._state)
+                try:
+                    instance.on_contact(event, model, self._state)
+                except Exception as error:
+                    raise modality_fault(self._model, instance, "on_contact", event.tick, error) from error
         if event.kind is Contact.END:
             self._log(event)
 

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from itouch.loop.runner import Runner
 from itouch.plugin import Contact, ContactEvent, DeviceError, Record, Touch
 from itouch.world import Model, make_state
+from itouch.world.failing import failing
 
 
 def rehearse(model: Model, state: Record, runners: Iterable[Runner]) -> None:
@@ -15,21 +16,33 @@ def rehearse(model: Model, state: Record, runners: Iterable[Runner]) -> None:
     scratch = state.copy()
     _rehearse_touches(model, scratch)
     for runner in runners:
-        rehearse_twin(runner, scratch, model.period)
+        with failing(f"device '{runner.model.name}'", "the step of its twin", model.place_of(runner.model.name)):
+            rehearse_twin(runner, scratch, model.period)
 
 
 def rehearse_modalities(model: Model) -> None:
     """Exercise the modalities of a model that no engine runs yet."""
     scratch = make_state(model)
-    for modality in model.modalities:
-        modality.instance.reset(modality.model, scratch)
+    reset_modalities(model, scratch)
     _rehearse_touches(model, scratch)
+
+
+def reset_modalities(model: Model, state: Record) -> None:
+    """Set the fields of all modalities to their start."""
+    for modality in model.modalities:
+        with failing(f"modality '{modality.name}'", "reset", model.place_of(modality.name)):
+            modality.instance.reset(modality.model, state)
+
+
+def _update(model: Model, scratch: Record) -> None:
+    for modality in model.modalities:
+        with failing(f"modality '{modality.name}'", "update", model.place_of(modality.name)):
+            modality.instance.update(modality.model, scratch, model.period * modality.every)
 
 
 def _rehearse_touches(model: Model, scratch: Record) -> None:
     """Take all modalities together through approach, touch and release of the first and the last object."""
-    for modality in model.modalities:
-        modality.instance.update(modality.model, scratch, model.period * modality.every)
+    _update(model, scratch)
     for probe in model.probes:
         for index in sorted({0, len(model.objects) - 1}) if model.objects else ():
             for kind in (Contact.NEAR, Contact.BEGIN, Contact.MOVE, Contact.END):
@@ -39,13 +52,14 @@ def _rehearse_touches(model: Model, scratch: Record) -> None:
 
 def _rehearse_event(model: Model, scratch: Record, event: ContactEvent) -> None:
     for modality in model.modalities:
-        if event.kind in modality.instance.hears:
-            modality.instance.on_contact(event, modality.model, scratch)
+        with failing(f"modality '{modality.name}'", "on_contact", model.place_of(modality.name)):
+            if event.kind in modality.instance.hears:
+                modality.instance.on_contact(event, modality.model, scratch)
     for _ in range(2):
-        for modality in model.modalities:
-            modality.instance.update(modality.model, scratch, model.period * modality.every)
+        _update(model, scratch)
     for modality in model.modalities:
-        modality.instance.measures(modality.model, scratch, event.probe, event.object_index)
+        with failing(f"modality '{modality.name}'", "measures", model.place_of(modality.name)):
+            modality.instance.measures(modality.model, scratch, event.probe, event.object_index)
 
 
 def _pretend(model: Model, scratch: Record, probe: str, index: int) -> None:

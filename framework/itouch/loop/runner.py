@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 from itouch.faults import FaultyTwin
 from itouch.loop.frames import Frame, frame
 from itouch.plugin import Record, Touch
-from itouch.safety import DeviceFaultError, Status, Supervisor
+from itouch.safety import DeviceFaultError, Status, Supervisor, Trip
 from itouch.world import DeviceModel
+from itouch.world.failing import failing, said
 
 __all__ = ["DeviceFaultError", "Runner", "Status"]
 
@@ -47,16 +48,28 @@ class Runner(Supervisor):
         """Return the twin's true frame in its carrier."""
         return self._true_frame
 
-    def step_twin(self) -> None:
-        """Advance the twin by one period under what was sent."""
-        if self.twin is not None:
+    def step_twin(self, tick: int) -> None:
+        """Advance the twin by one period under what was sent.
+
+        Raises
+        ------
+        DeviceFaultError
+            If the twin has raised anything.
+        """
+        if self.twin is None:
+            return
+        try:
             self.twin.step(self.twin_state, self.sent, self.touch, self._period)
+        except Exception as error:
+            cause = f"failed in the step of its twin: {said(error)}"
+            raise DeviceFaultError(self.model.name, tick, Trip.DEVICE_ERROR, cause) from error
 
     def settle(self) -> None:
         """Let the twin take its place before the first tick; no planned fault has begun."""
         twin = self.twin.twin if isinstance(self.twin, FaultyTwin) else self.twin
         if twin is not None:
-            twin.step(self.twin_state, self.sent, self.touch, self._period)
+            with failing(f"device '{self.model.name}'", "the step of its twin", None):
+                twin.step(self.twin_state, self.sent, self.touch, self._period)
 
     def true_position(self) -> NDArray[np.float64] | None:
         """Return the view of State that is the true position of what the twin carries, in its frame."""

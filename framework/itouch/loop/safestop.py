@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -59,7 +60,8 @@ class SafeStop:
         for rig in self._rigs:
             rig.couple(False)
         for runner in self._runners:
-            runner.step_twin()
+            with contextlib.suppress(DeviceFaultError):  # a twin that can't be simulated does not stop the others
+                runner.step_twin(self._tick.item())
 
     def _lost(self, fault: DeviceFaultError) -> None:
         """Note the loss of an optional device; the session goes on without it."""

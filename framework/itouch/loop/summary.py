@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 from itouch.exchange import ThreadedDevice
 from itouch.loop.timing import Timing
-from itouch.world import limits
+from itouch.world import ModalityModel, limits
+from itouch.world.failing import said
 
 if TYPE_CHECKING:
     from itouch.loop.engine import Engine
@@ -64,7 +65,7 @@ def summary(engine: Engine, open_contacts: list[dict[str, Any]], wall: float) ->
             for name in model.devices
         },
         "notices": list(model.notices),
-        "modalities": {m.name: m.instance.report(m.model, engine.state) for m in model.modalities},
+        "modalities": {m.name: _told(m, engine) for m in model.modalities},
         "contacts": [*ledger.contacts, *open_contacts],
         "faults": sorted([*ledger.faults, *engine.injected], key=lambda entry: int(entry["tick"])),
     }
@@ -86,3 +87,11 @@ def _exchanges(engine: Engine, name: str) -> dict[str, Any]:
     device = next(runner.device for runner in engine.runners if runner.model.name == name)
     figures = device.figures() if isinstance(device, ThreadedDevice) else None
     return {"exchanges": figures} if figures is not None else {}
+
+
+def _told(modality: ModalityModel, engine: Engine) -> dict[str, Any]:
+    """Return what a modality says of the run; a report is made in any case."""
+    try:
+        return modality.instance.report(modality.model, engine.state)
+    except Exception as error:
+        return {"error": f"failed in report: {said(error)}"}

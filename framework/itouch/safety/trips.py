@@ -32,6 +32,7 @@ class Trip(enum.IntEnum):
     RUNAWAY = 19
     RELEASED = 20
     SURFACE_SPEED = 21
+    MODALITY_ERROR = 22
 
     @property
     def label(self) -> str:

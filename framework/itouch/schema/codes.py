@@ -60,7 +60,8 @@ VALUES = (
 )  # fmt: skip
 DEVICES = (
     Code("unknown-plugin", "a plugin that is not installed", "install it, or correct its name; the nearest is offered"),
-    Code("plugin-failed", "a plugin is installed, but does not load", "`itouch-py devices` shows the whole reason"),
+    Code("plugin-failed", "a plugin is installed, but does not load, or its code fails",
+         "`itouch-py devices` shows the whole reason"),
     Code("wrong-plugin", "a device holds the element of another plugin", "write the element of its own"),
     Code("twin-only", "a device without a working driver is wanted as hardware", 'write `twin="yes"`'),
     Code("no-watchdog", "hardware that obeys, with neither a watchdog of its own nor a second opener: nothing would "
@@ -128,6 +129,7 @@ RUNNING = (
     Code("tracking", "a surface is too far from its command (K6)", "check the table for what is in its way"),
     Code("silent", "a device was silent for longer than its watchdog allows (W1)", "check the link and the machine"),
     Code("device-error", "a device's driver or twin failed", "the driver's own message says how; then reconnect"),
+    Code("modality-error", "a modality's code has raised an error", "its message says where; tell its author"),
     Code("calibration", "the plate was not felt during touch-off", "check the force sensor and the mount"),
     Code("released", "nobody holds the switch (W3)", "hold Space in the window, or the device's button"),
     Code("overrun", 'the loop fell behind, and the scene says `servo-overrun="stop"`', "`itouch-py doctor` says why"),

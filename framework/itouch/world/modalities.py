@@ -12,6 +12,7 @@ from itouch.scene import Scene
 from itouch.scene.elements import Operator, PluginPart
 from itouch.schema import Problem
 from itouch.schema.fields import specs
+from itouch.world.failing import failing, failure
 from itouch.world.files import SceneFiles
 from itouch.world.rig import DeviceModel
 
@@ -54,7 +55,11 @@ def build_modalities(
             place = scene.places.of(part.params, field) or scene.places.of(part)
             problems.append(Problem("modality", f"modality '{part.name}': {error}", place))
             continue
-        found.append(ModalityModel(part.name, part.plugin, instance, model, every, instance.commands(model)))
+        except Exception as error:
+            problems.append(failure(f"modality '{part.name}'", "compile", error, scene.places.of(part)))
+            continue
+        with failing(f"modality '{part.name}'", "commands", scene.places.of(part)):
+            found.append(ModalityModel(part.name, part.plugin, instance, model, every, instance.commands(model)))
     return found
 
 

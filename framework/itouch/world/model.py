@@ -14,7 +14,7 @@ from itouch.contact.surfaces import Effects
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
 from itouch.scene.elements import Operator, Probe
-from itouch.schema import Problem, SceneError
+from itouch.schema import Place, Problem, SceneError
 from itouch.world.bindings import check_bindings, check_reach, check_writers
 from itouch.world.coupling import Coupling, couplings, on_bodies, stable_effects
 from itouch.world.files import SceneFile, SceneFiles
@@ -67,6 +67,11 @@ class Model:
     def moving(self) -> bool:
         """Whether any object moves."""
         return bool(self.motions)
+
+    def place_of(self, name: str) -> Place | None:
+        """Return where in the scene a device or a modality stands."""
+        parts: tuple[Any, ...] = (*self.scene.devices, *self.scene.modalities)
+        return next((self.scene.places.of(part) for part in parts if part.name == name), None)
 
     @classmethod
     def of(cls, scene: Scene, catalog: Catalog) -> Model:

@@ -15,11 +15,18 @@ from itouch.scene.elements import DeviceElement
 from itouch.schema import Problem
 from itouch.schema.diagnostics import did_you_mean
 from itouch.schema.fields import REQUIRED, default_of, specs, xml_name
+from itouch.world.failing import failing
 from itouch.world.files import SceneFiles
 from itouch.world.injection import injections
 from itouch.world.limits import DeviceLimits, resolve
 
 Vector = tuple[float, float, float]
+
+#: Channels that the framework itself works with, and how many numbers they have.
+_SIZES = {
+    "pose": 7, "twist": 6, "wrench": 6, "pose_target": 7, "current": 1, "plate_temperature": 1, "sink_temperature": 1,
+    "skin_temperature": 1, "heat_flux": 1, "temperature_target": 1,
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +115,17 @@ def _build(
     bound = _bound(scene, element, cls, params, reader, problems) if params is not None else None
     if bound is None:
         return None
-    reads, commands = cls.channels(params)
+    place = scene.places.of(element)
+    with failing(f"device '{element.name}'", "channels", place):
+        reads, commands = cls.channels(params)
+    for channel in (*reads, *commands):
+        if _SIZES.get(channel.name, channel.size) != channel.size:
+            sentence = (
+                f"device '{element.name}': plugin '{element.plugin}' has a channel '{channel.name}' of {channel.size} "
+                f"numbers; one of this name has {_SIZES[channel.name]}"
+            )
+            problems.append(Problem("plugin-failed", sentence, place, "tell the plugin's author"))
+            return None
     limits, found = resolve(scene, element, reads, commands)
     problems += found
     if not element.twin and cls.twin_only:

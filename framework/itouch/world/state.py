@@ -9,6 +9,7 @@ from dataclasses import replace
 from itouch.contact.surfaces import EFFECTS_MEMORY
 from itouch.plugin import Field, Record
 from itouch.world import marks
+from itouch.world.failing import failing
 from itouch.world.model import Model
 from itouch.world.rig import DeviceModel
 from itouch.world.supervision import supervision
@@ -47,7 +48,8 @@ def layout(model: Model) -> tuple[Field, ...]:
     if model.motions.bodies is not None:
         fields.append(Field("objects.physics", "f8", model.motions.bodies.state_size))
     for device in model.devices.values():
-        fields += _device(device)
+        with failing(f"device '{device.name}'", "its twin's fields", model.place_of(device.name)):
+            fields += _device(device)
     for probe in model.probes:
         fields += _prefixed(probe.name, _probe(count))
         low, high = model.geometry.memory_range()
@@ -58,7 +60,8 @@ def layout(model: Model) -> tuple[Field, ...]:
         if probe.operator is not None:
             fields += _prefixed(f"{probe.name}.hand", _HAND)
     for modality in model.modalities:
-        fields += _prefixed(modality.name, modality.instance.fields(modality.model))
+        with failing(f"modality '{modality.name}'", "fields", model.place_of(modality.name)):
+            fields += _prefixed(modality.name, modality.instance.fields(modality.model))
     fields += [Field("events.count", "i8", low=0), Field("events.table", EVENT_DTYPE, EVENTS), *marks.FIELDS]
     return tuple(fields)
 

@@ -1,0 +1,41 @@
+"""Errors in a plugin's code while a scene is built: told as problems at the plugin's place in the scene."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import PurePath
+
+from itouch.schema import ItouchError, Problem, SceneError
+from itouch.schema.diagnostics import Place
+
+
+def said(error: BaseException) -> str:
+    """Return what an error in a plugin says, and where it was raised: ``ValueError: text (file.py, line 7)``."""
+    frames = traceback.extract_tb(error.__traceback__)
+    where = f" ({PurePath(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""
+    text = str(error).partition("\n")[0]
+    return f"{type(error).__name__}{': ' if text else ''}{text}{where}"
+
+
+def failure(what: str, method: str, error: BaseException, place: Place | None) -> Problem:
+    """Return the problem that ``what``, such as "modality 'heat'", has failed in one of its methods."""
+    return Problem("plugin-failed", f"{what} failed in {method}: {said(error)}", place, "tell the plugin's author")
+
+
+@contextmanager
+def failing(what: str, method: str, place: Place | None) -> Iterator[None]:
+    """Turn an error in a plugin's code into a problem of the scene.
+
+    Raises
+    ------
+    SceneError
+        If anything is raised inside but an ``ItouchError``, which is handed on.
+    """
+    try:
+        yield
+    except ItouchError:
+        raise
+    except Exception as error:
+        raise SceneError([failure(what, method, error, place)]) from error

@@ -1,0 +1,229 @@
+"""Plugins of others whose code fails: everything is made safe, and whose fault it was is said by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+
+import itouch
+from itouch.plugin import Channel, Contact, Device, Field, Modality, Record, Twin, pose, wrench
+from itouch.plugin.discovery import Catalog, Found, find
+from itouch.safety import Trip
+from itouch.world.failing import said
+
+SCENE = """<itouch version="1.0" xmlns:tone="urn:itouch:plugin:tone">
+  <materials><material name="wood"><contact stiffness="1 N/mm"/></material></materials>
+  <world><box name="block" size="60 60 20 mm" material="wood"/></world>
+  <devices><device name="arm" plugin="{plugin}"/></devices>
+  <interaction><probe name="finger" pose-from="arm" {force}/>
+    <operator probe="finger"><motion>
+      <to pos="0 0 30 mm" in="20 ms"/><to pos="0 0 5 mm" in="100 ms" hold="50 ms"/><to pos="0 0 60 mm" in="150 ms"/>
+    </motion></operator>
+    {modality}
+  </interaction>
+</itouch>
+"""
+
+
+@dataclass(frozen=True)
+class Params:
+    """Nothing."""
+
+
+class Hum(Modality):
+    """Commands the arm, and does nothing wrong."""
+
+    Params = Params
+
+    def compile(self, name: str, params: Any, world: Any) -> None:
+        return None
+
+    def fields(self, model: Any) -> tuple[Field, ...]:
+        return (Field("count", "i8"),)
+
+    def commands(self, model: Any) -> tuple[str, ...]:
+        return ("arm.wrench",)
+
+    def reset(self, model: Any, state: Record) -> None:
+        state["hum.count"] = 0
+
+    def update(self, model: Any, state: Record, period: float) -> None:
+        state["hum.count"][...] += 1
+
+
+class Rod(Device):
+    """An arm that does nothing wrong."""
+
+    Params: ClassVar[type] = Params
+    reads = (pose(),)
+    commands = (wrench(force=2.0),)
+
+    def open(self) -> None: ...
+    def close(self) -> None: ...
+    def read(self, reading: Record) -> None: ...
+
+
+class RodTwin(Twin):
+    """Follows the finger that holds it."""
+
+    def fields(self) -> tuple[Field, ...]:
+        return (Field("place", "f8", 7),)
+
+    def reset(self, state: Record, rng: np.random.Generator) -> None:
+        state["place"] = (0, 0, 0.05, 1, 0, 0, 0)
+
+    def step(self, state: Record, command: Record, touch: Any, period: float) -> None:
+        state["place"][:3] = touch.finger_pose[:3]
+
+    def read(self, state: Record, reading: Record) -> None:
+        reading["pose"] = state["place"]
+
+
+class Entry:
+    """What stands for an entry point."""
+
+    def __init__(self, value: type) -> None:
+        self.value, self._loaded = value.__name__, value
+
+    def load(self) -> type:
+        return self._loaded
+
+
+def engine(
+    tmp_path: Path, modality: type[Modality] | None = Hum, device: type[Device] | None = None
+) -> itouch.Session:  # fmt: skip
+    def finder(group: str) -> dict[str, Found]:
+        found = dict(find(group))
+        added: dict[str, tuple[str, type | None]] = {
+            "itouch.modalities": ("tone.hum", modality), "itouch.devices": ("rod", device)
+        }  # fmt: skip
+        name, cls = added.get(group, ("", None))
+        return found if cls is None else {**found, name: Found(name, "itouch-tone", "1.0", Entry(cls))}  # type: ignore[arg-type]
+
+    path = tmp_path / "scene.xml"
+    text = SCENE.format(
+        plugin="rod" if device else "usb-arm", modality="<tone:hum/>" if modality else "",
+        force='' if modality else 'force-to="arm"',
+    )  # fmt: skip
+    path.write_text(text, encoding="utf-8")
+    return itouch.build(path, catalog=Catalog(finder))
+
+
+def broken(base: type, method: str, act: Callable[..., Any]) -> Any:
+    return type("Broken", (base,), {method: act})
+
+
+def late(when: int, inner: str) -> Callable[..., Any]:
+    """Return an update that fails in the tick of that number; rehearsals count nothing."""
+
+    def act(self: Any, *rest: Any) -> None:
+        state = next(value for value in rest if isinstance(value, Record))
+        if state["tick"].item() >= when:
+            raise KeyError(inner)
+
+    return act
+
+
+def test_it_runs_when_nothing_is_wrong(tmp_path: Path) -> None:
+    session = engine(tmp_path)
+    session.run()
+    assert session.report()["faults"] == []
+    assert len(session.report()["contacts"]) == 1
+
+
+@pytest.mark.parametrize("method", ["update", "on_contact"])
+def test_a_modality_that_raises_makes_safe_and_is_named(tmp_path: Path, method: str) -> None:
+    session = engine(tmp_path, broken(Hum, method, late(20, "no such tone")))
+    with pytest.raises(itouch.DeviceFaultError, match="lost its modality 'hum'") as caught:
+        session.run()
+    fault = caught.value
+    assert fault.trip is Trip.MODALITY_ERROR
+    assert fault.device == "arm"
+    assert f"failed in {method}: KeyError: 'no such tone' (test_failing_plugins.py, line " in fault.cause
+    assert isinstance(fault.__cause__, KeyError)
+    assert session.status("arm").name == "FAULT"
+    assert not session.state["arm.sent.wrench"].any()
+    (told,) = session.report()["faults"]
+    assert (told["trip"], told["safe"]["reached"]) == ("modality-error", True)
+    session.close()
+
+
+def test_a_command_that_is_not_a_number_names_its_writer(tmp_path: Path) -> None:
+    def act(self: Any, model: Any, state: Record, period: float) -> None:
+        state["arm.command.wrench"][2] = np.nan if state["tick"].item() == 30 else 0.5
+
+    session = engine(tmp_path, broken(Hum, "update", act))
+    with pytest.raises(itouch.DeviceFaultError, match=r"commanded with NaN \(wrench\) by modality 'hum' at tick 30"):
+        session.run()
+    assert not session.state["arm.sent.wrench"].any()
+    assert session.report()["faults"][0]["cause"].endswith("by modality 'hum'")
+
+
+@pytest.mark.parametrize(
+    ("method", "where"),
+    [("compile", "compile"), ("fields", "fields"), ("commands", "commands"), ("reset", "reset"), ("update", "update")],
+)
+def test_a_modality_that_can_not_even_begin_is_a_problem_of_the_scene(tmp_path: Path, method: str, where: str) -> None:
+    def act(self: Any, *rest: Any) -> None:
+        raise TypeError("no tone at all")
+
+    with pytest.raises(itouch.SceneError, match=f"modality 'hum' failed in {where}: TypeError: no tone") as caught:
+        engine(tmp_path, broken(Hum, method, act))
+    (problem,) = caught.value.problems
+    assert problem.code == "plugin-failed"
+    assert problem.place is not None and problem.place.line == 9
+
+
+def test_what_only_tells_of_a_run_does_not_end_it(tmp_path: Path) -> None:
+    def act(self: Any, model: Any, state: Record, *rest: Any) -> dict[str, Any]:
+        if state["tick"].item():
+            raise ZeroDivisionError("of nothing")
+        return {}
+
+    cls = broken(broken(Hum, "measures", act), "report", act)
+    session = engine(tmp_path, cls)
+    session.run()
+    report = session.report()
+    assert "ZeroDivisionError: of nothing" in report["contacts"][0]["hum_error"]
+    assert "ZeroDivisionError: of nothing" in report["modalities"]["hum"]["error"]
+
+
+def test_a_twin_that_raises_is_a_lost_device(tmp_path: Path) -> None:
+    def act(self: Any, state: Record, *rest: Any) -> None:
+        state["place"][0] += 1.0  # a twin knows no tick
+        if state["place"][0] > 40.0:
+            raise RuntimeError("bent")
+
+    twin = broken(RodTwin, "step", act)
+    session = engine(tmp_path, None, type("Bent", (Rod,), {"Twin": twin}))
+    with pytest.raises(itouch.DeviceFaultError) as caught:
+        session.run()
+    assert caught.value.device == "arm"
+    session.close()
+
+
+@pytest.mark.parametrize("method", ["fields", "reset", "step", "read", "stand"])
+def test_a_twin_that_can_not_begin_is_a_problem_of_the_scene(tmp_path: Path, method: str) -> None:
+    def act(self: Any, *rest: Any) -> None:
+        raise OSError("no bench")
+
+    twin = broken(RodTwin, method, act)
+    with pytest.raises(itouch.SceneError, match="device 'arm' failed in .*: OSError: no bench"):
+        engine(tmp_path, None, type("Bent", (Rod,), {"Twin": twin}))
+
+
+def test_a_channel_of_a_standard_name_has_its_size(tmp_path: Path) -> None:
+    flat = Channel("wrench", 3, "N", (-1.0,) * 3, (1.0,) * 3, safe=(0.0,) * 3)
+    with pytest.raises(itouch.SceneError, match="channel 'wrench' of 3 numbers; one of this name has 6"):
+        engine(tmp_path, None, type("Flat", (Rod,), {"Twin": RodTwin, "commands": (flat,)}))
+
+
+def test_an_error_without_words_is_told_by_its_kind() -> None:
+    assert said(ValueError()) == "ValueError"
+    assert said(ValueError("one\ntwo")) == "ValueError: one"
+    assert Contact.BEGIN.name == "BEGIN"
