@@ -110,7 +110,8 @@ class DriverBout(Bout):
 def opened(subject: DeviceSubject) -> Iterator[Opened]:
     """Lend the device that several checks share, or open one for this check alone."""
     if subject.shared is not None:
-        yield subject.shared.lend(subject)
+        with subject.shared.lent(subject) as lent:
+            yield lent
         return
     with Opened(subject) as own:
         yield own

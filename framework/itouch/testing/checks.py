@@ -69,10 +69,21 @@ class Check:
             except BaseException as error:  # whatever a stranger's code raises
                 if interrupted:
                     raise
-                note, outcome = str(escaped(error)), "failed"
+                note, outcome = self._told(subject, error)
             finally:
                 before.put_back()
         return Finding(self, outcome, note, time.perf_counter() - begin)
+
+    def _told(self, subject: Any, error: BaseException) -> tuple[str, Literal["passed", "failed", "left out"]]:
+        """Return how an error is told; where the subject thinks that it was bad luck, the check is run again."""
+        for _ in range(2):
+            if not getattr(subject, "unlucky", lambda error: False)(error):
+                break
+            try:
+                return self.run(subject) or "", "passed"
+            except Exception as again:
+                error = again
+        return str(error if isinstance(error, CheckError) else escaped(error)), "failed"
 
 
 @dataclass(frozen=True, slots=True)

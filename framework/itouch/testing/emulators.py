@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from itouch.plugin import Channel, DeviceError
 from itouch.testing.checks import CheckError, NotApplicableError, check
 from itouch.testing.subject import DeviceSubject, limits
-from itouch.testing.wire import Opened, Served, served
+from itouch.testing.wire import Opened, Served, emulated
 
 #: Where the finger leads a device that tracks it, about a place that it can take [m], and time to go there [s].
 _ABOUT = tuple(np.array(away) for away in ((0.0, 0.0, 0.0), (0.008, -0.005, 0.004), (-0.006, 0.007, -0.009)))
@@ -25,7 +25,7 @@ def _fail(seen: str, cause: str, advice: str) -> CheckError:
 @check("twin-and-driver-agree", "the driver reads through the wire what the twin is")
 def agree(subject: DeviceSubject) -> str:
     """Compare readings of the driver with those of the twin behind the wire; a finger leads what tracks it about."""
-    with served(subject) as (emulator, open_subject), Opened(open_subject, emulator) as opened:
+    with emulated(subject) as (emulator, opened):
         opened.fresh(5.0)
         if not emulator.tracks:
             return f"within {100 * _agreed(emulator, opened):.0f} % of the tolerance"
@@ -63,10 +63,10 @@ def _agreed(emulator: Served, opened: Opened) -> float:
 @check("disabled-is-still", "nothing is driven before the first command")
 def still(subject: DeviceSubject) -> None:
     """Open and read; the emulator must not be driven to anything but its safe command."""
-    with served(subject) as (emulator, open_subject), Opened(open_subject, emulator) as opened:
+    with emulated(subject) as (emulator, opened):
         for _ in range(20):
             with contextlib.suppress(CheckError):
-                opened.fresh(0.2)
+                opened.fresh(0.2, silent=True)
         for channel in emulator.bench.commands:
             if not isinstance(channel.safe, tuple) or not emulator.driven:
                 continue
@@ -82,7 +82,7 @@ def still(subject: DeviceSubject) -> None:
 @check("commands-arrive", "what is commanded is what the device is asked for: scale, sign and unit agree")
 def arrive(subject: DeviceSubject) -> str:
     """Command half of what is allowed, and compare with what the emulator makes of it."""
-    with served(subject) as (emulator, open_subject), Opened(open_subject, emulator) as opened:
+    with emulated(subject) as (emulator, opened):
         opened.fresh(5.0)
         wanted = {c.name: _half(c) for c in opened.commands if c.name != "pose_target" and c.low}
         if not wanted:
@@ -136,24 +136,28 @@ def _arrived(emulator: Served, opened: Opened, name: str) -> float:
 @check("unplug", "a device that is unplugged is a DeviceError, soon, and close still works")
 def unplug(subject: DeviceSubject) -> str:
     """Hang up while the driver reads."""
-    with served(subject) as (emulator, open_subject):
-        opened = Opened(open_subject, emulator)
+    with emulated(subject) as (emulator, opened):
+        opened.fresh(5.0)
+        emulator.hang_up()
+        told = _unplugged(opened)
+    if subject.shared is not None:
+        subject.shared.end()  # close must work now, too
+    return told
+
+
+def _unplugged(opened: Opened) -> str:
+    """Read from a device that is gone; return how that was told."""
+    begin = time.perf_counter()
+    while time.perf_counter() - begin < 3.0:
         try:
-            opened.fresh(5.0)
-            emulator.hang_up()
-            begin = time.perf_counter()
-            while time.perf_counter() - begin < 3.0:
-                try:
-                    if opened.device.read(opened.reading) is False:
-                        time.sleep(1e-3)
-                        continue
-                    _no_nan(opened)
-                except DeviceError:
-                    return f"told after {1e3 * (time.perf_counter() - begin):.0f} ms"
-                if time.perf_counter() - begin > 1.0:
-                    break
-        finally:
-            opened.device.close()
+            if opened.device.read(opened.reading) is False:
+                time.sleep(1e-3)
+                continue
+        except DeviceError:
+            return f"told after {1e3 * (time.perf_counter() - begin):.0f} ms"
+        _no_nan(opened)
+        if time.perf_counter() - begin > 1.0:
+            break
     if time.perf_counter() - begin >= 3.0:
         return "told as silence: the watchdog stops it"
     raise _fail(

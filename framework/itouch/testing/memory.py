@@ -112,6 +112,7 @@ def driver_keeps_nothing(subject: DeviceSubject) -> None:
         device.fresh()
         for _ in range(3):
             _let_go(device.device.read, device.reading, "reading")
+            device.exchange()
         if device.command:
             _let_go(device.device.write, device.command, "command")
 

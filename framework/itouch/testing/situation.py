@@ -253,8 +253,13 @@ class _Maker:
 
     def attributes(self, kind: type, plugin: str, local: str) -> str:
         """Return the attributes that must be given."""
-        needed = {n: s for n, s in specs(kind).items() if default_of(kind, n) is REQUIRED}
+        required = {n for n in specs(kind) if default_of(kind, n) is REQUIRED}
+        needed = {n: s for n, s in specs(kind).items() if n in required or self._of_use(s, plugin)}
         return " ".join(f'{xml_name(n)}="{self._value(n, s, plugin, local)}"' for n, s in needed.items())
+
+    def _of_use(self, spec: Spec, plugin: str) -> bool:
+        """Tell whether another modality of the plugin can be named, though none need be."""
+        return spec.kind == "ref" and spec.target == "modality" and len(self._catalog.modality_names(plugin)) > 1
 
     def _value(self, name: str, spec: Spec, plugin: str, local: str) -> str:
         if spec.kind == "ref" and spec.target == "probe":

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.plugin import Device, Field, IdealTwin, Record, Touch, Twin
+from itouch.plugin import Device, DeviceError, Field, IdealTwin, Record, Touch, Twin
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
 from itouch.scene.elements import DeviceElement, PluginPart, Probe
@@ -127,6 +127,14 @@ class DeviceSubject:
             raise NotApplicableError("the device class names no Emulator")
         if not self.hardware and not self.emulated:
             raise NotApplicableError("needs the device, a loop-back or an emulator")
+
+    def unlucky(self, error: BaseException) -> bool:
+        """Tell whether an error may be due to a busy machine, on which an emulated device was left alone too long."""
+        if not self.emulated or not isinstance(error, DeviceError):
+            return False
+        if self.shared is not None:
+            self.shared.end()
+        return True
 
     def scene(self, *, twin: bool = True, params: Any = None) -> Scene:
         """Return a scene with nothing but the device, and a probe if it tracks a finger."""

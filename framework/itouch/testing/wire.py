@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import is_dataclass, replace
 from typing import Any
 
-from itouch.plugin import Channel, Emulator, Field, Record
+from itouch.plugin import Channel, DeviceError, Emulator, Field, Record
 from itouch.testing.checks import CheckError, NotApplicableError
 from itouch.testing.subject import PERIOD, DeviceSubject, TwinBench
 
@@ -131,6 +131,7 @@ class Opened:
         self.reading = Record.of(Field(c.name, "f8", c.size) for c in reads)
         self.command = Record.of(Field(c.name, "f8", c.size) for c in commands)
         self.commands: Sequence[Channel] = commands
+        self._seen = False
         self.be_safe()
         try:
             self.device.open()
@@ -156,10 +157,13 @@ class Opened:
         with self._end:
             self.device.close()
 
-    def fresh(self, patience: float = 1.0) -> None:
-        """Read until there is something new."""
+    def fresh(self, patience: float = 1.0, *, silent: bool = False) -> None:
+        """Read until there is something new; send the safe command meanwhile, as the framework does, or be silent."""
         deadline = time.perf_counter() + patience
+        speaks = not silent and self.device.watchdog is not None and self._seen
         while self.device.read(self.reading) is False:
+            if speaks:
+                self.send()
             if time.perf_counter() > deadline:
                 raise CheckError(
                     f"no new reading within {patience:g} s",
@@ -167,33 +171,78 @@ class Opened:
                     advice="return True when the reading is new",
                 )
             time.sleep(1e-4)  # let whoever answers, answer
+        self._seen = True
+        if speaks:
+            self.send()
 
     def exchange(self) -> None:
         """Read, and send the safe command."""
         self.device.read(self.reading)
+        self.send()
+
+    def send(self) -> None:
+        """Send the safe command."""
         self.stay()
         if self.command:
             self.device.write(self.command)
 
 
 class Shared:
-    """A device that several checks use in turn, where opening it takes long; it is opened when it is first lent."""
+    """A device that several checks use in turn, where opening it takes long; it is opened when it is first lent.
+
+    While nobody has borrowed it, it goes on being read and sent the safe command, as in a session.
+    """
 
     def __init__(self) -> None:
         self._opened: Opened | None = None
+        self._idle = threading.Event()
+        self._lock = threading.Lock()
+        self._thread: threading.Thread | None = None
 
-    def lend(self, subject: DeviceSubject) -> Opened:
-        """Return the open device."""
+    @contextlib.contextmanager
+    def lent(self, subject: DeviceSubject) -> Iterator[Opened]:
+        """Lend the open device."""
         if self._opened is None:
             self._opened = Opened(subject)
-        self._opened.be_safe()
-        return self._opened
+        self._idle.clear()
+        with self._lock:
+            self._opened.be_safe()
+            yield self._opened
+        self._idle.set()
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._keep, name="keeping", daemon=True)
+            self._thread.start()
+
+    def _keep(self) -> None:
+        while self._opened is not None:
+            if self._idle.wait(0.1):
+                with self._lock, contextlib.suppress(DeviceError):
+                    if self._opened is not None and self._idle.is_set():
+                        self._opened.exchange()
+            time.sleep(5e-3)
 
     def end(self) -> None:
         """Close it, if it was ever lent."""
-        lent, self._opened = self._opened, None
+        self._idle.clear()
+        with self._lock:
+            lent, self._opened = self._opened, None
+        if self._thread is not None:
+            self._thread.join(1.0)
+            self._thread = None
         if lent is not None:
-            lent.__exit__()
+            with contextlib.suppress(DeviceError):
+                lent.__exit__()
+
+
+@contextlib.contextmanager
+def emulated(subject: DeviceSubject) -> Iterator[tuple[Served, Opened]]:
+    """Yield an emulator and the driver that is open on it: the shared ones, or new ones."""
+    if subject.shared is not None:
+        with subject.shared.lent(subject) as lent:
+            yield lent.served, lent
+        return
+    with served(subject) as (emulator, there), Opened(there, emulator) as own:
+        yield emulator, own
 
 
 def elsewhere(params: Any) -> Any:

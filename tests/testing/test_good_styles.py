@@ -1,0 +1,21 @@
+"""No good plugin is blamed, however it is written."""
+
+from __future__ import annotations
+
+import pytest
+from good_styles import GOOD
+
+from itouch.testing.checks import examine
+from itouch.testing.subject import DeviceSubject
+from itouch.testing.suites import DEVICE_CHECKS
+
+#: These look at every device in the same way, whatever its style, and start processes for it.
+_ALIKE = ("import", "sigterm")
+
+
+@pytest.mark.parametrize("cls", GOOD, ids=[cls.__name__ for cls in GOOD])
+def test_a_good_plugin_is_not_blamed(cls):
+    subject = DeviceSubject(cls, "slider", hardware=not cls.twin_only)
+    checks = [check for check in DEVICE_CHECKS if check.name not in _ALIKE]
+    blamed = [f"{f.check.name}: {f.note}" for f in examine(checks, subject) if f.outcome == "failed"]
+    assert not blamed, "\n".join(blamed)
