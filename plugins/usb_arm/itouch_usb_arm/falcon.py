@@ -58,7 +58,9 @@ class Falcon:
     backend
         A pyusb backend object; None: the system's libusb.
     serial
-        The arm's serial number, or "any".
+        The arm's serial number, or "any": of several arms the first that can be opened.
+    device
+        A pyusb device to open, where it was found already.
     force_scale
         Motor counts a newton metre.
     resume
@@ -77,6 +79,7 @@ class Falcon:
         backend: Any = None,
         *,
         serial: str = "any",
+        device: Any = None,
         force_scale: float = FORCE_SCALE,
         resume: bool = False,
         patience: float = 1.0,
@@ -85,7 +88,7 @@ class Falcon:
     ) -> None:
         if not (math.isfinite(force_scale) and force_scale > 0.0):
             raise ValueError(f"force_scale = {force_scale!r} is out of range: more than 0 counts/(N m)")
-        self._firmware, self._backend, self._serial = firmware, backend, serial
+        self._firmware, self._backend, self._serial, self._device = firmware, backend, serial, device
         self._scale, self._resume, self._trace, self._clock = force_scale, resume, trace, clock
         self._patience = patience
         #: Lights to show; None: red until the arm is homed, then green.
@@ -133,7 +136,7 @@ class Falcon:
         if self.is_open:
             return self
         image = image_of(self._firmware)
-        opened = link.Link(link.find(self._backend, self._serial), self._trace)
+        opened = self._claimed()
         try:
             self._start(opened, image)
         except BaseException:
@@ -142,6 +145,17 @@ class Falcon:
             raise
         atexit.register(self.close)
         return self
+
+    def _claimed(self) -> link.Link:
+        """Claim the first of the arms that can be; else tell why the first cannot."""
+        devices = link.find(self._backend, self._serial) if self._device is None else [self._device]
+        refused: FalconError | None = None
+        for device in devices:
+            try:
+                return link.Link(device, self._trace)
+            except FalconError as error:
+                refused = refused or error
+        raise refused or Disconnected("the arm was unplugged while it was opened")
 
     def _start(self, opened: link.Link, image: boot.Image | None) -> None:
         self._forget()

@@ -26,15 +26,15 @@ _WRITE_MS, _CONTROL_MS = 200, 500
 _NAMES = {RESET: "purge", MODEM: "modem", FLOW: "flow", BAUD: "baud", DATA: "data bits", LATENCY: "latency"}
 
 
-def find(backend: Any, serial: str) -> Any:
-    """Return the pyusb device of the arm.
+def find(backend: Any, serial: str = "any") -> list[Any]:
+    """Return the pyusb devices of the arms that are attached, one at least.
 
     Raises
     ------
     NotFound
         If none is attached, or there is no USB library to look for one.
     PermissionDenied
-        If its serial number is asked for and may not be read.
+        If a serial number is asked for and may not be read.
     """
     import usb.core
 
@@ -45,51 +45,90 @@ def find(backend: Any, serial: str) -> Any:
     except OSError as error:
         raise NotFound(f"the USB bus cannot be searched: {error.strerror or error}") from error
     if serial != "any":
-        devices = [device for device in devices if _serial(device) == serial]
+        devices = _with_serial(devices, serial)
     if not devices:
         wanted = "" if serial == "any" else f" with serial number '{serial}'"
         raise NotFound(f"no arm ({VENDOR:04x}:{PRODUCT:04x}){wanted} is attached: plug it in and power it")
-    return devices[0]
+    return devices
 
 
-def _serial(device: Any) -> str:
-    try:
-        return device.serial_number or ""
-    except (OSError, ValueError, NotImplementedError) as error:
-        if getattr(error, "errno", None) == errno.EACCES or isinstance(error, ValueError):
-            raise PermissionDenied(str(error)) from error
-        return ""
+def _with_serial(devices: list[Any], wanted: str) -> list[Any]:
+    """Return the devices with a serial number; one that may not be read matters only if no other has it."""
+    found, refused = [], None
+    for device in devices:
+        try:
+            if (device.serial_number or "") == wanted:
+                found.append(device)
+        except (OSError, ValueError, NotImplementedError) as error:
+            if kind_of(error) == "access" or isinstance(error, ValueError):  # pyusb: "has no langid (permission issue)"
+                refused = error
+    if refused is not None and not found:
+        raise PermissionDenied(str(refused)) from refused
+    return found
+
+
+#: What error numbers mean, on any system, and those of libusb where a backend gives no other.
+_NUMBERS = {
+    errno.ETIMEDOUT: "timeout", 110: "timeout", 60: "timeout", 10060: "timeout", errno.EPIPE: "stall", 32: "stall",
+    errno.EACCES: "access", errno.EPERM: "access", errno.EBUSY: "busy", errno.ENODEV: "gone", errno.ENOENT: "gone",
+    errno.EINTR: "again", errno.EAGAIN: "again",
+}  # fmt: skip
+_LIBUSB = {-3: "access", -4: "gone", -5: "gone", -6: "busy", -7: "timeout", -9: "stall", -10: "again"}
+
+
+def kind_of(error: BaseException) -> str:
+    """Return what went wrong: timeout, stall, access, busy, gone, again (nothing yet), or other."""
+    if type(error).__name__ == "USBTimeoutError":
+        return "timeout"
+    number = getattr(error, "errno", None)
+    if number in _NUMBERS:
+        return _NUMBERS[number]
+    if number is None:
+        found = _LIBUSB.get(getattr(error, "backend_error_code", None) or 0)
+        if found is not None:
+            return found
+        if "timed out" in str(error).lower() or "timeout" in str(error).lower():
+            return "timeout"
+    return "other"
 
 
 class Link:
     """An open arm: control requests, bytes out, bytes in."""
 
     def __init__(self, device: Any, trace: Trace | None = None) -> None:
-        self._device, self._trace = device, trace
+        self._device, self._trace, self._detached = device, trace, False
         try:
             self._claim()
-        except OSError as error:
+        except (OSError, NotImplementedError) as error:
             self.close()
             raise _opening(error) from error
 
     def _claim(self) -> None:
-        import usb.core
         import usb.util
 
+        self._detach()
         try:
             self._device.get_active_configuration()
-        except (usb.core.USBError, NotImplementedError) as error:
-            if getattr(error, "errno", None) in (errno.EACCES, errno.EPERM, errno.ENODEV):
+        except (OSError, NotImplementedError) as error:
+            if kind_of(error) in ("access", "gone"):
                 raise
             self._device.set_configuration()
         try:
             usb.util.claim_interface(self._device, 0)
-        except usb.core.USBError as error:
-            if error.errno != errno.EBUSY:
+        except OSError as error:
+            if kind_of(error) != "busy":
                 raise
-            with contextlib.suppress(NotImplementedError):
+            with contextlib.suppress(NotImplementedError, OSError):  # the kernel's, on a system that cannot tell so
                 self._device.detach_kernel_driver(0)
+                self._detached = True
             usb.util.claim_interface(self._device, 0)
+
+    def _detach(self) -> None:
+        """Take the arm from a driver of the kernel that holds it; it gets it back when the link is closed."""
+        with contextlib.suppress(NotImplementedError, OSError):
+            if self._device.is_kernel_driver_active(0):
+                self._device.detach_kernel_driver(0)
+                self._detached = True
 
     def close(self) -> None:
         """Release the interface; an arm that is gone is no error here."""
@@ -97,6 +136,10 @@ class Link:
 
         with contextlib.suppress(Exception):
             usb.util.release_interface(self._device, 0)
+        if self._detached:
+            self._detached = False
+            with contextlib.suppress(Exception):
+                self._device.attach_kernel_driver(0)
         with contextlib.suppress(Exception):
             usb.util.dispose_resources(self._device)
 
@@ -125,12 +168,15 @@ class Link:
         """
         if self._trace:
             self._trace.sent(data)
-        try:
-            written = self._device.write(OUT, data, _WRITE_MS)
-        except OSError as error:
-            raise self._failure(error, "writing") from error
-        if written != len(data):
-            raise ProtocolError(f"only {written} of {len(data)} bytes could be sent to the arm")
+        sent = 0
+        while sent < len(data):  # a short write is legal: the rest goes after it
+            try:
+                written = self._device.write(OUT, data[sent:], _WRITE_MS)
+            except OSError as error:
+                raise self._failure(error, "writing") from error
+            if not written:
+                raise ProtocolError(f"only {sent} of {len(data)} bytes could be sent to the arm")
+            sent += written
 
     def receive(self, wait: float) -> bytes:
         """Return what came within ``wait`` seconds without the status bytes; nothing is no error.
@@ -142,14 +188,10 @@ class Link:
         FalconError
             If it fails.
         """
-        import usb.core
-
         try:
             packets = bytes(self._device.read(IN, PACKET, max(1, math.ceil(wait * 1e3))))
-        except usb.core.USBTimeoutError:
-            return b""
         except OSError as error:
-            if error.errno == errno.ETIMEDOUT:
+            if kind_of(error) in ("timeout", "again"):
                 return b""
             raise self._failure(error, "reading") from error
         data = b"".join(packets[at + STATUS : at + PACKET] for at in range(0, len(packets), PACKET))
@@ -158,9 +200,10 @@ class Link:
         return data
 
     def _failure(self, error: OSError, what: str) -> FalconError:
-        if error.errno == errno.ETIMEDOUT or type(error).__name__ == "USBTimeoutError":
+        kind = kind_of(error)
+        if kind in ("timeout", "again"):
             return Timeout(f"{what} to the arm took too long")
-        if error.errno == errno.EPIPE:
+        if kind == "stall":
             for endpoint in (OUT, IN):
                 with contextlib.suppress(Exception):
                     self._device.clear_halt(endpoint)
@@ -170,11 +213,12 @@ class Link:
         return Disconnected(f"the arm is gone: {what} failed ({error.strerror or error})")
 
 
-def _opening(error: OSError) -> FalconError:
-    if error.errno in (errno.EACCES, errno.EPERM):
-        return PermissionDenied(error.strerror or str(error))
-    if error.errno == errno.EBUSY:
+def _opening(error: Exception) -> FalconError:
+    kind, reason = kind_of(error), getattr(error, "strerror", None) or str(error)
+    if kind == "access":
+        return PermissionDenied(reason)
+    if kind == "busy":
         return FalconError("another program uses the arm; end it first")
-    if error.errno in (errno.ENODEV, errno.ENOENT):
+    if kind == "gone":
         return Disconnected("the arm was unplugged while it was opened")
-    return FalconError(f"the arm cannot be opened: {error.strerror or error}")
+    return FalconError(f"the arm cannot be opened: {reason}")

@@ -12,8 +12,9 @@ from itouch_usb_arm.exchange import Exchange
 from itouch_usb_arm.link import Link
 from itouch_usb_arm.wire import Buttons, Leds, Reply, command, decode
 
-#: How often a frame is sent to find out whether the firmware runs, and how long [s] each answer may take.
-_PROBES, PROBE_WAIT = 10, 0.03
+#: How often a frame is sent to find out whether the firmware runs, and how long [s] each answer may take: the first
+#: ones, and the rest, which give a slow line its time.
+_PROBES, PROBE_WAIT, _LONG_WAIT = 10, 0.03, 0.1
 
 
 def image_of(firmware: str | Path | bytes | None) -> boot.Image | None:
@@ -71,7 +72,7 @@ def _probe(wire: Exchange, homing: bool, patience: float) -> Reply | None:
         leds = Leds.RED if attempt % 2 == 0 else Leds.RED | Leds.BLUE
         frame = command((0, 0, 0), homing=homing, leds=leds)
         with contextlib.suppress(Timeout, ProtocolError):
-            reply = wire.run(frame, frame, PROBE_WAIT * patience)
+            reply = wire.run(frame, frame, (PROBE_WAIT if attempt < _PROBES // 2 else _LONG_WAIT) * patience)
             echo = Reply((0, 0, 0), Buttons(decode(frame).info), (False, False, False))
             if reply != echo:
                 return reply
