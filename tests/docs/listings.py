@@ -97,6 +97,9 @@ def scene_around(text: str) -> str:
             host[tag] = {"": written.partition(">")[2].rpartition("</")[0]}
         elif tag in _TOP:
             top.append(written)
+            for section, file in (("devices", 'file="rigs/'), ("materials", 'file="materials.xml"')):
+                if file in written:
+                    host[section] = {}
         elif tag.endswith(":hardware"):
             host["devices"] = {**host["devices"], "": f'<device name="one" plugin="{tag[:-9]}">{written}</device>'}
         else:
