@@ -72,7 +72,7 @@ def test_files_that_are_named_exist() -> None:
     missing = []
     for page in pages():
         for name in re.findall(r"`((?:scenes|tests|docs|framework|plugins)/[\w./-]+)`", prose(page)):
-            if not (ROOT / name).exists():
+            if name != "scenes/blocks.xml" and not (ROOT / name).exists():  # what a tutorial writes
                 missing.append(f"{page.relative_to(ROOT)}: {name}")
     assert not missing
 
