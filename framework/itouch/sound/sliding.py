@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.sound.modal import RATE
+from itouch.sound.relief import Needle, Way
 
 #: Places on the surface that are remembered, and how many of them make a grain.
 _PLACES, _PER_GRAIN = 1 << 15, 8.0
@@ -15,6 +16,8 @@ FULL_SPEED, FULL_FORCE = 0.2, 2.0
 REST_SPEED = 1e-3
 #: Time [s] in which speed and loudness follow what they should be: no step is heard, whatever the blocks are.
 FOLLOW = 0.004
+#: How much of a texture's relief is heard.
+RELIEF = 0.7
 #: Pitch [Hz] above which the noise fades, so that nothing folds back.
 _FADE = 9000.0
 #: Loudness below which a fading noise has ended.
@@ -39,16 +42,20 @@ class Sliding:
         self._profile = np.append(surface(), 0.0)
         self._profile[-1] = self._profile[0]
         self._place, self._step, self._level = 0.0, 0.0, 0.0
+        self._needle = Needle(FOLLOW)
 
     @property
     def silent(self) -> bool:
         """Whether nothing slides."""
         return self._level == 0.0
 
-    def render(self, count: int, speed: float, force: float, *, grain: float, level: float) -> NDArray[np.float64]:
+    def render(
+        self, count: int, speed: float, force: float, *, grain: float, level: float, way: Way | None = None
+    ) -> NDArray[np.float64]:
         """Return the next samples, shape (count,), for a finger that slides at a speed [m/s] under a force [N].
 
-        ``grain`` [m] is the size of the grains, ``level`` the rms at full speed and force.
+        ``grain`` [m] is the size of the grains, ``level`` the rms at full speed and force, ``way`` the relief of a
+        texture that goes by: it is heard itself, and the grains are louder on its heights than in its depths.
         """
         speed = speed if 0.0 < speed < 100.0 else 0.0
         force = min(force, FULL_FORCE) if force > 0.0 else 0.0
@@ -73,6 +80,9 @@ class Sliding:
         index = places.astype(int)
         rest = places - index
         heard = self._profile[index] * (1.0 - rest) + self._profile[index + 1] * rest
+        relief = self._needle.read(way, count)
+        if relief is not None:
+            heard = heard * np.maximum(0.0, 1.0 + RELIEF * relief) + RELIEF * relief
         made: NDArray[np.float64] = heard * levels
         self._level = float(levels[-1]) if loud > 0.0 or levels[-1] > _INAUDIBLE else 0.0
         return made

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,7 @@ from itouch.loop import Status
 from itouch.plugin import Contact, Record
 from itouch.scene.elements.sound import Sound
 from itouch.sound.modal import RATE, Bank
+from itouch.sound.relief import Relief, Way, reliefs, turned
 from itouch.sound.sliding import Sliding
 from itouch.world import Model
 
@@ -33,6 +35,17 @@ class _Voice:
 
     sound: Sound
     bank: Bank
+    relief: Relief | None
+
+
+@dataclass(slots=True)
+class _Slide:
+    """How a probe slides: speed [m/s], force [N], on what."""
+
+    speed: float
+    force: float
+    sound: Sound
+    way: Way | None
 
 
 class Synth:
@@ -40,9 +53,10 @@ class Synth:
 
     def __init__(self, model: Model) -> None:
         self._model = model
-        self._voices = [_voice(model, element.material) for element in model.scene.objects]
+        found = reliefs(model)
+        self._voices = [_voice(model, element.material, found) for element in model.scene.objects]
         self._sliding = {probe.name: Sliding() for probe in model.probes}
-        self._slides: dict[str, tuple[float, float, Sound | None]] = {}
+        self._slides: dict[str, _Slide | None] = {}
         self._count = -1
         self._fault = False
         self._tone_time, self._tone_level = 0.0, 0.0
@@ -65,15 +79,19 @@ class Synth:
             self._slides[probe.name] = self._slide(state, probe.name)
         self._fault = any(int(state[f"{name}.status"]) == Status.FAULT for name in self._model.devices)
 
-    def _slide(self, state: Record, probe: str) -> tuple[float, float, Sound | None]:
+    def _slide(self, state: Record, probe: str) -> _Slide | None:
         index = int(state[f"{probe}.object"])
         voice = self._voices[index] if index >= 0 else None
         if voice is None:
-            return 0.0, 0.0, None
+            return None
         velocity = state[f"{probe}.velocity"] - state["objects.twist"][index][:3]
         normal = state[f"{probe}.normal"]
         across = velocity - normal * float(velocity @ normal)
-        return math.sqrt(float(across @ across)), float(state[f"{probe}.normal_force"]), voice.sound
+        way = None
+        if voice.relief is not None:
+            pose = state["objects.pose"][index]
+            way = Way(voice.relief, *voice.relief.rates(turned(pose, across), turned(pose, normal)))
+        return _Slide(math.sqrt(float(across @ across)), float(state[f"{probe}.normal_force"]), voice.sound, way)
 
     def render(self, count: int) -> NDArray[np.float64]:
         """Return the next samples at 48 kHz, shape (count,), between -1 and 1."""
@@ -84,10 +102,11 @@ class Synth:
             if voice is not None and not voice.bank.silent:
                 made += voice.bank.render(count)
         for name, sliding in self._sliding.items():
-            speed, force, sound = self._slides.get(name, (0.0, 0.0, None))
-            if sound is not None and self._stood < self._stands:
+            slide = self._slides.get(name)
+            if slide is not None and self._stood < self._stands:
+                sound, way = slide.sound, slide.way
                 level = _FRICTION * sound.friction * sound.loudness
-                made += sliding.render(count, speed, force, grain=sound.grain, level=level)
+                made += sliding.render(count, slide.speed, slide.force, grain=sound.grain, level=level, way=way)
             elif not sliding.silent:
                 made += sliding.render(count, 0.0, 0.0, grain=1e-3, level=0.0)
         if self._fault or self._tone_level > 0.0:
@@ -119,11 +138,11 @@ def limited(samples: NDArray[np.float64]) -> NDArray[np.float64]:
     return samples
 
 
-def _voice(model: Model, material: str) -> _Voice | None:
+def _voice(model: Model, material: str, found_reliefs: Mapping[str, Relief]) -> _Voice | None:
     found = next((m for m in model.scene.materials if m.name == material), None)
     if found is None or found.sound is None or found.sound.loudness == 0.0:
         return None
     sound, modes = found.sound, found.sound.modes
     bank = Bank([m.frequency for m in modes], [m.decay for m in modes], [m.gain for m in modes],
                 level=0.5 * sound.loudness)  # fmt: skip
-    return _Voice(sound, bank)
+    return _Voice(sound, bank, found_reliefs.get(material))
