@@ -1,0 +1,197 @@
+"""What a synth makes of States: textures, two fingers, sessions that stand, the warning tone, extreme parameters."""
+
+from __future__ import annotations
+
+import wave
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from shipped import SCENES
+
+import itouch
+from itouch.cli import main
+from itouch.sound import Bank, SoundTrack, Synth
+from itouch.sound.modal import RATE
+from itouch.sound.relief import Relief, Way, reliefs
+from itouch.sound.sliding import Sliding
+from itouch.sound.synth import STANDS, TONE_AGAIN, TONE_EVERY, TONE_FIRST, limited
+
+SCENE = """<itouch version="1.0">
+  <materials>{materials}</materials>
+  <world><box name="a" size="60 60 20 mm" pos="-40 0 10 mm" material="a"/>
+    <box name="b" size="60 60 20 mm" pos="40 0 10 mm" material="b"/></world>
+  <devices><device name="left" plugin="usb-arm"/><device name="right" plugin="usb-arm"/></devices>
+  <interaction>
+    <probe name="one" radius="8 mm" pose-from="left" force-to="left"/>
+    <probe name="two" radius="8 mm" pose-from="right" force-to="right"/>
+    <operator probe="one"><motion><to pos="-40 0 40 mm" in="0.3 s"/><to pos="-40 0 22 mm" in="0.1 s" hold="0.6 s"/>
+      </motion></operator>
+    <operator probe="two"><motion><to pos="40 0 40 mm" in="0.3 s"/><to pos="40 0 22 mm" in="0.1 s" hold="0.6 s"/>
+      </motion></operator>
+  </interaction>
+</itouch>"""
+ONE = '<material name="{0}"><contact stiffness="1 N/mm"/><sound friction="{2}">{1}</sound></material>'
+
+
+def material(name: str, modes: list[float], *, decay: float = 0.4, friction: float = 0.0) -> str:
+    rows = "".join(f'<mode frequency="{f!r} Hz" decay="{decay} s"/>' for f in modes)
+    return ONE.format(name, rows, friction)
+
+
+def peaks(samples: np.ndarray, count: int) -> list[float]:
+    size = np.abs(np.fft.rfft(samples * np.hanning(len(samples)), 1 << 18))
+    frequency = np.fft.rfftfreq(1 << 18, 1 / RATE)
+    found = []
+    for _ in range(count):
+        at = int(size.argmax())
+        found.append(float(frequency[at]))
+        size[np.abs(frequency - frequency[at]) < 60] = 0
+    return sorted(found)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_two_fingers_strike_two_materials_at_once_with_modes_at_random(tmp_path, seed):
+    rng = np.random.default_rng(seed)
+    every = np.sort(rng.choice(np.arange(150, 9000, 150), 6, replace=False) + rng.uniform(-20, 20, 6))
+    order = rng.permutation(6)
+    a, b = (sorted(every[part].round(1).tolist()) for part in (order[:3], order[3:]))
+    (tmp_path / "scene.xml").write_text(SCENE.format(materials=material("a", a) + material("b", b)))
+    words = ["run", str(tmp_path / "scene.xml"), "--wav", str(tmp_path / "x.wav"), "--record", str(tmp_path / "x.mcap")]
+    assert main(words) == 0
+    assert main(["replay", str(tmp_path / "x.mcap"), "--wav", str(tmp_path / "y.wav")]) == 0
+    assert (tmp_path / "x.wav").read_bytes() == (tmp_path / "y.wav").read_bytes()
+    with wave.open(str(tmp_path / "x.wav")) as stream:
+        samples = np.frombuffer(stream.readframes(stream.getnframes()), "<i2") / 32767
+    first = int(np.flatnonzero(samples)[0])
+    assert peaks(samples[first + RATE // 50 : first + RATE // 3], 6) == pytest.approx(every.tolist(), abs=8)
+    assert np.abs(samples).max() < 1.0
+
+
+@pytest.fixture(scope="module")
+def plates():
+    """The shipped scene, its synth's sound, and the session."""
+    session = itouch.build(SCENES / "texture_and_sound.xml")
+    track = SoundTrack(session)
+    session.taps.append(track.tap)
+    states = {}
+    session.taps.append(lambda tick: states.update({tick: session.state.copy()}) if tick == 6000 else None)
+    session.run()
+    return session, track.samples, states[6000]
+
+
+def test_each_plate_of_the_shipped_scene_sounds_as_it_is_made(plates):
+    session, samples, _ = plates
+    contacts = session.report()["contacts"]
+    assert [c["material"] for c in contacts[:4]] == ["washboard", "slate", "glass", "drum"]
+    for contact in contacts[:4]:
+        sound = next(m.sound for m in session.model.scene.materials if m.name == contact["material"])
+        at = round(contact["begin_s"] * RATE)
+        heard = peaks(samples[at : at + RATE // 8], len(sound.modes))
+        assert heard == pytest.approx([mode.frequency for mode in sound.modes], rel=0.03, abs=15)
+    assert np.abs(samples).max() < 1.0
+
+
+def test_ridges_are_heard_at_speed_over_their_distance():
+    """A height map of bars every 1 mm: heard across them, not along them."""
+    bars = np.tile(np.sign(np.sin(2 * np.pi * (np.arange(40) + 0.5) / 10)), (8, 1))
+    relief = Relief(bars, 1e-4, 2)
+    up = np.array([0.0, 0.0, 1.0])
+
+    def strength(velocity: tuple[float, float]) -> float:
+        way = Way(relief, *relief.rates(np.array([*velocity, 0.0]), up))
+        sliding = Sliding()
+        made = [sliding.render(480, 0.12, 1.0, grain=2e-4, level=0.1, way=way) for _ in range(200)]
+        envelope = np.abs(np.concatenate(made)[4800:])
+        size = np.abs(np.fft.rfft(envelope - envelope.mean()))
+        at = round(120.0 * len(envelope) / RATE)  # 0.12 m/s over 1 mm
+        return float(size[at - 2 : at + 3].max() / np.median(size))
+
+    assert strength((0.12, 0.0)) > 10 * strength((0.0, 0.12))
+
+
+def test_only_materials_with_a_map_that_is_not_flat_have_a_relief(plates):
+    session, _, _ = plates
+    found = reliefs(session.model)
+    assert set(found) == {"washboard", "slate"}
+    assert found["washboard"].pitch * found["washboard"].heights.shape[1] == pytest.approx(12e-3)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.lists(st.tuples(st.integers(1, 700), st.sampled_from([0, 1, 2]), st.floats(-1e9, 1e9)), min_size=2, max_size=12)
+)
+def test_reliefs_that_change_while_sliding_never_jump_or_leave_the_range(pieces):
+    rng = np.random.default_rng(1)
+    maps = [None, Relief(rng.uniform(-2, 2, (5, 7)), 1e-3, 2), Relief(rng.uniform(-2, 2, (64, 64)), 1e-5, -1)]
+    sliding, made = Sliding(), []
+    for count, number, speed in pieces:
+        relief = maps[number]
+        way = Way(relief, speed, -speed) if relief is not None else None
+        made.append(sliding.render(count, 0.1, 1.0, grain=1e-2, level=0.1, way=way))
+    samples = np.concatenate(made)
+    assert np.isfinite(samples).all() and np.abs(samples).max() < 2.5
+
+
+def test_blocks_of_any_size_slide_alike():
+    whole, parts = Sliding(), Sliding()
+    pieces = [parts.render(n, 0.1, 1.0, grain=3e-4, level=0.1) for n in (1, 47, 48, 480, 1000, 824)]
+    np.testing.assert_allclose(np.concatenate(pieces), whole.render(2400, 0.1, 1.0, grain=3e-4, level=0.1), atol=1e-9)
+
+
+def test_noise_begins_and_ends_without_a_click():
+    """Where it begins and ends, steps are no greater than in its midst."""
+    sliding = Sliding()
+    made = [sliding.render(480, v, 2.0, grain=1e-3, level=0.2) for v in [0.0] * 2 + [0.2] * 40 + [0.0] * 10]
+    samples = np.concatenate(made)
+    steps = np.abs(np.diff(samples))
+    inner = steps[5000:19000].max()
+    assert steps[:2000].max() < inner and steps[20000:].max() < inner
+    assert not samples[:960].any() and not samples[-480:].any() and sliding.silent
+
+
+def test_a_session_that_stands_still_does_not_go_on_sliding(plates):
+    session, _, state = plates
+    synth = Synth(session.model)
+    synth.hear(state)
+    moving = synth.render(round(0.5 * STANDS * RATE))
+    assert moving.std() > 1e-3
+    made = []
+    for _ in range(60):  # a paused window shows the same State in every frame
+        synth.hear(state)
+        made.append(synth.render(RATE // 60))
+    samples = np.concatenate(made)
+    assert not samples[RATE // 4 :].any()
+    assert np.abs(np.diff(samples)).max() < 0.5
+
+
+def test_the_warning_tone_is_long_at_first_then_now_and_then(plates):
+    session, _, state = plates
+    synth, state = Synth(session.model), state.copy()
+    state["arm.status"] = 3
+    synth.hear(state)
+    synth.render(RATE)  # what slid is over
+    on = []
+    for _ in range(1100):
+        synth.hear(state)
+        on.append(np.abs(synth.render(RATE // 100)).max() > 0.05)
+    assert all(on[:95]) and not any(on[120:380])
+    assert any(on[round(100 * (TONE_EVERY - 1.0 + TONE_AGAIN / 2)) - 5 :][:10])
+    assert 0.0 < TONE_AGAIN < TONE_FIRST < TONE_EVERY
+
+
+modes = st.lists(
+    st.tuples(st.floats(20, 16000), st.floats(min_value=0, exclude_min=True, max_value=20), st.floats(0, 1)), max_size=6
+)
+
+
+@settings(max_examples=80, deadline=None)
+@given(modes, st.lists(st.floats(allow_nan=True), max_size=6), st.integers(1, 999))
+def test_whatever_a_scene_may_say_is_finite_and_bounded(asked, speeds, block):
+    frequencies, decays, gains = zip(*asked, strict=True) if asked else ((), (), ())
+    bank = Bank(frequencies, decays, gains)
+    for speed in [*speeds, 1.0]:
+        bank.strike(speed)
+        samples = limited(bank.render(block))
+        assert np.isfinite(samples).all() and np.abs(samples).max(initial=0) < 1.0
