@@ -176,7 +176,13 @@ def test_what_cannot_be_viewed_is_said(recorded, tmp_path):
     ):
         done = itouch_py("replay", str(recorded), *words)
         assert done.returncode == 2 and says in done.stderr and "Traceback" not in done.stderr, done.stderr
-    done = itouch_py("replay", str(tmp_path / "none.mcap"), "--view", DISPLAY=":999")
-    assert done.returncode == 2 and "none.mcap" in done.stderr
     done = itouch_py("replay", str(recorded), "--view", DISPLAY=":999")
-    assert done.returncode == 2 and "window" in done.stderr and "Traceback" not in done.stderr
+    assert done.returncode == 2 and "no display" in done.stderr and "Traceback" not in done.stderr
+
+
+def test_what_cannot_be_opened_in_a_window_is_said(recorded, tmp_path, screen):
+    display = screen["DISPLAY"]
+    done = itouch_py("replay", str(tmp_path / "none.mcap"), "--view", DISPLAY=display)
+    assert done.returncode == 2 and "none.mcap" in done.stderr
+    done = itouch_py("replay", str(recorded), "--view", DISPLAY=display, MESA_GL_VERSION_OVERRIDE="2.1")
+    assert done.returncode == 2 and "no OpenGL 3.3 window" in done.stderr and "Traceback" not in done.stderr

@@ -75,6 +75,8 @@ def _follow(handle: Handle, *, window: bool, mute: bool, leader: Leader | None) 
                 windows.show(handle, screen, mute=mute)
             while not handle.wait(_EVERY if leader is None else _LOOK):
                 screen.show()
+                if handle.faults:  # nobody can see it any more and re-arm
+                    handle.request_stop()
                 if leader is not None:
                     leader.lead(handle)
         except DeviceFaultError:

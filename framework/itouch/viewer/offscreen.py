@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
+import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -47,8 +49,21 @@ def size_of(text: str) -> tuple[int, int]:
 
 
 def has_display() -> bool:
-    """Tell whether there is a screen to open a window on."""
-    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+    """Tell whether there is a screen to open a window on, which answers."""
+    if sys.platform != "linux":
+        return True
+    if not os.environ.get("DISPLAY"):  # windows are X11's, also under Wayland
+        return False
+    try:
+        x11 = ctypes.CDLL("libX11.so.6")
+    except OSError:
+        return False
+    x11.XOpenDisplay.restype = ctypes.c_void_p
+    screen = x11.XOpenDisplay(None)
+    if screen is None:
+        return False
+    x11.XCloseDisplay(ctypes.c_void_p(screen))
+    return True
 
 
 def config() -> Any:

@@ -45,7 +45,10 @@ class Window(pyglet.window.Window):
             resizable=True, config=config(), vsync=False,
         )  # fmt: skip
         self.source, self._now = source, now
-        self.picture = Picture(source.model, scale=self.get_pixel_ratio())
+        if self.scale > 1.0:  # a dense screen: as large as on others
+            room = self.screen
+            self.set_size(min(round(width * self.scale), room.width), min(round(height * self.scale), room.height))
+        self.picture = Picture(source.model, scale=max(self.scale, self.get_pixel_ratio()))
         self._target = Frame(*self.get_framebuffer_size())
         self._keys: set[int] = set()
         self._steering = Steering(source)
@@ -191,6 +194,11 @@ class Window(pyglet.window.Window):
             self._target.delete()
             self._target = Frame(*size)
         self._orthogonal(*size)
+
+    def on_scale(self, scale: float, dpi: int) -> None:
+        """Write as large as on other screens, also on one that is denser."""
+        if hasattr(self, "picture"):
+            self.picture.scale = max(scale, self.get_pixel_ratio())
 
     def _orthogonal(self, width: int, height: int) -> None:
         from pyglet.math import Mat4
