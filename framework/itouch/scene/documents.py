@@ -110,7 +110,8 @@ class DocumentReader:
 
     def _check_root(self, root: Node) -> bool:
         if root.tag != "itouch" or root.namespace:
-            sentence = f"the outermost element is <{root.written}>, not <itouch>"
+            of = f" of the namespace '{root.namespace[:80]}'" if root.namespace else ""
+            sentence = f"the outermost element is <{root.written}>{of}, not <itouch>"
             advice = f'a scene begins with <itouch version="{VERSION}">'
             self.problems.append(Problem("wrong-root", sentence, root.place, advice))
             return False

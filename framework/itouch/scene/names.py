@@ -58,10 +58,12 @@ class Names:
         materials = [entry for entry in self.defined if entry.kind == "material"]
         yield from _duplicates(materials)
         yield from _duplicates([entry for entry in self.defined if entry.kind != "material"])
+        known: dict[str, dict[str, None]] = {}
+        for entry in self.defined:
+            known.setdefault(entry.kind, {})[entry.name] = None
         for entry in self.wanted:
-            known = [other.name for other in self.defined if other.kind == entry.kind]
-            if entry.name not in known:
-                yield _unknown(entry, known)
+            if entry.name not in known.get(entry.kind, {}):
+                yield _unknown(entry, list(known.get(entry.kind, {})))
 
 
 def _duplicates(entries: list[Entry]) -> Iterator[Problem]:

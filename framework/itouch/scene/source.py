@@ -61,15 +61,18 @@ class _Text:
     def __init__(self, file: str, data: bytes) -> None:
         self.file, self.data = file, data
         self._starts = [0] + [match.end() for match in re.finditer(rb"\n", data)]
+        self._line, self._text = -1, ""
 
     def place(self, offset: int, length: int = 1) -> Place:
         line = bisect.bisect_right(self._starts, offset)
         start = self._starts[line - 1]
         end = self._starts[line] - 1 if line < len(self._starts) else len(self.data)
-        column = len(self.data[start:offset].decode("utf-8", "replace")) + 1
+        if line != self._line:  # a file of one line is asked for it again and again
+            self._line, self._text = line, self.data[start:end].decode("utf-8", "replace")
+        plain = len(self._text) == end - start
+        column = (offset - start if plain else len(self.data[start:offset].decode("utf-8", "replace"))) + 1
         span = len(self.data[offset : min(offset + length, end)].decode("utf-8", "replace").rstrip("\r"))
-        text = self.data[start:end].decode("utf-8", "replace").rstrip("\r")
-        return Place(self.file, line, column, max(1, span), text)
+        return Place(self.file, line, column, max(1, span), self._text.rstrip("\r"))
 
     def element(self, offset: int) -> Place:
         match = _TAG.match(self.data, offset)
