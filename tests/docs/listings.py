@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
+from itouch.plugin.discovery import Catalog
+
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 #: Pages that the program writes itself when the site is built: their listings are what it prints.
@@ -61,7 +63,7 @@ def _of(page: Path) -> Iterator[Listing]:
         at = end + 1
 
 
-_NAMESPACES = {name: f"urn:itouch:plugin:{name}" for name in ("thermal", "usb-arm", "xyz-table", "haply", "touch")}
+_NAMESPACES = {name: f"urn:itouch:plugin:{name}" for name in Catalog().plugin_names}
 _DECLARED = " ".join(f'xmlns:{name}="{uri}"' for name, uri in _NAMESPACES.items())
 #: What stands in a scene of its own accord, by the section and the name of the attribute that a fragment may take over.
 _HOST = {
@@ -94,7 +96,8 @@ def scene_around(text: str) -> str:
     top: list[str] = []
     for (element, tag), written in zip(parts, _pieces(text, len(parts)), strict=True):
         if tag in ("materials", "devices", "interaction", "world"):
-            host[tag] = {"": written.partition(">")[2].rpartition("</")[0]}
+            inside = _pieces(written.partition(">")[2].rpartition("</")[0], len(element))
+            host[tag] |= {_key(inner, _tag(inner)): text for inner, text in zip(element, inside, strict=True)}
         elif tag in _TOP:
             top.append(written)
             for section, file in (("devices", 'file="rigs/'), ("materials", 'file="materials.xml"')):
