@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import errno
+import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
@@ -65,17 +68,40 @@ def _guarded(words: list[str]) -> int:
     """Dispatch; what a user or a device can cause becomes a message, never a traceback."""
     from itouch.schema import ItouchError
 
+    _need_streams()
     try:
-        return _dispatch(words)
+        code = _dispatch(words)
+        sys.stdout.flush()
+        return code
     except ItouchError as error:
         print(error, file=sys.stderr)
         return 2
     except BrokenPipeError:
-        sys.stderr.close()
+        _stop_writing()
         return 141
+    except OSError as error:
+        if error.errno != errno.ENOSPC:  # a full disk behind the terminal's output; any other is a mistake of ours
+            raise
+        _stop_writing()
+        print(f"cannot write: {error.strerror}", file=sys.stderr)
+        return 2
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return 130
+
+
+def _need_streams() -> None:
+    """Give a process that was started without output streams ones that lead nowhere."""
+    if sys.stdout is None:
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+    if sys.stderr is None:
+        sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+
+
+def _stop_writing() -> None:
+    """Let what is still buffered go nowhere: at its end the interpreter would complain about it once more."""
+    with contextlib.suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _dispatch(words: list[str]) -> int:

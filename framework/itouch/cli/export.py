@@ -15,7 +15,8 @@ def main(argv: Sequence[str]) -> int:
     try:
         written = _session(options) if options.file.endswith((".itouch", ".xml")) else _recording(options)
     except OSError as error:
-        name = error.filename or options.file
+        outputs = (options.xml, options.itouch, options.csv, options.parquet, options.bids, options.hjif)
+        name = error.filename or next((output for output in outputs if output), options.file)
         raise ItouchError(f"cannot write '{name}': {error.strerror or error}") from error
     except ValueError as error:
         raise ItouchError(str(error)) from error

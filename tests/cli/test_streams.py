@@ -1,0 +1,34 @@
+"""Output that goes nowhere: no stream at all, a full disk behind it, a reader that has gone."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from shipped import SCENES
+
+COMMAND = f"{sys.executable} -m itouch.cli"
+CHECK = f"{COMMAND} check {SCENES / 'first_touch.xml'}"
+RUN = f"{COMMAND} run {SCENES / 'first_touch.xml'} --headless --for 0.1s"
+
+
+@pytest.mark.parametrize(
+    ("command", "code", "said"),
+    [
+        (f"{CHECK} >&-", 0, ""),
+        (f"{RUN} >&-", 0, ""),
+        (f"{CHECK} >&- 2>&-", 0, ""),
+        (f"{CHECK} >/dev/full", 2, "cannot write: No space left on device"),
+        (f"{RUN} >/dev/full", 2, "cannot write: No space left on device"),
+        (f"{CHECK} | (exec <&-; sleep 3); exit ${{PIPESTATUS[0]}}", 141, ""),
+    ],
+)
+def test_it_ends_without_a_traceback(tmp_path: Path, command: str, code: int, said: str) -> None:
+    done = subprocess.run(
+        ["bash", "-c", command], cwd=tmp_path, capture_output=True, text=True, timeout=100, check=False
+    )
+    assert done.returncode == code, done.stderr
+    assert "Traceback" not in done.stderr
+    assert said in done.stderr
