@@ -122,7 +122,8 @@ def trips() -> dict[str, Example]:
         "sensor-frozen": _driven('kind="freeze" channel="plate_temperature"', 'engine.state["tick"] % 1000 * 2e-3'),
         "runaway": _driven('kind="reversed-sign"', "4.0"),
         "surface-speed": _python('engine = itouch.build("lift.xml")\n', "engine.run(1.0)", _LIFT_FILES, plugin=True),
-        "modality-error": _python(_TOUCHED + "heat = engine.model.modalities[0].instance\n",
+        "modality-error": _python(_TOUCHED.replace("faults", "four_materials")
+                                  + "heat = engine.model.modalities[0].instance\n",
                                   "heat.update = lambda model, state, period: 1 / 0  # as a plugin's mistake\n"
                                   "engine.run(1.0)"),
         "released": _python("""
