@@ -9,6 +9,7 @@ from string import Template
 
 from itouch.schema import ItouchError
 
+_LONGEST = 40
 _NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 
 
@@ -20,10 +21,10 @@ def check_name(name: str) -> str:
     ItouchError
         If it can't.
     """
-    if not _NAME.fullmatch(name) or len(name) > 40:
+    if not _NAME.fullmatch(name) or len(name) > _LONGEST:
         raise ItouchError(
-            f"'{name}' can't be the name: it needs small letters and digits, with single dashes between them, such as "
-            "force-lever"
+            f"'{name}' can't be the name: it needs small letters and digits, a letter first, with single dashes "
+            f"between them, and at most {_LONGEST} characters, such as force-lever"
         )
     return name
 

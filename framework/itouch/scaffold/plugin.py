@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+import keyword
 import os
 from importlib.metadata import version
+from importlib.util import find_spec
 
+from itouch import plugin
+from itouch.plugin.discovery import Catalog
 from itouch.scaffold.files import check_name, fill, write
+from itouch.schema import ItouchError
 
 KINDS = ("device", "modality", "both")
 TRANSPORTS = ("serial", "usb", "tcp", "none")
+#: Names that a plugin's modules use for something else.
+_TAKEN = frozenset(
+    {*plugin.__all__, "Line", "Path", "SimpleNamespace", "DeviceTests", "EmulatorTests", "ModalityTests"}
+)
 
 
 def make_plugin(name: str, *, kind: str = "device", transport: str = "none", folder: str = ".") -> list[str]:
@@ -28,7 +37,7 @@ def make_plugin(name: str, *, kind: str = "device", transport: str = "none", fol
     ItouchError
         If the name can't be one, or the folder is there already.
     """
-    words = _words(check_name(name), kind, transport)
+    words = _words(check_plugin_name(name), kind, transport)
     package = words["package"]
     contents = {
         "pyproject.toml": fill("pyproject.toml.in", words),
@@ -54,12 +63,39 @@ def make_plugin(name: str, *, kind: str = "device", transport: str = "none", fol
     return write(os.path.join(folder, f"itouch-{name}"), contents)
 
 
+def check_plugin_name(name: str) -> str:
+    """Return the name if it can be one of a new plugin.
+
+    Raises
+    ------
+    ItouchError
+        If it can't, or is taken by a plugin or a package that is installed.
+    """
+    check_name(name)
+    if name.startswith("xml") or name == "py":
+        reason = "names that begin with xml belong to XML" if name != "py" else "itouch-py is the framework itself"
+        raise ItouchError(f"'{name}' can't be the name: {reason}; take another, such as force-lever")
+    catalog = Catalog()
+    package = f"itouch_{name.replace('-', '_')}"
+    if name in catalog.plugin_names:
+        raise ItouchError(f"there is a plugin '{name}' already (version {catalog.version(name)}): take another name")
+    if find_spec(package) is not None:
+        raise ItouchError(f"there is a Python package '{package}' already: take another name")
+    return name
+
+
+def _title(name: str) -> str:
+    """Return the name of the class; what Python or the templates call something else gets a word more."""
+    title = "".join(part.capitalize() for part in name.split("-"))
+    return f"{title}Plugin" if keyword.iskeyword(title) or title in _TAKEN else title
+
+
 def _wire(transport: str) -> str:
     return "plain" if transport == "none" else "wire"
 
 
 def _words(name: str, kind: str, transport: str) -> dict[str, str]:
-    title = "".join(part.capitalize() for part in name.split("-"))
+    title = _title(name)
     needs = {"serial": '"pyserial>=3.5,<4"', "usb": '"pyusb>=1.3,<2"'}
     own = needs.get(transport, "") if kind != "modality" else ""
     entries = []
@@ -83,8 +119,14 @@ def _words(name: str, kind: str, transport: str) -> dict[str, str]:
         "address_doc": {"serial": "serial port", "usb": "vendor:product", "tcp": "host:port"}.get(transport, ""),
         "emulator_import": f"from {package}.emulator import {title}Emulator\n" if emulated else "",
         "emulator_line": f"    Emulator = {title}Emulator\n" if emulated else "",
-        "transport": transport,
+        "transport": transport, **_modality_steps(kind, transport),
     }  # fmt: skip
+
+
+def _modality_steps(kind: str, transport: str) -> dict[str, str]:
+    """Return the numbers of the modality's steps: after those of the device if there is one."""
+    device = {"none": 4, "usb": 6}.get(transport, 7) if kind == "both" else 0
+    return {f"step{number}": str(device + number) for number in (1, 2, 3)}
 
 
 def _base() -> str:

@@ -3,19 +3,29 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterable
-from typing import TextIO
+from collections.abc import Iterable, Sequence
+from typing import Any, Protocol
 
 from itouch.testing.checks import Finding
 
 _MARKS = {"passed": "ok  ", "failed": "FAIL", "left out": "-   "}
-_WIDTH, _NAME = 80, 22
+_WIDTH, _NAME = 80, 21
+
+
+class Stream(Protocol):
+    """Where a card is written."""
+
+    def write(self, text: str, /) -> Any:
+        """Write text."""
+
+    def flush(self) -> None:
+        """Show what was written."""
 
 
 class Card:
     """A score card that is written line by line, while the checks run."""
 
-    def __init__(self, title: str, stream: TextIO) -> None:
+    def __init__(self, title: str, stream: Stream) -> None:
         self._stream = stream
         stream.write(f"{title}\n\n")
 
@@ -24,8 +34,10 @@ class Card:
         seen: list[Finding] = []
         for finding in findings:
             seen.append(finding)
-            self._line(finding)
+            if finding.outcome != "left out":
+                self._line(finding)
             self._stream.flush()
+        self._left_out(seen)
         count = {mark: sum(f.outcome == mark for f in seen) for mark in _MARKS}
         spent = sum(finding.seconds for finding in seen)
         failed = [finding.check.name for finding in seen if finding.outcome == "failed"]
@@ -34,6 +46,15 @@ class Card:
             told += textwrap.wrap(f"failed: {', '.join(failed)}", _WIDTH)
         self._stream.write("\n" + "\n".join(told) + "\n\n")
         return not failed
+
+    def _left_out(self, findings: Sequence[Finding]) -> None:
+        """Write what was left out, by reason."""
+        reasons: dict[str, list[str]] = {}
+        for finding in findings:
+            if finding.outcome == "left out":
+                reasons.setdefault(finding.note, []).append(finding.check.name)
+        for reason, names in reasons.items():
+            self._stream.write(_wrapped(f"{', '.join(names)}: {reason}", "  -     ") + "\n")
 
     def _line(self, finding: Finding) -> None:
         head = f"  {_MARKS[finding.outcome]}  {finding.check.name:<{_NAME}}"

@@ -32,7 +32,7 @@ def _fail(seen: str, cause: str, advice: str) -> CheckError:
     return CheckError(seen, cause=cause, advice=advice)
 
 
-@check(VITAL, "every call comes back, and none ends the process")
+@check(VITAL, "every call comes back")
 def survives(subject: Subject) -> None:
     """Let it work in a child process, and see how that ends."""
     shared = isinstance(subject, DeviceSubject) and subject.shared is not None
@@ -143,7 +143,7 @@ def _caught() -> Iterator[Callable[[], str]]:
             texts.append(file.read())
 
 
-@check("surroundings", "it leaves the process as it was: folder, environment, signals, garbage, numerics, threads")
+@check("surroundings", "it leaves the process as it was")
 def surroundings(subject: Subject) -> None:
     """Compare the process before, while and after it works."""
     for make in bouts(subject):
@@ -190,7 +190,7 @@ class _Trap(Record):
         return super().__getitem__(name)
 
 
-@check("errors-come-through", "an error within a call comes out of it, and so does Ctrl-C")
+@check("errors-come-through", "errors and Ctrl-C come out of its calls")
 def errors_come_through(subject: Subject) -> str:
     """Let the records fail, look-up after look-up."""
     tried = 0
@@ -237,7 +237,7 @@ def _provoke(what: str, name: str, record: Record, function: Callable[[Record], 
         )
 
 
-@check("opens-nothing", "within a tick it opens no file, port or process, and does not sleep")
+@check("opens-nothing", "no file, port, process or sleep in a tick")
 def opens_nothing(subject: Subject) -> None:
     """Watch what a twin or a modality asks of the system, in a child process."""
     make = bouts(subject)[0]
@@ -316,7 +316,7 @@ def params_untouched(subject: Subject) -> None:
                 )
 
 
-@check("steady", "a tick takes no longer after a while, and leaves no garbage that goes round in circles")
+@check("steady", "a tick takes no longer after a while")
 def steady(subject: Subject) -> str:
     """Compare the processor's time of early and late calls; collect what only the collector finds."""
     make = bouts(subject)[0]

@@ -160,7 +160,7 @@ def _slots(cls: type) -> tuple[str, ...]:
     return (slots,) if isinstance(slots, str) else tuple(slots)
 
 
-@check("determinism", "equal seeds give equal bytes, and two instances do not disturb each other")
+@check("determinism", "equal seeds give equal bytes")
 def determinism(subject: DeviceSubject) -> str:
     """Run one alone, then two side by side, then one in another interpreter."""
     alone = subject.bench(seed=5)

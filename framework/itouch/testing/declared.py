@@ -24,7 +24,7 @@ def _fail(seen: str, cause: str, advice: str) -> CheckError:
     return CheckError(seen, cause=cause, advice=advice)
 
 
-@check("declarations", "channels and parameters are declared as the contract says")
+@check("declarations", "declared as the contract says")
 def declarations(subject: DeviceSubject) -> None:
     """Look at ``Params``, ``reads`` and ``commands``."""
     cls = subject.cls
@@ -92,7 +92,7 @@ def _command(channel: Channel) -> None:
         )
 
 
-@check("documentation", "the class, its parameters and its module say what they are")
+@check("documentation", "class, parameters, module say what they are")
 def documentation(subject: DeviceSubject) -> None:
     """Look for docstrings and the ``doc=`` of every parameter."""
     cls = subject.cls
@@ -112,7 +112,7 @@ def documentation(subject: DeviceSubject) -> None:
         raise _fail(f"the module {module.__name__} has no docstring", "not written yet", "say what the module is for")
 
 
-@check("parameters", "every parameter takes its unit, keeps its range, and a misspelling is told")
+@check("parameters", "units, ranges and misspellings are checked")
 def parameters(subject: DeviceSubject) -> str | None:
     """Write a scene with each parameter right and wrong, and load it."""
     params = subject.require_params()
@@ -205,7 +205,7 @@ def _ranged(subject: DeviceSubject, name: str, spec: Spec) -> None:
         raise _fail(f"{label} takes a unit of another kind", "the unit is not checked", "use schema.quantity(unit)")
 
 
-@check("units", "channels are in SI units, and the times that the class states are in seconds")
+@check("units", "channels are in SI units, times in seconds")
 def units(subject: DeviceSubject) -> None:
     """Look at the unit of every channel, and at what the class says of its timing."""
     cls = subject.cls
@@ -238,7 +238,7 @@ def units(subject: DeviceSubject) -> None:
             raise _fail(f"{name} = {value:g} s", "milliseconds", f"give {name} in seconds")
 
 
-@check("limits-of-params", "a limit among the parameters limits the channel that it is about")
+@check("limits-of-params", "a limit among the parameters is kept")
 def limits_of_params(subject: DeviceSubject) -> str:
     """Lower each parameter that is called a limit, and see whether the channels of its unit follow."""
     params, seen = subject.require_params(), []
@@ -269,7 +269,7 @@ def _follows(subject: DeviceSubject, channel: Channel, lowered: Any, label: str,
         )
 
 
-@check("locked-axes", "locked axes are named the same way in readings and commands")
+@check("locked-axes", "readings and commands lock the same axes")
 def locked_axes(subject: DeviceSubject) -> None:
     """Compare the locked axes of pose, wrench and pose target."""
     reads, commands = subject.cls.channels(subject.require_params())

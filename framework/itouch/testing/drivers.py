@@ -26,7 +26,7 @@ def _fail(seen: str, cause: str, advice: str) -> CheckError:
     return CheckError(seen, cause=cause, advice=advice)
 
 
-@check("driver-fills", "the driver fills every field of its reading, every time")
+@check("driver-fills", "the driver fills its whole reading, always")
 def fills(subject: DeviceSubject) -> None:
     """Read into a record full of NaN, again and again."""
     with opened(subject) as device:
@@ -82,7 +82,7 @@ def writes_in_read(subject: DeviceSubject) -> None:
         )
 
 
-@check("reopens", "open and close pair, again and again, and leave nothing behind")
+@check("reopens", "open and close pair, and leave nothing")
 def reopens(subject: DeviceSubject) -> None:
     """Open and close; count threads, files and processes; open the same object again."""
     subject.require_hardware()
@@ -225,7 +225,7 @@ def _paired(calls: list[str]) -> None:
         raise _fail("a call came after close", "a thread of the driver's own", "leave threads to the framework")
 
 
-@check("lifecycle", "open, read, write, close come in order, and close exactly once")
+@check("lifecycle", "open, read, write, close in order, once")
 def lifecycle(subject: DeviceSubject) -> None:
     """Run it in an engine."""
     _require_in_step(subject)
@@ -242,7 +242,7 @@ def lifecycle(subject: DeviceSubject) -> None:
     _paired(calls)
 
 
-@check("safe-on-exception", "a driver that fails is made safe, closed once, and named")
+@check("safe-on-exception", "a failing driver is closed once, and named")
 def safe_on_exception(subject: DeviceSubject) -> None:
     """Let the tenth read fail."""
     _require_in_step(subject)
@@ -272,7 +272,7 @@ def _fault(subject: DeviceSubject) -> str:
     return ""
 
 
-@check("errors-are-named", "a device that is not there is a DeviceError that says what to do")
+@check("errors-are-named", "a missing device is a DeviceError")
 def errors_are_named(subject: DeviceSubject) -> None:
     """Open where there is nothing, if the parameters can say so."""
     params = elsewhere(subject.require_params())
@@ -314,7 +314,7 @@ def _nothing_kept(before: dict[str, str]) -> None:
         )
 
 
-@check("transcript", "the wire carries what the golden transcript says")
+@check("transcript", "the wire carries the golden transcript")
 def transcript(subject: DeviceSubject) -> str:
     """Record a trace of opening and ten exchanges, and compare the bytes that were sent."""
     if subject.transcript is None:

@@ -22,7 +22,7 @@ def _fail(seen: str, cause: str, advice: str) -> CheckError:
     return CheckError(seen, cause=cause, advice=advice)
 
 
-@check("twin-and-driver-agree", "the driver reads through the wire what the twin is")
+@check("twin-and-driver-agree", "the driver reads what the twin is")
 def agree(subject: DeviceSubject) -> str:
     """Compare readings of the driver with those of the twin behind the wire; a finger leads what tracks it about."""
     with emulated(subject) as (emulator, opened):
@@ -79,7 +79,7 @@ def still(subject: DeviceSubject) -> None:
                 )
 
 
-@check("commands-arrive", "what is commanded is what the device is asked for: scale, sign and unit agree")
+@check("commands-arrive", "what is commanded arrives")
 def arrive(subject: DeviceSubject) -> str:
     """Command half of what is allowed, and compare with what the emulator makes of it."""
     with emulated(subject) as (emulator, opened):
@@ -133,7 +133,7 @@ def _arrived(emulator: Served, opened: Opened, name: str) -> float:
     )
 
 
-@check("unplug", "a device that is unplugged is a DeviceError, soon, and close still works")
+@check("unplug", "an unplugged device is told; close works")
 def unplug(subject: DeviceSubject) -> str:
     """Hang up while the driver reads."""
     with emulated(subject) as (emulator, opened):

@@ -51,7 +51,7 @@ print("SEEN", seen[0] if seen else "")
 """
 
 
-@check("import", "importing the plugin opens no port, starts nothing and changes nothing")
+@check("import", "importing it does nothing")
 def imported(subject: Any) -> None:
     """Import the plugin's module in a new process that watches."""
     name = subject.cls.__module__

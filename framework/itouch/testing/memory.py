@@ -86,7 +86,7 @@ def _memory(record: Record) -> Any:
     return array
 
 
-@check("keeps-nothing", "records are not kept: neither reading nor command, State or touch")
+@check("keeps-nothing", "records and touch are not kept")
 def keeps_nothing(subject: DeviceSubject) -> None:
     """Give new records, and look whether anybody still holds them."""
     bench = subject.bench()
@@ -117,7 +117,7 @@ def driver_keeps_nothing(subject: DeviceSubject) -> None:
             _let_go(device.device.write, device.command, "command")
 
 
-@check("allocates-nothing", "no memory is gathered from tick to tick, nor much of it taken and given back")
+@check("allocates-nothing", "no memory is gathered, and little taken")
 def allocates_nothing(subject: Subject) -> str:
     """Compare what is allocated before and after many calls, and what is taken meanwhile."""
     notes = []

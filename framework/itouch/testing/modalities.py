@@ -27,7 +27,7 @@ def _fail(seen: str, cause: str, advice: str) -> CheckError:
     return CheckError(seen, cause=cause, advice=advice)
 
 
-@check("declarations", "parameters, hears and material are declared as the contract says")
+@check("declarations", "declared as the contract says")
 def declarations(subject: ModalitySubject) -> None:
     """Look at ``Params``, ``Material`` and ``hears``."""
     cls = subject.cls
@@ -52,7 +52,7 @@ def declarations(subject: ModalitySubject) -> None:
         raise _fail(f"hears = {cls.hears!r}", "not kinds of contact", "a frozenset of itouch.plugin.Contact")
 
 
-@check("documentation", "the class, its parameters and its module say what they are")
+@check("documentation", "class, parameters, module say what they are")
 def documentation(subject: ModalitySubject) -> None:
     """Look for docstrings."""
     own = subject.cls.__dict__.get("__doc__")
@@ -96,7 +96,7 @@ def _ranged(params: Any, name: str, spec: Spec) -> None:
         )
 
 
-@check("runs", "it runs through a touch without a fault, and its fields stay finite")
+@check("runs", "it runs through a touch; fields stay finite")
 def runs(subject: ModalitySubject) -> str:
     """Run the scene; look in every tick."""
     engine = subject.engine()
@@ -126,7 +126,7 @@ def runs(subject: ModalitySubject) -> str:
     return f"{subject.seconds:.2g} s simulated, with a touch that begins, slides and ends"
 
 
-@check("state-declared", "everything that changes is in its declared fields")
+@check("state-declared", "everything that changes is in its fields")
 def state_declared(subject: ModalitySubject) -> None:
     """Go on in a second engine from copied State, here and in a process that knows nothing of the first."""
     straight, again = subject.engine(), subject.engine(seed=8)
@@ -196,7 +196,7 @@ def _attributes(modality: ModalityModel) -> dict[str, str]:
     return found
 
 
-@check("determinism", "equal seeds give equal bytes, and two sessions do not disturb each other")
+@check("determinism", "equal seeds give equal bytes")
 def determinism(subject: ModalitySubject) -> None:
     """Run one alone, then two side by side."""
     alone = subject.engine()
@@ -213,7 +213,7 @@ def determinism(subject: ModalitySubject) -> None:
         )
 
 
-@check("own-fields", "it writes its own fields and commands, and nothing else")
+@check("own-fields", "it writes its own fields and commands only")
 def own_fields(subject: ModalitySubject) -> None:
     """Compare State before and after its calls."""
     engine = subject.engine()
@@ -256,7 +256,7 @@ def _writes(engine: Engine, modality: ModalityModel, name: str, allowed: tuple[s
         )
 
 
-@check("uses-given-state", "it works on the State that it is given, and on no other")
+@check("uses-given-state", "it works on the State that it is given")
 def uses_given_state(subject: ModalitySubject) -> None:
     """Update a copy of State: the original must stay."""
     engine = subject.engine()
@@ -272,7 +272,7 @@ def uses_given_state(subject: ModalitySubject) -> None:
             )
 
 
-@check("measures", "what it tells of a contact and of a run is plain and finite")
+@check("measures", "what it reports is plain and finite")
 def measures(subject: ModalitySubject) -> None:
     """Ask for the measures of a contact, for the live line and for the report."""
     engine = subject.engine()
@@ -300,7 +300,7 @@ def _plain(what: str, told: Any) -> None:
         raise _fail(f"{what} returns {told!r}", "no dictionary", "return {} where there is nothing to tell")
 
 
-@check("order", "contact events come before the update of their tick, END after BEGIN")
+@check("order", "END comes after BEGIN, before the update")
 def order(subject: ModalitySubject) -> None:
     """Watch the calls of the instance."""
     engine = subject.engine()

@@ -22,7 +22,7 @@ def _engine(subject: DeviceSubject, seed: int = 4) -> Engine:
     return Engine(Model.of(subject.scene(), subject.catalog), seed=seed)
 
 
-@check("restores", "a session that is stopped and restored goes on to the same bytes")
+@check("restores", "a restored session goes on to the same bytes")
 def restores(subject: DeviceSubject) -> None:
     """Adopt the State of a running engine in a second one."""
     straight, again = _engine(subject), _engine(subject, seed=9)
@@ -39,7 +39,7 @@ def restores(subject: DeviceSubject) -> None:
         )
 
 
-@check("runs", "it runs in an engine without a fault, and ends safely")
+@check("runs", "it runs without a fault, and ends safely")
 def runs(subject: DeviceSubject) -> str:
     """Run half a second with nothing else in the scene."""
     engine = _engine(subject)
@@ -60,7 +60,7 @@ def runs(subject: DeviceSubject) -> str:
     return f"tick p50 {times['p50']:.0f} us"
 
 
-@check("stale-is-seen", "a device that falls silent is stopped, and named")
+@check("stale-is-seen", "a device that falls silent is stopped")
 def stale(subject: DeviceSubject) -> None:
     """Let the twin say that nothing is new, for good."""
     engine = _engine(subject)

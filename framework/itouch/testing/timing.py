@@ -76,7 +76,7 @@ def _judge(timed: Timed, what: str) -> None:
         )
 
 
-@check("twin-timing", "a step of the twin fits in the tick, and waits for nothing")
+@check("twin-timing", "a step fits in the tick, and never waits")
 def twin_timing(subject: DeviceSubject) -> str:
     """Time step and read; the figure is reported, a twin that waits is refused."""
     bench = subject.bench()
@@ -91,7 +91,7 @@ def twin_timing(subject: DeviceSubject) -> str:
     return timed.words()
 
 
-@check("timing", "an update of the modality fits in the tick, and waits for nothing")
+@check("timing", "an update fits in the tick, and never waits")
 def modality_timing(subject: ModalitySubject) -> str:
     """Time updates through a touch; the figure is reported."""
     engine = subject.engine()
@@ -109,7 +109,7 @@ def modality_timing(subject: ModalitySubject) -> str:
     return timed.words()
 
 
-@check("driver-timing", "a call of the driver fits in the tick, or the device says that it blocks")
+@check("driver-timing", "a call fits in the tick, or says it blocks")
 def driver_timing(subject: DeviceSubject) -> str:
     """Time exchanges; the figure is reported."""
     timed = Timed()
@@ -134,7 +134,7 @@ def driver_timing(subject: DeviceSubject) -> str:
     return f"exchange p50 {1e3 * median:.2f} ms, worst {1e3 * worst:.2f} ms"
 
 
-@check("lets-others-run", "a driver that waits lets other threads run meanwhile")
+@check("lets-others-run", "other threads run while it waits")
 def lets_others_run(subject: DeviceSubject) -> str:
     """Exchange in a thread, and watch how long this one is held up."""
     if not subject.cls.blocking:
@@ -151,8 +151,8 @@ def lets_others_run(subject: DeviceSubject) -> str:
     often, before = (sum(gap > 4e-3 for gap in gaps) for gaps in (beside, alone))
     if exchanges.computed > max(1e-3, 0.2 * exchanges.spent) or often > max(20, 5 * before):
         raise _fail(
-            f"an exchange takes {1e3 * exchanges.spent:.1f} ms and computes for {1e3 * exchanges.computed:.1f} of them; "
-            f"meanwhile everything else stands still {often} times",
+            f"an exchange takes {1e3 * exchanges.spent:.1f} ms and computes for {1e3 * exchanges.computed:.1f} of it, "
+            f"and everything else stands still {often} times",
             "a loop that computes until something comes, or a library that keeps the interpreter's lock (GIL)",
             "wait with select and a timeout; call a library through ctypes.CDLL, which gives the lock away",
         )

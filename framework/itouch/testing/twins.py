@@ -16,7 +16,7 @@ def _fail(seen: str, cause: str, advice: str) -> CheckError:
     return CheckError(seen, cause=cause, advice=advice)
 
 
-@check("twin-fills", "the twin fills every field of its reading, every time")
+@check("twin-fills", "the twin fills its whole reading, always")
 def fills(subject: DeviceSubject) -> None:
     """Read into a record full of NaN, again and again, free and touched."""
     bench = subject.bench()
@@ -49,7 +49,7 @@ def _filled(bench: TwinBench) -> None:
             )
 
 
-@check("twin-finite", "readings stay finite and inside what the channels say")
+@check("twin-finite", "readings are finite and within limits")
 def finite(subject: DeviceSubject) -> None:
     """Drive the twin for two seconds."""
     bench = subject.bench()
@@ -75,7 +75,7 @@ def _inside(channel: Channel, view: Any, tick: int) -> None:
         )
 
 
-@check("twin-pose", "poses have unit quaternions, and locked axes do not move")
+@check("twin-pose", "unit quaternions; locked axes stay")
 def pose(subject: DeviceSubject) -> None:
     """Watch the pose while the twin is driven."""
     bench = subject.bench()
@@ -114,7 +114,7 @@ def _channel(bench: TwinBench, name: str) -> Channel:
     return found
 
 
-@check("twin-frame", "the twin is where the finger is, or where it was sent: frame, sign and unit agree")
+@check("twin-frame", "it is where the finger is, or was sent")
 def frame(subject: DeviceSubject) -> None:
     """Hold a finger, or command a target, off centre along each axis."""
     if subject.cls.led_by == "recording":
@@ -170,7 +170,7 @@ def _compare(seen: Any, place: Any, what: str) -> None:
     )
 
 
-@check("twin-kelvin", "temperatures are kelvin and begin near the room's")
+@check("twin-kelvin", "temperatures are kelvin, the room's at first")
 def kelvin(subject: DeviceSubject) -> None:
     """Read temperatures at rest."""
     bench = subject.bench()
@@ -188,7 +188,7 @@ def kelvin(subject: DeviceSubject) -> None:
                 )
 
 
-@check("twin-rest", "under the safe command the device stays where it is, and as warm as it is")
+@check("twin-rest", "under the safe command nothing moves or heats")
 def rest(subject: DeviceSubject) -> None:
     """Send the safe command for half a second with nobody there."""
     bench = subject.bench()
@@ -217,7 +217,7 @@ def rest(subject: DeviceSubject) -> None:
         )
 
 
-@check("twin-command", "the twin changes neither the command nor what it is touched by")
+@check("twin-command", "command and touch are left as they are")
 def command_untouched(subject: DeviceSubject) -> None:
     """Compare command and touch before and after a step."""
     bench = subject.bench()
@@ -233,7 +233,7 @@ def command_untouched(subject: DeviceSubject) -> None:
             )
 
 
-@check("twin-limits", "the twin survives every command that its channels allow")
+@check("twin-limits", "it bears every command that is allowed")
 def bounded(subject: DeviceSubject) -> None:
     """Drive to the limits of every command; readings stay finite afterwards."""
     bench = subject.bench()
@@ -255,7 +255,7 @@ def bounded(subject: DeviceSubject) -> None:
             )
 
 
-@check("twin-twist", "the velocity that it reads is that of the pose that it reads")
+@check("twin-twist", "its velocity is that of its pose")
 def velocity(subject: DeviceSubject) -> None:
     """Compare the twist with the change of the pose while the finger moves."""
     bench = subject.bench()
