@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import fcntl
 import os
 import time
 
@@ -16,8 +17,24 @@ class Sink:
 
     def __init__(self, path: str) -> None:
         self.path, self.size = path, 0
-        self._handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o644)
+        self._handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        try:
+            self._claim()
+        except OSError:
+            os.close(self._handle)
+            raise
         self._synced = time.monotonic()
+
+    def _claim(self) -> None:
+        """Empty the file, unless another session is writing it: what it has recorded would be lost."""
+        try:
+            fcntl.flock(self._handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise OSError(errno.EBUSY, "another session is recording to it") from None
+        except OSError:
+            pass  # a file system without locks
+        with contextlib.suppress(OSError):  # what has no length, such as a device
+            os.ftruncate(self._handle, 0)
 
     def write(self, data: bytes) -> None:
         """Append some whole records.
