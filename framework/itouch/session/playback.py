@@ -75,6 +75,7 @@ class Feed:
             for name, device in session.model.devices.items()
             if name in self._tables
         }
+        self._sequences = {name: session.state[f"{name}.sequence"] for name in self._readings}
         self.ticks = recording.ticks
         self.at = 0
         self._errors = {
@@ -92,6 +93,8 @@ class Feed:
     def give(self, device: str, reading: Record) -> bool:
         """Fill a reading from the present row; tell whether it was new then.
 
+        A new one has another sequence number than State's; in the safe sequence, which counts none, other values.
+
         Raises
         ------
         DeviceError
@@ -102,9 +105,11 @@ class Feed:
         table, at = self._tables.get(device), self.at
         if table is None or at >= len(table):
             return False
+        changed = bool(table["sequence"][at] != self._sequences[device])
         for name in self._readings[device]:
+            changed = changed or not np.array_equal(reading[name], table[name][at], equal_nan=True)
             reading[name][...] = table[name][at]
-        return at == 0 or bool(table["sequence"][at] != table["sequence"][at - 1])
+        return changed
 
     def inputs(self, state: Record) -> None:
         """Write what else came from outside in this tick."""
