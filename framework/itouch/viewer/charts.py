@@ -83,16 +83,21 @@ def _keys(chart: Chart, values: Values, paint: Paint, text: Text, place: Rectang
     left, y, width, size = place
     x, small = left, 0.9 * size
     letter = text.width(small)
-    for row, signal in zip(values, chart.signals, strict=True):
-        last = row[-1] if len(row) and math.isfinite(row[-1]) else None
-        words = f"{signal.label} {'--' if last is None else format(last, chart.digits)}"
-        if x + 2.4 * size + len(words) * letter > left + width:
+    said = [f"{signal.label} {_last(row, chart.digits)}" for row, signal in zip(values, chart.signals, strict=True)]
+    if sum(2.3 * size + (len(words) + 1.6) * letter for words in said) > width:
+        said = [signal.label for signal in chart.signals]
+    for words, signal in zip(said, chart.signals, strict=True):
+        if x + 2.3 * size + len(words) * letter > left + width:
             return
         for begin, end in ((0.0, 0.7), (1.1, 1.8)) if signal.dashed else ((0.0, 1.8),):
             piece = (x + begin * size, y + 0.3 * size, (end - begin) * size, 0.28 * size)
             paint.draw(gl.GL_TRIANGLES, rectangle(piece, (*signal.colour, 1.0)), seen)
         text.put(words, x + 2.3 * size, y, signal.colour, size=small)
         x += 2.3 * size + (len(words) + 1.6) * letter
+
+
+def _last(row: Values, digits: str) -> str:
+    return format(row[-1], digits) if len(row) and math.isfinite(row[-1]) else "--"
 
 
 def span(values: Values, least: float) -> tuple[float, float]:
@@ -117,13 +122,16 @@ def scale(
     paint: Paint, text: Text, place: tuple[float, float], seen: NDArray[np.float64], size: float, *,
     title: str, marks: dict[str, float], skin: colours.Colour,
 ) -> None:  # fmt: skip
-    """Draw the scale of temperatures in degC with marks at some [K], and which colour is what."""
+    """Draw the scale of temperatures in degC with marks at some [K], and which colour is what.
+
+    An empty ``title`` leaves the scale out.
+    """
     left, bottom = place
     width, height, parts = 24 * size, 1.0 * size, 64
-    panel = (left, bottom, width + 3 * size, 8.6 * size)
+    panel = (left, bottom, width + 3 * size, (8.6 if title else 2.9) * size)
     x0, y0 = left + 1.5 * size, bottom + 4.6 * size
     rows = [rectangle(panel, PANEL)]
-    for index in range(parts):
+    for index in range(parts if title else 0):
         kelvin = colours.COLD + (colours.WARM - colours.COLD) * (index + 0.5) / parts
         part = (x0 + width * index / parts, y0, width / parts + 0.5, height)
         rows.append(rectangle(part, (*colours.of_temperature(kelvin), 1.0)))
@@ -135,6 +143,8 @@ def scale(
         text.put(words, x + 1.4 * size, bottom + 1.0 * size, QUIET, size=0.85 * size)
         x += 8.0 * size
     paint.draw(gl.GL_TRIANGLES, np.vstack(rows), seen)
+    if not title:
+        return
     text.put(title, x0, y0 + 2.0 * size, WORDS, size=0.9 * size)
     for celsius in (15, 20, 25, 30, 35, 40):
         at = _along(celsius + 273.15, x0, width)

@@ -11,11 +11,23 @@ from numpy.typing import NDArray
 
 from itouch.loop import Engine
 from itouch.schema import ItouchError
+from itouch.viewer import colours
 from itouch.viewer.offscreen import Offscreen, write_png
 from itouch.viewer.overlay import Situation
 
 #: Frames of simulated time a second.
 MP4_RATE, GIF_RATE = 25.0, 10.0
+#: Colours that may come later than in a film's first picture: curves, marks and temperatures, in the light and not.
+_FIXED = tuple(
+    tuple(round(255 * min(1.0, share * part)) for part in colour)
+    for colour in (
+        *colours.CURVES,
+        colours.FORCE,
+        colours.HIP,
+        *(colours.of_temperature(k) for k in range(288, 314, 3)),
+    )
+    for share in (1.0, 0.75, 0.5)
+)
 _ADVICE = "films need two more packages: pip install 'itouch-py[film]'"
 
 Pixels = NDArray[np.uint8]
@@ -75,14 +87,16 @@ class Gif:
             raise ItouchError(_ADVICE) from None
         self._image, self._path = Image, path
         self._frames: list[Any] = []
+        self._palette: Any = None
 
     def add(self, pixels: Pixels) -> None:
         """Take the next frame."""
         picture = self._image.fromarray(pixels)
-        if self._frames:
-            self._frames.append(picture.quantize(palette=self._frames[0], dither=self._image.Dither.NONE))
-        else:
-            self._frames.append(picture.quantize(128, dither=self._image.Dither.NONE))
+        if not self._frames:
+            self._palette = self._image.new("P", (1, 1))
+            seen = picture.quantize(256 - len(_FIXED), dither=self._image.Dither.NONE).getpalette() or []
+            self._palette.putpalette(seen[: 3 * (256 - len(_FIXED))] + [part for colour in _FIXED for part in colour])
+        self._frames.append(picture.quantize(palette=self._palette, dither=self._image.Dither.NONE))
 
     def close(self) -> None:
         """Finish the file."""

@@ -115,7 +115,7 @@ class Picture:
             plate = plate_temperature(state, device)
             if plate is not None:
                 marks[f"plate {device.name}"] = plate
-        title = "skin, plate, objects [degC]" if self.choices.thermal else "skin, plate [degC]"
+        title = "skin, plate, objects [degC]" if self.choices.thermal else "skin, plate [degC]" if marks else ""
         charts.scale(self.canvas.paint, self.text, (size, foot), seen, size, title=title, marks=marks,
                      skin=colours.PROXY if skin is None else colours.of_temperature(skin))  # fmt: skip
 
@@ -123,6 +123,7 @@ class Picture:
         """Write the name of each object under it, where it is wide enough and nothing stands in the way."""
         if len(self.model.objects) > _NAMED:
             return
+        written: list[tuple[float, float, float]] = []
         for name, corners in zip(self.model.objects, self.stage.corners(state), strict=True):
             found = [self.camera.project(corner, frame.width, frame.height) for corner in corners]
             places = [place for place in found if place is not None]
@@ -132,7 +133,9 @@ class Picture:
             wide, x = len(name) * self.text.width(0.9 * size), (left + right) / 2
             y = min(y for _, y in places) - 1.5 * size
             low = foot + (9.5 * size if x - wide / 2 < 29 * size else 0.0)  # the scale of temperatures
-            if right - left > wide and y > low and x + wide / 2 < room:
+            free = all(abs(y - v) > 1.5 * size or abs(x - u) > (wide + w) / 2 + size for u, v, w in written)
+            if free and right - left > wide and y > low and x + wide / 2 < room:
+                written.append((x, y, wide))
                 self.text.put(name, x, y, WORDS, size=0.9 * size, anchor="center")
 
     def reframe(self, state: Record, frame: Frame) -> None:
