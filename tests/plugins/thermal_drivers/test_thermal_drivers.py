@@ -218,7 +218,7 @@ def test_another_product_a_lost_answer_and_no_answer_are_told() -> None:
         device.lapses.lost = 0
         driver.close()
         driver = LabJackDriver(params)
-        device.lapses.busy = 1
+        device.lapses.busy = 5  # it is asked again three times
         with pytest.raises(DeviceError, match="refuses register"):
             driver.exchange(300.0)
         driver.close()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from itouch.plugin import DeviceError, Trace
@@ -16,6 +17,8 @@ SINGLE_ENDED = 199
 SPAN, PATIENCE = 0.01, 0.2
 #: A voltage beyond its span reads as this.
 _OVERLOAD = -9999.0
+#: Modbus exceptions that pass (5 acknowledge, 6 busy), and how often a request is made then.
+_BUSY, _TRIES = (5, 6), 3
 
 
 class Sensors(NamedTuple):
@@ -101,12 +104,11 @@ class LabJackDriver:
         self._client.close()
 
     def _floats(self, address: int, count: int = 1) -> list[float]:
-        try:
-            answer = self._client.read_holding_registers(address, count=2 * count)
-        except (self._failure, OSError) as error:
-            raise DeviceError(f"the LabJack at {self._params.host} does not answer: {error}") from error
-        if answer.isError() or len(answer.registers) != 2 * count:
-            raise DeviceError(f"the LabJack at {self._params.host} refuses register {address}: {answer}")
+        answer = self._asked(address, lambda: self._client.read_holding_registers(address, count=2 * count))
+        if len(answer.registers) != 2 * count:
+            raise DeviceError(
+                f"the LabJack at {self._params.host} answers register {address} with too little: {answer}"
+            )
         raw = struct.pack(f">{2 * count}H", *answer.registers)
         if self._trace:
             self._trace.sent(b"read %d x %d" % (address, count))
@@ -117,9 +119,17 @@ class LabJackDriver:
         words = list(struct.unpack(f">{len(data) // 2}H", data))
         if self._trace:
             self._trace.sent(b"write %d " % address + data.hex().encode())
-        try:
-            answer = self._client.write_registers(address, words)
-        except (self._failure, OSError) as error:
-            raise DeviceError(f"the LabJack at {self._params.host} does not answer: {error}") from error
-        if answer.isError():
-            raise DeviceError(f"the LabJack at {self._params.host} refuses register {address}: {answer}")
+        self._asked(address, lambda: self._client.write_registers(address, words))
+
+    def _asked(self, address: int, ask: Callable[[], Any]) -> Any:
+        """Return the answer to a request; a T7 that says that it is busy is asked again."""
+        for _ in range(_TRIES):
+            try:
+                answer = ask()
+            except (self._failure, OSError) as error:
+                raise DeviceError(f"the LabJack at {self._params.host} does not answer: {error}") from error
+            if not answer.isError():
+                return answer
+            if getattr(answer, "exception_code", 0) not in _BUSY:
+                break
+        raise DeviceError(f"the LabJack at {self._params.host} refuses register {address}: {answer}")

@@ -137,5 +137,7 @@ class MecomClient:
             if start < 0 or number != self._sequence:
                 continue  # an answer that came too late
             payload = body[7:].decode("ascii", "replace")
-            good = crc == (crc16(body) if payload else sent)
+            good = crc == crc16(body) or (
+                not payload and crc == sent
+            )  # some firmware acknowledges with a CRC of its own
             return payload if good else None

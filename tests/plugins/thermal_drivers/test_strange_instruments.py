@@ -1,0 +1,183 @@
+"""The display's drivers against instruments with other habits, all legal: splitting, letters, checks, delays."""
+
+from __future__ import annotations
+
+import random
+import socket
+import struct
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import pytest
+from test_thermal_drivers import SENSOR, served
+
+from itouch.plugin import DeviceError, Terminal
+from itouch_thermal.drivers import Infrared, LabJack, Mecom
+from itouch_thermal.drivers.labjack import LabJackDriver
+from itouch_thermal.drivers.mecom import MecomClient, MecomError, MecomRefusal, crc16
+from itouch_thermal.drivers.tec import TecDriver
+from itouch_thermal.drivers.virtual import Plate, VirtualMecom, VirtualT7
+
+
+def check(body: bytes) -> bytes:
+    return body + b"%04X" % crc16(body) + b"\r"
+
+
+def own_check(answer: bytes) -> bytes:
+    """An acknowledgement with a check sum of its own, as one known client demands."""
+    return check(answer[:7]) if len(answer) == 12 else answer
+
+
+def lower(answer: bytes) -> bytes:
+    """A value in small letters; the check sum is that of what is sent."""
+    body = answer[:7] + answer[7:-5].lower()
+    return check(body) if len(answer) > 12 and answer[7:8] != b"T" else answer
+
+
+def old_first(answer: bytes) -> bytes:
+    """The answer to an earlier request comes once more before it."""
+    stale = b"!" + answer[1:3] + b"%04X" % (int(answer[3:7], 16) - 1 & 0xFFFF) + b"3F800000"
+    return check(stale) + answer
+
+
+HABITS: dict[str, Callable[[bytes], bytes]] = {
+    "own check": own_check, "lower": lower, "noise": lambda answer: b"\x00\xff#!" + answer, "old first": old_first,
+    "half an answer before": lambda answer: answer[:5] + answer, "line feed": lambda answer: b"\n" + answer,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("pieces", [0, 1, 5])
+@pytest.mark.parametrize("habit", HABITS)
+def test_a_controller_with_habits(habit: str, pieces: int) -> None:
+    terminal, device, rng = Terminal(), VirtualMecom(Plate(plate=300.0, sink=301.5), address=2), random.Random(3)
+    waiting = bytearray()
+
+    def step() -> None:
+        data = terminal.receive()
+        for whole in device.take(data).splitlines(keepends=True) if data else ():
+            waiting.extend(HABITS[habit](whole))
+        size = rng.randrange(1, pieces + 1) if pieces else len(waiting)
+        if waiting:
+            terminal.send(bytes(waiting[:size]))
+            del waiting[:size]
+
+    with served(step):
+        tec = TecDriver(Mecom(port=terminal.path, address=0), patience=8.0)  # address 0: whichever is there
+        for current in (0.5, -1.25, 2.0):
+            reading = tec.exchange(current)
+            assert reading.plate == pytest.approx(300.0, abs=1e-4)
+            assert device.output() == pytest.approx(current)
+        assert reading.sink == pytest.approx(301.5, abs=1e-4)
+        tec.close()
+        assert device.output() == 0.0
+    terminal.close()
+
+
+@pytest.mark.parametrize("answer", [b"+05", b"+5", b"+99", b"+", b"+xy", b"NaN", b"7FC0000", b"7FC000001", b"zzzzzzzz"])
+def test_any_answer_is_a_value_or_a_named_error(answer: bytes) -> None:
+    terminal = Terminal()
+
+    def step() -> None:
+        for line in terminal.receive().splitlines():
+            terminal.send(check(b"!" + line[1:7] + answer))
+
+    with served(step):
+        client = MecomClient(terminal.path, address=2, patience=8.0)
+        with pytest.raises(MecomRefusal if answer.startswith(b"+") else MecomError):
+            client.read_float(1000)
+        client.close()
+    terminal.close()
+
+
+@contextmanager
+def modbus(device: VirtualT7, *, piece: int = 0, delay: float = 0.0, unit: int | None = None) -> Iterator[str]:
+    """Serve a T7, with answers in pieces, late, or under a unit number of its own."""
+    listener = socket.create_server(("127.0.0.1", 0))
+    ending = threading.Event()
+
+    def work() -> None:
+        listener.settimeout(0.1)
+        while not ending.is_set():
+            try:
+                line, _ = listener.accept()
+            except TimeoutError:
+                continue
+            with line:
+                line.settimeout(0.1)
+                line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                _talk(line, device, ending, piece, delay, unit)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    try:
+        yield f"127.0.0.1:{listener.getsockname()[1]}"
+    finally:
+        ending.set()
+        thread.join()
+        listener.close()
+
+
+def _talk(
+    line: socket.socket, device: VirtualT7, ending: threading.Event, piece: int, delay: float, unit: int | None
+) -> None:
+    heard = b""
+    while not ending.is_set():
+        try:
+            data = line.recv(4096)
+        except TimeoutError:
+            continue
+        except OSError:
+            return
+        if not data:
+            return
+        heard += data
+        while len(heard) >= 8 and len(heard) >= 6 + struct.unpack(">H", heard[4:6])[0]:
+            length = struct.unpack(">H", heard[4:6])[0]
+            request, heard = heard[: 6 + length], heard[6 + length :]
+            body = device.answer(request[7:])
+            if body is None:
+                continue
+            who = request[6:7] if unit is None else bytes((unit,))
+            answer = request[:4] + struct.pack(">H", len(body) + 1) + who + body
+            time.sleep(delay)
+            for at in range(0, len(answer), piece or len(answer)):
+                line.sendall(answer[at : at + (piece or len(answer))])
+                time.sleep(0.001 if piece else 0.0)
+
+
+def sensors(host: str) -> LabJack:
+    return LabJack(host=host, flux_sensor=SENSOR, infrared=Infrared())
+
+
+@pytest.mark.parametrize(
+    ("piece", "delay", "busy"), [(0, 0.0, 0), (1, 0.0, 0), (3, 0.02, 2), (0, 0.15, 0), (0, 0.0, 2)]
+)
+def test_a_t7_with_habits(piece: int, delay: float, busy: int) -> None:
+    device = VirtualT7(volts={0: SENSOR.voltage(1234.0, 300.0), 2: 1.65})
+    with modbus(device, piece=piece, delay=delay) as host:
+        driver = LabJackDriver(sensors(host), patience=8.0)
+        for _ in range(3):
+            device.lapses.busy = busy
+            read = driver.exchange(300.0)
+            assert read.flux == pytest.approx(1234.0, rel=1e-3)  # high word first: otherwise it would be nonsense
+            assert read.skin == pytest.approx(273.15 + 33.0, abs=1e-3)
+        device.lapses.busy = 9
+        with pytest.raises(DeviceError, match="refuses register"):
+            driver.exchange(300.0)
+        driver.close()
+
+
+def test_a_t7_that_answers_too_late_is_told_in_time_and_is_there_again() -> None:
+    device = VirtualT7(volts={0: SENSOR.voltage(-500.0, 300.0), 2: 1.65})
+    with modbus(device) as host:
+        driver = LabJackDriver(sensors(host))
+        device.lapses.lost = 8
+        begin = time.monotonic()
+        with pytest.raises(DeviceError, match="does not answer"):
+            driver.exchange(300.0)
+        assert time.monotonic() - begin < 3.0
+        device.lapses.lost = 0
+        assert driver.exchange(300.0).flux == pytest.approx(-500.0, rel=1e-3)
+        driver.close()
