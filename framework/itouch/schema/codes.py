@@ -63,6 +63,7 @@ DEVICES = (
     Code("plugin-failed", "a plugin is installed, but does not load, or its code fails",
          "`itouch-py devices` shows the whole reason"),
     Code("wrong-plugin", "a device holds the element of another plugin", "write the element of its own"),
+    Code("device", "a device refuses its parameters, or a file that they name", "what it expects is said"),
     Code("twin-only", "a device without a working driver is wanted as hardware", 'write `twin="yes"`'),
     Code("no-watchdog", "hardware that obeys, with neither a watchdog of its own nor a second opener: nothing would "
          "stop it if the servo process died", "its plugin must state one of the two"),

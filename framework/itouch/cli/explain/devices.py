@@ -101,6 +101,13 @@ DEVICES = {
     "wrong-plugin": scene(
         _devices('<device name="arm" plugin="usb-arm"><t:hardware/></device>', ' xmlns:t="urn:itouch:plugin:thermal"')
     ),
+    "device": scene(
+        _devices(
+            '<device name="arm" plugin="recorded"><recorded:hardware file="notes.csv"/></device>',
+            ' xmlns:recorded="urn:itouch:plugin:recorded"',
+        ),
+        {"notes.csv": "Tuesday: nothing.\n"},
+    ),
     "twin-only": _lever(
         _devices(
             _HARDWARE.format(more="").replace("lever:", "old-lever:").replace('plugin="', 'plugin="old-'),
