@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
 import socket
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from served import ServedService
 
 from itouch.plugin import DeviceError, Field, Record, Trace, read_trace
 from itouch.testing import DeviceTests, EmulatorTests
 from itouch_arms.errors import ArmError, Disconnected, NotCalibrated, NotFound, ProtocolError, Refused, Timeout
 from itouch_arms.haply import Haply, HaplyParams, Inverse3, messages
+from itouch_arms.haply.line import Line
 from itouch_arms.haply.look import look
 from itouch_arms.haply.virtual import CENTRE, VirtualService
 
@@ -315,6 +320,9 @@ def test_the_wire_is_that_of_the_golden_transcript(rig: ServedService) -> None:
     assert stream.getvalue() == GOLDEN.read_text(encoding="utf-8")
 
 
+#: Words of the protocol, so that random messages come near it.
+WORDS = ("x", "y", "z", "device_id", "state", "status", "config", "cursor_position", "buttons", "a", "basis", "error",
+         "power_supply", "calibrated", "permutation")  # fmt: skip
 PLAIN = {
     "device_id": "04BA",
     "state": {"cursor_position": {"x": 0.078, "y": -0.148, "z": 0.143}, "cursor_velocity": {"x": 0, "y": 0, "z": 0}},
@@ -350,6 +358,86 @@ def test_a_service_of_another_hand_with_less_in_its_messages() -> None:
         {"x": 0.1, "y": 0.2, "z": 0.3}, {"x": 0.0, "y": 0.0, "z": 0.0},
     ]  # fmt: skip
     assert not any("session" in message for message in heard)
+
+
+@pytest.mark.parametrize(
+    "noise", [b"\xff", b"\x81\x05abc", b"\x81\x80\0\0\0\0", b"\x88\x02\x03\xe8", b"\x82\x02\xff\xfe", b"\0\0"]
+)
+def test_noise_on_the_line_ends_in_a_name_and_the_service_lives(rig: ServedService, noise: bytes) -> None:
+    with pytest.raises(ArmError), Inverse3(rig.address) as arm:
+        arm.read()
+        rig._server._guests[0].line.send(noise)
+        for _ in range(5):
+            arm.read()
+    with Inverse3(rig.address) as arm:
+        assert arm.read() is not None
+
+
+def test_a_host_that_leaves_before_its_answer_or_talks_nonsense_does_not_end_the_service(rig: ServedService) -> None:
+    rig.service.faults.late = 0.05
+    line = Line(rig.address)
+    line.receive(1.0)
+    line.send("no JSON")
+    line.close()
+    with socket.create_connection(("127.0.0.1", rig.port)) as plain:
+        plain.settimeout(2.0)
+        plain.sendall(b"GET / HTTP/1.1\r\nHost: x\r\n\r\n" + b"\xff" * 50)
+        plain.recv(100)
+    time.sleep(0.1)
+    rig.service.faults.late = 0.0
+    with Inverse3(rig.address) as arm:
+        assert arm.read() is not None
+
+
+VALUES = st.recursive(
+    st.none() | st.booleans() | st.floats() | st.integers(-(10**400), 10**400) | st.text(max_size=5),
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.sampled_from(WORDS) | st.text(max_size=4), inner, max_size=5)
+    ),
+    max_leaves=12,
+)
+
+
+@settings(max_examples=300, deadline=None)
+@given(VALUES)
+def test_whatever_is_said_is_a_place_or_an_error_with_a_name(value: Any) -> None:
+    for message in (value, {"inverse3": value}, {"inverse3": [{"device_id": "1", "state": value}]}, {
+        "inverse3": [{"device_id": "1", "state": {"cursor_position": value}, "status": value}], "verse_grip": value,
+    }):  # fmt: skip
+        try:
+            update = messages.read(json.dumps(message))
+            one = messages.chosen(update, "any")
+            messages.check(one)
+            state = messages.state_of(update, one, "a", None)
+        except ArmError:
+            continue
+        assert state is None or all(abs(part) <= messages.FARTHEST for part in state.position)
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.text(max_size=60))
+def test_whatever_comes_is_a_message_or_an_error_with_a_name(text: str) -> None:
+    with contextlib.suppress(ArmError):
+        assert isinstance(messages.read(text), dict)
+
+
+def test_an_end_of_the_connection_after_answers_is_told_when_they_are_used_up() -> None:
+    from websockets.sync.server import ServerConnection, serve
+
+    def handler(line: ServerConnection) -> None:
+        line.send(json.dumps({"inverse3": [PLAIN]}))
+        line.recv()
+        line.send(json.dumps({"inverse3": [PLAIN]}))
+        line.send(json.dumps({"inverse3": [PLAIN]}))
+
+    with serve(handler, "127.0.0.1", 0) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        with pytest.raises(Disconnected), Inverse3(f"127.0.0.1:{server.socket.getsockname()[1]}") as arm:
+            for _ in range(4):
+                arm.read()
+        server.shutdown()
+        thread.join()
 
 
 def records(arm: Haply) -> tuple[Record, Record]:

@@ -57,7 +57,7 @@ class Line:
         host, port = address_of(service)
         self._trace, self._where = trace, f"{host}:{port}"
         self._messages: deque[str] = deque()
-        self._parts = b""
+        self._parts, self._ended = b"", False
         try:
             self._socket = socket.create_connection((host, port), wait)
         except OSError as error:
@@ -153,10 +153,14 @@ class Line:
             raise self._late() from error
         except OSError as error:
             raise self._gone(error) from error
-        if data:
-            self._protocol.receive_data(data)
-        else:
-            self._protocol.receive_eof()
+        try:
+            if data:
+                self._protocol.receive_data(data)
+            elif not self._ended:
+                self._ended = True
+                self._protocol.receive_eof()
+        except (AssertionError, EOFError) as error:  # what the library thinks that nobody sends
+            raise self._gone(error) from error
         for event in self._protocol.events_received():
             self._event(event)
         with contextlib.suppress(Disconnected):  # a pong, or the answer to a goodbye

@@ -138,9 +138,13 @@ def _part(one: Message, name: str) -> Message:
 
 
 def _number(value: Any, axis: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+    try:
+        number = math.nan if isinstance(value, (bool, str)) else float(value)
+    except (TypeError, OverflowError):  # an integer of hundreds of digits is JSON, too
+        number = math.nan
+    if not math.isfinite(number):
         raise ProtocolError(f"'{axis}' of the cursor is {json.dumps(value)[:40]}, no finite number")
-    return float(value)
+    return number
 
 
 def force(device: str, value: Sequence[float], *, profile: str = "") -> str:

@@ -66,7 +66,7 @@ class Server:
         for guest in list(self._guests):
             try:
                 alive = self._attend(guest, now)
-            except OSError:
+            except Exception:  # it is gone, leaves, or sends what the library asserts that nobody sends
                 alive = False
             if not alive:
                 self._guests.remove(guest)
