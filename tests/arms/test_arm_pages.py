@@ -6,8 +6,10 @@ import re
 from pathlib import Path
 
 import pytest
+from shipped import SCENES
 
 from itouch.arms import Gamepad, Keyboard, Mouse, Recorded
+from itouch.cli import main
 from itouch.plugin.discovery import Catalog
 from itouch.scene import loads
 from itouch.schema.fields import specs, xml_name
@@ -37,6 +39,25 @@ def test_the_examples_are_scenes(page: str) -> None:
         text = text.replace("touch.mcap", "touch.csv")
         model = Model.of(loads(text.encode(), Catalog(), files={"touch.csv": ROWS.encode()}), Catalog())
         assert model.devices["arm"].plugin == plugin[1]
+
+
+def test_the_rig_of_the_guide_goes_under_a_scene(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    page = (DOCS / "how-to/drive-real-devices.md").read_text(encoding="utf-8")
+    (rig,) = re.findall(r"```xml\n(<itouch .*?)```", page, re.DOTALL)
+    (tmp_path / "inverse3.xml").write_text(rig)
+    (tmp_path / "mouse.xml").write_text(re.sub(r'plugin="haply".*?</device>', 'plugin="mouse"/>', rig, flags=re.DOTALL))
+    assert main(["check", str(SCENES / "first_touch.xml"), "--rig", str(tmp_path / "inverse3.xml")]) == 0
+    words = [
+        "run",
+        str(SCENES / "first_touch.xml"),
+        "--rig",
+        str(tmp_path / "mouse.xml"),
+        "--headless",
+        "--pace",
+        "fast",
+    ]
+    assert main(words) == 0
+    assert "block" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("page", PAGES)

@@ -26,6 +26,22 @@ def test_a_steered_hand_goes_where_it_is_led_and_its_script_waits():
     assert int(session.state["finger.hand.ticks"]) > ticks
 
 
+def test_a_hand_that_is_taken_waits_where_it_is_until_it_is_given_back():
+    session = itouch.build(SCENE)
+    session.run(0.5)
+    before, ticks = session.state["finger.hand.target"].copy(), int(session.state["finger.hand.ticks"])
+    session.steer("finger", (0.0, 0.0, 0.0))
+    session.run(0.2)
+    session.steer("finger", (0.002, 0.0, 0.0))
+    session.steer("finger", (-0.002, 0.0, 0.0))
+    session.run(0.2)
+    np.testing.assert_allclose(session.state["finger.hand.target"], before, atol=1e-3)
+    assert int(session.state["finger.hand.ticks"]) == ticks
+    session.steer("finger", None)
+    session.run(0.2)
+    assert int(session.state["finger.hand.ticks"]) == ticks + 200
+
+
 def test_a_steered_hand_never_jumps():
     session = itouch.build(SCENE)
     session.run(0.2)

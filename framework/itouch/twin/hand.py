@@ -19,6 +19,8 @@ Vector = tuple[float, float, float]
 LEAD_SPEED = 0.08
 #: Greatest speed of a hand that is steered by mouse or keys [m/s].
 STEER_SPEED = 0.3
+#: What leads a hand: nobody, a person, or the way back to its path.
+STILL, LED, HOMING = 0, 1, 2
 
 
 class Path:
@@ -103,7 +105,7 @@ class Hand:
         return not self.offset.any()
 
     def steer(self, step: Vector | None) -> None:
-        """Move the target by a step [m], away from its path, which waits; None leads it back to its path.
+        """Move the target by a step [m], away from its path, which waits from now on; None leads it back to its path.
 
         Raises
         ------
@@ -112,7 +114,7 @@ class Hand:
         """
         if step is not None and not all(math.isfinite(part) for part in step):
             raise ValueError(f"step = {step!r} must be three finite numbers of metres")
-        self._steered[...] = 1 if step is not None or not self.home else 0
+        self._steered[...] = LED if step is not None else STILL if self.home else HOMING
         self._wanted[:] = 0.0 if step is None else self._wanted + np.asarray(step)
 
     def _follow(self) -> bool:
@@ -123,8 +125,8 @@ class Hand:
         distance = math.sqrt(float(away @ away))
         reach = STEER_SPEED * self._period
         self.offset[:] = self._wanted if distance <= reach else self.offset + away * (reach / distance)
-        if distance <= reach and not self._wanted.any():
-            self._steered[...] = 0
+        if distance <= reach and self._steered.item() == HOMING:
+            self._steered[...] = STILL
         return True
 
     def advance(self, moving: bool) -> float:
