@@ -11,11 +11,17 @@ from itouch.session.snapshot import Snapshot, read_snapshot
 
 Path = str | os.PathLike[str]
 
+#: How a recording begins.
+_RECORDING = b"\x89MCAP"
+
 
 def is_session(path: Path) -> bool:
-    """Tell whether a file is a stored session: a snapshot by its name, or a document with a ``<session>``."""
+    """Tell whether a file is a stored session: a snapshot or recording by its name, or a document with a ``<session>``.
+
+    A session goes on from the last whole State of a recording.
+    """
     name = os.fspath(path)
-    if name.endswith(".itouch"):
+    if name.endswith((".itouch", ".mcap")):
         return True
     if not name.endswith(".xml"):
         return False
@@ -27,12 +33,12 @@ def is_session(path: Path) -> bool:
 
 
 def read_session(path: Path, catalog: Catalog) -> Snapshot:
-    """Read a snapshot, or the XML document of a session.
+    """Read a snapshot, the XML document of a session, or the last State of a recording.
 
     Raises
     ------
     SessionError
-        If it is neither, or not whole.
+        If it is none of them, or not whole.
     """
     name = os.fspath(path)
     try:
@@ -42,6 +48,10 @@ def read_session(path: Path, catalog: Catalog) -> Snapshot:
             data = head + stream.read(MAX_DOCUMENT + 1 - len(head)) if document else b""
     except OSError as error:
         raise SessionError(f"cannot read '{name}': {error.strerror or error}") from error
+    if head.startswith(_RECORDING):
+        from itouch.session.recorded import last_snapshot
+
+        return last_snapshot(name, catalog)
     if not document:
         return read_snapshot(name, catalog)
     if len(data) > MAX_DOCUMENT:

@@ -2,31 +2,23 @@
 
 from __future__ import annotations
 
-import base64
 import os
-import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from itouch.loop import DeviceFaultError
-from itouch.loop.ledger import Ledger
 from itouch.plugin.discovery import Catalog
 from itouch.recording import Recording, RecordingError, read
 from itouch.safety import Trip
 from itouch.session import layout
-from itouch.session.arrays import load_bases, record_from
 from itouch.session.building import rebuild
 from itouch.session.comparison import Comparison, Mismatch
 from itouch.session.engine import Session
 from itouch.session.playback import Feed, PlaybackDevice, PlaybackTwin
-from itouch.session.snapshot import Snapshot, checked_files, read_scene
-
-#: Greatest State that a recording may hold [bytes].
-_MAX_STATE = 64 << 20
+from itouch.session.recorded import snapshot_at, state_of
 
 Path = str | os.PathLike[str]
 
@@ -51,34 +43,11 @@ def session_of(recording: Recording, *, catalog: Catalog | None = None) -> Sessi
     SessionError, RecordingError
         If the recording lacks it, or it can't be built here.
     """
-    plugins, said = catalog or Catalog(), recording.session
+    plugins = catalog or Catalog()
     if not recording.states:
         raise RecordingError(f"'{recording.path}' holds no State to begin from")
-    try:
-        manifest = dict(said["manifest"])
-        stored = load_bases(base64.b64decode(said["bases"]), manifest.get("bases", {}).get("shapes", {}))
-        data = {k[6:]: v for k, v in recording.attachments.items() if k.startswith("files/")}
-        digests = dict(manifest.get("files", {}))
-        files = checked_files(recording.path, manifest, {digests[n]: v for n, v in data.items() if n in digests})
-        scene = read_scene(recording.path, str(said["scene"]).encode(), manifest, files, plugins)
-        state = state_of(recording.states[0])
-    except (ValueError, KeyError, TypeError, AttributeError, zlib.error) as error:
-        raise RecordingError(f"'{recording.path}' does not hold a whole session: {error}") from error
-    snapshot = Snapshot(scene, state, manifest, Ledger().dump(), stored, files)
+    snapshot = snapshot_at(recording, recording.states[0], plugins)
     return rebuild(snapshot, recording.path, plugins, None)
-
-
-def state_of(letter: Mapping[str, Any]) -> NDArray[Any]:
-    """Return the State of a message, one record of shape (1,).
-
-    Raises
-    ------
-    ValueError
-        If it is none.
-    """
-    unpacker = zlib.decompressobj()
-    data = unpacker.decompress(base64.b64decode(str(letter["npy"])), _MAX_STATE)
-    return record_from(data)
 
 
 @dataclass(frozen=True, slots=True)

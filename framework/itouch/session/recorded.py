@@ -1,0 +1,73 @@
+"""Sessions out of recordings: a recording holds the scene, its files and bases, and whole States now and then."""
+
+from __future__ import annotations
+
+import base64
+import zlib
+from collections.abc import Mapping
+from typing import Any
+
+from numpy.typing import NDArray
+
+from itouch.loop.ledger import Ledger
+from itouch.plugin.discovery import Catalog
+from itouch.recording import Recording, RecordingError, read
+from itouch.session.arrays import load_bases, record_from
+from itouch.session.errors import SessionError
+from itouch.session.snapshot import Snapshot, checked_files, read_scene
+
+#: Greatest State that a recording may hold [bytes].
+_MAX_STATE = 64 << 20
+
+
+def snapshot_at(recording: Recording, letter: Mapping[str, Any], catalog: Catalog) -> Snapshot:
+    """Return the snapshot that a recorded State is, with all that the recording holds of its session.
+
+    Raises
+    ------
+    SessionError, RecordingError
+        If the recording lacks it, or it does not load here.
+    """
+    said = recording.session
+    try:
+        manifest = dict(said["manifest"])
+        stored = load_bases(base64.b64decode(said["bases"]), manifest.get("bases", {}).get("shapes", {}))
+        data = {k[6:]: v for k, v in recording.attachments.items() if k.startswith("files/")}
+        digests = dict(manifest.get("files", {}))
+        files = checked_files(recording.path, manifest, {digests[n]: v for n, v in data.items() if n in digests})
+        scene = read_scene(recording.path, str(said["scene"]).encode(), manifest, files, catalog)
+        state = state_of(letter)
+    except (ValueError, KeyError, TypeError, AttributeError, zlib.error) as error:
+        raise RecordingError(f"'{recording.path}' does not hold a whole session: {error}") from error
+    return Snapshot(scene, state, manifest, Ledger().dump(), stored, files)
+
+
+def last_snapshot(path: str, catalog: Catalog) -> Snapshot:
+    """Return the last whole State of a recording from which a session can go on, whatever ended it.
+
+    Raises
+    ------
+    SessionError
+        If the recording can't be read, or holds none.
+    """
+    try:
+        recording = read(path)
+        letters = [letter for letter in recording.states if letter.get("reason") != "fault"]
+        if not letters:
+            raise SessionError(f"'{path}' holds no State to go on from")
+        return snapshot_at(recording, letters[-1], catalog)
+    except RecordingError as error:
+        raise SessionError(str(error)) from error
+
+
+def state_of(letter: Mapping[str, Any]) -> NDArray[Any]:
+    """Return the State of a message, one record of shape (1,).
+
+    Raises
+    ------
+    ValueError
+        If it is none.
+    """
+    unpacker = zlib.decompressobj()
+    data = unpacker.decompress(base64.b64decode(str(letter["npy"])), _MAX_STATE)
+    return record_from(data)
