@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from itouch.recording.codec import HEAD, Codec
 from itouch.recording.errors import RecordingError
+from itouch.recording.growing import GrowingRows
 from itouch.recording.tracks import Track, load_track
 from itouch.recording.writer import LETTERS, MAGIC
 
@@ -129,7 +130,7 @@ class _Parser:
         self.content, self._keep = content, chunks
         self._codecs: dict[int, Codec] = {}
         self._topics: dict[int, str] = {}
-        self._blocks: dict[str, list[NDArray[Any]]] = {}
+        self._growing: dict[str, GrowingRows] = {}
         self._next: dict[int, int] = {}
         self._total = 0
 
@@ -202,7 +203,7 @@ class _Parser:
             at = end
         self._next = following
         for name, table in rows:
-            self._blocks.setdefault(name, []).append(table)
+            self._growing[name].add(table)
         for topic, letter, _ in letters:
             if topic != "/log/session":
                 self.content.letters.setdefault(topic, []).append(letter)
@@ -244,6 +245,7 @@ class _Parser:
         self.content.session = session
         self.content.tracks = {track.name: track for track in tracks}
         self._codecs = {index: Codec(track, index) for index, track in enumerate(tracks, start=1)}
+        self._growing = {track.name: GrowingRows(track.dtype) for track in tracks}
 
     def _channel(self, data: bytes) -> None:
         number, _, length = struct.unpack_from("<HHI", data, 0)
@@ -252,10 +254,8 @@ class _Parser:
             self._topics[number] = topic
 
     def finish(self) -> None:
-        """Join the blocks."""
-        for name, track in self.content.tracks.items():
-            blocks = self._blocks.get(name, [])
-            self.content.rows[name] = np.concatenate(blocks) if blocks else np.zeros(0, track.dtype)
+        """Hand the rows over."""
+        self.content.rows = {name: growing.rows for name, growing in self._growing.items()}
 
 
 def _check_sequence(following: dict[int, int], channel: int, sequence: int, count: int) -> None:

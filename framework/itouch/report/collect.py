@@ -106,7 +106,7 @@ def _snapshot(path: str) -> Findings:
     session = restore(path)
     report = session.report()
     faults = report["faults"]
-    timing = {"ticks": report["servo"]["ticks"], "histograms_us": session.ledger.histograms()}
+    timing = {"ticks": report["servo"]["ticks"], **_figures(session.ledger.histograms())}
     return Findings(
         os.path.basename(path), "snapshot", _summary(report, faults, session.seconds), report, faults, [], [], timing,
         _provenance(stored.manifest, {}), write(session.model.scene), None, session.model, session.state,
@@ -170,6 +170,21 @@ def _timing(recording: Recording, report: Mapping[str, Any]) -> dict[str, Any]:
     percentiles = {name: last[name] for name in ("p50", "p99", "max") if name in last}
     return {"ticks": len(recording.ticks), "tick_us": percentiles, "overruns": last.get("overruns"), **lost,
             "histograms_us": histograms}  # fmt: skip
+
+
+def _figures(histograms: dict[str, list[list[float]]]) -> dict[str, Any]:
+    """Return histograms, and percentiles of them to within their bins, under a report's keys."""
+    found: dict[str, Any] = {"histograms_us": histograms}
+    for name, bins in histograms.items():
+        total, seen = sum(count for _, _, count in bins), 0.0
+        figures: dict[str, float] = {}
+        for low, high, count in bins:
+            seen += count
+            for key, percent in (("p50", 50.0), ("p99", 99.0), ("p99.9", 99.9)):
+                if key not in figures and seen >= percent / 100.0 * total:
+                    figures[key] = (low * high) ** 0.5
+        found[f"{name}_us"] = figures
+    return found
 
 
 def _provenance(manifest: Mapping[str, Any], more: Mapping[str, Any]) -> dict[str, Any]:
