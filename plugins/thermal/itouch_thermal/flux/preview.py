@@ -64,15 +64,6 @@ class Preview:
     skin: float
     starts: tuple[tuple[float, float, float] | None, ...]
 
-    def start(self, index: int, skin: float) -> float | None:
-        """Return the start temperature [K] for an object and a skin temperature [K]."""
-        found = self.starts[index]
-        if found is None:
-            return None
-        low, middle, high = found
-        away = max(-1.5, min(1.5, (skin - self.skin) / SKIN_STEP))
-        return middle + away * ((high - middle) if away > 0.0 else (middle - low))
-
 
 def preview(heat: HeatParams, world: World, law: ModelLaw) -> Preview:
     """Build the preview of a scene for a controller."""

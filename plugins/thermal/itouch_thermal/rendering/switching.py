@@ -22,18 +22,17 @@ from itouch_thermal.display.column import (
 from itouch_thermal.display.device import DisplayTwin, ThermalDisplay
 from itouch_thermal.display.params import DisplayParams, Mismatch
 from itouch_thermal.display.peltier import current_for, pumped_heat
+from itouch_thermal.display.switching import CLOSE
 from itouch_thermal.flux.law import ModelLaw
 from itouch_thermal.heat import FINGER
 from itouch_thermal.rendering.closedloop import AMBIENT, BAND, CORE, PERIOD
 
-#: The plate has arrived when face and base stay this close to the new temperature [K].
-CLOSE = 0.05
 
-
-def least_time(display: DisplayParams, begin: float, end: float) -> float:
+def least_time_of_plant(display: DisplayParams, begin: float, end: float) -> float:
     """Return the least time [s] in which a plant brings face and base from one even temperature [K] to another.
 
-    The greatest flux all the way and, at the end, the greatest the other way for as long as serves best: with one
+    ``display.switching.least_time`` is that of the data sheet's plate at a greatest flux; this one knows the plant's
+    own module, its warming sink and its mismatches.  The greatest flux all the way and, at the end, the greatest the other way for as long as serves best: with one
     slow and one fast mode that matter, time-optimal pumping changes sign once.  The greatest flux is the one that may
     be asked or, if that is less, what the plant's own module carries at its greatest current.
     """

@@ -26,7 +26,7 @@ from itouch_thermal.rendering.closedloop import (
 from itouch_thermal.rendering.materials import FOAM, material
 from itouch_thermal.rendering.plants import SEEDS, corners
 from itouch_thermal.rendering.score import summary
-from itouch_thermal.rendering.switching import least_time, switching_time
+from itouch_thermal.rendering.switching import least_time_of_plant, switching_time
 
 #: Contact resistances [K m2/W], press [s] and object temperatures [K] of the rows.
 USUAL, LITTLE, PRESS = 2e-3, 1e-4, 0.05
@@ -222,7 +222,7 @@ class Table:
         ends = [start_for(case, desired_course(case), self.display) for case in map(self._case, (first, second))]
         for name, plants, share in (("nominal", self.nominal(), 1.1), ("worst", self.worst(), 1.25)):
             for (begin, end), label in (((ends[0], ends[1]), f"{one} to {other}"), ((ends[1], ends[0]), "back")):
-                least = {plant.mismatch: least_time(plant, begin, end) for plant, _ in plants}
+                least = {plant.mismatch: least_time_of_plant(plant, begin, end) for plant, _ in plants}
                 rows = [
                     ((switching_time(plant, begin, end, seed=seed) - 0.02) / least[plant.mismatch], label)
                     for plant, seed in plants
