@@ -32,9 +32,10 @@ def least_time_of_plant(display: DisplayParams, begin: float, end: float) -> flo
     """Return the least time [s] in which a plant brings face and base from one even temperature [K] to another.
 
     ``display.switching.least_time`` is that of the data sheet's plate at a greatest flux; this one knows the plant's
-    own module, its warming sink and its mismatches.  The greatest flux all the way and, at the end, the greatest the other way for as long as serves best: with one
-    slow and one fast mode that matter, time-optimal pumping changes sign once.  The greatest flux is the one that may
-    be asked or, if that is less, what the plant's own module carries at its greatest current.
+    own module, its warming sink and its mismatches.  The greatest flux all the way and, at the end, the greatest the
+    other way for as long as serves best: with one slow and one fast mode that matter, time-optimal pumping changes
+    sign once.  The greatest flux is the one that may be asked or, if that is less, what the plant's own module carries
+    at its greatest current.
     """
     off = display.mismatch
     parts = column(FINGER, CORE, 306.15, display.plate, PERIOD, REACH / 1e-3)
