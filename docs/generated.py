@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 HERE = Path(__file__).parent
 SCENES = HERE.parent / "scenes"
+VIEWER = HERE.parent / "framework" / "itouch" / "viewer"
 #: File name -> words of the command that makes the picture.
 PICTURES = {
+    "free": ("four_materials.xml", "--at", "14.5s", "--for", "14.6s"),
     "contact": ("four_materials.xml", "--at", "11s", "--for", "11.1s"),
-    "approach": ("four_materials.xml", "--at", "6.5s", "--for", "6.6s"),
+    "approach": ("four_materials.xml", "--at", "7.2s", "--for", "7.3s"),
     "fault": ("faults.xml",),
     "gallery-first_touch": ("first_touch.xml", "--at", "1.2s", "--for", "1.3s"),
     "gallery-metamer": ("metamer.xml", "--at", "8s", "--for", "8.1s"),
@@ -19,21 +22,59 @@ PICTURES = {
     "gallery-moving": ("moving.xml", "--at", "2s", "--for", "2.1s"),
     "gallery-two_fingers": ("two_fingers.xml", "--at", "1.5s", "--for", "1.6s"),
     "gallery-texture": ("texture.xml", "--at", "1.5s", "--for", "1.6s"),
+    "gallery-texture_and_sound": ("texture_and_sound.xml", "--at", "5s", "--for", "5.1s"),
 }
 
 
 def draw_pictures() -> None:
-    """Draw the pictures that are missing, or older than their scene."""
+    """Draw the pictures that are missing, or older than their scene or than what draws them."""
     out = HERE / "_generated"
     out.mkdir(exist_ok=True)
+    drawn = max(path.stat().st_mtime for path in VIEWER.glob("*.py"))
     for name, (scene, *words) in PICTURES.items():
         picture = out / f"{name}.png"
-        if picture.exists() and picture.stat().st_mtime > (SCENES / scene).stat().st_mtime:
+        if picture.exists() and picture.stat().st_mtime > max(drawn, (SCENES / scene).stat().st_mtime):
             continue
-        command = [sys.executable, "-m", "itouch.cli", "run", str(SCENES / scene), "--screenshot", str(picture), *words]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        if done.returncode not in (0, 1):  # 1: the scene of faults
-            raise RuntimeError(f"{' '.join(command)}:\n{done.stderr}")
+        _itouch_py("run", str(SCENES / scene), "--screenshot", str(picture), *words)
+    replay = out / "replay.png"
+    if not replay.exists() or replay.stat().st_mtime < drawn:
+        with tempfile.TemporaryDirectory() as folder:
+            _itouch_py("run", str(SCENES / "four_materials.xml"), "--headless", "--record", f"{folder}/four.mcap")
+            _draw_replay(f"{folder}/four.mcap", replay)
+
+
+def _itouch_py(*words: str) -> None:
+    """Run a command.
+
+    Raises
+    ------
+    RuntimeError
+        If it fails.
+    """
+    command = [sys.executable, "-m", "itouch.cli", *words]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode not in (0, 1):  # 1: the scene of faults
+        raise RuntimeError(f"{' '.join(command)}:\n{done.stderr}")
+
+
+def _draw_replay(recording: str, picture: Path) -> None:
+    """Draw the window that plays a recording, as it stands in the middle of a contact."""
+    from itouch.recording import read
+    from itouch.viewer.offscreen import Offscreen, write_png
+    from itouch.viewer.playback import Playback
+    from itouch.viewer.reel import Reel
+
+    playback = Playback(Reel(read(recording)))
+    playback.pause()
+    playback.seek(20.0)
+    for _ in range(20_000):
+        playback.advance(0.05, playback.curves)
+        if playback.line.known.mean() > 0.7:
+            break
+    shots = Offscreen(playback.model)
+    shots.picture.ring = playback.curves
+    write_png(picture, shots.shoot(playback.state, playback.situation))
+    shots.close()
 
 
 def write_commands() -> None:
