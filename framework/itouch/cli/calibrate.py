@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import argparse
 import datetime
-import os
 import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
 #: How long [days] a touch-off and a mount fit hold; simulated seconds that a touch-off may take.
 TOUCH_OFF_DAYS, MOUNT_DAYS, LONGEST = 30.0, 180.0, 120.0
+_DAY = datetime.timedelta(days=1.0)
+#: Pairs of points that fit worse than this [m] are of something else; points nearer to a line are on it.
+_WORST, _THIN = 5e-3, 4e-4
 _PAIRS = ("x [m]", "y [m]", "z [m]", "x there [m]", "y there [m]", "z there [m]")
 
 
@@ -41,7 +44,7 @@ def main(argv: Sequence[str]) -> int:
         record = _mount_fit(options, device)
     else:
         record = _fit(options, device)
-    path = calibration.file_of(options.scene)
+    path = _path(options, device)
     calibration.store(path, record)
     _tell(record)
     print(f"written to {path}, holds until {record.expires[:10]}")
@@ -66,16 +69,32 @@ def _parser() -> argparse.ArgumentParser:
 def _session(options: argparse.Namespace) -> Session:
     from itouch.session import build
 
-    return build(options.scene, twin=options.twin)
+    scene, catalog = _scene(options)
+    return build(scene, catalog=catalog)
 
 
 def _scene(options: argparse.Namespace) -> Any:
+    """Return the scene with the records that hold: what is measured now was measured with them."""
     from itouch.plugin.discovery import Catalog
     from itouch.session import load_scene
 
     catalog = Catalog()
     scene = load_scene(options.scene, twin=options.twin, catalog=catalog, records=False)
-    return scene, catalog
+    return calibration.calibrated(scene, stale=True), catalog
+
+
+def _path(options: argparse.Namespace, device: Any) -> Path:
+    scene, _ = _scene(options)
+    return calibration.stored_in(scene, device)
+
+
+def _paths(scene: Any) -> list[Path]:
+    """Return the files in which the scene's records are, each once."""
+    return list(dict.fromkeys([calibration.file_of(scene.source), *(_stored(scene))]))
+
+
+def _stored(scene: Any) -> list[Path]:
+    return [calibration.stored_in(scene, device) for device in scene.devices]
 
 
 def _offers(element: Any, catalog: Any) -> dict[str, Fit | None]:
@@ -97,7 +116,7 @@ def _list(options: argparse.Namespace) -> int:
             doc = fit.doc if fit is not None else _DOCS[kind]
             print(f"{element.name}  --kind {kind}\n    {doc}")
             print(f"    samples: {', '.join(fit.columns if fit is not None else _COLUMNS[kind]) or 'none'}")
-    records = calibration.read_records(calibration.file_of(options.scene))
+    records = [record for path in _paths(scene) for record in calibration.read_records(path)]
     for record in records:
         _tell(record)
     if not records:
@@ -143,14 +162,20 @@ def _record(
     *, values: dict[str, float] | None = None, mount: Iterable[float] = (),
 ) -> calibration.CalibrationRecord:  # fmt: skip
     made = calibration.now()
-    lasts = options.days if options.days is not None else days
-    if not 0.0 < lasts <= 3650.0:
-        raise ItouchError(f"--days {lasts:g} is out of range: more than 0, at most 3650")
-    expires = made + datetime.timedelta(days=lasts)
+    expires = made + (_days(options) or datetime.timedelta(days=days))
     return calibration.CalibrationRecord(
         device.name, options.kind, bool(device.twin), made.isoformat(), expires.isoformat(), values or {},
         tuple(float(v) for v in mount), residual, unit, samples,
     )  # fmt: skip
+
+
+def _days(options: argparse.Namespace) -> datetime.timedelta | None:
+    """Return for how long a result shall hold, if that was said."""
+    if options.days is None:
+        return None
+    if not 0.0 < options.days <= 3650.0:
+        raise ItouchError(f"--days {options.days:g} is out of range: more than 0, at most 3650")
+    return datetime.timedelta(days=options.days)
 
 
 def _samples(options: argparse.Namespace, columns: tuple[str, ...]) -> NDArray[np.float64]:
@@ -235,18 +260,24 @@ def rigid(here: NDArray[np.float64], there: NDArray[np.float64]) -> tuple[NDArra
     Raises
     ------
     ValueError
-        If there are fewer than three pairs, or all lie on a line.
+        If there are fewer than three pairs, all lie on a line, or no rigid motion takes one to the other.
     """
     if len(here) < 3:
         raise ValueError(f"{len(here)} pairs of points are too few: three or more")
     a, b = here - here.mean(axis=0), there - there.mean(axis=0)
     left, sizes, right = np.linalg.svd(a.T @ b)
-    if sizes[1] < 1e-6 * sizes[0] or sizes[0] <= 0.0:
-        raise ValueError("the points lie on a line: spread them")
+    if sizes[1] <= _THIN * sizes[0]:
+        raise ValueError("the points lie on a line, or nearly: spread them")
     turn = right.T @ np.diag([1.0, 1.0, np.sign(np.linalg.det(right.T @ left.T))]) @ left.T
     shift = there.mean(axis=0) - turn @ here.mean(axis=0)
     rest = there - here @ turn.T - shift
-    return np.concatenate([shift, _quaternion(turn)]), float(np.sqrt(np.mean(np.sum(rest * rest, axis=1))))
+    left_over = float(np.sqrt(np.mean(np.sum(rest * rest, axis=1))))
+    if left_over > _WORST:
+        raise ValueError(
+            f"the pairs lie {left_over * 1e3:.3g} mm (rms) from one another at best: "
+            "are they in metres, in the same order, and no axis turned round?"
+        )
+    return np.concatenate([shift, _quaternion(turn)]), left_over
 
 
 def _quaternion(turn: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -264,18 +295,18 @@ def _quaternion(turn: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _extend(options: argparse.Namespace) -> int:
     """Let expired records hold for as long again as they did."""
-    path = calibration.file_of(options.scene)
-    records, changed = [], 0
-    now = calibration.now()
-    for record in calibration.read_records(path):
-        if record.stale(now) and options.device in (None, record.device) and options.kind in (None, record.kind):
-            made, expires = (datetime.datetime.fromisoformat(text) for text in (record.made, record.expires))
-            lasts = datetime.timedelta(days=options.days) if options.days else expires - made
-            record = replace(record, expires=(now + lasts).isoformat())
-            changed += 1
-            _tell(record)
-        records.append(record)
-    if changed:
-        calibration.write_records(path, records)
-    print(f"{changed} record{'' if changed == 1 else 's'} extended in {os.fspath(path)}")
+    scene, _ = _scene(options)
+    longer, now, changed = _days(options), calibration.now(), 0
+    for path in _paths(scene):
+        records = []
+        for record in calibration.read_records(path):
+            if record.stale(now) and options.device in (None, record.device) and options.kind in (None, record.kind):
+                made, expires = (datetime.datetime.fromisoformat(text) for text in (record.made, record.expires))
+                record = replace(record, expires=(now + (longer or max(_DAY, expires - made))).isoformat())
+                changed += 1
+                _tell(record)
+            records.append(record)
+        if records:
+            calibration.write_records(path, records)
+    print(f"{changed} record{'' if changed == 1 else 's'} extended")
     return 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 from itouch.loop import render
@@ -44,6 +45,8 @@ class ProbeRig:
             for which, runner in ((render.TRACKER, self.tracker), (render.ARM, self.arm), (render.TABLE, self.table))
             if runner is not None
         ]
+        #: Whether the plate's force on the finger is known from what the table measures only.
+        self._feels_for_real = self.table is not None and not self.table.model.twin and "wrench" in self.table.reading
         self._placed: dict[int, Frame] = {}
         self._fixed = False
         self._moves = any(runner.model.carrier for _, runner in self._stands)
@@ -163,7 +166,21 @@ class ProbeRig:
         if not moving and hand is not None and self.touch_off is not None and self.touch_off.done:
             hand.lower(0.0)
         self.coupling.step(moving)
+        if self._feels_for_real:
+            self._add_measured()
         self.log.note()
+
+    def _add_measured(self) -> None:
+        """Make the force on the finger what a real table measures along the plate's normal, with what the arm gives."""
+        table, arm = self.table, self.arm
+        if table is None:
+            return
+        normal = max(0.0, -table.reading["wrench"][2].item())
+        total = self._placed[render.TABLE].vector((0.0, 0.0, normal)) if render.TABLE in self._placed else (0.0,) * 3
+        if arm is not None and render.ARM in self._placed:
+            push = self._placed[render.ARM].vector(arm.sent["wrench"].tolist()[:3])
+            total = (total[0] + push[0], total[1] + push[1], total[2] + push[2])
+        self.coupling.total[...] = math.hypot(*total)
 
     def check(self, tick: int, counting: bool) -> None:
         """Check the finger's speed, and the table: where it is, how fast, how hard and how long it presses.

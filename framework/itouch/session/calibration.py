@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import datetime
 import json
+import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -18,6 +19,7 @@ from typing import Any
 from itouch.plugin import poses
 from itouch.scene import Scene
 from itouch.schema import ItouchError, Problem, SceneError
+from itouch.schema.fields import validate
 
 FORMAT = "itouch-py calibration 1"
 
@@ -52,6 +54,12 @@ def file_of(scene: str | os.PathLike[str]) -> Path:
     return Path(scene).with_suffix(".calibration.json")
 
 
+def stored_in(scene: Scene, device: Any) -> Path:
+    """Return the file that a device's records are in: the one that its ``<calibration>`` names, or the scene's."""
+    named = device.calibration.stored_in if device.calibration is not None else ""
+    return Path(scene.folder) / named if named else file_of(scene.source)
+
+
 def read_records(path: Path) -> list[CalibrationRecord]:
     """Return the records of a file, none if there is none.
 
@@ -66,12 +74,33 @@ def read_records(path: Path) -> list[CalibrationRecord]:
         data = json.loads(path.read_text(encoding="utf-8"))
         if data["format"] != FORMAT:
             raise ValueError(f"its format is '{data['format']}', not '{FORMAT}'")
-        records = [CalibrationRecord(**{**entry, "mount": tuple(entry["mount"])}) for entry in data["records"]]
-        for record in records:
-            record.stale(now())
-    except (OSError, ValueError, TypeError, KeyError) as error:
+        return [_checked(CalibrationRecord(**entry)) for entry in data["records"]]
+    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
         raise ItouchError(f"calibration file '{path}' cannot be used: {error}") from error
-    return records
+
+
+def _checked(record: CalibrationRecord) -> CalibrationRecord:
+    """Return a record that was read; somebody may have changed its file by hand.
+
+    Raises
+    ------
+    ValueError, TypeError
+        Naming what is wrong.
+    """
+    for name in ("device", "kind", "unit"):
+        if not isinstance(getattr(record, name), str):
+            raise ValueError(f"'{name}' of a record is no text")
+    if record.twin not in (True, False):
+        raise ValueError(f"'twin' of '{record.kind}' is neither true nor false")
+    numbers = [record.residual, record.samples, *record.mount, *record.values.values()]
+    if not all(isinstance(n, (int, float)) and not isinstance(n, bool) and math.isfinite(n) for n in numbers):
+        raise ValueError(f"'{record.kind}' of '{record.device}' holds something that is no finite number")
+    if len(record.mount) not in (0, 7) or (record.mount and not any(record.mount[3:])):
+        raise ValueError(f"mount of '{record.kind}' must be a position and a quaternion, 7 numbers")
+    for text in (record.made, record.expires):
+        if datetime.datetime.fromisoformat(text).tzinfo is None:
+            raise ValueError(f"the time '{text}' says no zone")
+    return replace(record, mount=tuple(float(n) for n in record.mount))
 
 
 def write_records(path: Path, records: Sequence[CalibrationRecord]) -> None:
@@ -82,10 +111,13 @@ def write_records(path: Path, records: Sequence[CalibrationRecord]) -> None:
     ItouchError
         If the file cannot be written.
     """
-    text = json.dumps({"format": FORMAT, "records": [asdict(record) for record in records]}, indent=1)
+    text = json.dumps({"format": FORMAT, "records": [asdict(record) for record in records]}, indent=1, allow_nan=False)
+    draft = path.with_name(path.name + ".new")
     try:
-        path.write_text(text + "\n", encoding="utf-8")
+        draft.write_text(text + "\n", encoding="utf-8")
+        os.replace(draft, path)
     except OSError as error:
+        draft.unlink(missing_ok=True)
         raise ItouchError(f"calibration file '{path}' cannot be written: {error.strerror or error}") from error
 
 
@@ -96,20 +128,26 @@ def store(path: Path, record: CalibrationRecord) -> None:
     write_records(path, [*others, record])
 
 
-def calibrated(scene: Scene) -> Scene:
-    """Return the scene with the records beside its file put in.
+def calibrated(scene: Scene, *, stale: bool = False) -> Scene:
+    """Return the scene with the records of its devices put in.
+
+    Parameters
+    ----------
+    scene
+        As it was loaded.
+    stale
+        Whether records that have expired, or do not fit any more, are passed over, as where they are made anew.
 
     Raises
     ------
     SceneError
         If one has expired, or does not fit its device any more.
     """
-    path = file_of(scene.source)
-    records = read_records(path) if scene.source.endswith(".xml") else []
     problems: list[Problem] = []
     devices = []
     for device in scene.devices:
-        changed = device
+        path, changed = stored_in(scene, device), device
+        records = read_records(path) if path.suffix == ".json" and scene.source.endswith(".xml") else []
         for record in records:
             if record.device != device.name or record.twin != bool(device.twin):
                 continue
@@ -118,9 +156,10 @@ def calibrated(scene: Scene) -> Scene:
             except (ValueError, AttributeError, TypeError) as error:
                 problems.append(_misfit(scene, device, record, path, error))
         devices.append(_placed(scene, device, changed))
-    if problems:
+    if problems and not stale:
         raise SceneError(problems)
-    return replace(scene, devices=tuple(devices)) if records else scene
+    same = all(one is other for one, other in zip(devices, scene.devices, strict=True))
+    return scene if same else replace(scene, devices=tuple(devices))
 
 
 def _with(device: Any, record: CalibrationRecord) -> Any:
@@ -143,7 +182,9 @@ def _with(device: Any, record: CalibrationRecord) -> Any:
 def _set(params: Any, names: list[str], value: float) -> Any:
     """Return parameters with one value changed, in a child if the name has parts."""
     inner = getattr(params, names[0])
-    return replace(params, **{names[0]: value if len(names) == 1 else _set(inner, names[1:], value)})
+    changed = replace(params, **{names[0]: value if len(names) == 1 else _set(inner, names[1:], value)})
+    validate(changed)
+    return changed
 
 
 def _misfit(scene: Scene, device: Any, record: CalibrationRecord, path: Path, error: Exception) -> Problem:

@@ -59,7 +59,7 @@ class Calibration:
     method: str = choice("touch-off", "none", default="touch-off", doc="touch-off: the plate rises until it is felt")
     points: int = integer(low=3, high=9, default=3, doc="how many points of the plate are touched")
     stored_in: str = text(
-        default="", doc="file with an earlier result; it only seeds the mount until the next touch-off"
+        default="", doc="JSON file of this device's calibration records, beside the scene; empty: the scene's own"
     )
 
 

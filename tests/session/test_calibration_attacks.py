@@ -1,0 +1,153 @@
+"""Calibrations with bad input: hostile records, wrong samples, what has expired, files of another place."""
+
+from __future__ import annotations
+
+import datetime
+import json
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from shipped import SCENES
+
+from itouch.cli import main as cli
+from itouch.cli.calibrate import rigid
+from itouch.schema import ItouchError, SceneError
+from itouch.session import calibration, load_scene
+
+ARM = """<itouch version="1.0" xmlns:usb-arm="urn:itouch:plugin:usb-arm">
+  <devices>
+    <device name="arm" plugin="usb-arm"><mount pos="0 100 0 mm"/>
+      <calibration method="none" stored-in="records/arm.json"/><usb-arm:hardware force-scale="2000"/></device>
+    <device name="table" plugin="xyz-table"/>
+  </devices>
+</itouch>"""
+GOOD = np.array([[1.0, 0.8], [2.0, 1.6], [3.0, 2.4]])
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    path = tmp_path / "scene.xml"
+    path.write_text(ARM)
+    (tmp_path / "records").mkdir()
+    return path
+
+
+def fit(scene: Path, rows: Any, *words: str) -> int:
+    file = scene.parent / "samples.csv"
+    file.write_text("\n".join(" ".join(str(v) for v in row) for row in rows))
+    return cli(["calibrate", str(scene), "--kind", "force-scale", "--samples", str(file), *words])
+
+
+def scale(scene: Path) -> float:
+    found = load_scene(scene).devices[0].parts[0].params.force_scale
+    assert isinstance(found, float)
+    return found
+
+
+def test_records_are_kept_where_the_scene_says(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert fit(scene, GOOD) == 0
+    stored = scene.parent / "records/arm.json"
+    assert stored.exists()
+    assert not calibration.file_of(scene).exists()
+    assert scale(scene) == pytest.approx(2500.0)
+    capsys.readouterr()
+    assert cli(["calibrate", str(scene)]) == 0
+    assert "force_scale = 2500" in capsys.readouterr().out
+
+
+def test_a_second_calibration_begins_from_the_first(scene: Path) -> None:
+    """What is measured with a record in force corrects that, not the scene's number."""
+    assert fit(scene, GOOD) == 0
+    assert fit(scene, [[1.0, 1.0], [2.0, 2.0], [3.0, 3.0]]) == 0
+    assert scale(scene) == pytest.approx(2500.0)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"mount": [0, 0, 0]}, {"mount": [0, 0, 0, 0, 0, 0, 0]}, {"mount": [0, 0, float("inf"), 1, 0, 0, 0]},
+        {"mount": "1234567"}, {"values": {"force_scale": "x"}}, {"values": [1]}, {"values": {"force_scale": True}},
+        {"made": "yesterday"}, {"made": "2026-01-01T00:00:00"}, {"expires": None}, {"residual": "small"},
+        {"residual": None}, {"samples": [3]}, {"twin": "no"}, {"device": 5}, {"kind": None}, {"more": 1},
+    ],
+    ids=str,
+)  # fmt: skip
+def test_a_record_that_was_changed_by_hand_is_told(scene: Path, change: dict[str, Any]) -> None:
+    assert fit(scene, GOOD) == 0
+    stored = scene.parent / "records/arm.json"
+    (record,) = calibration.read_records(stored)
+    stored.write_text(json.dumps({"format": calibration.FORMAT, "records": [asdict(record) | change]}))
+    with pytest.raises(ItouchError, match="cannot be used"):
+        load_scene(scene)
+    for words in ([], ["--extend"]):
+        assert cli(["calibrate", str(scene), *words]) == 2
+
+
+@pytest.mark.parametrize("value", [5.0, 1e9, -2000.0])
+def test_a_value_out_of_its_range_refuses_the_scene(scene: Path, value: float) -> None:
+    assert fit(scene, GOOD) == 0
+    stored = scene.parent / "records/arm.json"
+    (record,) = calibration.read_records(stored)
+    calibration.write_records(stored, [replace(record, values={"force_scale": value})])
+    with pytest.raises(SceneError, match="force-scale.*cannot be used"):
+        load_scene(scene)
+
+
+def test_what_has_expired_can_be_measured_anew(tmp_path: Path) -> None:
+    text = (SCENES / "four_materials.xml").read_text()
+    (tmp_path / "scene.xml").write_text(text)
+    for name in ("materials.xml", "rigs/twin.xml"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text((SCENES / name).read_text())
+    scene = tmp_path / "scene.xml"
+    past = (calibration.now() - datetime.timedelta(days=1)).isoformat()
+    mount = (0.0, 0.0, -0.03, 1.0, 0.0, 0.0, 0.0)
+    record = calibration.CalibrationRecord("table", "touch-off", True, past, past, {}, mount, 0.1, "mm", 3)
+    calibration.write_records(calibration.file_of(scene), [record])
+    with pytest.raises(SceneError, match="touch-off"):
+        load_scene(scene)
+    assert cli(["calibrate", str(scene), "--kind", "touch-off"]) == 0
+    table = next(d for d in load_scene(scene).devices if d.name == "table")
+    assert table.mount.pos[2] == pytest.approx(-0.011, abs=2e-4)
+
+
+@pytest.mark.parametrize("days", ["nan", "inf", "-5", "0", "1e9"])
+@pytest.mark.parametrize("extend", [False, True])
+def test_days_out_of_range(scene: Path, days: str, extend: bool, capsys: pytest.CaptureFixture[str]) -> None:
+    code = (
+        cli(["calibrate", str(scene), "--extend", f"--days={days}"]) if extend else fit(scene, GOOD, f"--days={days}")
+    )
+    assert code == 2
+    assert "out of range" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        [], [[1.0, 1.0]], [[1.0, 1.0]] * 5, [[1.0, -1.0], [2.0, -2.0], [3.0, -3.0]], [["nan", 1], [2, 2], [3, 3]],
+        [[1, 1e-9], [2, 2e-9], [3, 3e-9]], [[1, 1e6], [2, 2e6], [3, 3e6]], [[1, 2, 3]] * 3, [["1,5", "x"]],
+    ],
+    ids=str,
+)  # fmt: skip
+def test_samples_that_make_no_scale(scene: Path, rows: list[Any], capsys: pytest.CaptureFixture[str]) -> None:
+    assert fit(scene, rows) == 2
+    assert capsys.readouterr().err.startswith(("error", "calibration", "sample"))
+    assert not (scene.parent / "records/arm.json").exists()
+
+
+def test_pairs_that_fit_nothing_rigid_are_refused() -> None:
+    rng = np.random.default_rng(5)
+    points = rng.uniform(-0.05, 0.05, (6, 3))
+    with pytest.raises(ValueError, match="no axis turned round"):
+        rigid(points, points * (1.0, 1.0, -1.0))
+    with pytest.raises(ValueError, match="in metres"):
+        rigid(points, points * 1000.0)
+    line = np.outer(np.linspace(0.0, 0.1, 5), (1.0, 0.0, 0.0)) + rng.normal(0.0, 1e-4, (5, 3))
+    with pytest.raises(ValueError, match="on a line"):
+        rigid(line, line)
+    pose, left = rigid(points, points + rng.normal(0.0, 1e-4, points.shape))
+    assert left < 5e-4
+    assert pose[3] == pytest.approx(1.0, abs=1e-3)
