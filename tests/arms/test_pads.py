@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import os
+import shutil
 import struct
+import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -168,3 +171,50 @@ def test_a_pad_that_cannot_be_opened(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("DISPLAY", ":9")
     with pytest.raises(PadError, match="busy"):
         find_pad()
+
+
+READ = """
+import json, sys, time
+from itouch.arms.pad import find_pad
+sticks = find_pad()
+end = time.monotonic() + 20.0
+while sticks.sticks() != (1.0, 0.0, 1.0) and time.monotonic() < end:
+    time.sleep(0.01)
+print(json.dumps([sticks.name, sticks.sticks()]))
+"""
+DEVICE = """P: /devices/virtual/input/input9/event9
+N: input/event9
+E: DEVNAME=/dev/input/event9
+E: SUBSYSTEM=input
+A: dev=13:73
+"""
+EVENTS = """E: 0.000000 0003 0000 32767
+E: 0.010000 0003 0004 -32768
+E: 0.010000 0000 0000 0
+"""
+
+
+@pytest.mark.skipif(shutil.which("umockdev-run") is None, reason="umockdev is not installed")
+def test_the_kernels_own_numbers_by_a_tool_that_emulates_it(tmp_path: Path) -> None:
+    """umockdev answers the ioctls that it knows by their numbers, and plays events into the device."""
+    keys, axes = bytearray(96), bytearray(8)
+    keys[evdev.GAMEPAD // 8] |= 1 << evdev.GAMEPAD % 8
+    axes[0] = 0b111111
+    ranges = [f"EVIOCGABS({code}) 0 {struct.pack('6i', 0, -32768, 32767, 16, 128, 0).hex()}" for code in (0, 1, 4)]
+    name = b"Mock Pad".ljust(256, b"\0")
+    answers = [f"EVIOCGNAME 256 {name.hex()}", f"EVIOCGBIT(1) 96 {keys.hex()}", f"EVIOCGBIT(3) 8 {axes.hex()}", *ranges]
+    for file, text in (
+        ("device", DEVICE),
+        ("ioctls", "\n".join(["@DEV /dev/input/event9", *answers, ""])),
+        ("events", EVENTS),
+        ("read.py", READ),
+    ):
+        (tmp_path / file).write_text(text)
+    path, node = str(tmp_path) + "/", "/dev/input/event9="
+    words = ["umockdev-run", "-d", path + "device", "-i", f"{node}{path}ioctls", "-e", f"{node}{path}events", "--"]
+    environment = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    done = subprocess.run(
+        [*words, sys.executable, path + "read.py"], capture_output=True, text=True, timeout=60, env=environment
+    )
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout) == ["Mock Pad", [1.0, 0.0, 1.0]]
