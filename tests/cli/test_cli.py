@@ -117,14 +117,22 @@ def test_devices_lists_what_is_installed_and_names_what_failed(tmp_path: Path) -
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_safely_with_the_report(tmp_path: Path, number: signal.Signals) -> None:
-    report = tmp_path / "r.json"
+    report, recording = tmp_path / "r.json", tmp_path / "r.mcap"
+    words = [FIRST, "--pace", "real", "--for", "60 s", "--report", str(report), "--record", str(recording)]
     process = subprocess.Popen(
-        [sys.executable, "-m", "itouch.cli", FIRST, "--pace", "real", "--for", "60 s", "--report", str(report)],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
-    time.sleep(4.0)
+        [sys.executable, "-m", "itouch.cli", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    until = time.monotonic() + 40.0
+    while time.monotonic() < until and not (recording.exists() and recording.stat().st_size > 50_000):
+        time.sleep(0.05)
     process.send_signal(number)
     _, err = process.communicate(timeout=30)
     assert process.returncode == 128 + number, err
     assert "the devices are safe" in err
     assert 0 < json.loads(report.read_text())["simulated_s"] < 60
+
+
+def test_hardware_is_not_driven_faster_than_real_time() -> None:
+    done = run(str(SCENES / "four_materials_wire.xml"), "--headless", "--pace", "fast", "--for", "1s")
+    assert done.returncode == 2
+    assert "--pace fast is for simulated twins, not for 'arm', 'table', 'peltier'" in done.stderr

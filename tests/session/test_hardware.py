@@ -116,6 +116,16 @@ def test_restored_hardware_is_open_and_waits(scene: Path) -> None:
     assert cls.opened == ["open", "close"]
 
 
+def test_hardware_without_a_watchdog_is_told_of_where_no_guardian_is(scene: Path) -> None:
+    session = itouch.build(scene, catalog=catalog(stick()))
+    (told,) = [notice for notice in session.notices if "watchdog" in notice]
+    assert told.startswith("device 'stick' has no watchdog of its own, and no guardian")
+    session.guarded = True  # as a servo process is
+    assert not [notice for notice in session.notices if "watchdog" in notice]
+    guarding = type("Guarding", (stick(),), {"watchdog": 0.05})
+    assert not [n for n in itouch.build(scene, catalog=catalog(guarding)).notices if "watchdog" in n]
+
+
 def test_what_moves_when_opened_or_is_missing_stays_closed_and_that_is_said(scene: Path) -> None:
     path = saved(scene)
     moving = stick(moves=True)

@@ -29,6 +29,7 @@ def main(argv: Sequence[str]) -> int:
     session = _prepare(options)
     if options.pace is None and live.needed(session):
         return live.run(options)
+    _refuse_hardware(session)
     leader = leading.without_window(session.model, real=options.pace is None and not _drawn(options))
     if leader is not None:
         return live.run(options, leader=leader)
@@ -43,6 +44,15 @@ def main(argv: Sequence[str]) -> int:
     screen.finish(report)
     _write(session, options, report)
     return code
+
+
+def _refuse_hardware(session: Session) -> None:
+    """Drive nothing real faster than real time, in a process that no guardian watches over."""
+    real = [f"'{device.name}'" for device in session.model.devices.values() if not device.twin]
+    if real:
+        raise ItouchError(
+            f"--pace fast is for simulated twins, not for {', '.join(real)}: omit it, or --twin all"
+        )
 
 
 def _drawn(options: argparse.Namespace) -> bool:

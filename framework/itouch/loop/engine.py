@@ -33,6 +33,11 @@ from itouch.world.failing import failing
 #: On a virtual clock every so many ticks are timed part by part; in real time all are.
 _SAMPLED = 16
 
+_UNGUARDED = (
+    "device '{}' has no watchdog of its own, and no guardian watches over this process: if it dies, the device keeps "
+    "its last command; `itouch.launch` runs a session with a guardian"
+)
+
 
 class EngineError(ItouchError):
     """A call that the engine's status does not allow."""
@@ -68,6 +73,8 @@ class Engine:
         self.fault: DeviceFaultError | None = None
         self._enabled = False
         self._pacing = Pacing(self)
+        #: Whether a guardian process makes hardware safe if this one dies, as `itouch.launch` has it.
+        self.guarded = False
         #: Host seconds at the begin of the last tick, after its parts if they were timed, and at its end.
         self.stamps: list[float] = []
         #: Called with the number of a tick when it is over, also in the safe sequence; they must not change the State.
@@ -116,8 +123,9 @@ class Engine:
 
     @property
     def notices(self) -> tuple[str, ...]:
-        """What is rendered otherwise than the scene says, and why."""
-        return self.model.notices
+        """What is rendered otherwise than the scene says, and why; and hardware that nobody watches over."""
+        alone = [d.name for d in self.model.devices.values() if not d.twin and d.commands and d.cls.watchdog is None]
+        return self.model.notices if self.guarded else (*self.model.notices, *(_UNGUARDED.format(n) for n in alone))
 
     @property
     def done(self) -> bool:

@@ -51,7 +51,7 @@ class Servo:
 
     def __init__(self, session: Session, segment: Segment, outbox: Outbox, config: dict[str, Any]) -> None:
         self.session, self.outbox, self._config = session, outbox, config
-        session.clock = WallClock()
+        session.clock, session.guarded = WallClock(), True
         self.remotes = Remotes(session, segment.name)
         state, timing = session.state, session.times
         segment.grow(
