@@ -156,8 +156,16 @@ def test_pyglet_without_any_or_that_fails(monkeypatch: pytest.MonkeyPatch) -> No
 
     for found, words in ((list, "none is attached"), (fails, "no such thing here")):
         with_pyglet(monkeypatch, found)
+        monkeypatch.setattr(sys, "platform", "win32")
         with pytest.raises(PadError, match=words):
             find_pad()
+        monkeypatch.setattr(sys, "platform", "linux")
+        monkeypatch.setattr(evdev, "find", lambda: (None, []))
+        with pytest.raises(PadError, match="none is attached"):
+            find_pad()
+        kernels = controller()
+        monkeypatch.setattr(evdev, "find", lambda kernels=kernels: (kernels, []))
+        assert find_pad().name == "of pyglet" and kernels.opened == 1
 
 
 def test_a_pad_that_cannot_be_opened(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -88,19 +88,27 @@ def _rested(value: float) -> float:
 
 
 def find_pad() -> Pad:
-    """Open the first gamepad: through pyglet where there is a display, from the kernel on a Linux without one.
+    """Open the first gamepad: as pyglet finds it where there is a display, else as the Linux kernel does.
 
     Raises
     ------
     PadError
         If there is none, or it may not be read.
     """
-    screen = bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
-    controller = _of_pyglet() if screen or not sys.platform.startswith("linux") else _of_kernel()
+    controller = _first()
     try:
         return Pad(controller)
     except Exception as error:
         raise PadError(f"the gamepad cannot be opened: {error}") from error
+
+
+def _first() -> Controller:
+    if not sys.platform.startswith("linux"):
+        return _of_pyglet()
+    if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
+        with contextlib.suppress(PadError):  # it knows the wiring of many, and leaves out some
+            return _of_pyglet()
+    return _of_kernel()
 
 
 def _of_kernel() -> Controller:
