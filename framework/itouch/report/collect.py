@@ -120,7 +120,8 @@ def _summary(report: Mapping[str, Any], faults: list[dict[str, Any]], seconds: f
         [abs(contact[key]) for contact in contacts if _finite(contact.get(key))]
         for key in ("peak_force_N", "plate_gap_mm", "flux_error_rms")
     )
-    tracking = (report["table"].get("tracking_mm") or {}).get("p99")
+    figures = report["table"].get("tracking_mm")
+    tracking = figures.get("p99") if isinstance(figures, Mapping) else None
     found = {
         "duration": f"{seconds:.3f} s",
         "contacts": str(len(contacts)),
@@ -135,12 +136,13 @@ def _summary(report: Mapping[str, Any], faults: list[dict[str, Any]], seconds: f
 
 def _report(recorded: dict[str, Any] | None, replayed: dict[str, Any]) -> dict[str, Any]:
     """Return the recorded report; what it lacks, or what can't be one, is the replay's."""
-    if recorded is None:
+    if not isinstance(recorded, dict):
         return replayed
     found = {key: recorded[key] if isinstance(recorded.get(key), type(value)) else value
              for key, value in replayed.items()}  # fmt: skip
-    for key in ("contacts", "faults"):
-        if not all(isinstance(entry, dict) for entry in found[key]):
+    for key in ("contacts", "faults", "devices"):
+        entries = found[key].values() if key == "devices" else found[key]
+        if not all(isinstance(entry, dict) for entry in entries):
             found[key] = replayed[key]
     if not all(map(_is_contact, found["contacts"])):
         found["contacts"] = replayed["contacts"]
@@ -149,7 +151,7 @@ def _report(recorded: dict[str, Any] | None, replayed: dict[str, Any]) -> dict[s
 
 def _is_contact(entry: Mapping[str, Any]) -> bool:
     """Tell whether an entry of a file has what the page needs; all else of it is shown as it is."""
-    begin, end = entry.get("begin_s"), entry.get("end_s")
+    begin, end = entry.get("begin_s"), entry.get("end_s", "")
     named = isinstance(entry.get("probe"), str) and isinstance(entry.get("object"), str)
     return named and _finite(begin) and (end is None or _finite(end))
 
