@@ -62,12 +62,15 @@ def run(options: argparse.Namespace, *, window: bool = False, leader: Leader | N
 def _follow(handle: Handle, *, window: bool, mute: bool, leader: Leader | None) -> int:
     """Show the session until it ends, on the terminal and in a window if that is asked for; return the exit code."""
     from itouch.cli import windows
+    from itouch.cli.waiting import Waiting
     from itouch.loop import DeviceFaultError
     from itouch.report.screen import Screen
 
     for notice in handle.notices:
         print(f"note: {notice}", file=sys.stderr)
-    screen = Screen(Shown(handle), sys.stdout)
+    shown = Shown(handle)
+    screen = Screen(shown, sys.stdout)
+    waiting = Waiting(handle, shown.model) if not window else None
     with Stopping(handle.request_stop) as stop:
         code = 0
         try:
@@ -75,6 +78,8 @@ def _follow(handle: Handle, *, window: bool, mute: bool, leader: Leader | None) 
                 windows.show(handle, screen, mute=mute)
             while not handle.wait(_EVERY if leader is None else _LOOK):
                 screen.show()
+                if waiting is not None:
+                    waiting.look()
                 if handle.faults:  # nobody can see it any more and re-arm
                     handle.request_stop()
                 if leader is not None:
