@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from itouch.arms import led as arms_led
 from itouch.arms.pad import Pad, PadError
 from itouch.cli import leading, main
 from itouch.plugin import DeviceError
+from itouch.servo import ServoError
 from itouch.testing import DeviceTests
 from itouch.world.leading import led
 
@@ -138,6 +140,15 @@ def test_a_gamepad_leads_without_a_window_as_fast_as_its_arm_says(
     steps = [value["step"] for what, value in said[:-1]]  # type: ignore[index]
     np.testing.assert_allclose(steps, [(0.003, -0.0015, 0.003)] * 3 + [(0.006, -0.003, 0.006)])
     assert said[-1] == ("closed", None)
+
+
+def test_a_session_that_has_ended_meanwhile_is_no_error(tmp_path: Path) -> None:
+    class Ended:
+        def command(self, what: str, value: object) -> None:
+            raise ServoError("the session has ended")
+
+    pad = SimpleNamespace(device=None, leftx=1.0, lefty=0.0, righty=0.0, open=lambda: None, close=lambda: None)
+    leading.Leader(Pad(pad), "finger", 0.06).lead(Ended())  # type: ignore[arg-type]
 
 
 def test_what_is_attached_is_told_with_the_reason_if_it_is_of_no_use(monkeypatch: pytest.MonkeyPatch) -> None:

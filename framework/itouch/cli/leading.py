@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import time
 from typing import TYPE_CHECKING
@@ -27,13 +28,16 @@ class Leader:
 
     def lead(self, handle: Handle) -> None:
         """Move the hand as far as the sticks ask since the last call."""
+        from itouch.servo import ServoError
+
         now = time.monotonic()
         elapsed, self._last = min(now - self._last, _LONGEST), now
         sticks = self._pad.sticks()
         if any(sticks) or not self._taken:
             self._taken = True  # the script waits from now on
             x, y, z = (self._speed * elapsed * part for part in sticks)
-            handle.command("steer", {"probe": self._probe, "step": (x, y, z)})
+            with contextlib.suppress(ServoError):  # it has ended since we looked, which is told elsewhere
+                handle.command("steer", {"probe": self._probe, "step": (x, y, z)})
 
     def close(self) -> None:
         """Let the gamepad go."""
