@@ -10,6 +10,8 @@ import zipfile
 from pathlib import Path
 
 import pytest
+import xmlschema
+from lxml import etree
 
 COIL = Path(__file__).parents[1] / "outside" / "itouch-voice-coil"
 SCENE = COIL / "scenes" / "voice-coil.xml"
@@ -60,3 +62,10 @@ def test_its_schema_is_written_with_the_others(site, tmp_path):
     run(site, tmp_path, "itouch.cli", "schema", "schema")
     text = "".join(path.read_text() for path in (tmp_path / "schema").glob("*.xsd"))
     assert "urn:itouch:plugin:voice-coil" in text and "distance from ridge to ridge" in text
+    main = str(tmp_path / "schema" / "itouch.xsd")
+    scene = etree.parse(str(SCENE))
+    etree.XMLSchema(etree.parse(main)).assertValid(scene)
+    validator = xmlschema.XMLSchema10(main)
+    validator.validate(scene)
+    for right, wrong in ((' height="60 um"', ' hight="60 um"'), (' coil="coil"', "")):
+        assert not validator.is_valid(etree.fromstring(SCENE.read_text().replace(right, wrong, 1).encode()))

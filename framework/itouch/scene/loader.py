@@ -29,7 +29,7 @@ _SECTION_CLASSES: dict[str, type] = {
     "record": elements.RecordElement,
 }
 #: Elements that <defaults> may name.
-_DEFAULTABLE: dict[str, type] = {
+DEFAULTABLE: dict[str, type] = {
     tag_of(cls): cls
     for cls in (
         *elements.OBJECTS, elements.ContactMaterial, elements.Visual, elements.Mount, elements.Probe, elements.To,
@@ -164,9 +164,9 @@ class _Assembly:
         """Bind what <defaults> says on its own, so that a fault is told once and at its place."""
         section = document.sections.get("defaults")
         for node in section.children if section else ():
-            cls = _DEFAULTABLE.get(node.tag) if not node.namespace else None
+            cls = DEFAULTABLE.get(node.tag) if not node.namespace else None
             if cls is None:
-                advice = did_you_mean(node.tag, _DEFAULTABLE, "defaults are possible for")
+                advice = did_you_mean(node.tag, DEFAULTABLE, "defaults are possible for")
                 sentence = f"<defaults> has no element <{node.written}>"
                 self.problems.append(Problem("unknown-element", sentence, node.place, advice))
                 continue

@@ -13,6 +13,7 @@ from xml.sax.saxutils import escape, quoteattr
 from itouch.scene import elements
 from itouch.scene.documents import SECTIONS
 from itouch.scene.extensions import Extensions
+from itouch.scene.loader import DEFAULTABLE
 from itouch.schema.fields import REQUIRED, Spec, default_of, specs, tag_of, xml_name
 from itouch.schema.quantities import describe, format_quantity
 
@@ -78,7 +79,8 @@ def _plugin(extensions: Extensions, plugin: str) -> str:
                 continue
             seen.add(local)
             more = [_attribute("name", Spec("name", "its name; default: the element's"), None, 6)]
-            lines += writer.element(local, cls, 2, more if host == "interaction" else [])
+            own = more if host == "interaction" else []
+            lines += writer.element(local, cls, 2, own, whole=host != "material")
     return "\n".join([*lines, "</xs:schema>", ""])
 
 
@@ -104,30 +106,34 @@ class _Writer:
         yield "    </xs:complexType>"
         yield "  </xs:element>"
 
-    def element(self, tag: str, cls: type, indent: int, more: Sequence[str] = ()) -> Iterator[str]:
-        """Yield the declaration of an element."""
+    def element(
+        self, tag: str, cls: type, indent: int, more: Sequence[str] = (), *, whole: bool = True
+    ) -> Iterator[str]:
+        """Yield the declaration of an element; not ``whole`` where a base or ``<defaults>`` may add to it."""
         pad = " " * indent
+        inherits, whole = whole and cls is not elements.Material, whole and cls not in DEFAULTABLE.values()
         yield f'{pad}<xs:element name="{tag}">'
         yield f"{pad}  {_documented((cls.__doc__ or '').strip().splitlines()[0])}"
         yield f"{pad}  <xs:complexType>"
-        inner = list(self._inside(cls, indent + 6))
+        inner = list(self._inside(cls, indent + 6, whole=inherits))
         if inner:
             yield f'{pad}    <xs:choice minOccurs="0" maxOccurs="unbounded">'
             yield from inner
             yield f"{pad}    </xs:choice>"
         for name, spec in specs(cls).items():
             if spec.kind not in ("child", "children", "plugin"):
-                yield _attribute(xml_name(name), spec, default_of(cls, name), indent + 4)
+                must = whole or spec.kind == "name"
+                yield _attribute(xml_name(name), spec, default_of(cls, name), indent + 4, must=must)
         yield from more
         if hasattr(cls, "OPEN"):
             yield f'{pad}    <xs:anyAttribute processContents="skip"/>'
         yield f"{pad}  </xs:complexType>"
         yield f"{pad}</xs:element>"
 
-    def _inside(self, cls: type, indent: int) -> Iterator[str]:
+    def _inside(self, cls: type, indent: int, *, whole: bool) -> Iterator[str]:
         for spec in specs(cls).values():
             for child in spec.elements:
-                yield from self.element(tag_of(child, spec), child, indent)
+                yield from self.element(tag_of(child, spec), child, indent, whole=whole)
         for name in self._guests.get(_HOSTS.get(cls, ""), ()):
             yield f'{" " * indent}<xs:element ref="{name}"/>'
 
@@ -141,12 +147,12 @@ def _defaults() -> Iterator[str]:
     yield "        </xs:element>"
 
 
-def _attribute(name: str, spec: Spec, default: Any, indent: int) -> str:
+def _attribute(name: str, spec: Spec, default: Any, indent: int, *, must: bool = False) -> str:
     pad = " " * indent
-    # a default or base may supply a required attribute, so that an editor must not insist
+    use = ' use="required"' if must and default is REQUIRED else ""
     words = _words(spec, default)
     kind = _type(spec, indent + 2)
-    return f"{pad}<xs:attribute name={quoteattr(name)}>\n{pad}  {_documented(words)}\n{kind}\n{pad}</xs:attribute>"
+    return f"{pad}<xs:attribute name={quoteattr(name)}{use}>\n{pad}  {_documented(words)}\n{kind}\n{pad}</xs:attribute>"
 
 
 def _words(spec: Spec, default: Any) -> str:
