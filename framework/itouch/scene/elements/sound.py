@@ -24,7 +24,9 @@ class Sound:
 
     TAG: ClassVar[str] = "sound"
     loudness: float = quantity("", low=0.0, high=1.0, default=1.0, doc="of everything, 0 to 1")
-    friction: float = quantity("", low=0.0, high=1.0, default=0.2, doc="loudness of the noise of sliding, 0 to 1")
+    friction: float = quantity(
+        "", low=0.0, high=1.0, default=0.2, doc="loudness of the noise of sliding, 0 to 1; a <texture> is heard in it"
+    )
     grain: float = quantity(
         "m",
         low=1e-5,
