@@ -67,3 +67,15 @@ def test_the_first_scene_changed_as_the_tutorial_says(folder: Path, capsys: pyte
         one.text.splitlines()[1] for one in listings() if one.page.endswith("first-touch.md") and "peak N" in one.text
     ]
     assert row in capsys.readouterr().out
+
+
+def test_the_switching_times_are_those_that_the_program_prints(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["thermal", "switching", str(SCENES / "four_materials.xml")]) == 0
+    printed = capsys.readouterr().out
+    page = "docs/how-to/add-a-material.md"
+    (shown,) = [one.text for one in listings() if one.page == page and "from / to" in one.text]
+    assert all(line.rstrip() in printed for line in shown.splitlines())
+    rows = {line.split()[0]: line.split() for line in printed.splitlines()[1:]}
+    text = (DOCS / "explanation" / "thermal-display.md").read_text(encoding="utf-8")
+    assert f"{float(rows['aluminium'][-2]):.2f} s between aluminium and pyrex" in text
+    assert f"{float(rows['aluminium'][-1]):.2f} s between aluminium and polystyrene" in text
