@@ -51,7 +51,7 @@ class Engine:
     """
 
     def __init__(self, model: Model, *, seed: int = 0, clock: Clock | None = None) -> None:
-        self.model, self.clock = model, clock or VirtualClock()
+        self.model, self.clock, self._moving = model, clock or VirtualClock(), model.moving
         self.state: Record = make_state(model)
         self.times = Timing(_parts(model))
         self.ledger = Ledger(times=self.times)
@@ -201,7 +201,7 @@ class Engine:
             if mark:
                 mark(now())
         ready = bool(self._ready)
-        if self.model.moving:
+        if self._moving:
             self._objects.update(tick, ready)
         for rig in self._rigs:
             rig.touch(tick, self._events.tell, self._events.moves, ready)
@@ -240,7 +240,7 @@ class Engine:
     def _move(self, tick: int, ready: bool) -> None:
         for rig in self._rigs:
             rig.couple(ready)
-        if self.model.moving:
+        if self._moving:
             self._objects.advance(ready)
         for runner in self._all:
             runner.step_twin(tick)
