@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import importlib
 import json
 import shutil
 import tempfile
@@ -10,6 +11,7 @@ import types
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from unittest.mock import create_autospec
 
 import pytest
 from shipped import SCENES
@@ -114,8 +116,8 @@ def arm(folder: Path, patch: pytest.MonkeyPatch) -> Names:
     class Attached(Falcon):
         reads = 0
 
-        def __init__(self, firmware: str) -> None:
-            super().__init__(firmware, backend, clock=time.now)
+        def __init__(self, firmware: str, **options: Any) -> None:
+            super().__init__(firmware, backend, clock=time.now, **options)
 
         def read(self) -> Any:
             self.reads += 1
@@ -126,6 +128,20 @@ def arm(folder: Path, patch: pytest.MonkeyPatch) -> Names:
     patch.setattr(itouch_usb_arm, "Falcon", Attached)
     patch.setattr("builtins.input", lambda: "")
     return {}
+
+
+def _autospecced(module: str, name: str) -> Setup:
+    """Return a setup with a driver of the same calls and no arm behind it; after some reads it is enough."""
+
+    def setup(folder: Path, patch: pytest.MonkeyPatch) -> Names:
+        home = importlib.import_module(module)
+        driver = create_autospec(getattr(home, name))
+        arm = driver.return_value.__enter__.return_value = create_autospec(getattr(home, name), instance=True)
+        arm.read.side_effect = [types.SimpleNamespace(position=(0.0, 0.0, 0.1))] * 5 + [EnoughError]
+        patch.setattr(home, name, driver)
+        return {}
+
+    return setup
 
 
 def servo(folder: Path, patch: pytest.MonkeyPatch) -> Names:
@@ -170,4 +186,6 @@ SETUPS: dict[str, Setup] = {
     "docs/reference/device-usb-arm.md": arm,
     "docs/how-to/drive-real-devices.md": arm,
     "docs/reference/servo.md": servo,
+    "docs/reference/device-haply.md": _autospecced("itouch_arms.haply", "Inverse3"),
+    "docs/reference/device-openhaptics.md": _autospecced("itouch_arms.openhaptics", "Phantom"),
 }

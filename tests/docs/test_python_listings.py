@@ -8,10 +8,10 @@ import textwrap
 from pathlib import Path
 
 import pytest
-from listings import ROOT, listings
+from listings import ROOT, WALKED, listings
 from python_pages import SETUPS, EnoughError
 
-PYTHON = [listing for listing in listings() if listing.language == "python"]
+PYTHON = [listing for listing in listings() if listing.language == "python" and listing.page not in WALKED]
 PAGES = list(dict.fromkeys(listing.page for listing in PYTHON))
 #: Folders of code that is tested: a listing may be a piece of it.
 TESTED = ("tests/outside", "tests/scaffold", "framework/itouch/scaffold/templates", "docs/examples")
