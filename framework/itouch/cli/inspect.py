@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from itouch.cli.arguments import output_file
@@ -89,8 +89,13 @@ def recording_facts(path: str) -> Facts:
         "contacts": [c._asdict() for c in contacts_of(found)],
         "marks": found.marks,
         "faults": found.faults,
-        "timing": found.timing[-1] if found.timing else None,
+        "timing": _figures(found.timing[-1]) if found.timing else None,
     }
+
+
+def _figures(timing: Mapping[str, Any]) -> Facts:
+    """Return the figures of a note of timing, without its histograms."""
+    return {name: value for name, value in timing.items() if not isinstance(value, list)}
 
 
 def _first(ticks: Any) -> int:
