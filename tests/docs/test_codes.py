@@ -100,3 +100,12 @@ def test_explain_lists_and_explains(capsys: pytest.CaptureFixture[str]) -> None:
     assert "did you mean 'wood'?" in capsys.readouterr().out
     assert main(["explain", "unknown-nam"]) == 2
     assert "did you mean 'unknown-name'?" in capsys.readouterr().err
+
+
+def test_the_page_shows_input_files_command_and_message() -> None:
+    from itouch.cli.explain.page import _entry
+
+    text = "\n".join(_entry(CODES["rig"], EXAMPLES["rig"]))
+    for part in ('<device name="arm"', "`rig.xml` beside it", "itouch-py check scene.xml --rig rig.xml", "error[rig]:"):
+        assert part in text
+    assert text.startswith("### rig\n")

@@ -36,7 +36,21 @@ def _entry(code: Code, example: Example) -> Iterator[str]:
     yield f"### {code.name}\n"
     yield f"{_sentence(code.wrong)} {_sentence(code.remedy)}\n"
     yield f"```{_language(example)}\n{example.text.strip()}\n```\n"
+    for name, text in _beside(example):
+        yield f"with `{name}` beside it,\n\n```text\n{text}\n```\n"
+    if example.plugin:
+        yield "where the plugin is not a bundled one but a small one made for this example.\n"
+    command = "python" if example.words[0] == "python" else "itouch-py"
+    yield f"`{command} {' '.join(example.words[command == 'python' :])}` prints\n"
     yield f"```text\n{_message(code.name, play(example))}\n```\n"
+
+
+def _beside(example: Example) -> Iterator[tuple[str, str]]:
+    """Yield the short files that a reader should see beside the scene."""
+    for name, content in example.files.items():
+        hidden = name == example.shown or example.note or example.plugin
+        if not hidden and isinstance(content, str) and len(content.splitlines()) <= 8:
+            yield name, content.strip()
 
 
 def _sentence(text: str) -> str:
