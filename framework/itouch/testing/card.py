@@ -10,6 +10,8 @@ from itouch.testing.checks import Finding
 
 _MARKS = {"passed": "ok  ", "failed": "FAIL", "left out": "-   "}
 _WIDTH, _NAME = 80, 21
+#: So many checks that were left out for one reason are not named.
+_MANY = 12
 
 
 class Stream(Protocol):
@@ -54,7 +56,8 @@ class Card:
             if finding.outcome == "left out":
                 reasons.setdefault(finding.note, []).append(finding.check.name)
         for reason, names in reasons.items():
-            self._stream.write(_wrapped(f"{', '.join(names)}: {reason}", "  -     ") + "\n")
+            told = ", ".join(names) if len(names) < _MANY else f"{len(names)} more checks"
+            self._stream.write(_wrapped(f"{told}: {reason}", "  -     ") + "\n")
 
     def _line(self, finding: Finding) -> None:
         head = f"  {_MARKS[finding.outcome]}  {finding.check.name:<{_NAME}}"

@@ -16,8 +16,8 @@ from itouch.testing.surroundings import Surroundings
 
 #: How long a check may take [s]; what takes longer hangs.
 LIMIT = 45.0
-#: The check after which nothing else is examined: a plugin that lacks it would end or block whoever examines it.
-VITAL = "survives"
+#: The checks after which nothing else is examined: a plugin that lacks one is none, or would end or block the process.
+VITAL = ("contract", "survives")
 
 
 class CheckError(AssertionError):
@@ -103,16 +103,16 @@ def check(name: str, title: str) -> Callable[[Callable[[Any], str | None]], Chec
 
 def examine(checks: Iterable[Check], subject: Any) -> Iterator[Finding]:
     """Run checks one after the other; none after one that shows that the plugin ends or blocks its process."""
-    perilous = False
+    lacking = ""
     for one in checks:
-        finding = unexamined(one) if perilous else one.examine(subject)
-        perilous = perilous or (one.name == VITAL and finding.outcome == "failed")
+        finding = unexamined(one, lacking) if lacking else one.examine(subject)
+        lacking = one.name if one.name in VITAL and finding.outcome == "failed" else lacking
         yield finding
 
 
-def unexamined(one: Check) -> Finding:
+def unexamined(one: Check, lacking: str) -> Finding:
     """Return the finding of a check that is left out because of an earlier one."""
-    return Finding(one, "left out", f"not examined: first '{VITAL}' must pass", 0.0)
+    return Finding(one, "left out", f"not examined: first '{lacking}' must pass", 0.0)
 
 
 def escaped(error: BaseException) -> CheckError:

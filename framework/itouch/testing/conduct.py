@@ -15,24 +15,24 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from itouch.plugin import Record
-from itouch.testing.apart import apart
+from itouch.plugin import DeviceError, Record
+from itouch.testing.apart import apart, described
 from itouch.testing.bouts import Bout, Call, bouts
-from itouch.testing.checks import VITAL, CheckError, NotApplicableError, check
+from itouch.testing.checks import CheckError, NotApplicableError, check
 from itouch.testing.situation import ModalitySubject
 from itouch.testing.subject import DeviceSubject
 from itouch.testing.surroundings import Surroundings, children, open_files
 
 Subject = DeviceSubject | ModalitySubject
 #: How long a plugin may take for a short bout in a process of its own [s].
-_SHORT = 20.0
+_SHORT = 15.0
 
 
 def _fail(seen: str, cause: str, advice: str) -> CheckError:
     return CheckError(seen, cause=cause, advice=advice)
 
 
-@check(VITAL, "every call comes back")
+@check("survives", "every call comes back")
 def survives(subject: Subject) -> None:
     """Let it work in a child process, and see how that ends."""
     shared = isinstance(subject, DeviceSubject) and subject.shared is not None
@@ -52,6 +52,12 @@ def survives(subject: Subject) -> None:
                 "os._exit, a crash in compiled code, or memory that is written where it must not be",
                 "raise DeviceError; look into the compiled library that it calls",
             )
+        if ending.value:
+            raise _fail(
+                f"a plain call of {ending.value.decode('utf-8', 'replace')}",
+                "a mistake in the plugin's code",
+                "mend it first; all else is examined then",
+            )
         if ending.kind == "raised" and told.split(":")[0].split(" ")[0] in _ENDS:
             raise _fail(
                 f"a call of the plugin raised {told}",
@@ -64,17 +70,23 @@ _ENDS = ("SystemExit", "KeyboardInterrupt", "GeneratorExit", "CancelledError", "
 
 
 def _short(make: Callable[[], Bout]) -> bytes:
+    told = b""
     try:
         with make() as bout:
-            for _ in range(min(bout.ticks, 300)):
-                bout.tick()
-    except Exception:  # what it raises is the business of other checks
-        return b""
+            try:
+                for _ in range(min(bout.ticks, 300)):
+                    bout.tick()
+            except (CheckError, DeviceError):
+                raise
+            except Exception as error:
+                told = f"{bout.what} raised {described(error)}".encode()
+    except Exception:  # what open and close raise is the business of other checks
+        return told
     except BaseException as error:
         if type(error).__name__ not in _ENDS:  # a kind of its own
             raise type("PlainlyBase", (BaseException,), {})(f"{type(error).__name__}: {error}") from error
         raise
-    return b""
+    return told
 
 
 @check("quiet", "it writes nothing to the terminal")
@@ -279,6 +291,8 @@ def _watched(make: Callable[[], Bout]) -> bytes:
             if not watching or told or not event.startswith(_ASKS) or (words and str(words[0]).endswith(_CACHES)):
                 return
             frame = sys._getframe(1)  # noqa: SLF001
+            while frame.f_code.co_filename == __file__ and frame.f_back is not None:
+                frame = frame.f_back
             where = f"{frame.f_code.co_filename}:{frame.f_lineno}"
             told.update(what=bout.what, event=event, words=f"({', '.join(map(repr, words[:1]))})", where=where)
 

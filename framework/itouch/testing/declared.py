@@ -42,8 +42,6 @@ def declarations(subject: DeviceSubject) -> None:
             "make them with itouch.plugin.schema: quantity, text, flag, choice, ...",
         )
     reads, commands = cls.channels(subject.require_params())
-    if not reads:
-        raise _fail("the device reads nothing", "`reads` was forgotten", "declare at least one reading channel")
     for channels in (reads, commands):
         names = [channel.name for channel in channels]
         if len(set(names)) != len(names):

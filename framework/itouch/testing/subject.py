@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -88,8 +88,9 @@ class DeviceSubject:
     shared: Any = None
 
     def __post_init__(self) -> None:
-        if self.params is None and not self.needed:
-            object.__setattr__(self, "params", self.cls.Params())
+        kind = getattr(self.cls, "Params", None)
+        if self.params is None and is_dataclass(kind) and isinstance(kind, type) and not self.needed:
+            object.__setattr__(self, "params", kind())
 
     @property
     def needed(self) -> list[str]:

@@ -12,6 +12,7 @@ from itouch.plugin import Device, Modality
 from itouch.testing import (
     conduct,
     continuation,
+    contract,
     declared,
     drivers,
     emulators,
@@ -45,6 +46,7 @@ DRIVER_CHECKS: tuple[Check, ...] = (
 )
 #: The checks of each suite, in the order in which they are run.
 DEVICE_CHECKS: tuple[Check, ...] = (
+    contract.contract,
     declared.declarations,
     declared.units,
     declared.documentation,
@@ -87,6 +89,7 @@ EMULATOR_CHECKS: tuple[Check, ...] = (
     emulators.unplug,
 )
 MODALITY_CHECKS: tuple[Check, ...] = (
+    contract.contract,
     modalities.declarations,
     modalities.documentation,
     modalities.parameters,
@@ -126,12 +129,14 @@ class Suite:
     def examine(self, one: Check) -> Finding:
         """Run a check, unless the plugin would end or block the process that does."""
         subject = self.subject()
-        vital = next((other for other in self.checks if other.name == VITAL), None)
-        if vital is not None and VITAL not in self._vital:
-            self._vital[VITAL] = vital.examine(subject)
-        if vital is None or one is vital:
-            return self._vital[VITAL] if vital is not None else one.examine(subject)
-        return unexamined(one) if self._vital[VITAL].outcome == "failed" else one.examine(subject)
+        for vital in (other for other in self.checks if other.name in VITAL):
+            if vital.name not in self._vital:
+                self._vital[vital.name] = vital.examine(subject)
+            if one is vital:
+                return self._vital[vital.name]
+            if self._vital[vital.name].outcome == "failed":
+                return unexamined(one, vital.name)
+        return one.examine(subject)
 
 
 def _test(one: Check) -> Any:
