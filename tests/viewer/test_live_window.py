@@ -28,7 +28,7 @@ def begin(scene):
     handle = itouch.launch(scene, linger=True)
     window = open_window(handle.link, time.perf_counter, handle=handle, mute=True)
     situation = window.source.situation
-FAILING, SOUND = sys.argv[2:4]
+FAILING, SOUND, HELD = sys.argv[2:5]
 def until(condition, what, windows=()):
     end = time.monotonic() + 60
     while not condition():
@@ -56,6 +56,37 @@ SCRIPTS = {
         press(key.ESCAPE)
         assert window.closed and handle.wait(20)
         assert handle.report()["faults"][0]["rearmed_s"] > 1.5
+        handle.close()
+    """,
+    "Space lets the machine move, letting go stops it, and R with Space goes on": """
+        def goes(ticks):  # on a busy machine the switch may be let go in between
+            if situation.faults:
+                press(key.R)
+            return handle.link.tick > ticks
+        begin(HELD)
+        handle.command("enable")
+        until(lambda: situation.waiting, "waiting")
+        assert handle.link.tick == 0
+        window.dispatch_event("on_key_press", key.SPACE, 0)
+        until(lambda: goes(50) and not situation.waiting, "moves")
+        window.dispatch_event("on_key_release", key.SPACE, 0)
+        until(lambda: situation.faults, "let go")
+        assert situation.faults[0]["trip"] == "released"
+        press(key.R)
+        until(lambda: "nobody holds" in situation.message, "refused")
+        tick = handle.link.tick
+        window.dispatch_event("on_key_press", key.SPACE, 0)
+        until(lambda: True, "a frame")
+        press(key.R)
+        until(lambda: goes(tick + 10), "goes on")
+        time.sleep(0.6)  # the window hangs
+        until(lambda: situation.faults and situation.faults[0]["tick"] > tick, "let go by itself")
+        handle.request_stop()
+        try:
+            handle.wait(20)
+        except itouch.DeviceFaultError as fault:
+            assert "switch" in str(fault)
+        window.source.stop()
         handle.close()
     """,
     "a fault that nobody re-arms is the end's error": """
@@ -101,7 +132,10 @@ def said(screen, tmp_path_factory):
     fault = '<fault device="table" kind="disconnect" at="1500 ms" for="100 ms"/></itouch>'
     scene = folder / "failing.xml"
     scene.write_text(text.replace("</itouch>", fault), encoding="utf-8")
-    return drive(PREPARE, SCRIPTS, [str(scene), str(SCENES / "four_materials.xml")], screen, folder)
+    held = folder / "held.xml"
+    held.write_text(text.replace('<safety force="3 N"/>', '<safety force="3 N" hold-to-run="yes"/>'), encoding="utf-8")
+    words = [str(scene), str(SCENES / "four_materials.xml"), str(held)]
+    return drive(PREPARE, SCRIPTS, words, screen, folder)
 
 
 @pytest.mark.parametrize("name", SCRIPTS)

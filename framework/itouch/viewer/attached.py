@@ -9,6 +9,7 @@ from itouch.plugin import Record
 from itouch.plugin.discovery import Catalog
 from itouch.safety import Trip
 from itouch.servo import Handle, Link, ServoError
+from itouch.viewer.holding import Holding
 from itouch.viewer.overlay import Situation
 from itouch.viewer.signals import Curves
 from itouch.world import Model
@@ -36,7 +37,7 @@ class Attached:
         self.state: Record = link.state
         self.situation = Situation(pace="real")
         self._refused = 0
-        self._held = False
+        self._holding = Holding(link)
         self._still = 0.0
 
     def advance(self, seconds: float, ring: Curves) -> None:
@@ -44,8 +45,7 @@ class Attached:
         before = int(self.state["tick"])
         self._link.refresh(self.state)
         ring.add(self.state)
-        if self._held:
-            self._link.hold()
+        self._holding.beat()
         timing, now = self._link.timing, self.situation
         now.tick_us, now.late_us, now.overruns = timing.summary()["p99"], timing.lateness()["p99"], timing.overruns
         now.faults = self._faults()
@@ -77,8 +77,11 @@ class Attached:
 
     def hold(self, held: bool) -> None:
         """Hold the dead-man's switch as long as the key is down; a window that hangs lets go by itself."""
-        self._held = held
-        self._link.hold(held)
+        self._holding.hold(held)
+
+    def beat(self) -> None:
+        """Let the switch be held on: the window answers."""
+        self._holding.beat()
 
     def save(self) -> str:
         """Ask for a snapshot."""
@@ -105,7 +108,7 @@ class Attached:
 
     def stop(self) -> None:
         """Let go; end the session if this window is its launcher's."""
-        self._link.hold(False)
+        self._holding.close()
         if self._handle is not None:
             self._link.stop()  # the launcher closes its link when all is over
         else:

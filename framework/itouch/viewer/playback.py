@@ -83,6 +83,9 @@ class Playback:
         if held:
             self.pause()
 
+    def beat(self) -> None:
+        """Do nothing: nothing is held."""
+
     def save(self) -> str:
         """Say that there is nothing to save."""
         return f"{_REFUSED}: there is nothing to save"

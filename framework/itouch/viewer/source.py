@@ -37,6 +37,9 @@ class Source(Protocol):
     def hold(self, held: bool) -> None:
         """Say whether the operator holds the run key."""
 
+    def beat(self) -> None:
+        """Say that the window answers to its keys, between two pictures."""
+
     def save(self) -> str:
         """Save the session; return what to say."""
 
@@ -97,6 +100,9 @@ class Local:
         """Say whether the operator holds the run key."""
         self._held = held
         self._session.hold(held)
+
+    def beat(self) -> None:
+        """Do nothing: the session rests when the window does."""
 
     def save(self) -> str:
         """Save a snapshot."""

@@ -21,6 +21,10 @@ from itouch.viewer.steering import Steering
 RATE, SHARE = 60.0, 0.8
 #: Longest rest [s] between two frames.
 MOST_REST = 1.0
+#: How long [s] what was said stays.
+SAID = 4.0
+#: How often [s] keys are looked at while it rests.
+LISTEN = 0.02
 _NUMBERS = {key._1: "operator", key._2: "front", key._3: "side", key._4: "top", key._5: "corner"}  # noqa: SLF001
 
 
@@ -72,22 +76,34 @@ class Window(pyglet.window.Window):
                 self.frame()
                 before, used = used, time.process_time()  # of all threads, also of those that draw by software
                 rest = max(1.0 / RATE, (used - before) / SHARE)
-                time.sleep(max(0.0, min(MOST_REST, rest - (self._now() - begin))))
+                self._rest(begin + min(MOST_REST, rest))
         finally:
             self._speaker.close()
             self._steering.close()
             self.close()
+
+    def _rest(self, end: float) -> None:
+        """Rest until a time [s], but not deaf: keys act at once also where pictures are few."""
+        while (left := end - self._now()) > 0.0 and not self.closed:
+            time.sleep(min(left, LISTEN))
+            if left > LISTEN:
+                self.dispatch_events()
+                self.source.beat()
 
     def frame(self) -> None:
         """Bring the session up to date and draw it once."""
         begin = self._now()
         elapsed, self._last = begin - self._last, begin
         self._say(self._steering.frame(elapsed, self._keys))
+        situation = self.source.situation
+        if begin - self._said_at > SAID:
+            situation.message = ""
+        said = situation.message
         self.source.advance(elapsed, self.picture.ring)
+        if situation.message != said:
+            self._said_at = begin
         self.picture.ring.add(self.source.state)
         self._speaker.hear(self.source.state)
-        if begin - self._said_at > 4.0:
-            self.source.situation.message = ""
         self.switch_to()
         self.picture.draw(self.source.state, self._target, self.source.situation)
         self._target.blit()
