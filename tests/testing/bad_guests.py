@@ -368,8 +368,8 @@ class ComputesWhileItWaits(Slider):
     blocking = True
 
     def read(self, reading: Record) -> bool:
-        begin = time.perf_counter()
-        while time.perf_counter() - begin < 0.02:
+        begin = time.thread_time()
+        while time.thread_time() - begin < 0.01:
             pass
         return super().read(reading)
 

@@ -149,7 +149,7 @@ def lets_others_run(subject: DeviceSubject) -> str:
     if exchanges.error is not None:
         raise exchanges.error
     often, before = (sum(gap > 4e-3 for gap in gaps) for gaps in (beside, alone))
-    if exchanges.computed > max(1e-3, 0.2 * exchanges.spent) or often > max(20, 5 * before):
+    if exchanges.computed > min(3e-3, max(1e-3, 0.2 * exchanges.spent)) or often > max(20, 5 * before):
         raise _fail(
             f"an exchange takes {1e3 * exchanges.spent:.1f} ms and computes for {1e3 * exchanges.computed:.1f} of it, "
             f"and everything else stands still {often} times",
