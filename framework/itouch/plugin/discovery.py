@@ -42,7 +42,7 @@ class Found:
         """
         try:
             return self.entry.load()
-        except (Exception, SystemExit) as error:  # a stranger's import may raise anything, and must not break the others
+        except (Exception, SystemExit) as error:  # a stranger's import may raise anything; the others go on
             cause = f"{type(error).__name__}: {error}"
             raise PluginError(self.name, f"{self.distribution} {self.version}", cause) from error
 
