@@ -21,11 +21,28 @@ def aim(model: FluxModel, state: Record, index: int, tick: int) -> None:
     if index < 0:
         return
     state[names.approached] = index
-    skin = state[model.skin_from].item() if model.skin_from else model.skin
-    wanted = model.start(index, skin)
-    if wanted is None:
+    wanted = _wanted(model, state, index)
+    if wanted is not None:
+        _set(model, state, wanted)
+
+
+def follow(model: FluxModel, state: Record, tick: int) -> None:
+    """Aim anew for what is near, now and then: object and skin recover from the last touch meanwhile."""
+    if tick % model.again >= model.hold:
         return
-    low, high = model.band
+    wanted = _wanted(model, state, state[model.names.approached].item())
+    if wanted is not None and abs(wanted - state[model.names.start_temperature].item()) > READY / 2.0:
+        _set(model, state, wanted)
+
+
+def _wanted(model: FluxModel, state: Record, index: int) -> float | None:
+    """Return the start temperature [K] that the object wants as it and the skin are now."""
+    skin = state[model.skin_from].item() if model.skin_from else model.skin
+    return model.start(index, skin, model.warmed(index, state))
+
+
+def _set(model: FluxModel, state: Record, wanted: float) -> None:
+    names, (low, high) = model.names, model.band
     state[names.start_temperature] = within(model.band, wanted)
     state[names.plate_limited] = int(not low <= wanted <= high)
 

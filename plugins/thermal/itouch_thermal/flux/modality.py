@@ -121,6 +121,8 @@ class FluxControl(Modality):
         near = state[names.near_object].item()
         if near >= 0 and near != state[names.approached].item():
             approach.aim(model, state, near, tick)
+        elif near >= 0:
+            approach.follow(model, state, tick)
         if state[names.desired].item():
             state[names.desired] = 0.0
         if state[names.plate_temperature].item() < model.dew:

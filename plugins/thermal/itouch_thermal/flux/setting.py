@@ -17,12 +17,20 @@ from itouch_thermal.flux.params import FluxControlParams
 from itouch_thermal.flux.preview import SKIN_STEP, Preview, preview
 from itouch_thermal.flux.start import equation_three, outer_effusivity, within
 from itouch_thermal.heat import FINGER, HeatParams, ThermalMaterial
+from itouch_thermal.solver.live import surface_temperature
 from itouch_thermal.solver.resistance import ConstantResistance, ResistanceLaw
 
 #: Least contact resistance [K m2/W] that the finger on the plate is thought to have.
 LEAST = 1e-5
 #: Plate temperatures [K] where no limits are known.
 BAND = (288.15, 313.15)
+
+#: Seconds after which the start temperature is found anew.
+AGAIN = 0.25
+#: How far from the scene's skin temperature starts go on in a line, in steps of those that are known.
+FAR = 1.5
+#: What an object that was never touched may seem to differ from its temperature by rounding [K].
+UNTOUCHED = 1e-6
 
 Starts = tuple[float, float, float]
 
@@ -32,9 +40,11 @@ class FluxModel:
     """What the modality knows of the scene.
 
     ``heat`` is the modality that it follows, empty where curves say all; ``starts`` (start temperatures [K] at three
-    skin temperatures), ``curves``, ``objects`` and ``materials`` (names) are per object; ``dew`` [K] is the room's dew
-    point; ``steady`` says that the contact resistance is the same at any force and time; ``preset_time`` [s] is what
-    ``equalise`` makes every approach take, 0 without it; ``hold`` is how many servo periods an update stands for.
+    skin temperatures), ``temperatures`` [K] before anything was touched, ``curves``, ``objects`` and ``materials``
+    (names) are per object; ``dew`` [K] is the room's dew point; ``steady`` says that the contact resistance is the
+    same at any force and time; ``preset_time`` [s] is what ``equalise`` makes every approach take, 0 without it;
+    ``hold`` is how many servo periods an update stands for, ``again`` after how many the start temperature is found
+    anew.
     """
 
     name: str
@@ -46,6 +56,7 @@ class FluxModel:
     objects: tuple[str, ...]
     materials: tuple[str, ...]
     starts: tuple[Starts | None, ...]
+    temperatures: tuple[float, ...]
     curves: tuple[Curve | None, ...]
     band: tuple[float, float]
     dew: float
@@ -62,17 +73,43 @@ class FluxModel:
     press: float
     steady: bool
     preset_time: float
+    again: int
     law: ModelLaw | None
     preview: Preview | None
 
-    def start(self, index: int, skin: float) -> float | None:
-        """Return the start temperature [K] for an object and a skin temperature [K]; None: nothing is known of it."""
+    def start(self, index: int, skin: float, warmed: float = 0.0) -> float | None:
+        """Return the start temperature [K] for an object and a skin temperature [K]; None: nothing is known of it.
+
+        Parameters
+        ----------
+        warmed
+            By how much [K] earlier touches have warmed the object.  Finger and object both warmer by the same is the
+            same touch, warmer by that; and one as warm as the other needs a plate that is so, too.
+        """
         found = self.starts[index]
         if found is None:
             return None
         low, middle, high = found
-        away = max(-1.5, min(1.5, (skin - self.skin) / SKIN_STEP))
-        return middle + away * ((high - middle) if away > 0.0 else (middle - low))
+        like = skin - warmed
+        away = (like - self.skin) / SKIN_STEP
+        end = max(-FAR, min(FAR, away))
+        start = middle + end * ((high - middle) if end > 0.0 else (middle - low))
+        if end != away and self.curves[index] is None:
+            known, rest = self.skin + end * SKIN_STEP, self.temperatures[index]
+            if (rest - known) * end > SKIN_STEP * abs(end):
+                slope = (rest - start) / (rest - known)
+            else:
+                slope = ((high - middle) if end > 0.0 else (middle - low)) / SKIN_STEP
+            start += (like - known) * slope
+        return start + warmed
+
+    def warmed(self, index: int, state: Record) -> float:
+        """Return by how much [K] earlier touches have warmed an object, as the modality that is followed has it."""
+        body = None if self.preview is None or not self.heat else self.preview.bodies[index]
+        if body is None or self.curves[index] is not None:
+            return 0.0
+        warmed = surface_temperature(body, state[self.names.bodies][index]) - self.temperatures[index]
+        return warmed if abs(warmed) > UNTOUCHED else 0.0
 
     def in_contact(self, state: Record) -> bool:
         """Tell whether the finger presses on a virtual object now."""
@@ -113,6 +150,7 @@ def setting(name: str, params: FluxControlParams, world: World) -> FluxModel:
         objects=tuple(element.name for element in world.objects),
         materials=tuple(element.material_name for element in world.objects),
         starts=starts,
+        temperatures=tuple(element.temperature for element in world.objects),
         curves=curves,
         band=band,
         dew=dew,
@@ -129,6 +167,7 @@ def setting(name: str, params: FluxControlParams, world: World) -> FluxModel:
         press=heat.press,
         steady=heat.press == 0.0 and isinstance(heat.law(), ConstantResistance),
         preset_time=_preset_time(params, display, ceiling, starts, band),
+        again=max(1, round(AGAIN / world.period)) * max(1, round(world.period / world.servo_period)),
         law=law,
         preview=course,
     )
