@@ -79,6 +79,9 @@ def test_real_pace_counts_overruns(tmp_path: Path) -> None:
         ((FIRST, "--seed", "-3"), "out of range"),
         ((FIRST, "--rig", "absent.xml"), "cannot read 'absent.xml'"),
         (("bench", "nothing"), "no bench named"),
+        ((FIRST, "--screenshot", "picture.txt"), "ends in .png"),
+        (("inspect", FIRST, "--picture", "picture.jpg"), "ends in .png"),
+        ((FIRST, "--film", "film.avi"), "ends in .mp4 or .gif"),
     ],
 )
 def test_wrong_input_is_one_message_and_exit_2(words: tuple[str, ...], says: str, tmp_path: Path) -> None:

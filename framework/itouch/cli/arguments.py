@@ -29,6 +29,13 @@ def picture_size(text: str) -> tuple[int, int]:
         raise argparse.ArgumentTypeError(str(error)) from None
 
 
+def picture_file(text: str) -> str:
+    """Check that a picture can be written where it is asked for, and that its name says what it is."""
+    if not text.lower().endswith(".png"):
+        raise argparse.ArgumentTypeError(f"'{text}': a picture's name ends in .png")
+    return output_file(text)
+
+
 def output_file(text: str) -> str:
     """Check that a file can be written where it is asked for, before anything runs."""
     folder = os.path.dirname(text) or "."

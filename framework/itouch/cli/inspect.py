@@ -7,7 +7,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from itouch.cli.arguments import output_file
+from itouch.cli.arguments import picture_file
 from itouch.schema import ItouchError
 
 Facts = dict[str, Any]
@@ -18,7 +18,7 @@ def main(argv: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog="itouch-py inspect", description=main.__doc__)
     parser.add_argument("file", metavar="FILE", help="a scene (.xml), a session (.itouch) or a recording (.mcap)")
     parser.add_argument("--json", action="store_true", help="as JSON")
-    parser.add_argument("--picture", type=output_file, metavar="FILE.png", help="draw a scene before anything runs")
+    parser.add_argument("--picture", type=picture_file, metavar="FILE.png", help="draw a scene before anything runs")
     options = parser.parse_args(argv)
     if options.picture:
         _draw(options.file, options.picture)

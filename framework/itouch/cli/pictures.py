@@ -7,7 +7,7 @@ import contextlib
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from itouch.cli.arguments import output_file, picture_size, seconds
+from itouch.cli.arguments import output_file, picture_file, picture_size, seconds
 from itouch.schema import ItouchError
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     group = parser.add_argument_group("pictures (simulated sessions; no display needed)")
-    group.add_argument("--screenshot", type=output_file, metavar="FILE.png", help="write a picture of the window")
+    group.add_argument("--screenshot", type=picture_file, metavar="FILE.png", help="write a picture of the window")
     group.add_argument("--at", type=seconds, metavar="2.5s", help="when the picture is taken; default: at the end")
     group.add_argument("--film", type=output_file, metavar="FILE.mp4|.gif", help="write a film of the run")
     group.add_argument("--size", type=picture_size, default=(1280, 720), metavar="1280x720",
