@@ -10,6 +10,7 @@ import pytest
 from shipped import SCENES
 
 
+@pytest.hookimpl(tryfirst=True)  # before the groups are read
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Let a file's tests share a worker, because they share fixtures; and those that look at all sessions of a machine."""
     for item in items:
