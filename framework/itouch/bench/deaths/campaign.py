@@ -72,7 +72,21 @@ def strike(victim: str, manner: str, wait: float) -> Outcome:
 
 def _strike(handle: Handle, victim: str, manner: str, wait: float, before: frozenset[int]) -> Outcome:
     observer = Observer(handle.name, handle.link.devices)
-    stand = _stand_in(victim, handle) if victim != "servo" else None
+    try:
+        with _stand_in(victim, handle) as stand:
+            event, at, said = _end(handle, stand, manner, wait, victim)
+            observer.wait(_END)
+    finally:  # also if the session ended by itself
+        handle.request_stop()
+        observer.wait(_END)
+    left = _left(handle.name, before)
+    return Outcome(victim, manner, at, observer.safe_after(event), left, said)
+
+
+def _end(
+    handle: Handle, stand: subprocess.Popen[str] | None, manner: str, wait: float, victim: str
+) -> tuple[int, float, str]:
+    """Let the session run, hit the victim; return when [ns], the session's time then [s], and what was said."""
     _await_motion(handle)
     time.sleep(wait)
     if not handle.running:
@@ -83,15 +97,7 @@ def _strike(handle: Handle, victim: str, manner: str, wait: float, before: froze
     _hit(pid, manner)
     if victim == "recorder":
         event = _go_on(handle)
-    said = _ending(handle)
-    observer.wait(_END)
-    if stand is not None:
-        stand.kill()
-        stand.wait()
-        if stand.stdout is not None:
-            stand.stdout.close()
-    left = _left(handle.name, before)
-    return Outcome(victim, manner, at, observer.safe_after(event), left, said)
+    return event, at, _ending(handle)
 
 
 def _await_motion(handle: Handle) -> None:
@@ -100,7 +106,21 @@ def _await_motion(handle: Handle) -> None:
         time.sleep(0.005)
 
 
-def _stand_in(what: str, handle: Handle) -> subprocess.Popen[str]:
+@contextmanager
+def _stand_in(what: str, handle: Handle) -> Iterator[subprocess.Popen[str] | None]:
+    """Attach a process that stands for a viewer or a recorder; the servo stands for itself."""
+    if what == "servo":
+        yield None
+        return
+    stand = _attached(what, handle)
+    try:
+        yield stand
+    finally:
+        stand.kill()
+        stand.communicate()
+
+
+def _attached(what: str, handle: Handle) -> subprocess.Popen[str]:
     words = [sys.executable, "-P", "-m", "itouch.bench.deaths.stand", what, handle.name]
     stand = subprocess.Popen(words, stdout=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True)
     if stand.stdout is None or stand.stdout.readline() != "attached\n":
@@ -200,7 +220,7 @@ def main(argv: Sequence[str]) -> int:
     whole = True
     for victim, manner, wait in cases(options.instants, options.seed):
         try:
-            outcome = _strike_again(victim, manner, wait)
+            outcome = strike_again(victim, manner, wait)
         except ItouchError as error:  # a machine too busy for any session; what was measured is told all the same
             print(f"given up: {error}", file=sys.stderr, flush=True)
             whole = False
@@ -215,8 +235,8 @@ def main(argv: Sequence[str]) -> int:
     return 0 if whole and all(outcome.worst <= LIMIT and not outcome.left for outcome in outcomes) else 1
 
 
-def _strike_again(victim: str, manner: str, wait: float, *, attempts: int = 8) -> Outcome:
-    """Strike; a session that ends by itself before is told, and tried again."""
+def strike_again(victim: str, manner: str, wait: float, *, attempts: int = 8) -> Outcome:
+    """Strike; a session that ends by itself before, on a busy machine, is told, and tried again."""
     for _ in range(attempts - 1):
         try:
             return strike(victim, manner, wait)
