@@ -39,7 +39,8 @@ def draw_pictures() -> None:
     replay = out / "replay.png"
     if not replay.exists() or replay.stat().st_mtime < drawn:
         with tempfile.TemporaryDirectory() as folder:
-            _itouch_py("run", str(SCENES / "four_materials.xml"), "--headless", "--record", f"{folder}/four.mcap")
+            _itouch_py("run", str(SCENES / "four_materials.xml"), "--headless", "--for", "24s",
+                       "--record", f"{folder}/four.mcap")  # fmt: skip
             _draw_replay(f"{folder}/four.mcap", replay)
 
 

@@ -50,9 +50,7 @@ def _refuse_hardware(session: Session) -> None:
     """Drive nothing real faster than real time, in a process that no guardian watches over."""
     real = [f"'{device.name}'" for device in session.model.devices.values() if not device.twin]
     if real:
-        raise ItouchError(
-            f"--pace fast is for simulated twins, not for {', '.join(real)}: omit it, or --twin all"
-        )
+        raise ItouchError(f"--pace fast is for simulated twins, not for {', '.join(real)}: omit it, or --twin all")
 
 
 def _drawn(options: argparse.Namespace) -> bool:
