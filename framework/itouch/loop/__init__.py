@@ -2,6 +2,9 @@
 
 from itouch.loop.clock import Clock, VirtualClock, WallClock
 from itouch.loop.engine import Engine, EngineError
+from itouch.loop.operating import LatchedError
 from itouch.loop.runner import DeviceFaultError, Status
 
-__all__ = ["Clock", "DeviceFaultError", "Engine", "EngineError", "Status", "VirtualClock", "WallClock"]
+__all__ = [
+    "Clock", "DeviceFaultError", "Engine", "EngineError", "LatchedError", "Status", "VirtualClock", "WallClock",
+]  # fmt: skip

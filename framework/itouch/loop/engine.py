@@ -18,7 +18,7 @@ from itouch.loop.clock import Clock, VirtualClock, now
 from itouch.loop.events import Events
 from itouch.loop.ledger import Ledger
 from itouch.loop.objects import Objects
-from itouch.loop.operating import Operating
+from itouch.loop.operating import LatchedError, Operating
 from itouch.loop.pacing import Pacing
 from itouch.loop.rehearsal import rehearse, reset_modalities
 from itouch.loop.rig import ProbeRig
@@ -147,15 +147,23 @@ class Engine:
 
         Raises
         ------
+        LatchedError
+            If a trip is latched, as in a session that was saved after it: ``rearm`` releases it, or says why not.
         DeviceError
             Naming each device that failed and why; nothing is left enabled.
         """
         try:
             self._operating.enable()
+        except LatchedError:
+            raise
         except DeviceError:
             self.close()
             raise
         self._enabled = True
+
+    def latched(self) -> DeviceFaultError | None:
+        """Return the latched trip that keeps hardware from being enabled, as the fault that it was."""
+        return next(iter(self._operating.latched_faults()), None)
 
     def _require_enabled(self) -> None:
         if self._enabled:
@@ -263,8 +271,11 @@ class Engine:
         DeviceError
             With everything that still stands in the way; nothing is enabled then.
         """
+        restored = not self._enabled and bool(self._operating.latched)
         self._operating.rearm()
         self.fault = None
+        if restored:  # nothing else has been enabled yet
+            self.enable()
 
     def reconnect(self, device: str) -> None:
         """Close a device and open it anew; commands flow to it after ``rearm``.

@@ -8,10 +8,14 @@ from typing import Any
 from itouch.faults import FOREVER, FaultyTwin, Injection, Kind
 from itouch.loop.ledger import Ledger
 from itouch.loop.rig import ProbeRig
-from itouch.loop.runner import Runner, Status
+from itouch.loop.runner import DeviceFaultError, Runner, Status
 from itouch.plugin import DeviceError, Record
-from itouch.safety import Hold, Trip, connect
+from itouch.safety import LOSSES, Hold, Trip, connect
 from itouch.world import Model
+
+
+class LatchedError(DeviceError):
+    """A device that a trip has stopped was to be enabled; it must be re-armed."""
 
 
 class Operating:
@@ -29,10 +33,16 @@ class Operating:
 
         Raises
         ------
+        LatchedError
+            If a trip is latched: it outlives saving, restoring and closing.  Nothing was opened.
         DeviceError
             With everything that failed; devices that are optional may be missing.
         """
         tick = self._tick.item()
+        latched = self.latched_faults()
+        if latched:
+            told = [str(fault) for fault in latched]
+            raise LatchedError("\n".join([*told, "it is still stopped: re-arm first, when what stopped it is over"]))
         failures = connect(self._runners.values(), tick)
         for name, why in failures.items():
             if self._runners[name].model.optional:
@@ -45,6 +55,19 @@ class Operating:
         for runner in self._runners.values():
             if runner.status is Status.OPEN:
                 runner.enable()
+
+    @property
+    def latched(self) -> list[Runner]:
+        """The devices that are stopped by a trip and were not given up: only re-arming lets them act again."""
+        stopped = [one for one in self._runners.values() if one.trip is not Trip.NONE and not one.model.twin]
+        return [one for one in stopped if not (one.model.optional and one.trip in LOSSES)]
+
+    def latched_faults(self) -> list[DeviceFaultError]:
+        """Return the trips that are latched, as the faults that they were."""
+        return [
+            DeviceFaultError(one.model.name, one.tripped, one.trip, f"was stopped by {one.trip.label}")
+            for one in self.latched
+        ]
 
     def _absent(self, name: str, why: str) -> dict[str, Any]:
         scene, tick = self._model.scene, self._tick.item()
@@ -67,8 +90,9 @@ class Operating:
         DeviceError
             With everything that still stands in the way; nothing is enabled then.
         """
-        tick, failures = self._tick.item(), []
+        tick = self._tick.item()
         self._require_hold(tick)
+        failures = self._open_latched(tick)
         for runner in self._runners.values():
             try:
                 runner.rearm()
@@ -84,6 +108,11 @@ class Operating:
                 runner.ramp_in()
         if self._ledger.faults:
             self._ledger.faults[-1]["rearmed_s"] = tick * self._model.period
+
+    def _open_latched(self, tick: int) -> list[str]:
+        """Open what a trip has stopped and a restored session found closed, so that it can be asked how it is."""
+        closed = [one for one in self.latched if one.status is Status.CLOSED]
+        return [f"device '{name}': {why}" for name, why in connect(closed, tick).items()]
 
     def reconnect(self, device: str) -> None:
         """Close a device and open it anew; it is OPEN then, and enabled by re-arming.

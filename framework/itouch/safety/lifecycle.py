@@ -17,7 +17,7 @@ import numpy as np
 from itouch.plugin import Channel, Device, DeviceError, Record, Twin
 from itouch.safety.heat import Heat
 from itouch.safety.readings import Watch
-from itouch.safety.trips import Trip, TripError
+from itouch.safety.trips import LOSSES, Trip, TripError
 from itouch.world import DeviceModel
 from itouch.world.supervision import SLOW, heats
 
@@ -88,6 +88,11 @@ class Lifecycle(ABC):
         """Why the device was stopped, latched until it is re-armed."""
         return Trip(self._trip.item())
 
+    @property
+    def tripped(self) -> int:
+        """The tick at which the device was stopped last; -1: never."""
+        return int(self._tripped.item())
+
     def reset(self) -> None:
         """Set what is remembered to its start."""
         self.watch.forget()
@@ -103,7 +108,7 @@ class Lifecycle(ABC):
             self.watch.forget()
 
     def open(self) -> None:
-        """Open the device; CLOSED -> OPEN.
+        """Open the device; CLOSED -> OPEN, or FAULT if a trip is latched: only re-arming releases it.
 
         Raises
         ------
@@ -113,7 +118,7 @@ class Lifecycle(ABC):
         if self.device is not None:
             self.device.open()
         self._forget()
-        self._status[...] = OPEN
+        self._status[...] = FAULT if self._trip.item() else OPEN
 
     def _forget(self) -> None:
         """Drop what was read before: it says nothing of the device as it is now."""
@@ -186,6 +191,8 @@ class Lifecycle(ABC):
     def reconnect(self) -> None:
         """Close and open the device anew; FAULT or CLOSED -> OPEN, with nothing remembered of before.
 
+        What it was stopped for is over with a connection that was lost; any other trip stays latched (FAULT).
+
         Raises
         ------
         DeviceError
@@ -193,8 +200,9 @@ class Lifecycle(ABC):
         """
         self._refuse_spent()
         self.leave()
+        if self._trip.item() in LOSSES:
+            self._trip[...] = Trip.NONE
         self.open()
-        self._trip[...] = Trip.NONE
         self.rest_at_safe()
 
     def rest_at_safe(self) -> None:

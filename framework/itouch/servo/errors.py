@@ -6,7 +6,7 @@ import traceback
 from collections.abc import Mapping
 from typing import Any
 
-from itouch.loop import DeviceFaultError, EngineError
+from itouch.loop import DeviceFaultError, EngineError, LatchedError
 from itouch.plugin import DeviceError
 from itouch.safety import Trip
 from itouch.schema import ItouchError, Place, Problem, SceneError
@@ -14,7 +14,7 @@ from itouch.servo.segment import ServoError
 from itouch.session import SessionError
 
 _PLAIN: Mapping[str, type[Exception]] = {
-    cls.__name__: cls for cls in (DeviceError, EngineError, SessionError, ServoError, ValueError)
+    cls.__name__: cls for cls in (DeviceError, EngineError, LatchedError, SessionError, ServoError, ValueError)
 }
 
 

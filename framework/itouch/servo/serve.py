@@ -7,7 +7,7 @@ import contextlib
 import time
 from typing import Any
 
-from itouch.loop import DeviceFaultError, Engine, WallClock
+from itouch.loop import DeviceFaultError, Engine, LatchedError, WallClock
 from itouch.scene import write
 from itouch.servo import realtime
 from itouch.servo import words as at
@@ -146,8 +146,18 @@ class Servo:
         if self.words[at.STOP]:
             return
         if self._hardware():  # opening and homing may take long; twins, or a restored session of twins, need none of it
-            self.session.enable()
+            self._enable()
         self.outbox.tell("ready", ready)
+
+    def _enable(self) -> None:
+        """Enable; a restored session whose trip is latched rests until somebody re-arms, if there is anybody."""
+        try:
+            self.session.enable()
+        except LatchedError:
+            if not self._config.get("linger"):
+                raise
+            self.session.fault = self.session.latched()
+            self._tell_fault()
 
     def _waits(self) -> bool:
         """Whether the operator has not yet enabled the devices, or does not hold the switch that they need."""
@@ -182,10 +192,14 @@ class Servo:
             except DeviceFaultError:
                 if not self._config.get("linger"):
                     raise
-                met = [fault for fault in session.ledger.faults if not fault.get("optional")]
-                self.outbox.tell("fault", {"fault": met[-1]})
+                self._tell_fault()
         if session.fault is not None:
             raise session.fault
+
+    def _tell_fault(self) -> None:
+        met = [fault for fault in self.session.ledger.faults if not fault.get("optional")]
+        if met:
+            self.outbox.tell("fault", {"fault": met[-1]})
 
     def _over(self, last: int | None) -> bool:
         return self.session.ticks >= last if last is not None else self._scripted and self.session.done
