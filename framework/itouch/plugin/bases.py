@@ -1,23 +1,27 @@
 """Bases that an eigen-solve made: kept with a session and used again, because a solve may round otherwise elsewhere.
 
 A plugin wraps each solve in ``kept``.  Outside a session's build that only calls it; inside, the result is noted by
-the digest of what it was made from, and a restored session gets the stored arrays instead of a new solve.
+the digest of what it was made from, and a restored session gets the stored arrays instead of a new solve.  What no
+session has stored may have been found by an earlier build on this machine (see ``shelf``).
 """
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from itouch.plugin import shelf
+
 Array = NDArray[np.float64]
 Arrays = tuple[Array, ...]
 T = TypeVar("T")
+Load: TypeAlias = Callable[[Arrays], T]
 
 
 class Bases:
@@ -28,14 +32,31 @@ class Bases:
         self.used: dict[str, Arrays] = {}
         self._made: dict[str, Any] = {}
 
-    def take(self, key: str, make: Callable[[], T], pack: Callable[[T], Arrays], load: Callable[[Arrays], T]) -> T:
-        """Return what belongs to a key: loaded from what is stored, or made."""
+    def take(self, content: object, make: Callable[[], T], pack: Callable[[T], Arrays], load: Load[T]) -> T:
+        """Return what belongs to a content: loaded from what is stored, or found on disk, or made."""
+        key = hashlib.sha256(repr(content).encode()).hexdigest()[:32]
         if key not in self._made:
             stored = self.stored.get(key)
-            self._made[key] = make() if stored is None else load(stored)
-            self.used[key] = pack(self._made[key]) if stored is None else stored
+            if stored is None:
+                self._made[key], self.used[key] = _found(content, make, pack, load)
+            else:
+                self._made[key], self.used[key] = load(stored), stored
         made: T = self._made[key]
         return made
+
+
+def _found(content: object, make: Callable[[], T], pack: Callable[[T], Arrays], load: Load[T]) -> tuple[T, Arrays]:
+    """Return the result of a solve and its arrays: from the shelf on disk, or from a new solve that is put there."""
+    name = shelf.key(content, make)
+    arrays = None if name is None else shelf.read(name)
+    if arrays is not None:
+        with suppress(ValueError):  # it does not fit together: as good as none
+            return load(arrays), arrays
+    made = make()
+    arrays = pack(made)
+    if name is not None:
+        shelf.write(name, arrays)
+    return made, arrays
 
 
 _OPEN: ContextVar[Bases | None] = ContextVar("bases", default=None)
@@ -57,7 +78,7 @@ def kept(content: object, make: Callable[[], T], pack: Callable[[T], Arrays], lo
     Parameters
     ----------
     content
-        What determines the result; its ``repr`` must say all of it.
+        What determines the result besides the code of the plugin's package; its ``repr`` must say all of it.
     make
         The solve.
     pack, load
@@ -67,7 +88,7 @@ def kept(content: object, make: Callable[[], T], pack: Callable[[T], Arrays], lo
     bases = _OPEN.get()
     if bases is None:
         return make()
-    return bases.take(hashlib.sha256(repr(content).encode()).hexdigest()[:32], make, pack, load)
+    return bases.take(content, make, pack, load)
 
 
 def building() -> bool:

@@ -17,8 +17,15 @@ def main(argv: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog="itouch-py doctor", description=main.__doc__)
     parser.add_argument("--measure", type=seconds, metavar="10s",
                         help="run the loop for this long, idle and then beside a load, and judge by that")  # fmt: skip
+    parser.add_argument("--clear-kept", action="store_true",
+                        help="remove kept kernels, results and meshes; the next start makes them")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print JSON")
     options = parser.parse_args(argv)
+    if options.clear_kept:
+        from itouch.cli.doctor.kept import clear_kept
+
+        print(clear_kept())
+        return 0
     from itouch.cli.doctor.checks import examine
     from itouch.cli.doctor.verdict import judge, measure
 

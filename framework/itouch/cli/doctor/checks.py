@@ -12,6 +12,7 @@ from pathlib import Path
 
 from itouch.cli.doctor.faces import display, graphics, sound
 from itouch.cli.doctor.finding import Finding
+from itouch.cli.doctor.kept import compile_cache, kept_results
 
 _LIMITS = "as root write '@realtime - rtprio 90' and '@realtime - memlock unlimited' to "
 _ADVICE = _LIMITS + "/etc/security/limits.d/99-realtime.conf, join that group, log in anew"
@@ -22,7 +23,8 @@ def examine() -> list[Finding]:
     looks: list[tuple[str, Callable[[], Finding]]] = [
         ("system", system), ("processors", processors), ("kernel", kernel), ("timer", timer), ("priority", priority),
         ("memory lock", memory_lock), ("shared memory", shared_memory), ("compile cache", compile_cache),
-        ("display", display), ("graphics", graphics), ("sound", sound), ("usb", usb), ("disk", disk),
+        ("kept results", kept_results), ("display", display), ("graphics", graphics), ("sound", sound), ("usb", usb),
+        ("disk", disk),
     ]  # fmt: skip
     return [_safely(name, look) for name, look in looks]
 
@@ -111,24 +113,6 @@ def shared_memory() -> Finding:
     finally:
         os.close(handle)
     return Finding("shared memory", "ok", "anonymous files, found through /proc")
-
-
-def compile_cache() -> Finding:
-    """Whether compiled kernels can be kept, and are."""
-    import itouch
-
-    package = Path(itouch.__file__).parent
-    chosen = os.environ.get("NUMBA_CACHE_DIR")
-    folder = Path(chosen) if chosen else package
-    kept = len(list(folder.rglob("*.nbi")))
-    if not os.access(folder, os.W_OK):
-        advice = "set NUMBA_CACHE_DIR to a folder that can be written, or every start compiles for some 20 s"
-        return Finding("compile cache", "lack", f"'{folder}' can't be written", advice)
-    if not kept:
-        return Finding(
-            "compile cache", "note", "empty: the first start compiles for some 20 s", "itouch-py demo fills it"
-        )
-    return Finding("compile cache", "ok", f"{kept} kernels in {'NUMBA_CACHE_DIR' if chosen else 'the package'}")
 
 
 def usb() -> Finding:

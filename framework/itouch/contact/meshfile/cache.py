@@ -13,7 +13,6 @@ import json
 import os
 import struct
 import sys
-import tempfile
 import zlib
 from collections.abc import Iterator
 from dataclasses import asdict
@@ -25,6 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from itouch import caches
 from itouch.contact import bvh
 from itouch.contact.meshfile.limits import MAX_FACES, MAX_VERTICES
 from itouch.contact.meshfile.mend import MeshFacts
@@ -46,19 +46,7 @@ _TABLES = (("<f8", 3), ("<i4", bvh.TRIANGLE_WIDTH), ("<f4", bvh.NODE_WIDTH))
 
 def folder() -> Path | None:
     """Return where entries are kept, or None if nothing is kept."""
-    given = os.environ.get(SWITCH, "")
-    if given.lower() in ("off", "no", "0", "none"):
-        return None
-    if given:
-        return Path(given)
-    if sys.platform == "darwin":
-        root = Path("~/Library/Caches").expanduser()
-    elif sys.platform == "win32":
-        root = Path(os.environ.get("LOCALAPPDATA") or "~/AppData/Local").expanduser()
-    else:
-        xdg = os.environ.get("XDG_CACHE_HOME", "")
-        root = Path(xdg) if os.path.isabs(xdg) else Path("~/.cache").expanduser()
-    return root / "itouch-py" / "meshes" if root.is_absolute() else None
+    return caches.folder("meshes", SWITCH)
 
 
 @cache
@@ -103,23 +91,9 @@ def read(name: str) -> tuple[Surface, MeshFacts] | None:
 def write(name: str, surface: Surface, facts: MeshFacts) -> None:
     """Keep a surface; a folder that can't be written is no fault."""
     place = folder()
-    if place is None:
-        return
-    with contextlib.suppress(OSError):
-        place.mkdir(mode=0o700, parents=True, exist_ok=True)
+    if place is not None:
         size = surface.memory_bytes + _LONGEST_HEADER
-        if size > CAPACITY:
-            return
-        _make_room(place, size)
-        handle, temporary = tempfile.mkstemp(prefix=".", suffix=".part", dir=place)
-        try:
-            with os.fdopen(handle, "wb") as stream:
-                for block in _blocks(name, surface, facts):
-                    stream.write(block)
-            os.replace(temporary, place / f"{name}.mesh")
-        except BaseException:
-            os.unlink(temporary)
-            raise
+        caches.put(place, f"{name}.mesh", _blocks(name, surface, facts), size=size, capacity=CAPACITY)
 
 
 def _blocks(name: str, surface: Surface, facts: MeshFacts) -> Iterator[Any]:
@@ -180,19 +154,3 @@ def _facts(values: dict[str, Any]) -> MeshFacts:
     if set(values) != set(MeshFacts.__dataclass_fields__):
         raise ValueError("other facts")
     return MeshFacts(**values)
-
-
-def _make_room(place: Path, size: int) -> None:
-    """Remove the entries that were not used for longest until ``size`` bytes fit; and what a killed writer left."""
-    entries = []
-    for path in place.iterdir():
-        status = path.stat()
-        if path.suffix in (".mesh", ".part"):
-            entries.append((status.st_mtime, status.st_size, path))
-    total = sum(length for _, length, _ in entries) + size
-    for _, length, path in sorted(entries):
-        if total <= CAPACITY:
-            return
-        with contextlib.suppress(OSError):
-            path.unlink()
-        total -= length

@@ -1,0 +1,107 @@
+"""Folders for what can be made again: found, bounded, and written so that a reader sees a whole file or none."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+import tempfile
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+_OFF = ("off", "no", "0", "none")
+
+
+def folder(name: str, switch: str) -> Path | None:
+    """Return where entries of a kind are kept, or None if nothing is kept.
+
+    Parameters
+    ----------
+    name
+        Of the folder inside the user's folder for caches.
+    switch
+        The environment variable that names another folder, or ``off``.
+    """
+    given = os.environ.get(switch, "")
+    if given.lower() in _OFF:
+        return None
+    if given:
+        return Path(given)
+    if sys.platform == "darwin":
+        root = Path("~/Library/Caches").expanduser()
+    elif sys.platform == "win32":
+        root = Path(os.environ.get("LOCALAPPDATA") or "~/AppData/Local").expanduser()
+    else:
+        xdg = os.environ.get("XDG_CACHE_HOME", "")
+        root = Path(xdg) if os.path.isabs(xdg) else Path("~/.cache").expanduser()
+    return root / "itouch-py" / name if root.is_absolute() else None
+
+
+def owned(place: Path) -> bool:
+    """Tell whether a folder belongs to this user, and nobody else can write into it."""
+    try:
+        status = place.stat()
+    except OSError:
+        return False
+    return sys.platform == "win32" or (status.st_uid == os.geteuid() and not status.st_mode & 0o022)
+
+
+def put(place: Path, name: str, blocks: Iterable[Any], *, size: int, capacity: int) -> None:
+    """Write an entry that takes its place at once; a folder that can't be written is no fault.
+
+    Parameters
+    ----------
+    blocks
+        The content, in parts.
+    size
+        At most how long it is [bytes]; an entry longer than ``capacity`` is not kept.
+    capacity
+        What all entries together may take [bytes]; those that were not used for longest go first.
+    """
+    if size > capacity:
+        return
+    with contextlib.suppress(OSError):
+        place.mkdir(mode=0o700, parents=True, exist_ok=True)
+        _make_room(place, Path(name).suffix, size, capacity)
+        handle, temporary = tempfile.mkstemp(prefix=".", suffix=".part", dir=place)
+        try:
+            with os.fdopen(handle, "wb") as stream:
+                stream.writelines(blocks)
+            os.replace(temporary, place / name)
+        except BaseException:
+            os.unlink(temporary)
+            raise
+
+
+def entries(place: Path | None, suffix: str) -> list[tuple[float, int, Path]]:
+    """Return when each entry was last used [s], its length [bytes] and its path; and what a killed writer left."""
+    found: list[tuple[float, int, Path]] = []
+    with contextlib.suppress(OSError):
+        for path in place.iterdir() if place is not None else ():
+            if path.suffix in (suffix, ".part"):
+                with contextlib.suppress(OSError):  # another process has just removed it
+                    status = path.stat()
+                    found.append((status.st_mtime, status.st_size, path))
+    return found
+
+
+def clear(place: Path | None, suffix: str) -> int:
+    """Remove all entries of a folder; return how many."""
+    count = 0
+    for _, _, path in entries(place, suffix):
+        with contextlib.suppress(OSError):
+            path.unlink()
+            count += 1
+    return count
+
+
+def _make_room(place: Path, suffix: str, size: int, capacity: int) -> None:
+    found = entries(place, suffix)
+    total = sum(length for _, length, _ in found) + size
+    for _, length, path in sorted(found):
+        if total <= capacity:
+            return
+        with contextlib.suppress(OSError):
+            path.unlink()
+        total -= length
