@@ -12,7 +12,7 @@ import pytest
 
 import itouch
 from itouch.loop import Status, WallClock
-from itouch.plugin import Channel, Device, Record, temperature
+from itouch.plugin import Channel, Device, Record, Role, temperature
 from itouch.plugin.discovery import Catalog, Found
 from itouch.scene import loads
 
@@ -32,7 +32,7 @@ class _Slow(Device):
     """A thermometer behind a slow wire."""
 
     Params = _Params
-    reads: ClassVar[tuple[Channel, ...]] = (temperature(),)
+    reads: ClassVar[tuple[Channel, ...]] = (temperature("temperature", Role.OTHER_TEMPERATURE),)
     blocking: ClassVar[bool] = True
     period: ClassVar[float] = 0.005
     delay: ClassVar[float] = 0.004

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from itouch.exchange import LateTwin
-from itouch.plugin import Device, Field, Record, Touch, Twin, current, temperature
+from itouch.plugin import Device, Field, Record, Role, Touch, Twin, current, temperature
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class _Integrator(Twin):
 
 class _Wired(Device):
     Params = _Params
-    reads = (temperature(),)
+    reads = (temperature("temperature", Role.OTHER_TEMPERATURE),)
     commands = (current(limit=2.0),)
     Twin = _Integrator
     blocking: ClassVar[bool] = True

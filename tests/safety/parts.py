@@ -18,9 +18,10 @@ from itouch.plugin import (
     current,
     heat_flux,
     measured_wrench,
+    plate_temperature,
     pose,
     pose_target,
-    temperature,
+    sink_temperature,
     wrench,
 )
 from itouch.world.limits import DeviceLimits
@@ -39,7 +40,7 @@ TABLE = (
     (pose_target(low=(-0.1, -0.1, 0.0), high=(0.1, 0.1, 0.06), speed=0.3),),
 )
 PLATE = (
-    (temperature("plate_temperature"), temperature("sink_temperature"), heat_flux(full_scale=2e4)),
+    (plate_temperature(), sink_temperature(), heat_flux(full_scale=2e4)),
     (current(limit=4.0),),
 )
 Channels = tuple[tuple[Channel, ...], tuple[Channel, ...]]

@@ -13,7 +13,20 @@ from shipped import SCENES
 
 import itouch
 from itouch.faults import FaultyTwin, Injection, Kind
-from itouch.plugin import DeviceError, Field, IdealTwin, Record, Touch, current, pose, pose_target, temperature, wrench
+from itouch.plugin import (
+    DeviceError,
+    Field,
+    IdealTwin,
+    Record,
+    Role,
+    Touch,
+    current,
+    plate_temperature,
+    pose,
+    pose_target,
+    temperature,
+    wrench,
+)
 from itouch.scene.elements import FAULTS
 
 Write = Callable[[str, str], Path]
@@ -35,7 +48,7 @@ class Steady(IdealTwin):
 
 
 TABLE = ((pose(),), (pose_target(low=(-1, -1, 0), high=(1, 1, 0.1), speed=0.3),))
-PLATE = ((temperature("plate_temperature"),), (current(limit=5.0),))
+PLATE = ((plate_temperature(),), (current(limit=5.0),))
 ARM = ((pose(),), (wrench(force=8.0),))
 
 
@@ -199,12 +212,18 @@ def test_saturated_actuators() -> None:
 
 
 def test_one_channel_alone() -> None:
-    bent = Bent(((temperature("a"), temperature("b")), (current(limit=5.0),)), Kind.NAN, channel="b")
+    bent = Bent(
+        ((temperature("a", Role.OTHER_TEMPERATURE), temperature("b", Role.OTHER_TEMPERATURE)), (current(limit=5.0),)),
+        Kind.NAN,
+        channel="b",
+    )
     for _ in range(3):
         bent.tick(1.0)
     assert bent.reading["a"].item() == 296.15
     assert math.isnan(bent.reading["b"].item())
-    command = Bent(((temperature("a"),), (current(limit=5.0),)), Kind.REVERSED_SIGN, channel="current")
+    command = Bent(
+        ((temperature("a", Role.OTHER_TEMPERATURE),), (current(limit=5.0),)), Kind.REVERSED_SIGN, channel="current"
+    )
     for _ in range(3):
         command.tick(1.0)
     assert command.inner.sent["current"] == [-1.0]

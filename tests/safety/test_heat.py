@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from parts import LIMITS, PLATE, model, record, state
 
-from itouch.plugin import Channel, current, temperature
+from itouch.plugin import Channel, current, plate_temperature
 from itouch.safety import Heat, Trip, TripError
 from itouch.safety.heat import FROZEN_DRIVE
 from itouch.world.limits import DeviceLimits
@@ -336,7 +336,7 @@ def test_the_lag_of_drive_and_sensor_is_let_pass() -> None:
 
 
 def test_a_display_without_flux_sink_or_current() -> None:
-    channels = ((temperature("plate_temperature"),), (Channel("temperature_target", 1, "K", safe=(300.0,)),))
+    channels = ((plate_temperature(),), (Channel("temperature_target", 1, "K", safe=(300.0,)),))
     plate = Plate(channels=channels)
     assert plate.until_trip(300, 25.0)[0] is Trip.NONE
     assert plate.share == 1.0

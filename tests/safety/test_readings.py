@@ -9,10 +9,27 @@ import numpy as np
 import pytest
 from parts import ARM, PLATE, TABLE, record
 
-from itouch.plugin import Channel, Record, heat_flux, measured_wrench, pose, pose_target, temperature
+from itouch.plugin import (
+    Channel,
+    Record,
+    Role,
+    heat_flux,
+    measured_wrench,
+    plate_temperature,
+    pose,
+    pose_target,
+    sink_temperature,
+    skin_temperature,
+    temperature,
+)
 from itouch.safety import Trip, TripError, Watch
 from itouch.world.limits import DeviceLimits
 
+ROLES = {
+    "plate_temperature": Role.SKIN_CONTACT_TEMPERATURE,
+    "sink_temperature": Role.HEAT_SINK_TEMPERATURE,
+    "skin_temperature": Role.SKIN_TEMPERATURE,
+}
 K0 = 273.15
 TIGHT = DeviceLimits(temperature=(291.15, 308.15))
 
@@ -48,18 +65,18 @@ def trip_of(watch: Watched, seconds: float = 1e-3) -> tuple[Trip, str] | None:
         (pose(), 1.01, Trip.SENSOR_RANGE, "reads pose 1.01 m, which is not believable"),
         (pose(), -1.01, Trip.SENSOR_RANGE, "reads pose -1.01 m, which is not believable"),
         (
-            temperature("plate_temperature"),
+            plate_temperature(),
             K0 + 42.1,
             Trip.PLATE_TEMPERATURE,
             "reads plate_temperature 42.1 degC, past",
         ),
-        (temperature("plate_temperature"), K0 + 11.9, Trip.PLATE_TEMPERATURE, "11.9 degC, past its trip"),
-        (temperature("sink_temperature"), K0 + 55.1, Trip.SINK_TEMPERATURE, "reads sink_temperature 55.1 degC, past"),
-        (temperature("sink_temperature"), K0 - 10.1, Trip.SINK_TEMPERATURE, "-10.1 degC"),
-        (temperature("skin_temperature"), K0 + 80.1, Trip.SENSOR_RANGE, "80.1 degC, which is not believable"),
-        (temperature("skin_temperature"), K0 - 10.1, Trip.SENSOR_RANGE, "-10.1 degC"),
-        (temperature("skin_temperature", low=200.0, high=900.0), 400.0, Trip.SENSOR_RANGE, "126.9 degC"),
-        (temperature("skin_temperature", low=290.0, high=300.0), 289.0, Trip.SENSOR_RANGE, "15.9 degC"),
+        (plate_temperature(), K0 + 11.9, Trip.PLATE_TEMPERATURE, "11.9 degC, past its trip"),
+        (sink_temperature(), K0 + 55.1, Trip.SINK_TEMPERATURE, "reads sink_temperature 55.1 degC, past"),
+        (sink_temperature(), K0 - 10.1, Trip.SINK_TEMPERATURE, "-10.1 degC"),
+        (skin_temperature(), K0 + 80.1, Trip.SENSOR_RANGE, "80.1 degC, which is not believable"),
+        (skin_temperature(), K0 - 10.1, Trip.SENSOR_RANGE, "-10.1 degC"),
+        (skin_temperature(low=200.0, high=900.0), 400.0, Trip.SENSOR_RANGE, "126.9 degC"),
+        (skin_temperature(low=290.0, high=300.0), 289.0, Trip.SENSOR_RANGE, "15.9 degC"),
         (heat_flux(full_scale=1e4), 1.02e4, Trip.SENSOR_RANGE, "1.02e+04 W/m^2"),
         (heat_flux(full_scale=1e4), -1.02e4, Trip.SENSOR_RANGE, "-1.02e+04 W/m^2"),
         (measured_wrench(force=50.0), 50.1, Trip.SENSOR_RANGE, "reads wrench 50.1 N"),
@@ -79,8 +96,8 @@ def test_readings_that_are_not_believable_trip(channel: Channel, value: float, t
 @pytest.mark.parametrize(
     ("channel", "value"),
     [
-        (temperature("plate_temperature"), K0 + 41.9), (temperature("plate_temperature"), K0 + 12.1),
-        (temperature("sink_temperature"), K0 + 54.9), (temperature("skin_temperature"), K0 + 79.9),
+        (plate_temperature(), K0 + 41.9), (plate_temperature(), K0 + 12.1),
+        (sink_temperature(), K0 + 54.9), (skin_temperature(), K0 + 79.9),
         (heat_flux(full_scale=1e4), 1.005e4), (heat_flux(full_scale=1e4), -1.005e4), (pose(), -1.0005),
         (measured_wrench(force=50.0), -49.9), (Channel("grip", 1, "N"), 1e9),
     ],
@@ -93,7 +110,7 @@ def test_readings_at_the_edge_are_believed(channel: Channel, value: float) -> No
 
 def test_the_scene_tightens_the_trip() -> None:
     for value, trips in ((K0 + 36.9, False), (K0 + 37.1, True), (K0 + 15.1, False), (K0 + 14.9, True)):
-        watch = watched([temperature("plate_temperature")], limits=TIGHT)
+        watch = watched([plate_temperature()], limits=TIGHT)
         watch.reading["plate_temperature"][0] = value
         assert (trip_of(watch) is not None) is trips
 
@@ -146,7 +163,7 @@ def test_a_surface_goes_at_most_three_times_as_fast_as_it_can() -> None:
 
 def test_temperatures_do_not_jump_but_skin_may() -> None:
     for name, trips in (("plate_temperature", True), ("sink_temperature", True), ("skin_temperature", False)):
-        watch = watched([temperature(name)])
+        watch = watched([temperature(name, ROLES[name])])
         watch.reading[name][0] = K0 + 15.0
         assert trip_of(watch) is None
         watch.reading[name][0] = K0 + 34.9
@@ -167,7 +184,7 @@ def test_orientation_and_force_may_jump() -> None:
 
 def test_two_sensors_of_the_plate_agree() -> None:
     names = ("plate_temperature", "skin_temperature", "plate_temperature_2", "plate_temperature_3")
-    watch = watched([temperature(name) for name in names])
+    watch = watched([temperature(name, ROLES.get(name, Role.SKIN_CONTACT_TEMPERATURE)) for name in names])
     watch.reading["plate_temperature"][0] = 300.0
     watch.reading["skin_temperature"][0] = 280.0
     for wrong in names[2:]:
@@ -230,8 +247,8 @@ def test_what_is_not_believed_is_put_back() -> None:
 @pytest.mark.parametrize(
     ("channel", "good", "bad"),
     [
-        (temperature("plate_temperature"), (K0 + 79.0, K0 - 9.0), (K0 + 81.0, K0 - 11.0, math.nan, math.inf)),
-        (temperature("skin_temperature", low=200.0, high=900.0), (K0 + 79.0,), (K0 + 81.0,)),
+        (plate_temperature(), (K0 + 79.0, K0 - 9.0), (K0 + 81.0, K0 - 11.0, math.nan, math.inf)),
+        (skin_temperature(low=200.0, high=900.0), (K0 + 79.0,), (K0 + 81.0,)),
         (Channel("grip", 1, "N"), (1e9, -1e9), (math.inf, -math.inf, math.nan, 1e301)),
         (measured_wrench(force=50.0), (49.0,), (51.0, math.nan)),
     ],

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from slider import Slider, SliderEmulator, SliderParams, SliderTwin
 
-from itouch.plugin import Channel, Field, Record, Touch, pose, schema, temperature, twist, wrench
+from itouch.plugin import Channel, Field, Record, Role, Touch, pose, schema, temperature, twist, wrench
 
 #: Class -> the check that names it.
 BAD: dict[type[Slider], str] = {}
@@ -243,7 +243,7 @@ class CelsiusTwin(SliderTwin):
 
 @bad("twin-kelvin")
 class ReadsCelsius(Slider):
-    reads = (pose(locked=(3, 4, 5)), temperature(low=0.0, high=400.0))
+    reads = (pose(locked=(3, 4, 5)), temperature(role=Role.OTHER_TEMPERATURE, low=0.0, high=400.0))
     Twin = CelsiusTwin
 
 

@@ -276,9 +276,9 @@ class HeatingTwin(SliderTwin):
 
 @bad("twin-rest")
 class HeatsByItself(Slider):
-    from itouch.plugin import temperature
+    from itouch.plugin import Role, temperature
 
-    reads = (pose(locked=(3, 4, 5)), temperature())
+    reads = (pose(locked=(3, 4, 5)), temperature("temperature", Role.OTHER_TEMPERATURE))
     Twin = HeatingTwin
 
 

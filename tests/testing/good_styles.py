@@ -20,6 +20,7 @@ from itouch.plugin import (
     Field,
     IdealTwin,
     Record,
+    Role,
     Twin,
     current,
     pose,
@@ -251,7 +252,7 @@ class Heater(Device):
 
         mass: float = schema.quantity("kg", low=1e-3, high=1.0, default=0.05, doc="mass of the plate")
 
-    reads = (temperature("block_temperature"), Channel("flag", 1, ""))
+    reads = (temperature("block_temperature", Role.OTHER_TEMPERATURE), Channel("flag", 1, ""))
     commands = (current(limit=2.0),)
     watchdog = 1.0
 

@@ -10,11 +10,16 @@ from itouch.plugin.channel import (
     Channel,
     Safe,
     current,
+    deadman,
     heat_flux,
     measured_wrench,
+    plate_temperature,
     pose,
     pose_target,
+    sink_temperature,
+    skin_temperature,
     temperature,
+    temperature_target,
     twist,
     wrench,
 )
@@ -24,6 +29,7 @@ from itouch.plugin.fit import Fit, Fitted, line_through
 from itouch.plugin.ideal import IdealTwin
 from itouch.plugin.modality import Contact, ContactEvent, Modality, ParameterError, World, WorldDevice, WorldObject
 from itouch.plugin.noise import gaussian
+from itouch.plugin.quantity import Quantity, Role
 from itouch.plugin.record import Field, Record
 from itouch.plugin.terminal import Terminal
 from itouch.plugin.trace import Trace, read_trace
@@ -48,8 +54,10 @@ __all__ = [
     "ItouchError",
     "Modality",
     "ParameterError",
+    "Quantity",
     "QuantityError",
     "Record",
+    "Role",
     "Safe",
     "Terminal",
     "Touch",
@@ -60,18 +68,23 @@ __all__ = [
     "WorldObject",
     "building",
     "current",
+    "deadman",
     "gaussian",
     "heat_flux",
     "kept",
     "line_through",
     "measured_wrench",
     "parse_quantity",
+    "plate_temperature",
     "pose",
     "pose_target",
     "poses",
     "read_trace",
     "schema",
+    "sink_temperature",
+    "skin_temperature",
     "temperature",
+    "temperature_target",
     "twist",
     "wrench",
 ]

@@ -6,6 +6,8 @@ import enum
 import math
 from dataclasses import dataclass, replace
 
+from itouch.plugin.quantity import Quantity, Role
+
 #: Components of a pose (position, quaternion w x y z) and of a wrench (force, torque).
 POSE_SIZE, TWIST_SIZE, WRENCH_SIZE = 7, 6, 6
 #: Rotational components, in the numbering of a wrench or twist.
@@ -23,13 +25,13 @@ HOLD, RETRACT = Safe.HOLD, Safe.RETRACT
 
 
 @dataclass(frozen=True, slots=True)
-class Channel:
+class Channel(Quantity):
     """A named vector that a device reads or obeys, in SI units.
 
     Attributes
     ----------
-    name, size, unit
-        ``size`` numbers in ``unit``.
+    name, size, unit, doc, role, show
+        ``size`` numbers in ``unit``, what they are and what they are for: see `Quantity`.
     low, high
         Commands: the ceiling of the hardware; readings: outside means a trip.  Empty, or ``size`` numbers; given
         one of the two, the other is endless.
@@ -42,17 +44,20 @@ class Channel:
         RETRACT goes down to ``low[2]``.
     locked
         Degrees of freedom, numbered 0..5 as in a wrench, that the mechanism cannot move or exert.
+    harmless
+        Commands: why this drive cannot hurt, a sentence that ``check`` and every safety report print.  It silences
+        only the error that nothing watches its effect, never a monitor or a limit; it is refused for temperatures,
+        electrodes and ultrasound.
     """
 
-    name: str
-    size: int
-    unit: str
+    size: int = 1
     low: tuple[float, ...] = ()
     high: tuple[float, ...] = ()
     magnitude: float | None = None
     slew: tuple[float, ...] = ()
     safe: tuple[float, ...] | Safe | None = None
     locked: tuple[int, ...] = ()
+    harmless: str = ""
 
     def __post_init__(self) -> None:
         if not self.name.replace("_", "").isalnum():
@@ -76,12 +81,18 @@ class Channel:
 
 def pose(*, locked: tuple[int, ...] = ()) -> Channel:
     """Pose of the device's end in its own frame: position [m], quaternion w x y z; a reading."""
-    return Channel("pose", POSE_SIZE, "m", locked=locked)
+    return Channel(
+        "pose", POSE_SIZE, "m", locked=locked, role=Role.TRACKED_POSE,
+        doc="pose of the device's end in its own frame: position, quaternion w x y z",
+    )  # fmt: skip
 
 
 def twist(*, locked: tuple[int, ...] = ()) -> Channel:
     """Linear [m/s] and angular [rad/s] velocity; a reading."""
-    return Channel("twist", TWIST_SIZE, "m/s", locked=locked)
+    return Channel(
+        "twist", TWIST_SIZE, "m/s", locked=locked, role=Role.TRACKED_TWIST,
+        doc="linear and angular velocity of the device's end",
+    )  # fmt: skip
 
 
 def wrench(*, force: float, torque: float = 0.0, locked: tuple[int, ...] | None = None) -> Channel:
@@ -91,13 +102,19 @@ def wrench(*, force: float, torque: float = 0.0, locked: tuple[int, ...] | None 
     shut = (ROTATIONS if torque == 0.0 else ()) if locked is None else locked
     high = (force,) * 3 + (torque,) * 3
     low = tuple(-value for value in high)
-    return Channel("wrench", WRENCH_SIZE, "N", low, high, magnitude=force, safe=(0.0,) * 6, locked=shut)
+    return Channel(
+        "wrench", WRENCH_SIZE, "N", low, high, magnitude=force, safe=(0.0,) * 6, locked=shut,
+        role=Role.FORCE_ON_OPERATOR, doc="force and torque on the operator",
+    )  # fmt: skip
 
 
 def measured_wrench(*, force: float = 1e3, locked: tuple[int, ...] = ()) -> Channel:
     """Wrench that the device feels [N, N m], a reading; beyond ``force`` it is not believed."""
     high = (force,) * 6
-    return Channel("wrench", WRENCH_SIZE, "N", tuple(-value for value in high), high, locked=locked)
+    return Channel(
+        "wrench", WRENCH_SIZE, "N", tuple(-value for value in high), high, locked=locked,
+        role=Role.CONTACT_FORCE, doc="force and torque that the device feels",
+    )  # fmt: skip
 
 
 def pose_target(
@@ -112,22 +129,90 @@ def pose_target(
     one = (1.0,) * 4
     slew = (speed,) * 3 + (float("inf"),) * 4
     return Channel(
-        "pose_target", POSE_SIZE, "m", (*low, *(-v for v in one)), (*high, *one), slew=slew, safe=safe, locked=locked
-    )
+        "pose_target", POSE_SIZE, "m", (*low, *(-v for v in one)), (*high, *one), slew=slew, safe=safe, locked=locked,
+        role=Role.SURFACE_POSE, doc="where the device shall bring its surface: position, quaternion w x y z",
+    )  # fmt: skip
 
 
-def temperature(name: str = "temperature", *, low: float = 263.15, high: float = 353.15) -> Channel:
-    """Temperature [K], a reading; outside ``low``..``high`` the sensor is not believed."""
-    return Channel(name, 1, "K", (low,), (high,))
+_TEMPERATURES = {
+    Role.SKIN_CONTACT_TEMPERATURE: "temperature of what the skin touches",
+    Role.SKIN_TEMPERATURE: "temperature of the skin",
+    Role.HEAT_SINK_TEMPERATURE: "temperature of the heat sink",
+    Role.OTHER_TEMPERATURE: "temperature of something that nobody touches",
+}
+
+
+def temperature(
+    name: str = "temperature", role: Role | None = None, *, low: float = 263.15, high: float = 353.15, doc: str = ""
+) -> Channel:
+    """Temperature [K], a reading; outside ``low``..``high`` the sensor is not believed.
+
+    Parameters
+    ----------
+    name
+        Any name.
+    role
+        What is measured: ``Role.SKIN_CONTACT_TEMPERATURE`` for whatever a finger can touch, ``SKIN_TEMPERATURE``,
+        ``HEAT_SINK_TEMPERATURE`` or ``OTHER_TEMPERATURE``.  There is no default, because a plate that is taken for
+        something else is not supervised.
+    low, high
+        Range in which the sensor is believed.
+    doc
+        One sentence; the default tells the role.
+
+    Raises
+    ------
+    ValueError
+        If the role is none of a temperature.
+    """
+    if role is None or role not in _TEMPERATURES:
+        known = ", ".join(f"Role.{known.name}" for known in _TEMPERATURES)
+        given = "" if role is None else f", not {role}"
+        raise ValueError(f"temperature '{name}': say what is measured by one of {known}{given}")
+    return Channel(name, 1, "K", (low,), (high,), role=role, doc=doc or _TEMPERATURES[role])
+
+
+def plate_temperature(name: str = "plate_temperature", *, low: float = 263.15, high: float = 353.15) -> Channel:
+    """Temperature of the body of what the skin touches [K], a reading."""
+    return temperature(name, Role.SKIN_CONTACT_TEMPERATURE, low=low, high=high)
+
+
+def skin_temperature(name: str = "skin_temperature", *, low: float = 263.15, high: float = 353.15) -> Channel:
+    """Temperature of the skin [K], measured without touching it, a reading."""
+    return temperature(name, Role.SKIN_TEMPERATURE, low=low, high=high)
+
+
+def sink_temperature(name: str = "sink_temperature", *, low: float = 263.15, high: float = 353.15) -> Channel:
+    """Temperature of the heat sink behind a thermal drive [K], a reading."""
+    return temperature(name, Role.HEAT_SINK_TEMPERATURE, low=low, high=high)
 
 
 def heat_flux(name: str = "heat_flux", *, full_scale: float = 1e5) -> Channel:
     """Heat flux out of the finger [W/m2], a reading."""
-    return Channel(name, 1, "W/m^2", (-full_scale,), (full_scale,))
+    return Channel(
+        name, 1, "W/m^2", (-full_scale,), (full_scale,), role=Role.HEAT_FLUX,
+        doc="heat flux out of the finger through the surface that it touches",
+    )  # fmt: skip
 
 
 def current(name: str = "current", *, limit: float) -> Channel:
     """Electric current [A], a command; zero is safe."""
     if limit <= 0:
         raise ValueError(f"current: limit = {limit!r} must be more than 0 A")
-    return Channel(name, 1, "A", (-limit,), (limit,), safe=(0.0,))
+    return Channel(name, 1, "A", (-limit,), (limit,), safe=(0.0,), role=Role.DRIVE, doc="electric current of the drive")
+
+
+def temperature_target(
+    name: str = "temperature_target", *, low: float = 288.15, high: float = 313.15, safe: float | Safe = HOLD
+) -> Channel:
+    """Temperature [K] that the device shall bring its surface to by its own control, a command."""
+    value = safe if isinstance(safe, Safe) else (safe,)
+    return Channel(
+        name, 1, "K", (low,), (high,), safe=value, role=Role.TEMPERATURE_TARGET,
+        doc="temperature that the device shall bring its surface to",
+    )  # fmt: skip
+
+
+def deadman(name: str = "deadman") -> Channel:
+    """Dead-man's switch, a reading: not 0 while a person holds it."""
+    return Channel(name, 1, "1", role=Role.DEADMAN, doc="1 while a person holds the switch")

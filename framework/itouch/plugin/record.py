@@ -10,25 +10,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Bound = float | tuple[float, ...]
+from itouch.plugin.quantity import Bound, Quantity, Role
 
 
-@dataclass(frozen=True, slots=True)
-class Field:
+@dataclass(frozen=True, slots=True, init=False)
+class Field(Quantity):
     """A named piece of State: a NumPy scalar type and a size; size 0 is a plain scalar.
 
     ``dtype`` may be a list of (name, type) pairs for a table of ``size`` rows.  ``low`` and ``high`` say what it may
     hold where that matters, as of an index or a choice: one number for all components, or one each (infinite: any).
-    A stored session that holds anything else is refused; in a run they are not looked at.
+    A stored session that holds anything else is refused; in a run they are not looked at.  ``unit``, ``doc``,
+    ``role`` and ``show`` are those of a `Quantity`.
     """
 
-    name: str
-    dtype: Any = "f8"
-    size: int | tuple[int, ...] = 0
-    low: Bound = -math.inf
-    high: Bound = math.inf
-
-    def __post_init__(self) -> None:
+    def __init__(
+        self, name: str, dtype: Any = "f8", size: int | tuple[int, ...] = 0, low: Bound = -math.inf,
+        high: Bound = math.inf, *, unit: str = "", doc: str = "", role: Role = Role.SIGNAL, show: str = "",
+    ) -> None:  # fmt: skip
+        super(Field, self).__init__(name, size, unit, low, high, dtype=dtype, doc=doc, role=role, show=show)
         for label, bound in (("low", self.low), ("high", self.high)):
             if isinstance(bound, tuple) and len(bound) != self.size:
                 raise ValueError(f"state field '{self.name}': {label} has {len(bound)} numbers for size {self.size}")

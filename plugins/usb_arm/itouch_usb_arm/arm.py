@@ -19,6 +19,7 @@ from itouch.plugin import (
     Record,
     Touch,
     Twin,
+    deadman,
     pose,
     schema,
     wrench,
@@ -122,7 +123,7 @@ class UsbArm(Device):
     def channels(cls, params: Any) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
         """Return the channels; what is not sensed is locked, a switch is there if a button is one."""
         locked = (3, 4, 5) if params.rotations == "locked" else ()
-        switch = () if params.deadman == "none" else (Channel("deadman", 1, ""),)
+        switch = () if params.deadman == "none" else (deadman(),)
         return (pose(locked=locked), *switch), cls.commands
 
     @classmethod

@@ -6,7 +6,7 @@ import contextlib
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from itouch.plugin import Attached, Channel, Device, DeviceError, Record, Twin, pose, schema, wrench
+from itouch.plugin import Attached, Channel, Device, DeviceError, Record, Twin, deadman, pose, schema, wrench
 from itouch_arms.errors import ArmError, NotCalibrated
 from itouch_arms.finger import FingerTwin, force_of, put_pose
 from itouch_arms.openhaptics.driver import Phantom
@@ -53,7 +53,7 @@ class OpenHaptics(Device):
     @classmethod
     def channels(cls, params: Any) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
         """Return the channels; a switch is there if a button is one."""
-        switch = () if params.deadman == "none" else (Channel("deadman", 1, ""),)
+        switch = () if params.deadman == "none" else (deadman(),)
         return (*cls.reads, *switch), cls.commands
 
     @classmethod

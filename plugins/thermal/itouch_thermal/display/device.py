@@ -9,15 +9,18 @@ from typing import Any
 import numpy as np
 
 from itouch.plugin import (
-    HOLD,
     Channel,
     Field,
     Record,
+    Role,
     Touch,
     Twin,
     current,
     heat_flux,
-    temperature,
+    plate_temperature,
+    sink_temperature,
+    skin_temperature,
+    temperature_target,
 )
 from itouch_thermal.display import plant
 from itouch_thermal.display.column import REACH, Array, Column, column
@@ -32,8 +35,8 @@ SHORTEST = 2e-4
 REFERENCE = 296.15
 #: Commands of a driver that holds a temperature: the temperature, and whether its output is on; off is safe.
 TEMPERATURE_COMMAND = (
-    Channel("temperature_target", 1, "K", (288.15,), (313.15,), safe=HOLD),
-    Channel("output", 1, "", (0.0,), (1.0,), safe=(0.0,)),
+    temperature_target(),
+    Channel("output", 1, "1", (0.0,), (1.0,), safe=(0.0,), role=Role.OUTPUT_SWITCH, doc="1 while the output is on"),
 )
 
 
@@ -193,10 +196,12 @@ class ThermalDisplay(HardwareDisplay):
 
     Params = DisplayParams
     reads = (
-        temperature("skin_temperature"),
-        Channel("skin_valid", 1, "", (0.0,), (1.0,)),
-        temperature("plate_temperature"),
-        temperature("sink_temperature"),
+        skin_temperature(),
+        Channel(
+            "skin_valid", 1, "1", (0.0,), (1.0,), role=Role.SKIN_VALID, doc="1 while the infrared sensor sees the skin"
+        ),
+        plate_temperature(),
+        sink_temperature(),
         heat_flux(full_scale=20e3),
     )
     commands = (current(limit=6.4),)
@@ -209,7 +214,18 @@ class ThermalDisplay(HardwareDisplay):
         if params.command == "current":
             return reads, (current(limit=params.max_current),)
         limit = 1.05 * params.max_current
-        return (*reads, Channel("actual_current", 1, "A", (-limit,), (limit,))), TEMPERATURE_COMMAND
+        return (
+            *reads,
+            Channel(
+                "actual_current",
+                1,
+                "A",
+                (-limit,),
+                (limit,),
+                role=Role.DELIVERED_DRIVE,
+                doc="current that flows",
+            ),
+        ), TEMPERATURE_COMMAND
 
     @classmethod
     def face(cls, params: Any) -> tuple[float, float] | None:
