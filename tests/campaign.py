@@ -1,10 +1,24 @@
-"""Campaigns have a short form, which runs by default, and a full one: ``ITOUCH_CAMPAIGN=full pytest FILE -s``."""
+"""Campaigns have a short form, which always runs, and a full one, which runs with ``-m long``: one switch for both.
+
+A test that calls ``size`` carries the mark ``campaign``: without ``-m long`` it tries a few cases; with it, all.
+"""
 
 from __future__ import annotations
 
-import os
+from _pytest.mark.expression import Expression
 
-FULL = os.environ.get("ITOUCH_CAMPAIGN") == "full"
+#: Whether the long form runs; set before any test is collected.
+FULL = False
+#: What the campaigns of the test that is running have told.
+TOLD: list[str] = []
+
+
+def chosen(expression: str) -> bool:
+    """Tell whether ``-m expression`` asks for what is long, and for nothing else."""
+    if not expression:
+        return False
+    found = Expression.compile(expression)
+    return found.evaluate(lambda name, **_: name == "long") and not found.evaluate(lambda name, **_: False)
 
 
 def size(short: int, full: int) -> int:
@@ -13,6 +27,5 @@ def size(short: int, full: int) -> int:
 
 
 def tell(text: str) -> None:
-    """Print a line of a full campaign's result."""
-    if FULL:
-        print("campaign:", text, flush=True)
+    """Note a line of a campaign's result; the long form prints it at its end."""
+    TOLD.append(text)

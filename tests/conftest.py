@@ -7,12 +7,23 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from forms import (  # noqa: F401  - hooks
+    pytest_addoption,
+    pytest_configure,
+    pytest_runtest_logreport,
+    pytest_runtest_makereport,
+    pytest_sessionfinish,
+    pytest_terminal_summary,
+    pytest_testnodedown,
+)
+from forms import pytest_collection_modifyitems as _choose
 from shipped import SCENES
 
 
 @pytest.hookimpl(tryfirst=True)  # before the groups are read
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Let a file's tests share a worker, because they share fixtures; and those that look at all sessions of a machine."""
+    _choose(items)
     for item in items:
         alone = not {"servo", "cli"}.isdisjoint(item.path.parts)
         item.add_marker(pytest.mark.xdist_group("servo" if alone else str(item.path)))

@@ -50,6 +50,7 @@ def test_whole() -> None:
     check_prefix(content, len(ROWS))
 
 
+@pytest.mark.campaign
 def test_cut_anywhere_in_the_last_64_kib() -> None:
     assert len(DATA) > size(20_000, 65536 + 20_000)
     last = min(65536, len(DATA) - ENDS[2])
@@ -66,6 +67,7 @@ def test_cut_anywhere_in_the_last_64_kib() -> None:
     tell(f"cut at {tried} of the last {last} bytes: every prefix whole, every loss stated")
 
 
+@pytest.mark.campaign
 def test_single_bit_flips() -> None:
     generator, stated, nothing = random.Random(7), 0, 0
     for _ in range(size(300, 10_000)):

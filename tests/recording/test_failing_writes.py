@@ -69,6 +69,7 @@ def expected(count: int) -> bytes:
     return np.concatenate(blocks).tobytes() if blocks else b""
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("kind", ["ENOSPC", "EIO", "short", "kill"])
 def test_the_nth_write_fails(kind: str, tmp_path: Path) -> None:
     path = tmp_path / "r.mcap"

@@ -79,6 +79,7 @@ def test_hostile(name: str, tmp_path: Path) -> None:
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 300 << 10
 
 
+@pytest.mark.campaign
 def test_mutated_recordings() -> None:
     generator, refused = random.Random(11), 0
     for number in range(size(300, 10_000)):

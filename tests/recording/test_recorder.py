@@ -252,6 +252,7 @@ session.run(30.0, each=each)
 """
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("victim", ["session", "recorder"])
 def test_kill_loses_at_most_a_quarter_of_a_second(victim: str, tmp_path: Path) -> None:
     """kill -9 of the session's process, or of the one that writes, while it runs in real time."""

@@ -65,6 +65,7 @@ def points(packed: dict[int, bytes], folder: Path) -> list[str]:
     return seen
 
 
+@pytest.mark.campaign
 def test_killed_at_every_write_point(packed: dict[int, bytes], tmp_path: Path) -> None:
     path, names = tmp_path / "s.itouch", points(packed, tmp_path)
     assert len(names) >= 40
@@ -87,6 +88,7 @@ def test_killed_at_every_write_point(packed: dict[int, bytes], tmp_path: Path) -
     )
 
 
+@pytest.mark.campaign
 def test_killed_at_random_instants(packed: dict[int, bytes], tmp_path: Path) -> None:
     path, generator, old = tmp_path / "s.itouch", random.Random(3), 0
     path.write_bytes(packed[400])
@@ -112,6 +114,7 @@ def test_killed_at_random_instants(packed: dict[int, bytes], tmp_path: Path) -> 
     )
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("kind", ["ENOSPC", "EIO", "short"])
 def test_the_nth_write_fails(
     kind: str, packed: dict[int, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -131,6 +131,7 @@ def test_a_bomb_that_lies_about_its_size(members: dict[str, bytes], tmp_path: Pa
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100 << 10
 
 
+@pytest.mark.campaign
 def test_mutated_archives(members: dict[str, bytes], tmp_path: Path) -> None:
     """Bytes of the archive are changed, and bytes of members under checksums that fit."""
     generator, refused = random.Random(5), 0
@@ -171,6 +172,7 @@ def mutate(data: bytearray, generator: random.Random) -> None:
             data[where] ^= 1 << generator.randrange(8)
 
 
+@pytest.mark.campaign
 def test_mutated_documents(tmp_path: Path) -> None:
     session = itouch.build(SCENES / "first_touch.xml")
     session.run(0.3)

@@ -26,6 +26,7 @@ def record(path: Path, scene: str | Path, seconds: float, *, seed: int = 1) -> i
     return session
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("scene", RUNNABLE)
 def test_every_command_comes_out_the_same(scene: str, tmp_path: Path) -> None:
     for seed in range(size(1, 6)):
@@ -71,6 +72,7 @@ def test_starting_in_the_middle_with_marks_and_a_second_enable(tmp_path: Path) -
     assert (outcome.ticks, outcome.mismatches, outcome.skipped) == (700, 0, 0)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("number", range(size(2, 20)))
 def test_faults_are_replayed_through_the_safe_sequence(number: int, scenes: Path) -> None:
     generator = random.Random(number)

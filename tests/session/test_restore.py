@@ -19,6 +19,7 @@ import itouch
 TICKS, STOP = 7777, 3141
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("scene", RUNNABLE)
 def test_a_new_process_goes_on_byte_for_byte(scene: str, tmp_path: Path) -> None:
     straight = itouch.build(SCENES / f"{scene}.xml", seed=5)
@@ -56,6 +57,7 @@ def straight_digest(scene: str, ticks: int) -> str:
     return STRAIGHT[scene, ticks]
 
 
+@pytest.mark.campaign
 @settings(
     max_examples=size(6, 80), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture],
     derandomize=True,
@@ -86,6 +88,7 @@ FAULTS = [
 ]  # fmt: skip
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("number", range(size(3, 30)))
 def test_faults_in_flight(number: int, scenes: Path) -> None:
     """Stop before, in and after the safe sequence of an injected fault, several times."""
