@@ -175,3 +175,41 @@ def test_a_device_that_refuses_to_open_says_why(device: _Slow) -> None:
     assert threaded.read(reading) is True
     assert np.isfinite(reading["pose"]).all()
     threaded.close()
+
+
+class _Patient(_Slow):
+    """Waits for commands, and knows when it measured."""
+
+    waits: ClassVar[float] = 5.0
+
+    def read(self, reading: Record) -> bool | None:
+        assert self.stamps is not None
+        self.stamps.left()
+        self.stamps.measured("pose", ago=0.05)
+        return super().read(reading)
+
+
+def test_a_command_wakes_a_device_that_waits_and_stamps_reach_the_loop() -> None:
+    device = _Patient()
+    threaded, reading = ThreadedDevice(device, patience=10.0), _reading()
+    threaded.open()
+    try:
+        measured, out = np.zeros(1, np.int64), _command(0.0)
+        assert threaded.read(reading)
+        assert threaded.departed(reading, 100, out) is None  # nothing has left yet
+        for force in (0.5, 0.5, 0.7):
+            threaded.write(_command(force))
+            begin = time.monotonic()
+            while threaded.read(reading) is False and time.monotonic() - begin < 0.3:
+                time.sleep(1e-4)
+        assert device.written == [0.5, 0.7]  # the same command again wakes nobody
+        threaded.measured(reading, 1000, measured)
+        assert 940 - 300 <= measured[0] <= 950
+        begin = time.monotonic()
+        while (left := threaded.departed(reading, 1000, out)) is None and time.monotonic() - begin < 1.0:
+            time.sleep(1e-3)
+        assert left is not None and 700 <= left <= 1000
+        assert out["wrench"][2] == 0.7
+        assert threaded.departed(reading, 1001, out) is None  # told once
+    finally:
+        threaded.close()

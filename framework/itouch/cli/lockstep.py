@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING, Any, TextIO
 from itouch.cli.virtual_rig import VirtualRig
 from itouch.exchange import ThreadedDevice
 from itouch.loop import DeviceFaultError
-from itouch.plugin import Device, Record, Trace
+from itouch.plugin import Device, Field, Record, Trace
+from itouch.plugin.stamps import Stamped
 
 if TYPE_CHECKING:
     from itouch.loop.runner import Runner
@@ -30,30 +31,60 @@ SPEED, LOOK, PATIENCE = 20.0, 1e-4, 30.0
 LONGEST = 600.0
 
 
-class EveryNth(Device):
-    """A blocking device that exchanges in the tick itself, every ``every`` ticks: as long as its wire takes."""
+class EveryNth(Device, Stamped):
+    """A blocking device that exchanges in the tick itself, as its wire and thread would.
 
-    def __init__(self, device: Device, every: int) -> None:
+    An exchange takes ``every`` ticks.  After it, the device waits up to ``waits`` ticks for a command that differs
+    from the last one.
+    """
+
+    def __init__(self, device: Device, every: int, waits: int = 0) -> None:
         super().__init__(device.params)
-        self.device, self._every, self._tick = device, every, 0
+        self.device, self._every, self._waits = device, every, waits
+        self._since, self._command, self._sent = every + waits, b"", b""
+        reads, self._commands = type(device).channels(device.params)
+        self._record = Record.of(Field(channel.name, "f8", channel.size) for channel in self._commands)
+        self._told = True
 
     def open(self) -> None:
         """Open the device."""
         self.device.trace, self.device.patience = self.trace, PATIENCE
+        self._since, self._command, self._sent = self._every + self._waits, b"", b""
         self.device.open()
 
     def close(self) -> None:
-        """Close it."""
-        self.device.close()
+        """Send what was left, and close it."""
+        try:
+            self._send()
+        finally:
+            self.device.close()
 
     def read(self, reading: Record) -> bool | None:
         """Exchange if it is time."""
-        self._tick += 1
-        return self.device.read(reading) if (self._tick - 1) % self._every == 0 else False
+        since, self._since = self._since, self._since + 1
+        if since < self._every + (self._waits if self._command == self._sent else 0):
+            return False
+        self._since = 1
+        self._send()
+        return self.device.read(reading)
 
     def write(self, command: Record) -> None:
-        """Hand the command on, for the next exchange."""
-        self.device.write(command)
+        """Keep the command for the next exchange."""
+        self._command = command.tobytes()
+
+    def departed(self, state: Record, tick: int, command: Record) -> int | None:
+        """Say which command has left in this tick."""
+        if self._told:
+            return None
+        self._told = True
+        command.raw.data[:] = self._sent
+        return tick
+
+    def _send(self) -> None:
+        if self._command:
+            self._record.raw.data[:] = self._command
+            self.device.write(self._record)
+            self._told, self._sent = False, self._command
 
 
 class Lockstep:
@@ -74,8 +105,9 @@ class Lockstep:
         """Put a device into the tick that would be exchanged with in a thread."""
         device = runner.device
         if isinstance(device, ThreadedDevice):
-            inner = device.device
-            device = runner.device = EveryNth(inner, max(1, round(type(inner).exchange_time / self.host.model.period)))
+            inner, period = device.device, self.host.model.period
+            every, waits = max(1, round(inner.takes(inner.params) / period)), round(type(inner).waits / period)
+            device = runner.device = EveryNth(inner, every, waits)
         if device is not None and trace is not None:
             device.trace = Trace(trace, runner.model.name)
 

@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.plugin import Channel, Device, Field, Record, Touch, Twin
+from itouch.plugin.stamps import Stamped
 
 
-class LateTwin(Twin):
+class LateTwin(Twin, Stamped):
     """Puts a wire between the loop and another twin.
 
-    An exchange begins every ``period`` of the device: it takes the command of that moment and measures.  After
-    ``delay`` the command acts and the reading is there.
+    An exchange begins every ``period`` of the device, or as `course` has it: it takes the command of that moment and
+    measures.  After ``delay`` the command acts and the reading is there.
     """
 
     def __init__(self, twin: Twin, device: type[Device], servo_period: float) -> None:
@@ -39,6 +40,8 @@ class LateTwin(Twin):
             Field("line.due", "i8"),
             Field("line.fresh", "i8"),
             Field("line.begun", "i8"),
+            Field("line.took", "i8"),
+            Field("line.told", "i8"),
         )
 
     def stand(self, ambient: float, skin_temperature: float | None) -> None:
@@ -56,7 +59,7 @@ class LateTwin(Twin):
     def reset(self, state: Record, rng: np.random.Generator) -> None:
         """Set the inner twin to its start; nothing is on the wire."""
         self.twin.reset(self._look(state), rng)
-        for name in ("due", "fresh", "begun"):
+        for name in ("due", "fresh", "begun", "told", "took"):
             state[f"line.{name}"] = 0
         state["line.left"] = -1
 
@@ -76,7 +79,8 @@ class LateTwin(Twin):
             left = -1
         begins = due <= 0
         if begins:
-            left, due = self._delay, self._every
+            left, due = self.course(state)
+            state["line.took"] = left
             _put(state["line.taken"], command)
             if left == 0:
                 state["line.acting"] = state["line.taken"]
@@ -95,7 +99,23 @@ class LateTwin(Twin):
     def _end(state: Record) -> None:
         state["line.acting"] = state["line.taken"]
         state["line.reading"] = state["line.measured"]
-        state["line.fresh"] = 1
+        state["line.fresh"] = state["line.told"] = 1
+
+    def course(self, state: Record) -> tuple[int, int]:
+        """Return how many ticks the exchange that begins now will take, and after how many the next one begins."""
+        return self._delay, self._every
+
+    def measured(self, state: Record, tick: int, ticks: NDArray[np.int64]) -> None:
+        """Say when the exchange began whose reading has come."""
+        ticks[...] = tick - state["line.took"].item()
+
+    def departed(self, state: Record, tick: int, command: Record) -> int | None:
+        """Say which command acts since the exchange has ended, which was in the step before this read."""
+        if not state["line.told"].item():
+            return None
+        state["line.told"] = 0
+        _take(command, state["line.acting"])
+        return tick - 1
 
     def read(self, state: Record, reading: Record) -> bool | None:
         """Give the reading of the last exchange that has ended, once; before the first one, what is true now."""

@@ -10,10 +10,16 @@ import time
 from collections import deque
 from collections.abc import Callable
 
-from itouch.plugin import RETRACT, Channel, Device, DeviceError, Field, Record
+import numpy as np
+from numpy.typing import NDArray
 
-#: A command with the time when it was asked for.
+from itouch.plugin import RETRACT, Channel, Device, DeviceError, Field, Record, Stamps
+from itouch.plugin.stamps import Stamped, ticks_ago
+
+#: A command with the time when it was asked for, or when it left.
 Sent = tuple[float, bytes] | None
+#: A reading with the times when its channels were measured.
+_Reading = tuple[tuple[float, ...], bytes]
 
 #: How long [s] closing waits for an exchange that is under way; then the thread is left to end by itself.
 CLOSE_TIME = 0.5
@@ -25,23 +31,28 @@ _LEAST = 1e-4
 _LATEST = 5000
 
 
-class ThreadedDevice(Device):
+class ThreadedDevice(Device, Stamped):
     """Runs another device's ``open``, ``write``, ``read`` and ``close`` in one thread, one after the other.
 
     An exchange is: write the newest command, if one has come since the last exchange; read; and again after the
-    device's period.  A command that has not been renewed for ``patience`` seconds is replaced by the safe one: a loop
-    that hangs must not leave its last force standing.
+    device's period.  A device that ``waits`` is exchanged with as soon as there is another command to send, and
+    without one when it has waited for so long.  A command that has not been renewed for ``patience`` seconds is
+    replaced by the safe one: a loop that hangs must not leave its last force standing.
     """
 
-    def __init__(self, device: Device, *, patience: float) -> None:
+    def __init__(self, device: Device, *, patience: float, servo_period: float = 1e-3) -> None:
         super().__init__(device.params)
-        self.device = device
+        self.device, self._period = device, servo_period
         self._reads, self._commands = type(device).channels(device.params)
         self._patience = patience
         self._reading, self._command = _record(self._reads), _record(self._commands)
-        self._newest: bytes | None = None
-        self._taken: bytes | None = None
+        self._newest: _Reading | None = None
+        self._taken: _Reading | None = None
         self._wanted: Sent = None
+        self._gone: Sent = None
+        self._told: Sent = None
+        self._stamps = Stamps([channel.name for channel in self._reads])
+        self._waits, self._woken = type(device).waits, threading.Event()
         self._error: Exception | None = None
         self._ending = threading.Event()
         self._thread: threading.Thread | None = None
@@ -51,8 +62,8 @@ class ThreadedDevice(Device):
 
     def open(self) -> None:
         """Open the device and begin to exchange; returns with the first reading, or after a second without one."""
-        self._newest = self._taken = self._wanted = self._error = None
-        self.device.trace = self.trace
+        self._newest = self._taken = self._wanted = self._gone = self._told = self._error = None
+        self.device.trace, self.device.stamps = self.trace, self._stamps
         opened, read, self._ending = threading.Event(), threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._live, args=(opened, read, self._ending), daemon=True)
         self._thread.name = f"itouch-{type(self.device).__name__}"
@@ -72,12 +83,33 @@ class ThreadedDevice(Device):
             self._raise()
             return False
         self._taken = newest
-        reading.raw.data[:] = newest
+        reading.raw.data[:] = newest[1]
         return True
+
+    def measured(self, state: Record, tick: int, ticks: NDArray[np.int64]) -> None:
+        """Say when the reading was measured that was taken last."""
+        if self._taken is None:
+            ticks[...] = tick
+            return
+        now = time.monotonic()
+        for index, moment in enumerate(self._taken[0]):
+            ticks[index] = tick - ticks_ago(now - moment, self._period)
+
+    def departed(self, state: Record, tick: int, command: Record) -> int | None:
+        """Say which command has left last, once."""
+        gone = self._gone
+        if gone is None or gone is self._told:
+            return None
+        self._told = gone
+        command.raw.data[:] = gone[1]
+        return tick - ticks_ago(time.monotonic() - gone[0], self._period)
 
     def write(self, command: Record) -> None:
         """Leave a command for the next exchange; it replaces one that was not sent yet."""
-        self._wanted = time.monotonic(), command.tobytes()
+        before, asked = self._wanted, command.tobytes()
+        self._wanted = time.monotonic(), asked
+        if self._waits and (before is None or before[1] != asked):
+            self._woken.set()
 
     def figures(self) -> dict[str, float] | None:
         """Return rate [1/s] and durations [ms] of the latest exchanges, and how many there were; None before two."""
@@ -104,6 +136,7 @@ class ThreadedDevice(Device):
         """
         thread, self._thread = self._thread, None
         self._ending.set()
+        self._woken.set()
         if thread is None:
             return
         thread.join(CLOSE_TIME)
@@ -135,14 +168,20 @@ class ThreadedDevice(Device):
             self._error = self._error or error
 
     def _exchange(self, read: threading.Event, ending: threading.Event) -> None:
-        period, sent = type(self.device).period, None
+        period, sent, stamps = type(self.device).period, None, self._stamps
         due = time.monotonic()
         while not ending.is_set():
             begin = time.monotonic()
+            self._woken.clear()
+            before = sent
+            stamps.begin()
             sent = self._send(sent, begin)
+            otherwise = time.monotonic()
             if self.device.read(self._reading) is not False:
-                self._newest = self._reading.tobytes()
+                self._newest = stamps.moments(), self._reading.tobytes()
                 read.set()
+            if sent is not before:
+                self._gone = stamps.departure(otherwise), self._command.tobytes()
             took = time.monotonic() - begin
             self.exchanges += 1
             self.longest = max(self.longest, took)
@@ -151,6 +190,8 @@ class ThreadedDevice(Device):
             rest = max(due - time.monotonic(), _LEAST - took)
             if rest > 0.0:
                 ending.wait(rest)
+            if self._waits:
+                self._woken.wait(self._waits)
         self._send(sent, time.monotonic())
 
     def _send(self, sent: Sent, now: float) -> Sent:

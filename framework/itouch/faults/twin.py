@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from itouch.faults.kinds import AMOUNTS, DROPPED, LATE, SPIKES, UNITS, Injection, Kind
 from itouch.plugin import RETRACT, Channel, DeviceError, Field, Record, Touch, Twin
+from itouch.plugin.stamps import Stamped
 
 Floats = NDArray[np.float64]
 _MASK = (1 << 64) - 1
@@ -22,7 +23,7 @@ _MASK = (1 << 64) - 1
 RETRACTION, ARRIVED = 0.25, 2e-4
 
 
-class FaultyTwin(Twin):
+class FaultyTwin(Twin, Stamped):
     """Wraps the twin of a device; ``plan`` has a slot for each fault."""
 
     def __init__(
@@ -124,6 +125,17 @@ class FaultyTwin(Twin):
                 return False
             self._bend(state, slot, kind, values, chosen)
         return new
+
+    def measured(self, state: Record, tick: int, ticks: NDArray[np.int64]) -> None:
+        """Say what the twin says."""
+        if isinstance(self.twin, Stamped):
+            self.twin.measured(state, tick, ticks)
+        else:
+            ticks[...] = tick
+
+    def departed(self, state: Record, tick: int, command: Record) -> int | None:
+        """Say what the twin says."""
+        return self.twin.departed(state, tick, command) if isinstance(self.twin, Stamped) else None
 
     def _start(self, state: Record, slot: int, values: Floats) -> None:
         state["fault.started"][slot] = 1

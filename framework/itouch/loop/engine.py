@@ -66,6 +66,7 @@ class Engine:
             any(hand.path.duration > 0 for hand in self._hands) or self._objects.scripted or self._length > 0
         )
         self._modalities = [(m.instance, m.model, m.every) for m in model.modalities]
+        self._followed = [[self._runners[name] for name in m.follows] if m.every > 1 else [] for m in model.modalities]
         self._tick, self._ready = self.state["tick"], self.state["ready"]
         self._events = Events(model, self.state, self._rigs, self._modalities)
         self._operating = Operating(model, self.state, self._runners, self._rigs, self.ledger)
@@ -236,14 +237,19 @@ class Engine:
     def _update(self, tick: int, mark: Callable[[float], None] | None) -> None:
         """Advance the modalities; what one raises is a fault."""
         instance: Any = None
+        method = "update"
         try:
-            for instance, model, every in self._modalities:
+            for (instance, model, every), followed in zip(self._modalities, self._followed, strict=True):
                 if tick % every == 0:
+                    method = "update"
                     instance.update(model, self.state, self.model.period * every)
+                elif followed and any(runner.news for runner in followed):
+                    method = "on_reading"
+                    instance.on_reading(model, self.state)
                 if mark:
                     mark(now())
         except Exception as error:
-            raise modality_fault(self.model, instance, "update", tick, error) from error
+            raise modality_fault(self.model, instance, method, tick, error) from error
 
     def _move(self, tick: int, ready: bool) -> None:
         for rig in self._rigs:

@@ -57,9 +57,22 @@ def _rehearse_event(model: Model, scratch: Record, event: ContactEvent) -> None:
                 modality.instance.on_contact(event, modality.model, scratch)
     for _ in range(2):
         _update(model, scratch)
+    _read_anew(model, scratch)
     for modality in model.modalities:
         with failing(f"modality '{modality.name}'", "measures", model.place_of(modality.name)):
             modality.instance.measures(modality.model, scratch, event.probe, event.object_index)
+
+
+def _read_anew(model: Model, scratch: Record) -> None:
+    """Let every device have a new reading between two updates, measured a while ago."""
+    scratch["tick"] += 1
+    for name in model.devices:
+        scratch[f"{name}.sequence"] += 1
+        scratch[f"{name}.measured"] = scratch["tick"].item() - 1
+    for modality in model.modalities:
+        with failing(f"modality '{modality.name}'", "on_reading", model.place_of(modality.name)):
+            if modality.follows:
+                modality.instance.on_reading(modality.model, scratch)
 
 
 def _pretend(model: Model, scratch: Record, probe: str, index: int) -> None:

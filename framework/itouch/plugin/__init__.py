@@ -31,6 +31,7 @@ from itouch.plugin.modality import Contact, ContactEvent, Modality, ParameterErr
 from itouch.plugin.noise import gaussian
 from itouch.plugin.quantity import Quantity, Role
 from itouch.plugin.record import Field, Record
+from itouch.plugin.stamps import Stamps
 from itouch.plugin.terminal import Terminal
 from itouch.plugin.trace import Trace, read_trace
 from itouch.schema import ItouchError
@@ -59,6 +60,7 @@ __all__ = [
     "Record",
     "Role",
     "Safe",
+    "Stamps",
     "Terminal",
     "Touch",
     "Trace",

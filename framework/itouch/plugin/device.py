@@ -14,6 +14,7 @@ from itouch.plugin.channel import Channel
 from itouch.plugin.emulator import Emulator
 from itouch.plugin.fit import Fit
 from itouch.plugin.record import Field, Record
+from itouch.plugin.stamps import Stamps
 from itouch.plugin.trace import Trace
 from itouch.schema import ItouchError
 
@@ -102,6 +103,9 @@ class Device(ABC):
     delay: ClassVar[float] = 0.0
     #: Seconds that one exchange over the wire of a blocking device takes in practice; only for simulating it in step.
     exchange_time: ClassVar[float] = 0.0
+    #: Seconds for which a blocking device, after an exchange, waits for a command that differs from the last one before
+    #: it exchanges without: so a command leaves as soon as it is there.  0: it exchanges again at once.
+    waits: ClassVar[float] = 0.0
     #: Seconds without a command after which the device makes itself safe; armed by ``open``.  None: it does not.
     watchdog: ClassVar[float | None] = None
     #: True if ``open`` moves the mechanism, as homing does: a restored session then opens it only when it is enabled.
@@ -120,6 +124,9 @@ class Device(ABC):
     #: Where to write what goes over the wire; set before ``open``, None: nowhere.
     trace: Trace | None = None
 
+    #: Where a blocking device may note when it measured and when its command left; set before ``open``, None: nowhere.
+    stamps: Stamps | None = None
+
     #: Factor on how long it waits for answers; more than 1 only where time is simulated on a busy machine.
     patience: float = 1.0
 
@@ -130,6 +137,11 @@ class Device(ABC):
     def channels(cls, params: Any) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
         """Return what this device reads and obeys with these parameters; by default the class's declarations."""
         return cls.reads, cls.commands
+
+    @classmethod
+    def takes(cls, params: Any) -> float:
+        """Return the seconds that one exchange takes with these parameters; by default ``exchange_time``."""
+        return cls.exchange_time
 
     @classmethod
     def bind(cls, params: Any, read: Callable[[str, int], bytes]) -> Any:

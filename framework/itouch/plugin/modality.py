@@ -61,7 +61,10 @@ class WorldObject:
 
 @dataclass(frozen=True, slots=True)
 class WorldDevice:
-    """A device as a modality sees it: its plugin's name, parameters, channels and limits in force (name -> SI)."""
+    """A device as a modality sees it: its plugin's name, parameters, channels and limits in force (name -> SI).
+
+    ``wire`` tells whether something between it and the loop takes time: then State has its ``out`` and ``left``.
+    """
 
     name: str
     plugin: str
@@ -70,6 +73,7 @@ class WorldDevice:
     commands: tuple[Channel, ...]
     limits: Mapping[str, float | tuple[float, float]]
     twin: bool
+    wire: bool = False
 
 
 def no_file(file: str, most: int) -> bytes:
@@ -155,6 +159,18 @@ class Modality(ABC):
 
     def on_contact(self, event: ContactEvent, model: Any, state: Record) -> None:  # noqa: B027
         """Take note of a contact event; called within the tick, before ``update``."""
+
+    def follows(self, model: Any) -> tuple[str, ...]:
+        """Return the devices whose readings it wants all of, though it is updated less often than they come."""
+        return ()
+
+    def on_reading(self, model: Any, state: Record) -> None:  # noqa: B027
+        """Take note of new readings of devices that it follows; called in a tick without an ``update`` of its own.
+
+        ``DEVICE.measured`` in State holds, for each channel that the device reads, the tick at which it was measured;
+        it may be long ago.  A device behind a wire has its newest command that has left in ``DEVICE.out.CHANNEL``, and
+        in ``DEVICE.left`` the tick in which it left.
+        """
 
     @abstractmethod
     def update(self, model: Any, state: Record, period: float) -> None:

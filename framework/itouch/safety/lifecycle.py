@@ -55,6 +55,8 @@ class Lifecycle(ABC):
         self.twin_state = state.part(f"{name}.twin.") if has_twin_state else Record(np.dtype([]))
         self._status, self._trip, self._tripped = (state[f"{name}.{field}"] for field in ("status", "trip", "tripped"))
         self._ramp, self._age, self._sequence = (state[f"{name}.{field}"] for field in ("ramp", "age", "sequence"))
+        self._measured, self._left = state[f"{name}.measured"], state.get(f"{name}.left")
+        self._out = _part(state, f"{name}.out.", model.commands) if self._left is not None else self.sent
         #: How a surface retracts (none: it can't): 0 as it should; HELD where it is, because retracting made it come
         #: nearer; BACKWARDS, because it still presses then.
         self.stopped = state.get(f"{name}.stopped")

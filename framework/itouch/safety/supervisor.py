@@ -6,6 +6,7 @@ import contextlib
 from collections.abc import Callable
 
 from itouch.plugin import Device, DeviceError, Record, Twin
+from itouch.plugin.stamps import Stamped
 from itouch.safety.guard import Guard
 from itouch.safety.lifecycle import BACKWARDS, CLOSED, ENABLED, FAULT, HELD, Lifecycle
 from itouch.safety.trips import LOSSES, DeviceFaultError, Trip, TripError
@@ -26,6 +27,8 @@ class Supervisor(Lifecycle):
         self._lanes = [(self.command[name], self.sent[name], guard) for name, guard in self.guards]
         self._patience = max(1, round(model.limits.watchdog / period))
         self._growth = period / (model.limits.ramp or default.RAMP)
+        #: Whether this tick has brought a new reading.
+        self.news = False
         #: Greatest speed [m/s] at which a surface may approach the finger in this tick.
         self.closing = 0.0
         #: Part of a force that the finger's speed leaves in this tick (K2).
@@ -44,10 +47,13 @@ class Supervisor(Lifecycle):
             If the device failed, was silent for too long, or reads what can't be or may not be.
         """
         status = self._status.item()
+        self.news = False
         if status == CLOSED or tick % self._every:
             return
         try:
-            if self._take() is False:
+            new = self._take() is not False
+            self._stamp(tick, new)
+            if not new:
                 self._wait(status)
                 return
             age = self._age.item()
@@ -64,6 +70,21 @@ class Supervisor(Lifecycle):
             self._keep_sane()
             if status != FAULT:
                 self._fail(DeviceFaultError(self.model.name, tick, error.trip, str(error)), error)
+
+    def _stamp(self, tick: int, new: bool) -> None:
+        """Note when the reading that has come was measured, and which command has left."""
+        self.news = new
+        source: object = self.device if self.twin is None else self.twin
+        if not isinstance(source, Stamped):
+            if new:
+                self._measured[...] = tick
+            return
+        if new:
+            source.measured(self.twin_state, tick, self._measured)
+        if self._left is not None:
+            left = source.departed(self.twin_state, tick, self._out)
+            if left is not None:
+                self._left[...] = left
 
     def _keep_sane(self) -> None:
         """Let nobody work with numbers that mean nothing."""

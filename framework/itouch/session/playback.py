@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.plugin import Device, DeviceError, Record, Touch, Twin
+from itouch.plugin.stamps import Stamped
 from itouch.recording import Recording
 
 if TYPE_CHECKING:
     from itouch.session.engine import Session
 
 
-class PlaybackTwin(Twin):
+class PlaybackTwin(Twin, Stamped):
     """Gives recorded readings in a twin's place; the twin goes on stepping underneath."""
 
     def __init__(self, name: str, inner: Twin, feed: Feed) -> None:
@@ -40,8 +41,16 @@ class PlaybackTwin(Twin):
         self._inner.read(state, reading.copy())
         return self._feed.give(self._name, reading)
 
+    def measured(self, state: Record, tick: int, ticks: NDArray[np.int64]) -> None:
+        """Give the ticks that were recorded."""
+        self._feed.measured(self._name, tick, ticks)
 
-class PlaybackDevice(Device):
+    def departed(self, state: Record, tick: int, command: Record) -> int | None:
+        """Give the command that had left."""
+        return self._feed.departed(self._name, command)
+
+
+class PlaybackDevice(Device, Stamped):
     """Gives recorded readings in the place of hardware, and takes commands nowhere."""
 
     def __init__(self, name: str, feed: Feed) -> None:
@@ -63,6 +72,14 @@ class PlaybackDevice(Device):
             If the device failed in this tick.
         """
         return self._feed.give(self._name, reading)
+
+    def measured(self, state: Record, tick: int, ticks: NDArray[np.int64]) -> None:
+        """Give the ticks that were recorded."""
+        self._feed.measured(self._name, tick, ticks)
+
+    def departed(self, state: Record, tick: int, command: Record) -> int | None:
+        """Give the command that had left."""
+        return self._feed.departed(self._name, command)
 
 
 class Feed:
@@ -110,6 +127,21 @@ class Feed:
             changed = changed or not np.array_equal(reading[name], table[name][at], equal_nan=True)
             reading[name][...] = table[name][at]
         return changed
+
+    def measured(self, device: str, tick: int, ticks: NDArray[np.int64]) -> None:
+        """Fill in when the present reading was measured; in a recording that does not say, in this tick."""
+        table, at = self._tables.get(device), self.at
+        known = table is not None and at < len(table) and "measured" in (table.dtype.names or ())
+        ticks[...] = table["measured"][at] if table is not None and known else tick
+
+    def departed(self, device: str, command: Record) -> int | None:
+        """Fill in the command that had left by now, and return the tick in which it did; None: it is not recorded."""
+        table, at = self._tables.get(device), self.at
+        if table is None or at >= len(table) or "left" not in (table.dtype.names or ()):
+            return None
+        for name in command:
+            command[name][...] = table[f"out.{name}"][at]
+        return int(table["left"][at])
 
     def inputs(self, state: Record) -> None:
         """Write what else came from outside in this tick."""

@@ -32,6 +32,11 @@ def replay_tracks(model: Model, state: Record) -> list[Track]:
         for kind in ("command", "sent"):
             columns += [_column(state, f"{name}.{kind}.{c.name}", f"{kind}.{c.name}", c.unit) for c in device.commands]
         columns += [_column(state, f"{name}.{field}", field) for field in _STATUS if f"{name}.{field}" in state]
+        if (
+            device.wire
+        ):  # else a reading is of the tick in which it came, and a command leaves in that in which it is sent
+            columns += [_column(state, f"{name}.{field}", field) for field in ("measured", "left")]
+            columns += [_column(state, f"{name}.out.{c.name}", f"out.{c.name}", c.unit) for c in device.commands]
         tracks.append(Track(name, 1, True, tuple(columns)))
     for probe in model.probes:
         columns = [_column(state, f"{probe.name}.{field}", field, unit) for field, unit in _PROBE.items()]

@@ -19,7 +19,7 @@ from itouch.world.rig import DeviceModel
 
 @dataclass(frozen=True, slots=True)
 class ModalityModel:
-    """A modality, its read-only model, and every how many ticks it is updated."""
+    """A modality, its read-only model, every how many ticks it is updated, and whose readings it follows."""
 
     name: str
     plugin: str
@@ -27,6 +27,7 @@ class ModalityModel:
     model: Any
     every: int
     commands: tuple[str, ...]
+    follows: tuple[str, ...] = ()
 
 
 def build_modalities(
@@ -59,7 +60,8 @@ def build_modalities(
             problems.append(failure(f"modality '{part.name}'", "compile", error, scene.places.of(part)))
             continue
         with failing(f"modality '{part.name}'", "commands", scene.places.of(part)):
-            found.append(ModalityModel(part.name, part.plugin, instance, model, every, instance.commands(model)))
+            commands, follows = instance.commands(model), instance.follows(model)
+            found.append(ModalityModel(part.name, part.plugin, instance, model, every, commands, follows))
     return found
 
 
@@ -111,7 +113,7 @@ def _world(scene: Scene, devices: Mapping[str, DeviceModel], reader: SceneFiles,
     return World(
         objects=(),
         devices={
-            d.name: WorldDevice(d.name, d.plugin, d.params, d.reads, d.commands, d.limits.table(), d.twin)
+            d.name: WorldDevice(d.name, d.plugin, d.params, d.reads, d.commands, d.limits.table(), d.twin, d.wire)
             for d in devices.values()
         },
         probes={probe.name: probe.radius for probe in scene.probes},

@@ -62,6 +62,17 @@ class DeviceModel:
         """How long its twin's own motion lasts [s]."""
         return self.cls.duration(self.bound) if self.twin else 0.0
 
+    @property
+    def late(self) -> bool:
+        """Whether its twin stands behind a simulated wire."""
+        cls = self.cls
+        return self.twin and cls.blocking and (cls.delay > 0.0 or cls.period > self.servo_period)
+
+    @property
+    def wire(self) -> bool:
+        """Whether a wire, real or simulated, is between it and the loop."""
+        return self.late or (self.cls.blocking and not self.twin)
+
     def command(self, name: str) -> Channel | None:
         """Return a command channel, or None."""
         return next((channel for channel in self.commands if channel.name == name), None)
@@ -75,8 +86,7 @@ class DeviceModel:
         cls = self.cls.Twin
         twin: Twin = IdealTwin(self.params, self.cls) if cls is None else cls(self.bound)
         twin.stand(self.ambient, self.skin_temperature)
-        late = self.cls.blocking and (self.cls.delay > 0.0 or self.cls.period > self.servo_period)
-        if late:
+        if self.late:
             twin = LateTwin(twin, self.cls, self.servo_period)
         if self.faults:
             channels = (self.reads, self.commands)
@@ -86,7 +96,9 @@ class DeviceModel:
     def make_device(self) -> Device:
         """Return the device itself; behind a thread if it makes its caller wait."""
         device = self.cls(self.bound)
-        made = ThreadedDevice(device, patience=self.limits.watchdog) if self.cls.blocking else device
+        made = device
+        if self.cls.blocking:
+            made = ThreadedDevice(device, patience=self.limits.watchdog, servo_period=self.servo_period)
         made.trace = trace.wanted(self.name)
         return made
 

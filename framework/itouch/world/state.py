@@ -140,6 +140,7 @@ def _device(device: DeviceModel) -> list[Field]:
     fields += [Field(f"{name}.command.{channel.name}", "f8", channel.size) for channel in device.commands]
     fields += [Field(f"{name}.sent.{channel.name}", "f8", channel.size, *_FINITE) for channel in device.commands]
     fields += _prefixed(name, supervision(device.reads, device.commands))
+    fields += _stamps(device)
     if device.touch_off:
         fields += _prefixed(
             f"{name}.touch_off",
@@ -153,6 +154,20 @@ def _device(device: DeviceModel) -> list[Field]:
         )
     if device.twin:
         fields += _prefixed(f"{name}.twin", device.make_twin().fields())
+    return fields
+
+
+def _stamps(device: DeviceModel) -> list[Field]:
+    """Return the times of what passes between loop and device: the one place where they are kept.
+
+    ``measured`` has the tick at which each channel of the newest reading was measured, in the order of the reads; by
+    ``age`` only the device's silence is counted, from when that reading came.  Behind a wire ``out`` is the newest
+    command that has left, and ``left`` the tick in which it did.
+    """
+    name, fields = device.name, [Field(f"{device.name}.measured", "i8", max(1, len(device.reads)))]
+    if device.wire:
+        fields.append(Field(f"{name}.left", "i8"))
+        fields += [Field(f"{name}.out.{c.name}", "f8", c.size, *_FINITE) for c in device.commands]
     return fields
 
 
