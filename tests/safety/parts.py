@@ -129,7 +129,7 @@ def state(*models: DeviceModel) -> Record:
 
 def record(channels: Sequence[Channel]) -> Record:
     """Return a record of channels alone."""
-    return Record.of([Field(channel.name, "f8", channel.size) for channel in channels])
+    return Record.of([Field.of(channel) for channel in channels])
 
 
 def lost(*_: Any) -> bool:

@@ -63,8 +63,8 @@ class Bent:
         self.twin = FaultyTwin(self.inner, reads, commands, plan, period=1e-3, watchdog=0.005)
         self.state = Record.of(self.twin.fields())
         self.twin.reset(self.state, np.random.default_rng(1))
-        self.reading = Record.of([Field(c.name, "f8", c.size) for c in reads])
-        self.command = Record.of([Field(c.name, "f8", c.size) for c in commands])
+        self.reading = Record.of([Field.of(c) for c in reads])
+        self.command = Record.of([Field.of(c) for c in commands])
 
     def tick(self, command: Any = None) -> bool | None:
         new = self.twin.read(self.state, self.reading)

@@ -99,7 +99,7 @@ def test_a_second_opener_opens_sends_the_safe_command_and_closes() -> None:
 def test_the_safe_command_is_made_of_what_was_sent() -> None:
     low, high = (-0.1, -0.1, 0.0), (0.1, 0.1, 0.05)
     channels = (wrench(force=3.0), pose_target(low=low, high=high, speed=0.2), current(limit=3.0))
-    record = Record.of(Field(channel.name, "f8", channel.size) for channel in channels)
+    record = Record.of(Field.of(channel) for channel in channels)
     record["wrench"], record["current"] = 1.0, 2.0
     record["pose_target"] = (0.03, 0.02, 0.04, 1, 0, 0, 0)
     make_safe(record, channels)

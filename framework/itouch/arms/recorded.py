@@ -97,7 +97,7 @@ class RecordedTwin(Twin):
 
     def fields(self) -> tuple[Field, ...]:
         """Return how much of it has been played [s]."""
-        return (Field("time"),)
+        return (Field("time", unit="s", doc="how much of the recording has been played", show="no"),)
 
     def reset(self, state: Record, rng: np.random.Generator) -> None:
         """Begin at its beginning."""

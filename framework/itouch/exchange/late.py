@@ -32,16 +32,18 @@ class LateTwin(Twin, Stamped):
         reads, commands = _size(self._reads), _size(self._commands)
         return (
             *self.twin.fields(),
-            Field("line.measured", "f8", reads),
-            Field("line.reading", "f8", reads),
-            Field("line.taken", "f8", commands),
-            Field("line.acting", "f8", commands),
-            Field("line.left", "i8"),
-            Field("line.due", "i8"),
-            Field("line.fresh", "i8"),
-            Field("line.begun", "i8"),
-            Field("line.took", "i8"),
-            Field("line.told", "i8"),
+            Field(
+                "line.measured", "f8", reads, unit="mixed", doc="readings that the device has measured and not yet sent"
+            ),
+            Field("line.reading", "f8", reads, unit="mixed", doc="readings on their way from the device"),
+            Field("line.taken", "f8", commands, unit="mixed", doc="commands on their way to the device"),
+            Field("line.acting", "f8", commands, unit="mixed", doc="commands that the device obeys"),
+            Field("line.left", "i8", unit="tick", doc="ticks until the command that is on its way acts, -1: none is"),
+            Field("line.due", "i8", unit="tick", doc="ticks until the next exchange may begin"),
+            Field("line.fresh", "i8", unit="1", doc="1 if a reading has come that was not given on"),
+            Field("line.begun", "i8", unit="1", doc="1 once a command has come"),
+            Field("line.took", "i8", unit="tick", doc="how long the exchange took whose reading has come"),
+            Field("line.told", "i8", unit="1", doc="1 if an exchange has ended and its command was not told of"),
         )
 
     def stand(self, ambient: float, skin_temperature: float | None) -> None:
@@ -133,7 +135,7 @@ def _size(channels: tuple[Channel, ...]) -> int:
 
 
 def _record(channels: tuple[Channel, ...]) -> Record:
-    return Record.of(Field(channel.name, "f8", channel.size) for channel in channels)
+    return Record.of(Field.of(channel) for channel in channels)
 
 
 def _put(field: NDArray[np.float64], record: Record) -> None:

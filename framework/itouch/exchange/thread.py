@@ -229,4 +229,4 @@ def make_safe(command: Record, channels: tuple[Channel, ...]) -> None:
 
 
 def _record(channels: tuple[Channel, ...]) -> Record:
-    return Record.of(Field(channel.name, "f8", channel.size) for channel in channels)
+    return Record.of(Field.of(channel) for channel in channels)

@@ -36,7 +36,7 @@ class FaultyTwin(Twin, Stamped):
         self.channels = (*self.reads, *self.commands)
         self._units = [_unit(channel, index) for channel in reads for index in range(channel.size)]
         self._width = len(self._units)
-        self._received = Record.of([Field(channel.name, "f8", channel.size) for channel in commands])
+        self._received = Record.of([Field.of(channel) for channel in commands])
         self._size = self._received.nbytes // 8
 
     def fields(self) -> tuple[Field, ...]:
@@ -44,21 +44,47 @@ class FaultyTwin(Twin, Stamped):
         slots = len(self.plan)
         return (
             *self.twin.fields(),
-            Field("fault.kind", "i8", slots),
-            Field("fault.begin", "i8", slots),
-            Field("fault.end", "i8", slots),
-            Field("fault.channel", "i8", slots),
-            Field("fault.amount", "f8", slots),
-            Field("fault.started", "i8", slots),
-            Field("fault.tick", "i8"),
-            Field("fault.taken", "i8"),
-            Field("fault.cut_off", "i8"),
-            Field("fault.word", "u8"),
-            Field("fault.held", "f8", (slots, max(1, self._width))),
-            Field("fault.origin", "f8", (slots, 7)),
-            Field("fault.reads", "f8", (LATE, max(1, self._width))),
-            Field("fault.commands", "f8", (LATE, max(1, self._size))),
-            Field("fault.received", "f8", max(1, self._size)),
+            Field("fault.kind", "i8", slots, unit="1", doc="which fault each slot of the plan has, 0: none"),
+            Field("fault.begin", "i8", slots, unit="tick", doc="when each fault begins"),
+            Field("fault.end", "i8", slots, unit="tick", doc="when each fault ends"),
+            Field("fault.channel", "i8", slots, unit="1", doc="number of the component that each fault bends"),
+            Field(
+                "fault.amount", "f8", slots, unit="mixed", doc="how much each fault bends it, in the unit of its kind"
+            ),
+            Field("fault.started", "i8", slots, unit="1", doc="1 once a fault has been applied"),
+            Field("fault.tick", "i8", unit="tick", doc="ticks since the twin was reset"),
+            Field("fault.taken", "i8", unit="1", doc="how many readings have been taken"),
+            Field(
+                "fault.cut_off", "i8", unit="1", doc="1 while the device has made itself safe because no command came"
+            ),
+            Field("fault.word", "u8", unit="1", doc="word of the generator of the faults' noise"),
+            Field(
+                "fault.held",
+                "f8",
+                (slots, max(1, self._width)),
+                unit="mixed",
+                doc="readings that a fault holds, one row a slot",
+            ),
+            Field(
+                "fault.origin", "f8", (slots, 7), unit="mixed", doc="where a fault that wanders began, one row a slot"
+            ),
+            Field(
+                "fault.reads",
+                "f8",
+                (LATE, max(1, self._width)),
+                unit="mixed",
+                doc="the last readings, of which a late one is taken",
+            ),
+            Field(
+                "fault.commands",
+                "f8",
+                (LATE, max(1, self._size)),
+                unit="mixed",
+                doc="the last commands, of which a late one is taken",
+            ),
+            Field(
+                "fault.received", "f8", max(1, self._size), unit="mixed", doc="the command that the device has received"
+            ),
         )
 
     def reset(self, state: Record, rng: np.random.Generator) -> None:

@@ -68,12 +68,12 @@ def percentile(counts: NDArray[Any], percent: float, greatest: float = math.inf)
 def timing_fields(parts: int) -> tuple[Field, ...]:
     """Return the fields of a Timing record for a tick of so many parts."""
     return (
-        Field("ticks", "i8"),
-        Field("overruns", "i8"),
-        Field("skipped", "i8"),
-        Field("greatest", "f8", 2 + parts),
-        Field("culprits", "i8", 1 + parts),
-        Field("counts", "u4", (2 + parts, BINS)),
+        Field("ticks", "i8", unit="tick", doc="ticks so far"),
+        Field("overruns", "i8", unit="tick", doc="ticks that ended after the next was due"),
+        Field("skipped", "i8", unit="tick", doc="periods that were given up after the loop had been held for too long"),
+        Field("greatest", "f8", 2 + parts, unit="s", doc="greatest lateness, tick time, and time of each part"),
+        Field("culprits", "i8", 1 + parts, unit="tick", doc="overruns by the part that took longest"),
+        Field("counts", "u4", (2 + parts, BINS), unit="tick", doc="histograms of lateness, tick time and of each part"),
     )
 
 

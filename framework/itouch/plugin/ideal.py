@@ -24,7 +24,7 @@ class IdealTwin(Twin):
 
     def fields(self) -> tuple[Field, ...]:
         """Return one field a reading."""
-        return tuple(Field(channel.name, "f8", channel.size) for channel in self.reads)
+        return tuple(Field.of(channel) for channel in self.reads)
 
     def reset(self, state: Record, rng: np.random.Generator) -> None:
         """Start at rest, at the origin, at room temperature."""

@@ -77,7 +77,9 @@ class Quantity:
     name, size
         ``size`` numbers; for a field of State 0 is a plain scalar, and a tuple a shape.
     unit
-        SI unit in the notation of scenes (``N*s/m``); ``"1"`` is a plain number, empty means that nobody said.
+        SI unit in the notation of scenes (``N*s/m``); ``"1"`` is a plain number, ``"tick"`` a number of ticks,
+        ``"mixed"`` numbers each in an SI unit of its own; empty means that nobody said.  Of a pose or a wrench it is
+        the unit of the linear part.
     low, high
         Bounds in that unit; what they do is said by what is derived from this.
     dtype
@@ -87,8 +89,10 @@ class Quantity:
     role
         What it is for; the framework acts on this and on nothing else.
     show
-        Where it is plotted: ``""`` by its unit if it is a channel, ``"no"`` nowhere, any other word: in the chart of
-        that title, with all others of the same title and unit.
+        Where it is plotted: ``""`` by its unit, if it is a channel, or a single number of a twin or a modality that
+        has a unit; ``"no"`` nowhere; any other words: in the chart of that title, with all others of the same title
+        and unit.  ``"wish: TITLE"`` draws it dashed, as what is wanted and not measured; ``"page: TITLE"`` shows it on
+        the report's page only.  The title may be left out: ``"wish:"``.
     """
 
     name: str

@@ -32,6 +32,17 @@ class Field(Quantity):
             if isinstance(bound, tuple) and len(bound) != self.size:
                 raise ValueError(f"state field '{self.name}': {label} has {len(bound)} numbers for size {self.size}")
 
+    @classmethod
+    def of(cls, quantity: Quantity, name: str = "", *, doc: str = "", show: str = "") -> Field:
+        """Return a field of numbers that holds a quantity, under another name, sentence or hint if one is given.
+
+        Bounds stay behind: those of a channel are acted upon elsewhere, those of a field say what is a sound State.
+        """
+        return cls(
+            name or quantity.name, "f8", quantity.size, unit=quantity.unit, doc=doc or quantity.doc,
+            role=quantity.role, show=show or quantity.show,
+        )  # fmt: skip
+
     def descriptor(self, prefix: str = "") -> tuple[Any, ...]:
         """Return the entry of a NumPy dtype list."""
         shape = (self.size,) if isinstance(self.size, int) else self.size

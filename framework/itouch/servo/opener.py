@@ -28,7 +28,7 @@ def openers(segment: Segment, meta: dict[str, Any]) -> dict[str, Callable[[], No
 
 def _act(model: DeviceModel, link: Link) -> Callable[[], None]:
     device: Device = model.cls(model.params)
-    command = Record.of(Field(channel.name, "f8", channel.size) for channel in model.commands)
+    command = Record.of(Field.of(channel) for channel in model.commands)
 
     def act() -> None:
         state = link.state

@@ -247,7 +247,7 @@ def _send(client: socket.socket, packet: bytes) -> None:
 
 
 def _record(channels: Sequence[Any]) -> Record:
-    return Record.of(Field(channel.name, "f8", channel.size) for channel in channels)
+    return Record.of(Field.of(channel) for channel in channels)
 
 
 def main(argv: Sequence[str]) -> int:

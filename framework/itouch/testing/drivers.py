@@ -328,7 +328,7 @@ def transcript(subject: DeviceSubject) -> str:
     device = subject.cls(subject.require_params())
     device.trace = Trace(stream, "unit")
     reads, _ = subject.cls.channels(subject.params)
-    reading = Record.of(Field(c.name, "f8", c.size) for c in reads)
+    reading = Record.of(Field.of(c) for c in reads)
     device.open()
     try:
         for _ in range(10):

@@ -158,8 +158,8 @@ class TwinBench:
         self.twin: Twin = IdealTwin(params, subject.cls) if subject.cls.Twin is None else subject.cls.Twin(params)
         self.twin.stand(ROOM, SKIN)
         self.state = Record.of(self.twin.fields())
-        self.reading = Record.of(Field(c.name, "f8", c.size) for c in self.reads)
-        self.command = Record.of(Field(c.name, "f8", c.size) for c in self.commands)
+        self.reading = Record.of(Field.of(c) for c in self.reads)
+        self.command = Record.of(Field.of(c) for c in self.commands)
         self.touch = Touch(ambient=ROOM)
         self.tick = 0
         self.twin.reset(self.state, np.random.default_rng(seed))

@@ -43,7 +43,7 @@ class Served:
         self.tracks = any(c.name == "pose" for c in reads) and not any(c.name == "pose_target" for c in commands)
         if self.tracks:
             self.hold(kind.reachable(params))
-        self.asked = Record.of(Field(c.name, "f8", c.size) for c in self.bench.commands)
+        self.asked = Record.of(Field.of(c) for c in self.bench.commands)
         self.driven = False
         self._begun = 0.0
         self.error: Exception | None = None
@@ -128,8 +128,8 @@ class Opened:
         if subject.cls.Emulator is not None:
             self.device.patience = _PATIENCE
         reads, commands = subject.cls.channels(subject.params)
-        self.reading = Record.of(Field(c.name, "f8", c.size) for c in reads)
-        self.command = Record.of(Field(c.name, "f8", c.size) for c in commands)
+        self.reading = Record.of(Field.of(c) for c in reads)
+        self.command = Record.of(Field.of(c) for c in commands)
         self.commands: Sequence[Channel] = commands
         self._seen = False
         self.be_safe()

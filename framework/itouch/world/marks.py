@@ -9,4 +9,7 @@ MARKS, NAME, PAYLOAD = 8, 32, 512
 #: One remembered mark: the tick before which it was set, its name and payload in UTF-8.
 MARK_DTYPE = [("tick", "i8"), ("name", f"S{NAME}"), ("payload", f"S{PAYLOAD}")]
 
-FIELDS = (Field("marks.count", "i8"), Field("marks.table", MARK_DTYPE, MARKS))
+FIELDS = (
+    Field("marks.count", "i8", unit="1", doc="marks so far"),
+    Field("marks.table", MARK_DTYPE, MARKS, unit="mixed", doc="the last eight: tick, name, payload"),
+)

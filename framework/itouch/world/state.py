@@ -10,6 +10,7 @@ from itouch.contact.surfaces import EFFECTS_MEMORY
 from itouch.plugin import Field, Record
 from itouch.world import marks
 from itouch.world.failing import failing
+from itouch.world.fields import HAND, probe_fields
 from itouch.world.model import Model
 from itouch.world.rig import DeviceModel
 from itouch.world.supervision import supervision
@@ -35,34 +36,99 @@ EVENT_DTYPE = [
     ("area", "f8"),
 ]
 
+_EVENTS = (
+    f"the last {EVENTS}: kind (0 near, 1 begin, 2 move, 3 end), tick, probe, object, point [m], normal, distance [m], "
+    "speed [m/s], tangential_velocity [m/s], penetration [m], force [N], time_to_contact [s], area [m2]"
+)
+
 
 def layout(model: Model) -> tuple[Field, ...]:
     """Return all fields of the State of a model, in order."""
     count = len(model.objects)
     fields: list[Field] = [
-        Field("tick", "i8", low=0), Field("seed", "u8"), Field("ready", "i8", low=0, high=1), Field("hold", "i8")
-    ]  # fmt: skip
-    fields += [Field("objects.pose", "f8", (count, 7)), Field("objects.twist", "f8", (count, 6))]
+        Field("tick", "i8", low=0, unit="tick", doc="ticks since the begin; a tick lasts 1 / `<rates servo>`"),
+        Field("seed", "u8", unit="1", doc="seed of all noise"),
+        Field(
+            "ready",
+            "i8",
+            low=0,
+            high=1,
+            unit="1",
+            doc="1 when calibration at the start is done and the motion has begun",
+        ),
+        Field("hold", "i8", unit="tick", doc="until when the dead-man's switch counts as held"),
+    ]
+    where = "position and quaternion w x y z of each object in the world"
+    fields += [
+        Field("objects.pose", "f8", (count, 7), unit="m", doc=where),
+        Field("objects.twist", "f8", (count, 6), unit="m/s", doc="linear and angular velocity of each object"),
+    ]
     if model.moving:
-        fields.append(Field("objects.ticks", "i8", low=0))
+        fields.append(
+            Field("objects.ticks", "i8", low=0, unit="tick", doc="how long the scripts of moving objects have run")
+        )
     if model.motions.bodies is not None:
-        fields.append(Field("objects.physics", "f8", model.motions.bodies.state_size))
+        fields.append(
+            Field(
+                "objects.physics",
+                "f8",
+                model.motions.bodies.state_size,
+                unit="mixed",
+                doc="state of the rigid bodies, as MuJoCo integrates it",
+            )
+        )
     for device in model.devices.values():
         with failing(f"device '{device.name}'", "its twin's fields", model.place_of(device.name)):
             fields += _device(device)
     for probe in model.probes:
-        fields += _prefixed(probe.name, _probe(count))
+        fields += _own(probe.name, probe_fields(count))
         low, high = model.geometry.memory_range()
-        fields.append(Field(f"{probe.name}.memory", "f8", model.memory_size, low, high))
-        fields.append(Field(f"{probe.name}.result", "f8", model.result_size))
+        fields.append(
+            Field(
+                f"{probe.name}.memory",
+                "f8",
+                model.memory_size,
+                low,
+                high,
+                unit="mixed",
+                doc="what the contact search remembers from one tick to the next",
+            )
+        )
+        fields.append(
+            Field(
+                f"{probe.name}.result",
+                "f8",
+                model.result_size,
+                unit="mixed",
+                doc="what the contact search found in this tick",
+            )
+        )
         if any(effects.any for effects in probe.effects):
-            fields.append(Field(f"{probe.name}.effects", "f8", EFFECTS_MEMORY))
+            fields.append(
+                Field(
+                    f"{probe.name}.effects",
+                    "f8",
+                    EFFECTS_MEMORY,
+                    unit="mixed",
+                    doc="what the effects of the surfaces remember",
+                )
+            )
         if probe.operator is not None:
-            fields += _prefixed(f"{probe.name}.hand", _HAND)
+            fields += _own(f"{probe.name}.hand", HAND)
     for modality in model.modalities:
         with failing(f"modality '{modality.name}'", "fields", model.place_of(modality.name)):
             fields += _prefixed(modality.name, modality.instance.fields(modality.model))
-    fields += [Field("events.count", "i8", low=0), Field("events.table", EVENT_DTYPE, EVENTS), *marks.FIELDS]
+    fields += [
+        Field(
+            "events.count",
+            "i8",
+            low=0,
+            unit="1",
+            doc="contact events so far; the newest is at (count - 1) mod 64 of the table",
+        ),
+        Field("events.table", EVENT_DTYPE, EVENTS, unit="mixed", doc=_EVENTS),
+        *marks.FIELDS,
+    ]
     return tuple(fields)
 
 
@@ -70,86 +136,31 @@ def _prefixed(prefix: str, fields: Iterable[Field]) -> list[Field]:
     return [replace(field, name=f"{prefix}.{field.name}") for field in fields]
 
 
-#: The figures that one tick writes, in the order of ``itouch.loop.render``.
-_FIGURES = (
-    Field("hip", "f8", 3),
-    Field("velocity", "f8", 3),
-    Field("proxy", "f8", 3),
-    Field("force", "f8", 3),
-    Field("normal", "f8", 3),
-    Field("point", "f8", 3),
-    Field("penetration"),
-    Field("normal_force"),
-    Field("near_distance"),
-    Field("time_to_contact"),
-    Field("contact_force", "f8", 3),
-    Field("effect_force", "f8", 3),
-    Field("area"),
-    Field("plate_gap"),
-    Field("surface_height"),
-    Field("plate_yield"),
-    Field("plate_top"),
-    Field("tracking"),
-)
-
-
-def _probe(objects: int) -> tuple[Field, ...]:
-    """Return the State of a probe in a scene of so many objects."""
-    which = ("object", "near_object")
-    return (
-        *_FIGURES,
-        *(Field(name, "i8", low=-1, high=objects - 1) for name in which),
-        Field("plate", "i8"),
-        Field("contact.object", "i8", low=-1, high=objects - 1),
-        *_CONTACT,
-    )
-
-
-#: The open contact, and the true plate under a finger's twin, in the order of ``itouch.twin.mechanics``.
-_CONTACT = (
-    Field("contact.begin", "i8"),
-    Field("contact.separated", "i8"),
-    Field("contact.plate", "i8"),
-    Field("contact.plate_gap"),
-    Field("contact.peak_force"),
-    Field("contact.peak_penetration"),
-    Field("contact.peak_area"),
-    Field("contact.impact_speed"),
-    Field("contact.physical_begin", "i8"),
-    Field("plate_touched", "i8"),
-    Field("plate_force"),
-    Field("plate_true_top"),
-    Field("plate_distance"),
-    Field("total_force"),
-)
-
-_HAND = (
-    Field("position", "f8", 3),
-    Field("velocity", "f8", 3),
-    Field("target", "f8", 3),
-    Field("ticks", "i8", low=0),
-    Field("offset", "f8", 3),
-    Field("steered", "i8"),
-    Field("wanted", "f8", 3),
-)
+def _own(prefix: str, fields: Iterable[Field]) -> list[Field]:
+    """Return fields of the framework itself: of those only what says where is plotted."""
+    return [replace(field, show=field.show or "no") for field in _prefixed(prefix, fields)]
 
 
 def _device(device: DeviceModel) -> list[Field]:
     name = device.name
-    fields = [Field(f"{name}.{channel.name}", "f8", channel.size) for channel in device.reads]
-    fields += [Field(f"{name}.command.{channel.name}", "f8", channel.size) for channel in device.commands]
-    fields += [Field(f"{name}.sent.{channel.name}", "f8", channel.size, *_FINITE) for channel in device.commands]
-    fields += _prefixed(name, supervision(device.reads, device.commands))
-    fields += _stamps(device)
+    fields = [Field.of(channel, f"{name}.{channel.name}") for channel in device.reads]
+    for channel in device.commands:
+        wanted = f"wanted: {channel.doc}" if channel.doc else ""
+        fields.append(Field.of(channel, f"{name}.command.{channel.name}", doc=wanted, show="no"))
+    for channel in device.commands:
+        sent = replace(Field.of(channel, f"{name}.sent.{channel.name}"), low=_FINITE[0], high=_FINITE[1])
+        fields.append(sent)
+    fields += _own(name, supervision(device.reads, device.commands))
+    fields += _own(name, _stamps(device))
     if device.touch_off:
-        fields += _prefixed(
+        fields += _own(
             f"{name}.touch_off",
             (
-                Field("stage", "i8", low=0, high=3),
-                Field("point", "i8", low=0, high=device.touch_off),
-                Field("sums", "f8", 5),
-                Field("offsets", "f8", device.touch_off),
-                Field("target"),
+                Field("stage", "i8", low=0, high=3, unit="1", doc="0 place, 1 rise, 2 release, 3 done"),
+                Field("point", "i8", low=0, high=device.touch_off, unit="1", doc="which of the points is being felt"),
+                Field("sums", "f8", 5, unit="mixed", doc="sums of the readings at the point that is being felt"),
+                Field("offsets", "f8", device.touch_off, unit="m", doc="what was found at each point"),
+                Field("target", unit="m", doc="height that the surface is driven to"),
             ),
         )
     if device.twin:
@@ -164,10 +175,12 @@ def _stamps(device: DeviceModel) -> list[Field]:
     ``age`` only the device's silence is counted, from when that reading came.  Behind a wire ``out`` is the newest
     command that has left, and ``left`` the tick in which it did.
     """
-    name, fields = device.name, [Field(f"{device.name}.measured", "i8", max(1, len(device.reads)))]
+    measured = "tick at which each channel of the newest reading was measured, in the order of the reads"
+    fields = [Field("measured", "i8", max(1, len(device.reads)), unit="tick", doc=measured)]
     if device.wire:
-        fields.append(Field(f"{name}.left", "i8"))
-        fields += [Field(f"{name}.out.{c.name}", "f8", c.size, *_FINITE) for c in device.commands]
+        fields.append(Field("left", "i8", unit="tick", doc="when the newest command left"))
+        sent = [Field.of(c, f"out.{c.name}", doc=f"left: {c.doc}" if c.doc else "", show="no") for c in device.commands]
+        fields += [replace(field, low=_FINITE[0], high=_FINITE[1]) for field in sent]
     return fields
 
 

@@ -177,18 +177,25 @@ class Heat(Modality):
         """Return the State of finger, objects and the infrared window."""
         count = max(1, len(model.bodies))
         return (
-            Field("desired"),
-            Field("in_contact", "i8"),
-            Field("object", "i8", low=-1, high=count - 1),
-            Field("skin_temperature"),
-            Field("resistance"),
-            Field("contact_area"),
-            Field("since", "i8"),
-            Field("finger", "f8", len(model.finger_start)),
-            Field("objects", "f8", (count, model.widest)),
-            Field("touched", "i8", count),
-            Field("skin_ring", "f8", model.window),
-            Field("skin_count", "i8", low=0),
+            Field(
+                "desired",
+                unit="W/m^2",
+                doc="flux that the real object would draw from the bare finger",
+                show="wish: heat flux out of the finger",
+            ),
+            Field("in_contact", "i8", unit="1", doc="1 between BEGIN and END"),
+            Field("object", "i8", low=-1, high=count - 1, unit="1", doc="number of the object, -1: none"),
+            Field("skin_temperature", unit="K", doc="temperature of the model finger's skin"),
+            Field(
+                "resistance", unit="m^2*K/W", doc="contact resistance at the virtual force; infinite in air", show="no"
+            ),
+            Field("contact_area", unit="m^2", doc="contact area at that force", show="no"),
+            Field("since", "i8", unit="tick", doc="time since BEGIN"),
+            Field("finger", "f8", len(model.finger_start), unit="K", doc="modes of the model finger"),
+            Field("objects", "f8", (count, model.widest), unit="K", doc="modes of each object"),
+            Field("touched", "i8", count, unit="1", doc="1 for each object that was touched: its own heat goes on"),
+            Field("skin_ring", "f8", model.window, unit="K", doc="the last valid infrared readings of the skin"),
+            Field("skin_count", "i8", low=0, unit="1", doc="how many of them there are"),
         )
 
     def reset(self, model: HeatModel, state: Record) -> None:

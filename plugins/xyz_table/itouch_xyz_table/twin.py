@@ -32,9 +32,15 @@ class XyzTableTwin(Twin):
     def fields(self) -> tuple[Field, ...]:
         """Return position, velocity and last goal of the axes, what the sensors read, and the noise generator."""
         return (
-            Field("axes", "f8", (3, 3)),
-            Field("sensed", "f8", 6),
-            Field("noise", "u8", 1),
+            Field(
+                "axes",
+                "f8",
+                (3, 3),
+                unit="mixed",
+                doc="position [m], velocity [m/s] and last goal [m] of the axes, one row each",
+            ),
+            Field("sensed", "f8", 6, unit="N", doc="force and torque that the plate's sensor feels"),
+            Field("noise", "u8", 1, unit="1", doc="word of the noise generator"),
         )
 
     def reset(self, state: Record, rng: np.random.Generator) -> None:

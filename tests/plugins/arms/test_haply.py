@@ -442,4 +442,4 @@ def test_an_end_of_the_connection_after_answers_is_told_when_they_are_used_up() 
 
 def records(arm: Haply) -> tuple[Record, Record]:
     reads, commands = arm.channels(arm.params)
-    return tuple(Record.of(Field(c.name, "f8", c.size) for c in side) for side in (reads, commands))  # type: ignore[return-value]
+    return tuple(Record.of(Field.of(c) for c in side) for side in (reads, commands))  # type: ignore[return-value]

@@ -46,7 +46,7 @@ class TestOpenHaptics(DeviceTests):
 
 def records(arm: OpenHaptics) -> tuple[Record, Record]:
     reads, commands = arm.channels(arm.params)
-    return tuple(Record.of(Field(c.name, "f8", c.size) for c in side) for side in (reads, commands))  # type: ignore[return-value]
+    return tuple(Record.of(Field.of(c) for c in side) for side in (reads, commands))  # type: ignore[return-value]
 
 
 def until(true: Callable[[], bool]) -> None:

@@ -320,7 +320,7 @@ def test_a_loop_through_the_real_bytes_holds_a_flux(tmp_path: object) -> None:
     twin = ThermalDisplay.Twin(given_)  # type: ignore[misc]
     reads, commands = ThermalDisplay.channels(given_)
     state = Record.of(twin.fields())
-    reading, command = (Record.of(Field(c.name, "f8", c.size) for c in side) for side in (reads, commands))
+    reading, command = (Record.of(Field.of(c) for c in side) for side in (reads, commands))
     twin.reset(state, np.random.default_rng(1))
     touch, clock = Touch(force=1.0, gap=-1e-3), {"last": time.monotonic()}
 
@@ -341,7 +341,7 @@ def test_a_loop_through_the_real_bytes_holds_a_flux(tmp_path: object) -> None:
         display.patience = 10.0
         display.trace = Trace(stream, "peltier")
         display.open()
-        seen, wanted = (Record.of(Field(c.name, "f8", c.size) for c in side) for side in (reads, commands))
+        seen, wanted = (Record.of(Field.of(c) for c in side) for side in (reads, commands))
         integral, exchanges, begin = 0.0, 0, time.monotonic()
         errors = []
         while time.monotonic() - begin < 3.0:

@@ -22,7 +22,7 @@ GOLDEN = Path(__file__).parent / "falcon.trace"
 
 def records(arm: UsbArm) -> tuple[Record, Record]:
     reads, commands = arm.channels(arm.params)
-    return tuple(Record.of(Field(c.name, "f8", c.size) for c in side) for side in (reads, commands))  # type: ignore[return-value]
+    return tuple(Record.of(Field.of(c) for c in side) for side in (reads, commands))  # type: ignore[return-value]
 
 
 def rigged(tmp_path: Path, **params: Any) -> tuple[UsbArm, VirtualFalcon, VirtualTime]:

@@ -76,9 +76,7 @@ def table(bench: Bench, *, patience: float = 12.0, **changed: object) -> XyzTabl
 
 def records() -> tuple[Record, Record]:
     reads, commands = XyzTable.channels(XyzTableParams())
-    return Record.of(Field(c.name, "f8", c.size) for c in reads), Record.of(
-        Field(c.name, "f8", c.size) for c in commands
-    )
+    return Record.of(Field.of(c) for c in reads), Record.of(Field.of(c) for c in commands)
 
 
 def go(device: XyzTable, place: tuple[float, float, float], seconds: float, *, arrive: bool = True) -> Record:

@@ -21,8 +21,8 @@ class Bench:
         self.state = Record.of(self.twin.fields())
         self.twin.reset(self.state, np.random.default_rng(0))
         reads, commands = XyzTable.channels(self.params)
-        self.command = Record.of(Field(c.name, "f8", c.size) for c in commands)
-        self.reading = Record.of(Field(c.name, "f8", c.size) for c in reads)
+        self.command = Record.of(Field.of(c) for c in commands)
+        self.reading = Record.of(Field.of(c) for c in reads)
         self.touch = Touch()
 
     def run(self, *goal: float, steps: int = 1000) -> np.ndarray:

@@ -70,7 +70,7 @@ class LiftParams: ...
 
 
 class LiftTwin(Twin):
-    def fields(self): return (Field("height"),)
+    def fields(self): return (Field("height", unit="m", doc="height of the last touch"),)
     def step(self, state, command, touch, period): state["height"] -= 0.4 * period  # whatever it is told
     def read(self, state, reading): reading["pose"] = (0, 0, state["height"], 1, 0, 0, 0)
 

@@ -71,14 +71,21 @@ class DisplayTwin(Twin):
         """Return modes, delay line, sensors, energies and the generator's word."""
         slots = 1 + round(self.params.delay / SHORTEST)
         return (
-            Field("true_flux"),
-            Field("true_skin"),
-            Field("true_plate"),
-            Field("memory", "f8", plant.MEMORY, *_one(plant.MEMORY, plant.SLOT, slots - 1)),
-            Field("tissue", "f8", self._column.tissue.shape[1]),
-            Field("plate", "f8", self._column.plate.shape[1]),
-            Field("line", "f8", slots),
-            Field("noise", "u8", 1),
+            Field("true_flux", unit="W/m^2", doc="true flux out of the finger", show="no"),
+            Field("true_skin", unit="K", doc="true temperature of the skin's surface", show="no"),
+            Field("true_plate", unit="K", doc="true temperature of the plate's face", show="no"),
+            Field(
+                "memory",
+                "f8",
+                plant.MEMORY,
+                *_one(plant.MEMORY, plant.SLOT, slots - 1),
+                unit="mixed",
+                doc="fluxes, temperatures, filters, energies and counters of the plant",
+            ),
+            Field("tissue", "f8", self._column.tissue.shape[1], unit="K", doc="modes of the finger's tissue"),
+            Field("plate", "f8", self._column.plate.shape[1], unit="K", doc="modes of the plate"),
+            Field("line", "f8", slots, unit="A", doc="currents on their way to the module"),
+            Field("noise", "u8", 1, unit="1", doc="word of the noise generator"),
         )
 
     def reset(self, state: Record, rng: np.random.Generator) -> None:

@@ -67,7 +67,7 @@ def _simulate(params: Any, times: Array, currents: Array, begin: float) -> Array
     twin.stand(begin, None)
     reads, commands = ThermalDisplay.channels(quiet)
     state = Record.of(twin.fields())
-    reading, command = (Record.of(Field(c.name, "f8", c.size) for c in side) for side in (reads, commands))
+    reading, command = (Record.of(Field.of(c) for c in side) for side in (reads, commands))
     twin.reset(state, np.random.default_rng(0))
     touch = Touch(ambient=begin)
     shown = np.zeros((2, len(times)))

@@ -12,7 +12,9 @@ SCORED_FROM, FLOOR = 0.1, 50.0
 #: The numbers of the account, in their order.
 _RENDERED, _READY, _TICKS, _SUM, _PEAK, _SKIN_BEGIN, _SKIN_EXTREME, _SQUARES, _SCORED = range(9)
 
-FIELDS: tuple[Field, ...] = (Field("account", "f8", 9),)
+FIELDS: tuple[Field, ...] = (
+    Field("account", "f8", 9, unit="mixed", doc="sums of the open contact, of which the report's figures are made"),
+)
 
 
 def begin(state: Record, name: str, rendered: bool, ready: bool, skin: float) -> None:

@@ -25,7 +25,19 @@ def fields(model: FluxModel) -> tuple[Field, ...]:
     if model.display.command == "current":
         return ()
     delay = round(model.display.delay / model.period)
-    return Field("asked"), Field("driver", "f8", _MEMORY), Field("targets", "f8", delay + 1)
+    return (
+        Field(
+            "asked", unit="A", doc="current that the controller wants of a driver that holds a temperature", show="no"
+        ),
+        Field(
+            "driver",
+            "f8",
+            _MEMORY,
+            unit="mixed",
+            doc="filtered reading of the plate [K], its slope [K/s] and the driver's integral [A]",
+        ),
+        Field("targets", "f8", delay + 1, unit="K", doc="targets that are on their way to the driver"),
+    )
 
 
 def channels(model: FluxModel) -> tuple[str, ...]:

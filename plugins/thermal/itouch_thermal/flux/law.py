@@ -38,6 +38,26 @@ SURE, ENOUGH = 2.0, 0.015
 #: Time [s] that a pump is given to stop the face, and how far from the ends of its band [K].
 STOPPING, SLACK = 0.05, 0.02
 
+#: Unit and meaning of each piece of its State, in order.
+_MEANINGS = {
+    "x": ("mixed", "the column of finger and plate, and its derivative with respect to each parameter"),
+    "theta": ("mixed", "what the estimator has found of the parameters"),
+    "cover": ("mixed", "covariance of the parameters"),
+    "gain": ("mixed", "gain of the estimator in the last update"),
+    "memory": ("mixed", "what the estimator remembers beside the column"),
+    "line": ("A", "currents on their way to the module"),
+    "slots": ("1", "where the line of currents begins, and how long it is"),
+    "single": ("A", "currents on their way that are no whole coarse step"),
+    "queue": ("A", "means of the currents on their way, one a coarse step"),
+    "wanted": ("W/m^2", "flux that is wanted at the ends of the plan's steps"),
+    "response": ("mixed", "flux at the ends of the plan's steps that each piece of the plan makes"),
+    "knots": ("W/m^2", "the plan"),
+    "work": ("mixed", "room to reckon in"),
+    "future": ("W/m^2", "flux that is wanted from now on"),
+    "trace": ("K", "the plate's face in the last half second"),
+    "span": ("K", "lowest and highest face that is allowed at the ends of the plan's steps"),
+}
+
 
 @kernel
 def _queue(line: Any, slot: int, delay: int, size: int, fine: Any, coarse: Any) -> None:
@@ -210,7 +230,7 @@ class ModelLaw:
         """Return its State."""
         n, m = self.fine.tissue.shape[1], self.fine.plate.shape[1]
         wide = n + m + at.X_TAIL
-        sizes: dict[str, int | tuple[int, ...]] = {
+        size: dict[str, int | tuple[int, ...]] = {
             "x": (1 + at.COUNT, wide), "theta": at.COUNT, "cover": (at.COUNT, at.COUNT), "gain": at.COUNT,
             "memory": at.M_TAIL, "line": max(1, self.delay), "slots": 2, "single": self.coarse_ticks,
             "queue": 1 + self.delay // self.coarse_ticks, "wanted": self.steps,
@@ -220,9 +240,10 @@ class ModelLaw:
         }  # fmt: skip
         low, high = {"slots": (0.0, float(self.delay))}, {"slots": (max(0.0, self.delay - 1.0), float(self.delay))}
         return tuple(
-            Field(self.prefix + name, "f8", size, low.get(name, -math.inf), high.get(name, math.inf))
-            for name, size in sizes.items()
-        )
+            Field(self.prefix + name, "f8", size[name], low.get(name, -math.inf), high.get(name, math.inf), unit=unit,
+                  doc=doc)
+            for name, (unit, doc) in _MEANINGS.items()
+        )  # fmt: skip
 
     def reset(self, state: Record) -> None:
         """Begin with an even plate at the room's temperature and the data sheets' values."""

@@ -34,24 +34,54 @@ class FluxControl(Modality):
     def fields(self, model: FluxModel) -> tuple[Field, ...]:
         """Return the controller's memory and the account of the contact."""
         own = (
-            Field("readiness"),
-            Field("plate_ready", "i8"),
-            Field("start_temperature"),
-            Field("desired"),
-            Field("obtained"),
-            Field("flux"),
-            Field("approached", "i8"),
-            Field("preset_begun", "i8"),
-            Field("touching", "i8"),
-            Field("object", "i8", low=-1, high=len(model.curves) - 1),
-            Field("begun", "i8"),
-            Field("fresh", "i8"),
-            Field("pressing", "i8"),
-            Field("integral"),
-            Field("on_plate", "i8"),
-            Field("plate_limited", "i8"),
-            Field("unready", "i8"),
-            Field("condensation_time"),
+            Field(
+                "readiness",
+                unit="1",
+                doc="1 when the plate is at the start temperature within 0.1 K, falls to 0 at 0.2 K",
+            ),
+            Field("plate_ready", "i8", unit="1", doc="1 when `readiness` is"),
+            Field(
+                "start_temperature", unit="K", doc="where the plate goes before the touch of the near object", show="no"
+            ),
+            Field(
+                "desired",
+                unit="W/m^2",
+                doc="flux that is wanted: of `desired-from`, or of a recorded curve",
+                show="wish: heat flux out of the finger",
+            ),
+            Field(
+                "obtained",
+                unit="W/m^2",
+                doc="flux out of the finger: the twin's true one, on hardware the sensor's, corrected",
+                show="no",
+            ),
+            Field("flux", unit="W/m^2", doc="flux at the plate's face that the controller reckons with", show="no"),
+            Field("approached", "i8", unit="1", doc="number of the object that is near, -1: none"),
+            Field("preset_begun", "i8", unit="tick", doc="when the approach to the start temperature began"),
+            Field("touching", "i8", unit="1", doc="1 in contact with an object that has a flux"),
+            Field(
+                "object",
+                "i8",
+                low=-1,
+                high=len(model.curves) - 1,
+                unit="1",
+                doc="number of the object that is touched, -1: none",
+            ),
+            Field("begun", "i8", unit="tick", doc="when the touch began"),
+            Field("fresh", "i8", unit="1", doc="1 in the first update of a touch"),
+            Field("pressing", "i8", unit="1", doc="1 while the finger presses on the plate"),
+            Field("integral", unit="W/m^2", doc="integral part of the flux of the controller `paper`", show="no"),
+            Field("on_plate", "i8", unit="1", doc="1 while the finger is felt on the plate"),
+            Field(
+                "plate_limited",
+                "i8",
+                unit="1",
+                doc="1 if the start temperature lies outside the plate's band and was clipped",
+            ),
+            Field("unready", "i8", unit="1", doc="touches that began before the plate was ready"),
+            Field(
+                "condensation_time", unit="s", doc="how long the plate has been below the room's dew point", show="no"
+            ),
         )
         memory = predictive.memory(model) if model.law is not None else published.memory(model)
         return own + account.FIELDS + command.fields(model) + memory

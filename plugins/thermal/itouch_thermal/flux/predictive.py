@@ -37,13 +37,26 @@ def memory(model: FluxModel) -> tuple[Field, ...]:
     size = state_size(model.preview.finger)
     return (
         *own,
-        Field("preview_finger", "f8", size),
-        Field("preview_object", "f8", model.preview.widest),
-        Field("preview_index", "i8", low=-1, high=len(model.curves) - 1),
-        Field("reached", "i8"),
-        Field("tracked", "i8"),
-        Field("force_before"),
-        Field("scale_before"),
+        Field("preview_finger", "f8", size, unit="K", doc="modes of the finger of the contact that runs ahead"),
+        Field(
+            "preview_object",
+            "f8",
+            model.preview.widest,
+            unit="K",
+            doc="modes of the object of the contact that runs ahead",
+        ),
+        Field(
+            "preview_index",
+            "i8",
+            low=-1,
+            high=len(model.curves) - 1,
+            unit="1",
+            doc="number of the object that runs ahead, -1: none",
+        ),
+        Field("reached", "i8", unit="tick", doc="up to which tick of the touch the contact that runs ahead has come"),
+        Field("tracked", "i8", unit="tick", doc="up to when readings have been taken in"),
+        Field("force_before", unit="N", doc="force on the plate in the update before", show="no"),
+        Field("scale_before", unit="1", doc="factor on the contact resistance in the update before"),
     )
 
 

@@ -23,7 +23,11 @@ PIECES, STOPPING = 50, 0.1
 
 def memory(model: FluxModel) -> tuple[Field, ...]:
     """Return the State of `paper` and `hold`: where the plate was in the last half second."""
-    return () if model.law is not None else (Field("passed", "f8", PIECES),)
+    return (
+        ()
+        if model.law is not None
+        else (Field("passed", "f8", PIECES, unit="K", doc="where the plate was in the last half second"),)
+    )
 
 
 def control(model: FluxModel, state: Record, touching: bool, period: float, tick: int) -> tuple[float, float]:

@@ -129,8 +129,8 @@ def simulate(
     known = believed or replace(display, mismatch=Mismatch())
     brain = _Brain(case, course, known, controller, gains, start)
     reads, commands = ThermalDisplay.channels(plant)
-    reading = Record.of(Field(c.name, "f8", c.size) for c in reads)
-    command = Record.of(Field(c.name, "f8", c.size) for c in commands)
+    reading = Record.of(Field.of(c) for c in reads)
+    command = Record.of(Field.of(c) for c in commands)
     touch = Touch(ambient=AMBIENT)
     before, count = round(BEFORE / PERIOD), round(case.seconds / PERIOD)
     found = np.empty((6, count))
@@ -163,7 +163,7 @@ class _Brain:
     ) -> None:  # fmt: skip
         self.case, self.course, self.display, self.controller, self.gains = case, course, display, controller, gains
         self.sent = self.flux = 0.0
-        self.memory = Record.of([Field("pi.integral")])
+        self.memory = Record.of([Field("pi.integral", unit="W/m^2", doc="integral part of the flux")])
         self.reading = (0.0, AMBIENT, AMBIENT)
         self.law: ModelLaw | None = None
         self.passed: list[float] = []

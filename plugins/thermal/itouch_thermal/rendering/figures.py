@@ -71,7 +71,7 @@ def tem_step(current: float = 1.0, seconds: float = 20.0) -> Array:
         twin = DisplayTwin(DisplayParams(flux_noise=0.0, delay=0.0))
         state = Record.of(twin.fields())
         twin.reset(state, np.random.default_rng(0))
-        command = Record.of(Field(c.name, "f8", c.size) for c in ThermalDisplay.commands)
+        command = Record.of(Field.of(c) for c in ThermalDisplay.commands)
         on = Touch(ambient=AMBIENT, force=1.0, gap=0.0)
         flux = np.empty(round((seconds + 1.0) / PERIOD))
         for i in range(len(flux)):

@@ -105,8 +105,8 @@ def switching_time(display: DisplayParams, begin: float, end: float, *, seed: in
     memory = Record.of(law.fields())
     law.reset(memory)
     reads, commands = ThermalDisplay.channels(display)
-    reading = Record.of(Field(c.name, "f8", c.size) for c in reads)
-    command = Record.of(Field(c.name, "f8", c.size) for c in commands)
+    reading = Record.of(Field.of(c) for c in reads)
+    command = Record.of(Field.of(c) for c in commands)
     touch, settle, sent, last = Touch(ambient=AMBIENT), 4000, 0.0, 0
     for k in range(2 * settle):
         twin.read(state, reading)

@@ -1,0 +1,96 @@
+"""What State holds of a probe and of a hand: the tables; `state` puts them together with what plugins declare."""
+
+from __future__ import annotations
+
+from itouch.plugin import Field
+
+#: The figures that one tick writes, in the order of ``itouch.loop.render``.
+_FIGURES = (
+    Field(
+        "hip", "f8", 3, unit="m", doc="position of the fingertip's centre (haptic interface point), from `pose-from`"
+    ),
+    Field("velocity", "f8", 3, unit="m/s", doc="its velocity, filtered over 2 ms"),
+    Field("proxy", "f8", 3, unit="m", doc="where the fingertip would be if objects were impenetrable"),
+    Field(
+        "force",
+        "f8",
+        3,
+        unit="N",
+        doc="force of the virtual coupling, stiffness x (proxy - hip); zero in free space",
+        show="force",
+    ),
+    Field("normal", "f8", 3, unit="1", doc="outward normal of the touched surface"),
+    Field("point", "f8", 3, unit="m", doc="touched point of the surface"),
+    Field("penetration", unit="m", doc="depth of the hip below where the surface stops the probe"),
+    Field("normal_force", unit="N", doc="share of the contact force along the normal, at least 0"),
+    Field("near_distance", unit="m", doc="distance to the nearest object, infinite if none is near"),
+    Field("time_to_contact", unit="s", doc="distance over approach speed, infinite unless approaching"),
+    Field(
+        "contact_force",
+        "f8",
+        3,
+        unit="N",
+        doc="`force` with damping and the surface's effects: the virtual force on the finger",
+    ),
+    Field("effect_force", "f8", 3, unit="N", doc="what textures, stick-slip, viscosity, magnets and vibration add"),
+    Field("area", unit="m^2", doc="contact area by Hertz's law"),
+    Field(
+        "plate_gap",
+        unit="m",
+        doc="surface height less plate top; above 0 the plate is too low",
+        show="page: gap between plate and virtual surface",
+    ),
+    Field("surface_height", unit="m", doc="height of the highest virtual surface under the finger"),
+    Field("plate_yield", unit="m", doc="how far the plate yields to a force above its limit"),
+    Field("plate_top", unit="m", doc="height of the plate's top, by the table's reading"),
+    Field("tracking", unit="m", doc="distance of the plate from its command"),
+)
+
+
+def probe_fields(objects: int) -> tuple[Field, ...]:
+    """Return the State of a probe in a scene of so many objects."""
+    return (
+        *_FIGURES,
+        Field("object", "i8", low=-1, high=objects - 1, unit="1", doc="number of the touched object, -1: none"),
+        Field(
+            "near_object",
+            "i8",
+            low=-1,
+            high=objects - 1,
+            unit="1",
+            doc="number of the nearest object, -1: none within `near`",
+        ),
+        Field("plate", "i8", unit="1", doc="1 if the plate renders the contact's normal force"),
+        Field("contact.object", "i8", low=-1, high=objects - 1, unit="1", doc="object of the open contact, -1: none"),
+        *_CONTACT,
+    )
+
+
+#: The open contact, and the true plate under a finger's twin, in the order of ``itouch.twin.mechanics``.
+_CONTACT = (
+    Field("contact.begin", "i8", unit="tick", doc="when the contact began"),
+    Field("contact.separated", "i8", unit="tick", doc="for how long the probe has been clear of the object"),
+    Field("contact.plate", "i8", unit="1", doc="1 if the plate rendered the contact at its begin"),
+    Field("contact.plate_gap", unit="m", doc="`plate_gap` at the begin, along the normal"),
+    Field("contact.peak_force", unit="N", doc="greatest `total_force` so far"),
+    Field("contact.peak_penetration", unit="m", doc="greatest depth so far"),
+    Field("contact.peak_area", unit="m^2", doc="greatest contact area so far"),
+    Field("contact.impact_speed", unit="m/s", doc="approach speed at the begin"),
+    Field("contact.physical_begin", "i8", unit="tick", doc="when the finger met the true plate"),
+    Field("plate_touched", "i8", unit="tick", doc="when the finger began to touch the true plate, -1: it does not"),
+    Field("plate_force", unit="N", doc="force of the plate on the finger (of twins: the true one)", show="force"),
+    Field("plate_true_top", unit="m", doc="true height of the plate's top (twins)"),
+    Field("plate_distance", unit="m", doc="true distance of finger and plate (twins); below 0 the pad is pressed"),
+    Field("total_force", unit="N", doc="greatest of what acts on the finger: magnitude of arm force + plate force"),
+)
+
+#: The operator's hand that leads a finger's twin.
+HAND = (
+    Field("position", "f8", 3, unit="m", doc="where the operator's finger twin is"),
+    Field("velocity", "f8", 3, unit="m/s", doc="velocity of the operator's finger twin"),
+    Field("target", "f8", 3, unit="m", doc="where the hand wants it to be: the scripted or recorded motion"),
+    Field("ticks", "i8", low=0, unit="tick", doc="how long the motion has run"),
+    Field("offset", "f8", 3, unit="m", doc="what the operator has added to the motion by hand"),
+    Field("steered", "i8", unit="1", doc="1 while somebody steers the finger"),
+    Field("wanted", "f8", 3, unit="m/s", doc="where somebody steers the finger to"),
+)
