@@ -43,7 +43,7 @@ class EveryNth(Device, Stamped):
         self.device, self._every, self._waits = device, every, waits
         self._since, self._command, self._sent = every + waits, b"", b""
         reads, self._commands = type(device).channels(device.params)
-        self._record = Record.of(Field(channel.name, "f8", channel.size) for channel in self._commands)
+        self._record = Record.of(Field.of(channel) for channel in self._commands)
         self._told = True
 
     def open(self) -> None:
