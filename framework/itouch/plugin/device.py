@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
@@ -126,6 +127,9 @@ class Device(ABC):
 
     #: Where a blocking device may note when it measured and when its command left; set before ``open``, None: nowhere.
     stamps: Stamps | None = None
+
+    #: The limits in force for it by name, SI, as in ``<limits>``; set before ``open``, for a device that knows its own.
+    limits: Mapping[str, float | tuple[float, float]] = MappingProxyType({})
 
     #: Factor on how long it waits for answers; more than 1 only where time is simulated on a busy machine.
     patience: float = 1.0

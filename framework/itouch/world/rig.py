@@ -96,6 +96,7 @@ class DeviceModel:
     def make_device(self) -> Device:
         """Return the device itself; behind a thread if it makes its caller wait."""
         device = self.cls(self.bound)
+        device.limits = self.limits.table()
         made = device
         if self.cls.blocking:
             made = ThreadedDevice(device, patience=self.limits.watchdog, servo_period=self.servo_period)

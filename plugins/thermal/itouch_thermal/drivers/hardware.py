@@ -54,7 +54,7 @@ class HardwareDisplay(Device):
         """
         if self.params.command != "current":
             raise DeviceError('real displays are driven by a current: write command="current"')
-        self._rig = rig = rig_of(self.params, self.trace, patience=self.patience)
+        self._rig = rig = rig_of(self.params, self.trace, patience=self.patience, limits=self.limits)
         self._current, self._lost = 0.0, False
         try:
             if not math.isfinite(rig.exchange(0.0).flux):

@@ -1,24 +1,40 @@
 """The line protocol for rigs of one's own: a command line, an answer line, each with a check sum.
 
-``I <amps>*CC`` sets the current; ``R <plate> <sink> <flux> <skin> <amps>*CC`` answers with degrees Celsius, W/m2 and
-amperes (``nan`` where there is no sensor); ``?*CC`` asks for ``N itouch-line 1 <name>*CC``; ``E <words>*CC`` refuses.
-CC is the exclusive or of the bytes before ``*``, two hexadecimal digits.  Without an ``I`` for 0.2 s the rig takes its
-current to zero by itself.
+Version 2 seals a line with a CRC-16 of four hexadecimal digits; a rig tells its limits when it is greeted, and answers
+with the number of the order and with its state:
+
+    ``?``             ``N itouch-line 2 NAME amps=A plate=LOW:HIGH sink=HIGH silence=S reset=WHY cut=WHY``
+    ``I NR AMPS``     ``R NR PLATE SINK FLUX SKIN AMPS STATE``
+    ``C``             ``N ...``: a cut-off is released, if what caused it is over
+
+Version 1 has the exclusive or of the bytes before ``*`` in two digits, ``I AMPS`` and ``R PLATE SINK FLUX SKIN AMPS``.
+Temperatures are in degrees Celsius, fluxes in W/m2; ``nan`` where there is no sensor; ``E WORDS`` refuses.  Without an
+``I`` for 0.2 s the rig takes its current to zero by itself.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+import re
+import time
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 from itouch.plugin import DeviceError, Trace
 from itouch_thermal.drivers.params import LinePort
+from itouch_thermal.drivers.promises import CAUSES, Promises, not_kept
 from itouch_thermal.drivers.serialport import SerialLine
 
 GREETING = "itouch-line 1"
+GREETING_2 = "itouch-line 2"
 #: How long [s] an answer may take, how often a line is sent, and the rig's own watchdog [s].
 PATIENCE, TRIES, WATCHDOG = 0.06, 3, 0.2
+#: How long [s] a rig may take to start: opening its port resets many boards, whose boot loader waits first.
+START = 2.5
 KELVIN = 273.15
+#: Temperatures [degC] that a plate or a sink can have: what is outside is a sensor that is open or short.
+BELIEVED = (-20.0, 90.0)
+_NUMBER = re.compile(r"-?[0-9]{1,9}(\.[0-9]{1,9})?|nan")
 
 
 class LineReading(NamedTuple):
@@ -31,55 +47,140 @@ class LineReading(NamedTuple):
     current: float
 
 
+def crc(text: bytes) -> int:
+    """Return the CRC-16 of version 2: polynomial 0x1021, begins with 0xFFFF."""
+    found = 0xFFFF
+    for byte in text:
+        found ^= byte << 8
+        for _ in range(8):
+            found = (found << 1 ^ 0x1021 if found & 0x8000 else found << 1) & 0xFFFF
+    return found
+
+
 def seal(text: str) -> bytes:
-    """Return a line with its check sum and end."""
+    """Return a line with its check sum and end, as version 1 has it."""
     check = 0
     for byte in text.encode():
         check ^= byte
     return f"{text}*{check:02X}\n".encode()
 
 
+def seal_2(text: str) -> bytes:
+    """Return a line with its check sum and end, as version 2 has it."""
+    return f"{text}*{crc(text.encode()):04X}\n".encode()
+
+
 def unseal(line: bytes) -> str | None:
-    """Return a line's text, or None if its check sum is wrong."""
+    """Return a line's text, or None if its check sum, of version 1, is wrong."""
+    return _unseal(line, 2, seal)
+
+
+def unseal_2(line: bytes) -> str | None:
+    """Return a line's text, or None if its check sum, of version 2, is wrong."""
+    return _unseal(line, 4, seal_2)
+
+
+def _unseal(line: bytes, digits: int, sealed: Callable[[str], bytes]) -> str | None:
     body, star, check = line.rstrip(b"\r\n").decode("ascii", "replace").rpartition("*")
-    if not star or len(check) != 2 or not body.isascii():
+    if not star or len(check) != digits or not body.isascii():
         return None
-    return body if seal(body)[-3:-1].decode() == check.upper() else None
+    return body if sealed(body)[-1 - digits : -1].decode() == check.upper() else None
 
 
 class LineDriver:
-    """An open rig.
+    """An open rig, of either version.
+
+    Parameters
+    ----------
+    params
+        Where it is.
+    trace
+        Where to write what goes over the wire.
+    patience
+        Factor on how long it waits for answers.
+    limits
+        The limits in force for the device by name, SI: what the rig promises must fit them.
 
     Raises
     ------
     DeviceError
-        If it does not answer or does not speak the protocol.
+        If it does not answer, does not speak the protocol, has cut itself off, or promises too little.
     """
 
-    def __init__(self, params: LinePort, trace: Trace | None = None, *, patience: float = 1.0) -> None:
+    def __init__(
+        self,
+        params: LinePort,
+        trace: Trace | None = None,
+        *,
+        patience: float = 1.0,
+        limits: Mapping[str, Any] | None = None,
+    ) -> None:
         self._patience = PATIENCE * patience
         self._line = SerialLine(params.port, params.baud, end=b"\n", trace=trace)
+        self._number, self._version = 0, 1
+        #: What a rig of version 2 has promised; None: it speaks version 1.
+        self.promises: Promises | None = None
         try:
-            self.identity = self._ask("?", "N")
-            if not self.identity.startswith(GREETING):
-                raise DeviceError(f"on {params.port} answers '{self.identity}', not '{GREETING}'")
+            self.identity = self._greet()
+            if self._version == 2:
+                self.promises = Promises.read(self.identity)
+                self._check(self.promises, limits or {})
+            elif params.firmware == "reference":
+                raise DeviceError(f"on {params.port} answers '{self.identity}', not the reference display's program")
         except BaseException:
             self._line.close()
             raise
 
+    def _greet(self) -> str:
+        """Ask who is there until the rig has started; version 1's question is understood by both."""
+        limit = time.monotonic() + START
+        while True:
+            try:
+                found = self._ask("?", "N")
+                break
+            except _SilentError:
+                if time.monotonic() >= limit:
+                    raise
+        if not found.startswith((GREETING, GREETING_2)):
+            raise DeviceError(f"on {self._line.port} answers '{found}', not '{GREETING}' or '{GREETING_2}'")
+        return found
+
+    def _check(self, promises: Promises, limits: Mapping[str, Any]) -> None:
+        problems = not_kept(promises, limits)
+        if promises.cut != "none":
+            problems.insert(
+                0, self._cut(promises.cut, "; find out why, then: itouch-py thermal display PORT --release")
+            )
+        if problems:
+            raise DeviceError("; ".join(f"the rig on {self._line.port} {problem}" for problem in problems))
+
+    @staticmethod
+    def _cut(cause: str, then: str = "") -> str:
+        return f"has cut itself off: {CAUSES.get(cause, cause)}{then}"
+
+    def _body(self, answer: bytes) -> str | None:
+        """Return the text of an answer that is whole; a greeting tells the version."""
+        if self._version == 2:
+            return unseal_2(answer)
+        body = unseal(answer)
+        if body is None and (greeting := unseal_2(answer)) is not None and greeting.startswith(f"N {GREETING_2}"):
+            self._version, body = 2, greeting
+        return body
+
     def _ask(self, text: str, wanted: str) -> str:
+        line = seal_2(text) if self._version == 2 else seal(text)
         for _ in range(TRIES):
             self._line.clear()
-            self._line.send(seal(text))
+            self._line.send(line)
             answer = self._line.receive(self._patience)
-            body = unseal(answer) if answer is not None else None
+            body = self._body(answer) if answer is not None else None
             if body is None:
                 continue
             if body.startswith("E"):
                 raise DeviceError(f"the rig on {self._line.port} refuses '{text}': {body[1:].strip()}")
             if body.startswith(wanted):
                 return body[1:].strip()
-        raise DeviceError(f"the rig on {self._line.port} did not answer '{text}' {TRIES} times")
+        raise _SilentError(f"the rig on {self._line.port} did not answer '{text}' {TRIES} times")
 
     def exchange(self, current: float) -> LineReading:
         """Set the current [A], and measure.
@@ -87,20 +188,44 @@ class LineDriver:
         Raises
         ------
         DeviceError
-            If it does not answer, refuses, or answers nonsense.
+            If it does not answer, refuses, answers nonsense, has lost a sensor or has cut itself off.
         """
-        answer = self._ask(f"I {current:.5f}", "R")
-        try:
-            plate, sink, flux, skin, actual = (float(word) for word in answer.split())
-        except ValueError:
-            raise DeviceError(f"the rig on {self._line.port} answered '{answer}', not five numbers") from None
-        if not (math.isfinite(plate) and math.isfinite(sink) and math.isfinite(actual)):
+        words = self._order(f"{current:.5f}")
+        state = words.pop() if self._version == 2 else "ok"
+        if state not in ("ok", "held-back"):
+            raise DeviceError(f"the rig on {self._line.port} {self._cut(state)}")
+        if len(words) != 5 or not all(_NUMBER.fullmatch(word) for word in words):
+            raise DeviceError(f"the rig on {self._line.port} answered '{' '.join(words)}', not five numbers")
+        plate, sink, flux, skin, actual = (float(word) for word in words)
+        low, high = BELIEVED
+        if not (low <= plate <= high and low <= sink <= high and math.isfinite(actual)):
             raise DeviceError(f"the rig on {self._line.port} has lost its plate's or sink's sensor")
         return LineReading(plate + KELVIN, sink + KELVIN, flux, skin + KELVIN, actual)
+
+    def _order(self, amps: str) -> list[str]:
+        """Send a current; return the words of the answer behind its number."""
+        if self._version == 1:
+            return self._ask(f"I {amps}", "R").split()
+        self._number = (self._number + 1) % 256
+        return self._ask(f"I {self._number} {amps}", f"R {self._number} ").split()[1:]
+
+    def release(self) -> str:
+        """Release a cut-off whose cause is over; return the new greeting.
+
+        Raises
+        ------
+        DeviceError
+            If the rig refuses.
+        """
+        return self._ask("C", "N")
 
     def close(self) -> None:
         """Set the current to zero, then let go of the line."""
         try:
-            self._ask("I 0", "R")
+            self._order("0")
         finally:
             self._line.close()
+
+
+class _SilentError(DeviceError):
+    """No answer."""

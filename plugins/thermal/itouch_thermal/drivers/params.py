@@ -91,3 +91,9 @@ class LinePort:
 
     port: str = schema.text(doc="serial port, or socket://HOST:PORT")
     baud: int = schema.integer(low=9600, high=2_000_000, default=115200, doc="speed of the serial port")
+    firmware: str = schema.choice(
+        "own",
+        "reference",
+        default="own",
+        doc="its program: one's own, or ours, which a virtual rig runs in a simulated chip",
+    )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,13 +28,15 @@ class Measured:
 class Rig:
     """Open drivers: a controller or a rig of one's own, and a LabJack if there is one."""
 
-    def __init__(self, params: Any, trace: Trace | None = None, *, patience: float = 1.0) -> None:
+    def __init__(
+        self, params: Any, trace: Trace | None = None, *, patience: float = 1.0, limits: Mapping[str, Any] | None = None
+    ) -> None:
         self._labjack: LabJackDriver | None = None
         self._source: TecDriver | LineDriver
         if params.mecom is not None:
             self._source = TecDriver(params.mecom, trace, patience=patience)
         else:
-            self._source = LineDriver(params.line, trace, patience=patience)
+            self._source = LineDriver(params.line, trace, patience=patience, limits=limits)
         if params.labjack is not None:
             try:
                 self._labjack = LabJackDriver(params.labjack, trace, patience=patience)
@@ -67,7 +70,9 @@ class Rig:
                 self._labjack.close()
 
 
-def rig_of(params: Any, trace: Trace | None = None, *, patience: float = 1.0) -> Rig:
+def rig_of(
+    params: Any, trace: Trace | None = None, *, patience: float = 1.0, limits: Mapping[str, Any] | None = None
+) -> Rig:
     """Open what the parameters name.
 
     Raises
@@ -78,4 +83,4 @@ def rig_of(params: Any, trace: Trace | None = None, *, patience: float = 1.0) ->
     if (params.mecom is None) == (params.line is None):
         advice = "write one of <thermal:mecom> and <thermal:line> inside <thermal:hardware>"
         raise DeviceError(f"nothing, or two things, drive the module: {advice}")
-    return Rig(params, trace, patience=patience)
+    return Rig(params, trace, patience=patience, limits=limits)

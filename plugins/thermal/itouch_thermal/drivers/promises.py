@@ -1,0 +1,90 @@
+"""What a rig of one's own promises when it is greeted, and whether that fits the limits in force for the device."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from itouch.plugin import DeviceError
+
+KELVIN = 273.15
+#: Plate and sink [degC] that nothing may pass: a rig that cuts itself off beyond them protects nobody.
+PLATE_ABSOLUTE, SINK_ABSOLUTE = (8.0, 45.0), 58.0
+#: A rig must go to zero by itself within this time [s] without an order.
+SILENCE = 0.5
+
+#: Why a rig has cut itself off, in words.
+CAUSES = {
+    "plate-hot": "its plate was too hot",
+    "plate-cold": "its plate was too cold",
+    "sink-hot": "its heat sink was too hot",
+    "plate-sensor": "a thermistor of its plate is open or short",
+    "sink-sensor": "the thermistor of its heat sink is open or short",
+    "sensors-differ": "the two thermistors of its plate do not agree",
+    "current": "its current was not what it should be",
+    "converter": "its converter gave no samples",
+    "unknown": "it does not know why any more",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Promises:
+    """Greatest current [A], plate and sink [degC] at which it cuts itself off, its watchdog [s], and its past."""
+
+    amps: float
+    plate: tuple[float, float]
+    sink: float
+    silence: float
+    reset: str
+    cut: str
+
+    @classmethod
+    def read(cls, greeting: str) -> Promises:
+        """Read them from a greeting.
+
+        Raises
+        ------
+        DeviceError
+            If a word is missing or no number.
+        """
+        words = dict(word.split("=", 1) for word in greeting.split() if "=" in word)
+        try:
+            low, high = (float(word) for word in words["plate"].split(":"))
+            found = cls(
+                float(words["amps"]), (low, high), float(words["sink"]), float(words["silence"]),
+                words["reset"], words["cut"],
+            )  # fmt: skip
+        except (KeyError, ValueError):
+            raise DeviceError(f"a rig greets with '{greeting}', which does not tell its limits") from None
+        if not all(math.isfinite(v) for v in (found.amps, low, high, found.sink, found.silence)):
+            raise DeviceError(f"a rig greets with '{greeting}': a limit that is no number")
+        return found
+
+
+def not_kept(promises: Promises, limits: Mapping[str, Any]) -> list[str]:
+    """Return in words what a rig promises too little of, for these limits in force (SI)."""
+    low, high = promises.plate
+    problems = []
+    if low < PLATE_ABSOLUTE[0] or high > PLATE_ABSOLUTE[1]:
+        problems.append(f"cuts itself off at {low:g} and {high:g} degC of its plate: it must at 8 and 45 or between")
+    if promises.sink > SINK_ABSOLUTE:
+        problems.append(f"cuts itself off at {promises.sink:g} degC of its sink: it must at {SINK_ABSOLUTE:g} or below")
+    if promises.silence > SILENCE:
+        problems.append(f"goes to zero after {promises.silence:g} s without an order: it must within {SILENCE:g} s")
+    allowed = limits.get("temperature")
+    if allowed is not None:
+        least, most = (value - KELVIN for value in allowed)
+        if not (low < least and most < high):
+            problems.append(
+                f"cuts itself off at {low:g} and {high:g} degC, and the scene lets the plate go from {least:g} to "
+                f'{most:g}: tighten <limits temperature="..."/>'
+            )
+    amps = limits.get("current")
+    if amps is not None and amps > promises.amps * (1.0 + 1e-6):
+        problems.append(
+            f'gives {promises.amps:g} A at most, and the scene asks for {amps:g}: write <limits current="'
+            f'{promises.amps:g} A"/>'
+        )
+    return problems
