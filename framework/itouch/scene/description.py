@@ -23,11 +23,20 @@ from itouch.scene.places import Places
 
 
 @dataclass(frozen=True, slots=True)
+class Swapped:
+    """The scene's own devices and ``<safety>``, where another rig was put under it."""
+
+    devices: tuple[DeviceElement, ...]
+    safety: Safety
+
+
+@dataclass(frozen=True, slots=True)
 class Scene:
     """A scene in SI, with includes, defaults and bases resolved.
 
     Two scenes are equal if they say the same; where they were written does not count. Files that it names (meshes) lie
-    in ``folder`` and below, or their content is in ``files`` by name, as for a scene out of a session.
+    in ``folder`` and below, or their content is in ``files`` by name, as for a scene out of a session.  ``swapped``
+    is what it said of its own rig if another was put under it: that is asked of the other, too.
     """
 
     world: WorldElement = WorldElement()
@@ -42,6 +51,7 @@ class Scene:
     record: RecordElement | None = None
     version: str = VERSION
     source: str = field(default="", compare=False)
+    swapped: Swapped | None = field(default=None, compare=False, repr=False)
     folder: str = field(default=".", compare=False)
     files: Mapping[str, bytes] | None = field(default=None, compare=False, repr=False, hash=False)
     places: Places = field(default_factory=Places, compare=False, repr=False, hash=False)

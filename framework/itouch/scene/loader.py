@@ -7,9 +7,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from itouch.scene import elements
+from itouch.scene import elements, rigs
 from itouch.scene.binding import Binder
-from itouch.scene.description import Scene
+from itouch.scene.description import Scene, Swapped
 from itouch.scene.documents import Document, DocumentReader
 from itouch.scene.extensions import Extensions
 from itouch.scene.names import Names, defined_names
@@ -130,6 +130,7 @@ class _Assembly:
     materials: list[elements.Material] = field(default_factory=list)
     objects: list[Any] = field(default_factory=list)
     devices: list[elements.DeviceElement] = field(default_factory=list)
+    swapped: Swapped | None = None
     probes: list[elements.Probe] = field(default_factory=list)
     operators: list[elements.Operator] = field(default_factory=list)
     modalities: list[elements.PluginPart] = field(default_factory=list)
@@ -200,26 +201,20 @@ class _Assembly:
             self.single[tag] = bound
 
     def replace_devices(self, rig: str | os.PathLike[str]) -> None:
-        """Put the devices of another rig under the scene."""
-        other = _Assembly(self.extensions, self.problems, self.places).add(DocumentReader(self.problems).read(rig))
-        wanted, offered = {d.name for d in self.devices}, {d.name for d in other.devices}
-        if other.objects or other.probes:
-            sentence = f"'{os.fspath(rig)}' is not a rig: it holds more than devices"
-            place = self.places.of((other.objects or other.probes)[0])
-            self.problems.append(Problem("rig", sentence, place, "a rig file holds <devices> and includes"))
-        for device in self.devices:
-            if device.name not in offered and other.devices:
-                advice = did_you_mean(device.name, offered, "the rig's devices are")
-                sentence = f"rig '{os.fspath(rig)}' has no device named '{device.name}'"
-                self.problems.append(Problem("rig", sentence, self.places.of(device, "name"), advice))
-        for device in other.devices:
-            if device.name not in wanted:
-                sentence = f"the scene has no device named '{device.name}', which the rig brings"
-                advice = did_you_mean(device.name, wanted, "the scene's devices are")
-                self.problems.append(Problem("rig", sentence, self.places.of(device, "name"), advice))
+        """Put the devices of another rig under the scene; what the scene asks of its own devices holds for them."""
+        documents = DocumentReader(self.problems).read(rig)
+        other = _Assembly(self.extensions, self.problems, self.places).add(documents)
+        self.problems += rigs.without_effect(os.fspath(rig), documents)
+        self.problems += rigs.unmatched(os.fspath(rig), self.places, self.devices, other.devices)
+        own_safety = self.single.get("safety", elements.Safety())
+        self.swapped = Swapped(tuple(self.devices), own_safety)
         if other.devices:
-            self.devices = other.devices
+            own = {device.name: device for device in self.devices}
+            self.devices = [rigs.limited(device, own.get(device.name), self.places) for device in other.devices]
             self.names = self.names.without("devices").joined(other.names)
+        if "safety" in other.single:
+            self.problems += rigs.looser(own_safety, other.single["safety"], self.places)
+            self.single["safety"] = rigs.tightened(own_safety, other.single["safety"], self.places)
 
     def scene(self, source: str) -> Scene:
         world = self.single.get("world", elements.WorldElement())
@@ -238,6 +233,7 @@ class _Assembly:
             faults=tuple(self.faults),
             record=self.single.get("record"),
             source=source,
+            swapped=self.swapped,
             places=self.places,
         )
         self.problems += self.names.problems()

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from itouch.schema.diagnostics import Place
+from itouch.schema.fields import specs
 
 
 @dataclass
@@ -21,6 +22,13 @@ class Places:
         self._elements[id(element)] = (element, place)  # the reference keeps the id from being used again
         for name, spot in attributes.items():
             self._attributes[(id(element), name)] = spot
+
+    def succeed(self, element: Any, before: Any) -> None:
+        """Let an element stand where the one stands that it was made from."""
+        place = self.of(before)
+        if place is not None:
+            names = [name for name in specs(type(before)) if (id(before), name) in self._attributes]
+            self.put(element, place, {name: self._attributes[(id(before), name)] for name in names})
 
     def of(self, element: Any, name: str = "") -> Place | None:
         """Return the place of an element's field, or of the element, or None if it came from no file."""

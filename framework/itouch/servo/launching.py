@@ -13,12 +13,14 @@ import time
 from pathlib import Path
 from typing import Any
 
+from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene, write
 from itouch.servo.guarding import child_environment
 from itouch.servo.handle import Handle
 from itouch.servo.segment import Segment, ServoError
 from itouch.session import choose_twins
 from itouch.session.keeping import Keep
+from itouch.world.swapped import fitted
 
 
 def launch(
@@ -92,7 +94,7 @@ def _name(scene: str) -> str:
 
 def _config(scene: str | os.PathLike[str] | Scene, twin: str | None) -> dict[str, Any]:
     if isinstance(scene, Scene):
-        chosen = scene if twin is None else choose_twins(scene, twin)
+        chosen = fitted(scene if twin is None else choose_twins(scene, twin), Catalog())
         files = chosen.files
         return {
             "scene": chosen.source, "scene_xml": write(chosen), "twin": None, "folder": chosen.folder,

@@ -75,11 +75,7 @@ def choose_twins(scene: Scene, twin: str) -> Scene:
     for device in scene.devices:
         on = device.twin if twin not in ("all", "none") else twin == "all" and (device.twin or True)
         changed = replace(device, twin=on or device.name in wanted)
-        place = scene.places.of(device)
-        if place is not None:
-            names_of = ("name", "plugin", "twin")
-            spots = {name: spot for name in names_of if (spot := scene.places.of(device, name)) is not None}
-            scene.places.put(changed, place, spots)
+        scene.places.succeed(changed, device)
         devices.append(changed)
     return replace(scene, devices=tuple(devices))
 
@@ -138,8 +134,8 @@ def restore(path: Path, *, clock: Clock | None = None, catalog: Catalog | None =
     return session
 
 
-def rebuild(snapshot: Snapshot, name: str, catalog: Catalog, clock: Clock | None) -> Session:
-    """Return a session that goes on from a snapshot.
+def rebuild(snapshot: Snapshot, name: str, catalog: Catalog, clock: Clock | None, *, replays: bool = False) -> Session:
+    """Return a session that goes on from a snapshot, or only ``replays`` it.
 
     Raises
     ------
@@ -155,5 +151,5 @@ def rebuild(snapshot: Snapshot, name: str, catalog: Catalog, clock: Clock | None
         raise SessionError(f"the scene in '{name}' can't be compiled here:\n\n{error}") from error
     except ValueError as error:
         raise SessionError(f"'{name}' can't be restored: {error}") from error
-    session.take_up(snapshot)
+    session.take_up(snapshot, replays=replays)
     return session

@@ -16,7 +16,7 @@ from itouch.plugin.bases import Bases, keeping
 from itouch.plugin.discovery import Catalog
 from itouch.recording import RecordingError
 from itouch.scene import Scene
-from itouch.session import layout, marks, wishes
+from itouch.session import layout, limits, marks, wishes
 from itouch.session.document import to_xml
 from itouch.session.errors import SessionError
 from itouch.session.plausible import check_plausible
@@ -42,6 +42,8 @@ class Session(Engine):
     ) -> None:
         self._bases, self._catalog, self._whole = bases or Bases(), catalog or Catalog(), bases is not None
         self._notes: tuple[str, ...] = ()
+        #: What the stored session that this one goes on from said of its limits.
+        self._limits: dict[str, Any] | None = None
         self._writer: SnapshotWriter | None = None
         #: The recorder that is at work, if any; ``records``: whether a run follows the scene's ``<record>``.
         self.recorder: Recorder | None = None
@@ -71,7 +73,7 @@ class Session(Engine):
             if not self._whole:  # the model was compiled elsewhere: note what its solves made
                 with keeping(self._bases):
                     Model.of(self.model.scene, self._catalog)
-            self._writer = SnapshotWriter(self.model, self.state, self._bases, self._catalog)
+            self._writer = SnapshotWriter(self.model, self.state, self._bases, self._catalog, self._limits)
         return self._writer
 
     def pack(self, state: Record | None = None, ledger: dict[str, Any] | None = None) -> bytes:
@@ -287,14 +289,16 @@ class Session(Engine):
         self.state.raw[:] = np.frombuffer(stored, np.uint8)
         self._enabled = True
 
-    def take_up(self, snapshot: Snapshot) -> None:
+    def take_up(self, snapshot: Snapshot, *, replays: bool = False) -> None:
         """Go on from a snapshot of the same scene.
 
         Raises
         ------
         SessionError
-            If its State can't be mapped to this program's, or can't be one.
+            If its State can't be mapped to this program's, or can't be one; or, unless it only ``replays``, if a limit
+            would be looser than it was.
         """
+        told = self._compare_limits(snapshot, replays=replays)
         stored, said = layout.adopt(snapshot.state, self.state, snapshot.manifest.get("plugins", {}))
         before = self.state.tobytes()
         self.adopt(stored)
@@ -305,10 +309,33 @@ class Session(Engine):
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             self.adopt(before)
             raise SessionError(f"the session can't be taken up: {error}") from error
-        self._notes = tuple(said)
+        self._notes = (*told, *said)
         stated = snapshot.manifest.get("model")
         if stated and stated != self._snapshots().manifest(self.state)["model"]:
             self._notes += (
                 "the scene compiles to other numbers here than where the session was saved (another version or "
-                "machine): it goes on, but not byte for byte",
+                "machine, or the file was edited): it goes on, but not byte for byte",
             )
+
+    def _compare_limits(self, snapshot: Snapshot, *, replays: bool) -> list[str]:
+        """Return what is said of limits that are others here than when the session was stored.
+
+        Raises
+        ------
+        SessionError
+            If one is looser here.
+        """
+        stored = snapshot.manifest.get("limits")
+        if stored is None:
+            if snapshot.manifest.get("format") in ("1.0", "1.1"):
+                return ["the session was stored by a version that did not note its limits: those of its scene hold"]
+            raise SessionError("the session does not say which limits were in force: it is not whole, or was edited")
+        looser, tighter = limits.compared(stored, self.model)
+        if looser and not replays:
+            listed = "\n".join(f"  {line}" for line in looser)
+            raise SessionError(
+                f"the session would run under looser limits than it was stored with:\n{listed}\n"
+                "it was edited, or another version has other defaults; begin a new session from the scene"
+            )
+        self._limits = stored
+        return [f"limit of {line}" for line in (*looser, *tighter)]

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from functools import lru_cache
 from importlib import metadata
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,10 +17,12 @@ import numpy as np
 import itouch
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
+from itouch.session import limits
+from itouch.session.paths import without_folders
 from itouch.world import Model
 
-#: Version of the snapshot format: 1.0 had no bases, no assets and no digests of layout and model.
-FORMAT = "1.1"
+#: Version of the snapshot format: 1.0 had no bases, no assets and no digests of layout and model; 1.1 no limits.
+FORMAT = "1.2"
 
 
 def digest(data: bytes) -> str:
@@ -28,31 +30,25 @@ def digest(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
-def constant_part(model: Model, catalog: Catalog, xml: bytes, dtype: np.dtype[Any]) -> dict[str, Any]:
-    """Return what does not change during a session."""
+def constant_part(
+    model: Model, catalog: Catalog, xml: bytes, dtype: np.dtype[Any], before: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """Return what does not change during a session; ``before``: the limits of the stored one that it goes on from."""
     scene = model.scene
     return {
         "format": FORMAT,
         "itouch-py": metadata.version("itouch-py"),
         "plugins": plugin_versions(scene, catalog),
-        "source": source_name(scene.source),
+        "source": without_folders(scene.source),
         "git": git_revision(),
         "host": host_facts(),
         "twins": {device.name: device.twin for device in scene.devices},
         "layout": digest(repr(dtype.descr).encode()),
         "model": model_digest(model),
         "scene": digest(xml),
+        "limits": limits.stated(model, before),
         "files": {file.file: file.digest for file in model.files},
     }
-
-
-def source_name(source: str) -> str:
-    """Return what a session says of its scene's file: a path as it was given, of an absolute one the name only.
-
-    A session is given to others, who need the scene (it is inside) and not the folders of this machine.
-    """
-    path = PurePath(source)
-    return path.name if path.is_absolute() else source
 
 
 def plugin_versions(scene: Scene, catalog: Catalog) -> dict[str, str]:

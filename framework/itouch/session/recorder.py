@@ -24,7 +24,7 @@ from itouch.recording.spec import Spec
 from itouch.recording.tracks import Track
 from itouch.scene import write
 from itouch.session.arrays import pack_bases
-from itouch.session.manifest import source_name
+from itouch.session.paths import without_folders
 from itouch.session.rows import Rows
 from itouch.world.state import EVENTS
 
@@ -223,7 +223,7 @@ class Recorder:
     def _tell_report(self) -> None:
         """Record the report as it is now; of very many contacts only what a replay does not give."""
         report = self.session.report()
-        report["scene"] = source_name(str(report["scene"]))
+        report["scene"] = without_folders(str(report["scene"]))
         if len(json.dumps(report)) > LETTERS // 2:
             report = {**report, "contacts": None}
         self.tell("/log/report", int(self.session.state["tick"]), report=report)

@@ -47,7 +47,7 @@ def session_of(recording: Recording, *, catalog: Catalog | None = None) -> Sessi
     if not recording.states:
         raise RecordingError(f"'{recording.path}' holds no State to begin from")
     snapshot = snapshot_at(recording, recording.states[0], plugins)
-    return rebuild(snapshot, recording.path, plugins, None)
+    return rebuild(snapshot, recording.path, plugins, None, replays=True)
 
 
 @dataclass(frozen=True, slots=True)

@@ -43,10 +43,12 @@ class Snapshot:
 class SnapshotWriter:
     """Packs the snapshots of one session: what does not change is packed once."""
 
-    def __init__(self, model: Model, state: Record, bases: Bases, catalog: Catalog) -> None:
+    def __init__(
+        self, model: Model, state: Record, bases: Bases, catalog: Catalog, before: Mapping[str, Any] | None = None
+    ) -> None:
         self._model = model
         xml = write(model.scene).encode()
-        self._constant = constant_part(model, catalog, xml, state.dtype)
+        self._constant = constant_part(model, catalog, xml, state.dtype, before)
         members = {"scene.xml": xml}
         if bases.used:
             packed, shapes = pack_bases(bases.used)

@@ -26,6 +26,7 @@ from itouch.world.recorded import RecordedMotion, recorded_motion
 from itouch.world.rig import DeviceModel, build_devices, orientation
 from itouch.world.shapes import build_shapes
 from itouch.world.surfaces import build_effects, build_friction, contact_of
+from itouch.world.swapped import differences, fitted
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,11 +93,12 @@ class Model:
 def compile_scene(scene: Scene, catalog: Catalog) -> tuple[Model | None, list[Problem]]:
     """Compile a scene; the model is None if any of the problems is an error."""
     problems: list[Problem] = []
+    scene = fitted(scene, catalog)
     reader = SceneFiles(scene)
     devices = build_devices(scene, catalog, problems, reader)
     problems += check_safety(scene)
     problems += check_bindings(scene, devices)
-    notices: list[str] = []
+    notices: list[str] = list(differences(scene, devices, catalog))
     built = build_shapes(scene, reader, problems)
     notices += built.notices
     problems += check_reach(scene, devices, built.boxes)

@@ -1,0 +1,107 @@
+"""Another rig under a scene: its devices take the place of the scene's, and what the scene asks goes on to hold.
+
+The tighter of both counts.  What stands in a rig file and would have no effect is an error.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from typing import Any, TypeVar
+
+from itouch.scene.documents import Document
+from itouch.scene.elements import DeviceElement, Limits, Safety
+from itouch.scene.places import Places
+from itouch.schema.diagnostics import Problem, did_you_mean
+from itouch.schema.fields import specs
+
+Element = TypeVar("Element", Limits, Safety)
+#: Sections of a rig file that have an effect: what is included is looked at by itself.
+_EFFECTIVE = frozenset({"include", "defaults", "devices", "safety"})
+#: Time [s] of one contact without anything in a scene: a rig may not ask for more than the scene.
+_CONTACT_TIME = 10.0
+
+
+def without_effect(rig: str, documents: Iterable[Document]) -> Iterator[Problem]:
+    """Find the sections of a rig's files that a rig can't bring."""
+    for document in documents:
+        for tag, node in document.sections.items():
+            if tag not in _EFFECTIVE:
+                written = "fault" if tag == "faults" else tag
+                sentence = f"<{written}> in the rig '{rig}' has no effect: it is not a part of a rig"
+                advice = "a rig file holds <devices>, <safety>, <defaults> and includes; move the rest into the scene"
+                yield Problem("rig", sentence, node.place, advice)
+
+
+def unmatched(
+    rig: str, places: Places, devices: Sequence[DeviceElement], others: Sequence[DeviceElement]
+) -> Iterator[Problem]:
+    """Find devices that only one of scene and rig has."""
+    wanted, offered = {device.name for device in devices}, {device.name for device in others}
+    for device in devices:
+        if device.name not in offered and others:
+            advice = did_you_mean(device.name, offered, "the rig's devices are")
+            sentence = f"rig '{os.fspath(rig)}' has no device named '{device.name}'"
+            yield Problem("rig", sentence, places.of(device, "name"), advice)
+    for device in others:
+        if device.name not in wanted:
+            sentence = f"the scene has no device named '{device.name}', which the rig brings"
+            advice = did_you_mean(device.name, wanted, "the scene's devices are")
+            yield Problem("rig", sentence, places.of(device, "name"), advice)
+
+
+def limited(device: DeviceElement, own: DeviceElement | None, places: Places) -> DeviceElement:
+    """Return a rig's device with the limits that scene and rig ask of it together."""
+    if own is None or own.limits == Limits():
+        return device
+    found = replace(device, limits=_merged(own.limits, device.limits, places))
+    places.succeed(found, device)
+    return found
+
+
+def tightened(own: Safety, other: Safety, places: Places) -> Safety:
+    """Return what the ``<safety>`` of scene and rig ask together."""
+    found = _merged(own, other, places)
+    ramps = [ramp for ramp in (own.ramp, other.ramp) if ramp is not None]
+    stops = "stop" if "stop" in (own.servo_overrun, other.servo_overrun) else own.servo_overrun
+    whole = replace(found, ramp=max(ramps, default=None), hold_to_run=own.hold_to_run or other.hold_to_run,
+                    servo_overrun=stops)  # fmt: skip
+    places.succeed(whole, found)
+    return whole
+
+
+def looser(own: Safety, other: Safety, places: Places) -> Iterator[Problem]:
+    """Find what a rig's ``<safety>`` asks for that is looser than what the scene has: a contact may last 10 s."""
+    most = _CONTACT_TIME if own.contact_time is None else own.contact_time
+    if other.contact_time is not None and other.contact_time > most:
+        sentence = f"<safety contact-time> of the rig asks for {other.contact_time:g} s, the scene for {most:g} s"
+        place = places.of(other, "contact_time")
+        yield Problem("loosened-limit", sentence, place, "a rig may tighten limits, never loosen; say it in the scene")
+
+
+def _merged(own: Element, other: Element, places: Places) -> Element:
+    """Return the tighter of two elements, limit by limit; each limit stands where it was said."""
+    values: dict[str, Any] = {}
+    spots = {}
+    for name, spec in specs(type(own)).items():
+        if spec.kind not in ("quantity", "temperature"):
+            continue
+        mine, theirs = getattr(own, name), getattr(other, name)
+        value = _tighter(mine, theirs)
+        values[name] = value
+        said = next((one for one in (other, own) if getattr(one, name) == value), own)
+        if value is not None and (spot := places.of(said, name)) is not None:
+            spots[name] = spot
+    found = replace(own, **values)
+    if (place := places.of(other) or places.of(own)) is not None:
+        places.put(found, place, spots)
+    return found
+
+
+def _tighter(first: Any, second: Any) -> Any:
+    if first is None or second is None:
+        return second if first is None else first
+    if isinstance(first, tuple):
+        return (max(first[0], second[0]), min(first[1], second[1]))
+    return min(first, second)

@@ -1,0 +1,109 @@
+"""Another rig under a scene: no limit that the scene or the rig asks for is lost, and every change is said."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import itouch
+from itouch.cli.__main__ import main
+
+Write = Callable[[str, str], Path]
+
+DEVICES = """<devices>
+<device name="arm" plugin="usb-arm"><limits {arm}/></device>
+<device name="table" plugin="xyz-table"><mount pos="0 0 -30 mm"/><limits {table}/></device>
+<device name="pad" plugin="thermal"><mount on="table" pos="0 0 24 mm"/><limits {pad}/></device>
+</devices>"""
+
+
+def xml(*, arm: str = "", table: str = "", pad: str = "", more: str = "") -> str:
+    return f'<itouch version="1.0">{DEVICES.format(arm=arm, table=table, pad=pad)}{more}</itouch>'
+
+
+def in_force(scene: Path, rig: Path | None = None) -> dict[str, dict[str, object]]:
+    model = itouch.build(scene, rig=rig).model
+    return {name: device.limits.table() for name, device in model.devices.items()}
+
+
+def test_limits_of_the_scene_survive_another_rig(write: Write) -> None:
+    scene = write("s.xml", xml(arm='force="0.5 N"', table='speed="0.1 m/s"',
+                               pad='current="1 A" temperature="25 34 degC"'))  # fmt: skip
+    rig = write("rig.xml", xml(arm='force="3 N"', pad='current="6 A" temperature="20 30 degC"'))
+    found = in_force(scene, rig)
+    assert found["arm"]["force"] == 0.5
+    assert found["table"]["speed"] == 0.1
+    assert found["pad"]["current"] == 1.0
+    assert found["pad"]["temperature"] == pytest.approx((298.15, 303.15))
+    sources = itouch.build(scene, rig=rig).model.devices["arm"].limits.sources
+    assert sources["force"] == f"<limits> at {scene}:2:1" or "s.xml:2" in sources["force"]
+
+
+def test_the_safety_of_a_rig_counts(write: Write, capsys: pytest.CaptureFixture[str]) -> None:
+    scene = write("s.xml", xml(more='<safety speed="0.2 m/s" dose="30 s"/>'))
+    rig = write("rig.xml", xml(more='<safety force="0.3 N" dose="60 s" hold-to-run="yes"/>'))
+    session = itouch.build(scene, rig=rig)
+    assert session.model.devices["arm"].limits.force == 0.3
+    assert session.model.devices["table"].limits.speed == 0.2
+    assert session.model.devices["pad"].limits.dose == 30.0
+    assert session.model.scene.safety.hold_to_run is True
+    (told,) = [notice for notice in session.notices if "'arm' with this rig" in notice]
+    assert told.startswith("limit of 'arm' with this rig: force 0.3 N (<safety> at ")
+    assert told.endswith("it was 3 N")
+    assert main(["check", str(scene), "--rig", str(rig)]) == 0
+    assert "limit of 'arm' with this rig: force 0.3 N" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("section", [
+    "<rates servo='500 Hz'/>", "<record to='x.mcap'/>", "<fault device='arm' kind='freeze' at='1 s'/>",
+    "<materials><material name='m'/></materials>", "<world temperature='30 degC'/>", "<interaction/>",
+])  # fmt: skip
+def test_a_section_without_effect_is_an_error(write: Write, section: str) -> None:
+    scene, rig = write("s.xml", xml()), write("rig.xml", xml(more="\n" + section))
+    with pytest.raises(itouch.SceneError) as caught:
+        itouch.build(scene, rig=rig)
+    (problem,) = caught.value.problems
+    tag = section[1:].split()[0].split("/")[0].split(">")[0]
+    assert problem.sentence.startswith(f"<{tag}> in the rig ")
+    assert problem.place is not None
+    assert problem.place.line > 1
+
+
+def test_a_rig_can_not_ask_for_a_longer_contact(write: Write) -> None:
+    scene, rig = write("s.xml", xml()), write("rig.xml", xml(more='<safety contact-time="50 s"/>'))
+    with pytest.raises(itouch.SceneError, match="asks for 50 s, the scene for 10 s"):
+        itouch.build(scene, rig=rig)
+
+
+def test_a_limit_that_other_hardware_keeps_by_itself_is_left_out(scenes: Path) -> None:
+    session = itouch.build(scenes / "four_materials.xml", rig=scenes / "rigs" / "temperature_display.xml")
+    told = [notice for notice in session.notices if "with this rig" in notice]
+    assert any("'peltier' with this rig: current none, it was 6 A" in notice for notice in told)
+
+
+_FORCE, _CURRENT = st.floats(0.01, 3.0), st.floats(0.1, 6.0)
+
+
+@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    own=st.tuples(_FORCE, _CURRENT),
+    rigs=st.tuples(_FORCE, _CURRENT),
+    whole=st.none() | _FORCE,
+    brings=st.none() | _FORCE,
+)
+def test_no_swap_loosens_what_anyone_asks(
+    write: Write, own: tuple[float, float], rigs: tuple[float, float], whole: float | None, brings: float | None
+) -> None:
+    def text(limits: tuple[float, float], force: float | None) -> str:
+        safety = "" if force is None else f'<safety force="{force!r} N"/>'
+        return xml(arm=f'force="{limits[0]!r} N"', pad=f'current="{limits[1]!r} A"', more=safety)
+
+    scene, rig = itouch.load(write("s.xml", text(own, whole)), rig=write("rig.xml", text(rigs, brings))), None
+    model = itouch.build(scene, rig=rig).model
+    asked = [own[0], rigs[0], *(force for force in (whole, brings) if force is not None)]
+    assert model.devices["arm"].limits.force == min(asked)
+    assert model.devices["pad"].limits.current == min(own[1], rigs[1])
