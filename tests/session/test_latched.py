@@ -9,7 +9,7 @@ import pytest
 from test_hardware import Params, catalog
 
 import itouch
-from itouch.plugin import Channel, Device, DeviceError, Record, current, temperature
+from itouch.plugin import Channel, Device, DeviceError, Record, Role, current, temperature
 
 SCENE = """<itouch version="1.0">
   <devices><device name="pad" plugin="stick" twin="no"/></devices>
@@ -23,7 +23,10 @@ def pad(*, moves: bool = False) -> Any:
     class Pad(Device):
         """A pad of which a test says how warm it is."""
 
-        reads = (temperature("plate_temperature"), Channel("deadman", 1, "", (0.0,), (1.0,)))
+        reads = (
+            temperature("plate_temperature", role=Role.SKIN_CONTACT_TEMPERATURE),
+            Channel("deadman", 1, "", (0.0,), (1.0,)),
+        )
         commands = (current(limit=4.0),)
         moves_on_open: ClassVar[bool] = moves
         second_opener: ClassVar[bool] = True
