@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from itouch.cli.arguments import picture_file
+from itouch.cli.plan import plan_facts, plan_text
 from itouch.schema import ItouchError
 
 Facts = dict[str, Any]
@@ -19,15 +20,31 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("file", metavar="FILE", help="a scene (.xml), a session (.itouch) or a recording (.mcap)")
     parser.add_argument("--json", action="store_true", help="as JSON")
     parser.add_argument("--picture", type=picture_file, metavar="FILE.png", help="draw a scene before anything runs")
+    parser.add_argument("--plan", action="store_true", help="the steps of a tick of a scene, and what they cost here")
     options = parser.parse_args(argv)
     if options.picture:
         _draw(options.file, options.picture)
-    facts = _facts(options.file)
+    facts = _plan(options.file) if options.plan else _facts(options.file)
     if options.json:
         print(json.dumps(facts, indent=1))
     else:
-        print("\n".join(_text(facts)))
+        print("\n".join(plan_text(facts) if options.plan else _text(facts)))
     return 0
+
+
+def _plan(path: str) -> Facts:
+    """Return the plan of the scene in a file.
+
+    Raises
+    ------
+    ItouchError
+        If the file is not a scene.
+    """
+    from itouch.session import is_session
+
+    if path.endswith(".mcap") or is_session(path):
+        raise ItouchError("--plan shows the steps of a scene (.xml); a session or a recording has none of its own")
+    return plan_facts(path)
 
 
 def _draw(path: str, picture: str) -> None:

@@ -1,6 +1,7 @@
 """The engine: everything that a scene asks for, put together, and one servo tick of it.
 
-The order of a tick is fixed: all reads, contact, events, modalities, safety, all writes, then the twins move on.
+The order of a tick is fixed, and stands in ``itouch.loop.plan``: all reads, contact, events, modalities, safety, all
+writes, then the twins move on.
 """
 
 from __future__ import annotations
@@ -13,13 +14,14 @@ from typing import Any
 import numpy as np
 
 from itouch.faults import FOREVER, Injection, Kind
-from itouch.loop.blame import modality_fault, with_writer
+from itouch.loop.blame import with_writer
 from itouch.loop.clock import Clock, VirtualClock, now
 from itouch.loop.events import Events
 from itouch.loop.ledger import Ledger
 from itouch.loop.objects import Objects
 from itouch.loop.operating import LatchedError, Operating
 from itouch.loop.pacing import Pacing
+from itouch.loop.plan import Plan, build
 from itouch.loop.rehearsal import rehearse, reset_modalities
 from itouch.loop.rig import ProbeRig
 from itouch.loop.runner import DeviceFaultError, Runner, Status
@@ -53,8 +55,7 @@ class Engine:
     def __init__(self, model: Model, *, seed: int = 0, clock: Clock | None = None) -> None:
         self.model, self.clock, self._moving = model, clock or VirtualClock(), model.moving
         self.state: Record = make_state(model)
-        self.times = Timing(_parts(model))
-        self.ledger = Ledger(times=self.times)
+        self.ledger = Ledger()
         self._runners = {name: Runner(device, self.state, model.period) for name, device in model.devices.items()}
         self._rigs = [ProbeRig(model, probe, self.state, self._runners, self.ledger) for probe in model.probes]
         self._all = list(self._runners.values())
@@ -65,12 +66,22 @@ class Engine:
         self.scripted = (
             any(hand.path.duration > 0 for hand in self._hands) or self._objects.scripted or self._length > 0
         )
-        self._modalities = [(m.instance, m.model, m.every) for m in model.modalities]
-        self._followed = [[self._runners[name] for name in m.follows] if m.every > 1 else [] for m in model.modalities]
         self._tick, self._ready = self.state["tick"], self.state["ready"]
-        self._events = Events(model, self.state, self._rigs, self._modalities)
+        self._events = Events(model, self.state, self._rigs, [(m.instance, m.model, m.every) for m in model.modalities])
         self._operating = Operating(model, self.state, self._runners, self._rigs, self.ledger)
         self._safe_stop = SafeStop(model, self.state, self._all, self._rigs, self.ledger, self._operating.injected)
+        #: What a tick consists of, and how long each step has taken.
+        self.plan: Plan = build(
+            model,
+            self.state,
+            self._runners,
+            self._rigs,
+            self._objects,
+            self._events,
+            self._operating.hold,
+            self._move_on,
+        )
+        self.times = self.ledger.times = Timing(self.plan.names)
         self.fault: DeviceFaultError | None = None
         self._enabled = False
         self._pacing = Pacing(self)
@@ -187,69 +198,29 @@ class Engine:
         """
         if not self._enabled:
             self._require_enabled()
-        tick, stamps = int(self._tick), self.stamps
+        tick, ready, stamps = self._tick.item(), bool(self._ready), self.stamps
         stamps.clear()
         stamps.append(now())
-        mark = stamps.append if self._paced or not tick % _SAMPLED else None
         try:
-            self._work(tick, mark)
+            if self._paced or not tick % _SAMPLED:
+                self.plan.run_timed(tick, ready, stamps)
+            else:
+                self.plan.run(tick, ready)
+                stamps.append(now())
         except DeviceFaultError as raised:
             fault = with_writer(self.model, self.state, raised)
             self.make_safe(fault)
             raise fault from raised.__cause__
         self._tick[...] = tick + 1
-        if mark is None:
-            stamps.append(now())
         self.times.add(stamps)
         for tap in self.taps:
             tap(tick)
 
-    def _work(self, tick: int, mark: Callable[[float], None] | None) -> None:
-        for runner in self._all:
-            runner.read(tick)
-            if mark:
-                mark(now())
-        ready = bool(self._ready)
-        if self._moving:
-            self._objects.update(tick, ready)
-        for rig in self._rigs:
-            rig.touch(tick, self._events.tell, self._events.moves, ready)
-        if mark:
-            mark(now())
-        self._update(tick, mark)
-        for rig in self._rigs:
-            rig.command()
-            rig.check(tick, ready)
-        if self._operating.hold.required:
-            self._operating.hold.check(tick)
-        if mark:
-            mark(now())
-        for runner in self._all:
-            runner.write(tick)
-            if mark:
-                mark(now())
+    def _move_on(self, tick: int, ready: bool) -> None:
+        """Move the simulated world on; scripts begin with the tick after that in which the rig is calibrated."""
         self._move(tick, ready)
         if not ready and all(rig.ready for rig in self._rigs):
             self._ready[...] = 1
-        if mark:
-            mark(now())
-
-    def _update(self, tick: int, mark: Callable[[float], None] | None) -> None:
-        """Advance the modalities; what one raises is a fault."""
-        instance: Any = None
-        method = "update"
-        try:
-            for (instance, model, every), followed in zip(self._modalities, self._followed, strict=True):
-                if tick % every == 0:
-                    method = "update"
-                    instance.update(model, self.state, self.model.period * every)
-                elif followed and any(runner.news for runner in followed):
-                    method = "on_reading"
-                    instance.on_reading(model, self.state)
-                if mark:
-                    mark(now())
-        except Exception as error:
-            raise modality_fault(self.model, instance, method, tick, error) from error
 
     def _move(self, tick: int, ready: bool) -> None:
         for rig in self._rigs:
@@ -427,9 +398,3 @@ class Engine:
         from itouch.loop.summary import summary
 
         return summary(self, [rig.log.entry(None) for rig in self._rigs if rig.log.open], self._pacing.wall)
-
-
-def _parts(model: Model) -> list[str]:
-    """Return the names of what a tick consists of, in order."""
-    reads, writes = ([f"{verb} {name}" for name in model.devices] for verb in ("read", "write"))
-    return [*reads, "contact", *(f"modality {m.name}" for m in model.modalities), "safety", *writes, "twins"]

@@ -25,6 +25,11 @@ class Events:
         #: Whether any modality wants an event a tick while a contact lasts.
         self.moves = any(Contact.MOVE in instance.hears for instance, _, _ in modalities)
 
+    def update(self, tick: int, ready: bool) -> None:
+        """Deliver what has happened at every probe in this tick."""
+        for rig in self._rigs:
+            rig.toucher.events(tick, self.tell, self.moves)
+
     def tell(self, event: ContactEvent) -> None:
         """Deliver an event; a log hears a contact begin before the modalities, and end after them."""
         if event.kind is not Contact.MOVE:

@@ -1,7 +1,8 @@
 """What one probe does in a tick besides the contact search, compiled.
 
-``follow`` takes the tracker's reading to the HIP, ``itouch.contact.step`` finds the proxy, ``render`` makes contact
-force, plate height and the commands of it.  (They are three, because a caller compiles again all that it calls.)
+``follow`` takes the tracker's reading to the HIP, ``itouch.contact.step`` finds the proxy, ``touch`` makes the contact
+force of it, ``carry`` commands a plate and ``share`` the arm.  (They are apart, because a caller compiles again all
+that it calls, and because they belong to different steps of the tick.)
 
 The proxy's spring force comes from the contact engine; damping is added here, where time is known.  The plate follows
 the encountered-type rule: with s the height at which the finger would rest on the highest virtual surface below it,
@@ -33,12 +34,8 @@ FIGURES = 34
 # --- constants of a probe ----------------------------------------------------------------------------------------
 TRACKER, ARM, TABLE = 0, 12, 24  # frames in the world: origin, then rotation matrix
 OFFSET = 36  # of the plate's top on what the table carries
-RADIUS, NEAR, CLEARANCE, COSINE, PERIOD, SMOOTH, PLATE_LIMIT, HAS_ARM, HAS_TABLE = 39, 40, 41, 42, 43, 44, 45, 46, 47
-SPEED_TRIP, FORCE_TRIP, PAD = 48, 49, 50
-CONSTANTS = 51
-
-#: Bits of what `render` returns last: the plate renders the contact; the probe is too fast; the plate presses too hard.
-PLATE, TOO_FAST, TOO_HARD = 1, 2, 4
+RADIUS, NEAR, CLEARANCE, COSINE, PERIOD, SMOOTH, PLATE_LIMIT, PAD = 39, 40, 41, 42, 43, 44, 45, 46
+CONSTANTS = 47
 
 #: Gap [m] over which the arm takes over the normal force from a plate that is too low.
 HAND_OVER = 1e-3
@@ -155,8 +152,90 @@ def _carry(
 
 
 @kernel
-def _share(c: Floats, figures: Floats, plate: bool, wrench: Floats) -> None:
-    """Command the arm: where the plate renders the contact, the normal part only across a gap."""
+def touch(
+    c: Floats, poses: Floats, twists: Floats, damping: Floats, figures: Floats, result: Floats
+) -> tuple[int, int]:  # fmt: skip
+    """Write the contact force of one probe, and how far the nearest object is.
+
+    Parameters
+    ----------
+    c
+        Constants of the probe, shape (CONSTANTS,).
+    poses, twists
+        Of the objects, shapes (n, 7) and (n, 6).
+    damping
+        Of the coupling with each object [N s/m], shape (n,).
+    figures, result
+        The probe's part of State, and what the contact search found.
+
+    Returns
+    -------
+    tuple
+        The object touched most and the nearest one; -1: none.
+    """
+    for i in range(3):
+        figures[PROXY + i] = result[at.RESULT_PROXY + i]
+    _push(c, damping, figures, result)
+    _approach(figures, result, poses, twists)
+    return int(result[at.RESULT_PRIMARY]), int(result[at.RESULT_NEAREST])
+
+
+@kernel
+def carry(
+    c: Floats,
+    world: Floats,
+    mesh: Any,
+    poses: Floats,
+    table: Floats,
+    sent: Floats,
+    figures: Floats,
+    goal: Floats,
+    load: float,
+    touching: bool,
+) -> bool:
+    """Command a table to the surface below the finger; return whether it renders the contact.
+
+    Parameters
+    ----------
+    c
+        Constants of the probe, shape (CONSTANTS,).
+    world, mesh, poses
+        The objects; see ``itouch.contact``.
+    table, sent
+        Pose reading of the table, and the pose last sent to it, shape (7,).
+    figures
+        The probe's part of State.
+    goal
+        The table's command, shape (7,); written.
+    load
+        The table's reading of the force along its z axis [N].
+    touching
+        Whether the finger touches an object.
+    """
+    _carry(c, world, mesh, poses, table, load, figures, goal)
+    upright, square = 0.0, 0.0
+    for i in range(3):
+        upright += figures[NORMAL + i] * c[TABLE + 3 + 3 * i + 2]
+        square += (sent[i] - table[i]) ** 2
+    figures[TRACKING] = math.sqrt(square)
+    return bool(touching and upright >= c[COSINE])
+
+
+@kernel
+def share(c: Floats, figures: Floats, wrench: Floats, plate: bool) -> None:
+    """Command the arm's part of the force.
+
+    Parameters
+    ----------
+    c
+        Constants of the probe, shape (CONSTANTS,).
+    figures
+        The probe's part of State.
+    wrench
+        The arm's command, shape (6,); its force is written.
+    plate
+        Whether a plate renders the contact: then the arm gives the normal part only across a gap.
+    """
     keep = 1.0
     if plate:
         keep = min(1.0, max(0.0, figures[PLATE_GAP] / HAND_OVER))
@@ -164,79 +243,9 @@ def _share(c: Floats, figures: Floats, plate: bool, wrench: Floats) -> None:
     for i in range(3):
         along += figures[CONTACT_FORCE + i] * figures[NORMAL + i]
     along *= 1.0 - keep
-    fx, fy, fz = turned_in(
+    wrench[0], wrench[1], wrench[2] = turned_in(
         c, ARM,
         figures[CONTACT_FORCE] - along * figures[NORMAL],
         figures[CONTACT_FORCE + 1] - along * figures[NORMAL + 1],
         figures[CONTACT_FORCE + 2] - along * figures[NORMAL + 2],
     )  # fmt: skip
-    wrench[0], wrench[1], wrench[2] = fx, fy, fz
-
-
-@kernel
-def render(
-    c: Floats,
-    world: Floats,
-    mesh: Any,
-    poses: Floats,
-    twists: Floats,
-    damping: Floats,
-    table: Floats,
-    sent: Floats,
-    figures: Floats,
-    result: Floats,
-    wrench: Floats,
-    goal: Floats,
-    load: float,
-) -> tuple[int, int, int]:
-    """Render one probe for one tick.
-
-    Parameters
-    ----------
-    c
-        Constants of the probe, shape (CONSTANTS,).
-    world, mesh, poses, twists
-        The objects; see ``itouch.contact``.
-    damping
-        Of the coupling with each object [N s/m], shape (n,).
-    table, sent
-        Pose reading of the table, and the pose last sent to it, shape (7,).
-    figures, result
-        The probe's part of State, and what the contact search found.
-    wrench, goal
-        Commands of arm (6,) and table (7,), written if the probe has them.
-    load
-        The table's reading of the force along its z axis [N].
-
-    Returns
-    -------
-    tuple
-        The object touched most, the nearest one (-1: none), and the bits of PLATE, TOO_FAST and TOO_HARD.
-    """
-    primary, nearest = -1, -1
-    if world.shape[0] > 0:
-        primary, nearest = int(result[at.RESULT_PRIMARY]), int(result[at.RESULT_NEAREST])
-        for i in range(3):
-            figures[PROXY + i] = result[at.RESULT_PROXY + i]
-        _push(c, damping, figures, result)
-        _approach(figures, result, poses, twists)
-    plate = False
-    if c[HAS_TABLE] > 0.0:
-        _carry(c, world, mesh, poses, table, load, figures, goal)
-        upright = 0.0
-        for i in range(3):
-            upright += figures[NORMAL + i] * c[TABLE + 3 + 3 * i + 2]
-        plate = primary >= 0 and upright >= c[COSINE]
-        square = 0.0
-        for i in range(3):
-            square += (sent[i] - table[i]) ** 2
-        figures[TRACKING] = math.sqrt(square)
-    if c[HAS_ARM] > 0.0:
-        _share(c, figures, plate, wrench)
-    bits = PLATE if plate else 0
-    u, v, w = figures[VELOCITY], figures[VELOCITY + 1], figures[VELOCITY + 2]
-    if u * u + v * v + w * w > c[SPEED_TRIP] ** 2:
-        bits |= TOO_FAST
-    if abs(load) > c[FORCE_TRIP]:
-        bits |= TOO_HARD
-    return primary, nearest, bits

@@ -10,7 +10,7 @@ from itouch.loop.contactlog import ContactLog
 from itouch.loop.frames import Frame, Vector
 from itouch.loop.ledger import Ledger
 from itouch.loop.runner import DeviceFaultError, Runner
-from itouch.loop.touch import Listener, Toucher
+from itouch.loop.touch import Toucher
 from itouch.loop.touchoff import TouchOff
 from itouch.plugin import Record
 from itouch.safety import Carried, TripError, fade
@@ -123,8 +123,8 @@ class ProbeRig:
         moved = carrier.reading["pose"].tolist()[:3] if "pose" in carrier.reading else (0.0, 0.0, 0.0)
         return below.moved(below.vector(moved)).compose(frame)
 
-    def touch(self, tick: int, tell: Listener, moves: bool, ready: bool) -> None:
-        """Contact, its events, and the commands that belong to it, from this tick's readings."""
+    def contact(self, tick: int, ready: bool) -> None:
+        """Find what the finger touches, from this tick's readings."""
         if not self._fixed:  # a calibration, or what carries a device, may move frames
             self._fixed = ready and not self._moves
             for which, runner in self._stands:
@@ -133,10 +133,17 @@ class ProbeRig:
                     self._placed[which] = frame
                     self.toucher.place(which, frame)
         self.toucher.update(tick)
-        self.toucher.events(tick, tell, moves)
 
-    def command(self) -> None:
-        """Choose how fast the table may close in; a touch-off that is not done takes the table over."""
+    def force(self, tick: int, ready: bool) -> None:
+        """Command the arm's part of the force."""
+        self.toucher.push()
+
+    def surface(self, tick: int, ready: bool) -> None:
+        """Carry the table's surface to the finger, and choose how fast it may close in.
+
+        A touch-off that is not done takes the table over.
+        """
+        self.toucher.carry()
         table, carried = self.table, self.carried
         if table is None or carried is None:
             return

@@ -48,9 +48,9 @@ class Toucher:
         self.current, self.separated = state[f"{name}.contact.object"], state[f"{name}.contact.separated"]
         self.begin = state[f"{name}.contact.begin"]
         self._afresh = False
-        self.trips = self._nearest = 0
+        self._nearest = -1
         self._patience = round(SEPARATION_TIME / model.period)
-        self._constants = _constants(model, probe, arm, table, offset)
+        self._constants = _constants(model, probe, table, offset)
         self._bind(model, probe, state, tracker, arm, table)
         self._warm_up()
 
@@ -59,6 +59,7 @@ class Toucher:
     ) -> None:
         """Collect the views that the compiled tick works on."""
         nothing = np.zeros(7)
+        self._carrying = table is not None
         self.load = table.reading["wrench"] if table is not None and "wrench" in table.reading else nothing
         world, mesh, poses = model.geometry.world, model.geometry.mesh, state["objects.pose"]
         self._poses, self._twists, self._moving = poses, state["objects.twist"], bool(model.moving)
@@ -68,15 +69,15 @@ class Toucher:
             world, mesh, poses, state["objects.twist"], stiffness, self.figures[:3], probe.scene.radius,
             probe.scene.near, self.memory, self.result,
         )  # fmt: skip
-        self._renders = (
-            self._constants, world, mesh, poses, self._twists,
-            np.array([c.damping for c in probe.coupling], np.float64),
+        damping = np.array([c.damping for c in probe.coupling], np.float64)
+        self._renders = (self._constants, poses, self._twists, damping, self.figures, self.result)
+        self._carries = (
+            self._constants, world, mesh, poses,
             table.reading["pose"] if table is not None else nothing,
             table.sent["pose_target"] if table is not None else nothing,
-            self.figures, self.result,
-            arm.command["wrench"] if arm is not None else np.zeros(6),
-            table.command["pose_target"] if table is not None else np.zeros(7),
+            self.figures, table.command["pose_target"] if table is not None else np.zeros(7),
         )  # fmt: skip
+        self._pushes = (self._constants, self.figures, arm.command["wrench"] if arm is not None else np.zeros(6))
         self._effects: tuple[Any, ...] | None = None
         if (effects := effects_table(probe.effects)) is not None:
             figures = self.figures
@@ -90,10 +91,12 @@ class Toucher:
         """Compile now, not in the first tick: the same calls on copies."""
         kernels: list[tuple[Callable[..., Any], tuple[Any, ...]]] = [
             (render.follow, (*self._follows, True)),
-            (render.render, (*self._renders, 0.0)),
+            (render.share, (*self._pushes, False)),
         ]
+        if self._carrying:
+            kernels.append((render.carry, (*self._carries, 0.0, False)))
         if self.model.objects:
-            kernels.append((step, self._steps))
+            kernels += [(step, self._steps), (render.touch, self._renders)]
         if self._effects is not None:
             kernels.append((render_effects, self._effects))
         for kernel, arguments in kernels:
@@ -120,18 +123,23 @@ class Toucher:
         self._afresh = True
 
     def update(self, tick: int) -> None:
-        """Follow the tracker, and write the commands of arm and table."""
+        """Follow the tracker, and find what it touches."""
         render.follow(*self._follows, tick == 0 or self._afresh)
         self._afresh = False
         if self.model.objects:
             step(*self._steps)
             if self._effects is not None:
                 render_effects(*self._effects)
-        primary, nearest, bits = render.render(*self._renders, self.load[2])
-        self.object[...] = primary
-        self.plate[...] = bits & render.PLATE
-        self.trips = bits & ~render.PLATE
-        self._nearest = nearest
+            primary, self._nearest = render.touch(*self._renders)
+            self.object[...] = primary
+
+    def carry(self) -> None:
+        """Find the surface below the finger, command the table to it, and say whether it renders the contact."""
+        self.plate[...] = render.carry(*self._carries, self.load[2], self.object.item() >= 0)
+
+    def push(self) -> None:
+        """Command the arm's part of the force."""
+        render.share(*self._pushes, bool(self.plate.item()))
 
     def events(self, tick: int, tell: Listener, moves: bool) -> None:
         """Emit the events of this tick: NEAR, then END and BEGIN, or MOVE if anybody hears it."""
@@ -198,9 +206,7 @@ class Toucher:
         return (vx + wy * z - wz * y, vy + wz * x - wx * z, vz + wx * y - wy * x)
 
 
-def _constants(
-    model: Model, probe: ProbeModel, arm: Runner | None, table: Runner | None, offset: Vector
-) -> render.Floats:
+def _constants(model: Model, probe: ProbeModel, table: Runner | None, offset: Vector) -> render.Floats:
     constants = np.zeros(render.CONSTANTS)
     constants[render.OFFSET : render.OFFSET + 3] = offset
     values = {
@@ -211,10 +217,6 @@ def _constants(
         render.PERIOD: model.period,
         render.SMOOTH: 1.0 - math.exp(-model.period / VELOCITY_FILTER),
         render.PLATE_LIMIT: (table.model.limits.plate_force if table else None) or default.PLATE_FORCE,
-        render.SPEED_TRIP: default.ARM_SPEED_TRIP,
-        render.FORCE_TRIP: default.PLATE_FORCE_TRIP,
-        render.HAS_ARM: float(arm is not None),
-        render.HAS_TABLE: float(table is not None),
         render.PAD: math.pi * (0.75 * probe.scene.radius / probe.scene.modulus) ** (2 / 3),
     }
     for index, value in values.items():

@@ -153,6 +153,13 @@ class Modality(ABC):
         """Return the command channels that it writes, as ``device.channel``; each has exactly one writer."""
         return ()
 
+    def reads(self, model: Any) -> tuple[str, ...] | None:
+        """Return the fields of State that it reads besides its own, for whoever looks at the plan; None: not said.
+
+        A name that ends in ``*`` stands for all that begin so.
+        """
+        return None
+
     @abstractmethod
     def reset(self, model: Any, state: Record) -> None:
         """Set its fields to their start."""

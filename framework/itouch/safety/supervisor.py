@@ -35,6 +35,8 @@ class Supervisor(Lifecycle):
         self.fade = 1.0
         #: Keep the last command instead of the safe one: a plate that is on its way from the finger stays as it is.
         self.keeping = False
+        #: Whether a new reading was taken that nobody has checked yet.
+        self._taken = False
         #: Told of the loss of an optional device, without which the session goes on; None: its loss stops everything.
         self.on_loss: Callable[[DeviceFaultError], None] | None = None
 
@@ -46,8 +48,19 @@ class Supervisor(Lifecycle):
         DeviceFaultError
             If the device failed, was silent for too long, or reads what can't be or may not be.
         """
+        self.take(tick)
+        self.watch_reading(tick)
+
+    def take(self, tick: int) -> None:
+        """Take the newest reading, if there is one; ``watch_reading`` must follow before anybody works with it.
+
+        Raises
+        ------
+        DeviceFaultError
+            If the device failed, or was silent for too long.
+        """
         status = self._status.item()
-        self.news = False
+        self.news = self._taken = False
         if status == CLOSED or tick % self._every:
             return
         try:
@@ -55,7 +68,23 @@ class Supervisor(Lifecycle):
             self._stamp(tick, new)
             if not new:
                 self._wait(status)
-                return
+            else:
+                self._taken = True
+        except TripError as error:
+            self._disbelieve(tick, error)
+
+    def watch_reading(self, tick: int) -> None:
+        """Check the reading that was taken in this tick.
+
+        Raises
+        ------
+        DeviceFaultError
+            If the device reads what can't be or may not be.
+        """
+        if not self._taken:
+            return
+        self._taken, status = False, self._status.item()
+        try:
             age = self._age.item()
             if age:
                 self._age[...] = 0
@@ -67,9 +96,12 @@ class Supervisor(Lifecycle):
             if self.heat is not None and tick % self._slow == 0:
                 self.heat.check()
         except TripError as error:
-            self._keep_sane()
-            if status != FAULT:
-                self._fail(DeviceFaultError(self.model.name, tick, error.trip, str(error)), error)
+            self._disbelieve(tick, error)
+
+    def _disbelieve(self, tick: int, error: TripError) -> None:
+        self._keep_sane()
+        if self._status.item() != FAULT:
+            self._fail(DeviceFaultError(self.model.name, tick, error.trip, str(error)), error)
 
     def _stamp(self, tick: int, new: bool) -> None:
         """Note when the reading that has come was measured, and which command has left."""
@@ -119,18 +151,44 @@ class Supervisor(Lifecycle):
         DeviceFaultError
             If a command is not a number, or the device failed.
         """
+        self.guard(tick)
+        self.send(tick)
+
+    def guard(self, tick: int) -> None:
+        """Limit the commands to what may be sent; ``send`` hands it over.
+
+        Raises
+        ------
+        DeviceFaultError
+            If a command is not a number.
+        """
         status = self._status.item()
         if status == CLOSED:
             return
+        if status != ENABLED:
+            self._rest()
+            return
         try:
-            if status == ENABLED:
-                self._send()
-            else:
-                self._send_safe()
+            self._limit()
         except TripError as error:
             self._fail(DeviceFaultError(self.model.name, tick, error.trip, str(error)), error)
 
-    def _send(self) -> None:
+    def send(self, tick: int) -> None:
+        """Hand the device what was let through.
+
+        Raises
+        ------
+        DeviceFaultError
+            If the device failed.
+        """
+        if self.device is None or self._status.item() == CLOSED:
+            return
+        try:
+            self._put()
+        except TripError as error:
+            self._fail(DeviceFaultError(self.model.name, tick, error.trip, str(error)), error)
+
+    def _limit(self) -> None:
         share = self._ramp.item()
         if share < 1.0:
             share = min(1.0, share + self._growth)
@@ -144,14 +202,17 @@ class Supervisor(Lifecycle):
                 self._clamped += clamped
             if dropped:
                 self._dropped += dropped
-        self._put()
 
     def _send_safe(self) -> None:
+        self._rest()
+        self._put()
+
+    def _rest(self) -> None:
+        """Write the safe command of every channel, unless the last one is kept."""
         stopped = self.stopped.item() if self.stopped is not None else 0
         if not self.keeping and stopped != HELD:
             for name, guard in self.guards:
                 guard.safe(self.sent[name], self._period, backwards=stopped == BACKWARDS)
-        self._put()
 
     def _put(self) -> None:
         """Hand what was let through to the device: the only call of its ``write``."""

@@ -1,0 +1,82 @@
+"""``itouch-py inspect SCENE --plan``: the steps of a tick, what each reads and writes, and what it costs here."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from itouch.session import Session
+
+#: How long the scene runs on twins for the figures [simulated s]; a tick in so many is timed.
+SECONDS = 3.0
+
+
+def plan_facts(path: str) -> dict[str, Any]:
+    """Return the plan of a scene, and what its steps cost on this machine.
+
+    Raises
+    ------
+    SceneError
+        If the scene has problems.
+    """
+    from itouch.session import build
+
+    session = build(path, twin="all")
+    session.records = False
+    rows = [_row(session, step) for step in session.plan.steps]
+    session.run(SECONDS)
+    session.close()
+    costs = session.times.split()
+    for row in rows:
+        row["cost_us"] = {name: costs[row["step"]][name] for name in ("p50", "p99")}
+    return {
+        "kind": "plan",
+        "file": path,
+        "servo_hz": session.model.scene.rates.servo,
+        "steps": rows,
+        "writers": session.plan.writers,
+        "ticks": session.times.ticks,
+        "tick_us": session.times.summary(),
+    }
+
+
+def _row(session: Session, step: Any) -> dict[str, Any]:
+    rate = 1.0 / (step.every * session.model.period)
+    reads = None if step.reads is None else list(step.reads)
+    return {
+        "step": step.name,
+        "rate_hz": round(rate, 6),
+        "code": step.code,
+        "reads": reads,
+        "writes": list(step.writes),
+    }
+
+
+def plan_text(facts: dict[str, Any]) -> list[str]:
+    """Return the plan as lines for people."""
+    wide = max(len(row["step"]) for row in facts["steps"])
+    lines = [f"{facts['file']}: the {len(facts['steps'])} steps of a tick, in order, on twins"]
+    lines.append(f"  {'step':<{wide}}  {'Hz':>6}  {'code':<13}  p50 us  p99 us")
+    for row in facts["steps"]:
+        cost = "  ".join("     -" if us is None else f"{us:6.1f}" for us in row["cost_us"].values())
+        lines.append(f"  {row['step']:<{wide}}  {row['rate_hz']:>6g}  {row['code']:<13}  {cost}")
+        for verb in ("reads", "writes"):
+            lines += _wrapped(verb, row[verb])
+    whole = facts["tick_us"]
+    lines.append(
+        f"  a whole tick: p50 {whole['p50']:.1f} us, p99 {whole['p99']:.1f} us, of {facts['ticks']} on this machine"
+    )
+    return lines
+
+
+def _wrapped(verb: str, names: list[str] | None, width: int = 110) -> list[str]:
+    """Return the names of fields in lines that fit a terminal."""
+    if not names:
+        return [] if names is not None else [f"      {verb:<6} (not said by the plugin)"]
+    lines, line = [], f"      {verb:<6}"
+    for name in names:
+        if len(line) + 1 + len(name) > width:
+            lines.append(line)
+            line = " " * 12
+        line += f" {name}"
+    return [*lines, line]

@@ -1,0 +1,50 @@
+"""A step of the tick: what it is called, what it calls, and which fields of State it reads and writes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+
+#: What a step calls: the number of the tick, and whether the rig is calibrated so that scripts go on.
+Work = Callable[[int, bool], None]
+
+#: What a step runs as: compiled code, Python that calls compiled functions, or Python alone.
+COMPILED, CALLS_KERNELS, PYTHON = "compiled", "calls kernels", "Python"
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One step of the plan.
+
+    ``reads`` and ``writes`` name fields of State; a name that ends, or begins, in ``*`` stands for all that begin, or
+    end, so, and ``reads`` is None where a plugin does not say.  ``every``: in how many ticks it runs once.
+    """
+
+    name: str
+    work: Work
+    reads: tuple[str, ...] | None = ()
+    writes: tuple[str, ...] = ()
+    every: int = 1
+    code: str = PYTHON
+
+    def fitted(self, fields: Iterable[str]) -> Step:
+        """Return the step with only those names that stand for any of the fields that there are."""
+        listed = tuple(fields)
+        reads = None if self.reads is None else _fitting(self.reads, listed)
+        return replace(self, reads=reads, writes=_fitting(self.writes, listed))
+
+    def written(self, fields: Iterable[str]) -> Iterator[str]:
+        """Yield which of these fields the step writes."""
+        return matching(self.writes, fields)
+
+
+def _fitting(patterns: tuple[str, ...], fields: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(pattern for pattern in patterns if any(True for _ in matching((pattern,), fields))))
+
+
+def matching(patterns: tuple[str, ...], fields: Iterable[str]) -> Iterator[str]:
+    """Yield the fields that any of the patterns stands for, in their order."""
+    exact = {pattern for pattern in patterns if "*" not in pattern}
+    begins = tuple(pattern[:-1] for pattern in patterns if pattern.endswith("*"))
+    ends = tuple(pattern[1:] for pattern in patterns if pattern.startswith("*"))
+    return (field for field in fields if field in exact or field.startswith(begins) or field.endswith(ends))

@@ -1,0 +1,161 @@
+"""What each step of a tick is: what it calls, and which fields of State it reads and writes.
+
+Views of a field are taken once, when an engine is built; what is declared here is what ``inspect --plan`` shows, and a
+test holds it against what a step is seen to change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from itouch.loop.blame import modality_fault
+from itouch.loop.events import Events
+from itouch.loop.objects import Objects
+from itouch.loop.rig import ProbeRig
+from itouch.loop.runner import Runner
+from itouch.loop.step import CALLS_KERNELS, Step, Work
+from itouch.plugin import Record
+from itouch.safety import Hold
+from itouch.world import ModalityModel, Model
+
+#: What a trip changes of a device, besides what is sent to it.
+_TRIPPED = ("status", "trip", "tripped", "ramp")
+
+
+def _of(name: str, *fields: str) -> tuple[str, ...]:
+    return tuple(f"{name}.{field}" for field in fields)
+
+
+def _readings(runner: Runner) -> tuple[str, ...]:
+    return _of(runner.model.name, *(channel.name for channel in runner.model.reads))
+
+
+def read(runner: Runner) -> Step:
+    """Take the newest reading of a device or its twin."""
+    name = runner.model.name
+    written = (*_readings(runner), *_of(name, "age", "measured", "left", "out.*", "twin.*", *_TRIPPED))
+    return Step(f"read {name}", lambda tick, ready: runner.take(tick), _of(name, "status", "twin.*"), written)
+
+
+def watch(runner: Runner) -> Step:
+    """Check the reading that was taken; nobody works with one that is not believed."""
+    name = runner.model.name
+    written = (*_readings(runner), *_of(name, "age", "sequence", "heat.*", *_TRIPPED))
+    reads = (*_readings(runner), *_of(name, "status", "age", "sent.*", "touched", "heat.*"))
+    return Step(f"watch {name}", lambda tick, ready: runner.watch_reading(tick), reads, written)
+
+
+def move_objects(model: Model, objects: Objects) -> Step:
+    """Move the objects that have a script or are carried."""
+    written = ("objects.pose", "objects.twist", "objects.ticks")
+    carried = {carried.device for carried in model.motions.carried}
+    return Step(
+        "move objects", objects.update, (*written, *(f"{name}.pose" for name in carried)), written, 1, CALLS_KERNELS
+    )
+
+
+def contact(rig: ProbeRig, model: Model) -> Step:
+    """Take the tracker's place as the finger's, and find what it touches."""
+    name = rig.probe.name
+    figures = _of(
+        name, "hip", "velocity", "proxy", "force", "normal", "point", "penetration", "normal_force", "near_distance",
+        "time_to_contact", "contact_force", "effect_force", "area", "memory", "result", "effects", "object",
+    )  # fmt: skip
+    reads = (f"{rig.tracker.model.name}.pose", "*.calibration", "objects.pose", "objects.twist", *figures)
+    return Step(f"contact {name}", rig.contact, reads, figures, 1, CALLS_KERNELS)
+
+
+def surface(rig: ProbeRig) -> Step:
+    """Carry a surface to the finger."""
+    name, table = rig.probe.name, rig.table.model.name if rig.table is not None else ""
+    figures = _of(name, "plate_gap", "surface_height", "plate_yield", "plate_top", "tracking", "plate")
+    reads = (*figures, *_of(name, "hip", "normal", "object", "contact.object"))
+    reads += _of(table, "pose", "wrench", "sent.pose_target", "touch_off.*", "calibration", "withdrawn")
+    written = _of(table, "command.pose_target", "touch_off.*", "calibration", "withdrawn", "clamped")
+    hand = _of(name, "hand.offset")
+    return Step(f"surface {name}", rig.surface, (*reads, "objects.pose"), (*figures, *written, *hand), 1, CALLS_KERNELS)
+
+
+def force(rig: ProbeRig) -> Step:
+    """Command the force on the finger: all of it, or what no surface gives."""
+    name = rig.probe.name
+    reads = _of(name, "contact_force", "normal", "plate_gap", "plate", "velocity")
+    written = (f"{rig.arm.model.name}.command.wrench",) if rig.arm is not None else ()
+    return Step(f"force {name}", rig.force, reads, written, 1, CALLS_KERNELS)
+
+
+def tell(model: Model, events: Events, rigs: Sequence[ProbeRig]) -> Step:
+    """Tell logs and modalities what contacts have begun and ended."""
+    probes = [rig.probe.name for rig in rigs]
+    noted = tuple(f"{name}.{field}" for name in probes for field in ("near_object", "contact.*"))
+    heard = tuple(f"{one.name}.*" for one in model.modalities if one.instance.hears)
+    reads = tuple(f"{name}.*" for name in probes)
+    return Step("events", events.update, (*reads, *heard, "objects.*"), (*noted, *heard, "events.*"))
+
+
+def modality(model: Model, one: ModalityModel, state: Record, runners: Mapping[str, Runner]) -> Step:
+    """Advance a modality, or tell it of a reading that has come between two updates; what it raises is a fault."""
+    followed = tuple(runners[name] for name in one.follows) if one.every > 1 else ()
+    update, compiled, every, period = one.instance.update, one.model, one.every, model.period * one.every
+
+    def run(tick: int, ready: bool) -> None:
+        method = "update"
+        try:
+            if tick % every == 0:
+                update(compiled, state, period)
+            elif followed and any(runner.news for runner in followed):
+                method = "on_reading"
+                one.instance.on_reading(compiled, state)
+        except Exception as error:
+            raise modality_fault(model, one.instance, method, tick, error) from error
+
+    commands = tuple(".command.".join(command.split(".", 1)) for command in one.commands)
+    return Step(one.name, run, one.instance.reads(compiled), (f"{one.name}.*", *commands), every)
+
+
+def supervise(rig: ProbeRig) -> Step:
+    """Check the finger's speed, and the surface that is carried to it."""
+    name = rig.probe.name
+    reads, written = _of(name, "velocity", "tracking", "hip", "plate_top"), _of(name)
+    if rig.table is not None:
+        table = rig.table.model.name
+        track = ("contact_time", "withdrawn", "doubted", "near_since", "compared", "tracked", "track", "strayed")
+        written = _of(table, *track)
+        reads += (*written, *_of(table, "pose", "wrench", "status"))
+        if rig.face is not None:
+            written += _of(rig.face.model.name, "touched")
+    return Step(f"supervise {name}", rig.check, reads, written)
+
+
+def hold(switch: Hold) -> Step:
+    """Stop what acts if nobody holds the dead-man's switch."""
+    return Step("hold", lambda tick, ready: switch.check(tick), ("hold", "*.deadman", "*.status"))
+
+
+def guard(runner: Runner) -> Step:
+    """Limit the commands of a device."""
+    name = runner.model.name
+    reads = _of(name, "command.*", "sent.*", "status", "ramp", "heat.share", "stopped")
+    written = _of(name, "sent.*", "clamped", "dropped", *_TRIPPED)
+    return Step(f"guard {name}", lambda tick, ready: runner.guard(tick), reads, written)
+
+
+def write(runner: Runner) -> Step:
+    """Hand a device what was let through."""
+    name = runner.model.name
+    return Step(
+        f"write {name}", lambda tick, ready: runner.send(tick), _of(name, "sent.*", "status"), _of(name, *_TRIPPED)
+    )
+
+
+def twins(model: Model, runners: Mapping[str, Runner], rigs: Sequence[ProbeRig], move: Work) -> Step:
+    """Move the finger, the bodies and the twins of devices on by a period."""
+    written: tuple[str, ...] = ("objects.*",) if model.motions.bodies is not None else ()
+    for rig in rigs:
+        hand = "plate_force plate_true_top plate_distance plate_touched total_force hand.*"
+        log = "contact.peak_force contact.peak_penetration contact.peak_area contact.physical_begin"
+        written += _of(rig.probe.name, *hand.split(), *log.split())
+    written += tuple(f"{runner.model.name}.twin.*" for runner in runners.values() if runner.model.twin)
+    reads = tuple(f"{runner.model.name}.sent.*" for runner in runners.values())
+    written += ("ready",)
+    return Step("twins", move, (*reads, *written), written, 1, CALLS_KERNELS)

@@ -1,0 +1,102 @@
+"""The plan of a tick: what its steps declare is what they do, each command has one writer, safety can't be moved."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from shipped import SCENES
+
+import itouch
+from itouch.cli.__main__ import main
+from itouch.loop.plan import Plan, PlanError
+from itouch.loop.step import Step
+from itouch.session import Session
+
+
+def _nothing(tick: int, ready: bool) -> None:
+    """Do nothing."""
+
+
+@pytest.fixture(scope="module", params=["first_touch.xml", "moving.xml", "two_fingers.xml", "thermal_display.xml"])
+def session(request: pytest.FixtureRequest) -> Iterator[Session]:
+    """Return a session of a shipped scene, which nobody records."""
+    found = itouch.build(SCENES / request.param, seed=4)
+    found.records = False
+    yield found
+    found.close()
+
+
+def _seen(session: Session, ticks: int) -> dict[str, set[str]]:
+    """Run some ticks step by step as the engine does; return which fields each step was seen to change."""
+    seen: dict[str, set[str]] = {step.name: set() for step in session.plan.steps}
+    state = session.state
+    for _ in range(ticks):
+        tick, ready = int(state["tick"]), bool(state["ready"])
+        for step in session.plan.steps:
+            before = {name: view.tobytes() for name, view in state.items()}
+            step.work(tick, ready)
+            seen[step.name] |= {name for name, was in before.items() if state[name].tobytes() != was}
+        state["tick"] = tick + 1
+    return seen
+
+
+def test_steps_change_only_what_they_declare(session: Session) -> None:
+    session.run(0.1)
+    found: dict[str, set[str]] = {step.name: set() for step in session.plan.steps}
+    for _ in range(6):  # in several phases of the scene
+        for name, fields in _seen(session, 15).items():
+            found[name] |= fields
+        session.run(0.4)
+    for step in session.plan.steps:
+        undeclared = found[step.name] - set(step.written(session.state))
+        assert not undeclared, f"'{step.name}' wrote {sorted(undeclared)}"
+    moved = {name for fields in found.values() for name in fields}
+    assert any(".command." in name for name in moved)  # the phases were not all idle
+
+
+def test_each_command_has_one_writer_and_none_is_forgotten(session: Session) -> None:
+    commands = {name for name in session.state if ".sent." in name}
+    assert commands <= set(session.plan.writers)
+    for name in commands:
+        assert session.plan.writers[name] == f"guard {name.split('.')[0]}"
+
+
+def test_safety_stands_behind_each_read_and_before_the_twins_move(session: Session) -> None:
+    names = session.plan.names
+    for device in session.model.devices.values():
+        assert names.index(f"watch {device.name}") == names.index(f"read {device.name}") + 1
+        if device.commands:
+            writers = [
+                names.index(who) for what, who in session.plan.writers.items() if what.startswith(f"{device.name}.c")
+            ]
+            assert max(writers, default=-1) < names.index(f"guard {device.name}") < names.index("twins")
+
+
+def test_two_writers_of_a_command_are_refused() -> None:
+    steps = [Step("one", _nothing, writes=("arm.command.*",)), Step("two", _nothing, writes=("arm.command.wrench",))]
+    with pytest.raises(PlanError, match="'arm.command.wrench' is written by 'one' and by 'two'"):
+        Plan(steps, ["arm.command.wrench"])
+
+
+def test_what_stands_for_no_field_is_not_shown() -> None:
+    plan = Plan([Step("one", _nothing, ("a", "b.*", "*.c", "d"), ("*",))], ["a", "x.c"])
+    assert plan.steps[0].reads == ("a", "*.c")
+    assert list(plan.steps[0].written(["a", "x.c"])) == ["a", "x.c"]
+
+
+def test_every_step_is_timed() -> None:
+    session = itouch.build(SCENES / "first_touch.xml")
+    session.run(0.1)
+    session.close()
+    assert session.times.parts == session.plan.names
+    assert all(figures["p50"] for figures in session.times.split().values())
+
+
+def test_inspect_prints_the_plan(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    assert main(["inspect", str(SCENES / "first_touch.xml"), "--plan"]) == 0
+    shown = capsys.readouterr().out
+    for step in ("read arm", "watch arm", "contact finger", "events", "guard arm", "twins"):
+        assert f"\n  {step} " in shown
+    assert "a whole tick" in shown
