@@ -11,12 +11,14 @@ import time
 from pathlib import Path
 
 import pytest
+from program import program as run
 from shipped import SCENES
 
 FIRST = str(SCENES / "first_touch.xml")
 
 
-def run(*words: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+def process(*words: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """Call the program as a process of its own, as a shell does."""
     return subprocess.run(
         [sys.executable, "-m", "itouch.cli", *words], capture_output=True, text=True, cwd=cwd, timeout=120, check=False
     )
@@ -29,13 +31,19 @@ def test_help_version_and_nothing() -> None:
     assert run().returncode == 2
 
 
+def test_as_a_process_of_its_own_it_says_the_same(tmp_path: Path) -> None:
+    for words in (("--version",), ("chek", FIRST), ("check", FIRST)):
+        one, other = process(*words, cwd=tmp_path), run(*words, cwd=tmp_path)
+        assert (one.returncode, one.stdout, one.stderr) == (other.returncode, other.stdout, other.stderr)
+
+
 def test_help_imports_neither_numpy_nor_numba() -> None:
     code = "import sys, itouch.cli; itouch.cli.main(['--help']); sys.exit(bool({'numpy', 'numba'} & set(sys.modules)))"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, check=False).returncode == 0
 
 
 def test_run_writes_report_and_session_and_a_table(tmp_path: Path) -> None:
-    done = run(FIRST, "--headless", "--report", str(tmp_path / "r.json"), "--save", str(tmp_path / "s.itouch"))
+    done = process(FIRST, "--headless", "--report", str(tmp_path / "r.json"), "--save", str(tmp_path / "s.itouch"))
     assert done.returncode == 0, done.stderr
     assert "block" in done.stdout
     report = json.loads((tmp_path / "r.json").read_text())
@@ -139,3 +147,41 @@ def test_hardware_is_not_driven_faster_than_real_time() -> None:
     done = run(str(SCENES / "four_materials_wire.xml"), "--headless", "--pace", "fast", "--for", "1s")
     assert done.returncode == 2
     assert "--pace fast is for simulated twins, not for 'arm', 'table', 'peltier'" in done.stderr
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("pace", ["fast", "real"])
+def test_a_signal_during_the_start_is_said_and_reported(
+    tmp_path: Path, number: signal.Signals, pace: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """While the engine is built, or the servo process builds it, nothing is enabled; it ends at once."""
+
+    def slow(*_: object, **__: object) -> None:
+        os.kill(os.getpid(), number)
+        time.sleep(20.0)
+
+    place = "itouch.servo.handle.Handle.await_ready" if pace == "real" else "itouch.servo.prepare.prepare"
+    monkeypatch.setattr(place, slow)
+    report = tmp_path / "r.json"
+    done = run(FIRST, "--headless", "--pace", pace, "--seed", "3", "--report", str(report))
+    assert done.returncode == 128 + number
+    assert done.stderr == f"stopped by {number.name} during the start; nothing was enabled\n"
+    content = json.loads(report.read_text())
+    assert (content["stopped_by"], content["simulated_s"], content["seed"]) == (number.name, 0.0, 3)
+    assert content["contacts"] == content["faults"] == []
+
+
+def test_a_signal_as_soon_as_something_runs_ends_it_safely(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from itouch.session import Session
+
+    enable = Session.enable
+
+    def signalled(session: Session) -> None:
+        enable(session)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr(Session, "enable", signalled)
+    done = run(FIRST, "--headless", "--report", str(tmp_path / "r.json"))
+    assert done.returncode == 130
+    assert "stopped by SIGINT; the devices are safe" in done.stderr
+    assert json.loads((tmp_path / "r.json").read_text())["simulated_s"] < 0.1

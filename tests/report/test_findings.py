@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from program import program as cli
 from shipped import SCENES
 
 import itouch
@@ -124,10 +125,6 @@ def test_thinning_keeps_extremes_order_and_gaps(count, most, gaps, seed):
     if count:
         np.testing.assert_array_equal(np.nanmax(block.values, axis=1), values.max(axis=0))
         np.testing.assert_array_equal(np.nanmin(block.values, axis=1), values.min(axis=0))
-
-
-def cli(*words: str, **more) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-m", "itouch.cli", *words], capture_output=True, text=True, **more)
 
 
 def test_without_plotly_a_sentence_says_how_to_get_it(tmp_path):

@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
-import sys
 
 import pytest
 from browser import Browser, need_chromium
+from program import program
 from shipped import SCENES
 
 import itouch
@@ -27,8 +27,7 @@ def recorded(tmp_path_factory):
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_text((SCENES / name).read_text())
     (folder / "scene.xml").write_text(text)
-    words = [sys.executable, "-m", "itouch.cli", "run", "scene.xml", "--for", "23s", "--save", "end.itouch"]
-    subprocess.run(words, cwd=folder, check=True, capture_output=True)
+    assert program("run", "scene.xml", "--headless", "--for", "23s", "--save", "end.itouch", cwd=folder).returncode == 0
     for name in ("run.mcap", "end.itouch"):
         (folder / f"{name}.html").write_text(page(collect(folder / name)))
     return folder
@@ -203,7 +202,6 @@ def test_texts_of_a_session_are_shown_and_never_run(recorded, browser, tmp_path)
 def test_a_file_that_is_none_is_refused(tmp_path, name):
     if name.startswith("empty"):
         (tmp_path / name).write_bytes(b"")
-    words = [sys.executable, "-m", "itouch.cli", "report", str(tmp_path / name), "-o", str(tmp_path / "x.html")]
-    done = subprocess.run(words, capture_output=True, text=True)
+    done = program("report", str(tmp_path / name), "-o", str(tmp_path / "x.html"))
     assert done.returncode == 2 and "Traceback" not in done.stderr and name in done.stderr
     assert not (tmp_path / "x.html").exists()

@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
+from program import program as run
 from shipped import SCENES
 
 from itouch.bench.loop import PROCESS, PYTHON, THREAD, Row, measure
@@ -18,12 +19,6 @@ from itouch.cli.doctor.finding import Finding
 from itouch.cli.doctor.verdict import Measured, judge
 
 FIRST = str(SCENES / "first_touch.xml")
-
-
-def run(*words: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "itouch.cli", *words], capture_output=True, text=True, timeout=120, check=False
-    )
 
 
 def test_real_pace_writes_the_report_and_the_session(tmp_path: Path) -> None:

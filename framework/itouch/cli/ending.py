@@ -6,25 +6,35 @@ import json
 import signal
 import sys
 import threading
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from itouch.schema import ItouchError
 
 
+class Interrupted(KeyboardInterrupt):
+    """A signal came while nothing ran yet."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.number = number
+
+
 class Stopping:
     """Lets Ctrl-C, SIGTERM and SIGHUP end a run safely while the context lasts.
 
-    Parameters
-    ----------
-    stop
-        Asks the run to end; called from a signal handler.
+    Until something runs (``bind``) a signal ends what is being prepared, by raising ``Interrupted``.
     """
 
-    def __init__(self, stop: Callable[[], None]) -> None:
-        self._stop = stop
+    def __init__(self) -> None:
+        self._stop: Callable[[], None] | None = None
         self._signal = 0
         self._before: dict[int, Any] = {}
+
+    def bind(self, stop: Callable[[], None]) -> None:
+        """Let signals from now on ask a run to end; ``stop`` is called from a signal handler."""
+        self._stop = stop
 
     def __enter__(self) -> Stopping:
         if threading.current_thread() is threading.main_thread():
@@ -38,6 +48,8 @@ class Stopping:
 
     def _note(self, number: int, frame: object) -> None:
         self._signal = number
+        if self._stop is None:
+            raise Interrupted(number)
         self._stop()
 
     def code(self, otherwise: int) -> int:
@@ -46,6 +58,25 @@ class Stopping:
             return otherwise
         print(f"stopped by {signal.Signals(self._signal).name}; the devices are safe", file=sys.stderr)
         return 128 + self._signal
+
+
+def unstarted(number: int, words: Mapping[str, Any], begun: float, path: str | None) -> int:
+    """Say, and report, that a signal came before anything ran; return the exit code.
+
+    Parameters
+    ----------
+    words
+        What was asked for: entries of the report.
+    begun
+        When the start began, on the monotonic clock [s].
+    path
+        Of the report, if one is asked for.
+    """
+    name = signal.Signals(number).name
+    print(f"stopped by {name} during the start; nothing was enabled", file=sys.stderr)
+    report = {**words, "simulated_s": 0.0, "wall_s": time.monotonic() - begun, "stopped_by": name}
+    write_report(path, lambda: {**report, "contacts": [], "faults": []})
+    return 128 + number
 
 
 def write_report(path: str | None, report: Callable[[], dict[str, Any]]) -> None:

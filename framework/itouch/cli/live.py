@@ -29,7 +29,7 @@ def needed(session: Session) -> bool:
     return any(not device.twin or device.remote for device in session.model.devices.values())
 
 
-def run(options: argparse.Namespace, *, window: bool = False, leader: Leader | None = None) -> int:
+def run(options: argparse.Namespace, stop: Stopping, *, window: bool = False, leader: Leader | None = None) -> int:
     """Run in real time, in a window if that is asked for, or led by a gamepad, and return the exit code."""
     from itouch.cli import keeping, leading
     from itouch.servo import ServoError, launch
@@ -42,11 +42,12 @@ def run(options: argparse.Namespace, *, window: bool = False, leader: Leader | N
         options.scene, seed=options.seed, twin=options.twin, rig=options.rig, seconds=options.duration,
         save=options.save, enable=not window, linger=window, keep=keeping.wanted(options),
     )  # fmt: skip
+    stop.bind(handle.request_stop)
     with handle:
         try:
             if not window and leader is None:
                 leader = leading.without_window(Shown(handle).model, real=True)
-            code = _follow(handle, window=window, mute=options.mute, leader=leader)
+            code = _follow(handle, stop, window=window, mute=options.mute, leader=leader)
             write_report(options.report, handle.report)
         except ServoError as error:  # it died, and has left no report
             print(error, file=sys.stderr)
@@ -59,7 +60,7 @@ def run(options: argparse.Namespace, *, window: bool = False, leader: Leader | N
     return code
 
 
-def _follow(handle: Handle, *, window: bool, mute: bool, leader: Leader | None) -> int:
+def _follow(handle: Handle, stop: Stopping, *, window: bool, mute: bool, leader: Leader | None) -> int:
     """Show the session until it ends, on the terminal and in a window if that is asked for; return the exit code."""
     from itouch.cli import windows
     from itouch.cli.waiting import Waiting
@@ -71,21 +72,20 @@ def _follow(handle: Handle, *, window: bool, mute: bool, leader: Leader | None) 
     shown = Shown(handle)
     screen = Screen(shown, sys.stdout)
     waiting = Waiting(handle, shown.model) if not window else None
-    with Stopping(handle.request_stop) as stop:
-        code = 0
-        try:
-            if window:
-                windows.show(handle, screen, mute=mute)
-            while not handle.wait(_EVERY if leader is None else _LOOK):
-                screen.show()
-                if waiting is not None:
-                    waiting.look()
-                if handle.faults:  # nobody can see it any more and re-arm
-                    handle.request_stop()
-                if leader is not None:
-                    leader.lead(handle)
-        except DeviceFaultError:
-            code = 1
+    code = 0
+    try:
+        if window:
+            windows.show(handle, screen, mute=mute)
+        while not handle.wait(_EVERY if leader is None else _LOOK):
+            screen.show()
+            if waiting is not None:
+                waiting.look()
+            if handle.faults:  # nobody can see it any more and re-arm
+                handle.request_stop()
+            if leader is not None:
+                leader.lead(handle)
+    except DeviceFaultError:
+        code = 1
     screen.finish(handle.report())
     return stop.code(code)
 

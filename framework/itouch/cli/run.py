@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import argparse
 import sys
+import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from itouch.cli import keeping, leading, live, pictures, sounds, windows
 from itouch.cli.arguments import output_file, seconds
-from itouch.cli.ending import Stopping, write_report
+from itouch.cli.ending import Interrupted, Stopping, unstarted, write_report
 from itouch.plugin import trace
 from itouch.schema import ItouchError
 
@@ -19,27 +20,37 @@ if TYPE_CHECKING:
 
 def main(argv: Sequence[str]) -> int:
     """Run a scene, or go on with a saved session."""
-    options = _parser().parse_args(argv)
+    options, begun = _parser().parse_args(argv), time.monotonic()
+    with Stopping() as stop:
+        try:
+            return _start(options, stop)
+        except Interrupted as signalled:
+            words = {"scene": options.scene, "seed": options.seed, "pace": options.pace}
+            return unstarted(signalled.number, words, begun, options.report)
+
+
+def _start(options: argparse.Namespace, stop: Stopping) -> int:
+    """Choose how to run, and run; until something runs, a signal raises ``Interrupted``."""
     _check(options)
     if options.trace:
         trace.begin(options.trace)
     window = windows.wanted(options)
     if options.pace == "real" or window:
-        return live.run(options, window=window)
+        return live.run(options, stop, window=window)
     session = _prepare(options)
     if options.pace is None and live.needed(session):
-        return live.run(options)
+        return live.run(options, stop)
     _refuse_hardware(session)
     leader = leading.without_window(session.model, real=options.pace is None and not _drawn(options))
     if leader is not None:
-        return live.run(options, leader=leader)
+        return live.run(options, stop, leader=leader)
     from itouch.report.screen import Screen
 
     for notice in session.notices:
         print(f"note: {notice}", file=sys.stderr)
     screen = Screen(session, sys.stdout)
     with pictures.taking(session, options), sounds.keeping(session, options), keeping.keeping(session, options):
-        code = _run(session, options, screen)
+        code = _run(session, options, screen, stop)
     report = session.report()
     screen.finish(report)
     _write(session, options, report)
@@ -97,19 +108,19 @@ def _prepare(options: argparse.Namespace) -> Session:
     return prepare(options.scene, seed=options.seed, twin=options.twin, rig=options.rig)
 
 
-def _run(session: Session, options: argparse.Namespace, screen: Any) -> int:
+def _run(session: Session, options: argparse.Namespace, screen: Any, stop: Stopping) -> int:
     from itouch.loop import DeviceFaultError
 
-    with Stopping(session.stop) as stop:
-        try:
-            if options.duration is None and not session.scripted:
-                raise ItouchError("the scene has no scripted motion: say for how long to run, with --for 30s")
-            session.enable()
-            session.run(options.duration, each=screen.show, every=50)
-        except DeviceFaultError:
-            return 1
-        finally:
-            session.close()
+    stop.bind(session.stop)
+    try:
+        if options.duration is None and not session.scripted:
+            raise ItouchError("the scene has no scripted motion: say for how long to run, with --for 30s")
+        session.enable()
+        session.run(options.duration, each=screen.show, every=50)
+    except DeviceFaultError:
+        return 1
+    finally:
+        session.close()
     return stop.code(1 if session.failed else 0)
 
 

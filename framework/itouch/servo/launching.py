@@ -84,7 +84,11 @@ def launch(
         "keep": (keep or Keep()).dump(),
     }  # fmt: skip
     handle = _start(name or _name(config["scene"]), config)
-    handle.await_ready()
+    try:
+        handle.await_ready()
+    except KeyboardInterrupt:  # nobody will ever use it
+        handle.close()
+        raise
     return handle
 
 
