@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from itouch.servo import Handle, ServoError, launch
     from itouch.session import Session, SessionError, build, restore
     from itouch.session import load_scene as load
+    from itouch.session.batch import batch
     from itouch.session.replay import replay
 
 #: Public name -> where it lives; loaded when it is first asked for, so that the command line starts fast.
@@ -39,6 +40,7 @@ _HOMES = {
     "SessionError": "itouch.session",
     "VirtualClock": "itouch.loop",
     "WallClock": "itouch.loop",
+    "batch": "itouch.session.batch",
     "build": "itouch.session",
     "Recording": "itouch.recording",
     "RecordingError": "itouch.recording",
@@ -68,6 +70,7 @@ __all__ = [
     "SessionError",
     "VirtualClock",
     "WallClock",
+    "batch",
     "build",
     "launch",
     "load",

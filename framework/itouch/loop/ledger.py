@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from itouch.loop.timing import Timing, merged
 
 
@@ -16,7 +18,7 @@ class Histogram:
     def __init__(self, width: float) -> None:
         self.width = width
         self._per_unit = 1.0 / width
-        self.counts = [0] * self._BINS
+        self.counts = np.zeros(self._BINS, np.uint32)
         self.total = 0
         self.greatest = 0.0
 
@@ -32,12 +34,9 @@ class Histogram:
         """Return the upper edge of the bin that holds the percentile, or None if nothing was counted."""
         if self.total == 0:
             return None
-        rank, seen = percent / 100 * self.total, 0
-        for index, count in enumerate(self.counts):
-            seen += count
-            if seen >= rank and count:
-                return min(self.greatest, (index + 1) * self.width)
-        return self.greatest
+        used = np.flatnonzero(self.counts)
+        reached = np.cumsum(self.counts[used], dtype=np.int64) >= percent / 100 * self.total
+        return min(self.greatest, (int(used[int(reached.argmax())]) + 1) * self.width)
 
     def summary(self, scale: float) -> dict[str, float | None]:
         """Return p50, p99 and max, times a scale."""
@@ -47,9 +46,9 @@ class Histogram:
 
     def dump(self) -> dict[str, Any]:
         """Return the content as plain data."""
-        filled = self.counts[: int(self.greatest * self._per_unit) + 1]  # what is above the greatest is empty
-        used = {str(i): count for i, count in enumerate(filled) if count}
-        return {"counts": used, "total": self.total, "greatest": self.greatest}
+        used = np.flatnonzero(self.counts)
+        counts = {str(i): count for i, count in zip(used.tolist(), self.counts[used].tolist(), strict=True)}
+        return {"counts": counts, "total": self.total, "greatest": self.greatest}
 
     def load(self, data: dict[str, Any]) -> None:
         """Take over what ``dump`` returned.
@@ -59,10 +58,12 @@ class Histogram:
         ValueError
             If the data do not fit.
         """
-        counts = [0] * len(self.counts)
+        counts = np.zeros(self._BINS, np.uint32)
         for index, count in data["counts"].items():
             if not 0 <= int(index) < len(counts):
                 raise ValueError(f"histogram bin {index} does not exist")
+            if not 0 <= int(count) < 1 << 32:
+                raise ValueError(f"histogram bin {index} can't hold {count}")
             counts[int(index)] = int(count)
         self.counts, self.total, self.greatest = counts, int(data["total"]), float(data["greatest"])
 

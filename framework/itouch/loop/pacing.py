@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -38,20 +37,16 @@ class Pacing:
         each: Callable[[], None] | None,
         every: int,
     ) -> None:
-        """Run as ``Engine.run`` says; the garbage collector rests meanwhile."""
+        """Run as ``Engine.run`` says."""
         engine = self._engine
         last = engine.ticks + round(seconds / engine.model.period) if seconds is not None else None
         engine.clock.start(engine.model.period)
-        collecting, begin = gc.isenabled(), now()
-        gc.collect()
-        gc.disable()
+        begin = now()
         try:
             self._loop(last, until, each, every)
         finally:
             self.wall += now() - begin
             self._stopping = False
-            if collecting:
-                gc.enable()
 
     def check(self, seconds: float | None, until: Callable[[], bool] | None) -> None:
         """Check what a run is asked for.

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from itouch.compiling import kernel
 from itouch.plugin import Field, Record
 
 #: Bins an octave, least duration [s] that is told apart, and how many bins there are: up to some 16 s.
@@ -77,6 +78,24 @@ def timing_fields(parts: int) -> tuple[Field, ...]:
     )
 
 
+@kernel
+def _count(counts: Any, greatest: Any, row: int, seconds: float) -> None:
+    """Count one duration in a row."""
+    index = int(math.log2(seconds * _SCALE) * PER_OCTAVE) if seconds > LEAST else 0
+    counts[row, min(index, BINS - 1)] += 1
+    if seconds > greatest[row]:
+        greatest[row] = seconds
+
+
+@kernel
+def _count_tick(counts: Any, greatest: Any, stamps: Any, used: int) -> None:
+    """Count a tick in row 1, and its parts in the rows after it if they were stamped."""
+    _count(counts, greatest, 1, stamps[used - 1] - stamps[0])
+    if used > 2:
+        for part in range(used - 1):
+            _count(counts, greatest, 2 + part, stamps[part + 1] - stamps[part])
+
+
 class Timing:
     """Counts ticks.
 
@@ -94,7 +113,8 @@ class Timing:
         self.record = record if record is not None else Record.of(timing_fields(len(self.parts)))
         self._counts = self.record["counts"]
         self._greatest = self.record["greatest"]
-        self._worst = self._greatest.tolist()
+        self._stamps = np.zeros(2 + len(self.parts))
+        _count_tick(self._counts.copy(), self._greatest.copy(), self._stamps, 2)  # compiled now, not in the first tick
         self._ticks, self._overruns, self._skipped = (self.record[n] for n in ("ticks", "overruns", "skipped"))
         #: How late [s] the tick that runs began.
         self.late = 0.0
@@ -116,19 +136,14 @@ class Timing:
         return int(self._skipped)
 
     def _add(self, row: int, seconds: float) -> None:
-        index = int(math.log2(seconds * _SCALE) * PER_OCTAVE) if seconds > LEAST else 0
-        self._counts[row, index if index < BINS else BINS - 1] += 1
-        if seconds > self._worst[row]:
-            self._worst[row] = seconds
-            self._greatest[row] = seconds
+        _count(self._counts, self._greatest, row, seconds)
 
     def add(self, stamps: Sequence[float]) -> None:
         """Note one tick; ``stamps`` [s] are taken at its begin, after each part (or none) and at its end."""
         self._ticks += 1
-        self._add(1, stamps[-1] - stamps[0])
-        if len(stamps) > 2:
-            for row in range(len(stamps) - 1):
-                self._add(2 + row, stamps[row + 1] - stamps[row])
+        used = len(stamps)
+        self._stamps[:used] = stamps
+        _count_tick(self._counts, self._greatest, self._stamps, used)
 
     def pace(self, late: float, period: float, stamps: Sequence[float]) -> str | None:
         """Note how late [s] a tick began in real time; return the culprit if it overran."""

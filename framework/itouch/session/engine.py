@@ -40,7 +40,7 @@ class Session(Engine):
         catalog: Catalog | None = None,
         bases: Bases | None = None,
     ) -> None:
-        self._bases, self._catalog, self._whole = bases or Bases(), catalog or Catalog(), bases is not None
+        self._bases, self._catalog, self._whole = bases or Bases(), catalog, bases is not None
         self._notes: tuple[str, ...] = ()
         #: What the stored session that this one goes on from said of its limits.
         self._limits: dict[str, Any] | None = None
@@ -70,6 +70,8 @@ class Session(Engine):
 
     def _snapshots(self) -> SnapshotWriter:
         if self._writer is None:
+            if self._catalog is None:
+                self._catalog = Catalog()
             if not self._whole:  # the model was compiled elsewhere: note what its solves made
                 with keeping(self._bases):
                     Model.of(self.model.scene, self._catalog)

@@ -1,0 +1,124 @@
+"""Many sessions of one model, on all cores: each is what it would be alone, bit for bit."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, TypeVar
+
+from itouch.loop import DeviceFaultError
+from itouch.plugin.discovery import Catalog
+from itouch.scene import Scene
+from itouch.session.building import load_scene
+from itouch.session.engine import Session
+from itouch.world import Model
+
+Result = TypeVar("Result")
+Until = float | Callable[[Session], bool] | None
+
+
+class _Job:
+    """What every session of a batch is given; worker processes inherit it when they are forked."""
+
+    def __init__(self, model: Model, catalog: Catalog, until: Until, collect: Callable[[Session], Any]) -> None:
+        self._model, self._catalog, self._until, self._collect = model, catalog, until, collect
+
+    def run(self, seed: int) -> Any:
+        """Run the session with this seed, and return what is collected of it."""
+        session = Session(self._model, seed=seed, catalog=self._catalog)
+        session.records = False
+        until = self._until
+        try:
+            if callable(until):
+                session.run(until=lambda: until(session))
+            else:
+                session.run(until)
+        except DeviceFaultError:
+            pass  # its devices are safe, `session.fault` says why, and the others go on
+        collected = self._collect(session)
+        session.close()
+        return collected
+
+
+#: The batch that this process was forked for.
+_job: list[_Job] = []
+
+
+def _work(seed: int) -> Any:
+    return _job[-1].run(seed)
+
+
+@contextmanager
+def _current(job: _Job) -> Iterator[None]:
+    _job.append(job)
+    try:
+        yield
+    finally:
+        _job.remove(job)
+
+
+def report(session: Session) -> dict[str, Any]:
+    """Return the report of a session."""
+    return session.report()
+
+
+def batch(
+    model: Model | Scene | str | os.PathLike[str],
+    *,
+    seeds: Iterable[int],
+    until: Until = None,
+    collect: Callable[[Session], Result] = report,  # type: ignore[assignment]
+    workers: int | None = None,
+) -> list[Result]:
+    """Run a session for each seed, and return what is collected of each, in the order of the seeds.
+
+    The model is compiled once and shared; each session is what ``Session(model, seed=seed)`` would be alone, to the
+    last bit, whatever runs beside it.  On systems that can fork, every core runs sessions in a process of its own;
+    elsewhere they run here, one after the other.  A ``<record>`` of the scene is not followed.
+
+    Parameters
+    ----------
+    model
+        A compiled scene, a scene, or its file; all devices must be twins.
+    seeds
+        One session each.
+    until
+        Seconds to run, or a function of the session that is asked after every tick and ends it; None: until the
+        scripted motion has ended.
+    collect
+        What is kept of a session that has ended, called where it ran: what it returns must be picklable.  A session
+        that tripped is collected too; its ``fault`` says why.  Default: its report.
+    workers
+        How many run at once; default: one a core that this process may use.
+
+    Raises
+    ------
+    SceneError
+        With all problems of the scene.
+    ValueError
+        If a device is no twin, or there is neither a time nor a scripted motion.
+    """
+    catalog = Catalog()
+    if not isinstance(model, Model):
+        model = Model.of(model if isinstance(model, Scene) else load_scene(model, catalog=catalog), catalog)
+    hardware = [device.name for device in model.devices.values() if not device.twin]
+    if hardware:
+        raise ValueError(f"a batch runs on twins; '{hardware[0]}' is real: build the scene with twin='all'")
+    job, wanted = _Job(model, catalog, until, collect), [int(seed) for seed in seeds]
+    count = min(len(wanted), workers or _cores())
+    if count <= 1 or "fork" not in multiprocessing.get_all_start_methods():
+        return [job.run(seed) for seed in wanted]
+    return _forked(job, model, catalog, wanted, count)
+
+
+def _forked(job: _Job, model: Model, catalog: Catalog, seeds: Sequence[int], count: int) -> list[Any]:
+    """Run the sessions in processes that are forked from this one when everything is compiled."""
+    Session(model, catalog=catalog).close()
+    with _current(job), multiprocessing.get_context("fork").Pool(count) as pool:
+        return pool.map(_work, seeds, chunksize=1)
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
