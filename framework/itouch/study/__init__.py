@@ -1,0 +1,1 @@
+"""Psychophysical studies: their design, trials, data and statistics."""

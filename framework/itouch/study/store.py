@@ -1,0 +1,273 @@
+"""The data of a study: one SQLite file, one transaction a trial, committed before the next trial begins.
+
+The schema is this file's `SCHEMA`; any SQLite tool opens it.  Trials are only ever added.  Participants' personal data
+stand in a table (and a file) of their own, so that they can be deleted and the trials stay as they are.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import sqlite3
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from itouch.schema import ItouchError
+
+#: Number in ``PRAGMA user_version``: raised when the schema changes.
+VERSION = 1
+SCHEMA = """
+CREATE TABLE study (                -- one row: what was frozen before the first participant
+    id INTEGER PRIMARY KEY CHECK (id = 1),
+    name TEXT NOT NULL,
+    seed INTEGER NOT NULL,
+    digest TEXT NOT NULL,           -- SHA-256 of study and scene files, by content
+    program TEXT NOT NULL,          -- version of the program
+    frozen TEXT NOT NULL            -- ISO 8601, UTC
+) STRICT;
+CREATE TABLE trials (               -- one row a trial that has ended, in the order in which they ended
+    id INTEGER PRIMARY KEY,
+    participant TEXT NOT NULL,
+    place INTEGER NOT NULL,         -- in the participant's order, from 0; a repetition of a void trial has a new one
+    repeats INTEGER,                -- place of the void trial that it repeats
+    block TEXT NOT NULL,
+    task TEXT NOT NULL,
+    condition TEXT NOT NULL,        -- JSON: factor -> level
+    shown TEXT NOT NULL,            -- JSON: what was presented in each interval
+    staircase TEXT,                 -- its name, of an adaptive trial
+    level REAL,                     -- that it asked for
+    answer TEXT,                    -- NULL: none was given
+    right INTEGER,                  -- 1, 0, or NULL where there is no right answer
+    reaction_s REAL,                -- from the end of the contact to the answer, on the servo's clock
+    void TEXT NOT NULL DEFAULT '',  -- why the trial does not count; empty: it does
+    felt TEXT NOT NULL DEFAULT '{}',-- JSON: what was rendered, interval by interval
+    begun_s REAL NOT NULL,          -- of the session's servo clock
+    ended_s REAL NOT NULL,
+    session TEXT NOT NULL,          -- the recording that holds it
+    ended_at TEXT NOT NULL,         -- ISO 8601, UTC: for people; nothing is computed from it
+    UNIQUE (participant, place)
+) STRICT;
+CREATE TABLE deviations (           -- what was changed after the study was frozen, and said why
+    id INTEGER PRIMARY KEY,
+    at TEXT NOT NULL,
+    what TEXT NOT NULL
+) STRICT;
+"""
+PERSONAL_SCHEMA = """
+CREATE TABLE participants (
+    code TEXT PRIMARY KEY,
+    fields TEXT NOT NULL            -- JSON: consent, age band, handedness, skin baseline ...
+) STRICT;
+"""
+_COLUMNS = (
+    "participant", "place", "repeats", "block", "task", "condition", "shown", "staircase", "level", "answer", "right",
+    "reaction_s", "void", "felt", "begun_s", "ended_s", "session", "ended_at",
+)  # fmt: skip
+_JSON = ("condition", "shown", "felt")
+
+
+class StoreError(ItouchError):
+    """A study's data that cannot be opened, read or written; the message says why and what to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A trial as it is kept; times in seconds of the servo's clock, see `SCHEMA` for each."""
+
+    participant: str
+    place: int
+    block: str
+    task: str
+    condition: Mapping[str, Any]
+    shown: Any
+    begun_s: float
+    ended_s: float
+    session: str
+    ended_at: str
+    repeats: int | None = None
+    staircase: str | None = None
+    level: float | None = None
+    answer: str | None = None
+    right: int | None = None
+    reaction_s: float | None = None
+    void: str = ""
+    felt: Any = None
+
+
+class Store:
+    """A study's folder: ``trials.sqlite`` and, apart from it, ``participants.sqlite``."""
+
+    def __init__(self, folder: Path, connection: sqlite3.Connection) -> None:
+        self.folder, self._trials = folder, connection
+
+    @classmethod
+    @contextlib.contextmanager
+    def open(cls, folder: Path, *, create: bool = False) -> Iterator[Store]:
+        """Open a study's data, and close it again.
+
+        Parameters
+        ----------
+        folder
+            The study's.
+        create
+            Begin with no trials if there are none yet.
+
+        Raises
+        ------
+        StoreError
+            If there is none, if it cannot be written, is damaged, or was written by a newer program.
+        """
+        path = folder / "trials.sqlite"
+        if not create and not path.exists():
+            raise StoreError(f"'{folder}' holds no study: there is no trials.sqlite in it")
+        with _sentences(path):
+            connection = _connect(path, SCHEMA)
+        try:
+            yield cls(folder, connection)
+        finally:
+            connection.close()
+
+    def freeze(self, *, name: str, seed: int, digest: str, program: str, frozen: str) -> None:
+        """Note what study this is; once only.
+
+        Raises
+        ------
+        StoreError
+            If another study was frozen here, or it cannot be written.
+        """
+        there = self.frozen()
+        if there is not None:
+            if there["digest"] != digest or there["seed"] != seed:
+                raise StoreError(
+                    f"'{self.folder}' holds the data of study '{there['name']}' as frozen {there['frozen']}, and this "
+                    f"one differs; change the files back, note the deviation, or begin in another folder"
+                )
+            return
+        with _sentences(self.folder / "trials.sqlite"), self._trials:
+            self._trials.execute("INSERT INTO study VALUES (1, ?, ?, ?, ?, ?)", (name, seed, digest, program, frozen))
+
+    def frozen(self) -> dict[str, Any] | None:
+        """Return what was frozen, or None."""
+        with _sentences(self.folder / "trials.sqlite"):
+            row = self._trials.execute("SELECT name, seed, digest, program, frozen FROM study").fetchone()
+        return None if row is None else dict(zip(("name", "seed", "digest", "program", "frozen"), row, strict=True))
+
+    def deviate(self, what: str, at: str) -> None:
+        """Note a change after freezing."""
+        with _sentences(self.folder / "trials.sqlite"), self._trials:
+            self._trials.execute("INSERT INTO deviations (at, what) VALUES (?, ?)", (at, what))
+
+    def deviations(self) -> list[tuple[str, str]]:
+        """Return the changes after freezing, (when, what)."""
+        with _sentences(self.folder / "trials.sqlite"):
+            return list(self._trials.execute("SELECT at, what FROM deviations ORDER BY id"))
+
+    def add(self, row: Row) -> None:
+        """Add a trial; when this returns it is on the disk.
+
+        Raises
+        ------
+        StoreError
+            If it cannot be written, or the participant has a trial at this place already.
+        """
+        values = [
+            json.dumps(getattr(row, name), sort_keys=True) if name in _JSON else getattr(row, name) for name in _COLUMNS
+        ]
+        marks = ", ".join("?" * len(_COLUMNS))
+        names = ", ".join(f'"{name}"' for name in _COLUMNS)
+        with _sentences(self.folder / "trials.sqlite"), self._trials:
+            self._trials.execute(f"INSERT INTO trials ({names}) VALUES ({marks})", values)
+
+    def rows(self, participant: str | None = None) -> list[Row]:
+        """Return the trials in the order in which they ended, of one participant or of all."""
+        names = ", ".join(f'"{name}"' for name in _COLUMNS)
+        query = f"SELECT {names} FROM trials"
+        with _sentences(self.folder / "trials.sqlite"):
+            found = (
+                self._trials.execute(f"{query} ORDER BY id")
+                if participant is None
+                else self._trials.execute(f"{query} WHERE participant = ? ORDER BY id", (participant,))
+            ).fetchall()
+        return [_row(values) for values in found]
+
+    def participants(self) -> list[str]:
+        """Return the codes of all who have trials, sorted."""
+        with _sentences(self.folder / "trials.sqlite"):
+            return [code for (code,) in self._trials.execute("SELECT DISTINCT participant FROM trials ORDER BY 1")]
+
+    def describe(self, participant: str, fields: Mapping[str, Any]) -> None:
+        """Keep a participant's personal data, apart from the trials."""
+        path = self.folder / "participants.sqlite"
+        with _sentences(path), contextlib.closing(_connect(path, PERSONAL_SCHEMA)) as personal, personal:
+            personal.execute(
+                "INSERT INTO participants VALUES (?, ?) ON CONFLICT (code) DO UPDATE SET fields = excluded.fields",
+                (participant, json.dumps(dict(fields), sort_keys=True)),
+            )
+
+    def described(self, participant: str) -> dict[str, Any]:
+        """Return a participant's personal data; empty if there are none."""
+        path = self.folder / "participants.sqlite"
+        if not path.exists():
+            return {}
+        with _sentences(path), contextlib.closing(_connect(path, PERSONAL_SCHEMA)) as personal:
+            row = personal.execute("SELECT fields FROM participants WHERE code = ?", (participant,)).fetchone()
+        return {} if row is None else dict(json.loads(row[0]))
+
+    def forget(self, participant: str) -> bool:
+        """Delete a participant's personal data for good; the trials stay.  Tell whether there were any."""
+        path = self.folder / "participants.sqlite"
+        if not path.exists():
+            return False
+        with _sentences(path), contextlib.closing(_connect(path, PERSONAL_SCHEMA)) as personal:
+            with personal:
+                gone = personal.execute("DELETE FROM participants WHERE code = ?", (participant,)).rowcount
+            personal.execute("VACUUM")  # or the bytes would stay in the file's free pages
+            personal.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        return gone > 0
+
+
+def _row(values: tuple[Any, ...]) -> Row:
+    named = dict(zip(_COLUMNS, values, strict=True))
+    for name in _JSON:
+        named[name] = json.loads(named[name])
+    return Row(**named)
+
+
+def _connect(path: Path, schema: str) -> sqlite3.Connection:
+    connection = sqlite3.connect(path, isolation_level="IMMEDIATE", timeout=10.0)
+    try:
+        connection.execute("PRAGMA journal_mode = WAL")
+        connection.execute("PRAGMA synchronous = FULL")
+        connection.execute("PRAGMA secure_delete = ON")
+        version = connection.execute("PRAGMA user_version").fetchone()[0]
+        if version > VERSION:
+            raise StoreError(f"'{path}' was written by a newer program (format {version}, this one reads {VERSION})")
+        if version == 0:
+            connection.executescript(f"BEGIN IMMEDIATE;{schema}PRAGMA user_version = {VERSION};COMMIT;")
+        problem = connection.execute("PRAGMA quick_check").fetchone()[0]
+        if problem != "ok":
+            raise sqlite3.DatabaseError(problem)
+    except BaseException:
+        connection.close()
+        raise
+    return connection
+
+
+@contextlib.contextmanager
+def _sentences(path: Path) -> Iterator[None]:
+    """Turn what SQLite says into what a person can act on."""
+    try:
+        yield
+    except sqlite3.IntegrityError as error:
+        raise StoreError(f"'{path}' holds this trial already: {error}") from error
+    except sqlite3.OperationalError as error:
+        raise StoreError(f"cannot use '{path}': {error}; what was committed before is in it") from error
+    except sqlite3.DatabaseError as error:
+        raise StoreError(
+            f"'{path}' is damaged ({error}); keep a copy of it with its -wal file, and recover what is readable with "
+            f"'sqlite3 {path.name} .recover'"
+        ) from error
+    except OSError as error:
+        raise StoreError(f"cannot use '{path}': {error.strerror}") from error

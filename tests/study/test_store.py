@@ -1,0 +1,136 @@
+"""A study's data survive what happens to programs, disks and people."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from itouch.study.store import Row, Store, StoreError
+
+ROW = Row("P01", 0, "main", "identify", {"material": "wood"}, ["wood"], 1.0, 2.0, "s1.mcap", "2026-01-01T00:00:00Z",
+          answer="wood", right=1, reaction_s=0.8, felt=[{"mean_flux_W_m2": 830.0}])  # fmt: skip
+
+
+def test_rows_come_back_as_they_were(tmp_path: Path) -> None:
+    rows = [replace(ROW, place=place, void="released early" if place == 1 else "") for place in range(3)]
+    with Store.open(tmp_path, create=True) as store:
+        for row in rows:
+            store.add(row)
+    with Store.open(tmp_path) as store:
+        assert store.rows("P01") == store.rows() == rows
+        assert store.rows("P02") == []
+        assert store.participants() == ["P01"]
+
+
+def test_no_trial_twice(tmp_path: Path) -> None:
+    with Store.open(tmp_path, create=True) as store:
+        store.add(ROW)
+        with pytest.raises(StoreError, match="holds this trial already"):
+            store.add(replace(ROW, answer="cork"))
+        assert store.rows() == [ROW]
+
+
+def test_a_frozen_study_stays_that_study(tmp_path: Path) -> None:
+    stamp = {"name": "s", "seed": 3, "digest": "ab", "program": "0.2", "frozen": "2026-01-01"}
+    with Store.open(tmp_path, create=True) as store:
+        store.freeze(**stamp)  # type: ignore[arg-type]
+        store.freeze(**{**stamp, "frozen": "later"})  # type: ignore[arg-type]  the same study again
+        with pytest.raises(StoreError, match="this one differs"):
+            store.freeze(**{**stamp, "digest": "cd"})  # type: ignore[arg-type]
+        assert store.frozen() == stamp
+        store.deviate("room was 26 degC", "2026-01-02")
+        assert store.deviations() == [("2026-01-02", "room was 26 degC")]
+
+
+def test_a_person_is_forgotten_and_the_trials_stay(tmp_path: Path) -> None:
+    with Store.open(tmp_path, create=True) as store:
+        store.add(ROW)
+        store.describe("P01", {"consent": True, "remark": "unmistakable-words"})
+        assert store.described("P01")["consent"] is True
+        assert store.forget("P01")
+        assert not store.forget("P01")
+        assert store.described("P01") == {}
+        assert store.rows() == [ROW]
+    for path in tmp_path.iterdir():
+        assert b"unmistakable-words" not in path.read_bytes()
+
+
+_WRITER = """
+import sys
+from pathlib import Path
+from dataclasses import replace
+sys.path.insert(0, sys.argv[2])
+from test_store import ROW, Store
+with Store.open(Path(sys.argv[1]), create=True) as store:
+    first = len(store.rows())
+    print("from", first, flush=True)
+    for place in range(first, 100000):
+        store.add(replace(ROW, place=place))
+        print(place, flush=True)
+"""
+
+
+def test_killed_at_any_instant_nothing_is_lost_or_doubled(tmp_path: Path) -> None:
+    told = -1
+    for _ in range(4):
+        process = subprocess.Popen(
+            [sys.executable, "-c", _WRITER, str(tmp_path), str(Path(__file__).parent)],
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        assert process.stdout is not None
+        assert process.stdout.readline().strip() == f"from {told + 1}" or told >= 0
+        for line in process.stdout:
+            told = int(line)
+            if told % 7 == 5:
+                os.kill(process.pid, signal.SIGKILL)
+                break
+        for line in process.stdout:  # what it had committed before it died
+            told = int(line)
+        process.wait()
+        process.stdout.close()
+        with Store.open(tmp_path) as store:
+            places = [row.place for row in store.rows()]
+        assert places == list(range(len(places)))
+        assert len(places) >= told + 1
+        told = len(places) - 1
+
+
+def test_what_cannot_be_used_is_a_sentence(tmp_path: Path) -> None:
+    with pytest.raises(StoreError, match="no trials.sqlite"), Store.open(tmp_path):
+        pass
+    with Store.open(tmp_path, create=True) as store:
+        for place in range(200):
+            store.add(replace(ROW, place=place))
+    path = tmp_path / "trials.sqlite"
+    whole = path.read_bytes()
+    path.write_bytes(b"nonsense" * 1000)
+    with pytest.raises(StoreError, match="is damaged"), Store.open(tmp_path):
+        pass
+    path.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(StoreError, match="is damaged"), Store.open(tmp_path):
+        pass
+    path.write_bytes(whole)
+    with sqlite3.connect(path) as connection:
+        connection.execute("PRAGMA user_version = 99")
+    connection.close()
+    with pytest.raises(StoreError, match="newer program"), Store.open(tmp_path):
+        pass
+
+
+def test_a_full_disk_keeps_what_was_committed(tmp_path: Path) -> None:
+    with Store.open(tmp_path, create=True) as store:
+        store.add(ROW)
+        pages = store._trials.execute("PRAGMA page_count").fetchone()[0]
+        store._trials.execute(f"PRAGMA max_page_count = {pages}")  # a disk without room for another page
+        with pytest.raises(StoreError, match="full; what was committed before is in it"):
+            for place in range(1, 500):
+                store.add(replace(ROW, place=place, answer="x" * 500))
+        assert store.rows()[0] == ROW
