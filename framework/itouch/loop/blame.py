@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from itouch.plugin import Modality, Record
 from itouch.safety import DeviceFaultError, Trip
-from itouch.world import Model
+from itouch.world import ModalityModel, Model
 from itouch.world.failing import said
 
 
@@ -18,6 +20,20 @@ def modality_fault(
     devices = [command.partition(".")[0] for command in failed.commands] or list(model.devices)
     cause = f"has lost its modality '{failed.name}', which failed in {method}: {said(error)}"
     return DeviceFaultError(devices[0] if devices else "", tick, Trip.MODALITY_ERROR, cause)
+
+
+def foreign_write(model: Model, listed: Sequence[ModalityModel], field: str, tick: int) -> DeviceFaultError:
+    """Return the fault of modalities of which one has written a field that is not its own, past the views it got."""
+    devices = [command.partition(".")[0] for one in listed for command in one.commands] or list(model.devices)
+    names = " or ".join(f"'{one.name}'" for one in listed)
+    cause = f"has lost its modality {names}, which wrote '{field}': that is not its own, and was put back"
+    return DeviceFaultError(devices[0] if devices else "", tick, Trip.MODALITY_ERROR, cause)
+
+
+def broken_off(model: Model, tick: int, error: BaseException) -> DeviceFaultError:
+    """Return the fault of a tick that something has ended which is no fault of a device, such as Ctrl-C."""
+    cause = f"was stopped in the middle of a tick, which ended with {said(error)}"
+    return DeviceFaultError(next(iter(model.devices), ""), tick, Trip.MODALITY_ERROR, cause)
 
 
 def with_writer(model: Model, state: Record, fault: DeviceFaultError) -> DeviceFaultError:

@@ -10,6 +10,7 @@ from itouch.loop.ledger import Ledger
 from itouch.loop.runner import Runner
 from itouch.loop.touch import Toucher
 from itouch.plugin import Contact, ContactEvent, Record
+from itouch.plugin.fenced import FencedRecord
 from itouch.twin.coupling import Coupling
 from itouch.world import ModalityModel, Model
 from itouch.world.failing import said
@@ -22,7 +23,7 @@ class ContactLog:
         self, model: Model, toucher: Toucher, table: Runner | None, coupling: Coupling, state: Record, ledger: Ledger
     ) -> None:
         self._model, self._toucher, self._table = model, toucher, table
-        self._coupling, self._ledger, self._state = coupling, ledger, state
+        self._coupling, self._ledger, self._seen = coupling, ledger, FencedRecord(state, ())
         name = toucher.probe.name
         self._plate, self._gap = state[f"{name}.contact.plate"], state[f"{name}.contact.plate_gap"]
         self._peak, self._physical = state[f"{name}.contact.peak_force"], state[f"{name}.contact.physical_begin"]
@@ -100,7 +101,7 @@ class ContactLog:
         for key in _THERMAL:
             entry.setdefault(key, None)
         for modality in self._model.modalities:
-            entry.update(_measures(modality, self._state, self._toucher.probe.name, index))
+            entry.update(_measures(modality, self._seen, self._toucher.probe.name, index))
         return entry
 
 

@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 
 from itouch.faults import FOREVER, Injection, Kind
-from itouch.loop.blame import with_writer
+from itouch.loop.blame import broken_off, with_writer
 from itouch.loop.clock import Clock, VirtualClock, now
 from itouch.loop.events import Events
+from itouch.loop.fence import view_for
 from itouch.loop.ledger import Ledger
 from itouch.loop.objects import Objects
 from itouch.loop.operating import LatchedError, Operating
@@ -67,7 +68,8 @@ class Engine:
             any(hand.path.duration > 0 for hand in self._hands) or self._objects.scripted or self._length > 0
         )
         self._tick, self._ready = self.state["tick"], self.state["ready"]
-        self._events = Events(model, self.state, self._rigs, [(m.instance, m.model, m.every) for m in model.modalities])
+        views = {one.name: view_for(one, self.state) for one in model.modalities}
+        self._events = Events(model, self.state, self._rigs, views)
         self._operating = Operating(model, self.state, self._runners, self._rigs, self.ledger)
         self._safe_stop = SafeStop(model, self.state, self._all, self._rigs, self.ledger, self._operating.injected)
         #: What a tick consists of, and how long each step has taken.
@@ -80,6 +82,7 @@ class Engine:
             self._events,
             self._operating.hold,
             self._move_on,
+            views,
         )
         self.times = self.ledger.times = Timing(self.plan.names)
         self.fault: DeviceFaultError | None = None
@@ -211,6 +214,10 @@ class Engine:
             fault = with_writer(self.model, self.state, raised)
             self.make_safe(fault)
             raise fault from raised.__cause__
+        except BaseException as raised:  # Ctrl-C in the middle of it, or an error of the loop's own
+            if self._all:
+                self.make_safe(broken_off(self.model, tick, raised))
+            raise
         self._tick[...] = tick + 1
         self.times.add(stamps)
         for tap in self.taps:
@@ -328,7 +335,12 @@ class Engine:
         """
         self._pacing.check(seconds, until)
         self._require_enabled()
-        self._pacing.run(seconds, until, each, every)
+        try:
+            self._pacing.run(seconds, until, each, every)
+        except BaseException:  # nobody paces hardware any more; a fault has made it safe already
+            if self.fault is None and any(runner.enabled and not runner.model.twin for runner in self._all):
+                self.park()
+            raise
 
     def stop(self) -> None:
         """Ask the run that is under way to end after its tick; may be called from a signal handler."""

@@ -2,28 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
 
-from itouch.loop.blame import modality_fault
+from itouch.loop.blame import foreign_write, modality_fault
+from itouch.loop.fence import Fence
 from itouch.loop.rig import ProbeRig
-from itouch.plugin import Contact, ContactEvent, Modality, Record
-from itouch.world import Model
+from itouch.plugin import Contact, ContactEvent, Record
+from itouch.world import ModalityModel, Model
 from itouch.world.state import EVENTS
 
 
 class Events:
     """Takes each event of a tick to all who hear it."""
 
-    def __init__(
-        self, model: Model, state: Record, rigs: Sequence[ProbeRig], modalities: Sequence[tuple[Modality, Any, int]]
-    ) -> None:
-        self._model, self._state, self._rigs = model, state, rigs
-        self._modalities = modalities
+    def __init__(self, model: Model, state: Record, rigs: Sequence[ProbeRig], views: Mapping[str, Record]) -> None:
+        self._model, self._rigs = model, rigs
+        self._modalities = [(one, views[one.name], Fence([one], state)) for one in model.modalities]
         self._table, self._count = state["events.table"], state["events.count"]
         self._probe_index = {probe.name: probe.index for probe in model.probes}
         #: Whether any modality wants an event a tick while a contact lasts.
-        self.moves = any(Contact.MOVE in instance.hears for instance, _, _ in modalities)
+        self.moves = any(Contact.MOVE in one.instance.hears for one in model.modalities)
 
     def update(self, tick: int, ready: bool) -> None:
         """Deliver what has happened at every probe in this tick."""
@@ -36,14 +34,24 @@ class Events:
             self._remember(event)
             if event.kind is Contact.BEGIN:
                 self._log(event)
-        for instance, model, _ in self._modalities:
-            if event.kind in instance.hears:
-                try:
-                    instance.on_contact(event, model, self._state)
-                except Exception as error:
-                    raise modality_fault(self._model, instance, "on_contact", event.tick, error) from error
+        for one, view, fence in self._modalities:
+            if event.kind in one.instance.hears:
+                self._tell(event, one, view, fence)
         if event.kind is Contact.END:
             self._log(event)
+
+    def _tell(self, event: ContactEvent, one: ModalityModel, view: Record, fence: Fence) -> None:
+        fence.take()
+        try:
+            one.instance.on_contact(event, one.model, view)
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # a plugin that exits does not end the program
+            raise modality_fault(self._model, one.instance, "on_contact", event.tick, error) from error
+        finally:
+            changed = fence.mend()
+        if changed:
+            raise foreign_write(self._model, [one], changed, event.tick)
 
     def _remember(self, event: ContactEvent) -> None:
         count = int(self._count)

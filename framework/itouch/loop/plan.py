@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itouch.loop import steps
 from itouch.loop.clock import now
 from itouch.loop.events import Events
+from itouch.loop.fence import Fence
 from itouch.loop.objects import Objects
 from itouch.loop.rig import ProbeRig
 from itouch.loop.runner import Runner
@@ -69,7 +70,7 @@ def _writers(listed: Sequence[Step], commands: Sequence[str]) -> Iterator[tuple[
 
 def build(
     model: Model, state: Record, runners: Mapping[str, Runner], rigs: Sequence[ProbeRig], objects: Objects,
-    events: Events, hold: Hold, move: Work,
+    events: Events, hold: Hold, move: Work, views: Mapping[str, Record],
 ) -> Plan:  # fmt: skip
     """Return the plan of a scene: read, contact, events, modalities, supervision, write; then the twins move on."""
     listed: list[Step] = []
@@ -82,7 +83,11 @@ def build(
     listed += [steps.force(rig) for rig in rigs]
     if rigs:
         listed.append(steps.tell(model, events, rigs))
-    listed += [steps.modality(model, one, state, runners) for one in model.modalities]
+    if model.modalities:
+        around = Fence(model.modalities, state)
+        listed.append(steps.fence(model, around))
+        listed += [steps.modality(model, one, views[one.name], runners, around) for one in model.modalities]
+        listed.append(steps.mend(model, around))
     listed += [steps.supervise(rig) for rig in rigs if rig.arm is not None or rig.table is not None]
     if hold.required:
         listed.append(steps.hold(hold))

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
+from itouch.loop.fence import view_for
 from itouch.loop.runner import Runner
 from itouch.plugin import Contact, ContactEvent, DeviceError, Record, Touch
 from itouch.world import Model, make_state
@@ -31,39 +32,40 @@ def reset_modalities(model: Model, state: Record) -> None:
     """Set the fields of all modalities to their start."""
     for modality in model.modalities:
         with failing(f"modality '{modality.name}'", "reset", model.place_of(modality.name)):
-            modality.instance.reset(modality.model, state)
+            modality.instance.reset(modality.model, view_for(modality, state))
 
 
-def _update(model: Model, scratch: Record) -> None:
+def _update(model: Model, views: Mapping[str, Record]) -> None:
     for modality in model.modalities:
         with failing(f"modality '{modality.name}'", "update", model.place_of(modality.name)):
-            modality.instance.update(modality.model, scratch, model.period * modality.every)
+            modality.instance.update(modality.model, views[modality.name], model.period * modality.every)
 
 
 def _rehearse_touches(model: Model, scratch: Record) -> None:
     """Take all modalities together through approach, touch and release of the first and the last object."""
-    _update(model, scratch)
+    views = {modality.name: view_for(modality, scratch) for modality in model.modalities}
+    _update(model, views)
     for probe in model.probes:
         for index in sorted({0, len(model.objects) - 1}) if model.objects else ():
             for kind in (Contact.NEAR, Contact.BEGIN, Contact.MOVE, Contact.END):
                 _pretend(model, scratch, probe.name, index if kind in (Contact.BEGIN, Contact.MOVE) else -1)
-                _rehearse_event(model, scratch, _event(model, kind, probe.name, index))
+                _rehearse_event(model, scratch, views, _event(model, kind, probe.name, index))
 
 
-def _rehearse_event(model: Model, scratch: Record, event: ContactEvent) -> None:
+def _rehearse_event(model: Model, scratch: Record, views: Mapping[str, Record], event: ContactEvent) -> None:
     for modality in model.modalities:
         with failing(f"modality '{modality.name}'", "on_contact", model.place_of(modality.name)):
             if event.kind in modality.instance.hears:
-                modality.instance.on_contact(event, modality.model, scratch)
+                modality.instance.on_contact(event, modality.model, views[modality.name])
     for _ in range(2):
-        _update(model, scratch)
-    _read_anew(model, scratch)
+        _update(model, views)
+    _read_anew(model, scratch, views)
     for modality in model.modalities:
         with failing(f"modality '{modality.name}'", "measures", model.place_of(modality.name)):
-            modality.instance.measures(modality.model, scratch, event.probe, event.object_index)
+            modality.instance.measures(modality.model, views[modality.name], event.probe, event.object_index)
 
 
-def _read_anew(model: Model, scratch: Record) -> None:
+def _read_anew(model: Model, scratch: Record, views: Mapping[str, Record]) -> None:
     """Let every device have a new reading between two updates, measured a while ago."""
     scratch["tick"] += 1
     for name in model.devices:
@@ -72,7 +74,7 @@ def _read_anew(model: Model, scratch: Record) -> None:
     for modality in model.modalities:
         with failing(f"modality '{modality.name}'", "on_reading", model.place_of(modality.name)):
             if modality.follows:
-                modality.instance.on_reading(modality.model, scratch)
+                modality.instance.on_reading(modality.model, views[modality.name])
 
 
 def _pretend(model: Model, scratch: Record, probe: str, index: int) -> None:

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from itouch.loop.blame import modality_fault
+from itouch.loop.blame import foreign_write, modality_fault
 from itouch.loop.events import Events
+from itouch.loop.fence import Fence
 from itouch.loop.objects import Objects
 from itouch.loop.rig import ProbeRig
 from itouch.loop.runner import Runner
@@ -93,7 +94,7 @@ def tell(model: Model, events: Events, rigs: Sequence[ProbeRig]) -> Step:
     return Step("events", events.update, (*reads, *heard, "objects.*"), (*noted, *heard, "events.*"))
 
 
-def modality(model: Model, one: ModalityModel, state: Record, runners: Mapping[str, Runner]) -> Step:
+def modality(model: Model, one: ModalityModel, state: Record, runners: Mapping[str, Runner], around: Fence) -> Step:
     """Advance a modality, or tell it of a reading that has come between two updates; what it raises is a fault."""
     followed = tuple(runners[name] for name in one.follows) if one.every > 1 else ()
     update, compiled, every, period = one.instance.update, one.model, one.every, model.period * one.every
@@ -106,11 +107,34 @@ def modality(model: Model, one: ModalityModel, state: Record, runners: Mapping[s
             elif followed and any(runner.news for runner in followed):
                 method = "on_reading"
                 one.instance.on_reading(compiled, state)
-        except Exception as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # a plugin that exits does not end the program
+            around.mend()
             raise modality_fault(model, one.instance, method, tick, error) from error
 
     commands = tuple(".command.".join(command.split(".", 1)) for command in one.commands)
     return Step(one.name, run, one.instance.reads(compiled), (f"{one.name}.*", *commands), every)
+
+
+def fence(model: Model, around: Fence) -> Step:
+    """Remember what modalities may not write: compiled code could, whatever it was given."""
+
+    def run(tick: int, ready: bool) -> None:
+        around.take()
+
+    return Step("fence", run, ("*",))
+
+
+def mend(model: Model, around: Fence) -> Step:
+    """Put back what modalities may not write, before anything is checked or sent; it is a fault."""
+
+    def run(tick: int, ready: bool) -> None:
+        changed = around.mend()
+        if changed:
+            raise foreign_write(model, model.modalities, changed, tick)
+
+    return Step("mend", run, ("*",))
 
 
 def supervise(rig: ProbeRig) -> Step:

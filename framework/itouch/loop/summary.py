@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from itouch.exchange import ThreadedDevice
 from itouch.loop.timing import Timing
+from itouch.plugin.fenced import FencedRecord
 from itouch.world import ModalityModel, limits
 from itouch.world.failing import said
 
@@ -92,6 +93,6 @@ def _exchanges(engine: Engine, name: str) -> dict[str, Any]:
 def _told(modality: ModalityModel, engine: Engine) -> dict[str, Any]:
     """Return what a modality says of the run; a report is made in any case."""
     try:
-        return modality.instance.report(modality.model, engine.state)
+        return modality.instance.report(modality.model, FencedRecord(engine.state, ()))
     except Exception as error:
         return {"error": f"failed in report: {said(error)}"}

@@ -1,4 +1,4 @@
-"""A record of which only some fields may be written: what a plugin gets of State, whose other fields are not its own."""
+"""A record of which only some fields may be written: State as a plugin gets it, whose other fields are not its own."""
 
 from __future__ import annotations
 

@@ -1,0 +1,138 @@
+"""A modality writes what it has declared and nothing else: by its views, and by a copy where it goes past them."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from test_failing_plugins import Hum, engine
+
+import itouch
+from itouch.plugin import Field, Record
+from itouch.plugin.fenced import FencedRecord
+
+#: Fields that a check, a limit or another writer depends on.
+OTHERS = ("arm.pose", "arm.status", "arm.trip", "arm.sent.wrench", "hold", "arm.calibration", "finger.hip", "tick")
+
+
+def poked(state: Record, field: str) -> None:
+    """Write by address, as compiled code may."""
+    view = state[field]
+    ctypes.memset(view.ctypes.data, 0x11, view.itemsize)
+
+
+def unlocked(state: Record, field: str) -> None:
+    """Write through a view that was made writable again."""
+    view = state[field]
+    while view.base is not None and not view.flags.writeable:
+        try:
+            view.flags.writeable = True
+        except ValueError:
+            view = view.base
+    np.asarray(view).reshape(-1)[:1] = 7
+
+
+def evil(write: Callable[[Record], None], *, when: str = "update", at: int = 50) -> type[Hum]:
+    class Evil(Hum):
+        """Does wrong in one tick."""
+
+        def update(self, model: Any, state: Record, period: float) -> None:
+            if when == "update" and int(state["tick"]) == at:
+                write(state)
+
+        def on_contact(self, event: Any, model: Any, state: Record) -> None:
+            if when == "on_contact" and int(state["tick"]) > 0:
+                write(state)
+
+    return Evil
+
+
+@pytest.mark.parametrize("field", OTHERS)
+@pytest.mark.parametrize("how", [poked, unlocked])
+def test_what_is_not_its_own_is_put_back_and_told(
+    tmp_path: Path, field: str, how: Callable[[Record, str], None]
+) -> None:
+    session = engine(tmp_path, evil(lambda state: how(state, field)))
+    session.run(0.05)
+    before = session.state[field].tobytes()
+    with pytest.raises(itouch.DeviceFaultError, match=f"lost its modality 'hum', .*{field}|not writable|read-only"):
+        session.tick()
+    assert session.status("arm").name == "FAULT"
+    if field in ("hold", "arm.calibration"):
+        assert session.state[field].tobytes() == before
+
+
+@pytest.mark.parametrize("write", [
+    lambda state: state.__setitem__("arm.pose", 0.0),
+    lambda state: state["arm.pose"].fill(0.0),
+    lambda state: state["finger.hip"].__setitem__(2, 1.0),
+    lambda state: state.part("arm.sent.").__setitem__("wrench", 1.0),
+    lambda state: state.raw.__setitem__(slice(None), 0),
+    lambda state: np.asarray(state)["hold"].__setitem__(..., 1 << 62),
+])  # fmt: skip
+@pytest.mark.parametrize("when", ["update", "on_contact"])
+def test_views_of_what_is_not_its_own_can_not_be_written(tmp_path: Path, write: Any, when: str) -> None:
+    session = None
+    with pytest.raises((itouch.DeviceFaultError, itouch.SceneError), match="failed in (update|on_contact): .*Error"):
+        session = engine(tmp_path, evil(write, when=when))
+        session.run(0.4)
+    assert session is None or session.status("arm").name == "FAULT"
+
+
+def test_its_own_fields_and_commands_can_be_written(tmp_path: Path) -> None:
+    class Good(Hum):
+        """Writes all that is its own, in every way."""
+
+        def fields(self, model: Any) -> tuple[Field, ...]:
+            return (Field("count", "i8"), Field("a", "f8", 3), Field("b", "f8", 2))
+
+        def update(self, model: Any, state: Record, period: float) -> None:
+            state["hum.count"] += 1
+            state.part("hum.")["count"] += 1
+            state.flat("hum.a", "hum.b")[:] = 1.0
+            state["arm.command.wrench"] = (0.1, 0, 0, 0, 0, 0)
+            assert not state.copy()["hold"].any()
+
+    session = engine(tmp_path, Good)
+    session.run(0.1)
+    assert session.state["hum.count"] == 200
+    assert session.state["hum.b"].tolist() == [1.0, 1.0]
+    assert session.state["arm.sent.wrench"][0] == pytest.approx(0.1)
+
+
+def test_a_fenced_record_is_the_same_memory() -> None:
+    whole = Record.of([Field("a", "f8", 2), Field("b"), Field("c", "i8")])
+    fenced = FencedRecord(whole, ["b"])
+    whole["a"] = 3.0
+    fenced["b"] = 2.0
+    assert (fenced["a"].tolist(), whole["b"].item()) == ([3.0, 3.0], 2.0)
+    with pytest.raises(ValueError, match="'c' is not its own"):
+        fenced["c"] = 1
+    with pytest.raises(KeyError):
+        fenced["x"] = 1
+    with pytest.raises(ValueError, match="read-only"):
+        fenced.flat("a", "b")[:] = 0.0
+    assert fenced.flat("b", "b").flags.writeable
+    assert fenced.copy().flat("a", "b").flags.writeable
+
+
+@pytest.mark.parametrize("ends", [SystemExit, KeyboardInterrupt, GeneratorExit])
+@pytest.mark.parametrize("when", ["update", "on_contact"])
+def test_whatever_a_modality_raises_the_devices_are_made_safe(
+    tmp_path: Path, ends: type[BaseException], when: str
+) -> None:
+    def leave(state: Record) -> None:
+        if int(state["tick"]) > 10:  # not while it is rehearsed
+            raise ends
+
+    session = engine(tmp_path, evil(leave, when=when))
+    told = KeyboardInterrupt if ends is KeyboardInterrupt else itouch.DeviceFaultError
+    with pytest.raises(told):
+        session.run(0.4)
+    assert session.status("arm").name == "FAULT"
+    assert not session.state["arm.sent.wrench"].any()
+    assert session.report()["faults"][-1]["safe"]["reached"] is True
