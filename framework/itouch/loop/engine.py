@@ -271,9 +271,12 @@ class Engine:
         """
         self._operating.reconnect(device)
 
-    def hold(self, held: bool = True) -> None:
-        """Say that somebody holds the dead-man's switch: good for 80 ms, so say it again and again; or has let go."""
-        self._operating.hold.press(self.ticks, held)
+    def hold(self, held: bool = True, *, shared: bool = False) -> None:
+        """Say that somebody holds the dead-man's switch: good for 80 ms, so say it again and again; or has let go.
+
+        Letting go stops what acts, also if somebody else holds on, which ``shared`` says.
+        """
+        self._operating.hold.press(self.ticks, held, shared=shared)
 
     def inject(
         self, device: str, kind: str, *, at: float | None = None, duration: float | None = None, channel: str = "",

@@ -22,16 +22,18 @@ class Hold:
         self._until, self._supervisors = state["hold"], tuple(supervisors)
         self._ticks = math.ceil(default.HOLD / period)
         self._switches = [s.reading["deadman"] for s in supervisors if "deadman" in s.reading]
+        self._said = "nobody holds the switch"
         #: Whether nothing may act unless the switch is held.
         self.required = asked or any(not s.model.twin for s in supervisors)
 
-    def press(self, tick: int, held: bool) -> None:
-        """Take a word of the switch: held now, which is good for 80 ms, or let go."""
+    def press(self, tick: int, held: bool, *, shared: bool = False) -> None:
+        """Take a word of the switch: held now, which is good for 80 ms, or let go; ``shared``: another holds on."""
+        self._said = "one of those who held the switch let it go" if shared else "nobody holds the switch"
         self._until[...] = tick + self._ticks if held else tick
 
     def held(self, tick: int) -> bool:
-        """Tell whether the switch is held, by a device or by word."""
-        return tick < self._until.item() or any(switch.item() > 0.5 for switch in self._switches)
+        """Tell whether the switch is held, by a device or by word; no word is good for longer than 80 ms."""
+        return 0 < self._until.item() - tick <= self._ticks or any(switch.item() > 0.5 for switch in self._switches)
 
     def check(self, tick: int) -> None:
         """Stop what acts if nobody holds the switch.
@@ -46,4 +48,4 @@ class Hold:
         acting = [s for s in self._supervisors if s.enabled]
         if acting:
             first = next((s for s in acting if s.model.command("pose_target") is not None), acting[0])
-            raise DeviceFaultError(first.model.name, tick, Trip.RELEASED, "was let go: nobody holds the switch")
+            raise DeviceFaultError(first.model.name, tick, Trip.RELEASED, f"was let go: {self._said}")

@@ -16,14 +16,13 @@ from itouch.loop.timing import Timing, timing_fields
 from itouch.plugin import Record
 from itouch.servo import box
 from itouch.servo import words as at
+from itouch.servo.holders import Holder
 from itouch.servo.reading import Follower, Ring, copy_timing
 from itouch.servo.segment import PREFIX, Segment, ServoError, monotonic
 
 if TYPE_CHECKING:
     from itouch.scene import Scene
 
-#: How long [s] one ``hold`` lasts: whoever holds the dead-man's switch must say so again before.
-HOLD_TIME = 0.08
 #: Silence [s] after which a servo process counts as hung.
 SILENCE = 1.0
 
@@ -64,6 +63,7 @@ class Link:
         self._parts = tuple(meta["parts"])
         self._ring = Ring(segment)
         self._copy = Record(self.dtype)
+        self._holder = Holder(segment)
 
     def scene(self) -> Scene:
         """Return the scene, with the files that it names.
@@ -164,11 +164,20 @@ class Link:
         self._words[at.STOP] = 1
 
     def hold(self, held: bool = True) -> None:
-        """Hold the dead-man's switch for the next 80 ms, or let it go; who dies or hangs lets go by itself."""
-        self._words[at.HELD_UNTIL] = monotonic() + round(HOLD_TIME * 1e9) if held else 0
+        """Hold the dead-man's switch for the next 80 ms, or let it go; who dies or hangs lets go by itself.
+
+        Each link holds by a word of its own: if one lets go the session stops, whoever else holds.
+
+        Raises
+        ------
+        ServoError
+            If too many hold it.
+        """
+        self._holder.say(held)
 
     def close(self) -> None:
-        """Detach."""
+        """Let go of the switch, and detach."""
+        self._holder.leave()
         self._segment.close()
 
     def __enter__(self) -> Link:

@@ -14,6 +14,7 @@ from itouch.servo import words as at
 from itouch.servo.box import Inbox
 from itouch.servo.channel import Outbox
 from itouch.servo.commands import Commands
+from itouch.servo.holders import Switch
 from itouch.servo.prepare import prepare, prepare_text
 from itouch.servo.publish import ORDERED, TIMING_EVERY, Publisher, slots_for
 from itouch.servo.remote import Remotes
@@ -61,6 +62,7 @@ class Servo:
         self.words = segment.words
         self._publisher = Publisher(segment, state, timing)
         self._inbox = Inbox(segment)
+        self._switch = Switch(segment.words)
         self._commands = Commands(self)
         self._told = len(session.ledger.contacts)
         self.paused = self._held = self._armed = False
@@ -223,10 +225,12 @@ class Servo:
         time.sleep(_IDLE)
 
     def _hold(self) -> None:
-        """Pass on whether somebody holds the dead-man's switch."""
-        held = self.words[at.HELD_UNTIL].item() > monotonic()
-        if held or self._held:
-            self.session.hold(held)
+        """Pass on whether somebody holds the dead-man's switch, and if one who held it has let go."""
+        held, released = self._switch.look()
+        if released:
+            self.session.hold(False, shared=held)
+        elif held:
+            self.session.hold()
         self._held = held
 
     def _tap(self, tick: int) -> None:

@@ -41,7 +41,7 @@ GUARDIAN: Final = 22
 GUARDIAN_BEAT: Final = 23
 #: Set by anyone who wants the session to end: the devices are made safe first.
 STOP: Final = 24
-#: Somebody holds the dead-man's switch until this time.
+#: Somebody holds the dead-man's switch until this time: one word that needs no place among the holders.
 HELD_UNTIL: Final = 25
 #: How many commands were put into the box, and how many were taken out.
 ASKED: Final = 26
@@ -49,6 +49,9 @@ TAKEN: Final = 27
 #: Sequence numbers round the copy of Timing.
 TIMING_BEGIN: Final = 28
 TIMING_END: Final = 29
+#: Who may hold the dead-man's switch: for each a mark of its owner, and until when it is held.
+HOLDERS: Final = 32
+MOST_HOLDERS: Final = 16
 
 WORDS: Final = 64
 

@@ -1,0 +1,110 @@
+"""The words of the dead-man's switch: one for each who holds it, none good for longer than 80 ms after it was said.
+
+The servo process believes a word for 80 ms at most from when it first sees it, whatever the word says, so that nothing
+written there can hold the switch for ever.  Who has held it and lets go, or falls silent, stops the session, also if
+somebody else still holds.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import secrets
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.servo import words as at
+from itouch.servo.segment import Segment, ServoError, monotonic
+
+#: How long [ns] one word is believed.
+HOLD_NS: Final = 80_000_000
+#: A place whose owner has said nothing for so long [ns] may be taken by another.
+_IDLE_NS: Final = 10_000_000_000
+_PID_SHIFT: Final = 40
+
+
+class Holder:
+    """One who may hold the switch: a word of one's own in a session's memory, claimed when it is first held."""
+
+    def __init__(self, segment: Segment) -> None:
+        self._segment = segment
+        self._token = os.getpid() << _PID_SHIFT | secrets.randbits(_PID_SHIFT)
+        self._place = -1
+
+    def say(self, held: bool) -> None:
+        """Hold the switch for the next 80 ms, or let it go.
+
+        Raises
+        ------
+        ServoError
+            If too many processes hold the switch of this session.
+        """
+        words = self._segment.words
+        if self._place < 0 or int(words[self._place]) != self._token:
+            if not held:
+                return
+            self._place = self._claim()
+        words[self._place + 1] = monotonic() + HOLD_NS if held else 0
+
+    def _claim(self) -> int:
+        # a description of its own: two threads of one process must exclude one another, too
+        lock = os.open(f"/proc/self/fd/{self._segment.handle}", os.O_RDWR | os.O_CLOEXEC)
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            words = self._segment.words
+            for place in range(at.HOLDERS, at.HOLDERS + 2 * at.MOST_HOLDERS, 2):
+                if _is_free(int(words[place]), int(words[place + 1])):
+                    words[place + 1] = 0
+                    words[place] = self._token
+                    return place
+        finally:
+            os.close(lock)
+        raise ServoError(f"{at.MOST_HOLDERS} others hold the dead-man's switch of session '{self._segment.name}'")
+
+    def leave(self) -> None:
+        """Let go, and give the word back."""
+        words = self._segment.words
+        if self._place >= 0 and int(words[self._place]) == self._token:
+            words[self._place + 1] = 0
+            words[self._place] = 0
+        self._place = -1
+
+
+def _is_free(owner: int, until: int) -> bool:
+    return owner == 0 or until < monotonic() - _IDLE_NS or not os.path.exists(f"/proc/{owner >> _PID_SHIFT}")
+
+
+class Switch:
+    """What the servo process makes of all those words."""
+
+    def __init__(self, words: NDArray[np.int64]) -> None:
+        self._words = words[at.HELD_UNTIL : at.HOLDERS + 2 * at.MOST_HOLDERS]
+        self._places = [0, *range(at.HOLDERS + 1 - at.HELD_UNTIL, len(self._words), 2)]
+        self._seen = [int(self._words[place]) for place in self._places]
+        self._until = [0] * len(self._places)
+        self._before = b""
+
+    def look(self) -> tuple[bool, bool]:
+        """Return whether the switch is held now, and whether one who held it has let go since the last look."""
+        now, told = monotonic(), self._words.tobytes()
+        if told != self._before:
+            self._before = told
+            self._hear(self._words.tolist(), now)
+        released = False
+        for index, until in enumerate(self._until):
+            if until and until <= now:
+                self._until[index] = 0
+                released = True
+        return any(self._until), released
+
+    def _hear(self, words: list[int], now: int) -> None:
+        for index, place in enumerate(self._places):
+            value = words[place]
+            if value != self._seen[index]:
+                self._seen[index] = value
+                if value > now:
+                    self._until[index] = min(value, now + HOLD_NS)
+                elif self._until[index]:
+                    self._until[index] = now  # let go: seen as that in the same look
