@@ -7,6 +7,7 @@ elsewhere is seen by a copy that was taken before, put back before anything is c
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 from itouch.plugin import Record
 from itouch.plugin.fenced import FencedRecord
@@ -57,7 +58,7 @@ class Fence:
 
 def _spans(state: Record, names: Iterable[str]) -> Iterable[tuple[int, int]]:
     """Yield begin and end of the memory of these fields, neighbours together."""
-    table = state.dtype.fields or {}
+    table: Any = state.dtype.fields or {}
     wanted, begin, last = set(names), -1, -1
     for name, kind in sorted(table.items(), key=lambda entry: entry[1][1]):
         if name not in wanted:
