@@ -114,6 +114,7 @@ class Lockstep:
     def _tick(self, tick: int) -> None:
         with self._lock:
             self.rig.step()
+            self.rig.keep_up()
 
     @contextlib.contextmanager
     def serving(self) -> Iterator[None]:

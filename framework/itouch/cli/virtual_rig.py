@@ -143,6 +143,13 @@ class VirtualRig:
         for runner, emulator in self._lines:
             self.driven |= emulator.serve(now, runner.reading, runner.sent)
 
+    def keep_up(self) -> None:
+        """Let those emulators live through the last period that have a course of their own."""
+        now = self._session.seconds
+        for runner, emulator in self._lines:
+            if emulator.lives:
+                self.driven |= emulator.serve(now, runner.reading, runner.sent)
+
     def handles(self) -> list[int]:
         """Return the file descriptors on which a host's next request comes."""
         return [handle for _, emulator in self._lines for handle in emulator.handles()]

@@ -19,6 +19,10 @@ class Emulator(ABC):
     #: How much faster than the host's clock its transports' own timers run; set before ``open``.
     speed: float = 1.0
 
+    #: True if it has a course of its own in simulated time, as a simulated chip has: in step it is then served in
+    #: every period, and its host's requests are answered as in no time.
+    lives: bool = False
+
     def __init__(self, params: Any) -> None:
         self.params = params
 

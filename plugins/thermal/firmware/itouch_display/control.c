@@ -18,6 +18,11 @@
 #define TWICE 2
 #define DIFFER_TIMES 8
 #define NO_SAMPLES_MS 5
+/* Temperatures between two looks at the sink's balance; how fast its constant is learnt, a look (250 s); how wrong heat
+   capacity and resistance may be. */
+#define SINK_TIMES 20
+#define SINK_LEARN 0.0008f
+#define SINK_PART 0.35f
 
 const char *const cut_names[CUTS + 1] = {
   "none", "plate-hot", "plate-cold", "sink-hot", "plate-sensor", "sink-sensor", "sensors-differ", "current",
@@ -73,6 +78,27 @@ static void watch_temperatures(void) {
   if (differ >= DIFFER_TIMES) control_stop(SENSORS_DIFFER), differ = 0;
 }
 
+/* A thermistor that has come off the sink would let it heat up unseen: by its heat capacity, its way to the room and the
+   heat of the module its temperature is known but for a constant, which is learnt slowly. */
+static void watch_sink(void) {
+  static float rise, offset = NAN, mean_current, mean_square;
+  static uint8_t since;
+  mean_current += now.current;
+  mean_square += now.current * now.current;
+  if (++since < SINK_TIMES) return;
+  since = 0;
+  float current = mean_current / SINK_TIMES, square = mean_square / SINK_TIMES;
+  mean_current = mean_square = 0.0f;
+  if (isnan(now.sink) || isnan(now.plate)) return;
+  float heat = MODULE_V_PER_K * (now.sink + 273.15f) * current + 0.5f * MODULE_OHM * square
+      - MODULE_W_PER_K * (now.sink - now.plate);
+  rise += SINK_TIMES * 0.01f / SINK_J_PER_K * (heat - rise / SINK_K_PER_W);
+  float other = now.sink - rise;
+  if (isnan(offset)) offset = other;
+  offset += SINK_LEARN * (other - offset);
+  if (fabsf(other - offset) > SINK_OFF_K + SINK_PART * fabsf(rise)) control_stop(SINK_SENSOR), offset = other;
+}
+
 /* Return what the plate's temperature leaves of a current. */
 static float held_back(float amps) {
   float room = amps > 0.0f ? now.coldest - PLATE_COLD_C : PLATE_HOT_C - now.hottest;
@@ -119,7 +145,10 @@ void control_turn(void) {
   }
   missing = 0;
   board_alive();
-  if (sensors_turn() && sensors_zeroed()) watch_temperatures();
+  if (sensors_turn() && sensors_zeroed()) {
+    watch_temperatures();
+    watch_sink();
+  }
   if (unheard < SILENCE_MS) unheard++;
   else silent = 1;
   if (!sensors_zeroed()) return;

@@ -179,7 +179,7 @@ static void order(const char *at) {
 }
 
 static void obey(char *line, uint8_t used) {
-  if (!sealed(line, used)) return; /* the host will ask again */
+  if (!sealed(line, used) || !sensors_zeroed()) return; /* the host will ask again */
   if (strcmp(line, "?") == 0) {
     greet();
   } else if (strcmp(line, "C") == 0) {

@@ -16,7 +16,7 @@ from itouch_thermal.display.device import DisplayTwin, ThermalDisplay
 from itouch_thermal.display.params import DisplayParams
 from itouch_thermal.display.plant import MEAN, PLATE_LAG, PUMP, SINK, SINK_LAG
 
-STEP = 1e-3
+STEP, SOAK_STEP = 1e-3, 10e-3
 #: The display that is described in the documentation, as its twin: a 40 mm module, thermistors that lag, a 12 V supply.
 REFERENCE = DisplayParams(
     max_current=3.0, seebeck=0.052, resistance=1.95, conductance=0.54, plate_lag=0.2, sink_lag=2.0, delay=0.0
@@ -146,7 +146,7 @@ class SimulatedDisplay:
         """Let plate and sink come to rest without current; return the lowest and highest of the plate [K]."""
         self._command["current"] = 0.0
         low = high = self.plate
-        for _ in range(round(seconds / STEP)):
-            self._twin.step(self._state, self._command, self.touch, STEP)
+        for _ in range(round(seconds / SOAK_STEP)):
+            self._twin.step(self._state, self._command, self.touch, SOAK_STEP)
             low, high = min(low, self.plate), max(high, self.plate)
         return low, high

@@ -69,7 +69,7 @@ class DisplayTwin(Twin):
 
     def fields(self) -> tuple[Field, ...]:
         """Return modes, delay line, sensors, energies and the generator's word."""
-        slots = 1 + round(self.params.delay / SHORTEST)
+        slots = 1 + round((self.params.delay + self.params.mismatch.delay) / SHORTEST)
         return (
             Field("true_flux", unit="W/m^2", doc="true flux out of the finger", show="no"),
             Field("true_skin", unit="K", doc="true temperature of the skin's surface", show="no"),
@@ -191,7 +191,7 @@ def constants(p: DisplayParams, parts: Column, ambient: float = REFERENCE) -> Ar
     c[plant.C_FLUX_GAIN], c[plant.C_FLUX_BIAS] = 1.0 + off.flux_gain, p.flux_bias
     c[plant.C_PLATE_OFFSET], c[plant.C_CLEAR] = off.plate_offset, p.skin_clear
     c[plant.C_CEILING] = p.full_scale
-    c[plant.C_SLOTS] = round(p.delay / parts.period)
+    c[plant.C_SLOTS] = round((p.delay + off.delay) / parts.period)
     if p.command == "temperature":
         c[plant.C_GAIN], c[plant.C_INTEGRAL] = p.target_gain, p.target_integral
     c.setflags(write=False)

@@ -33,6 +33,7 @@ class Mismatch:
     finger_effusivity: float = schema.quantity("", low=-0.5, high=1.0, default=0.0, doc="effusivity of the finger")
     sensor_lag: float = schema.quantity("", low=-0.9, high=4.0, default=0.0, doc="time constants of both sensors")
     flux_gain: float = schema.quantity("", low=-0.5, high=1.0, default=0.0, doc="gain of the flux sensor")
+    delay: float = schema.quantity("s", low=-0.2, high=0.2, default=0.0, doc="how much longer a command takes")
     plate_offset: float = schema.quantity("K", low=-2.0, high=2.0, default=0.0, doc="offset of the plate's sensor")
 
     def __post_init__(self) -> None:
@@ -148,6 +149,8 @@ class DisplayParams:
             self._take(self.datasheet.module())
         schema.validate(self)
         check_laws(self.laws, self.contact_resistance)
+        if self.delay + self.mismatch.delay < -1e-12:
+            raise ValueError(f"mismatch: delay = {self.mismatch.delay!r} s is more than the delay of {self.delay:g} s")
         if self.laws and self.full_force > 0.0:
             raise ValueError(f"full-force and <{self.laws[0].TAG}> say the same thing: remove one of them")
         for name in ("contact_area", "sensor_area"):

@@ -11,11 +11,18 @@ from dataclasses import replace
 from typing import Any
 
 from itouch.plugin import DeviceError, Emulator, Record, Terminal
+from itouch_thermal.chip.line import SimulatedLine
 from itouch_thermal.drivers.params import FluxSensor, Infrared, LabJack, Mecom
 from itouch_thermal.drivers.virtual import Plate, VirtualLine, VirtualMecom, VirtualT7
 
 #: So long [s] the sensors' readings may be old.
-_UNSEEN = 2e-3
+_UNSEEN, _UNSEEN_BY_CHIP = 2e-3, 5e-4
+#: From this current [A] on a simulated chip is driven: its loop never holds zero exactly.
+_DRIVEN = 0.02
+
+
+def _has_chip(params: Any) -> bool:
+    return params.line is not None and params.line.firmware == "reference"
 
 
 class ModbusServer:
@@ -88,7 +95,9 @@ class DisplayEmulator(Emulator):
         super().__init__(params)
         self.plate = Plate()
         self.tec = VirtualMecom(self.plate, address=params.mecom.address) if params.mecom is not None else None
-        self.line = VirtualLine(self.plate) if params.line is not None else None
+        self.chip = SimulatedLine(params, self.plate) if _has_chip(params) else None
+        self.line = VirtualLine(self.plate) if params.line is not None and self.chip is None else None
+        self.lives = self.chip is not None
         self.t7 = VirtualT7() if params.labjack is not None else None
         self._terminal: Terminal | None = None
         self._server: ModbusServer | None = None
@@ -110,6 +119,9 @@ class DisplayEmulator(Emulator):
         if named is not None:
             self._terminal = Terminal(named.port, baud=named.baud * self.speed)
             words.append(f"current source of the display on {named.port}")
+        if self.chip is not None:
+            self.chip.open()
+            words.append("the reference display's program in a simulated chip")
         if self.t7 is not None:
             host, _, port = self.params.labjack.host.partition(":")
             self._server = ModbusServer(host, int(port or 502), self.t7)
@@ -122,10 +134,13 @@ class DisplayEmulator(Emulator):
             if part is not None:
                 part.close()
         self._terminal = self._server = None
+        if self.chip is not None:
+            self.chip.close()
 
     def patience(self) -> float:
         """Return when the serial line has the next message over, and at most how long the twin may go unseen."""
-        return min(_UNSEEN, self._terminal.due()) if self._terminal is not None else _UNSEEN
+        longest = _UNSEEN_BY_CHIP if self.lives else _UNSEEN
+        return min(longest, self._terminal.due()) if self._terminal is not None else longest
 
     def handles(self) -> list[int]:
         """Return the descriptors of serial port and server."""
@@ -145,6 +160,9 @@ class DisplayEmulator(Emulator):
         if self.tec is not None:
             out = self.tec.take(data) if data else b""
             driven, current = self.tec.driven(), self.tec.output()
+        elif self.chip is not None:
+            out, current = self.chip.take(data, now)
+            driven = abs(current) > _DRIVEN
         elif self.line is not None:
             out = self.line.take(data, now) if data else b""
             current = self.line.output(now)

@@ -10,6 +10,8 @@ from itouch_thermal.drivers.emulator import DisplayEmulator
 from itouch_thermal.drivers.fits import FITS
 from itouch_thermal.drivers.rig import Rig, rig_of
 
+#: Bytes of an order and its answer on the line of a rig of one's own, and what it takes besides [s].
+_LINE_BYTES, _LINE_REST = 75, 5e-3
 #: What stands in a reading of the skin as long as no thermometer has seen it [K]; it is marked as not valid.
 _UNSEEN = 306.15
 
@@ -24,6 +26,15 @@ class HardwareDisplay(Device):
     exchange_time: ClassVar[float] = 0.02
     #: Serial ports and sockets of a process that died are free: another one can set the current to zero.
     second_opener: ClassVar[bool] = True
+
+    @classmethod
+    def takes(cls, params: Any) -> float:
+        """Return the seconds of one exchange: 75 bytes on a line, or what a controller takes."""
+        return (
+            round(_LINE_BYTES * 10.0 / params.line.baud + _LINE_REST, 3)
+            if params.line is not None
+            else cls.exchange_time
+        )
 
     def __init__(self, params: Any) -> None:
         super().__init__(params)
