@@ -5,7 +5,9 @@ A test that calls ``size`` carries the mark ``campaign``: without ``-m long`` it
 
 from __future__ import annotations
 
+import pytest
 from _pytest.mark.expression import Expression
+from _pytest.mark.structures import ParameterSet
 
 #: Whether the long form runs; set before any test is collected.
 FULL = False
@@ -29,3 +31,11 @@ def size(short: int, full: int) -> int:
 def tell(text: str) -> None:
     """Note a line of a campaign's result; the long form prints it at its end."""
     TOLD.append(text)
+
+
+def seeds(short: int, full: int, *, first: int = 0) -> list[ParameterSet]:
+    """Return the seeds of a test: the first few are tried always, the others in the long form."""
+    return [
+        pytest.param(seed, marks=() if seed < first + short else pytest.mark.long)
+        for seed in range(first, first + full)
+    ]

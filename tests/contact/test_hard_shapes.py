@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from campaign import seeds
 from probing import Floats, Probe, box_mesh, grid, mesh, needle, quads, random_pose, winding
 
 from itouch.bench.contact.work import icosphere
@@ -26,7 +27,7 @@ def random_size(rng: np.random.Generator) -> float:
     return float(10 ** rng.uniform(-3, 1))
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", seeds(6, 40))
 def test_in_the_corner_of_three_planes_the_probe_touches_all(seed: int) -> None:
     rng = np.random.default_rng(seed)
     size, steps = random_size(rng), int(rng.choice([1, 5, 100]))
@@ -42,7 +43,7 @@ def test_in_the_corner_of_three_planes_the_probe_touches_all(seed: int) -> None:
     np.testing.assert_allclose(probe.force, place - [-0.05 * size, -0.1 * size, -0.2 * size], atol=1e-12)
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", seeds(6, 40))
 def test_along_a_groove_the_probe_neither_sticks_nor_trembles(seed: int) -> None:
     rng = np.random.default_rng(seed)
     size, angle = random_size(rng), rng.uniform(0.05, 1.4)
@@ -80,7 +81,7 @@ def plates(rng: np.random.Generator, side: float, thickness: float) -> list[tupl
 
 
 @pytest.mark.parametrize("kind", range(4))
-@pytest.mark.parametrize("seed", range(15))
+@pytest.mark.parametrize("seed", seeds(4, 15))
 def test_nothing_goes_through_a_plate_of_one_millimetre(seed: int, kind: int) -> None:
     rng = np.random.default_rng(seed)
     size = float(10 ** rng.uniform(-2, 1))
@@ -147,7 +148,7 @@ def test_a_probe_stays_out_of_a_solid_and_as_near_as_it_can(seed: int, name: str
             assert np.linalg.norm(beside - hip * size) > np.linalg.norm(place - hip * size) - 1e-4 * size
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", seeds(5, 20))
 def test_a_probe_rolls_over_the_rim_of_an_open_surface(seed: int) -> None:
     rng = np.random.default_rng(seed)
     size, y = random_size(rng), rng.uniform(-0.4, 0.4)
@@ -161,7 +162,7 @@ def test_a_probe_rolls_over_the_rim_of_an_open_surface(seed: int) -> None:
         np.testing.assert_allclose(place, [0.5 * size, y * size, 0.0] + radius * way, atol=1e-4 * radius)
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", seeds(5, 20))
 def test_what_comes_from_behind_is_let_through_and_held_from_the_front(seed: int) -> None:
     rng = np.random.default_rng(seed)
     size, steps = random_size(rng), int(rng.choice([5, 50, 300]))

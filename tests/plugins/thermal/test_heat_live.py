@@ -3,6 +3,7 @@
 import heat_cases
 import numpy as np
 import pytest
+from campaign import seeds
 
 from itouch_thermal import Back, Contact, Initial, Layer, LockStep, Side, Stepper, solve, solve_many
 from itouch_thermal.solver import live
@@ -35,7 +36,7 @@ def test_constant_resistance_from_the_first_step_on(name):
     assert stepper.heat == pytest.approx(wanted.heat[-1], rel=1e-7)
 
 
-@pytest.mark.parametrize("seed", range(60, 90))
+@pytest.mark.parametrize("seed", seeds(6, 30, first=60))
 def test_random_cases_at_constant_resistance(seed):
     contact = case_of(heat_cases.random_case(seed))
     flux = Stepper(contact, PERIOD).advance(contact.resistance, int(STEPS[-1]))[STEPS - 1]

@@ -38,10 +38,13 @@ class Stack:
 
     def locate(self, depth: float) -> tuple[int, float]:
         """Return the layer at a depth and the depth within it [m]; the back face belongs to the last layer."""
-        faces = self.faces
-        last = len(self.thickness) - 1
-        index = min(int(np.searchsorted(faces, depth, side="right")) - 1, last)
-        return index, min(depth - float(faces[index]), float(self.thickness[index]))
+        index = int(self.layers_at(np.array([depth]))[0])
+        return index, min(depth - float(self.faces[index]), float(self.thickness[index]))
+
+    def layers_at(self, depths: Array) -> NDArray[np.intp]:
+        """Return the layers at depths [m], same shape; the back face belongs to the last layer."""
+        found = np.searchsorted(self.faces, depths, side="right") - 1
+        return np.minimum(found, len(self.thickness) - 1)
 
 
 def stack_of(side: Side) -> Stack:

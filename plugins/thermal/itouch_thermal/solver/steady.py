@@ -9,11 +9,14 @@ terms divided by ``exp(m L)``, so that nothing overflows and held, insulated and
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
 from itouch_thermal.solver.layers import Side
 from itouch_thermal.solver.stack import Array, Stack, stack_of
+
+Number = TypeVar("Number", float, Array)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,8 +42,14 @@ class Profile:
         return float(self.fluxes[0])
 
     def temperature(self, depths: Array) -> Array:
-        """Temperature [K] at depths [m], same shape."""
-        return np.array([self._temperature(*self.stack.locate(float(depth))) for depth in np.ravel(depths)])
+        """Temperature [K] at depths [m], in one row."""
+        depths = np.ravel(depths).astype(np.float64)
+        index, found = self.stack.layers_at(depths), np.empty(depths.size)
+        faces, thickness = self.stack.faces, self.stack.thickness
+        for layer in np.unique(index).tolist():
+            inside = index == layer
+            found[inside] = self._temperature(layer, np.minimum(depths[inside] - faces[layer], thickness[layer]))
+        return found
 
     def flux_at(self, depth: float) -> float:
         """Inward flux [W/m2] at a depth [m]."""
@@ -65,21 +74,23 @@ class Profile:
         outer, inner = float(self.faces[index]), float(self.faces[index + 1])
         return (outer - self.arterial) / _unit_sinh(m * length), (inner - self.arterial) / _unit_sinh(m * length)
 
-    def _temperature(self, index: int, x: float) -> float:
+    def _temperature(self, index: int, x: Array) -> Array | float:
+        """Return the temperature [K] at depths [m] within one layer."""
         _, m, length = self._layer(index)
         outer, inner = float(self.faces[index]), float(self.faces[index + 1])
         if m == 0.0:
             return outer if np.isinf(length) else outer + (inner - outer) * (x / length)
         if np.isinf(length):
-            return self.arterial + (outer - self.arterial) * float(np.exp(-m * x))
+            return self.arterial + (outer - self.arterial) * np.exp(-m * x)
         head, tail = self._ends(index)
-        fall, rise = float(np.exp(-m * x)), float(np.exp(-m * (length - x)))
+        fall, rise = np.exp(-m * x), np.exp(-m * (length - x))
         return self.arterial + head * fall * _unit_sinh(m * (length - x)) + tail * rise * _unit_sinh(m * x)
 
 
-def _unit_sinh(x: float) -> float:
+def _unit_sinh(x: Number) -> Number:
     """``sinh(x) exp(-x)``."""
-    return -0.5 * float(np.expm1(-2.0 * x))
+    found: Number = -0.5 * np.expm1(-2.0 * x)
+    return found
 
 
 def _unit_cosh(x: float) -> float:
