@@ -19,14 +19,18 @@ from forms import (  # noqa: F401  - hooks
 from forms import pytest_collection_modifyitems as _choose
 from shipped import SCENES
 
+#: The files that take longest, longest first: a worker that began one of them last would be waited for.
+LONGEST = ("test_matrix", "test_restore", "test_live_window", "test_deaths", "test_calibration_attacks")
+
 
 @pytest.hookimpl(tryfirst=True)  # before the groups are read
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Let a file's tests share a worker, because they share fixtures; and those that look at all sessions of a machine."""
+    """Let a file's tests share a worker, because they share fixtures; begin with the files that take longest."""
     _choose(items)
     for item in items:
-        alone = not {"servo", "cli"}.isdisjoint(item.path.parts)
-        item.add_marker(pytest.mark.xdist_group("servo" if alone else str(item.path)))
+        item.add_marker(pytest.mark.xdist_group(str(item.path)))
+    longest = {name: place for place, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: longest.get(item.path.stem, len(longest)))
 
 
 @pytest.fixture

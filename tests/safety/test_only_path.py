@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import ast
 import os
-import random
 import subprocess
 import sys
 from pathlib import Path
 
-import mutants
-import pytest
+import mutation
 from shipped import REPOSITORY
 
 FRAMEWORK = REPOSITORY / "framework" / "itouch"
-UNIT = [str(Path(__file__).parent / f"test_{name}.py") for name in mutants.TESTS]
+UNIT = [str(Path(__file__).parent / f"test_{name}.py") for name in mutation.SAFETY]
 
 
 def device_writes(path: Path) -> list[int]:
@@ -51,31 +49,3 @@ def test_every_branch_of_the_supervisor_is_tested(tmp_path: Path) -> None:
     report = [sys.executable, "-m", "coverage", "report", "--fail-under=100", "--show-missing", "--skip-covered"]
     done = subprocess.run(report, env=data, cwd=REPOSITORY, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout
-
-
-def test_mutants_of_the_supervisor_are_noticed() -> None:
-    """The short form of the campaign: twenty of the mutants; four may survive, for some change nothing."""
-    code = (
-        "import sys\n"
-        f"sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
-        "import mutants\n"
-        "mutants.prepare()\n"
-        "chosen = mutants.sample(('guard', 'carried', 'supervisor', 'sequence', 'heat'), 20, 20)\n"
-        "assert mutants.survives(mutants.control('guard'))\n"
-        "alive = mutants.campaign(chosen)\n"
-        "sys.exit(len(alive))\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=REPOSITORY, check=False)
-    assert done.returncode <= 4, done.stdout + done.stderr
-
-
-def test_mutants_are_what_they_say() -> None:
-    every = list(mutants.mutants("finger"))
-    assert len(every) == len({(one.line, one.what, one.code.co_code, str(one.code.co_consts)) for one in every}) > 10
-    assert random.Random(0).choice(every).module == "finger"
-
-
-@pytest.mark.long
-def test_the_whole_campaign() -> None:
-    done = subprocess.run([sys.executable, str(Path(__file__).parent / "mutants.py")], cwd=REPOSITORY, check=False)
-    assert done.returncode == 0

@@ -1,0 +1,349 @@
+"""Mutants of the program, and whether the tests notice: ``python tests/mutation.py [--sample N] [--seed S] [ROOM ...]``.
+
+cosmic-ray makes the mutants, drawn over all rooms alike.  First the tests of a room run as they are, under coverage, to
+learn which test reaches which line.  Then each mutant meets only the tests that reach its line, quickest first, in a
+process forked from one that has imported all else.  A mutant that none of them notices has survived.  Compiled kernels are not
+seen by coverage: their mutants meet all tests of the room, and are compiled into a cache of their own.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import importlib
+import importlib.abc
+import importlib.util
+import json
+import os
+import random
+import shutil
+import signal
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+HERE = Path(__file__).resolve().parent
+TREE = HERE.parent
+SAFETY = ("guard", "readings", "heat", "carried", "supervisor", "hold_connect", "sequence")
+#: Room -> the folder of its modules and the tests that answer for it, if they are not those in the folder of its name.
+ROOMS: dict[str, tuple[str, tuple[str, ...]]] = {
+    "safety": ("framework/itouch/safety", tuple(f"safety/test_{name}.py" for name in SAFETY)),
+    **{name: (f"framework/itouch/{name}", (name,)) for name in (
+        "scene", "exchange", "loop", "recording", "session", "report", "arms", "dynamics", "sound", "world",
+    )},
+    "schema": ("framework/itouch/schema", ("schema", "scene")),
+    "faults": ("framework/itouch/faults", ("safety/test_faults.py",)),
+    "servo": ("framework/itouch/servo", ("servo/test_memory.py", "servo/test_watchdogs.py", "servo/test_launch.py")),
+    "cli": ("framework/itouch/cli", ("cli", "scene/test_problems.py")),
+    "plugin": ("framework/itouch/plugin", ("plugins/test_shelf.py", "world", "loop/test_engine.py")),
+    "twin": ("framework/itouch/twin", ("loop/test_engine.py", "world/test_coupling.py")),
+    "viewer": ("framework/itouch/viewer", ("viewer/test_pure.py", "viewer/test_reel.py")),
+    "contact": ("framework/itouch/contact", ("contact",)),
+    "thermal": ("plugins/thermal/itouch_thermal/solver", ("plugins/thermal",)),
+    "thermal-display": ("plugins/thermal/itouch_thermal/display", ("plugins/thermal_display",)),
+    "thermal-flux": ("plugins/thermal/itouch_thermal/flux", ("plugins/thermal_display",)),
+    "thermal-drivers": ("plugins/thermal/itouch_thermal/drivers", ("plugins/thermal_drivers",)),
+    "xyz-table": ("plugins/xyz_table/itouch_xyz_table", ("plugins/xyz_table",)),
+    "usb-arm": ("plugins/usb_arm/itouch_usb_arm", ("plugins/usb_arm",)),
+}  # fmt: skip
+#: How long [s] the tests of a mutant may take beyond thrice what they take without it; one that hangs is noticed.
+PATIENCE = 60.0
+_OPTIONS = ("-q", "-p", "no:cacheprovider", "--no-header", "--tb=no", "-o", "filterwarnings=ignore", "-m", "not long")
+_FAMILIES = ("ReplaceBinaryOperator_Add_Sub", "ReplaceBinaryOperator_Sub_Add", "ReplaceBinaryOperator_Mul_Div",
+             "ReplaceBinaryOperator_Div_Mul", "ReplaceBinaryOperator_FloorDiv_Mul", "ReplaceBinaryOperator_Mod_Mul",
+             "ReplaceBinaryOperator_Pow_Mul", "ReplaceBinaryOperator_BitAnd_BitOr",
+             "ReplaceBinaryOperator_BitOr_BitAnd", "ReplaceComparisonOperator_Lt_LtE",
+             "ReplaceComparisonOperator_LtE_Lt", "ReplaceComparisonOperator_Gt_GtE", "ReplaceComparisonOperator_GtE_Gt",
+             "ReplaceComparisonOperator_Lt_Gt", "ReplaceComparisonOperator_LtE_GtE", "ReplaceComparisonOperator_Gt_Lt",
+             "ReplaceComparisonOperator_GtE_LtE", "ReplaceComparisonOperator_Eq_NotEq",
+             "ReplaceComparisonOperator_NotEq_Eq", "ReplaceComparisonOperator_Is_IsNot",
+             "ReplaceComparisonOperator_IsNot_Is", "ReplaceUnaryOperator_Delete_USub",
+             "ReplaceUnaryOperator_Delete_Not", "AddNot", "ReplaceTrueWithFalse", "ReplaceFalseWithTrue",
+             "ReplaceAndWithOr", "ReplaceOrWithAnd", "ReplaceBreakWithContinue", "ReplaceContinueWithBreak",
+             "ExceptionReplacer", "NumberReplacer", "ZeroIterationForLoop")  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Mutant:
+    """One change of one module: the file, the line, the operator that made it, and the changed source."""
+
+    room: str
+    path: Path
+    line: int
+    operator: str
+    source: str
+
+    @property
+    def name(self) -> str:
+        """File, line and operator."""
+        return f"{self.path.relative_to(TREE)}:{self.line}: {self.operator}"
+
+
+@dataclass(slots=True)
+class Reach:
+    """Which tests of a room reach a line, and how long each takes [s]; ``passed``: whether all pass as it is."""
+
+    passed: bool = True
+    lines: dict[str, dict[int, list[str]]] = field(default_factory=dict)
+    took: dict[str, float] = field(default_factory=dict)
+
+    def of(self, mutant: Mutant) -> list[str]:
+        """Return the tests for a mutant, quickest first: those that reach its line, else its module, else all."""
+        lines = self.lines.get(str(mutant.path), {})
+        found = set(lines.get(mutant.line, ())) or {test for tests in lines.values() for test in tests}
+        if _compiled(mutant.path) or not found:
+            found = set(self.took)
+        return sorted(found, key=lambda test: self.took.get(test, 0.0))
+
+
+def modules(room: str) -> list[Path]:
+    """Return the modules of a room."""
+    return sorted(path for path in (TREE / ROOMS[room][0]).rglob("*.py") if path.stat().st_size > 200)
+
+
+def _compiled(path: Path) -> bool:
+    text = path.read_text(encoding="utf-8")
+    return any(word in text for word in ("@kernel", "@nogil_kernel", "@entry", "@inner", "@flat", "@making", "@njit"))
+
+
+def draw(rooms: Sequence[str], count: int, seed: int) -> list[Mutant]:
+    """Draw mutants at random: of each room as many, within it each place of each module alike."""
+    dice, found = random.Random(seed), list[Mutant]()
+    share = -(-count // len(rooms))
+    for room in rooms:
+        places = [(path, place) for path in modules(room) for place in _places(path)]
+        dice.shuffle(places)
+        taken = 0
+        for path, place in places:
+            if taken == share or len(found) == count:
+                break
+            mutant = _mutant(room, path, *place)
+            if mutant is not None:
+                found.append(mutant)
+                taken += 1
+    return found
+
+
+def _places(path: Path) -> Iterator[tuple[int, str, int]]:
+    """Yield line, operator and occurrence of each place of a file where an operator has something to change."""
+    import parso  # noqa: F401  - first: the next import would go round in a circle
+    from cosmic_ray.ast import ast_nodes, get_ast
+    from cosmic_ray.plugins import get_operator
+
+    nodes = list(ast_nodes(get_ast(path.read_text(encoding="utf-8"))))
+    for name in _FAMILIES:
+        operator, occurrence = get_operator(f"core/{name}")(), 0
+        for node in nodes:
+            for (line, _), _ in operator.mutation_positions(node):
+                yield line, name, occurrence
+                occurrence += 1
+
+
+def _mutant(room: str, path: Path, line: int, name: str, occurrence: int) -> Mutant | None:
+    """Return a mutant, or None if it says the same: in an annotation, or not at all."""
+    from cosmic_ray.mutating import mutate_code
+    from cosmic_ray.plugins import get_operator
+
+    before = path.read_text(encoding="utf-8")
+    after = mutate_code(before, get_operator(f"core/{name}")(), occurrence)
+    try:
+        if after is None or _meaning(after) == _meaning(before):
+            return None
+    except SyntaxError:
+        return None
+    return Mutant(room, path, line, name, after)
+
+
+class _Bare(ast.NodeTransformer):
+    """Leaves out what has no effect when the program runs: annotations, ``TYPE_CHECKING``, names of slots."""
+
+    def visit_arg(self, node: ast.arg) -> ast.arg:
+        node.annotation = None
+        return node
+
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:
+        node.returns = None
+        return self.generic_visit(node)
+
+    def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.AST:
+        node.annotation = ast.Constant(None)
+        return self.generic_visit(node)
+
+    def visit_If(self, node: ast.If) -> ast.AST | None:
+        return None if "TYPE_CHECKING" in ast.unparse(node.test) else self.generic_visit(node)
+
+
+def _meaning(source: str) -> str:
+    return ast.dump(_Bare().visit(ast.parse(source)))
+
+
+class Changed(importlib.abc.MetaPathFinder, importlib.abc.Loader):
+    """Offers a mutant in the place of its module."""
+
+    def __init__(self, mutant: Mutant) -> None:
+        self.mutant = mutant
+        root = next(p for p in mutant.path.parents if not (p / "__init__.py").exists())
+        self.name = ".".join(mutant.path.relative_to(root).with_suffix("").parts).removesuffix(".__init__")
+
+    def find_spec(self, name: str, path: object, target: object = None) -> Any:
+        """Answer for the one module."""
+        if name != self.name:
+            return None
+        package = self.mutant.path.name == "__init__.py"
+        return importlib.util.spec_from_file_location(
+            name, self.mutant.path, loader=self,
+            submodule_search_locations=[str(self.mutant.path.parent)] if package else None,
+        )  # fmt: skip
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Run the changed code."""
+        exec(compile(self.mutant.source, str(self.mutant.path), "exec"), module.__dict__)
+
+
+class _Watch:
+    """Tells coverage which test runs, and notes how long each takes."""
+
+    def __init__(self, coverage: Any) -> None:
+        self.coverage, self.took = coverage, dict[str, float]()
+
+    def pytest_runtest_logstart(self, nodeid: str) -> None:
+        self.coverage.switch_context(nodeid)
+
+    def pytest_runtest_logreport(self, report: Any) -> None:
+        self.took[report.nodeid] = self.took.get(report.nodeid, 0.0) + report.duration
+
+
+def learn(room: str, work: Path) -> Reach:
+    """Run the tests of a room as they are, and return which of them reach which line."""
+    out = work / f"{room}.json"
+    child = os.fork()
+    if child == 0:
+        os._exit(_guarded(lambda: _learn(room, work, out)))
+    code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    if not out.exists():
+        return Reach(passed=False)
+    content = json.loads(out.read_text(encoding="utf-8"))
+    lines = {path: {int(line): tests for line, tests in found.items()} for path, found in content["lines"].items()}
+    return Reach(code == 0, lines, content["took"])
+
+
+def _learn(room: str, work: Path, out: Path) -> int:
+    import coverage
+    import pytest
+
+    watched = coverage.Coverage(data_file=str(work / f"{room}.cov"), source=[str(TREE / ROOMS[room][0])])
+    watch = _Watch(watched)
+    watched.start()
+    code = int(pytest.main([*_OPTIONS, *_tests(room)], plugins=[watch]))
+    watched.stop()
+    data, lines = watched.get_data(), {}
+    for path in data.measured_files():
+        by_line = data.contexts_by_lineno(path)
+        lines[path] = {line: [test for test in tests if test] for line, tests in by_line.items()}
+    out.write_text(json.dumps({"lines": lines, "took": watch.took}), encoding="utf-8")
+    return code
+
+
+def _tests(room: str) -> list[str]:
+    return [str(HERE / name) for name in ROOMS[room][1]]
+
+
+def survives(mutant: Mutant, tests: Sequence[str], patience: float) -> bool:
+    """Tell whether tests pass with a mutant, in a process of its own."""
+    child = os.fork()
+    if child == 0:
+        os.setsid()
+        os._exit(_guarded(lambda: _meet(mutant, tests)))
+    deadline = time.monotonic() + patience
+    while time.monotonic() < deadline:
+        ended, status = os.waitpid(child, os.WNOHANG)
+        if ended:
+            return os.waitstatus_to_exitcode(status) == 0
+        time.sleep(0.01)
+    os.killpg(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    return False
+
+
+def _meet(mutant: Mutant, tests: Sequence[str]) -> int:
+    import pytest
+
+    sys.meta_path.insert(0, Changed(mutant))
+    if _compiled(mutant.path):
+        import numba
+
+        os.environ["NUMBA_CACHE_DIR"] = tempfile.mkdtemp(prefix="itouch-mutant-")
+        numba.config.reload_config()
+    return int(pytest.main(["-x", *_OPTIONS, *tests]))
+
+
+def _guarded(work: Any) -> int:
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)
+    os.dup2(nowhere, 2)
+    try:
+        return int(work())
+    except BaseException:
+        return 99
+
+
+def prepare() -> None:
+    """Import all that is slow to import, but nothing that is mutated; keep no results of mutants."""
+    import scipy.linalg  # noqa: F401
+
+    os.environ["ITOUCH_KEPT"] = "off"
+    os.chdir(TREE)
+    assert not any(name.startswith("itouch") for name in sys.modules)
+
+
+def campaign(rooms: Sequence[str], count: int, seed: int) -> dict[str, tuple[int, list[Mutant]]]:
+    """Draw mutants of some rooms, let the tests meet them, and return per room how many there were, and which lived."""
+    drawn, found = draw(rooms, count, seed), dict[str, tuple[int, list[Mutant]]]()
+    work = Path(tempfile.mkdtemp(prefix="itouch-mutation-"))
+    try:
+        for room in rooms:
+            chosen = [mutant for mutant in drawn if mutant.room == room]
+            reach = learn(room, work)
+            if not reach.passed:
+                print(f"{room}: its tests fail as it is: left out", flush=True)
+                continue
+            alive = []
+            for mutant in chosen:
+                tests = reach.of(mutant)
+                usual = sum(reach.took.get(test, 0.0) for test in tests)
+                if survives(mutant, tests, PATIENCE + 3.0 * usual):
+                    alive.append(mutant)
+                    print(f"survived: {mutant.name}", flush=True)
+            found[room] = len(chosen), alive
+            print(f"{room}: {len(chosen) - len(alive)} of {len(chosen)} noticed", flush=True)
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
+    return found
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the campaign; exit code 1 if less than 80 % are noticed, or 90 % in safety."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("rooms", nargs="*", metavar="ROOM", help=f"default: all of {', '.join(ROOMS)}")
+    parser.add_argument("--sample", type=int, default=300, metavar="N", help="how many, over all rooms (default 300)")
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args(argv)
+    rooms = options.rooms or list(ROOMS)
+    prepare()
+    found = campaign(rooms, options.sample, options.seed)
+    count, alive = sum(size for size, _ in found.values()), sum(len(lived) for _, lived in found.values())
+    if not count:
+        return 2
+    score = 1.0 - alive / count
+    print(f"{count} mutants, {count - alive} noticed, {alive} survived: {100 * score:.1f} %")
+    size, lived = found.get("safety", (0, []))
+    return 0 if score >= 0.8 and len(lived) <= 0.1 * size else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,40 @@
+"""The tests notice what is wrong: a change of the program by hand here, hundreds drawn at random in the long form."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from shipped import REPOSITORY
+
+HERE = Path(__file__).parent
+
+BY_HAND = """
+import sys
+sys.path.insert(0, {here!r})
+import mutation
+mutation.prepare()
+path = mutation.TREE / "framework/itouch/safety/guard.py"
+as_it_is = path.read_text(encoding="utf-8")
+tests = ["tests/safety/test_guard.py"]
+assert as_it_is.count({old!r}) >= 1
+control = mutation.Mutant("safety", path, 1, "nothing", as_it_is)
+changed = mutation.Mutant("safety", path, 1, "by hand", as_it_is.replace({old!r}, {new!r}))
+print(mutation.survives(control, tests, 100.0), mutation.survives(changed, tests, 100.0))
+"""
+
+
+def test_a_guard_that_clamps_the_wrong_way_is_noticed() -> None:
+    code = BY_HAND.format(here=str(HERE), old="min(max(", new="max(min(")
+    words = [sys.executable, "-c", code]
+    done = subprocess.run(words, cwd=REPOSITORY, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["True", "False"]
+
+
+@pytest.mark.long
+def test_mutants_of_all_rooms_are_noticed() -> None:
+    pytest.importorskip("cosmic_ray", reason="pip install -e '.[mutation]'")
+    done = subprocess.run([sys.executable, str(HERE / "mutation.py")], cwd=REPOSITORY, check=False)
+    assert done.returncode == 0
