@@ -123,6 +123,7 @@ def state(*models: DeviceModel) -> Record:
         fields += [Field(f"{one.name}.{c.name}", "f8", c.size) for c in one.reads]
         fields += [Field(f"{one.name}.command.{c.name}", "f8", c.size) for c in one.commands]
         fields += [Field(f"{one.name}.sent.{c.name}", "f8", c.size) for c in one.commands]
+        fields += [Field(f"{one.name}.measured", "i8", max(1, len(one.reads)))]
         fields += [Field(f"{one.name}.{f.name}", f.dtype, f.size) for f in supervision(one.reads, one.commands)]
     return Record.of(fields)
 
