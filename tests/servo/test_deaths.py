@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 import itouch
+from itouch.bench.deaths import starts
 from itouch.bench.deaths.campaign import cases, strike_again
 from itouch.bench.deaths.observer import Observer
 from itouch.bench.deaths.scene import scene
@@ -38,6 +39,31 @@ def test_the_devices_end_up_safe_and_nothing_is_left(victim: str, manner: str, w
     assert outcome.left == ()
     expected = {"servo": "was killed by SIGKILL" if manner != "memory" else "MemoryError", "viewer": "nobody holds"}
     assert expected.get(victim, "ended") in outcome.said
+
+
+@pytest.mark.parametrize(
+    ("victim", "after"),
+    [
+        ("launcher", 0.001),
+        ("guardian", 0.3),
+        pytest.param("twin", 0.05, marks=pytest.mark.long),
+        pytest.param("servo", 0.001, marks=pytest.mark.long),
+        pytest.param("recorder", 0.2, marks=pytest.mark.long),
+        pytest.param("viewer", 1.0, marks=pytest.mark.long),
+    ],
+)
+def test_whoever_is_killed_during_the_start_nothing_is_left(victim: str, after: float) -> None:
+    outcome = starts.kill(victim, after)
+    assert outcome.left == ()
+    assert outcome.gone_s < 30.0  # a generous bound for a busy machine
+    assert outcome.worst < 10.0
+
+
+def test_every_process_of_a_session_has_its_turn_from_the_first_millisecond_on() -> None:
+    drawn = list(starts.cases(48, 3))
+    assert {victim for victim, _ in drawn} == set(starts.VICTIMS)
+    assert all(0.001 <= after <= 4.0 for _, after in drawn)
+    assert sum(after < 1.0 for _, after in drawn) >= 24
 
 
 def test_every_pair_of_victim_and_manner_has_its_turn() -> None:

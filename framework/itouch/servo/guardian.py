@@ -23,6 +23,8 @@ from itouch.servo.segment import Segment, monotonic
 
 #: How often [s] the guardian looks, and how long the servo process may be silent: with devices that obey, and without.
 LOOK, SILENCE, SILENCE_ALONE = 0.005, 0.12, 5.0
+#: How long [s] it may be silent at its end, when all is safe: files are finished, and twins take leave.
+SILENCE_ENDING = 90.0
 #: Silence [s] after which the kernel is asked.
 DOUBT = 0.01
 #: What the kernel says of a process: the letters of one that does not run any more, the flag of one that is ending.
@@ -43,7 +45,9 @@ class Guardian:
         self._acts: dict[str, Act] | None = None
         self._orphaned: float | None = None
         self._was_armed = False
-        self._stat = os.open(f"/proc/{servo_pid(servo)}/stat", os.O_RDONLY)
+        self._stat = -1  # if the servo process has gone already, its file descriptor tells
+        with contextlib.suppress(OSError):
+            self._stat = os.open(f"/proc/{servo_pid(servo)}/stat", os.O_RDONLY)
         self._why = "hung"
 
     def watch(self) -> str:
@@ -80,7 +84,8 @@ class Guardian:
         silent = (monotonic() - int(self._words[at.BEAT])) * 1e-9
         if self._was_armed and silent > DOUBT and self._gone():
             return True
-        return silent > (SILENCE if self._was_armed else SILENCE_ALONE)
+        ending = self._segment.phase >= at.ENDING
+        return silent > (SILENCE if self._was_armed else SILENCE_ENDING if ending else SILENCE_ALONE)
 
     def _gone(self) -> bool:
         """Ask the kernel whether the servo process is suspended or ending."""

@@ -111,6 +111,7 @@ def _start(name: str, config: dict[str, Any]) -> Handle:
     segment = Segment.create(name)
     near, far = socket.socketpair()
     words = [sys.executable, "-P", "-m", "itouch.servo.process", str(segment.handle), name, str(far.fileno())]
+    words.append(str(os.getpid()))
     try:
         process = subprocess.Popen(
             words, pass_fds=(segment.handle, far.fileno()), stdin=subprocess.DEVNULL, start_new_session=True,
@@ -121,4 +122,9 @@ def _start(name: str, config: dict[str, Any]) -> Handle:
     finally:
         far.close()
     near.sendall(json.dumps(config).encode() + b"\n")
-    return Handle(process, segment, near)
+    try:
+        return Handle(process, segment, near)
+    except BaseException:  # nobody would watch over it
+        process.kill()
+        process.wait()
+        raise

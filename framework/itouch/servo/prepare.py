@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import threading
@@ -28,7 +29,7 @@ class _Companion:
 
     def _start(self) -> None:
         print("preparing: the first start compiles the kernels, later ones load them ...", file=sys.stderr, flush=True)
-        command = [sys.executable, "-m", "itouch.servo.warm", *self._words]
+        command = [sys.executable, "-m", "itouch.servo.warm", *self._words, "--parent", str(os.getpid())]
         nothing = subprocess.DEVNULL
         self._process = subprocess.Popen(command, stdin=nothing, stdout=nothing, stderr=nothing)
 

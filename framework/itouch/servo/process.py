@@ -11,35 +11,57 @@ import os
 import signal
 import socket
 import sys
+import threading
+import time
 from collections.abc import Sequence
 from typing import Any
 
 from itouch.servo import words as at
 from itouch.servo.channel import Outbox, messages
-from itouch.servo.segment import Segment, monotonic
+from itouch.servo.parent import LOOK, end_with, lives
+from itouch.servo.segment import Segment, ServoError, monotonic
 
 
 def main(argv: Sequence[str]) -> int:
     """Run a session as the launcher asks, and tell it how that ended."""
     segment = Segment(int(argv[0]), argv[1])
     line = socket.socket(fileno=int(argv[2]))
+    parent = int(argv[3])
     segment.words[at.SERVO] = os.getpid()
     segment.words[at.BEAT] = monotonic()
     _end_on_signals(segment)
+    # before anything may act this process ends at once with its launcher; later the devices are made safe first
+    end_with(parent, while_=lambda: segment.phase < at.READY)
     config = next(messages(line), None)
     if config is None:
         return 1
     outbox = Outbox(line)
+    _end_without_guardian(segment, outbox)
     error: BaseException | None = None
     report: dict[str, Any] | None = None
     try:
-        report, error = _serve(segment, outbox, config)
+        report, error = _serve(segment, outbox, {**config, "launcher": parent})
     except BaseException as raised:
         error = raised
     segment.words[at.ARMED] = 0
     segment.words[at.PHASE] = at.ENDED
     outbox.finish({"report": report, "error": _told(error)})
     return 1 if error is not None else 0
+
+
+def _end_without_guardian(segment: Segment, outbox: Outbox) -> None:
+    """End this process at once if its guardian dies before anything may act."""
+
+    def look() -> None:
+        while segment.phase < at.READY:
+            guardian = int(segment.words[at.GUARDIAN])
+            if guardian and not lives(guardian):
+                said = "the guardian process died while the session began: nothing is enabled without it"
+                outbox.finish({"report": None, "error": _told(ServoError(said))})
+                os._exit(1)
+            time.sleep(LOOK)
+
+    threading.Thread(target=look, name="itouch-guardian", daemon=True).start()
 
 
 def _serve(segment: Segment, outbox: Outbox, config: dict[str, Any]) -> tuple[dict[str, Any], BaseException | None]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import socket
 import subprocess
 import sys
@@ -60,9 +61,11 @@ class RemoteTwin(Twin):
         try:
             line = wire.connect(where, START_TIME)
             line.send(wire.head(wire.INIT, 0, monotonic()) + state.tobytes())
-            line.recv(wire.PACKET)
+            answer = line.recv(wire.PACKET)
         except OSError as error:
             raise ServoError(f"a remote twin does not answer: {error}") from error
+        if not answer:
+            raise ServoError("a remote twin ended while the session began")
         line.setblocking(False)
         self._line = line
 
@@ -128,7 +131,7 @@ class Remotes:
             "scene_xml": write(scene), "source": scene.source, "device": runner.model.name, "watchdog": WATCHDOG,
         }  # fmt: skip
         process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "itouch.servo.twinserver", str(listener.fileno())],
+            [sys.executable, "-P", "-m", "itouch.servo.twinserver", str(listener.fileno()), str(os.getpid())],
             pass_fds=(listener.fileno(),), stdin=subprocess.PIPE, start_new_session=True,
         )  # fmt: skip
         listener.close()
@@ -158,8 +161,11 @@ class Remotes:
                 runner.twin.hang_up()
 
     def close(self) -> None:
-        """Wait for the twins' processes to end."""
+        """Wait for the twins' processes to end; one that was never begun has nothing to make safe."""
         deadline = time.monotonic() + 5.0
+        for runner, process in zip(self._runners, self.processes, strict=True):
+            if not isinstance(runner.twin, RemoteTwin):
+                process.kill()
         for process in self.processes:
             try:
                 process.wait(max(0.0, deadline - time.monotonic()))

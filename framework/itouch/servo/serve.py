@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import contextlib
+import os
 import time
 from typing import Any
 
@@ -15,6 +16,7 @@ from itouch.servo.box import Inbox
 from itouch.servo.channel import Outbox
 from itouch.servo.commands import Commands
 from itouch.servo.holders import Switch
+from itouch.servo.parent import gone, lives
 from itouch.servo.prepare import prepare, prepare_text
 from itouch.servo.publish import ORDERED, TIMING_EVERY, Publisher, slots_for
 from itouch.servo.remote import Remotes
@@ -65,6 +67,7 @@ class Servo:
         self._switch = Switch(segment.words)
         self._commands = Commands(self)
         self._told = len(session.ledger.contacts)
+        self._launcher = int(config.get("launcher", os.getppid()))
         self.paused = self._held = self._armed = False
         self._kept = contextlib.ExitStack()
         self._failure: BaseException | None = None
@@ -172,8 +175,9 @@ class Servo:
         """Devices that obey need the guardian to live before they are enabled."""
         deadline = time.monotonic() + GUARDIAN_START
         needed = self._hardware() or self.remotes.addresses
-        while needed and not self.words[at.GUARDIAN_BEAT]:
-            if time.monotonic() > deadline:
+        while needed and not self.words[at.GUARDIAN_BEAT] and not self.words[at.STOP]:
+            guardian = int(self.words[at.GUARDIAN])
+            if time.monotonic() > deadline or (guardian and not lives(guardian)):
                 raise ServoError("the guardian process did not start: nothing is enabled without it")
             self._rest()
 
@@ -222,6 +226,7 @@ class Servo:
             self._commands.obey(message)
         self._hold()
         self.outbox.flush()
+        self._watch_others()
         time.sleep(_IDLE)
 
     def _hold(self) -> None:
@@ -248,11 +253,13 @@ class Servo:
         if tick % TIMING_EVERY == 0:
             self._publisher.publish_timing()
             self.outbox.flush()
-            self._watch_guardian()
+            self._watch_others()
 
-    def _watch_guardian(self) -> None:
-        """End the session if devices obey and nobody watches over this process any more."""
+    def _watch_others(self) -> None:
+        """End the session if its launcher has gone, or if devices obey and no guardian watches over this process."""
         words = self.words
+        if gone(self._launcher):
+            words[at.STOP] = 1
         if words[at.ARMED] and monotonic() - int(words[at.GUARDIAN_BEAT]) > GUARDIAN_SILENCE and not words[at.STOP]:
             self._failure = ServoError("the guardian process has died or hangs: the devices have been made safe")
             words[at.STOP] = 1

@@ -9,7 +9,6 @@ from __future__ import annotations
 import contextlib
 import json
 import math
-import os
 import signal
 import socket
 import sys
@@ -24,6 +23,7 @@ from itouch.plugin import HOLD, RETRACT, Field, Record, Touch
 from itouch.plugin.discovery import Catalog
 from itouch.scene import loads
 from itouch.servo import realtime, wire
+from itouch.servo.parent import gone
 from itouch.servo.segment import monotonic
 from itouch.world import DeviceModel
 from itouch.world.rig import build_devices
@@ -71,6 +71,9 @@ class TwinServer:
     def _accept(self) -> None:
         with contextlib.suppress(BlockingIOError):
             client, _ = self._listener.accept()
+            if not wire.same_user(client):  # these names have no owner: anybody on the machine can find them
+                client.close()
+                return
             client.setblocking(False)
             self._clients.append(client)
 
@@ -101,7 +104,7 @@ class TwinServer:
         kind = packet[:1]
         if kind == wire.COMMAND and client is self._primary:
             self._obey(packet)
-        elif kind == wire.INIT:
+        elif kind == wire.INIT and self._primary in (None, client):
             self._begin(client, packet)
         elif kind == wire.SAFE:
             self._latch(packet[1:].decode(errors="replace") or "a second opener")
@@ -176,7 +179,8 @@ class TwinServer:
                 clear = clear and abs(float(self.touch.wrench[2])) < 0.1
             elif channel.safe is HOLD:
                 safe = safe and bool(self._latched)
-        return wire.LATCHED * bool(self._latched) | wire.OUTPUTS_SAFE * safe | wire.CLEAR * clear
+        flags = wire.LATCHED * bool(self._latched) | wire.OUTPUTS_SAFE * safe | wire.CLEAR * clear
+        return flags | wire.BEGUN * self._begun
 
     # --- telling ------------------------------------------------------------------------------------------------------
 
@@ -216,13 +220,13 @@ class TwinServer:
         self.twin.step(self.state, self.acting, self.touch, self._period)
         self.twin.read(self.state, self.reading)
 
-    def live(self) -> None:
-        """Step until the session is over and the twin is at rest."""
+    def live(self, parent: int) -> None:
+        """Step until the session is over and the twin is at rest; ``parent`` is the servo process that started it."""
         clock, end = WallClock(), monotonic() + round(PATIENCE * 1e9)
         clock.start(self._period)
-        rested, parent = 0, os.getppid()
+        rested = 0
         while monotonic() < end:
-            if not self._begun and os.getppid() != parent:  # the servo process died before the session began
+            if not self._begun and gone(parent):  # the servo process died before the session began
                 return
             if clock.wait() > 0.1:
                 clock.start(self._period)
@@ -254,17 +258,21 @@ def main(argv: Sequence[str]) -> int:
     """Serve one twin on a socket that was passed on."""
     for number in (signal.SIGINT, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
-    config = json.loads(sys.stdin.read())
+    said = sys.stdin.read()
+    if not said:  # the servo process has gone before it said what is to be simulated
+        return 1
+    config = json.loads(said)
     catalog = Catalog()
     scene = loads(config["scene_xml"].encode(), catalog, shown=config["source"])
     model = build_devices(scene, catalog, [])[config["device"]]
     listener = socket.socket(fileno=int(argv[0]))
+    parent = int(argv[1])
     server = TwinServer(model, listener, watchdog=config["watchdog"], period=1.0 / scene.rates.servo)
     realtime.sharpen_timer()
     realtime.take_priority(realtime.REMOTE_PRIORITY)
     realtime.freeze_garbage()
     try:
-        server.live()
+        server.live(parent)
     finally:
         server.close()
     return 0

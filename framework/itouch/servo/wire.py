@@ -7,6 +7,8 @@ servo process with T (State and reading) after each of its steps, and observers 
 
 from __future__ import annotations
 
+import errno
+import os
 import socket
 import struct
 from dataclasses import dataclass
@@ -24,10 +26,14 @@ TELL, OBSERVED, EVENT = b"T", b"O", b"E"
 LATCHED: Final = 1
 OUTPUTS_SAFE: Final = 2
 CLEAR: Final = 4
+#: Set from the first command on: before it nothing acts on the twin.
+BEGUN: Final = 8
 
 #: Largest packet [bytes].
 PACKET = 1 << 16
 _HEAD = struct.Struct("<cqq")
+#: What the kernel tells of a peer: process, user, group.
+_PEER = struct.Struct("3i")
 _TOUCH = struct.Struct("<7d6d6d4d")
 
 
@@ -48,10 +54,18 @@ def connect(where: str, timeout: float | None = None) -> socket.socket:
     line.settimeout(timeout)
     try:
         line.connect(where)
+        if not same_user(line):
+            raise PermissionError(errno.EPERM, "another user listens there")
     except OSError:
         line.close()
         raise
     return line
+
+
+def same_user(line: socket.socket) -> bool:
+    """Tell whether the process at the other end of a local socket runs as this user; the kernel says so."""
+    told = line.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _PEER.size)
+    return bool(_PEER.unpack(told)[1] == os.geteuid())
 
 
 def head(kind: bytes, first: int, second: int) -> bytes:

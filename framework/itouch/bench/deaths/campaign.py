@@ -21,6 +21,7 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from itouch.bench.deaths import starts
 from itouch.bench.deaths.hunger import HUNGER
 from itouch.bench.deaths.observer import Observer
 from itouch.bench.deaths.scene import scene
@@ -213,11 +214,15 @@ def main(argv: Sequence[str]) -> int:
     """Kill, suspend and starve processes of sessions, and tell how soon the devices were safe."""
     parser = argparse.ArgumentParser(prog="itouch-py bench deaths", description=main.__doc__)
     parser.add_argument("--instants", type=int, default=200, metavar="N", help="how many deaths (default 200)")
+    parser.add_argument("--kills", type=int, default=0, metavar="N",
+                        help="then kill launcher, guardian, servo, recorder, viewer and twin so many times, from the "
+                        "first millisecond of the start on (default 0)")  # fmt: skip
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the instants (default 1)")
     parser.add_argument("--json", action="store_true", help="print every outcome as JSON")
     options = parser.parse_args(argv)
     outcomes: list[Outcome] = []
     whole = True
+    kills = starts.campaign(options.kills, options.seed, tell=not options.json)
     for victim, manner, wait in cases(options.instants, options.seed):
         try:
             outcome = strike_again(victim, manner, wait)
@@ -229,10 +234,11 @@ def main(argv: Sequence[str]) -> int:
         if not options.json:
             _tell(len(outcomes), outcome)
     if options.json:
-        print(json.dumps([asdict(outcome) for outcome in outcomes], indent=1))
-    else:
+        print(json.dumps([asdict(outcome) for outcome in (*outcomes, *kills)], indent=1))
+    elif outcomes:
         _sum_up(outcomes)
-    return 0 if whole and all(outcome.worst <= LIMIT and not outcome.left for outcome in outcomes) else 1
+    good = all(outcome.worst <= LIMIT and not outcome.left for outcome in outcomes)
+    return 0 if whole and good and all(kill.good for kill in kills) else 1
 
 
 def strike_again(victim: str, manner: str, wait: float, *, attempts: int = 8) -> Outcome:

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 
 from itouch.bench.deaths.hunger import starve_on_signal
 from itouch.servo.link import Link, attach
+from itouch.servo.segment import ServoError
 
 
 def _view(link: Link) -> None:
@@ -29,10 +30,22 @@ def _follow(link: Link) -> None:
         time.sleep(0.02)
 
 
+def _attached(name: str, patience: float) -> Link:
+    """Attach to a session, or to one that is only about to be there."""
+    end = time.monotonic() + patience
+    while True:
+        try:
+            return attach(name)
+        except ServoError:
+            if time.monotonic() > end:
+                raise
+            time.sleep(0.02)
+
+
 def main(argv: Sequence[str]) -> int:
     """Stand in for a viewer or a recorder until the session ends."""
     starve_on_signal()
-    with attach(argv[1]) as link:
+    with _attached(argv[1], float(argv[2]) if len(argv) > 2 else 0.0) as link:
         print("attached", flush=True)
         (_view if argv[0] == "viewer" else _follow)(link)
     return 0

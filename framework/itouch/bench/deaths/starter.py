@@ -1,0 +1,28 @@
+"""``python -m itouch.bench.deaths.starter SCENE NAME RECORDING``: a launcher that records, as a lab's program would."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Sequence
+
+from itouch.schema import ItouchError
+from itouch.servo import launch
+from itouch.session.keeping import Keep
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run a session to its end; SIGTERM asks for it."""
+    try:
+        with launch(argv[0], name=argv[1], keep=Keep(record=argv[2])) as handle:
+            signal.signal(signal.SIGTERM, lambda number, frame: handle.request_stop())
+            print("launched", flush=True)
+            handle.wait()
+    except ItouchError as error:
+        print(error, flush=True)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
