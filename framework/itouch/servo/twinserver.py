@@ -200,6 +200,11 @@ class TwinServer:
 
     # --- living -------------------------------------------------------------------------------------------------------
 
+    @property
+    def flags(self) -> int:
+        """What acted after the last step: LATCHED, OUTPUTS_SAFE, CLEAR, BEGUN."""
+        return self._flags
+
     def step(self) -> None:
         """Take one step: listen, choose what acts, move on, tell."""
         self._accept()
