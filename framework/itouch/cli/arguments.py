@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import tempfile
 
 from itouch.schema.quantities import QuantityError, parse_quantity
 
@@ -45,4 +46,10 @@ def output_file(text: str) -> str:
         raise argparse.ArgumentTypeError(f"there is no folder '{folder}'; make it first")
     if not os.access(text if os.path.exists(text) else folder, os.W_OK):
         raise argparse.ArgumentTypeError(f"'{text}' cannot be written")
+    if not os.path.exists(text):
+        try:
+            with tempfile.TemporaryFile(dir=folder):  # some folders only say that they can be written
+                return text
+        except OSError as error:
+            raise argparse.ArgumentTypeError(f"'{text}' cannot be written: {error.strerror or error}") from None
     return text

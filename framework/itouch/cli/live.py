@@ -8,12 +8,14 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from itouch.cli.ending import Stopping, write_report
+from itouch.loop.faultwords import told
 from itouch.schema import ItouchError
 
 if TYPE_CHECKING:
     from itouch.cli.leading import Leader
     from itouch.loop.timing import Timing
     from itouch.plugin import Record
+    from itouch.report.screen import Screen
     from itouch.servo import Handle
     from itouch.session import Session
     from itouch.world import Model
@@ -72,12 +74,14 @@ def _follow(handle: Handle, stop: Stopping, *, window: bool, mute: bool, leader:
     shown = Shown(handle)
     screen = Screen(shown, sys.stdout)
     waiting = Waiting(handle, shown.model) if not window else None
+    losses = Losses(handle, screen)
     code = 0
     try:
         if window:
-            windows.show(handle, screen, mute=mute)
+            windows.show(handle, screen, losses, mute=mute)
         while not handle.wait(_EVERY if leader is None else _LOOK):
             screen.show()
+            losses.look()
             if waiting is not None:
                 waiting.look()
             if handle.faults:  # nobody can see it any more and re-arm
@@ -88,6 +92,19 @@ def _follow(handle: Handle, stop: Stopping, *, window: bool, mute: bool, leader:
         code = 1
     screen.finish(handle.report())
     return stop.code(code)
+
+
+class Losses:
+    """Says on the terminal, at once, what is not kept any more of a session."""
+
+    def __init__(self, handle: Handle, screen: Screen) -> None:
+        self._handle, self._screen, self._told = handle, screen, 0
+
+    def look(self) -> None:
+        """Tell what is new."""
+        for loss in self._handle.losses[self._told :]:
+            self._screen.interrupt(told(loss))
+            self._told += 1
 
 
 class _Contacts:

@@ -44,11 +44,13 @@ def _start(options: argparse.Namespace, stop: Stopping) -> int:
     leader = leading.without_window(session.model, real=options.pace is None and not _drawn(options))
     if leader is not None:
         return live.run(options, stop, leader=leader)
+    from itouch.loop.faultwords import told
     from itouch.report.screen import Screen
 
     for notice in session.notices:
         print(f"note: {notice}", file=sys.stderr)
     screen = Screen(session, sys.stdout)
+    session.loss_hooks.append(lambda loss: screen.interrupt(told(loss)))
     with pictures.taking(session, options), sounds.keeping(session, options), keeping.keeping(session, options):
         code = _run(session, options, screen, stop)
     report = session.report()

@@ -9,6 +9,7 @@ import time
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from itouch.cli.live import Losses
     from itouch.report.screen import Screen
     from itouch.servo import Handle
 
@@ -25,7 +26,7 @@ def wanted(options: argparse.Namespace) -> bool:
     return False
 
 
-def show(handle: Handle, screen: Screen, *, mute: bool) -> None:
+def show(handle: Handle, screen: Screen, losses: Losses, *, mute: bool) -> None:
     """Open a window on a session that was launched, and show it until it ends or is closed; the terminal follows.
 
     Nothing moves before the window is open: hardware is not enabled, and twins, which enable by themselves, are
@@ -46,6 +47,7 @@ def show(handle: Handle, screen: Screen, *, mute: bool) -> None:
 
     def going() -> bool:
         screen.show()
+        losses.look()
         return not handle.wait(0.0)
 
     if window is not None:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from typing import TYPE_CHECKING, Any, Protocol, TextIO
+
+from itouch.loop.faultwords import outcome, what
 
 if TYPE_CHECKING:
     from itouch.loop.timing import Timing
@@ -56,6 +59,13 @@ class Screen:
             self._next = now + _EVERY
             self._stream.write("\r\x1b[2K" + self._line())
             self._stream.flush()
+
+    def interrupt(self, sentence: str) -> None:
+        """Say what can't wait, on a line of its own."""
+        if self._live:
+            self._stream.write("\r\x1b[2K")
+            self._stream.flush()
+        print(sentence, file=sys.stderr, flush=True)
 
     def _line(self) -> str:
         engine = self._engine
@@ -179,9 +189,7 @@ def _closing(report: dict[str, Any]) -> str:
 
 def _fault(fault: dict[str, Any]) -> str:
     kind = fault["trip"] or "injected"
-    lines = [f"fault[{kind}]: device '{fault['device']}' {fault['cause']} at {fault['time_s']:.3f} s"]
+    lines = [f"fault[{kind}]: {what(fault)} at {fault['time_s']:.3f} s"]
     if fault["scene"]:
         lines.append(f"  scene:   {fault['scene']}")
-    if fault["trip"]:
-        lines.append("  devices: all have been made safe")
-    return "\n".join(lines)
+    return "\n".join([*lines, *(f"  {line}" for line in outcome(fault))])

@@ -32,6 +32,8 @@ class Handle:
         Entries of the contacts that have ended so far.
     faults
         Faults that the session has outlasted, as they stand in the report: see ``linger`` of ``launch``.
+    losses
+        What is not kept any more of the session, recording or snapshots, as it stands in the report; told at once.
     refused
         Commands that could not be obeyed, and why.
     notices
@@ -45,6 +47,7 @@ class Handle:
         self.efforts: list[tuple[str, bool, str]] = []
         self.refused: list[str] = []
         self.faults: list[dict[str, Any]] = []
+        self.losses: list[dict[str, Any]] = []
         self._report: dict[str, Any] | None = None
         self._answers = threading.Condition()
         self._answered = 0
@@ -69,6 +72,8 @@ class Handle:
                 self.contacts += message["contacts"]
             elif kind == "fault":
                 self.faults.append(message["fault"])
+            elif kind == "loss":
+                self.losses.append(message["loss"])
             elif kind == "refused":
                 self.refused.append(f"{message['what']}: {message['cause']}")
             elif kind == "report":

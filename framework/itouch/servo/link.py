@@ -94,6 +94,12 @@ class Link:
         return at.PHASES[self._segment.phase]
 
     @property
+    def losses(self) -> tuple[str, ...]:
+        """What is not kept any more: ``recording``, ``saving``."""
+        lost = int(self._words[at.LOST])
+        return tuple(name for bit, name in ((1, "recording"), (2, "saving")) if lost & bit)
+
+    @property
     def alive(self) -> bool:
         """Whether the servo process exists, and has not been silent for longer than a second."""
         silent = (monotonic() - int(self._words[at.BEAT])) * 1e-9

@@ -186,6 +186,7 @@ class Servo:
         last = None if seconds is None else session.ticks + round(seconds / session.model.period)
         self._scripted = last is None and session.scripted
         session.taps.append(self._tap)
+        session.loss_hooks.append(self._tell_loss)
         self.words[at.BEAT] = monotonic()
         self.words[at.PHASE] = at.RUNNING
         while not self.words[at.STOP] and not self._over(last):
@@ -201,6 +202,10 @@ class Servo:
                 self._tell_fault()
         if session.fault is not None:
             raise session.fault
+
+    def _tell_loss(self, loss: dict[str, Any]) -> None:
+        self.words[at.LOST] |= 1 if loss["trip"] == "recording" else 2
+        self.outbox.tell("loss", {"loss": loss})
 
     def _tell_fault(self) -> None:
         met = [fault for fault in self.session.ledger.faults if not fault.get("optional")]

@@ -51,6 +51,8 @@ class Session(Engine):
         #: Whether the session was ended because it could not be recorded.
         self.failed = False
         self._posted: deque[tuple[str, Any]] = deque()
+        #: Called at once with each loss of what is kept, a recording or a snapshot, as it stands in the report.
+        self.loss_hooks: list[Callable[[dict[str, Any]], None]] = []
         #: Called when a tick has failed, before anything is made safe; they must not change the State.
         self.fault_hooks: list[Callable[[DeviceFaultError], None]] = []
         with keeping(self._bases):
@@ -153,19 +155,30 @@ class Session(Engine):
     def recording_failed(self, recorder: Recorder) -> None:
         """Note that recording has stopped; the session goes on, or ends after this tick, as the scene says."""
         self._let_go(recorder)
-        element = self.model.scene.record
         self.note_fault("recording", recorder.failure)
-        if element is not None and element.on_failure == "stop":
-            self.failed = True
-            self.stop()
 
     def note_fault(self, trip: str, cause: str) -> None:
-        """Note in the report that something beside the devices has failed: ``recording`` or ``saving``."""
+        """Note a loss of what is kept, ``recording`` or ``saving``, and tell it at once.
+
+        If the scene's ``<record>`` says so the session ends after this tick.  The same loss again is counted, not told.
+        """
         element, tick = self.model.scene.record, int(self.state["tick"])
+        seconds = tick * self.model.period
+        last = next((fault for fault in reversed(self.ledger.faults) if fault.get("trip") == trip), None)
+        if last is not None and last["cause"] == cause:
+            last["times"], last["until_s"] = int(last.get("times", 1)) + 1, seconds
+            return
         place = self.model.scene.places.of(element) if element is not None and trip == "recording" else None
         entry: dict[str, Any] = {"device": "recorder" if trip == "recording" else "session", "tick": tick}
-        entry |= {"time_s": tick * self.model.period, "trip": trip, "cause": cause}
-        self.ledger.faults.append({**entry, "scene": str(place) if place is not None else None})
+        entry |= {"time_s": seconds, "trip": trip, "cause": cause}
+        entry |= {"scene": str(place) if place is not None else None}
+        entry["ends"] = element is not None and element.on_failure == "stop"
+        self.ledger.faults.append(entry)
+        for hook in self.loss_hooks:
+            hook(entry)
+        if entry["ends"]:
+            self.failed = True
+            self.stop()
 
     def make_safe(self, fault: DeviceFaultError) -> None:
         """Make every device safe; whoever wants to know of the tick that failed is told before that."""

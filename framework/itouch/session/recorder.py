@@ -57,7 +57,7 @@ class Recorder:
         self._process = self._start()
         self._period = session.model.period
         self._events = int(session.state["events.count"])
-        self._faults = len(session.ledger.faults)
+        self._faults, self._lost = len(session.ledger.faults), 0
         self._counted = session.times.record["counts"][:2].copy()
         self._begun = int(session.state["tick"])
         self._wait(lambda: self._ring.phase is not Phase.STARTING, _BEGIN)
@@ -177,6 +177,10 @@ class Recorder:
             self.note_state("every")
         if tick // timing_every != (tick - _LOOK) // timing_every:
             self._note_timing(tick)
+        if self.lost != self._lost:
+            self._lost = self.lost
+            said = f"samples are lost: the process that writes '{self.path}' is too slow, or hangs"
+            self.session.note_fault("recording", said)
         if self._ring.phase is Phase.FAILED or self._process.poll() is not None:
             self._fail()
 

@@ -44,9 +44,10 @@ class Saving:
         self._tell()
 
     def _tap(self, tick: int) -> None:
+        if self.failure:
+            self._tell()
         if (tick + 1) % self._ticks:
             return
-        self._tell()
         ledger = self._session.ledger.dump()
         taken = self._session.state.tobytes(), {**ledger, "contacts": list(ledger["contacts"])}
         try:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from itouch.loop import Status
+from itouch.loop.faultwords import told
 from itouch.plugin import Record
 from itouch.plugin.discovery import Catalog
 from itouch.safety import Trip
@@ -49,6 +50,7 @@ class Attached:
         timing, now = self._link.timing, self.situation
         now.tick_us, now.late_us, now.overruns = timing.summary()["p99"], timing.lateness()["p99"], timing.overruns
         now.faults = self._faults()
+        now.losses = self._losses()
         self._still = 0.0 if int(self.state["tick"]) != before else self._still + seconds
         now.paused = self._still > STILL and self._link.phase == "running" and not now.faults
         now.waiting = self._link.phase == "ready"
@@ -57,6 +59,12 @@ class Attached:
             self._refused = len(self._handle.refused)
         if not self._link.alive:
             now.message = f"the session is over ({self._link.phase})"
+
+    def _losses(self) -> list[str]:
+        """Return what is not kept any more: in the launcher's words, or at least that it is so."""
+        if self._handle is not None:
+            return [told(loss) for loss in self._handle.losses]
+        return [f"{trip.upper()} LOST: the program that launched the session says why" for trip in self._link.losses]
 
     def _faults(self) -> list[dict[str, Any]]:
         """Return the faults that last: with the cause where it was told, else what State says of them."""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from itouch.loop import Status
+from itouch.loop.faultwords import is_loss, what
 from itouch.plugin import Record
 from itouch.viewer.stage import plate_temperature
 from itouch.world import Model
@@ -55,6 +56,8 @@ class Situation:
     late_us: float | None = None
     overruns: int | None = None
     faults: list[dict[str, Any]] = field(default_factory=list)
+    #: What is not kept any more of the session, in words.
+    losses: list[str] = field(default_factory=list)
     message: str = ""
     picked: str = ""
     #: Of a recording that is played.
@@ -99,12 +102,19 @@ def alarm(now: Situation, width: int) -> Words | None:
     """Return what is said of faults, in lines of so many letters; None if there is none."""
     lines = []
     for fault in now.faults:
-        said = f"FAULT {fault['trip']}: device '{fault['device']}' {fault['cause']}"
+        if is_loss(fault):
+            continue  # told as such
+        said = f"FAULT {fault['trip']}: {what(fault)}"
         lines += [(line, "bad") for line in textwrap.wrap(said, max(width, 20))]
-    if not lines:
-        return None
-    after = "all devices have been made safe" + ("" if now.timeline is not None else "; R re-arms")
-    return Words((*lines, *((line, "plain") for line in textwrap.wrap(after, max(width, 20)))))
+    if lines:
+        known = [fault["safe"] for fault in now.faults if isinstance(fault.get("safe"), dict)]
+        reached = all(safe.get("reached") for safe in known)
+        after = "all devices have been made safe" if reached else "not all devices could be seen to be safe"
+        after += "" if now.timeline is not None else "; R re-arms"
+        lines += [(line, "plain") for line in textwrap.wrap(after, max(width, 20))]
+    for loss in now.losses:
+        lines += [(line, "bad") for line in textwrap.wrap(loss, max(width, 20))]
+    return Words(tuple(lines)) if lines else None
 
 
 def _clock(model: Model, state: Record, now: Situation) -> list[str]:

@@ -234,7 +234,8 @@ def main(argv: Sequence[str]) -> int:
         if not options.json:
             _tell(len(outcomes), outcome)
     if options.json:
-        print(json.dumps([asdict(outcome) for outcome in (*outcomes, *kills)], indent=1))
+        listed = [asdict(outcome) for outcome in outcomes] + [asdict(one) for one in kills]
+        print(json.dumps(listed, indent=1))
     elif outcomes:
         _sum_up(outcomes)
     good = all(outcome.worst <= LIMIT and not outcome.left for outcome in outcomes)

@@ -74,13 +74,12 @@ def kill(victim: str, after: float) -> Kill:
         path.write_text(scene(hold=victim == "viewer"), encoding="utf-8")
         environment = {**os.environ, _MARK: mark}
         words = [sys.executable, "-P", "-m", "itouch.bench.deaths.starter", str(path), mark, str(recording)]
-        quiet = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-        started = [subprocess.Popen(words, env=environment, start_new_session=True, **quiet)]
+        started = [_quiet(words, environment)]
         watched = _Watched(mark)
         try:
             if victim == "viewer":
                 words = [sys.executable, "-P", "-m", "itouch.bench.deaths.stand", "viewer", mark, "60"]
-                started.append(subprocess.Popen(words, env=environment, start_new_session=True, **quiet))
+                started.append(_quiet(words, environment))
             found = _come(victim, mark)
             time.sleep(after)
             event = monotonic()
@@ -100,8 +99,15 @@ def kill(victim: str, after: float) -> Kill:
             for process in _marked(mark):
                 with contextlib.suppress(ProcessLookupError):
                     os.kill(process, signal.SIGKILL)
-            for process in started:
-                process.wait()
+            for one in started:
+                one.wait()
+
+
+def _quiet(words: Sequence[str], environment: dict[str, str]) -> subprocess.Popen[bytes]:
+    nothing = subprocess.DEVNULL
+    return subprocess.Popen(
+        words, env=environment, start_new_session=True, stdin=nothing, stdout=nothing, stderr=nothing
+    )  # fmt: skip
 
 
 class _Watched:

@@ -1,0 +1,62 @@
+"""A fault of the report in words: what happened, and what followed from it, and only that."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+#: Faults of what is kept of a session: no device has failed, and none is made safe by them.
+LOSSES = frozenset({"recording", "saving"})
+
+
+def is_loss(fault: Mapping[str, Any]) -> bool:
+    """Tell whether a fault is a loss of what is kept, not of a device."""
+    return fault.get("trip") in LOSSES
+
+
+def what(fault: Mapping[str, Any]) -> str:
+    """Return what happened."""
+    if is_loss(fault):
+        return str(fault.get("cause", ""))
+    return f"device '{fault.get('device', '')}' {fault.get('cause', '')}"
+
+
+def outcome(fault: Mapping[str, Any]) -> list[str]:
+    """Return what followed, as far as the report knows it: one line each."""
+    if is_loss(fault):
+        ends = fault.get("ends")
+        after = 'ends, as <record on-failure="stop"> asks' if ends else "goes on"
+        lines = [f"session: {after}; the devices are as they were"]
+        again = int(fault.get("times", 1))
+        return [*lines, f"again:   {again} times, last at {fault['until_s']:.3f} s"] if again > 1 else lines
+    if not fault.get("trip"):
+        return []
+    if fault.get("optional"):
+        return [f"devices: the session goes on without '{fault.get('device', '')}', which is optional"]
+    safe = fault.get("safe")
+    if not isinstance(safe, Mapping):
+        return []
+    if safe.get("reached"):
+        return ["devices: all have been made safe"]
+    return ["devices: not all could be seen to be safe: look at them before you touch anything"]
+
+
+def advice(fault: Mapping[str, Any]) -> str:
+    """Return what to do about a loss that has just been met."""
+    if fault.get("ends"):
+        return "the session ends now, as its scene asks; what was written before is whole"
+    if fault.get("trip") == "saving":
+        return "free the disk or its folder: the next save is tried by itself; the snapshot before is untouched"
+    if "samples are lost" in what(fault):
+        return "what was written is whole but for a gap; end the session and begin anew, or let it go on with the gap"
+    return (
+        "what was written before is whole, nothing more is recorded: end the session (Ctrl-C, Esc) and begin anew, or "
+        'let it go on without; <record on-failure="stop"> ends a session when this happens'
+    )
+
+
+def told(fault: Mapping[str, Any]) -> str:
+    """Return a loss in one paragraph, for whoever watches the session now."""
+    names = {"recording": "RECORDING LOST", "saving": "SAVING FAILED"}
+    head = names.get(str(fault.get("trip")), "LOST")
+    return f"{head} at {float(fault.get('time_s', 0.0)):.3f} s: {what(fault)}\n  = help: {advice(fault)}"

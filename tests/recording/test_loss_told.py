@@ -1,0 +1,129 @@
+"""What is not kept any more is told at once, on the terminal and in the report, in sentences that are true."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import itouch
+from itouch.loop.faultwords import outcome, told, what
+from itouch.report.screen import _fault
+
+SCENE = """<itouch version="1.0">
+  <devices><device name="arm" plugin="usb-arm"/></devices>{record}
+</itouch>
+"""
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    (tmp_path / "s.xml").write_text(SCENE.format(record=""), encoding="utf-8")
+    return tmp_path / "s.xml"
+
+
+def _kill(session: itouch.Session) -> None:
+    assert session.recorder is not None
+    os.kill(session.recorder.process_id, signal.SIGKILL)
+    session.recorder._process.wait()
+
+
+def test_a_killed_recorder_is_told_within_a_second_of_the_session(scene: Path) -> None:
+    session, heard = itouch.build(scene), list[dict[str, Any]]()
+    session.loss_hooks.append(heard.append)
+    session.record(scene.parent / "r.mcap")
+    session.run(0.5)
+    _kill(session)
+    session.run(0.5)
+    assert [(loss["trip"], loss["ends"]) for loss in heard] == [("recording", False)]
+    assert heard[0]["time_s"] < 0.6
+    session.run(0.5)
+    session.close()
+    assert len(heard) == 1
+
+
+def test_a_scene_chooses_to_end_the_session(scene: Path) -> None:
+    scene.write_text(SCENE.format(record='<record to="x.mcap" on-failure="stop"/>'), encoding="utf-8")
+    session = itouch.build(scene)
+    session.record(scene.parent / "r.mcap")
+    session.run(0.2)
+    _kill(session)
+    session.run(5.0)
+    assert session.seconds < 0.4
+    assert session.failed
+    assert session.report()["faults"][0]["ends"] is True
+    session.close()
+
+
+def test_a_save_that_fails_again_and_again_is_told_once_and_counted(scene: Path) -> None:
+    session, heard = itouch.build(scene), list[dict[str, Any]]()
+    session.loss_hooks.append(heard.append)
+    folder = scene.parent / "gone"
+    folder.mkdir()
+    with session.saving(folder / "s.itouch", 0.1):
+        folder.rmdir()
+        folder.write_text("a file, not a folder")
+        session.run(2.0)
+    assert len(heard) == 1
+    (fault,) = session.report()["faults"]
+    assert fault["trip"] == "saving"
+    assert fault["times"] > 5
+    text = _fault(fault)
+    assert "made safe" not in text
+    assert "session: goes on; the devices are as they were" in text
+    assert f"{fault['times']} times" in text
+
+
+def test_sentences_say_what_happened_and_only_that() -> None:
+    stopped = {"trip": "sensor-range", "device": "arm", "cause": "reads 9 m", "time_s": 1.0, "scene": None}
+    assert outcome({**stopped, "safe": {"reached": True}}) == ["devices: all have been made safe"]
+    assert "not all" in outcome({**stopped, "safe": {"reached": False}})[0]
+    assert outcome(stopped) == []
+    assert outcome({**stopped, "optional": True}) == ["devices: the session goes on without 'arm', which is optional"]
+    assert outcome({"trip": None, "device": "arm", "cause": "was given a fault"}) == []
+    lost = {"trip": "recording", "device": "recorder", "cause": "cannot write 'x': disk full", "time_s": 2.5}
+    assert what(lost) == "cannot write 'x': disk full"
+    assert told(lost).startswith("RECORDING LOST at 2.500 s: cannot write 'x': disk full\n  = help: ")
+    assert "ends now" in told({**lost, "ends": True})
+    assert "free the disk" in told({**lost, "trip": "saving"})
+
+
+def test_the_terminal_of_a_session_in_real_time_says_it_at_once(scene: Path) -> None:
+    words = [sys.executable, "-m", "itouch.cli", str(scene), "--headless", "--pace", "real", "--for", "60s",
+             "--record", str(scene.parent / "r.mcap")]  # fmt: skip
+    with subprocess.Popen(words, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True) as process:
+        writer = _recorder_of(process.pid)
+        os.kill(writer, signal.SIGKILL)
+        killed = time.monotonic()
+        assert process.stderr is not None
+        for line in process.stderr:
+            if line.startswith("RECORDING LOST"):
+                break
+        assert time.monotonic() - killed < 10.0  # a second on a quiet machine
+        assert "= help: what was written before is whole" in process.stderr.readline()
+        process.send_signal(signal.SIGINT)
+        process.stderr.read()
+
+
+def _recorder_of(launcher: int) -> int:
+    """Return the process that writes for a program's session, when it has begun to write."""
+    end = time.monotonic() + 90.0
+    while time.monotonic() < end:
+        for folder in Path("/proc").iterdir():
+            try:
+                line = (folder / "cmdline").read_bytes() if folder.name.isdigit() else b""
+                servo = int((folder / "stat").read_text().rpartition(")")[2].split()[1]) if line else 0
+                grand = int(Path(f"/proc/{servo}/stat").read_text().rpartition(")")[2].split()[1]) if servo else 0
+            except OSError:
+                continue
+            if b"itouch.recording.process" in line and grand == launcher:
+                time.sleep(1.0)
+                return int(folder.name)
+        time.sleep(0.02)
+    raise AssertionError("nothing is recorded")
