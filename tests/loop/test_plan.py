@@ -5,14 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 from shipped import SCENES
 
 import itouch
 from itouch.cli.__main__ import main
+from itouch.loop.clock import now
 from itouch.loop.plan import Plan, PlanError
+from itouch.loop.runner import bound_is_newest
 from itouch.loop.step import Step
+from itouch.plugin import Record, Touch
 from itouch.session import Session
+from itouch_usb_arm.arm import UsbArmTwin
 
 
 def _nothing(tick: int, ready: bool) -> None:
@@ -71,7 +76,7 @@ def test_safety_stands_behind_each_read_and_before_the_twins_move(session: Sessi
             writers = [
                 names.index(who) for what, who in session.plan.writers.items() if what.startswith(f"{device.name}.c")
             ]
-            assert max(writers, default=-1) < names.index(f"guard {device.name}") < names.index("twins")
+            assert max(writers, default=-1) < names.index(f"guard {device.name}") < names.index(f"twin {device.name}")
 
 
 def test_two_writers_of_a_command_are_refused() -> None:
@@ -97,6 +102,47 @@ def test_every_step_is_timed() -> None:
 def test_inspect_prints_the_plan(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert main(["inspect", str(SCENES / "first_touch.xml"), "--plan"]) == 0
     shown = capsys.readouterr().out
-    for step in ("read arm", "watch arm", "contact finger", "events", "guard arm", "twins"):
+    for step in ("read arm", "watch arm", "contact finger", "events", "guard arm", "finger finger", "twin arm"):
         assert f"\n  {step} " in shown
     assert "a whole tick" in shown
+
+
+def test_joined_steps_do_what_they_do_alone(session: Session) -> None:
+    assert any(len(names) > 1 for names in session.plan.pieces)  # some are one call from Python
+    session.run(0.05)
+    start = session.state.tobytes()
+    for _ in range(400):
+        tick, ready = int(session.state["tick"]), bool(session.state["ready"])
+        before = session.state.tobytes()
+        session.plan.run(tick, ready)
+        joined = session.state.tobytes()
+        session.adopt(before)
+        for step in session.plan.steps:
+            step.work(tick, ready)
+        assert session.state.tobytes() == joined
+        session.state["tick"] = tick + 1
+    assert session.state.tobytes() != start
+
+
+def test_timed_steps_do_what_they_do_untimed(session: Session) -> None:
+    stamps = np.zeros(1 + len(session.plan.steps))
+    for _ in range(50):
+        tick, ready = int(session.state["tick"]), bool(session.state["ready"])
+        before = session.state.tobytes()
+        session.plan.run(tick, ready)
+        untimed = session.state.tobytes()
+        session.adopt(before)
+        stamps[0] = now()
+        session.plan.run_timed(tick, ready, stamps)
+        assert session.state.tobytes() == untimed
+        assert (np.diff(stamps) >= 0.0).all() and stamps[-1] <= now()
+        session.state["tick"] = tick + 1
+
+
+def test_a_twin_whose_heir_has_a_step_of_its_own_runs_that() -> None:
+    class Own(UsbArmTwin):
+        def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+            """Stand still."""
+
+    assert bound_is_newest(UsbArmTwin)
+    assert not bound_is_newest(Own)

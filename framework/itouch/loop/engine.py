@@ -81,7 +81,6 @@ class Engine:
             self._objects,
             self._events,
             self._operating.hold,
-            self._move_on,
             views,
         )
         self.times = self.ledger.times = Timing(self.plan.names)
@@ -90,8 +89,9 @@ class Engine:
         self._pacing = Pacing(self)
         #: Whether a guardian process makes hardware safe if this one dies, as `itouch.launch` has it.
         self.guarded = False
-        #: Host seconds at the begin of the last tick, after its parts if they were timed, and at its end.
-        self.stamps: list[float] = []
+        #: Host seconds at the begin of the last tick, after its steps if they were timed, and at its end.
+        self.stamps = np.zeros(1 + max(1, len(self.plan.steps)))
+        self._ends = self.stamps[:: len(self.stamps) - 1]
         #: Called with the number of a tick when it is over, also in the safe sequence; they must not change the State.
         self.taps: list[Callable[[int], None]] = []
         self.state["seed"] = seed
@@ -202,14 +202,14 @@ class Engine:
         if not self._enabled:
             self._require_enabled()
         tick, ready, stamps = self._tick.item(), bool(self._ready), self.stamps
-        stamps.clear()
-        stamps.append(now())
+        timed = bool(self.plan.steps) and (self._paced or not tick % _SAMPLED)
+        stamps[0] = now()
         try:
-            if self._paced or not tick % _SAMPLED:
+            if timed:
                 self.plan.run_timed(tick, ready, stamps)
             else:
                 self.plan.run(tick, ready)
-                stamps.append(now())
+                stamps[-1] = now()
         except DeviceFaultError as raised:
             fault = with_writer(self.model, self.state, raised)
             self.make_safe(fault)
@@ -218,16 +218,12 @@ class Engine:
             if self._all:
                 self.make_safe(broken_off(self.model, tick, raised))
             raise
+        if not ready and all(rig.ready for rig in self._rigs):  # scripts begin with the next tick
+            self._ready[...] = 1
         self._tick[...] = tick + 1
-        self.times.add(stamps)
+        self.times.add(stamps if timed else self._ends)
         for tap in self.taps:
             tap(tick)
-
-    def _move_on(self, tick: int, ready: bool) -> None:
-        """Move the simulated world on; scripts begin with the tick after that in which the rig is calibrated."""
-        self._move(tick, ready)
-        if not ready and all(rig.ready for rig in self._rigs):
-            self._ready[...] = 1
 
     def _move(self, tick: int, ready: bool) -> None:
         for rig in self._rigs:

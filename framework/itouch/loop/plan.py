@@ -9,6 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.joining import Chain, can_join
 from itouch.loop import steps
 from itouch.loop.clock import now
 from itouch.loop.events import Events
@@ -16,11 +20,13 @@ from itouch.loop.fence import Fence
 from itouch.loop.objects import Objects
 from itouch.loop.rig import ProbeRig
 from itouch.loop.runner import Runner
-from itouch.loop.step import Step, Work
+from itouch.loop.step import Step
 from itouch.plugin import Record
 from itouch.safety import Hold
 from itouch.schema import ItouchError
 from itouch.world import Model
+
+Stamps = NDArray[np.float64]
 
 
 class PlanError(ItouchError):
@@ -36,19 +42,81 @@ class Plan:
         self.names = tuple(step.name for step in self.steps)
         #: Each command, and what is sent of it, with the one step that writes it.
         self.writers = dict(_writers(self.steps, [f for f in names if ".command." in f or ".sent." in f]))
-        self._works = tuple(step.work for step in self.steps)
+        self._pieces = tuple(_pieces(self.steps))
+        self._works = tuple(piece.work for piece in self._pieces)
+
+    @property
+    def pieces(self) -> tuple[tuple[str, ...], ...]:
+        """The names of the steps, those together that are one call from Python."""
+        return tuple(tuple(step.name for step in piece.steps) for piece in self._pieces)
 
     def run(self, tick: int, ready: bool) -> None:
         """Run all steps of a tick; ``ready``: the rig is calibrated, and scripts go on."""
         for work in self._works:
             work(tick, ready)
 
-    def run_timed(self, tick: int, ready: bool, stamps: list[float]) -> None:
-        """Run all steps of a tick, and append the host time [s] after each."""
-        mark = stamps.append
-        for work in self._works:
-            work(tick, ready)
-            mark(now())
+    def run_timed(self, tick: int, ready: bool, stamps: Stamps) -> None:
+        """Run all steps of a tick, and write the host time [s] after step i to ``stamps[1 + i]``."""
+        for piece in self._pieces:
+            piece.run_timed(tick, ready, stamps)
+
+
+class _Alone:
+    """A step that Python calls by itself."""
+
+    def __init__(self, step: Step, first: int) -> None:
+        self.steps, self.work, self._mark = (step,), step.work, 1 + first
+
+    def run_timed(self, tick: int, ready: bool, stamps: Stamps) -> None:
+        """Run the step, and note when it was over."""
+        self.work(tick, ready)
+        stamps[self._mark] = now()
+
+
+class _Joined:
+    """Compiled steps in a row, as one call."""
+
+    def __init__(self, listed: Sequence[Step], first: int) -> None:
+        self.steps, self._mark = tuple(listed), 1 + first
+        self._chain = Chain([step.bound for step in listed if step.bound is not None])
+        self._run = self._chain.run
+        self._answers = [step.answer for step in listed]
+
+    def work(self, tick: int, ready: bool) -> None:
+        """Run the steps; what one leaves to Python is done before the next one."""
+        found = self._run()
+        while found >= 0:
+            found = self._run(self._answered(found, tick, ready))
+
+    def run_timed(self, tick: int, ready: bool, stamps: Stamps) -> None:
+        """Run the steps, and note when each was over, by the same clock."""
+        found = self._chain.run_timed(stamps, self._mark)
+        while found >= 0:
+            begin = self._answered(found, tick, ready)
+            stamps[self._mark + begin - 1] = now()
+            found = self._chain.run_timed(stamps, self._mark, begin)
+
+    def _answered(self, found: int, tick: int, ready: bool) -> int:
+        """Do what a step has left to Python, and return the index of the next one."""
+        index, code = found >> 32, found & 0xFFFFFFFF
+        answer = self._answers[index]
+        if answer is not None:
+            answer(code, tick, ready)
+        return index + 1
+
+
+def _pieces(listed: Sequence[Step]) -> Iterator[_Alone | _Joined]:
+    """Yield the steps, with those joined that are compiled and stand in a row."""
+    join, index = can_join(), 0
+    while index < len(listed):
+        last = index
+        while join and last < len(listed) and listed[last].bound is not None:
+            last += 1
+        if last > index:
+            yield _Joined(listed[index:last], index)
+        else:
+            yield _Alone(listed[index], index)
+        index = max(last, index + 1)
 
 
 def _writers(listed: Sequence[Step], commands: Sequence[str]) -> Iterator[tuple[str, str]]:
@@ -70,7 +138,7 @@ def _writers(listed: Sequence[Step], commands: Sequence[str]) -> Iterator[tuple[
 
 def build(
     model: Model, state: Record, runners: Mapping[str, Runner], rigs: Sequence[ProbeRig], objects: Objects,
-    events: Events, hold: Hold, move: Work, views: Mapping[str, Record],
+    events: Events, hold: Hold, views: Mapping[str, Record],
 ) -> Plan:  # fmt: skip
     """Return the plan of a scene: read, contact, events, modalities, supervision, write; then the twins move on."""
     listed: list[Step] = []
@@ -96,5 +164,10 @@ def build(
             listed.append(steps.guard(runner))
         if not runner.model.twin:
             listed.append(steps.write(runner))
-    listed.append(steps.twins(model, runners, rigs, move))
+    for rig in rigs:
+        listed += steps.finger(rig, state)
+    if model.motions.bodies is not None:
+        listed.append(steps.bodies(objects))
+    listed += [steps.twin(runner) for runner in runners.values() if runner.model.twin]
+    listed += [steps.log(rig) for rig in rigs]
     return Plan(listed, state)

@@ -46,7 +46,7 @@ class ProbeRig:
             if runner is not None
         ]
         #: Whether the plate's force on the finger is known from what the table measures only.
-        self._feels_for_real = self.table is not None and not self.table.model.twin and "wrench" in self.table.reading
+        self.feels_for_real = self.table is not None and not self.table.model.twin and "wrench" in self.table.reading
         self._placed: dict[int, Frame] = {}
         self._fixed = False
         self._moves = any(runner.model.carrier for _, runner in self._stands)
@@ -169,15 +169,22 @@ class ProbeRig:
 
     def couple(self, moving: bool) -> None:
         """Step the finger's twin, and tell the twins of devices what touches them."""
-        hand = self.coupling.hand
-        if not moving and hand is not None and self.touch_off is not None and self.touch_off.done:
-            hand.lower(0.0)
-        self.coupling.step(moving)
-        if self._feels_for_real:
-            self._add_measured()
+        self.lead(moving)
+        self.coupling.bound()
+        if self.feels_for_real:
+            self.measure()
         self.log.note()
 
-    def _add_measured(self) -> None:
+    def lead(self, moving: bool) -> None:
+        """Move the operator's hand on: along its path if ``moving``, or back to it after a touch-off."""
+        hand = self.coupling.hand
+        if hand is None:
+            return
+        if not moving and self.touch_off is not None and self.touch_off.done:
+            hand.lower(0.0)
+        hand.advance(moving)
+
+    def measure(self) -> None:
         """Make the force on the finger what a real table measures along the plate's normal, with what the arm gives."""
         table, arm = self.table, self.arm
         if table is None:

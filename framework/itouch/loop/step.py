@@ -5,8 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 
+from itouch.plugin import Bound
+
 #: What a step calls: the number of the tick, and whether the rig is calibrated so that scripts go on.
 Work = Callable[[int, bool], None]
+
+#: What Python does when a compiled step asks for it: with the step's code, and the same two.
+Answer = Callable[[int, int, bool], None]
 
 #: What a step runs as: compiled code, Python that calls compiled functions, or Python alone.
 COMPILED, CALLS_KERNELS, PYTHON = "compiled", "calls kernels", "Python"
@@ -18,6 +23,9 @@ class Step:
 
     ``reads`` and ``writes`` name fields of State; a name that ends, or begins, in ``*`` stands for all that begin, or
     end, so, and ``reads`` is None where a plugin does not say.  ``every``: in how many ticks it runs once.
+
+    A step with a ``bound`` call joins the steps beside it that have one: together they are one call from Python.  What
+    it leaves to Python, ``answer`` does.
     """
 
     name: str
@@ -26,6 +34,8 @@ class Step:
     writes: tuple[str, ...] = ()
     every: int = 1
     code: str = PYTHON
+    bound: Bound | None = None
+    answer: Answer | None = None
 
     def fitted(self, fields: Iterable[str]) -> Step:
         """Return the step with only those names that stand for any of the fields that there are."""
@@ -36,6 +46,19 @@ class Step:
     def written(self, fields: Iterable[str]) -> Iterator[str]:
         """Yield which of these fields the step writes."""
         return matching(self.writes, fields)
+
+
+def compiled(
+    name: str, bound: Bound, reads: tuple[str, ...], writes: tuple[str, ...], answer: Answer | None = None
+) -> Step:
+    """Return a step that is compiled; ``work`` does the same where nothing can be joined."""
+
+    def work(tick: int, ready: bool) -> None:
+        code = bound()
+        if code and answer is not None:
+            answer(code, tick, ready)
+
+    return Step(name, work, reads, writes, 1, COMPILED, bound, answer)
 
 
 def _fitting(patterns: tuple[str, ...], fields: tuple[str, ...]) -> tuple[str, ...]:

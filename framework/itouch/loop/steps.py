@@ -6,7 +6,7 @@ test holds it against what a step is seen to change.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from itouch.loop.blame import foreign_write, modality_fault
 from itouch.loop.events import Events
@@ -14,7 +14,7 @@ from itouch.loop.fence import Fence
 from itouch.loop.objects import Objects
 from itouch.loop.rig import ProbeRig
 from itouch.loop.runner import Runner
-from itouch.loop.step import CALLS_KERNELS, Step, Work
+from itouch.loop.step import CALLS_KERNELS, Step, compiled
 from itouch.plugin import Record
 from itouch.safety import Hold
 from itouch.world import ModalityModel, Model
@@ -172,14 +172,44 @@ def write(runner: Runner) -> Step:
     )
 
 
-def twins(model: Model, runners: Mapping[str, Runner], rigs: Sequence[ProbeRig], move: Work) -> Step:
-    """Move the finger, the bodies and the twins of devices on by a period."""
-    written: tuple[str, ...] = ("objects.*",) if model.motions.bodies is not None else ()
-    for rig in rigs:
-        hand = "plate_force plate_true_top plate_distance plate_touched total_force hand.*"
-        log = "contact.peak_force contact.peak_penetration contact.peak_area contact.physical_begin"
-        written += _of(rig.probe.name, *hand.split(), *log.split())
-    written += tuple(f"{runner.model.name}.twin.*" for runner in runners.values() if runner.model.twin)
-    reads = tuple(f"{runner.model.name}.sent.*" for runner in runners.values())
-    written += ("ready",)
-    return Step("twins", move, (*reads, *written), written, 1, CALLS_KERNELS)
+def finger(rig: ProbeRig, state: Record) -> Iterator[Step]:
+    """Move the operator's hand and finger on by a period, and tell the twins of devices what touches them."""
+    name, coupling = rig.probe.name, rig.coupling
+    if coupling.hand is not None:
+        moved = _of(name, "hand.ticks", "hand.offset", "hand.steered", "hand.wanted")
+        along = coupling.hand.bound(state["ready"].reshape(1))
+        reads = (*moved, "ready", f"{rig.table.model.name}.touch_off.stage" if rig.table is not None else "")
+        if along is None:
+            yield Step(f"hand {name}", lambda tick, ready: rig.lead(ready), reads, moved)
+        else:
+            yield compiled(f"hand {name}", along, reads, moved, lambda code, tick, ready: rig.lead(ready))
+    written = _of(name, "plate_force", "plate_true_top", "plate_distance", "plate_touched", "total_force", "hand.*")
+    reads = (*written, *_of(name, "hip"), "tick", "*.sent.wrench", "*.twin.axes")
+    yield compiled(f"finger {name}", coupling.bound, reads, written)
+    if rig.feels_for_real:
+        reads = ("*.wrench", "*.sent.wrench")
+        yield Step(f"measured {name}", lambda tick, ready: rig.measure(), reads, _of(name, "total_force"))
+
+
+def bodies(objects: Objects) -> Step:
+    """Move the rigid bodies on by a period."""
+    written = ("objects.pose", "objects.twist", "objects.physics")
+    reads = (*written, "*.contact_force", "*.result")
+    return Step("bodies", lambda tick, ready: objects.advance(ready), reads, written, 1, CALLS_KERNELS)
+
+
+def twin(runner: Runner) -> Step:
+    """Move a device's twin on by a period, under what it was sent."""
+    name, own = runner.model.name, _of(runner.model.name, "twin.*")
+    bound, reads = runner.bound_twin(), (*own, *_of(name, "sent.*"))
+    if bound is not None:
+        return compiled(f"twin {name}", bound, reads, own)
+    return Step(f"twin {name}", lambda tick, ready: runner.step_twin(tick), reads, own)
+
+
+def log(rig: ProbeRig) -> Step:
+    """Follow the open contact for the report."""
+    name = rig.probe.name
+    written = _of(name, "contact.peak_force", "contact.peak_penetration", "contact.peak_area", "contact.physical_begin")
+    reads = (*written, *_of(name, "total_force", "penetration", "area", "plate", "plate_true_top", "surface_height"))
+    return Step(f"log {name}", lambda tick, ready: rig.log.note(), reads, written)

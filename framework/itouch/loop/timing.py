@@ -22,6 +22,8 @@ PER_OCTAVE, LEAST, BINS = 16, 0.25e-6, 416
 WAKE_UP = "wake-up"
 _SCALE = 1.0 / LEAST
 
+Stamps = Sequence[float] | NDArray[np.float64]
+
 
 def edges() -> NDArray[np.float64]:
     """Return the edges of the bins [s], shape (BINS + 1,); what is shorter than the first is in the first bin."""
@@ -138,17 +140,17 @@ class Timing:
     def _add(self, row: int, seconds: float) -> None:
         _count(self._counts, self._greatest, row, seconds)
 
-    def add(self, stamps: Sequence[float]) -> None:
+    def add(self, stamps: Stamps) -> None:
         """Note one tick; ``stamps`` [s] are taken at its begin, after each part (or none) and at its end."""
         self._ticks += 1
         used = len(stamps)
         self._stamps[:used] = stamps
         _count_tick(self._counts, self._greatest, self._stamps, used)
 
-    def pace(self, late: float, period: float, stamps: Sequence[float]) -> str | None:
+    def pace(self, late: float, period: float, stamps: Stamps) -> str | None:
         """Note how late [s] a tick began in real time; return the culprit if it overran."""
         self._add(0, max(late, 0.0))
-        work = stamps[-1] - stamps[0]
+        work = float(stamps[-1] - stamps[0])
         if late + work <= period:
             self._culprit = -1
             return None
@@ -158,8 +160,8 @@ class Timing:
         self.record["culprits"][self._culprit] += 1
         return self.culprit_names[self._culprit]
 
-    def _blame(self, late: float, stamps: Sequence[float]) -> int:
-        shares = [after - before for before, after in zip(stamps, stamps[1:], strict=False)]
+    def _blame(self, late: float, stamps: Stamps) -> int:
+        shares = [float(after - before) for before, after in zip(stamps, stamps[1:], strict=False)]
         if late >= max(shares) or len(shares) != len(self.parts):
             return 0
         return 1 + shares.index(max(shares))

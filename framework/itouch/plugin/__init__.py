@@ -3,6 +3,7 @@
 from itouch import schema
 from itouch.plugin import poses
 from itouch.plugin.bases import building, kept
+from itouch.plugin.bound import Bound
 from itouch.plugin.channel import (
     HOLD,
     RETRACT,
@@ -42,6 +43,7 @@ __all__ = [
     "RETRACT",
     "ROTATIONS",
     "Attached",
+    "Bound",
     "Channel",
     "Contact",
     "ContactEvent",

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from itouch.plugin.bound import Bound
 from itouch.plugin.channel import Channel
 from itouch.plugin.emulator import Emulator
 from itouch.plugin.fit import Fit
@@ -33,22 +34,44 @@ class Attached:
     note: str
 
 
-@dataclass(slots=True)
 class Touch:
     """What the simulated world presents to a twin in one tick, in the device's frame.
 
     ``finger_pose`` (7,) and ``finger_twist`` (6,) are those of the finger's centre; ``wrench`` (6,) acts on the
     device; ``force`` [N] presses on the device's face and ``gap`` [m] is the distance between face and finger pad
-    (negative while they touch); ``ambient`` [K] is the room.
+    (negative while they touch), both together the array ``face`` (2,); ``ambient`` [K] is the room.
     """
 
-    finger_pose: NDArray[np.float64] = field(default_factory=lambda: np.array([0.0, 0, 0, 1, 0, 0, 0]))
-    finger_twist: NDArray[np.float64] = field(default_factory=lambda: np.zeros(6))
-    wrench: NDArray[np.float64] = field(default_factory=lambda: np.zeros(6))
-    force: float = 0.0
-    gap: float = 1.0
-    ambient: float = 296.15
-    finger_attached: bool = False
+    __slots__ = ("ambient", "face", "finger_attached", "finger_pose", "finger_twist", "wrench")
+
+    def __init__(
+        self, *, force: float = 0.0, gap: float = 1.0, ambient: float = 296.15, finger_attached: bool = False
+    ) -> None:
+        self.finger_pose: NDArray[np.float64] = np.array([0.0, 0, 0, 1, 0, 0, 0])
+        self.finger_twist: NDArray[np.float64] = np.zeros(6)
+        self.wrench: NDArray[np.float64] = np.zeros(6)
+        self.face: NDArray[np.float64] = np.array([force, gap])
+        self.ambient, self.finger_attached = ambient, finger_attached
+
+    @property
+    def force(self) -> float:
+        """What presses on the face [N]."""
+        force: float = self.face[0].item()
+        return force
+
+    @force.setter
+    def force(self, value: float) -> None:
+        self.face[0] = value
+
+    @property
+    def gap(self) -> float:
+        """The distance between face and finger pad [m]."""
+        gap: float = self.face[1].item()
+        return gap
+
+    @gap.setter
+    def gap(self, value: float) -> None:
+        self.face[1] = value
 
 
 class Twin(ABC):
@@ -74,6 +97,13 @@ class Twin(ABC):
     @abstractmethod
     def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
         """Advance the State by ``period`` seconds under the command that safety let through."""
+
+    def bound_step(self, state: Record, command: Record, touch: Touch, period: float) -> Bound | None:
+        """Return what ``step`` does with these, which stay the same, as one compiled call; None: it is Python.
+
+        It then runs joined with others, without the interpreter; `step` should be the same call.
+        """
+        return None
 
     @abstractmethod
     def read(self, state: Record, reading: Record) -> bool | None:

@@ -250,7 +250,7 @@ class Servo:
             self.words[at.BEAT] = monotonic()
             self.words[at.ARMED] = int(bool(self._hardware() or self.remotes.addresses))
         times, stamps = self.session.times, self.session.stamps
-        self._publish(times.late, stamps[-1] - stamps[0] if stamps else 0.0)
+        self._publish(times.late, float(stamps[-1] - stamps[0]))
         contacts = self.session.ledger.contacts
         if len(contacts) > self._told:
             self.outbox.tell("contacts", {"contacts": contacts[self._told :]})

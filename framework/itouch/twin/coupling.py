@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.plugin import Record, Touch
+from itouch.plugin import Bound, Record, Touch
 from itouch.twin import mechanics as at
 from itouch.twin.hand import Hand
 
@@ -67,19 +67,23 @@ class Coupling:
         self.true_top, self.total = state[f"{name}.plate_true_top"], state[f"{name}.total_force"]
         self._push: Floats = arm.sent["wrench"][:3] if arm is not None and "wrench" in arm.sent else np.zeros(3)
         self._load: Floats = table.touch.wrench[:3] if table is not None else np.zeros(3)
-        self._finger, self._still = np.zeros(9), np.zeros(3)
         self._pieces: Floats = hand.path.pieces if hand is not None else np.ones((1, 8))
-        self._pieces.setflags(write=False)
         self._end, self._pace = np.zeros(7), np.zeros(6)
         carried = table.true_position() if table is not None else None
         self._carrier: Floats = np.array([0.0, 0.0, -1e3]) if carried is None else carried
         if arm is not None:
             self._end, self._pace = arm.touch.finger_pose, arm.touch.finger_twist
             arm.touch.finger_attached = hand is not None
-        at.step_finger(  # compiled now, not in the first tick
-            self._constants, self._pieces, 0.0, np.zeros(3), self._finger.copy(), self._push, self._carrier,
-            self.figures.copy(), self._end.copy(), self._pace.copy(), self._load.copy(),
+        hand_time, hand_offset, motion = (
+            (hand.time, hand.offset, hand.motion) if hand is not None else (np.zeros(1), np.zeros(3), np.zeros(9))
+        )
+        #: A period of the finger as one compiled call; the hand's ``advance`` comes before it.
+        self.bound = Bound(
+            at.couple_finger, self._constants, self._pieces, hand_time, hand_offset, motion, self._hip, self._push,
+            self._carrier, self.figures, self._end, self._pace, self._load, self._tick, self.touched,
+            face.touch.face if face is not None else np.zeros(2),
         )  # fmt: skip
+        self.bound.rehearse()
 
     def reset(self) -> None:
         """Begin apart."""
@@ -90,26 +94,6 @@ class Coupling:
         """Tell the arm where the finger is, before anything has moved."""
         if self.hand is not None:
             at.tell_arm(self._constants, self.hand.motion, self._end, self._pace)
-
-    def step(self, moving: bool) -> None:
-        """Advance the finger by one period; ``moving``: the hand follows its script."""
-        time, offset, finger = 0.0, self._still, self._finger
-        if self.hand is not None:
-            time, offset, finger = self.hand.advance(moving), self.hand.offset, self.hand.motion
-        else:
-            finger[:3] = self._hip
-        gap = at.step_finger(
-            self._constants, self._pieces, time, offset, finger, self._push, self._carrier, self.figures, self._end,
-            self._pace, self._load,
-        )  # fmt: skip
-        push = self.figures[at.FORCE].item()
-        if push <= 0.0:
-            if self.touched.item() >= 0:
-                self.touched[...] = -1
-        elif self.touched.item() < 0:
-            self.touched[...] = self._tick
-        if self._face is not None:
-            self._face.touch.force, self._face.touch.gap = push, gap
 
 
 def _constants(
@@ -136,5 +120,4 @@ def _constants(
         constants[at.MASS], constants[at.STIFFNESS], constants[at.DAMPING] = (
             person.mass, person.stiffness, person.damping,
         )  # fmt: skip
-    constants.setflags(write=False)
     return constants

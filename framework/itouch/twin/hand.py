@@ -10,8 +10,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.plugin import Record
+from itouch.plugin import Bound, Record
 from itouch.scene.elements import Operator
+from itouch.twin.mechanics import follow_path
 from itouch.world.recorded import RecordedMotion
 
 Vector = tuple[float, float, float]
@@ -36,7 +37,6 @@ class Path:
             here = target.pos
         self.duration = time
         self.pieces = np.array(rows or [(0.0, 1.0, *self.start, *self.start)], np.float64)
-        self.pieces.setflags(write=False)
 
 
 class RecordedPath:
@@ -53,7 +53,6 @@ class RecordedPath:
         self.duration = self._last * self._step
         self._row = np.array([(-1.0, 2.0, *self.start, *self.start)], np.float64)
         self.pieces = self._row[:]
-        self.pieces.setflags(write=False)
 
     def lay(self, time: float) -> None:
         """Lay the piece round a time [s]; before the begin and after the end the hand rests."""
@@ -79,6 +78,8 @@ class Hand:
         self._end = math.ceil(self.path.duration / period - 1e-9)
         self.ticks, self.offset = state[f"{name}.hand.ticks"], state[f"{name}.hand.offset"]
         self._steered, self._wanted = state[f"{name}.hand.steered"], state[f"{name}.hand.wanted"]
+        #: Where on its path the hand is [s], shape (1,); found anew in every step.
+        self.time = np.zeros(1)
         self.motion: NDArray[np.float64] = state.flat(f"{name}.hand.position", f"{name}.hand.target")
 
     def reset(self) -> None:
@@ -129,12 +130,18 @@ class Hand:
             self._steered[...] = STILL
         return True
 
-    def advance(self, moving: bool) -> float:
-        """Return the time [s] on the path for the next step; it moves on if ``moving``."""
+    def bound(self, moving: NDArray[np.int64]) -> Bound | None:
+        """Return the usual way along the path as one compiled call, which asks for ``advance`` if it is another."""
+        if self._recorded is not None:
+            return None
+        return Bound(follow_path, moving, self._steered, self.ticks, self.time, self._period)
+
+    def advance(self, moving: bool) -> None:
+        """Find the time on the path for the next step; it moves on if ``moving``."""
         ticks: int = self.ticks.item()
         if moving and not self._follow():
             ticks += 1
             self.ticks[...] = ticks
         if self._recorded is not None:
             self._recorded.lay(ticks * self._period)
-        return ticks * self._period
+        self.time[0] = ticks * self._period

@@ -6,6 +6,7 @@ The finger is a point mass on the hand's spring; the plate pushes it through the
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,6 +65,64 @@ def aim(pieces: Floats, time: float, goal: Floats) -> None:
         here, there = pieces[last, 2 + i], pieces[last, 5 + i]
         goal[i] = here + blend * (there - here) if s < 1.0 else there
         goal[3 + i] = rate * (there - here)
+
+
+@kernel
+def follow_path(moving: Any, steered: Any, ticks: Any, time: Floats, period: float) -> int:
+    """Move on along a hand's path by one tick; return 1, and leave it to Python, if it rests or is led.
+
+    All but ``period`` [s] have shape (1,): whether scripts go on, whether the hand is led, the ticks along the path,
+    and the time on it [s].
+    """
+    if moving[0] == 0 or steered[0] != 0:
+        return 1
+    ticks[0] += 1
+    time[0] = ticks[0] * period
+    return 0
+
+
+@kernel
+def couple_finger(
+    constants: Floats,
+    pieces: Floats,
+    time: Floats,
+    offset: Floats,
+    hand: Floats,
+    hip: Floats,
+    push: Floats,
+    table: Floats,
+    figures: Floats,
+    end: Floats,
+    pace: Floats,
+    load: Floats,
+    tick: Any,
+    touched: Any,
+    face: Floats,
+) -> int:
+    """Advance the finger by one period, and tell what touches it; return 0.
+
+    Parameters
+    ----------
+    constants, pieces, offset, hand, push, table, figures, end, pace, load
+        As in ``step_finger``.
+    time
+        Where on the path the target is [s], shape (1,).
+    hip
+        Where a finger that no twin moves is, shape (3,).
+    tick, touched
+        The tick, and that at which the plate was touched first (-1: it is not), shape (1,).
+    face
+        Force on the plate [N] and gap [m], shape (2,); written.
+    """
+    if constants[MASS] == 0.0:
+        hand[0], hand[1], hand[2] = hip[0], hip[1], hip[2]
+    gap = step_finger(constants, pieces, time[0], offset, hand, push, table, figures, end, pace, load)
+    if figures[FORCE] <= 0.0:
+        touched[0] = -1
+    elif touched[0] < 0:
+        touched[0] = tick[0]
+    face[0], face[1] = figures[FORCE], gap
+    return 0
 
 
 @kernel

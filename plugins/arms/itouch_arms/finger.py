@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from itouch.plugin import Field, Record, Touch, Twin
+from itouch.plugin import Bound, Field, Record, Touch, Twin
 
 Vector = tuple[float, float, float]
 #: Adding and subtracting it rounds a number to an integer, and leaves NaN what it is.
@@ -21,6 +21,12 @@ class FingerTwin(Twin):
     def reset(self, state: Record, rng: np.random.Generator) -> None:
         """Begin at the frame's origin until the finger is attached."""
         state["pose"] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+
+    def bound_step(self, state: Record, command: Record, touch: Touch, period: float) -> Bound | None:
+        """Return the step on these views as one compiled call."""
+        from itouch.plugin.kernels import copied  # the compiler is loaded when an arm runs, not when it is listed
+
+        return Bound(copied, touch.finger_pose, state["pose"]) if touch.finger_attached else None
 
     def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
         """Go with the finger."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from itouch.plugin import (
     Attached,
+    Bound,
     Channel,
     Device,
     DeviceError,
@@ -78,6 +79,12 @@ class UsbArmTwin(Twin):
     def reset(self, state: Record, rng: np.random.Generator) -> None:
         """Begin at the frame's origin until the finger is attached."""
         state["pose"] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+
+    def bound_step(self, state: Record, command: Record, touch: Touch, period: float) -> Bound | None:
+        """Return the step on these views as one compiled call."""
+        from itouch.plugin.kernels import copied  # the compiler is loaded when an arm runs, not when it is listed
+
+        return Bound(copied, touch.finger_pose, state["pose"]) if touch.finger_attached else None
 
     def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
         """Go with the finger."""

@@ -50,8 +50,8 @@ def move(
     words: Words,
     wrench: Floats,
     period: float,
-) -> None:
-    """Advance the axes by one period and take the sensors' readings.
+) -> int:
+    """Advance the axes by one period and take the sensors' readings; return 0.
 
     Parameters
     ----------
@@ -85,3 +85,4 @@ def move(
         sensed[i] = np.rint(place / ENCODER) * ENCODER
         sensed[3 + i] = wrench[i]
     sensed[5] += parameters[NOISE] * _gaussian(words)
+    return 0

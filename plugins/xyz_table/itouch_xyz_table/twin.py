@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.plugin import Field, Record, Touch, Twin
+from itouch.plugin import Bound, Field, Record, Touch, Twin
 
 
 class XyzTableTwin(Twin):
@@ -24,7 +24,6 @@ class XyzTableTwin(Twin):
         ends = (-x / 2, -y / 2, 0.0, x / 2, y / 2, z)
         rows = (omega, params.speed, params.acceleration, params.mass, drag, *ends, params.force_noise)
         self._parameters = np.array(rows)
-        self._parameters.setflags(write=False)
         self._move = axes.move
         words = np.zeros(1, np.uint64)  # compiled now, not in the first tick
         axes.move(self._parameters, np.zeros(7), np.zeros((3, 3)), np.zeros(6), words, np.zeros(6), 1e-3)
@@ -54,17 +53,16 @@ class XyzTableTwin(Twin):
         place: NDArray[np.float64] = state["axes"][0]
         return place
 
+    def bound_step(self, state: Record, command: Record, touch: Touch, period: float) -> Bound:
+        """Return the step on these views as one compiled call."""
+        return Bound(
+            self._move, self._parameters, command["pose_target"], state["axes"], state["sensed"], state["noise"],
+            touch.wrench, period,
+        )  # fmt: skip
+
     def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
         """Move the axes by one period."""
-        self._move(
-            self._parameters,
-            command["pose_target"],
-            state["axes"],
-            state["sensed"],
-            state["noise"],
-            touch.wrench,
-            period,
-        )
+        self.bound_step(state, command, touch, period)()
 
     def read(self, state: Record, reading: Record) -> bool | None:
         """Give the encoders' position and the force sensor's noisy reading."""

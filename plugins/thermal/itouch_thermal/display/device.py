@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from itouch.plugin import (
+    Bound,
     Channel,
     Field,
     Record,
@@ -27,7 +28,7 @@ from itouch_thermal.display.column import REACH, Array, Column, column
 from itouch_thermal.display.params import DisplayParams
 from itouch_thermal.drivers.hardware import HardwareDisplay
 from itouch_thermal.heat import FINGER
-from itouch_thermal.laws import law_of, press_factor
+from itouch_thermal.laws import law_of
 
 #: Shortest servo period [s] for which the delay line has room.
 SHORTEST = 2e-4
@@ -48,7 +49,8 @@ class DisplayTwin(Twin):
         self._ambient = REFERENCE
         self._built: dict[float, tuple[Column, Array]] = {}
         self._column, _ = self._for(1e-3)
-        self._law = law_of(params.laws, params.contact_resistance)
+        self._law = np.array(law_of(params.laws, params.contact_resistance).numbers)
+        self._finger = np.array((params.full_force, 1.0 + params.mismatch.contact_resistance, params.press))
 
     def stand(self, ambient: float, skin_temperature: float | None) -> None:
         """Take the room's temperature, and the operator's finger where there is an operator."""
@@ -64,6 +66,7 @@ class DisplayTwin(Twin):
         if found is None:
             p = self.params
             parts = column(p.tissue or FINGER, p.core, p.skin_temperature, p.plate, period, REACH / 1e-3)
+            parts = replace(parts, tissue=parts.tissue.copy(), plate=parts.plate.copy())  # own ones: those are shared
             found = self._built[period] = (parts, constants(p, parts, self._ambient))
         return found
 
@@ -109,39 +112,25 @@ class DisplayTwin(Twin):
         state["true_skin"][...] = memory[plant.SKIN]
         state["true_plate"][...] = memory[plant.PLATE]
 
+    def bound_step(self, state: Record, command: Record, touch: Touch, period: float) -> Bound:
+        """Return the step on these views as one compiled call."""
+        parts, numbers = self._for(period)
+        by_current = self.params.command == "current"
+        wanted = command["current"] if by_current else command["temperature_target"]
+        return Bound(
+            plant.display_step, numbers, self._law, self._finger, parts.tissue, parts.plate, state["memory"],
+            state["tissue"], state["plate"], state["line"], state["noise"], wanted,
+            np.ones(1) if by_current else command["output"], touch.face, float(touch.ambient), state["true_flux"],
+            state["true_skin"], state["true_plate"],
+        )  # fmt: skip
+
     def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
         """Advance by one period under the current that safety let through."""
-        parts, numbers = self._for(period)
-        plant.plant_step(
-            numbers, parts.tissue, parts.plate, state["memory"], state["tissue"], state["plate"], state["line"],
-            state["noise"], self._commanded(command), self._contact(state, float(touch.force), period),
-            float(touch.gap), float(touch.ambient),
-        )  # fmt: skip
-        self._publish(state)
-
-    def _commanded(self, command: Record) -> float:
-        """Return the current [A], or the temperature [K] to hold; 0 K: the output is off."""
-        if self.params.command == "current":
-            return float(command["current"].item())
-        return float(command["temperature_target"].item()) if command["output"].item() >= 0.5 else 0.0
-
-    def _contact(self, state: Record, force: float, period: float) -> float:
-        """Return the contact resistance [K m2/W], and count for how long the finger has been pressing."""
-        found, press = self.resistance(force), self.params.press
-        if press > 0.0:
-            pressed = state["memory"][plant.PRESSED].item() + 1.0 if force > 0.0 else 0.0
-            state["memory"][plant.PRESSED] = pressed
-            if pressed > 0.0:
-                found *= press_factor(pressed * period, press)
-        return found
+        self.bound_step(state, command, touch, period)()
 
     def resistance(self, force: float) -> float:
         """Return the true contact resistance [K m2/W] at a force [N] on the plate; infinite without force."""
-        if force <= 0.0:
-            return math.inf
-        full = self.params.full_force
-        scale = max(1.0, full / force) if full > 0.0 else 1.0
-        return float(self._law.at(force) * (1.0 + self.params.mismatch.contact_resistance) * scale)
+        return plant.contact_resistance(self._law, self._finger, force)
 
     def read(self, state: Record, reading: Record) -> bool | None:
         """Give what the sensors say."""
@@ -194,7 +183,6 @@ def constants(p: DisplayParams, parts: Column, ambient: float = REFERENCE) -> Ar
     c[plant.C_SLOTS] = round((p.delay + off.delay) / parts.period)
     if p.command == "temperature":
         c[plant.C_GAIN], c[plant.C_INTEGRAL] = p.target_gain, p.target_integral
-    c.setflags(write=False)
     return c
 
 

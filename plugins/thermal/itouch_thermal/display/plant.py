@@ -27,6 +27,8 @@ from itouch_thermal.display.column import (
     P_SENSE,
 )
 from itouch_thermal.display.peltier import pumped_heat
+from itouch_thermal.laws import press_factor
+from itouch_thermal.solver.resistance import resistance_at
 
 #: Numbers of ``memory``.
 (
@@ -44,7 +46,11 @@ from itouch_thermal.display.peltier import pumped_heat
     C_CLEAR, C_REFERENCE, C_CEILING, C_SLOTS, C_GAIN, C_INTEGRAL, CONSTANTS,
 ) = range(39)  # fmt: skip
 
+#: Numbers of ``finger``: force from which the whole face touches [N], factor on the law, time constant of pressing [s].
+FULL_FORCE, FACTOR, PRESS, FINGER = range(4)
+
 _TWO_PI = 2.0 * math.pi
+_resistance_at, _press_factor = kernel(resistance_at), kernel(press_factor)
 
 
 @kernel
@@ -70,11 +76,54 @@ def _counted(value: float, step: float) -> float:
 
 
 @kernel
+def contact_resistance(law: Any, finger: Any, force: float) -> float:
+    """Return the true contact resistance [K m2/W] at a force [N] on the plate; infinite without force."""
+    if force <= 0.0:
+        return math.inf
+    full = finger[FULL_FORCE]
+    scale = max(1.0, full / force) if full > 0.0 else 1.0
+    return float(_resistance_at(law, force) * finger[FACTOR] * scale)
+
+
+@kernel
+def display_step(
+    c: Any, law: Any, finger: Any, tissue: Any, plate: Any, memory: Any, above: Any, below: Any, line: Any, words: Any,
+    wanted: Any, output: Any, face: Any, ambient: float, flux: Any, skin: Any, surface: Any,
+) -> int:  # fmt: skip
+    """Advance the twin by one step under what it was sent and what presses on it; return 0.
+
+    Parameters
+    ----------
+    c, tissue, plate, memory, above, below, line, words, ambient
+        As in `plant_step`.
+    law, finger
+        The law of the contact resistance (`resistance_at`), and what a finger makes of it, shape (FINGER,).
+    wanted, output
+        The command, shape (1,), and whether it is on (0.5 or more), shape (1,).
+    face
+        Force on the face [N] and gap to the finger [m], shape (2,).
+    flux, skin, surface
+        The true flux out of the finger and temperatures of skin and face, shape (1,) each; written.
+    """
+    force = face[0]
+    contact = contact_resistance(law, finger, force)
+    if finger[PRESS] > 0.0:
+        pressed = memory[PRESSED] + 1.0 if force > 0.0 else 0.0
+        memory[PRESSED] = pressed
+        if pressed > 0.0:
+            contact *= _press_factor(pressed * c[C_PERIOD], finger[PRESS])
+    command = wanted[0] if output[0] >= 0.5 else 0.0
+    plant_step(c, tissue, plate, memory, above, below, line, words, command, contact, face[1], ambient)
+    flux[0], skin[0], surface[0] = memory[FLUX], memory[SKIN], memory[PLATE]
+    return 0
+
+
+@kernel
 def plant_step(
     c: Any, tissue: Any, plate: Any, memory: Any, above: Any, below: Any, line: Any, words: Any,
     command: float, contact: float, gap: float, ambient: float,
 ) -> None:  # fmt: skip
-    """Advance the twin by one step.
+    """Advance the plant by one step.
 
     Parameters
     ----------

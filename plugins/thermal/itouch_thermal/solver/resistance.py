@@ -6,7 +6,8 @@ metal ask for a few times 1e-3 m2K/W in a light touch, which is the default here
 
 from __future__ import annotations
 
-from bisect import bisect_right
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from itouch_thermal.solver.layers import check_resistance
@@ -17,6 +18,36 @@ DEFAULT_RESISTANCE = 2e-3
 #: Fingertip pad: area at 1 N [m2] and exponent of the force; about 1 cm2 under a light press.
 AREA_AT_1N = 1.1e-4
 AREA_EXPONENT = 1.0 / 3.0
+
+
+#: The kinds of law, as the first of their numbers.
+CONSTANT, PRESSURE, TABLE = 0.0, 1.0, 2.0
+
+
+def resistance_at(law: Sequence[float], force: float) -> float:
+    """Return the resistance [K m2/W] at a normal force [N]; infinite without force.
+
+    ``law`` is a law's ``numbers``.  (It is plain Python that can be compiled, too: the twin of the display does so.)
+    """
+    if force <= 0.0:
+        return math.inf
+    if law[0] == CONSTANT:
+        return law[1]
+    if law[0] == PRESSURE:
+        pressure = force / (law[4] * force ** law[5])
+        conductance = law[1] + law[2] * pressure ** law[3]
+        return 1.0 / conductance if conductance > 0.0 else math.inf
+    count = (len(law) - 1) // 2
+    upper = 0
+    while upper < count and law[1 + upper] <= force:
+        upper += 1
+    if upper == 0:
+        return law[1 + count]
+    if upper == count:
+        return law[2 * count]
+    low, high = law[upper], law[1 + upper]
+    part = (force - low) / (high - low)
+    return law[count + upper] + part * (law[1 + count + upper] - law[count + upper])
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +61,12 @@ class ConstantResistance:
 
     def at(self, force: float) -> float:
         """Return the resistance [K m2/W] at a normal force [N]; infinite without force."""
-        return self.resistance if force > 0.0 else float("inf")
+        return resistance_at(self.numbers, force)
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """The law as `resistance_at` takes it."""
+        return (CONSTANT, self.resistance)
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,11 +104,12 @@ class PressureResistance:
 
     def at(self, force: float) -> float:
         """Return the resistance [K m2/W] at a normal force [N]; infinite without force."""
-        if force <= 0.0:
-            return float("inf")
-        pressure = force / (self.area * force**self.area_exponent)
-        conductance = self.base + self.slope * pressure**self.exponent
-        return 1.0 / conductance if conductance > 0.0 else float("inf")
+        return resistance_at(self.numbers, force)
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """The law as `resistance_at` takes it."""
+        return (PRESSURE, self.base, self.slope, self.exponent, self.area, self.area_exponent)
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,16 +129,12 @@ class TableResistance:
 
     def at(self, force: float) -> float:
         """Return the resistance [K m2/W] at a normal force [N]; infinite without force."""
-        if force <= 0.0:
-            return float("inf")
-        upper = bisect_right(self.forces, force)
-        if upper == 0:
-            return self.resistances[0]
-        if upper == len(self.forces):
-            return self.resistances[-1]
-        low, high = self.forces[upper - 1], self.forces[upper]
-        part = (force - low) / (high - low)
-        return self.resistances[upper - 1] + part * (self.resistances[upper] - self.resistances[upper - 1])
+        return resistance_at(self.numbers, force)
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """The law as `resistance_at` takes it."""
+        return (TABLE, *self.forces, *self.resistances)
 
 
 ResistanceLaw = ConstantResistance | PressureResistance | TableResistance

@@ -1,0 +1,221 @@
+"""Compiled functions joined into chains: several calls, each with arguments that never change, are one from Python.
+
+A tick consists of many small compiled functions on views of State.  Called from Python each costs more than it
+computes: looking up its type and taking its arrays apart.  Here the arrays are taken apart once, and a ``Chain`` runs
+the calls one after the other, by their addresses.
+
+What passes from one call to the next stands in the arrays.  A function returns 0, or another number to say that
+Python is wanted: the chain stops there, and can go on behind it.  The same function with the same arguments can be
+called from Python alone, and is then called so: there is one implementation.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import inspect
+import os
+import time
+from collections.abc import Callable, Sequence
+from functools import cache
+from typing import Any, Protocol
+
+import numba
+import numpy as np
+from llvmlite import ir
+from numba import int64, types
+from numba.core import cgutils
+from numba.experimental.function_type import _get_wrapper_address
+from numba.extending import intrinsic as _intrinsic
+from numpy.typing import NDArray
+
+from itouch.compiling import kernel, nogil_kernel
+
+_SIGNATURE = int64(int64)
+#: The entries of this process, by function, body and the named tuples in it.
+_made: dict[tuple[Any, ...], Any] = {}
+_untyped: Any = numba  # what it exports is not typed
+intrinsic: Any = _intrinsic
+carray, config = _untyped.carray, _untyped.config
+
+
+@intrinsic
+def _pointer(typing: Any, address: Any) -> Any:
+    """Take a number as the address of memory."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.inttoptr(arguments[0], cgutils.voidptr_t)
+
+    return types.voidptr(types.int64), generate
+
+
+@intrinsic
+def _call(typing: Any, address: Any, words: Any) -> Any:
+    """Call the function at an address with one number, and return its number."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        number = ir.IntType(64)
+        kind = ir.FunctionType(number, [number])
+        return builder.call(builder.inttoptr(arguments[0], kind.as_pointer()), [arguments[1]])
+
+    return types.int64(types.int64, types.int64), generate
+
+
+@intrinsic
+def _read_clock(typing: Any, address: Any, which: Any, memory: Any) -> Any:
+    """Call ``clock_gettime`` at its address."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        kind = ir.FunctionType(ir.IntType(32), [ir.IntType(32), ir.IntType(64)])
+        which_clock = builder.trunc(arguments[1], ir.IntType(32))
+        found = builder.call(builder.inttoptr(arguments[0], kind.as_pointer()), [which_clock, arguments[2]])
+        return builder.sext(found, ir.IntType(64))
+
+    return types.int64(types.int64, types.int64, types.int64), generate
+
+
+@nogil_kernel
+def _run(entries: Any, words: Any, begin: int) -> int:
+    """Run the calls from ``begin`` on; return -1, or where one wants Python and what it says: index * 2**32 + code."""
+    for i in range(begin, entries.shape[0]):
+        code: int = _call(entries[i], words[i])
+        if code != 0:
+            return (i << 32) | code
+    return -1
+
+
+@nogil_kernel
+def _run_timed(entries: Any, words: Any, begin: int, stamps: Any, first: int, clock: int, memory: Any) -> int:
+    """Do what ``_run`` does, and write the host time [s] after call i to ``stamps[first + i]``."""
+    for i in range(begin, entries.shape[0]):
+        code: int = _call(entries[i], words[i])
+        _read_clock(clock, 1, memory.ctypes.data)
+        stamps[first + i] = memory[0] + 1e-9 * memory[1]
+        if code != 0:
+            return (i << 32) | code
+    return -1
+
+
+class Call(Protocol):
+    """A compiled function, and the arguments that it is always called with."""
+
+    @property
+    def function(self) -> Callable[..., int]:
+        """What is called."""
+
+    @property
+    def arguments(self) -> tuple[Any, ...]:
+        """Contiguous arrays, named tuples of them, and numbers."""
+
+
+class Chain:
+    """Calls that run one after the other; of no use where compiling is switched off."""
+
+    def __init__(self, calls: Sequence[Call]) -> None:
+        self.calls = tuple(calls)
+        self._words = [np.array(_words(call.arguments), np.int64) for call in calls]
+        self._entries = np.array([_entry(call) for call in calls], np.int64)
+        self._blocks = np.array([words.ctypes.data for words in self._words], np.int64)
+        self._clock, self._memory = _clock_address(), np.zeros(2, np.int64)
+
+    def run(self, begin: int = 0) -> int:
+        """Run the calls from ``begin`` on; return -1, or where one wants Python: its index * 2**32 + its code."""
+        return _run(self._entries, self._blocks, begin)
+
+    def run_timed(self, stamps: NDArray[np.float64], first: int, begin: int = 0) -> int:
+        """Do what ``run`` does, and write the host time [s] after call i to ``stamps[first + i]``."""
+        return _run_timed(self._entries, self._blocks, begin, stamps, first, self._clock, self._memory)
+
+
+def can_join() -> bool:
+    """Tell whether compiled functions can be joined here: not with the compiler switched off, or a clock of its own."""
+    return (
+        not config.DISABLE_JIT
+        and _clock_address() != 0
+        and time.get_clock_info("perf_counter").implementation == ("clock_gettime(CLOCK_MONOTONIC)")
+    )
+
+
+@cache
+def _clock_address() -> int:
+    function = getattr(ctypes.CDLL(None), "clock_gettime", None) if os.name == "posix" else None
+    return int(ctypes.cast(function, ctypes.c_void_p).value or 0) if function is not None else 0
+
+
+def _words(arguments: Sequence[Any]) -> list[int]:
+    """Return arguments as words: of an array its address and its shape, of a number its bits."""
+    words: list[int] = []
+    for argument in arguments:
+        if isinstance(argument, np.ndarray):
+            if not argument.flags.c_contiguous:
+                raise ValueError("an array that is bound must be contiguous")
+            words += [argument.ctypes.data, *argument.shape]
+        elif isinstance(argument, tuple):
+            words += _words(argument)
+        elif isinstance(argument, float):
+            words.append(int(np.float64(argument).view(np.int64)))
+        else:
+            words.append(int(argument))
+    return words
+
+
+def _entry(call: Call) -> int:
+    """Return the address of a function that takes the address of the words, and calls with what they stand for."""
+    writer = _Writer()
+    passed = [writer.write(argument) for argument in call.arguments]
+    lines = [*writer.lines, f"return int64(function({', '.join(passed)}))"]
+    body = "\n    ".join([f"w = carray(pointer(words), {writer.count}, int64)", *lines])
+    key = (call.function, body, tuple(writer.classes.values()))
+    if key not in _made:
+        _made[key] = _compiled(call.function, body, writer.classes)
+    return int(_get_wrapper_address(_made[key], _SIGNATURE))
+
+
+def _compiled(function: Callable[..., int], body: str, classes: dict[str, type]) -> Any:
+    """Return the compiled entry of a function with this body; it is kept beside the function."""
+    inner: Any = getattr(function, "py_func", function)
+    name = f"{inner.__name__}_{hashlib.sha256(body.encode()).hexdigest()[:12]}"
+    names = {
+        "carray": carray, "pointer": _pointer, "function": function, "int64": np.int64, "float64": np.float64,
+        "uint64": np.uint64, "int32": np.int32, "uint8": np.uint8, "__name__": inner.__module__, **classes,
+    }  # fmt: skip
+    exec(compile(f"def {name}(words):\n    {body}\n", inspect.getfile(inner), "exec"), names)
+    made: Any = kernel(names[name])
+    made.compile(_SIGNATURE)
+    return made
+
+
+class _Writer:
+    """Writes how the arguments are put together again from their words."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+        self.classes: dict[str, type] = {}
+        self.count = 0
+
+    def _next(self) -> str:
+        self.count += 1
+        return f"w[{self.count - 1}]"
+
+    def write(self, argument: Any) -> str:
+        """Return the expression of an argument."""
+        if isinstance(argument, np.ndarray):
+            return self._array(argument)
+        if isinstance(argument, tuple):
+            kind = type(argument)
+            self.classes[kind.__name__] = kind
+            inner = ", ".join(self.write(item) for item in argument)
+            return f"{kind.__name__}({inner})" if hasattr(kind, "_fields") else f"({inner},)"
+        if isinstance(argument, bool):
+            return f"({self._next()} != 0)"
+        if isinstance(argument, float):
+            self.lines.append(f"f{self.count} = carray(pointer(words + {8 * self.count}), 1, float64)[0]")
+            return f"f{int(self._next()[2:-1])}"
+        return self._next()
+
+    def _array(self, argument: NDArray[Any]) -> str:
+        name = f"a{self.count}"
+        data = self._next()
+        shape = "".join(f"{self._next()}, " for _ in argument.shape)
+        self.lines.append(f"{name} = carray(pointer({data}), ({shape}), {argument.dtype.name})")
+        return name

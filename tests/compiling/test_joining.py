@@ -1,0 +1,97 @@
+"""Chains of compiled calls: they do what the calls do one by one, stop where Python is wanted, and go on from there."""
+
+from __future__ import annotations
+
+import time
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as some
+from numpy.typing import NDArray
+
+from itouch.compiling import kernel
+from itouch.joining import Chain, can_join
+from itouch.plugin import Bound
+
+Floats = NDArray[np.float64]
+
+
+class Pair(NamedTuple):
+    """Two arrays of different types."""
+
+    weights: Floats
+    places: NDArray[np.int32]
+
+
+@kernel
+def _add(total: Any, rows: Any, factor: float) -> int:
+    for i in range(rows.shape[0]):
+        for j in range(rows.shape[1]):
+            total[0] += factor * rows[i, j]
+    return 0
+
+
+@kernel
+def _pick(total: Any, pair: Any, most: float, sign: bool, shift: int, words: Any) -> int:
+    for i in range(pair.weights.shape[0]):
+        total[0] += pair.weights[i] * (pair.places[i] + shift)
+    words[0] += np.uint64(3)
+    if sign and total[0] > most:
+        return 7
+    return 0
+
+
+def _calls(total: Floats, rows: Floats, most: float) -> list[Bound]:
+    pair = Pair(np.array([0.5, 2.0]), np.array([3, -1], np.int32))
+    words = np.array([2**63], np.uint64)
+    pick = Bound(_pick, total, pair, most, True, 2, words)
+    return [Bound(_add, total, rows, 0.25), pick, Bound(_add, total, rows, -1.5), pick]
+
+
+def test_functions_can_be_joined_here() -> None:
+    assert can_join()
+
+
+@settings(deadline=None, max_examples=30)  # the first one compiles
+@given(some.lists(some.floats(-1e3, 1e3), min_size=6, max_size=6), some.floats(-1e3, 1e3))
+def test_a_chain_does_what_its_calls_do_and_stops_where_they_ask(numbers: list[float], most: float) -> None:
+    rows = np.array(numbers).reshape(2, 3)
+    alone, joined = np.zeros(1), np.zeros(1)
+    codes = [call() for call in _calls(alone, rows, most)]
+    chain = Chain(_calls(joined, rows, most))
+    stops, found = [], chain.run()
+    while found >= 0:
+        stops.append((found >> 32, found & 0xFFFFFFFF))
+        found = chain.run((found >> 32) + 1)
+    assert stops == [(index, code) for index, code in enumerate(codes) if code]
+    assert alone.tobytes() == joined.tobytes()
+
+
+def test_a_scalar_of_state_is_an_array_of_one_number() -> None:
+    total = np.zeros(())
+    Chain([Bound(_add, total, np.ones((2, 2)), 1.0)]).run()
+    assert total == 4.0
+
+
+def test_what_is_not_contiguous_is_refused() -> None:
+    with pytest.raises(ValueError, match="contiguous"):
+        Chain([Bound(_add, np.zeros(1), np.ones((4, 4))[:, ::2], 1.0)])
+
+
+def test_the_stamps_are_of_the_clock_that_python_reads() -> None:
+    calls = _calls(np.zeros(1), np.ones((2, 3)), np.inf)
+    chain, stamps = Chain(calls), np.zeros(len(calls) + 1)
+    before = time.perf_counter()
+    assert chain.run_timed(stamps, 1) == -1
+    after = time.perf_counter()
+    assert before <= stamps[1]
+    assert (np.diff(stamps[1:]) >= 0.0).all()
+    assert stamps[-1] <= after
+
+
+def test_rehearsing_changes_nothing() -> None:
+    total = np.zeros(1)
+    Bound(_add, total, np.ones((2, 2)), 1.0).rehearse()
+    assert total[0] == 0.0
