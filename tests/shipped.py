@@ -6,3 +6,6 @@ from pathlib import Path
 
 REPOSITORY = Path(__file__).parents[1]
 SCENES = REPOSITORY / "scenes"
+STUDIES = sorted((SCENES / "studies").glob("*.xml"))
+#: Every shipped scene, rig and library of materials.
+SCENE_FILES = sorted(set(SCENES.rglob("*.xml")) - set(STUDIES))

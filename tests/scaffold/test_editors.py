@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 import xmlschema
 from lxml import etree
-from shipped import SCENES
+from shipped import SCENE_FILES, SCENES
 
 from itouch.cli import main
 from itouch.scaffold.files import fill
 
 ROOT = Path(__file__).parents[2]
-SHIPPED = sorted(SCENES.rglob("*.xml"))
+SHIPPED = SCENE_FILES
 DOCS = [page for page in sorted((ROOT / "docs").rglob("*.md")) if page.stem != "errors"] + [ROOT / "README.md"]
 #: Whole scenes on the pages of the docs; what a plugin of the tutorial brings is validated with that plugin.
 EXAMPLES = [

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from shipped import SCENES
+from shipped import SCENE_FILES
 
 import itouch
 from itouch.plugin.discovery import Catalog
@@ -32,7 +32,7 @@ from itouch.scene.elements import (
     WorldElement,
 )
 
-SHIPPED = sorted(p for p in SCENES.glob("**/*.xml"))
+SHIPPED = SCENE_FILES
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda p: p.name)

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 from lxml import etree
-from shipped import SCENES
+from shipped import SCENE_FILES, SCENES
 
 from itouch.cli import main
 from itouch.plugin.discovery import Catalog
 from itouch.scene.xsd import schemas
 from itouch.schema.fields import specs
 
-SHIPPED = sorted(SCENES.rglob("*.xml"))
+SHIPPED = SCENE_FILES
 
 
 @pytest.fixture(scope="module")

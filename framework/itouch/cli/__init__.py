@@ -34,6 +34,7 @@ COMMANDS = {
     "view": ("itouch.cli.view", "open a window on a session that runs"),
     "replay": ("itouch.cli.replay", "feed a recording to the engine and compare every command"),
     "safety-report": ("itouch.cli.safety_report", "write limits, trips, worst case and tests of a scene, for a board"),
+    "study": ("itouch.cli.study", "psychophysical studies: check, simulate, freeze, report"),
     "recover": ("itouch.cli.recover", "make a damaged recording whole: its longest valid prefix"),
 }
 

@@ -11,6 +11,7 @@ from itouch.scene import elements, rigs
 from itouch.scene.binding import Binder
 from itouch.scene.description import Scene, Swapped
 from itouch.scene.documents import Document, DocumentReader
+from itouch.scene.edits import Edit, apply_edits
 from itouch.scene.extensions import Extensions
 from itouch.scene.names import Names, defined_names
 from itouch.scene.places import Places
@@ -62,12 +63,17 @@ def load(path: str | os.PathLike[str], extensions: Extensions, *, rig: str | os.
 
 
 def read_scene(
-    path: str | os.PathLike[str], extensions: Extensions, *, rig: str | os.PathLike[str] | None = None
+    path: str | os.PathLike[str],
+    extensions: Extensions,
+    *,
+    rig: str | os.PathLike[str] | None = None,
+    edits: Iterable[Edit] = (),
 ) -> tuple[Scene, list[Problem]]:
-    """Load as much of a scene as can be, with the problems found."""
+    """Load as much of a scene as can be, with the problems found; ``edits`` are made before it is checked."""
     problems: list[Problem] = []
     reader = DocumentReader(problems)
     documents = reader.read(path)
+    problems += apply_edits(documents, edits)
     assembly = _Assembly(extensions, problems, root=os.fspath(reader.root_folder)).add(documents)
     if rig is not None:
         assembly.replace_devices(rig)

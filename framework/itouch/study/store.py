@@ -181,14 +181,14 @@ class Store:
             self._trials.execute(f"INSERT INTO trials ({names}) VALUES ({marks})", values)
 
     def rows(self, participant: str | None = None) -> list[Row]:
-        """Return the trials in the order in which they ended, of one participant or of all."""
+        """Return the trials of one participant or of all, by code and place: a person's in the order they were made."""
         names = ", ".join(f'"{name}"' for name in _COLUMNS)
         query = f"SELECT {names} FROM trials"
         with _sentences(self.folder / "trials.sqlite"):
             found = (
-                self._trials.execute(f"{query} ORDER BY id")
+                self._trials.execute(f"{query} ORDER BY participant, place")
                 if participant is None
-                else self._trials.execute(f"{query} WHERE participant = ? ORDER BY id", (participant,))
+                else self._trials.execute(f"{query} WHERE participant = ? ORDER BY place", (participant,))
             ).fetchall()
         return [_row(values) for values in found]
 
@@ -236,7 +236,7 @@ def _row(values: tuple[Any, ...]) -> Row:
 
 
 def _connect(path: Path, schema: str) -> sqlite3.Connection:
-    connection = sqlite3.connect(path, isolation_level="IMMEDIATE", timeout=10.0)
+    connection = sqlite3.connect(path, isolation_level="IMMEDIATE", timeout=60.0)
     try:
         connection.execute("PRAGMA journal_mode = WAL")
         connection.execute("PRAGMA synchronous = FULL")

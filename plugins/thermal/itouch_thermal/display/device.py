@@ -74,8 +74,8 @@ class DisplayTwin(Twin):
         """Return modes, delay line, sensors, energies and the generator's word."""
         slots = 1 + round((self.params.delay + self.params.mismatch.delay) / SHORTEST)
         return (
-            Field("true_flux", unit="W/m^2", doc="true flux out of the finger", show="no"),
-            Field("true_skin", unit="K", doc="true temperature of the skin's surface", show="no"),
+            Field("true_flux", unit="W/m^2", doc="true flux out of the finger", role=Role.HEAT_FLUX, show="no"),
+            Field("true_skin", unit="K", doc="true temperature of the skin's surface", role=Role.SKIN_TEMPERATURE, show="no"),
             Field("true_plate", unit="K", doc="true temperature of the plate's face", show="no"),
             Field(
                 "memory",

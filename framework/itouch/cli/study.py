@@ -1,0 +1,188 @@
+"""``itouch-py study check|simulate|report|freeze``: psychophysical studies from one file."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from itouch.study.reading import StudyFile
+
+#: Seconds that a trial takes beside its touches: skin, answer, pause (users' practice: 20 to 30 s between touches).
+BETWEEN = 25.0
+
+
+def main(argv: Sequence[str]) -> int:
+    """Check, simulate, freeze or report a study."""
+    parser = argparse.ArgumentParser(prog="itouch-py study", description=main.__doc__)
+    commands = parser.add_subparsers(dest="command", required=True, metavar="check|simulate|report|freeze")
+    check = commands.add_parser("check", help="print every problem, the number of trials, and how long they take")
+    check.add_argument("study", metavar="STUDY.xml")
+    check.add_argument("--participant", metavar="CODE", help="print the order of this participant too")
+    simulate = commands.add_parser("simulate", help="run the trials on twins, answered by simulated observers")
+    simulate.add_argument("study", metavar="STUDY.xml")
+    simulate.add_argument("-o", "--output", metavar="FOLDER", required=True, help="the study's data; goes on with them")
+    simulate.add_argument("--observers", type=int, default=8, metavar="N", help="how many (default: 8)")
+    simulate.add_argument("--model", default="flux", metavar="NAME", help="flux, combined, receptors or naive")
+    simulate.add_argument("--same-skin", action="store_true", help="all have the scene's skin temperature")
+    simulate.add_argument("--processes", type=int, default=1, metavar="N", help="at once (default: 1)")
+    report = commands.add_parser("report", help="write page, JSON and table of a study's data")
+    report.add_argument("study", metavar="STUDY.xml")
+    report.add_argument("folder", metavar="FOLDER", help="the study's data")
+    report.add_argument("-o", "--output", metavar="FILE.html", help="default: report.html in the folder")
+    freeze = commands.add_parser("freeze", help="stamp study, scene and program before the first participant")
+    freeze.add_argument("study", metavar="STUDY.xml")
+    freeze.add_argument("folder", metavar="FOLDER")
+    options = parser.parse_args(argv)
+    missing = _missing()
+    if missing:
+        print(f"studies need {missing}: pip install 'itouch-py[study]'", file=sys.stderr)
+        return 2
+    if options.command == "check":
+        return _check(options)
+    return {"simulate": _simulate, "report": _report, "freeze": _freeze}[options.command](options)
+
+
+def _missing() -> str:
+    from importlib.util import find_spec
+
+    return " and ".join(name for name in ("scipy", "SweetSpot") if find_spec(name) is None)
+
+
+def _load(path: str) -> StudyFile | None:
+    """Return a study without problems, or print them and return None."""
+    from itouch.plugin.discovery import Catalog
+    from itouch.schema.diagnostics import render
+    from itouch.study.reading import read_study
+
+    found, problems = read_study(path, Catalog())
+    if problems:
+        print(render(problems), file=sys.stderr)
+    broken = found is None or any(problem.severity == "error" for problem in problems)
+    return None if broken else found
+
+
+def _check(options: argparse.Namespace) -> int:
+    from itouch.study.trials import trials_of
+
+    file = _load(options.study)
+    if file is None:
+        return 2
+    planned = trials_of(file, options.participant or "P01")
+    counted = [trial for trial in planned if trial.block != "practice"]
+    touches = sum(len(trial.shown) for trial in planned)
+    rest = file.study.breaks
+    pauses = 0.0 if rest is None else (len(planned) - 1) // rest.every * rest.duration
+    seconds = touches * (file.study.contact.duration + BETWEEN) + pauses
+    print(f"{options.study}: ok")
+    print(f"  {len(counted)} trials of {file.study.task.kind} ({len(planned) - len(counted)} of practice before them)")
+    print(f"  {touches} touches, about {seconds / 60.0:.0f} min with {BETWEEN:.0f} s between two touches")
+    print(f"  in contact {touches * file.study.contact.duration / 60.0:.1f} min at least")
+    counts = {repr(trial.condition): 0 for trial in counted}
+    for trial in counted:
+        counts[repr(trial.condition)] += 1
+    if len(set(counts.values())) > 1:
+        print("  unbalanced: " + ", ".join(f"{count} x {name}" for name, count in counts.items()))
+    if options.participant:
+        for trial in planned:
+            words = " | ".join(", ".join(each.values()) or trial.staircase for each in trial.shown)
+            print(f"  {trial.place:4d}  {trial.block:10s}  {words}")
+    return 0
+
+
+def _store_error(error: Exception) -> int:
+    print(f"{error}", file=sys.stderr)
+    return 2
+
+
+def _stamp(file: StudyFile, folder: Path) -> None:
+    """Freeze the study in its folder, or see that it is the one that is frozen there."""
+    from datetime import UTC, datetime
+    from importlib.metadata import version
+
+    from itouch.study.frozen import digest_of
+    from itouch.study.store import Store
+
+    with Store.open(folder, create=True) as store:
+        store.freeze(
+            name=file.name, seed=file.study.seed, digest=digest_of(file), program=version("itouch-py"),
+            frozen=datetime.now(UTC).isoformat(timespec="seconds"),
+        )  # fmt: skip
+
+
+def _prepared(options: argparse.Namespace, folder: str) -> StudyFile | int:
+    from itouch.study.store import StoreError
+
+    file = _load(options.study)
+    if file is None:
+        return 2
+    try:
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        _stamp(file, Path(folder))
+    except (StoreError, OSError) as error:
+        return _store_error(error)
+    return file
+
+
+def _freeze(options: argparse.Namespace) -> int:
+    file = _prepared(options, options.folder)
+    if isinstance(file, int):
+        return file
+    print(f"'{file.name}' is frozen in {options.folder}")
+    return 0
+
+
+def _simulate(options: argparse.Namespace) -> int:
+    from itouch.schema import ItouchError
+    from itouch.study.simulate import OBSERVERS, Panel, simulate
+
+    if options.model not in OBSERVERS or options.observers < 1 or options.processes < 1:
+        print(f"--model is one of {', '.join(OBSERVERS)}; --observers and --processes are 1 or more", file=sys.stderr)
+        return 2
+    file = _prepared(options, options.output)
+    if isinstance(file, int):
+        return file
+    panel = Panel(options.observers, options.model, skin=not options.same_skin)
+    try:
+        for done, (code, count) in enumerate(
+            simulate(options.study, Path(options.output), panel, processes=options.processes), 1
+        ):
+            print(f"{code}: {count} new trials ({done} of {options.observers})", flush=True)
+    except ItouchError as error:
+        return _store_error(error)
+    return 0
+
+
+def _report(options: argparse.Namespace) -> int:
+    from itouch.study.analysis import analyse
+    from itouch.study.page import page
+    from itouch.study.store import Store, StoreError
+    from itouch.study.tables import write_table
+
+    file = _load(options.study)
+    if file is None:
+        return 2
+    folder = Path(options.folder)
+    target = Path(options.output) if options.output else folder / "report.html"
+    try:
+        with Store.open(folder) as store:
+            rows, frozen, deviations = store.rows(), store.frozen() or {}, store.deviations()
+        result = analyse(file, rows)
+        provenance = {str(key): str(value) for key, value in frozen.items()}
+        provenance |= {f"deviation {at}": what for at, what in deviations}
+        target.write_text(page(result, provenance), encoding="utf-8")
+        target.with_suffix(".json").write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+        write_table(rows, target.with_suffix(".tsv"))
+    except StoreError as error:
+        return _store_error(error)
+    except OSError as error:
+        return _store_error(ValueError(f"cannot write '{error.filename}': {error.strerror}"))
+    correct = result.get("correct")
+    if correct is not None and correct["proportion"] is not None:
+        print(f"{correct['right']} of {correct['trials']} right ({100.0 * correct['proportion']:.0f} %)")
+    print(f"wrote {target}, {target.with_suffix('.json').name} and {target.with_suffix('.tsv').name}")
+    return 0

@@ -1,0 +1,246 @@
+"""What a study's trials say: tables and figures from rows alone, with every number of `statistics`.
+
+Small panels, one participant, empty cells or only right answers give an answer with wide or missing intervals (None).
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from itouch.study import statistics as stats
+from itouch.study.reading import StudyFile
+from itouch.study.store import Row
+
+#: Panels drawn for the intervals over participants.
+DRAWS = 2000
+
+
+def analyse(file: StudyFile, rows: Sequence[Row], *, draws: int = DRAWS) -> dict[str, Any]:
+    """Return the results of a study as plain data for JSON.
+
+    Practice trials and void ones do not count; how many there were is said.
+    """
+    study = file.study
+    counted = [row for row in rows if row.block != "practice" and not row.void]
+    result: dict[str, Any] = {
+        "study": file.name, "task": study.task.kind, "participants": len({row.participant for row in counted}),
+        "trials": len(counted), "practice": sum(row.block == "practice" for row in rows),
+        "void": dict(Counter(row.void for row in rows if row.void)),
+        "conditions": [_condition(file, counted, condition) for condition in file.conditions()],
+        "felt": _felt(file, counted),
+    }  # fmt: skip
+    if study.task.kind != "rate":
+        result["correct"] = _correct(counted, study.seed, draws)
+    if study.task.kind == "identify":
+        result["identification"] = [
+            _identification(file, rows_of, name, draws) for name, rows_of in _split(file, counted)
+        ]
+    if study.task.kind in ("colder", "odd"):
+        result["sensitivity"] = _sensitivity(file, counted)
+    if study.task.kind == "rate":
+        result["ratings"] = _ratings(file, counted, draws)
+    if study.staircases:
+        result["staircases"] = [_staircase(file, counted, one.name) for one in study.staircases]
+    if len(study.factors) > 1 and study.task.kind != "rate":
+        result["differences"] = _differences(file, counted)
+    return dict(_plain(result))
+
+
+def _plain(value: Any) -> Any:
+    """Return it with None for what is no finite number, and plain numbers for those of arrays."""
+    if isinstance(value, dict):
+        return {key: _plain(each) for key, each in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(each) for each in value]
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, (float, np.floating)):
+        return float(value) if math.isfinite(value) else None
+    return int(value) if isinstance(value, np.integer) else value
+
+
+def _by_person(rows: Sequence[Row]) -> list[list[Row]]:
+    people = sorted({row.participant for row in rows})
+    return [[row for row in rows if row.participant == person] for person in people]
+
+
+def _share(rows: Sequence[Row]) -> float:
+    judged = [row.right for row in rows if row.right is not None]
+    return sum(judged) / len(judged) if judged else math.nan
+
+
+def _panel_share(panel: Sequence[Sequence[Row]]) -> float:
+    shares = [share for person in panel if math.isfinite(share := _share(person))]
+    return float(np.mean(shares)) if shares else math.nan
+
+
+def _correct(rows: Sequence[Row], seed: int, draws: int) -> dict[str, Any]:
+    """Return the proportion right: of all trials with Wilson's interval, and over participants by bootstrap."""
+    right = sum(row.right or 0 for row in rows)
+    low, high = stats.participant_interval(_by_person(rows), _panel_share, seed=seed, draws=draws)
+    return {
+        "right": right, "trials": len(rows), "proportion": _share(rows), "wilson_95": stats.wilson(right, len(rows)),
+        "panel_mean": _panel_share(_by_person(rows)), "panel_95": (low, high),
+    }  # fmt: skip
+
+
+def _condition(file: StudyFile, rows: Sequence[Row], condition: dict[str, str]) -> dict[str, Any]:
+    here = [row for row in rows if dict(row.condition) == condition]
+    right = sum(row.right or 0 for row in here)
+    entry: dict[str, Any] = {"condition": condition, "trials": len(here)}
+    if file.study.task.kind != "rate":
+        entry |= {"proportion": _share(here), "wilson_95": stats.wilson(right, len(here))}
+    return entry
+
+
+def _split(file: StudyFile, rows: Sequence[Row]) -> list[tuple[str, list[Row]]]:
+    """Return the trials whole, and for each level of the factors that are not asked for."""
+    parts = [("all", list(rows))]
+    for factor in file.study.factors:
+        if factor.name != file.study.task.factor:
+            parts += [
+                (f"{factor.name}={level}", [row for row in rows if row.condition.get(factor.name) == level])
+                for level in factor.names
+            ]
+    return parts
+
+
+def _identification(file: StudyFile, rows: Sequence[Row], name: str, draws: int) -> dict[str, Any]:
+    """Return the confusion matrix and what it says, with intervals over participants."""
+    asked = file.study.task.factor
+    labels = next(factor.names for factor in file.study.factors if factor.name == asked)
+
+    def matrix(panel: Sequence[Row]) -> Any:
+        return stats.confusion_matrix(
+            [row.condition[asked] for row in panel], [row.answer or "" for row in panel], labels
+        )
+
+    def over(statistic: Callable[[Any], float]) -> tuple[float, float]:
+        return stats.participant_interval(
+            _by_person(rows), lambda panel: statistic(matrix([row for person in panel for row in person])),
+            seed=file.study.seed, draws=draws,
+        )  # fmt: skip
+
+    counts = matrix(rows)
+    information = stats.information_transfer(counts)
+    choice = stats.choice_model(counts)
+    cells = [
+        [over(lambda table, i=i, j=j: _cell(table, i, j)) for j in range(len(labels))] for i in range(len(labels))
+    ] if draws else []  # fmt: skip
+    return {
+        "of": name, "labels": labels, "counts": counts, "intervals_95": cells,
+        "proportion": stats.proportion_correct(counts), "kappa": stats.kappa(counts),
+        "information_bit": {
+            "plug_in": information.plug_in, "bias": information.bias, "corrected": information.corrected,
+            "ceiling": math.log2(len(labels)), "panel_95": over(_bits),
+        },
+        "d_prime": stats.d_prime_of_alternatives(stats.proportion_correct(counts), len(labels))
+        if len(rows) and len(labels) > 1 else math.nan,
+        "choice": {
+            "bias": choice.bias, "similarity": choice.similarity, "deviance": choice.deviance,
+            "freedom": choice.freedom,
+        },
+    }  # fmt: skip
+
+
+def _bits(table: Any) -> float:
+    return stats.information_transfer(table).corrected
+
+
+def _cell(table: Any, row: int, column: int) -> float:
+    total = table[row].sum()
+    return float(table[row, column] / total) if total else math.nan
+
+
+def _sensitivity(file: StudyFile, rows: Sequence[Row]) -> list[dict[str, Any]]:
+    """Return d' of each level against the standard."""
+    study = file.study
+    inverse = stats.d_prime_of_oddity if study.task.kind == "odd" else _two
+    found = []
+    for factor in study.factors:
+        for level in factor.names if factor.name == study.task.factor else ():
+            here = [row for row in rows if row.condition.get(factor.name) == level]
+            right = sum(row.right or 0 for row in here)
+            ends = [inverse(end) for end in stats.wilson(right, len(here))]
+            value = inverse(_share(here)) if here else math.nan
+            found.append({"level": level, "trials": len(here), "d_prime": value, "d_prime_95": ends})
+    return found
+
+
+def _two(correct: float) -> float:
+    return stats.d_prime_of_alternatives(correct, 2)
+
+
+def _ratings(file: StudyFile, rows: Sequence[Row], draws: int) -> list[dict[str, Any]]:
+    def mean(panel: Sequence[Sequence[Row]]) -> float:
+        return float(np.mean([np.mean([float(row.answer or "nan") for row in person]) for person in panel]))
+
+    found = []
+    for condition in file.conditions():
+        people = _by_person([row for row in rows if dict(row.condition) == condition])
+        interval = stats.participant_interval(people, mean, seed=file.study.seed, draws=draws)
+        found.append({"condition": condition, "mean": mean(people) if people else math.nan, "panel_95": interval})
+    return found
+
+
+def _staircase(file: StudyFile, rows: Sequence[Row], name: str) -> dict[str, Any]:
+    """Return each person's threshold, and a function fitted to all of their trials."""
+    from itouch.study.adaptive import Running
+
+    rule = next(one for one in file.study.staircases if one.name == name).rule()
+    people = {}
+    for person in _by_person([row for row in rows if row.staircase == name]):
+        told = [(row.level, row.right) for row in person if row.level is not None and row.right is not None]
+        people[person[0].participant] = Running.begin(rule, told).estimate()
+    values = [value for value in people.values() if math.isfinite(value)]
+    mean = float(np.mean(values)) if values else math.nan
+    return {
+        "name": name, "procedure": rule.procedure, "target": rule.target, "thresholds": people, "mean": mean,
+        "panel_95": stats.participant_interval(values, lambda v: float(np.mean(v)), seed=file.study.seed),
+    }  # fmt: skip
+
+
+def _differences(file: StudyFile, rows: Sequence[Row]) -> list[dict[str, Any]]:
+    """Return, for each two levels of a factor that was not asked for, the difference and the test of equivalence."""
+    found = []
+    for factor in file.study.factors:
+        if factor.name == file.study.task.factor:
+            continue
+        for i, first in enumerate(factor.names):
+            for second in factor.names[i + 1 :]:
+                pairs = [
+                    tuple(
+                        _share([row for row in person if row.condition.get(factor.name) == level])
+                        for level in (first, second)
+                    )
+                    for person in _by_person(rows)
+                ]
+                test = stats.clustered_tost([p[0] for p in pairs], [p[1] for p in pairs], margin=0.1)
+                found.append({
+                    "factor": factor.name, "levels": [first, second], "difference": test.difference, "margin": 0.1,
+                    "interval_90": [test.low, test.high], "p_equivalence": test.p,
+                })  # fmt: skip
+    adjusted = stats.holm([entry["p_equivalence"] for entry in found]) if found else []
+    return [{**entry, "p_holm": p} for entry, p in zip(found, adjusted, strict=True)]
+
+
+def _felt(file: StudyFile, rows: Sequence[Row]) -> list[dict[str, Any]]:
+    """Return what was rendered in each condition, beside what was answered: means and standard deviations."""
+    found = []
+    for condition in file.conditions():
+        touches = [
+            felt for row in rows if dict(row.condition) == condition
+            for shown, felt in zip(row.shown, row.felt or [], strict=False) if shown == condition
+        ]  # fmt: skip
+        entry: dict[str, Any] = {"condition": condition, "touches": len(touches)}
+        for name in ("mean_flux_W_m2", "skin_begin_degC", "skin_drop_K", "peak_force_N", "flux_error_rms"):
+            values = [float(touch[name]) for touch in touches if touch.get(name) is not None]
+            if values:
+                entry[name] = {"mean": float(np.mean(values)), "sd": float(np.std(values))}
+        found.append(entry)
+    return found

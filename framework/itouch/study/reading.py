@@ -1,0 +1,212 @@
+"""From a study's file to a checked `Study`, with the places of everything in it and all problems at once."""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from itouch.plugin.discovery import Catalog
+from itouch.scene import Scene
+from itouch.scene.binding import Binder
+from itouch.scene.edits import Edit
+from itouch.scene.loader import in_file_order, read_scene
+from itouch.scene.places import Places
+from itouch.scene.source import Attribute, Node, SourceError, parse, read_bytes
+from itouch.schema.diagnostics import Place, Problem, SceneError, did_you_mean
+from itouch.study.elements import VERSION, Adaptive, Factor, Study
+from itouch.world import Model, compile_scene
+
+#: Levels of the factors, and of a staircase under its name.
+Condition = Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class StudyFile:
+    """A study as it was read: ``path`` of the file, the scene's, and where each element stands."""
+
+    study: Study
+    path: str
+    scene_path: str
+    places: Places
+
+    @property
+    def name(self) -> str:
+        """Name of the study."""
+        return self.study.name or Path(self.path).stem
+
+    def conditions(self) -> list[dict[str, str]]:
+        """Return all combinations of levels that are shown, in the order of the file."""
+        names = [factor.name for factor in self.study.factors]
+        crossed = itertools.product(*(factor.names for factor in self.study.factors))
+        found = [dict(zip(names, levels, strict=True)) for levels in crossed]
+        return [
+            condition for condition in found
+            if not any(all(condition.get(f) == v for f, v in one.pairs.items()) for one in self.study.excluded)
+        ]  # fmt: skip
+
+    def edits(self, condition: Condition) -> list[Edit]:
+        """Return what a condition sets in the scene."""
+        edits: list[Edit] = []
+        for factor in self.study.factors:
+            if factor.name in condition:
+                value = factor.taken[factor.names.index(condition[factor.name])]
+                edits += self._set(factor, factor.set_, value)
+        for staircase in self.study.staircases:
+            if staircase.name in condition:
+                edits += self._set(staircase, staircase.set_, f"{condition[staircase.name]} {staircase.unit}".strip())
+        return edits
+
+    def _set(self, element: Factor | Adaptive, paths: str, value: str) -> Iterator[Edit]:
+        place = self.places.of(element, "set_") or self.places.of(element) or Place(self.path, 1, 1)
+        for path in paths.split():
+            yield Edit(path, Attribute(value, place))
+
+    def scene(self, condition: Condition, catalog: Catalog, more: Sequence[Edit] = ()) -> tuple[Scene, list[Problem]]:
+        """Return the scene of a condition (and ``more`` edits), with what is wrong with it."""
+        return read_scene(self.scene_path, catalog, edits=[*self.edits(condition), *more])
+
+    def model(self, condition: Condition, catalog: Catalog, more: Sequence[Edit] = ()) -> Model:
+        """Return the compiled scene of a condition (and ``more`` edits).
+
+        Raises
+        ------
+        SceneError
+            With all problems.
+        """
+        scene, problems = self.scene(condition, catalog, more)
+        if any(problem.severity == "error" for problem in problems):
+            raise SceneError(problems)
+        return Model.of(scene, catalog)
+
+
+def load_study(path: str | os.PathLike[str], catalog: Catalog) -> StudyFile:
+    """Load a study, and check it against its scene.
+
+    Raises
+    ------
+    SceneError
+        With all problems of study and scene in file order.
+    """
+    found, problems = read_study(path, catalog)
+    if found is None or any(problem.severity == "error" for problem in problems):
+        raise SceneError(problems)
+    return found
+
+
+def read_study(path: str | os.PathLike[str], catalog: Catalog) -> tuple[StudyFile | None, list[Problem]]:
+    """Read as much of a study as can be, with the problems found."""
+    shown = os.fspath(path)
+    try:
+        root = parse(read_bytes(Path(shown), shown), shown)
+    except SourceError as error:
+        return None, [error.problem]
+    if root.tag != "study" or root.namespace:
+        sentence = f"the outermost element is <{root.written}>, not <study>"
+        advice = f'a study begins with <study version="{VERSION}" scene="SCENE.xml" seed="1">'
+        return None, [Problem("wrong-root", sentence, root.place, advice)]
+    problems: list[Problem] = []
+    places = Places()
+    study = Binder(catalog, problems, places).bind(root, Study)
+    if study is None:
+        return None, in_file_order(problems)
+    problems += _wanting(study, root)
+    found = StudyFile(study, shown, os.path.join(os.path.dirname(shown), study.scene), places)
+    if not problems:
+        problems += _contradictions(found)
+    if not problems:
+        problems += _scenes(found, catalog)
+    return found, in_file_order(problems)
+
+
+def _wanting(study: Study, root: Node) -> Iterator[Problem]:
+    if study.version != VERSION:
+        place = root.attributes["version"].place
+        sentence = f"the file is written for study format {study.version}, this program reads {VERSION}"
+        yield Problem("bad-version", sentence, place, f'write version="{VERSION}"')
+    for tag, there in (("task", study.task), ("contact", study.contact)):
+        if there is None and not any(node.tag == tag for node in root.children):
+            yield Problem("missing-element", f"<study> needs the element <{tag}>", root.place, f"write <{tag} .../>")
+    if not any(node.tag in ("factor", "staircase") for node in root.children):
+        advice = "write a <factor> or a <staircase>"
+        yield Problem("missing-element", "<study> varies nothing", root.place, advice)
+
+
+def _contradictions(file: StudyFile) -> Iterator[Problem]:
+    """Find what the study says of things that it has not."""
+    study, places = file.study, file.places
+    levels = {factor.name: factor.names for factor in study.factors}
+    names = [*levels, *(one.name for one in study.staircases)]
+    for name in sorted({name for name in names if names.count(name) > 1}):
+        owner = [f for f in (*study.factors, *study.staircases) if f.name == name][1]
+        yield Problem("duplicate-name", f"'{name}' is defined twice", places.of(owner, "name"))
+    asked = study.task.factor
+    if asked not in levels and asked not in names:
+        advice = did_you_mean(asked, names, "the study varies")
+        yield Problem("unknown-name", f"there is no factor named '{asked}'", places.of(study.task, "factor"), advice)
+    elif asked in levels and study.task.standard and study.task.standard not in levels[asked]:
+        advice = did_you_mean(study.task.standard, levels[asked], "its levels are")
+        sentence = f"'{study.task.standard}' is no level of '{asked}'"
+        yield Problem("unknown-name", sentence, places.of(study.task, "standard"), advice)
+    if study.order.by and study.order.by not in levels:
+        advice = did_you_mean(study.order.by, levels, "the factors are")
+        sentence = f"there is no factor named '{study.order.by}'"
+        yield Problem("unknown-name", sentence, places.of(study.order, "by"), advice)
+    for one in study.excluded:
+        for factor, level in one.pairs.items():
+            if level not in levels.get(factor, ()):
+                sentence = f"there is no level '{level}' of a factor '{factor}'"
+                advice = (
+                    did_you_mean(level, levels.get(factor, ()), "its levels are") or f"factors: {', '.join(levels)}"
+                )
+                yield Problem("unknown-name", sentence, places.of(one, "where"), advice)
+    if study.staircases and study.task.kind != "colder":
+        sentence = f"a staircase needs <task kind=\"colder\">, not '{study.task.kind}'"
+        yield Problem("bad-value", sentence, places.of(study.task, "kind"))
+    if study.factors and not file.conditions():
+        yield Problem("bad-value", "every combination of levels is excluded", places.of(study.excluded[0]))
+
+
+def _scenes(file: StudyFile, catalog: Catalog) -> Iterator[Problem]:
+    """Find what is wrong with the scene, and with each level in it."""
+    base, problems = read_scene(file.scene_path, catalog)
+    yield from problems
+    if any(problem.severity == "error" for problem in problems):
+        return
+    known = [each.name for each in base.world.objects]
+    wanted = file.study.contact.object_
+    if wanted not in known:
+        advice = did_you_mean(wanted, known, "its objects are")
+        sentence = f"the scene has no object named '{wanted}'"
+        yield Problem("unknown-name", sentence, file.places.of(file.study.contact, "object_"), advice)
+    told: set[str] = set()
+    for condition in _each_level_once(file):
+        scene, found = file.scene(condition, catalog)
+        if not any(problem.severity == "error" for problem in found):
+            _, more = compile_scene(scene, catalog)
+            found = [*found, *more]
+        for problem in found:
+            if problem.severity == "error" and problem.sentence not in told:
+                told.add(problem.sentence)
+                shown = ", ".join(f"{name}={level}" for name, level in condition.items())
+                yield replace(problem, sentence=f"{problem.sentence} (in the condition {shown})")
+
+
+def _each_level_once(file: StudyFile) -> Iterator[dict[str, str]]:
+    """Yield conditions that together have every level, one more than there are levels at most."""
+    conditions = file.conditions() if file.study.factors else [{}]
+    seen: set[tuple[str, str]] = set()
+    ends = [{one.name: f"{level:.9g}" for one in file.study.staircases for level in (end(one),)} for end in _ENDS]
+    for condition in conditions:
+        new = set(condition.items()) - seen
+        if new or not seen:
+            seen |= set(condition.items())
+            for end in ends if file.study.staircases else [{}]:
+                yield {**condition, **end}
+        if not condition:
+            return
+
+
+_ENDS = (lambda one: one.low, lambda one: one.high, lambda one: one.standard)

@@ -1,0 +1,158 @@
+"""One touch on the twins: run the scene of a condition, and keep what the twin's finger felt.
+
+Each touch is a session of its own from the scene's start, so that it depends on condition, finger and seed alone: a
+study that was stopped goes on with the same touches, on any number of processes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from itouch.loop import DeviceFaultError
+from itouch.plugin import Role
+from itouch.plugin.discovery import Catalog
+from itouch.scene.edits import Edit
+from itouch.scene.source import Attribute
+from itouch.schema import ItouchError, Place
+from itouch.session import Session
+from itouch.study.elements import Touching
+from itouch.study.observers import DEPTH, Felt
+from itouch.study.reading import StudyFile
+from itouch.world import Model
+
+#: Thermal diffusivity of skin [m2/s]: 0.37 W/mK over an effusivity of 1167 W s^.5/m2K, squared.
+DIFFUSIVITY = 1.005e-7
+#: Seconds between two samples of what is felt.
+SAMPLING = 0.01
+
+
+class TouchError(ItouchError):
+    """A scene in which nothing can be felt."""
+
+
+@dataclass(frozen=True, slots=True)
+class Presented:
+    """A touch that was made: what was felt, the report's entry of it, and why it does not count (empty: it does)."""
+
+    felt: Felt
+    figures: Mapping[str, Any]
+    void: str
+
+
+def deep_temperature(skin: np.ndarray[Any, np.dtype[np.float64]], period: float, depth: float = DEPTH) -> Any:
+    """Return the temperature [K] at a depth [m] below a surface whose temperature is known, shape (samples,).
+
+    Half-space at first in balance with its first sample: each step of the surface arrives as erfc(x / 2 sqrt(a t)).
+    """
+    steps = np.diff(skin, prepend=skin[:1])
+    times = (np.arange(len(skin)) + 0.5) * period
+    answer = np.array([math.erfc(depth / (2.0 * math.sqrt(DIFFUSIVITY * t))) for t in times])
+    return skin[0] + np.convolve(steps, answer)[: len(skin)]
+
+
+class Toucher:
+    """Makes touches of a study's conditions; a model is compiled once a condition."""
+
+    def __init__(self, file: StudyFile, catalog: Catalog, *, skin_temperature: float | None = None) -> None:
+        self._file, self._catalog = file, catalog
+        self._own = [] if skin_temperature is None else [_skin(file, skin_temperature)]
+        self._models: dict[tuple[tuple[str, str], ...], Model] = {}
+
+    def model(self, condition: Mapping[str, str]) -> Model:
+        """Return the compiled scene of a condition; staircases' levels are not kept."""
+        key = tuple(sorted(condition.items()))
+        model = self._models.get(key)
+        if model is None:
+            model = self._file.model(condition, self._catalog, self._own)
+            if not any(one.name in condition for one in self._file.study.staircases):
+                self._models[key] = model
+        return model
+
+    def touch(self, condition: Mapping[str, str], seed: int) -> Presented:
+        """Run the scene's motion once and return the touch of the study's object.
+
+        Raises
+        ------
+        TouchError
+            If the scene has no twin that feels heat, or a device is no twin.
+        """
+        model = self.model(condition)
+        truth = _truth(model)
+        session = Session(model, seed=seed, catalog=self._catalog)
+        session.records = False
+        rules = self._file.study.contact
+        index = next(i for i, each in enumerate(model.scene.world.objects) if each.name == rules.object_)
+        samples: list[tuple[int, float, float]] = []
+        every = max(1, round(SAMPLING / model.period))
+        flux, skin = (session.state[name] for name in truth)
+        current = session.state[f"{model.probes[0].name}.contact.object"]
+
+        def sample(tick: int) -> None:
+            if tick % every == 0:
+                samples.append((int(current), float(flux), float(skin)))
+
+        session.taps.append(sample)
+        fault = ""
+        try:
+            session.run()
+        except DeviceFaultError as error:
+            fault = f"fault: {error}"
+        report = session.report()
+        session.close()
+        return _presented(samples, index, report, rules, every * model.period, fault)
+
+
+def _skin(file: StudyFile, temperature: float) -> Edit:
+    """Return the edit that gives the operator twin a person's skin temperature [K]."""
+    return Edit("operator.skin-temperature", Attribute(f"{temperature:.3f} K", Place(file.path, 1, 1)))
+
+
+def _truth(model: Model) -> tuple[str, str]:
+    """Return the fields of State that hold the true flux out of the finger and its skin's true temperature."""
+    found: dict[Role, str] = {}
+    for name, device in model.devices.items():
+        if not device.twin:
+            raise TouchError(f"'{name}' is no twin; simulated observers feel what twins' fingers feel")
+        for field in device.make_twin().fields():
+            if field.role in (Role.HEAT_FLUX, Role.SKIN_TEMPERATURE):
+                found.setdefault(field.role, f"{name}.twin.{field.name}")
+    if len(found) < 2:
+        raise TouchError("no twin of this scene says what a finger feels: none declares a true flux and a true skin")
+    return found[Role.HEAT_FLUX], found[Role.SKIN_TEMPERATURE]
+
+
+def _presented(
+    samples: list[tuple[int, float, float]], index: int, report: dict[str, Any], rules: Touching, period: float,
+    fault: str,
+) -> Presented:  # fmt: skip
+    touched = [k for k, (current, _, _) in enumerate(samples) if current == index]
+    entries = [entry for entry in report["contacts"] if entry["object"] == rules.object_]
+    if not touched or not entries:
+        return Presented(Felt(np.zeros(0), np.zeros(0), np.zeros(0), period), {}, fault or "nothing was touched")
+    first, last = touched[0], touched[-1]
+    flux = np.array([s[1] for s in samples[first : last + 1]])
+    skin = np.array([s[2] for s in samples[max(0, first - 1) : last + 1]])[: len(flux)]
+    entry = entries[0]
+    return Presented(Felt(flux, skin, deep_temperature(skin, period), period), entry, fault or _broken(entry, rules))
+
+
+def _broken(entry: Mapping[str, Any], rules: Touching) -> str:
+    """Say which rule a touch broke; empty: none."""
+    end = entry["end_s"]
+    if end is None or end - entry["begin_s"] < rules.duration:
+        return "released early"
+    if rules.force is not None and abs(entry["peak_force_N"] - rules.force) > rules.tolerance:
+        return f"force {entry['peak_force_N']:.2f} N was out of the window"
+    if entry.get("plate_ready") is False:
+        return "the plate was not ready"
+    if entry.get("plate_limited"):
+        return "the plate was limited"
+    error = entry.get("flux_error_rms")
+    if error is not None and error > rules.flux_error:
+        return f"flux error {100.0 * error:.0f} %"
+    return ""

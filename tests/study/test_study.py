@@ -1,0 +1,305 @@
+"""Studies through the entrance that a user has: a file, a command, a folder of data."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from pathlib import Path
+
+import pytest
+from shipped import SCENES, STUDIES
+
+from itouch.cli import main
+from itouch.plugin.discovery import Catalog
+from itouch.study import simulate as simulation
+from itouch.study.analysis import analyse
+from itouch.study.observers import Felt
+from itouch.study.page import page
+from itouch.study.reading import StudyFile, read_study
+from itouch.study.store import Row, Store
+from itouch.study.touches import Presented, deep_temperature
+from itouch.study.trials import trials_of
+
+CATALOG = Catalog()
+SCENE = """<itouch version="1.0">
+  <materials>
+    <material name="wood"><contact stiffness="1.2 N/mm" static-friction="0.4"/></material>
+    <material name="steel"><contact stiffness="1.5 N/mm" static-friction="0.2"/></material>
+    <material name="cork"><contact stiffness="0.6 N/mm" static-friction="0.6"/></material>
+  </materials>
+  <world><box name="block" size="60 60 20 mm" pos="0 0 10 mm" material="wood"/></world>
+  <devices><device name="arm" plugin="usb-arm"/></devices>
+  <interaction>
+    <probe name="finger" radius="8 mm" pose-from="arm" force-to="arm"/>
+    <operator probe="finger"><motion><to pos="0 0 24 mm" in="0.3 s" hold="0.2 s"/></motion></operator>
+  </interaction>
+</itouch>"""
+FACTOR = '<factor name="material" levels="wood steel cork" set="block.material"/>'
+
+
+def written(
+    folder: Path, *, factor: str = FACTOR, task: str = 'kind="identify" factor="material"', more: str = ""
+) -> Path:
+    (folder / "scene.xml").write_text(SCENE)
+    path = folder / "study.xml"
+    path.write_text(
+        f'<study version="1.0" scene="scene.xml" seed="5">\n  {factor}\n  <task {task}/>\n  {more}\n'
+        f'  <contact object="block" duration="0.1 s"/>\n</study>'
+    )
+    return path
+
+
+def loaded(folder: Path, **parts: str) -> StudyFile:
+    found, problems = read_study(written(folder, **parts), CATALOG)
+    assert found is not None
+    assert not problems, problems
+    return found
+
+
+@pytest.mark.parametrize("path", STUDIES, ids=[path.stem for path in STUDIES])
+def test_shipped_studies_are_right(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["study", "check", str(path)]) == 0
+    assert "ok" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("parts", "sentence", "advice"),
+    [
+        ({"factor": FACTOR.replace("cork", "corc")}, "no material named 'corc'", "cork"),
+        ({"factor": FACTOR.replace("block.material", "blok.material")}, "nothing named 'blok'", "block"),
+        ({"factor": FACTOR.replace("block.material", "block")}, "not the path of an attribute", "NAME.attribute"),
+        ({"factor": FACTOR.replace("block.material", "block.materal")}, "no attribute 'materal'", "material"),
+        ({"factor": FACTOR.replace("levels", "level")}, "no attribute 'level'", "levels"),
+        ({"factor": FACTOR.replace("wood steel", "wood wood")}, "different words", ""),
+        ({"task": 'kind="identify" factor="stuff"'}, "no factor named 'stuff'", "material"),
+        ({"task": 'kind="colder" factor="material"'}, "compares with a standard", ""),
+        ({"task": 'kind="colder" factor="material" standard="wod"'}, "'wod' is no level", "wood"),
+        ({"task": 'kind="guess" factor="material"'}, "guess", "identify"),
+        ({"more": '<exclude where="material=gold"/>'}, "no level 'gold'", "its levels are"),
+        ({"more": '<order kind="blocked"/>'}, "blocked needs by=", ""),
+        ({"more": '<order by="x" kind="blocked"/>'}, "no factor named 'x'", ""),
+        ({"more": '<order repetitions="0"/>'}, "out of range", ""),
+        ({"more": "<orders/>"}, "no element <orders>", "order"),
+    ],
+)
+def test_mistakes_are_told_at_their_place(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], parts: dict[str, str], sentence: str, advice: str
+) -> None:
+    path = written(tmp_path, **parts)
+    assert main(["study", "check", str(path)]) == 2
+    said = capsys.readouterr().err
+    assert sentence in said
+    assert advice in said
+    assert f"{path}:" in said
+    assert "Traceback" not in said
+    assert said.count("error[") == 1
+
+
+def test_an_object_that_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = written(tmp_path)
+    path.write_text(path.read_text().replace('object="block"', 'object="blok"'))
+    assert main(["study", "check", str(path)]) == 2
+    assert "no object named 'blok'" in capsys.readouterr().err
+    path.write_text("<studie/>")
+    assert main(["study", "check", str(path)]) == 2
+    assert "not <study>" in capsys.readouterr().err
+    path.write_text('<study version="1.0" scene="scene.xml" seed="1"/>')
+    assert main(["study", "check", str(path)]) == 2
+    assert "needs the element <task>" in capsys.readouterr().err
+    assert main(["study", "check", str(tmp_path / "none.xml")]) == 2
+    assert "cannot read" in capsys.readouterr().err
+
+
+def test_orders_of_participants(tmp_path: Path) -> None:
+    file = loaded(tmp_path, more='<order repetitions="4" most-equal="1"/><practice trials="2"/>')
+    planned = trials_of(file, "P01")
+    assert planned == trials_of(file, "P01") != trials_of(file, "P02")
+    assert [trial.place for trial in planned] == list(range(14))
+    main_trials = [trial.condition["material"] for trial in planned if trial.block != "practice"]
+    assert Counter(main_trials) == {"wood": 4, "steel": 4, "cork": 4}
+    assert all(a != b for a, b in zip(main_trials, main_trials[1:], strict=False))
+
+
+def test_crossing_excluding_and_blocks(tmp_path: Path) -> None:
+    factor = FACTOR + '<factor name="size" levels="small;large" values="40 40 20 mm;60 60 20 mm" set="block.size"/>'
+    more = '<exclude where="material=cork size=large"/><order kind="blocked" by="size" repetitions="2"/>'
+    file = loaded(tmp_path, factor=factor, more=more)
+    assert len(file.conditions()) == 5
+    planned = trials_of(file, "P01")
+    blocks = list(dict.fromkeys(trial.block for trial in planned))
+    assert sorted(blocks) == ["large", "small"]
+    assert [trial.block for trial in planned] == [blocks[0]] * Counter(t.block for t in planned)[blocks[0]] + [blocks[1]] * Counter(t.block for t in planned)[blocks[1]]  # fmt: skip
+    scene, _ = file.scene({"material": "steel", "size": "small"}, CATALOG)
+    assert (scene.world.objects[0].material, scene.world.objects[0].size) == ("steel", (0.04, 0.04, 0.02))
+
+
+@pytest.mark.parametrize(("kind", "count"), [("colder", 2), ("odd", 3), ("same", 2)])
+def test_intervals_hold_the_standard_and_the_level(tmp_path: Path, kind: str, count: int) -> None:
+    file = loaded(tmp_path, task=f'kind="{kind}" factor="material" standard="wood"', more='<order repetitions="20"/>')
+    planned = trials_of(file, "P01")
+    for trial in planned:
+        assert len(trial.shown) == count
+        assert trial.shown[trial.target] == trial.condition
+        assert all(one["material"] == "wood" for i, one in enumerate(trial.shown) if i != trial.target)
+    places = Counter(trial.target for trial in planned)
+    assert set(places) == set(range(count))
+
+
+class Hands:
+    """Touches without a scene: flux and skin by the level alone."""
+
+    FLUX = {"wood": 1500.0, "steel": 4000.0, "cork": 300.0}
+
+    def __init__(self, file: StudyFile, catalog: Catalog, *, skin_temperature: float | None = None) -> None:
+        self.broken = 0
+
+    def touch(self, condition: dict[str, str], seed: int) -> Presented:
+        import numpy as np
+
+        flux = np.full(
+            100, self.FLUX[condition["material"]] if "material" in condition else 1000.0 * 2 ** float(condition["gain"])
+        )
+        skin = 306.0 - flux / 2000.0 * np.linspace(0, 1, 100)
+        void = "released early" if seed % 13 == 0 else ""
+        return Presented(Felt(flux, skin, skin, 0.01), {"peak_force_N": 1.0}, void)
+
+
+@pytest.fixture
+def hands(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(simulation, "Toucher", Hands)
+
+
+def simulated(file: StudyFile, folder: Path, codes: int = 3, *, stop_after: int = 10**9) -> list[Row]:
+    panel = simulation.Panel(codes)
+    with Store.open(folder, create=True) as store:
+        for code in panel.codes():
+            for count, row in enumerate(simulation.Simulation(file, code, panel, CATALOG).rows(store.rows(code))):
+                store.add(row)
+                if count + 1 >= stop_after:
+                    break
+        return store.rows()
+
+
+def test_a_study_that_was_stopped_goes_on_to_the_same_rows(tmp_path: Path, hands: None) -> None:
+    file = loaded(tmp_path, more='<order repetitions="6"/><practice trials="3"/>')
+    (tmp_path / "a").mkdir(), (tmp_path / "b").mkdir()
+    whole = simulated(file, tmp_path / "a")
+    for _ in range(40):
+        rows = simulated(file, tmp_path / "b", stop_after=2)
+    assert rows == whole
+    first = [row for row in whole if row.participant == "S001"]
+    assert [row.place for row in first] == list(range(len(first)))
+    valid = [row for row in first if not row.void and row.block != "practice"]
+    assert Counter(row.condition["material"] for row in valid) == {"wood": 6, "steel": 6, "cork": 6}
+    assert any(row.void for row in whole)
+    for row in whole:  # a void trial is repeated later, with the same condition
+        if row.repeats is not None:
+            again = next(other for other in whole if (other.participant, other.place) == (row.participant, row.repeats))
+            assert (again.condition, again.shown) == (row.condition, row.shown)
+            assert again.void
+
+
+def test_the_report_of_simulated_people(tmp_path: Path, hands: None) -> None:
+    file = loaded(tmp_path, more='<order repetitions="6"/>')
+    result = analyse(file, simulated(file, tmp_path), draws=60)
+    assert result["participants"] == 3
+    assert result["correct"]["proportion"] > 0.8
+    matrix = result["identification"][0]
+    assert [sum(row) for row in matrix["counts"]] == [18, 18, 18]
+    assert result["felt"][1]["mean_flux_W_m2"]["mean"] == pytest.approx(4000.0)
+    text = page(result, {"seed": "5"})
+    assert "What was answered to what" in text
+    assert "http" not in text
+    json.dumps(result, allow_nan=False)
+
+
+@pytest.mark.parametrize("keep", [0, 1, 2, 18])
+def test_small_panels_have_a_page(tmp_path: Path, hands: None, keep: int) -> None:
+    for kind in (
+        'kind="identify" factor="material"',
+        'kind="odd" factor="material" standard="wood"',
+        'kind="rate" factor="material"',
+    ):
+        file = loaded(tmp_path, task=kind, more='<order repetitions="6"/>')
+        folder = tmp_path / kind.split('"')[1]
+        folder.mkdir()
+        result = analyse(file, simulated(file, folder, codes=1)[:keep], draws=20)
+        assert page(result, {})
+        json.dumps(result, allow_nan=False)
+
+
+def test_a_staircase_finds_what_is_told_apart(tmp_path: Path, hands: None) -> None:
+    factor = (
+        '<staircase name="gain" procedure="quest" set="block.friction" low="-2" high="2" start="1" standard="0" '
+        'step="0.05" trials="40" prior="1"/>'
+    )
+    (tmp_path / "scene.xml").write_text(SCENE)
+    path = written(tmp_path, factor=factor, task='kind="colder" factor="gain" standard="0"')
+    file, problems = read_study(path, CATALOG)
+    assert any("friction" in problem.sentence for problem in problems)  # a path that the scene has not is told
+    assert file is not None
+    rows = simulated(file, tmp_path, codes=4)
+    found = analyse(file, rows, draws=20)["staircases"][0]
+    assert len(found["thresholds"]) == 4
+    # 43 % more flux is told in 3 of 4: log2(1.43) = 0.52, give or take people
+    assert found["mean"] == pytest.approx(0.52, abs=0.4)
+
+
+def test_the_temperature_below_the_skin_follows_it() -> None:
+    import numpy as np
+
+    skin = np.full(4000, 300.0)
+    skin[0] = 306.0
+    deep = deep_temperature(skin, 0.01)
+    assert deep[0] > 305.0
+    assert np.all(np.diff(deep) < 0)
+    t = 2.0
+    from math import erfc, sqrt
+
+    assert deep[200] == pytest.approx(306.0 - 6.0 * erfc(0.2e-3 / (2 * sqrt(1.005e-7 * t))), abs=0.02)
+
+
+def test_another_study_is_refused_in_the_same_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = written(tmp_path)
+    assert main(["study", "freeze", str(path), str(tmp_path / "data")]) == 0
+    assert main(["study", "freeze", str(path), str(tmp_path / "data")]) == 0
+    (tmp_path / "scene.xml").write_text(SCENE.replace("0.4", "0.5"))
+    assert main(["study", "freeze", str(path), str(tmp_path / "data")]) == 2
+    assert "this one differs" in capsys.readouterr().err
+    assert main(["study", "report", str(path), str(tmp_path / "nowhere")]) == 2
+    assert "holds no study" in capsys.readouterr().err
+
+
+@pytest.mark.long
+def test_the_panel_of_the_paper_on_the_twins(tmp_path: Path) -> None:
+    study = SCENES / "studies" / "four_materials.xml"
+    text = (
+        study.read_text()
+        .replace('repetitions="10"', 'repetitions="2"')
+        .replace("../study_sample", str(SCENES / "study_sample"))
+    )
+    path = tmp_path / "study.xml"
+    path.write_text(text)
+    for folder, processes in (("a", "1"), ("b", "2")):
+        assert (
+            main(
+                [
+                    "study",
+                    "simulate",
+                    str(path),
+                    "-o",
+                    str(tmp_path / folder),
+                    "--observers",
+                    "2",
+                    "--processes",
+                    processes,
+                ]
+            )
+            == 0
+        )
+        assert main(["study", "report", str(path), str(tmp_path / folder)]) == 0
+    with Store.open(tmp_path / "a") as one, Store.open(tmp_path / "b") as two:
+        assert one.rows() == two.rows()
+    result = json.loads((tmp_path / "a" / "report.json").read_text())
+    felt = {one["condition"]["material"]: one["mean_flux_W_m2"]["mean"] for one in result["felt"]}
+    assert felt["aluminium"] > felt["pyrex"] > felt["wood"] > felt["polystyrene"]
