@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -130,7 +131,7 @@ def _identification(file: StudyFile, rows: Sequence[Row], name: str, draws: int)
     information = stats.information_transfer(counts)
     choice = stats.choice_model(counts)
     cells = [
-        [over(lambda table, i=i, j=j: _cell(table, i, j)) for j in range(len(labels))] for i in range(len(labels))
+        [over(partial(_cell, row=i, column=j)) for j in range(len(labels))] for i in range(len(labels))
     ] if draws else []  # fmt: skip
     return {
         "of": name, "labels": labels, "counts": counts, "intervals_95": cells,
@@ -207,7 +208,7 @@ def _staircase(file: StudyFile, rows: Sequence[Row], name: str) -> dict[str, Any
 
 def _differences(file: StudyFile, rows: Sequence[Row]) -> list[dict[str, Any]]:
     """Return, for each two levels of a factor that was not asked for, the difference and the test of equivalence."""
-    found = []
+    found: list[dict[str, Any]] = []
     for factor in file.study.factors:
         if factor.name == file.study.task.factor:
             continue
@@ -225,7 +226,7 @@ def _differences(file: StudyFile, rows: Sequence[Row]) -> list[dict[str, Any]]:
                     "factor": factor.name, "levels": [first, second], "difference": test.difference, "margin": 0.1,
                     "interval_90": [test.low, test.high], "p_equivalence": test.p,
                 })  # fmt: skip
-    adjusted = stats.holm([entry["p_equivalence"] for entry in found]) if found else []
+    adjusted = stats.holm([float(entry["p_equivalence"]) for entry in found]).tolist()
     return [{**entry, "p_holm": p} for entry, p in zip(found, adjusted, strict=True)]
 
 

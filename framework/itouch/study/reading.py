@@ -126,8 +126,8 @@ def _wanting(study: Study, root: Node) -> Iterator[Problem]:
         place = root.attributes["version"].place
         sentence = f"the file is written for study format {study.version}, this program reads {VERSION}"
         yield Problem("bad-version", sentence, place, f'write version="{VERSION}"')
-    for tag, there in (("task", study.task), ("contact", study.contact)):
-        if there is None and not any(node.tag == tag for node in root.children):
+    for tag in ("task", "contact"):
+        if not any(node.tag == tag for node in root.children):
             yield Problem("missing-element", f"<study> needs the element <{tag}>", root.place, f"write <{tag} .../>")
     if not any(node.tag in ("factor", "staircase") for node in root.children):
         advice = "write a <factor> or a <staircase>"
@@ -138,9 +138,10 @@ def _contradictions(file: StudyFile) -> Iterator[Problem]:
     """Find what the study says of things that it has not."""
     study, places = file.study, file.places
     levels = {factor.name: factor.names for factor in study.factors}
-    names = [*levels, *(one.name for one in study.staircases)]
+    owners: list[Factor | Adaptive] = [*study.factors, *study.staircases]
+    names = [owner.name for owner in owners]
     for name in sorted({name for name in names if names.count(name) > 1}):
-        owner = [f for f in (*study.factors, *study.staircases) if f.name == name][1]
+        owner = [owner for owner in owners if owner.name == name][1]
         yield Problem("duplicate-name", f"'{name}' is defined twice", places.of(owner, "name"))
     asked = study.task.factor
     if asked not in levels and asked not in names:
@@ -198,7 +199,9 @@ def _each_level_once(file: StudyFile) -> Iterator[dict[str, str]]:
     """Yield conditions that together have every level, one more than there are levels at most."""
     conditions = file.conditions() if file.study.factors else [{}]
     seen: set[tuple[str, str]] = set()
-    ends = [{one.name: f"{level:.9g}" for one in file.study.staircases for level in (end(one),)} for end in _ENDS]
+    ends = [
+        {one.name: f"{getattr(one, end):.9g}" for one in file.study.staircases} for end in ("low", "high", "standard")
+    ]
     for condition in conditions:
         new = set(condition.items()) - seen
         if new or not seen:
@@ -207,6 +210,3 @@ def _each_level_once(file: StudyFile) -> Iterator[dict[str, str]]:
                 yield {**condition, **end}
         if not condition:
             return
-
-
-_ENDS = (lambda one: one.low, lambda one: one.high, lambda one: one.standard)

@@ -75,7 +75,13 @@ class DisplayTwin(Twin):
         slots = 1 + round((self.params.delay + self.params.mismatch.delay) / SHORTEST)
         return (
             Field("true_flux", unit="W/m^2", doc="true flux out of the finger", role=Role.HEAT_FLUX, show="no"),
-            Field("true_skin", unit="K", doc="true temperature of the skin's surface", role=Role.SKIN_TEMPERATURE, show="no"),
+            Field(
+                "true_skin",
+                unit="K",
+                doc="true temperature of the skin's surface",
+                role=Role.SKIN_TEMPERATURE,
+                show="no",
+            ),  # fmt: skip
             Field("true_plate", unit="K", doc="true temperature of the plate's face", show="no"),
             Field(
                 "memory",
