@@ -112,9 +112,12 @@ ISR(USART_RX_vect) {
 }
 
 ISR(USART_UDRE_vect) {
+  if (said_out == said_in) {
+    UCSR0B &= ~_BV(UDRIE0);
+    return;
+  }
   UDR0 = said[said_out];
   said_out = (said_out + 1) & 127;
-  if (said_out == said_in) UCSR0B &= ~_BV(UDRIE0);
 }
 
 int16_t board_get(void) {

@@ -14,7 +14,7 @@ from itouch_thermal.chip.program import Built, built, config
 from itouch_thermal.chip.simulated import Chip, Run
 from itouch_thermal.display.device import DisplayTwin, ThermalDisplay
 from itouch_thermal.display.params import DisplayParams
-from itouch_thermal.display.plant import MEAN, PLATE_LAG, PUMP, SINK, SINK_LAG
+from itouch_thermal.display.plant import PUMP, SINK
 
 STEP, SOAK_STEP = 1e-3, 10e-3
 #: The display that is described in the documentation, as its twin: a 40 mm module, thermistors that lag, a 12 V supply.
@@ -71,7 +71,7 @@ class SimulatedDisplay:
             Record.of(Field(c.name, "f8", c.size) for c in side) for side in (reads, commands)
         )
         self._twin.reset(self._state, np.random.default_rng(seed))
-        self._begin(begin, room)
+        self._twin.warm(self._state, *begin)
         self._guard, self._guard_lag = begin[0], guard_lag
         self.chip = Chip(program or built(), seed=seed)
         #: Volts that stand at an input whatever the display does: an open or shorted wire, a sensor that is stuck.
@@ -84,14 +84,6 @@ class SimulatedDisplay:
         self.last = Run(0.0, 0.0, 0.0, 0.0, 0, b"")
         #: Called after each millisecond.
         self.taps: list[Callable[[SimulatedDisplay], None]] = []
-
-    def _begin(self, begin: tuple[float, float], room: float) -> None:
-        memory = self._state["memory"]
-        shown = self._state["plate"]
-        shown += self._twin._column.flat * (begin[0] - room)  # noqa: SLF001 - the twin of our own plugin
-        for index, value in ((PLATE_LAG, begin[0]), (MEAN, begin[0]), (SINK, begin[1]), (SINK_LAG, begin[1])):
-            memory[index] = value
-        self._twin.step(self._state, self._command, self.touch, STEP)
 
     @property
     def plate(self) -> float:

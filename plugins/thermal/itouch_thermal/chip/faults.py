@@ -205,6 +205,16 @@ FAULTS: dict[str, Fault] = {
 }
 
 
+def _blind(scene: Scene) -> None:
+    for name in ("plate", "guard"):
+        scene.display.forced[name] = _as_shown(name)(scene)
+    _driven(scene, 3.0 * FAULT_SECONDS, sign=-1.0)
+
+
+#: What is beyond the program, by name: two sensors that fail as one.
+BEYOND: dict[str, Fault] = {"plate and guard stuck": _blind}
+
+
 @dataclass(frozen=True, slots=True)
 class Outcome:
     """What a fault led to: temperatures [degC] of the true plate at worst, with the soak; what the chip said of it."""
@@ -236,7 +246,7 @@ def run_fault(name: str, seed: int, program: Built | None = None) -> Outcome:
     try:
         host.begin()
         host.hold(float(rng.uniform(-1.0, 1.0)), 0.3)
-        FAULTS[name](Scene(display, host, rng))
+        {**FAULTS, **BEYOND}[name](Scene(display, host, rng))
         display.forced.clear()
         answer = host.order(0.0)
         soaked = display.soak(SOAK_SECONDS)

@@ -64,6 +64,7 @@ class SimulatedLine:
             self._time = time
             for _ in range(START):
                 self._run(b"")
+            self._ahead.clear()
         while self._time < time:
             self._time += 1
             if not self._ahead:
@@ -74,7 +75,7 @@ class SimulatedLine:
         end = self._heard.rfind(b"\n") + 1 if self._since <= PIECE else len(self._heard)
         if data:
             self._since = 0
-        if end and len(self._ahead) <= AHEAD:  # else the host asks faster than the chip can answer
+        if end:
             line, self._heard = self._heard[:end], self._heard[end:]
             said += self._answered(line)
         return said, self._current
@@ -85,6 +86,10 @@ class SimulatedLine:
             if said.endswith(b"\n"):
                 break
             said += self._run(b"")
+        while (
+            len(self._ahead) > AHEAD
+        ):  # the rig's time stands, as while a host opens: so long the chip lives by itself
+            self._current = self._ahead.popleft()
         return said
 
     def _run(self, heard: bytes) -> bytes:

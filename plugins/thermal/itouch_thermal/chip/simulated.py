@@ -55,7 +55,7 @@ class Chip:
         Of the host.
     """
 
-    def __init__(self, built: Built, *, seed: int = 0, baud: float = 115200.0) -> None:
+    def __init__(self, built: Built, *, seed: int = 0, baud: float = 250000.0) -> None:
         self._library = _library(str(built.chip))
         self._chip = self._library.chip_new(str(built.program).encode(), seed, baud)
         if not self._chip:

@@ -112,6 +112,15 @@ class DisplayTwin(Twin):
         state["noise"] = rng.integers(0, 1 << 63)
         self._publish(state)
 
+    def warm(self, state: Record, plate: float, sink: float) -> None:
+        """Bring a twin that was just reset to other temperatures [K] of its plate, even throughout, and of its sink."""
+        memory, shown = state["memory"], state["plate"]
+        shown += self._column.flat * (plate - self._ambient)
+        for index in (plant.PLATE, plant.BACK, plant.PLATE_LAG, plant.MEAN, plant.READ_PLATE):
+            memory[index] = plate
+        memory[plant.SINK] = memory[plant.SINK_LAG] = memory[plant.READ_SINK] = sink
+        self._publish(state)
+
     def _publish(self, state: Record) -> None:
         memory = state["memory"]
         state["true_flux"][...] = memory[plant.FLUX]
