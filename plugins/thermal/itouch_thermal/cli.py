@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from itouch.plugin import ItouchError
 from itouch_thermal.cli_display import add_commands
+from itouch_thermal.cli_line import add_display
 
 #: Units of a duration; none is seconds.
 _UNITS = {"": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0, "h": 3600.0}
@@ -61,6 +62,7 @@ def _parser() -> argparse.ArgumentParser:
     materials.add_argument("documents", nargs="*", metavar="FILE.xml", help="read these scene documents instead")
     materials.set_defaults(command=_materials)
     add_commands(commands)
+    add_display(commands)
     return parser
 
 

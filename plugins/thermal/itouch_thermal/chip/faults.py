@@ -18,7 +18,7 @@ from itouch_thermal.display.params import Mismatch
 #: Where the true plate may be at all times [degC].
 PLATE = (8.0, 45.0)
 #: How long [s] a fault lasts, one of the sink, and how long plate and sink are then left alone.
-FAULT_SECONDS, SINK_SECONDS, SOAK_SECONDS = 3.0, 20.0, 90.0
+FAULT_SECONDS, SINK_SECONDS, SOAK_SECONDS = 3.0, 10.0, 90.0
 _MEASURED = ("plate", "guard", "sink", "flux", "current")
 
 Rng = np.random.Generator

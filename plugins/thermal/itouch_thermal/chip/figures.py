@@ -64,7 +64,7 @@ def ripple(
 
 
 def staircase(host: SimulatedHost, *, begin: float = 0.2, step: float = 0.001, count: int = 12) -> list[float]:
-    """Return the mean currents [A] of a staircase of orders, 0.4 s each; the mean is over the second half."""
+    """Return the mean currents [A] of a staircase of orders, 0.6 s each; the mean is over the last 0.4 s."""
     seen: list[float] = []
     display = host.display
     tap = lambda shown: seen.append(shown.last.current)  # noqa: E731 - it is taken away again
@@ -73,7 +73,7 @@ def staircase(host: SimulatedHost, *, begin: float = 0.2, step: float = 0.001, c
     display.taps.append(tap)
     for index in range(count):
         seen.clear()
-        host.hold(begin + index * step, 0.4)
+        host.hold(begin + index * step, 0.6)
         means.append(sum(seen[200:]) / len(seen[200:]))
     display.taps.remove(tap)
     return means

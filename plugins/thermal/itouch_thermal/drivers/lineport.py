@@ -100,6 +100,8 @@ class LineDriver:
         Factor on how long it waits for answers.
     limits
         The limits in force for the device by name, SI: what the rig promises must fit them.
+    release
+        Release a cut-off first.
 
     Raises
     ------
@@ -114,6 +116,7 @@ class LineDriver:
         *,
         patience: float = 1.0,
         limits: Mapping[str, Any] | None = None,
+        release: bool = False,
     ) -> None:
         self._patience = PATIENCE * patience
         self._line = SerialLine(params.port, params.baud, end=b"\n", trace=trace)
@@ -123,6 +126,8 @@ class LineDriver:
         try:
             self.identity = self._greet()
             if self._version == 2:
+                if release:
+                    self.identity = self._ask("C", "N")
                 self.promises = Promises.read(self.identity)
                 self._check(self.promises, limits or {})
             elif params.firmware == "reference":
@@ -208,16 +213,6 @@ class LineDriver:
             return self._ask(f"I {amps}", "R").split()
         self._number = (self._number + 1) % 256
         return self._ask(f"I {self._number} {amps}", f"R {self._number} ").split()[1:]
-
-    def release(self) -> str:
-        """Release a cut-off whose cause is over; return the new greeting.
-
-        Raises
-        ------
-        DeviceError
-            If the rig refuses.
-        """
-        return self._ask("C", "N")
 
     def close(self) -> None:
         """Set the current to zero, then let go of the line."""

@@ -1,0 +1,56 @@
+"""``itouch-py thermal display``: talk to a rig of one's own by itself, for its first power-on and its calibration."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from typing import Any
+
+_KELVIN = 273.15
+#: How often an order is sent [s]; the rig's own watchdog is ten times as long.
+_PERIOD = 0.02
+#: Most current [A] and time [s] that may be asked for here: a look at a display, not a session.
+_AMPS, _SECONDS = 1.0, 60.0
+
+
+def add_display(commands: Any) -> None:
+    """Add the command."""
+    display = commands.add_parser("display", help="look at a display of one's own", description=_display.__doc__)
+    display.add_argument("port", metavar="PORT", help="serial port, such as /dev/ttyACM0")
+    display.add_argument("--baud", type=int, default=250000, metavar="N", help="of the port (default 250000)")
+    display.add_argument("--current", type=float, default=0.0, metavar="A", help=f"of either sign, up to {_AMPS:g} A")
+    display.add_argument("--seconds", type=float, default=5.0, metavar="S", help="how long (default 5)")
+    display.add_argument("--csv", action="store_true", help="time, current, plate, sink in s, A, K: for calibrate")
+    display.add_argument("--release", action="store_true", help="release a cut-off, if its cause is over")
+    display.set_defaults(command=_display)
+
+
+def _display(options: argparse.Namespace) -> None:
+    """Greet a rig that speaks the line protocol, and print its readings; without a finger on it."""
+    from itouch_thermal.drivers.lineport import LineDriver
+    from itouch_thermal.drivers.params import LinePort
+
+    if not abs(options.current) <= _AMPS:
+        raise ValueError(f"--current {options.current:g}: {_AMPS:g} A at most, without a supervisor")
+    if not 0.0 <= options.seconds <= _SECONDS:
+        raise ValueError(f"--seconds {options.seconds:g} is out of range: 0 to {_SECONDS:g}")
+    driver = LineDriver(LinePort(port=options.port, baud=options.baud), release=options.release)
+    try:
+        if not options.csv:
+            print(driver.identity)
+        _watch(driver, options)
+    finally:
+        driver.close()
+
+
+def _watch(driver: Any, options: argparse.Namespace) -> None:
+    begin, shown = time.monotonic(), -1.0
+    while (now := time.monotonic() - begin) < options.seconds:
+        read = driver.exchange(options.current)
+        if options.csv:
+            print(f"{now:.4f},{read.current:.5f},{read.plate:.3f},{read.sink:.3f}")
+        elif now - shown >= 0.5:
+            shown = now
+            print(f"{now:6.1f} s  plate {read.plate - _KELVIN:7.3f} degC  sink {read.sink - _KELVIN:7.3f} degC  "
+                  f"flux {read.flux:8.1f} W/m2  current {read.current:8.4f} A", flush=True)  # fmt: skip
+        time.sleep(max(0.0, _PERIOD - (time.monotonic() - begin - now)))
