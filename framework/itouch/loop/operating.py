@@ -95,7 +95,7 @@ class Operating:
         failures = self._open_latched(tick)
         for runner in self._runners.values():
             try:
-                runner.rearm()
+                runner.rearm(tick)
             except DeviceError as error:
                 failures.append(str(error))
         if failures:

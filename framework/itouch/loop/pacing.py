@@ -96,4 +96,6 @@ class Pacing:
             raise fault
         if late > HOPELESS * engine.model.period:  # a burst of ticks would not undo what was missed
             engine.times.skip(round(late / engine.model.period))
+            for runner in engine.runners:
+                runner.leave_out(round(late / engine.model.period))
             engine.clock.start(engine.model.period)

@@ -17,6 +17,7 @@ from itouch.loop import steps
 from itouch.loop.clock import now
 from itouch.loop.events import Events
 from itouch.loop.fence import Fence
+from itouch.loop.fingers import fingers
 from itouch.loop.objects import Objects
 from itouch.loop.rig import ProbeRig
 from itouch.loop.runner import Runner
@@ -136,11 +137,25 @@ def _writers(listed: Sequence[Step], commands: Sequence[str]) -> Iterator[tuple[
             yield command, step.name
 
 
+def _supervision(runners: Mapping[str, Runner], rigs: Sequence[ProbeRig]) -> Iterator[Step]:
+    """Yield what checks devices where the finger is, then what acts on one finger together."""
+    for runner in runners.values():
+        if any(monitor.placed for monitor in runner.model.monitors):
+            mine = [rig for rig in rigs if runner in (rig.arm, rig.table)]
+            carried = [one for one in runners.values() if one.model.carrier == runner.model.name]
+            yield steps.supervise(runner, mine, carried)
+    for finger, devices in fingers(runners, rigs):
+        yield steps.share(finger, devices)
+
+
 def build(
     model: Model, state: Record, runners: Mapping[str, Runner], rigs: Sequence[ProbeRig], objects: Objects,
     events: Events, hold: Hold, views: Mapping[str, Record],
 ) -> Plan:  # fmt: skip
-    """Return the plan of a scene: read, contact, events, modalities, supervision, write; then the twins move on."""
+    """Return the plan of a scene: read, contact, supervision, events, modalities, write; then the twins move on.
+
+    What is supervised was taken before any modality could write it.
+    """
     listed: list[Step] = []
     for runner in runners.values():
         listed += [steps.read(runner), steps.watch(runner)]
@@ -149,6 +164,7 @@ def build(
     listed += [steps.contact(rig, model) for rig in rigs]
     listed += [steps.surface(rig) for rig in rigs if rig.table is not None]
     listed += [steps.force(rig) for rig in rigs]
+    listed += _supervision(runners, rigs)
     if rigs:
         listed.append(steps.tell(model, events, rigs))
     if model.modalities:
@@ -156,7 +172,6 @@ def build(
         listed.append(steps.fence(model, around))
         listed += [steps.modality(model, one, views[one.name], runners, around) for one in model.modalities]
         listed.append(steps.mend(model, around))
-    listed += [steps.supervise(rig) for rig in rigs if rig.arm is not None or rig.table is not None]
     if hold.required:
         listed.append(steps.hold(hold))
     for runner in runners.values():

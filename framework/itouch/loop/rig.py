@@ -9,11 +9,10 @@ from itouch.loop import render
 from itouch.loop.contactlog import ContactLog
 from itouch.loop.frames import Frame, Vector
 from itouch.loop.ledger import Ledger
-from itouch.loop.runner import DeviceFaultError, Runner
+from itouch.loop.runner import Runner
 from itouch.loop.touch import Toucher
 from itouch.loop.touchoff import TouchOff
 from itouch.plugin import Record
-from itouch.safety import Carried, TripError, fade
 from itouch.twin.coupling import Coupling
 from itouch.twin.hand import Hand
 from itouch.world import Model, ProbeModel
@@ -37,9 +36,6 @@ class ProbeRig:
         self.log = ContactLog(model, self.toucher, self.table, self.coupling, state, ledger)
         self._figures = self.toucher.figures
         self._radius = probe.scene.radius
-        self.carried: Carried | None = None
-        if self.table is not None:
-            self.carried = Carried(self.table.model, state, self.table.reading, model.period)
         self._stands = [
             (which, runner)
             for which, runner in ((render.TRACKER, self.tracker), (render.ARM, self.arm), (render.TABLE, self.table))
@@ -83,8 +79,6 @@ class ProbeRig:
     def reset(self) -> None:
         """Set the probe's part of State to its start."""
         self.toucher.reset()
-        if self.carried is not None:
-            self.carried.forget()
         self.coupling.reset()
         if self.coupling.hand is not None:
             self.coupling.hand.reset()
@@ -97,8 +91,6 @@ class ProbeRig:
         """Begin the supervision of the table anew, after a fault; a real arm may have been moved meanwhile."""
         if not self.tracker.model.twin:
             self.toucher.restart()
-        if self.carried is not None:
-            self.carried.forget()
 
     def restore(self) -> None:
         """Tell the arm's twin where the finger is, from State; frames are found anew."""
@@ -144,16 +136,17 @@ class ProbeRig:
         A touch-off that is not done takes the table over.
         """
         self.toucher.carry()
-        table, carried = self.table, self.carried
-        if table is None or carried is None:
+        table = self.table
+        if table is None or table.panel.surface is None:
             return
-        table.closing = carried.closing(self._gap(), self._figures[render.TRACKING].item())
+        strayed = self._figures[render.TRACKING].item()
+        table.closing = table.panel.closing(self._gap(), strayed)
         if self.touch_off is not None and not self.touch_off.done and table.enabled:
             self._lead()
             self.touch_off.update()
-        elif carried.withdrawn.item():
+        elif table.panel.withdrawn:
             target = table.command["pose_target"]
-            target[2] = carried.follow(target[2].item(), self.toucher.current.item() < 0)
+            target[2] = table.panel.follow(target[2].item(), self.toucher.current.item() < 0)
 
     def _gap(self) -> float:
         """Return the distance [m] between finger pad and plate, as they are tracked."""
@@ -196,30 +189,16 @@ class ProbeRig:
             total = (total[0] + push[0], total[1] + push[1], total[2] + push[2])
         self.coupling.total[...] = math.hypot(*total)
 
-    def check(self, tick: int, counting: bool) -> None:
-        """Check the finger's speed, and the table: where it is, how fast, how hard and how long it presses.
-
-        Raises
-        ------
-        DeviceFaultError
-            Naming the device and the limit.
-        """
-        acting = self.arm
-        try:
-            if acting is not None and acting.enabled:
-                acting.fade = fade(*self._figures[render.VELOCITY : render.VELOCITY + 3].tolist())
-            acting = self.table
-            if acting is not None and acting.enabled and self.carried is not None:
-                self._check_table(tick, counting, self.carried)
-        except TripError as error:
-            name = acting.model.name if acting is not None else ""
-            raise DeviceFaultError(name, tick, error.trip, str(error)) from error
-
-    def _check_table(self, tick: int, counting: bool, carried: Carried) -> None:
-        distance = self._figures[render.TRACKING].item()
-        if counting:
-            self._ledger.tracking.add(distance)
-        calibrated = counting and self.touch_off is not None
-        touched = carried.check(tick, distance, self._gap(), calibrated)
-        if touched is not None and self.face is not None and self.face.heat is not None:
-            self.face.heat.touched[...] = touched
+    def present(self, runner: Runner, counting: bool) -> None:
+        """Tell the monitors of an arm or a table where the finger is, and how fast."""
+        figures, moment = self._figures, runner.panel.moment
+        if runner is self.arm:
+            moment.speed = math.hypot(*figures[render.VELOCITY : render.VELOCITY + 3].tolist())
+        if runner is self.table:
+            moment.strayed = distance = figures[render.TRACKING].item()
+            if counting:
+                self._ledger.tracking.add(distance)
+            moment.gap = self._gap()
+            moment.calibrated = counting and self.touch_off is not None
+            if render.TABLE in self._placed:
+                moment.finger = self._placed[render.TABLE].into(figures[:3].tolist())

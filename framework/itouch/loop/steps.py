@@ -16,7 +16,7 @@ from itouch.loop.rig import ProbeRig
 from itouch.loop.runner import Runner
 from itouch.loop.step import CALLS_KERNELS, Step, compiled
 from itouch.plugin import Record
-from itouch.safety import Hold
+from itouch.safety import Finger, Hold
 from itouch.world import ModalityModel, Model
 
 #: What a trip changes of a device, besides what is sent to it.
@@ -31,18 +31,24 @@ def _readings(runner: Runner) -> tuple[str, ...]:
     return _of(runner.model.name, *(channel.name for channel in runner.model.reads))
 
 
+def _watched(runner: Runner) -> tuple[str, ...]:
+    """Return the State of the monitors that look whenever there is a reading, or it is their time."""
+    names = [monitor.name for monitor in runner.model.monitors if not monitor.placed]
+    return ("heard", *(f"{name}.*" for name in names))
+
+
 def read(runner: Runner) -> Step:
     """Take the newest reading of a device or its twin."""
     name = runner.model.name
-    written = (*_readings(runner), *_of(name, "age", "measured", "left", "out.*", "twin.*", *_TRIPPED))
+    written = (*_readings(runner), *_of(name, "age", "measured", "left", "out.*", "twin.*", "watchdog.*", *_TRIPPED))
     return Step(f"read {name}", lambda tick, ready: runner.take(tick), _of(name, "status", "twin.*"), written)
 
 
 def watch(runner: Runner) -> Step:
     """Check the reading that was taken; nobody works with one that is not believed."""
     name = runner.model.name
-    written = (*_readings(runner), *_of(name, "age", "sequence", "heat.*", *_TRIPPED))
-    reads = (*_readings(runner), *_of(name, "status", "age", "sent.*", "touched", "heat.*"))
+    written = (*_readings(runner), *_of(name, "age", "sequence", *_watched(runner), *_TRIPPED))
+    reads = (*_readings(runner), *_of(name, "status", "age", "sent.*", "touched", "felt", *_watched(runner)))
     return Step(f"watch {name}", lambda tick, ready: runner.watch_reading(tick), reads, written)
 
 
@@ -71,8 +77,8 @@ def surface(rig: ProbeRig) -> Step:
     name, table = rig.probe.name, rig.table.model.name if rig.table is not None else ""
     figures = _of(name, "plate_gap", "surface_height", "plate_yield", "plate_top", "tracking", "plate")
     reads = (*figures, *_of(name, "hip", "normal", "object", "contact.object"))
-    reads += _of(table, "pose", "wrench", "sent.pose_target", "touch_off.*", "calibration", "withdrawn")
-    written = _of(table, "command.pose_target", "touch_off.*", "calibration", "withdrawn", "clamped")
+    reads += _of(table, "pose", "wrench", "sent.pose_target", "touch_off.*", "calibration", "surface.*")
+    written = _of(table, "command.pose_target", "touch_off.*", "calibration", "surface.withdrawn", "clamped")
     hand = _of(name, "hand.offset")
     return Step(f"surface {name}", rig.surface, (*reads, "objects.pose"), (*figures, *written, *hand), 1, CALLS_KERNELS)
 
@@ -137,18 +143,36 @@ def mend(model: Model, around: Fence) -> Step:
     return Step("mend", run, ("*",))
 
 
-def supervise(rig: ProbeRig) -> Step:
-    """Check the finger's speed, and the surface that is carried to it."""
-    name = rig.probe.name
-    reads, written = _of(name, "velocity", "tracking", "hip", "plate_top"), _of(name)
-    if rig.table is not None:
-        table = rig.table.model.name
-        track = ("contact_time", "withdrawn", "doubted", "near_since", "compared", "tracked", "track", "strayed")
-        written = _of(table, *track)
-        reads += (*written, *_of(table, "pose", "wrench", "status"))
-        if rig.face is not None:
-            written += _of(rig.face.model.name, "touched")
-    return Step(f"supervise {name}", rig.check, reads, written)
+def supervise(runner: Runner, rigs: Sequence[ProbeRig], carried: Sequence[Runner]) -> Step:
+    """Let the monitors of a device look that need to know where the finger is."""
+    name = runner.model.name
+    present = [rig.present for rig in rigs if runner in (rig.arm, rig.table)]
+
+    def run(tick: int, ready: bool) -> None:
+        if runner.enabled:
+            for tell in present:
+                tell(runner, ready)
+            runner.watch_placed(tick)
+            for one in carried:
+                one.panel.touch(runner.panel.touched, runner.panel.force)
+
+    reads = (*_readings(runner), *_of(name, "sent.*", "status", "arm.*", "surface.*"))
+    for rig in rigs:
+        reads += _of(rig.probe.name, "velocity", "tracking", "hip", "plate_top")
+    written = _of(name, "arm.*", "surface.*", "touched", "felt")
+    for one in carried:
+        written += _of(one.model.name, "touched", "felt")
+    return Step(f"supervise {name}", run, reads, written)
+
+
+def share(finger: Finger, devices: Sequence[Runner]) -> Step:
+    """Limit together what acts on one finger."""
+    names = [runner.model.name for runner in devices]
+    reads = tuple(
+        f"{name}.{field}" for name in names for field in ("heat.*", "sent.*", "touched", "status", "surface.*")
+    )
+    written = tuple(f"{name}.surface.*" for name in names)
+    return Step(f"finger {finger.name}", lambda tick, ready: finger.check(tick), reads, written)
 
 
 def hold(switch: Hold) -> Step:
@@ -159,7 +183,15 @@ def hold(switch: Hold) -> Step:
 def guard(runner: Runner) -> Step:
     """Limit the commands of a device."""
     name = runner.model.name
-    reads = _of(name, "command.*", "sent.*", "status", "ramp", "heat.share", "stopped")
+    reads = _of(
+        name,
+        "command.*",
+        "sent.*",
+        "status",
+        "ramp",
+        "stopped",
+        *(f"{one.name}.share" for one in runner.model.monitors),
+    )
     written = _of(name, "sent.*", "clamped", "dropped", *_TRIPPED)
     return Step(f"guard {name}", lambda tick, ready: runner.guard(tick), reads, written)
 

@@ -29,8 +29,9 @@ from itouch.plugin.emulator import Emulator
 from itouch.plugin.fit import Fit, Fitted, line_through
 from itouch.plugin.ideal import IdealTwin
 from itouch.plugin.modality import Contact, ContactEvent, Modality, ParameterError, World, WorldDevice, WorldObject
+from itouch.plugin.monitor import Moment, Monitor, Rule, Watched
 from itouch.plugin.noise import gaussian
-from itouch.plugin.quantity import Quantity, Role
+from itouch.plugin.quantity import HURTING, NEVER_HARMLESS, Quantity, Role
 from itouch.plugin.record import Field, Record
 from itouch.plugin.stamps import Stamps
 from itouch.plugin.terminal import Terminal
@@ -40,6 +41,8 @@ from itouch.schema.quantities import QuantityError, parse_quantity
 
 __all__ = [
     "HOLD",
+    "HURTING",
+    "NEVER_HARMLESS",
     "RETRACT",
     "ROTATIONS",
     "Attached",
@@ -56,17 +59,21 @@ __all__ = [
     "IdealTwin",
     "ItouchError",
     "Modality",
+    "Moment",
+    "Monitor",
     "ParameterError",
     "Quantity",
     "QuantityError",
     "Record",
     "Role",
+    "Rule",
     "Safe",
     "Stamps",
     "Terminal",
     "Touch",
     "Trace",
     "Twin",
+    "Watched",
     "World",
     "WorldDevice",
     "WorldObject",

@@ -9,9 +9,11 @@ from typing import Any
 
 from itouch.plugin.device import Device
 from itouch.plugin.modality import Modality
+from itouch.plugin.monitor import Monitor
 from itouch.schema import ItouchError
 
 DEVICES, MODALITIES, COMMANDS, BENCHES = "itouch.devices", "itouch.modalities", "itouch.commands", "itouch.benches"
+MONITORS = "itouch.monitors"
 NAMESPACE = "urn:itouch:plugin:"
 
 
@@ -67,6 +69,7 @@ class Catalog:
     def __init__(self, finder: Callable[[str], dict[str, Found]] = find) -> None:
         self._devices = finder(DEVICES)
         self._modalities = finder(MODALITIES)
+        self._monitors = finder(MONITORS)
         self.failures: dict[str, PluginError] = {}
 
     @property
@@ -97,6 +100,16 @@ class Catalog:
         """Return a modality class, or None if there is none or it failed to load."""
         cls: type[Modality] | None = self._load(self._modality(plugin, local), Modality)
         return cls
+
+    def monitors(self) -> tuple[type[Monitor], ...]:
+        """Return the monitors that plugins offer, in the order of their names; see ``monitor_failures``."""
+        loaded = (self._load(found, Monitor) for _, found in sorted(self._monitors.items()))
+        return tuple(kind for kind in loaded if kind is not None)
+
+    @property
+    def monitor_failures(self) -> tuple[PluginError, ...]:
+        """What keeps offered monitors from being loaded."""
+        return tuple(self.failures[name] for name in self._monitors if name in self.failures)
 
     def modality_names(self, plugin: str) -> Sequence[str]:
         """Return the local names of a plugin's modalities."""

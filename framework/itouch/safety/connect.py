@@ -5,9 +5,9 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterable
 
+from itouch.monitors import DeviceFaultError
 from itouch.safety.lifecycle import Status
 from itouch.safety.supervisor import Supervisor
-from itouch.safety.trips import DeviceFaultError
 
 #: How long [s] a device may take to open.
 PATIENCE = 15.0

@@ -1,25 +1,125 @@
-"""The tracked finger: how fast it may be driven, and how fast it may go (K2)."""
+"""One finger, and all that acts on it: what several devices do to it is limited together.
+
+The scene's force holds for the sum of arms and surfaces; thermal dose, time in the cold and time in contact are those
+of the finger, whichever device gives them.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
-from itouch.safety.trips import Trip, TripError
-from itouch.world import limits as default
+from itouch.monitors import DeviceFaultError, Surface, Trip
+from itouch.monitors.surface import TOUCH_FORCE
+from itouch.plugin import Role
+from itouch.safety.panel import Post
+from itouch.safety.supervisor import Supervisor
 
 
-def fade(vx: float, vy: float, vz: float) -> float:
-    """Return the part of the greatest force that a finger's velocity [m/s] leaves: all of it up to 0.8 m/s.
+class Finger:
+    """The devices that act on one finger."""
 
-    Raises
-    ------
-    TripError
-        Above 1.2 m/s.
-    """
-    square = vx * vx + vy * vy + vz * vz
-    if square <= default.ARM_SPEED**2:
-        return 1.0
-    speed = math.sqrt(square)
-    if not speed <= default.ARM_SPEED_TRIP:
-        raise TripError(Trip.SPEED, f"moves at {speed:.2f} m/s")
-    return (default.ARM_SPEED_TRIP - speed) / (default.ARM_SPEED_TRIP - default.ARM_SPEED)
+    def __init__(self, name: str, devices: Sequence[Supervisor]) -> None:
+        self.name = name
+        self._arms = [one for one in devices if any(c.role is Role.FORCE_ON_OPERATOR for c in one.model.commands)]
+        self._tables = [one for one in devices if one.panel.surface is not None]
+        self._heats = [(one, post) for one in devices for post in one.heats]
+        limits = [one.model.limits for one in (*self._arms, *self._tables)]
+        #: Greatest force [N] of all that pushes on the finger together.
+        self.force = min((one.finger_force for one in limits), default=0.0)
+        self._trip = max((one.model.limits.plate_force_trip for one in self._tables), default=0.0)
+        self._wrenches = [
+            [one.sent[c.name] for c in one.model.commands if c.role is Role.FORCE_ON_OPERATOR] for one in self._arms
+        ]
+        if len(self._heats) > 1:
+            for one in {id(one): one for one, _ in self._heats}.values():
+                one.shared.append(self.spent)
+
+    @property
+    def alone(self) -> bool:
+        """Whether there is nothing that acts together on the finger."""
+        return len(self._arms) + len(self._tables) < 2 and len(self._heats) < 2 and not self._tables
+
+    def pressed(self, but: Supervisor | None = None) -> float:
+        """Return the force [N] with which surfaces press on the finger, as they feel it; leave one away."""
+        total = 0.0
+        for table in self._tables:
+            felt = _felt(table) if table is not but else 0.0
+            total += felt if felt > TOUCH_FORCE else 0.0
+        return total
+
+    def check(self, tick: int) -> None:
+        """Leave each arm the force that nothing else takes, and run the clock of T4.
+
+        Raises
+        ------
+        DeviceFaultError
+            If all together do more than one may.
+        """
+        pressed = self.pressed() if self._tables else 0.0
+        if len(self._tables) > 1 and pressed > self._trip:
+            most = max(self._tables, key=_felt)
+            what = f"presses with others on the finger of '{self.name}' with {pressed:.1f} N"
+            raise DeviceFaultError(most.model.name, tick, Trip.FINGER_FORCE, what)
+        for arm in self._arms:
+            arm.room = max(0.0, self.force - pressed)
+        if self._tables:
+            self._touch(tick)
+        if len(self._heats) > 1:
+            self._doses(tick)
+
+    def leave(self, arm: Supervisor) -> None:
+        """Leave an arm what the other arms have not taken either, just before it is sent its force."""
+        others = sum(_size(views) for one, views in zip(self._arms, self._wrenches, strict=True) if one is not arm)
+        arm.room = max(0.0, self.force - self.pressed() - others)
+
+    @property
+    def arms(self) -> Sequence[Supervisor]:
+        """The arms, if there are several."""
+        return self._arms if len(self._arms) > 1 else ()
+
+    def _touch(self, tick: int) -> None:
+        """Run the clock of T4 of every surface while the finger touches any."""
+        touched = any(table.panel.touched for table in self._tables if table.enabled)
+        for table in self._tables:
+            table.panel.count_contact(tick, touched)
+
+    def _doses(self, tick: int) -> None:
+        said = self._over()
+        if said is not None:
+            name, trip, sentence = said
+            raise DeviceFaultError(name, tick, trip, sentence)
+
+    def _over(self) -> tuple[str, Trip, str] | None:
+        """Return what the plates on the finger have given together, if it is too much: device, trip, sentence."""
+        dose = sum(post.state["dose"].item() for _, post in self._heats)
+        cold = sum(post.state["cold_time"].item() for _, post in self._heats)
+        limits = [one.model.limits for one, _ in self._heats]
+        if dose > min(one.dose or 0.0 for one in limits):
+            name = self._worst("dose").model.name
+            return (
+                name,
+                Trip.DOSE,
+                f"has given, with others on the same finger, a thermal dose of {dose / 60:.2f} CEM43",
+            )
+        if cold > min(one.cold_time or 0.0 for one in limits):
+            name = self._worst("cold_time").model.name
+            return name, Trip.COLD, f"was touched while cold, with others on the same finger, for {cold:.1f} s"
+        return None
+
+    def _worst(self, field: str) -> Supervisor:
+        return max(self._heats, key=lambda pair: float(pair[1].state[field]))[0]
+
+    def spent(self) -> str:
+        """Say that the finger has had all that it may have; empty: it has not."""
+        said = self._over()
+        return said[2] if said is not None else ""
+
+
+def _felt(table: Supervisor) -> float:
+    post: Post | None = table.panel.surface
+    return post.monitor.felt(table.panel.seen) if post is not None and isinstance(post.monitor, Surface) else 0.0
+
+
+def _size(views: Sequence[object]) -> float:
+    return sum(math.hypot(*view[:3].tolist()) for view in views)  # type: ignore[index]

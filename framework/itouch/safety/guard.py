@@ -6,15 +6,15 @@ First the hardware's ceiling, then the limits in force, then ramp and slew; what
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.plugin import RETRACT, Channel
-from itouch.safety.trips import Trip, TripError
-from itouch.world import limits as default
-from itouch.world.limits import DeviceLimits
+from itouch.monitors import Trip, TripError
+from itouch.monitors import limits as default
+from itouch.monitors.limits import DeviceLimits
+from itouch.monitors.readings import not_finite
+from itouch.plugin import HURTING, RETRACT, Channel, Role
 
 Floats = NDArray[np.float64]
 
@@ -25,7 +25,9 @@ LEAST_RAMP = 0.05
 class Guard:
     """Limits one command channel."""
 
-    __slots__ = ("_apply", "_high", "_limits", "_locked", "_low", "_resting", "_shut", "_torques", "channel")
+    __slots__ = (
+        "_apply", "_high", "_limits", "_locked", "_low", "_resting", "_room", "_shut", "_top", "_torques", "channel",
+    )  # fmt: skip
 
     def __init__(self, channel: Channel, limits: DeviceLimits) -> None:
         self.channel, self._limits = channel, limits
@@ -35,13 +37,17 @@ class Guard:
         self._locked = self._resting is None or len(tail) < len(self._shut)
         self._high, self._low = channel.high, channel.low
         self._torques = [high if math.isfinite(high) else 0.0 for high in channel.high] or [0.0] * channel.size
+        self._room = math.inf
         kinds = {
-            "wrench": self._wrench, "pose_target": self._pose_target, "current": self._current,
-            "temperature_target": self._temperature,
+            Role.FORCE_ON_OPERATOR: self._wrench, Role.SURFACE_POSE: self._pose_target,
+            Role.TEMPERATURE_TARGET: self._temperature,
         }  # fmt: skip
-        self._apply = kinds.get(channel.name, self._plain)
+        self._apply = kinds.get(channel.role, self._drive if channel.role in HURTING else self._plain)
+        self._top = limits.current if channel.role is Role.DRIVE and channel.unit == "A" else None
 
-    def limit(self, wanted: Floats, sent: Floats, share: float, period: float, closing: float) -> tuple[int, int]:
+    def limit(
+        self, wanted: Floats, sent: Floats, share: float, period: float, closing: float, room: float = math.inf
+    ) -> tuple[int, int]:
         """Write what may be sent.
 
         Parameters
@@ -54,6 +60,8 @@ class Guard:
             Seconds since the last command.
         closing
             Greatest speed [m/s] at which a surface may approach the finger now.
+        room
+            Force [N] that what else pushes on the finger leaves.
 
         Returns
         -------
@@ -75,6 +83,7 @@ class Guard:
                 if values[index] != rest:
                     values[index] = rest
                     dropped += 1
+        self._room = room
         clamped = self._apply(values, sent.tolist(), share, period, closing)
         sent[:] = values
         return clamped, dropped
@@ -84,7 +93,7 @@ class Guard:
         size = math.sqrt(x * x + y * y + z * z)
         x, y, z = last[0:3]
         grown = math.sqrt(x * x + y * y + z * z) + default.FORCE_SLEW * period
-        allowed = min((self._limits.force or 0.0) * share, grown)
+        allowed = min((self._limits.force or 0.0) * share, grown, self._room)
         clamped = 0
         if size > allowed:
             scale = allowed / size
@@ -115,19 +124,31 @@ class Guard:
         values[0], values[1], values[2] = x + dx, y + dy, z + dz
         return clamped
 
-    def _current(self, values: list[float], last: list[float], share: float, period: float, closing: float) -> int:
-        clamped = _into_box(values, self.channel, 1)
-        top = (self._limits.current or 0.0) * share
-        if abs(values[0]) > top:
-            values[0], clamped = math.copysign(top, values[0]), 1
+    def _drive(self, values: list[float], last: list[float], share: float, period: float, closing: float) -> int:
+        """Limit a drive: its ceiling, the scene's limit, and the part that the monitors leave of it."""
+        clamped = _into_box(values, self.channel, len(values))
+        for index, value in enumerate(values):
+            top = self._ceiling(index, value) * share
+            if abs(value) > top:
+                values[index], clamped = math.copysign(top, value), 1
         return clamped | self._slew(values, last, period)
+
+    def _ceiling(self, index: int, value: float) -> float:
+        """Return the greatest size of a component in the direction that it has."""
+        hardware = (self._high if value > 0.0 else self._low)[index] if self._high else math.inf
+        ceiling = abs(hardware) if self._top is None else min(abs(hardware), self._top)
+        return ceiling if math.isfinite(ceiling) else abs(value)
 
     def _temperature(self, values: list[float], last: list[float], share: float, period: float, closing: float) -> int:
         clamped = _into_box(values, self.channel, len(values))
         low, high = self._limits.temperature or default.PLATE_TEMPERATURE
-        kept = min(max(values[0], low), high)
-        if kept != values[0]:
-            values[0], clamped = kept, 1
+        if share < 1.0:  # nearer to the middle of what is allowed
+            middle, half = 0.5 * (low + high), 0.5 * (high - low) * share
+            low, high = middle - half, middle + half
+        for index, value in enumerate(values):
+            kept = min(max(value, low), high)
+            if kept != value:
+                values[index], clamped = kept, 1
         return clamped | self._slew(values, last, period)
 
     def _plain(self, values: list[float], last: list[float], share: float, period: float, closing: float) -> int:
@@ -173,8 +194,3 @@ def _into_box(values: list[float], channel: Channel, count: int) -> int:
         elif values[index] < channel.low[index]:
             values[index], clamped = channel.low[index], 1
     return clamped
-
-
-def not_finite(values: Sequence[float]) -> str:
-    """Say what is wrong with numbers of which one at least is not finite, or whose sum is not."""
-    return next(("NaN" if math.isnan(v) else "an infinite number" for v in values if not math.isfinite(v)), "too much")

@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from itouch.plugin import Record
+from itouch.monitors import DeviceFaultError, Trip
+from itouch.plugin import Record, Role
 from itouch.safety.supervisor import Supervisor
-from itouch.safety.trips import DeviceFaultError, Trip
 from itouch.world import limits as default
 
 
@@ -21,7 +21,7 @@ class Hold:
     def __init__(self, state: Record, supervisors: Sequence[Supervisor], period: float, *, asked: bool) -> None:
         self._until, self._supervisors = state["hold"], tuple(supervisors)
         self._ticks = math.ceil(default.HOLD / period)
-        self._switches = [s.reading["deadman"] for s in supervisors if "deadman" in s.reading]
+        self._switches = [s.panel.seen[c.name] for s in supervisors for c in s.model.reads if c.role is Role.DEADMAN]
         self._said = "nobody holds the switch"
         #: Whether nothing may act unless the switch is held.
         self.required = asked or any(not s.model.twin for s in supervisors)
@@ -47,5 +47,5 @@ class Hold:
             return
         acting = [s for s in self._supervisors if s.enabled]
         if acting:
-            first = next((s for s in acting if s.model.command("pose_target") is not None), acting[0])
+            first = next((s for s in acting if any(c.role is Role.SURFACE_POSE for c in s.model.commands)), acting[0])
             raise DeviceFaultError(first.model.name, tick, Trip.RELEASED, f"was let go: {self._said}")

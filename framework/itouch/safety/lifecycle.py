@@ -10,16 +10,14 @@ from __future__ import annotations
 import contextlib
 import enum
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from itouch.plugin import Channel, Device, DeviceError, Record, Twin
-from itouch.safety.heat import Heat
-from itouch.safety.readings import Watch
-from itouch.safety.trips import LOSSES, Trip, TripError
+from itouch.monitors import LOSSES, Heat, Trip, TripError
+from itouch.plugin import Channel, Device, DeviceError, Record, Role, Twin
+from itouch.safety.panel import Panel
 from itouch.world import DeviceModel
-from itouch.world.supervision import SLOW, heats
 
 
 class Status(enum.IntEnum):
@@ -35,6 +33,8 @@ class Status(enum.IntEnum):
 CLOSED, OPEN, ENABLED, FAULT = (int(status) for status in Status)
 
 
+#: W4: the time [s] in which a device may be re-armed so many times.
+MINUTE = 60.0
 #: See ``Lifecycle.stopped``.
 HELD, BACKWARDS = 1, 2
 
@@ -61,11 +61,15 @@ class Lifecycle(ABC):
         #: nearer; BACKWARDS, because it still presses then.
         self.stopped = state.get(f"{name}.stopped")
         self._every = max(1, round(model.cls.period / period))
-        self._slow = self._every * max(1, round(SLOW / (self._every * period)))
-        self.watch = Watch(model.reads, self.reading, model.limits, model.commands)
-        self.heat: Heat | None = None
-        if heats(model.reads):
-            self.heat = Heat(model, state, self.reading, self.sent, self._slow * period)
+        pose = next((channel for channel in model.reads if channel.role is Role.TRACKED_POSE), None)
+        self._pose = pose.name if pose is not None else None
+        self._rearmed = state[f"{name}.rearmed"]
+        #: The monitors in force.
+        self.panel = Panel(model, state, self.reading, self.sent, period)
+        #: Those of its plates.
+        self.heats = [post for post in self.panel.posts if isinstance(post.monitor, Heat)]
+        #: What else may be used up that it shares with other devices on the same finger.
+        self.shared: list[Callable[[], str]] = []
 
     @abstractmethod
     def _take(self) -> bool | None:
@@ -97,17 +101,13 @@ class Lifecycle(ABC):
 
     def reset(self) -> None:
         """Set what is remembered to its start."""
-        self.watch.forget()
         self._tripped[...] = -1
-        if self.heat is not None:
-            self.heat.reset()
+        self._rearmed[:] = -1
+        self.panel.reset()
 
     def restore(self) -> None:
         """Go on from a State that was put in place."""
-        if self._sequence.item():
-            self.watch.recall()
-        else:
-            self.watch.forget()
+        self.panel.restore()
 
     def open(self) -> None:
         """Open the device; CLOSED -> OPEN, or FAULT if a trip is latched: only re-arming releases it.
@@ -124,13 +124,11 @@ class Lifecycle(ABC):
 
     def _forget(self) -> None:
         """Drop what was read before: it says nothing of the device as it is now."""
-        self.watch.forget()
+        self.panel.forget()
         self._age[...] = 0
         self._sequence[...] = 0
         if self.stopped is not None:
             self.stopped[...] = 0
-        if self.heat is not None:
-            self.heat.forget()
 
     def enable(self) -> None:
         """Let commands through from the state that was measured; OPEN -> ENABLED.
@@ -138,11 +136,18 @@ class Lifecycle(ABC):
         Raises
         ------
         DeviceError
-            If the device is not OPEN.
+            If the device is not OPEN, a trip is latched, a budget is used up, or it has not read anything yet.
         """
+        name = self.model.name
         if self._status.item() != OPEN:
-            raise DeviceError(f"device '{self.model.name}' is {self.status.name}, it can't be enabled")
+            raise DeviceError(f"device '{name}' is {self.status.name}, it can't be enabled")
+        if self._trip.item():
+            raise DeviceError(f"device '{name}' was stopped by {self.trip.label}: it must be re-armed first")
+        self._refuse_spent()
+        if not self.model.twin and self.model.reads and not self._sequence.item():
+            raise DeviceError(f"device '{name}' has not read anything yet: nothing could watch what it does")
         self.rest_at_measured()
+        self.panel.begin()
         self._status[...] = ENABLED
         self._ramp[...] = 0.0 if self.model.limits.ramp > 0.0 else 1.0
 
@@ -151,8 +156,8 @@ class Lifecycle(ABC):
         for channel in self.model.commands:
             if isinstance(channel.safe, tuple):
                 self.sent[channel.name] = channel.safe
-            elif channel.name == "pose_target" and "pose" in self.reading:
-                self.sent[channel.name] = self.reading["pose"]
+            elif channel.role is Role.SURFACE_POSE and self._pose is not None:
+                self.sent[channel.name] = self.reading[self._pose]
             self.command[channel.name] = self.sent[channel.name]
 
     def disable(self) -> None:
@@ -160,31 +165,44 @@ class Lifecycle(ABC):
         if self._status.item() == ENABLED:
             self._status[...] = OPEN
 
-    def rearm(self) -> None:
+    def rearm(self, tick: int) -> None:
         """Release the latched trip: FAULT -> OPEN; commands wait for ``enable``.
 
         Raises
         ------
         DeviceError
-            If what stopped the device is not over: its reading is still wrong, or its thermal dose is used up.
+            If what stopped the device is not over: its reading is still wrong, a budget is used up, or it has been
+            re-armed too often within a minute.
         """
         if self._status.item() != FAULT:
             return
         self._refuse_spent()
+        self._refuse_often(tick)
         self._forget()
         try:
             self._take()
-            self.watch.check(0.0)
+            self.panel.believe(tick, 0.0)
         except TripError as error:
-            self.watch.put_back()
+            self.panel.put_back()
             raise DeviceError(f"device '{self.model.name}' can't be re-armed: it {error}") from error
         self._sequence[...] = 1
         self._trip[...] = Trip.NONE
         self._status[...] = OPEN
+        self._rearmed[1:] = self._rearmed[:-1].copy()
+        self._rearmed[0] = tick
 
     def _refuse_spent(self) -> None:
-        if self._trip.item() == Trip.DOSE:
-            raise DeviceError(f"device '{self.model.name}' has given the whole thermal dose of a session")
+        said = next((words for words in (self.panel.spent(), *(ask() for ask in self.shared)) if words), "")
+        if said:
+            raise DeviceError(f"device '{self.model.name}' {said}")
+
+    def _refuse_often(self, tick: int) -> None:
+        """Refuse to re-arm once more what was re-armed often within a minute: its cause has not been found (W4)."""
+        oldest = int(self._rearmed[-1])
+        wait = MINUTE - (tick - oldest) * self._period
+        if oldest >= 0 and wait > 0.0:
+            often = f"was re-armed {len(self._rearmed)} times within a minute"
+            raise DeviceError(f"device '{self.model.name}' {often}: find out why it stops, and wait {wait:.0f} s")
 
     def ramp_in(self) -> None:
         """Begin with nothing and let commands grow, as after every re-arming."""

@@ -16,10 +16,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.plugin import RETRACT, Record
+from itouch.monitors import DOUBTS, DeviceFaultError, Heat
+from itouch.plugin import RETRACT, Record, Role
 from itouch.safety.lifecycle import BACKWARDS, HELD, Status
 from itouch.safety.supervisor import Supervisor
-from itouch.safety.trips import DOUBTS, DeviceFaultError
 
 #: Force [N] under which a finger has left the plate, and how long [s] that is waited for.
 LEFT, LEAVE_TIME = 0.1, 0.3
@@ -121,7 +121,7 @@ class SafeSequence:
         self._mute = {s.model.name for s in self._supervisors if not s.glance(tick)}
         self._passed += 1
         if not self._begun:
-            self._begun.update({s.model.name: s.watch.values for s in self._retracting})
+            self._begun.update({s.model.name: s.panel.values for s in self._retracting})
 
     def _safe(self, heights: dict[str, float]) -> bool:
         return not any(self._seen(s, heights)[1] for s in self._supervisors)
@@ -131,14 +131,15 @@ class SafeSequence:
         name = supervisor.model.name
         if name in self._mute or supervisor.trip in DOUBTS:
             return False
-        frozen = name in self._begun and supervisor.watch.values == self._begun[name]
+        frozen = name in self._begun and supervisor.panel.values == self._begun[name]
         return not frozen or self._passed * self._period < SETTLE
 
     def _left(self, supervisor: Supervisor) -> bool:
         """Tell whether the finger has left a surface, by its force sensor."""
         if not self._believed(supervisor):
             return False
-        return "wrench" not in supervisor.reading or abs(float(supervisor.reading["wrench"][2])) < LEFT
+        loads = [channel.name for channel in supervisor.model.reads if channel.role is Role.CONTACT_FORCE]
+        return all(math.hypot(*supervisor.reading[name][:3].tolist()) < LEFT for name in loads)
 
     def _pressed(self, supervisor: Supervisor) -> bool:
         """Tell whether a surface still presses on the finger, by a force sensor that can be believed."""
@@ -170,14 +171,16 @@ class SafeSequence:
         left_on = [n for n, guard in supervisor.guards if _differs(supervisor.sent[n], guard.channel.safe)]
         if left_on:
             return f"{', '.join(left_on)} is not off", True
-        heat = supervisor.heat if self._believed(supervisor) else None
-        if heat is not None and heat.beyond():
-            return f"off, but the plate is {heat.shown}", True
-        plate = f", plate {heat.shown}" if heat is not None else ""
+        heats = supervisor.heats if self._believed(supervisor) else []
+        plates = [post.monitor for post in heats if isinstance(post.monitor, Heat)]
+        for one in plates:
+            if one.beyond(supervisor.reading):
+                return f"off, but the plate is {one.shown(supervisor.reading)}", True
+        plate = "".join(f", plate {one.shown(supervisor.reading)}" for one in plates)
         return (f"{', '.join(acting)} off{plate}" if acting else "nothing to switch off"), False
 
     def _seen_surface(self, supervisor: Supervisor, before: float) -> tuple[str, bool]:
-        channel = supervisor.model.command("pose_target")
+        channel = next((c for c in supervisor.model.commands if c.role is Role.SURFACE_POSE), None)
         bottom = channel.low[2] if channel is not None and channel.low else -math.inf
         height = _height(supervisor)
         gone = before - height
@@ -196,8 +199,13 @@ def _retracts(supervisor: Supervisor) -> bool:
 def _height(supervisor: Supervisor) -> float:
     """Return where a surface is [m]: the twin's true place, else what the device measures."""
     true = supervisor.twin.position(supervisor.twin_state) if supervisor.twin is not None else None
-    return float(true[2]) if true is not None else float(supervisor.reading["pose"][2])
+    return float(true[2]) if true is not None else _read_height(supervisor)
 
 
 def _differs(sent: NDArray[np.float64], safe: object) -> bool:
     return isinstance(safe, tuple) and tuple(sent.tolist()) != safe
+
+
+def _read_height(supervisor: Supervisor) -> float:
+    pose = next((c.name for c in supervisor.model.reads if c.role is Role.TRACKED_POSE), None)
+    return float(supervisor.reading[pose][2]) if pose is not None else math.nan

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Callable
 
+from itouch.monitors import LOSSES, DeviceFaultError, Trip, TripError
 from itouch.plugin import Device, DeviceError, Record, Twin
 from itouch.plugin.stamps import Stamped
 from itouch.safety.guard import Guard
 from itouch.safety.lifecycle import BACKWARDS, CLOSED, ENABLED, FAULT, HELD, Lifecycle
-from itouch.safety.trips import LOSSES, DeviceFaultError, Trip, TripError
 from itouch.world import DeviceModel
 from itouch.world import limits as default
 
@@ -25,14 +26,15 @@ class Supervisor(Lifecycle):
         self._clamped, self._dropped = state[f"{model.name}.clamped"], state[f"{model.name}.dropped"]
         self.guards = [(channel.name, Guard(channel, model.limits)) for channel in model.commands]
         self._lanes = [(self.command[name], self.sent[name], guard) for name, guard in self.guards]
-        self._patience = max(1, round(model.limits.watchdog / period))
         self._growth = period / (model.limits.ramp or default.RAMP)
         #: Whether this tick has brought a new reading.
         self.news = False
         #: Greatest speed [m/s] at which a surface may approach the finger in this tick.
         self.closing = 0.0
-        #: Part of a force that the finger's speed leaves in this tick (K2).
-        self.fade = 1.0
+        #: Force [N] that what else pushes on the finger leaves in this tick.
+        self.room = math.inf
+        #: Leaves this arm what the others on the same finger have not taken, just before it is sent its force.
+        self.leave_room: Callable[[], None] | None = None
         #: Keep the last command instead of the safe one: a plate that is on its way from the finger stays as it is.
         self.keeping = False
         #: Whether a new reading was taken that nobody has checked yet.
@@ -61,42 +63,62 @@ class Supervisor(Lifecycle):
         """
         status = self._status.item()
         self.news = self._taken = False
-        if status == CLOSED or tick % self._every:
+        if status == CLOSED or (tick % self._every and self._sequence.item()):
             return
         try:
-            new = self._take() is not False
-            self._stamp(tick, new)
-            if not new:
-                self._wait(status)
-            else:
-                self._taken = True
+            self._taken = self._take() is not False
+            self._stamp(tick, self._taken)
+            if not self._taken:
+                self._wait(tick, status)
         except TripError as error:
             self._disbelieve(tick, error)
 
     def watch_reading(self, tick: int) -> None:
-        """Check the reading that was taken in this tick.
+        """Check the reading that was taken in this tick, and let the monitors look whose turn it is.
 
         Raises
         ------
         DeviceFaultError
             If the device reads what can't be or may not be.
         """
-        if not self._taken:
+        status = self._status.item()
+        if status == CLOSED:
             return
-        self._taken, status = False, self._status.item()
         try:
-            age = self._age.item()
-            if age:
-                self._age[...] = 0
-            self._sequence[...] = self._sequence.item() + 1
-            if status == FAULT:
-                self._keep_sane()
-                return
-            self.watch.check((age + self._every) * self._period)
-            if self.heat is not None and tick % self._slow == 0:
-                self.heat.check()
+            if self._taken:
+                self._taken = False
+                self._believe(tick, status)
+            self.panel.look(tick, self._age.item() * self._period)
         except TripError as error:
             self._disbelieve(tick, error)
+
+    def _believe(self, tick: int, status: int) -> None:
+        age = self._age.item()
+        if age:
+            self._age[...] = 0
+        self._sequence[...] = self._sequence.item() + 1
+        if status == FAULT:
+            self._keep_sane()
+            self.panel.take(tick)
+            return
+        self.panel.believe(tick, (age + self._every) * self._period)
+
+    def watch_placed(self, tick: int) -> None:
+        """Let the monitors look that need to know where the finger is.
+
+        Raises
+        ------
+        DeviceFaultError
+            Naming the limit and the value.
+        """
+        try:
+            self.panel.look_placed(tick)
+        except TripError as error:
+            raise DeviceFaultError(self.model.name, tick, error.trip, str(error)) from error
+
+    def leave_out(self, ticks: int) -> None:
+        """Note that a loop that was late has left out so many periods: time has gone on in them."""
+        self.panel.leave_out(ticks)
 
     def _disbelieve(self, tick: int, error: TripError) -> None:
         self._keep_sane()
@@ -120,8 +142,8 @@ class Supervisor(Lifecycle):
 
     def _keep_sane(self) -> None:
         """Let nobody work with numbers that mean nothing."""
-        if not self.watch.sane():
-            self.watch.put_back()
+        if not self.panel.sane():
+            self.panel.put_back()
 
     def _take(self) -> bool | None:
         """Read the twin or the device; whatever goes wrong is a trip."""
@@ -136,12 +158,12 @@ class Supervisor(Lifecycle):
             raise TripError(Trip.DEVICE_ERROR, f"failed in read: {type(error).__name__}: {error}") from error
         return False
 
-    def _wait(self, status: int) -> None:
+    def _wait(self, tick: int, status: int) -> None:
         """Count the age of the last reading; an enabled device may not be silent for long (W1)."""
         age = self._age.item() + self._every
         self._age[...] = age
-        if age > self._patience and status == ENABLED:
-            raise TripError(Trip.SILENT, f"was silent for {age * self._period:.3f} s")
+        if status == ENABLED:
+            self.panel.wait(tick, age * self._period)
 
     def write(self, tick: int) -> None:
         """Send the commands through the guards; only safe ones unless ENABLED.
@@ -193,11 +215,11 @@ class Supervisor(Lifecycle):
         if share < 1.0:
             share = min(1.0, share + self._growth)
             self._ramp[...] = share
-        if self.heat is not None:
-            share *= self.heat.share.item()
-        share *= self.fade
+        share *= self.panel.share
+        if self.leave_room is not None:
+            self.leave_room()
         for wanted, sent, guard in self._lanes:
-            clamped, dropped = guard.limit(wanted, sent, share, self._period, self.closing)
+            clamped, dropped = guard.limit(wanted, sent, share, self._period, self.closing, self.room)
             if clamped:
                 self._clamped += clamped
             if dropped:
@@ -253,7 +275,7 @@ class Supervisor(Lifecycle):
         try:
             answered = status != CLOSED and self._take() is not False
             if answered and status != FAULT:
-                self.watch.check(self._every * self._period)
+                self.panel.believe(tick, self._every * self._period)
         except TripError as error:
             if status != FAULT:
                 self.fault(error.trip, tick)

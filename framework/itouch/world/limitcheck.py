@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from itouch.plugin import HURTING, Channel
 from itouch.scene import Scene
 from itouch.scene.elements import DeviceElement
 from itouch.schema import Problem
@@ -12,12 +13,14 @@ from itouch.schema.fields import xml_name
 
 _UNITS = {
     "force": "N", "speed": "m/s", "current": "A", "watchdog": "s", "plate_force": "N", "contact_time": "s",
-    "plate_rate": "K/s", "flux": "W/m^2", "dose": "s",
+    "plate_rate": "K/s", "flux": "W/m^2", "dose": "s", "cold_time": "s",
 }  # fmt: skip
 _OF_DEVICES = ("force", "speed", "current", "temperature")
 
 
-def device_problems(scene: Scene, device: DeviceElement, ceilings: Mapping[str, tuple[Any, str]]) -> Iterator[Problem]:
+def device_problems(
+    scene: Scene, device: DeviceElement, ceilings: Mapping[str, tuple[Any, str]], commands: tuple[Channel, ...]
+) -> Iterator[Problem]:
     """Find limits of a device that are looser than what holds without them, or that it has no channel for."""
     for name in _OF_DEVICES:
         wanted = getattr(device.limits, name)
@@ -26,13 +29,23 @@ def device_problems(scene: Scene, device: DeviceElement, ceilings: Mapping[str, 
         if name not in ceilings:
             sentence = f"device '{device.name}' has no {name} to limit"
             place = scene.places.of(device.limits, name)
-            yield Problem("limit-without-channel", sentence, place, "remove the limit")
+            yield Problem("limit-without-channel", sentence, place, _without(name, commands))
         elif name == "temperature":
             yield from _temperature(scene, device.limits, f"device '{device.name}'", ceilings[name][0])
         elif wanted > ceilings[name][0]:
             most, source = ceilings[name]
             what = f"{name} {wanted:g} {_UNITS[name]} is above {source} of {most:g} {_UNITS[name]}"
             yield _loose(scene, device.limits, name, f"device '{device.name}': {what}")
+
+
+def _without(name: str, commands: tuple[Channel, ...]) -> str:
+    """Say what to do about a limit of what a device does not have: keep it, if the device may heat all the same."""
+    if name == "temperature" and any(channel.role in HURTING for channel in commands):
+        return (
+            "keep the limit; nothing tells how hot the device is: its plugin must declare the reading of what the skin "
+            "touches, temperature(NAME, Role.SKIN_CONTACT_TEMPERATURE)"
+        )
+    return f"the device obeys no {name}: set the limit of the device that does"
 
 
 def safety_problems(scene: Scene, defaults: Mapping[str, Any]) -> Iterator[Problem]:

@@ -1,137 +1,110 @@
 """The limits in force: the hardware's ceiling, then what the scene tightens, then the defaults; nothing loosens them.
 
-The defaults are for healthy adults touching with a fingertip.  Their basis is in ``docs/reference/safety-limits.md``,
-where T, K and W number them.
+What the defaults are is in `itouch.monitors.limits`; this finds which of them a device has, by the roles of its
+channels, and what the scene makes of them.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator
 from typing import Any
 
-from itouch.plugin import Channel
+from itouch.monitors.limits import (
+    ARM_SPEED,
+    ARM_SPEED_TRIP,
+    CEILING,
+    COLD_FROM,
+    COLD_TIME,
+    CONTACT_TIME,
+    CONTACT_TIME_LONGEST,
+    CONTACT_TIME_TRIP,
+    DEFAULT,
+    DOSE,
+    DOSE_WARNING,
+    FLUX,
+    FORCE,
+    FORCE_SLEW,
+    HOLD,
+    NAMES,
+    NEAR,
+    PLATE_ABSOLUTE,
+    PLATE_FORCE,
+    PLATE_FORCE_ABSOLUTE,
+    PLATE_FORCE_TRIP,
+    PLATE_RATE,
+    PLATE_TEMPERATURE,
+    PLATE_TRIP,
+    RAMP,
+    REARMS,
+    SINK,
+    SINK_ABSOLUTE,
+    SINK_TRIP,
+    SPEED,
+    SPEED_NEAR,
+    SPEED_NEAR_TRIP,
+    SPEED_TRIP,
+    TRACKING,
+    TRACKING_TIME,
+    TRACKING_TRIP,
+    WATCHDOG,
+    WATCHDOG_OTHER,
+    DeviceLimits,
+)  # fmt: skip
+from itouch.plugin import Channel, Role
 from itouch.scene import Scene
 from itouch.scene.elements import DeviceElement
 from itouch.schema import Problem
 from itouch.world import limitcheck
 
-# --- heat (T) -----------------------------------------------------------------------------------------------------
-#: T1, T2: lowest and highest plate temperature [K]: where the drive is cut down, where it trips, and what never passes.
-PLATE_TEMPERATURE = (288.15, 313.15)
-PLATE_TRIP = (285.15, 315.15)
-PLATE_ABSOLUTE = (281.15, 318.15)
-#: T3: thermal dose of a session [s of CEM43] that is told, and that trips.
-DOSE_WARNING, DOSE = 60.0, 120.0
-#: T4: time [s] of one contact after which the plate withdraws, the longest that a scene may ask for, and the trip.
-CONTACT_TIME, CONTACT_TIME_LONGEST, CONTACT_TIME_TRIP = 10.0, 60.0, 60.0
-#: T5: rate [K/s] of the plate in contact, as a mean over half a second, that cuts the drive down; twice as much trips.
-PLATE_RATE = 10.0
-#: T6: mean over a second of |flux| [W/m2] that cuts the drive down; 4/3 of it trips.
-FLUX = 15e3
-#: T7: heat sink [K]: where the drive is cut down, where it trips, and what never passes.
-SINK, SINK_TRIP, SINK_ABSOLUTE = 323.15, 328.15, 333.15
-# --- motion and force (K) -----------------------------------------------------------------------------------------
-#: K1: greatest force of an arm on the operator [N].
-FORCE = 3.0
-#: K2: speed of the finger on an arm [m/s] from which forces that drive it fade, and that trips.
-ARM_SPEED, ARM_SPEED_TRIP = 0.8, 1.2
-#: K3: greatest increase of |force| [N/s], and ramp-in [s] after enabling hardware and after every re-arming.
-FORCE_SLEW, RAMP = 1000.0, 1.0
-#: K4: force of the plate on the finger [N]: where the plate yields, where it trips, and what never passes.
-PLATE_FORCE, PLATE_FORCE_TRIP, PLATE_FORCE_ABSOLUTE = 2.0, 5.0, 10.0
-#: K5: distance [m] below which a surface is near the finger; its speed [m/s] towards a near finger, and otherwise.
-NEAR = 0.020
-SPEED_NEAR, SPEED = 0.10, 0.25
-SPEED_NEAR_TRIP, SPEED_TRIP = 0.15, 0.30
-#: K6: distance [m] of a surface from its command that stops its approach, that trips, and for how long [s].
-TRACKING, TRACKING_TRIP, TRACKING_TIME = 0.003, 0.005, 0.1
-# --- watchdogs (W) ------------------------------------------------------------------------------------------------
-#: W1: greatest age of a reading [s], by what the device commands.
-WATCHDOG = {"wrench": 0.020, "pose_target": 0.100, "current": 0.500, "temperature_target": 0.500}
-WATCHDOG_OTHER = 0.500
-#: W3: how long [s] one word of the dead-man's switch holds.
-HOLD = 0.080
-
-DEFAULT, CEILING = "the default", "the device's ceiling"
-
-
-@dataclass(frozen=True, slots=True)
-class DeviceLimits:
-    """The limits in force for one device, SI; None where the device has nothing to limit.
-
-    ``sources`` says for each field who has set it.
-    """
-
-    force: float | None = None
-    speed: float | None = None
-    speed_near: float | None = None
-    current: float | None = None
-    temperature: tuple[float, float] | None = None
-    watchdog: float = WATCHDOG_OTHER
-    plate_force: float | None = None
-    contact_time: float | None = None
-    plate_rate: float | None = None
-    flux: float | None = None
-    dose: float | None = None
-    ramp: float = 0.0
-    sources: Mapping[str, str] = field(default_factory=dict, compare=False)
-
-    def table(self) -> dict[str, float | tuple[float, float]]:
-        """Return the limits that there are, by name."""
-        named = {name: getattr(self, name) for name in NAMES}
-        return {name: value for name, value in named.items() if value is not None}
-
-    @property
-    def temperature_trip(self) -> tuple[float, float]:
-        """Lowest and highest plate temperature [K] before a trip: as far beyond the limits as the default trips are."""
-        low, high = self.temperature or PLATE_TEMPERATURE
-        return (
-            max(PLATE_TRIP[0], low - (PLATE_TEMPERATURE[0] - PLATE_TRIP[0])),
-            min(PLATE_TRIP[1], high + (PLATE_TRIP[1] - PLATE_TEMPERATURE[1])),
-        )
-
-    @property
-    def plate_force_trip(self) -> float:
-        """Force [N] of the plate on the finger that trips, in the ratio of the defaults."""
-        return (PLATE_FORCE if self.plate_force is None else self.plate_force) * PLATE_FORCE_TRIP / PLATE_FORCE
-
-    @property
-    def contact_time_trip(self) -> float:
-        """Time [s] of one contact that trips: the plate was to withdraw long before."""
-        wanted = CONTACT_TIME if self.contact_time is None else self.contact_time
-        return min(CONTACT_TIME_TRIP, wanted * CONTACT_TIME_TRIP / CONTACT_TIME)
-
-
-#: The limits of ``DeviceLimits.table``.
-NAMES = (
-    "force", "speed", "current", "temperature", "plate_force", "contact_time", "plate_rate", "flux", "dose", "watchdog",
-)  # fmt: skip
+__all__ = [
+    "ARM_SPEED", "ARM_SPEED_TRIP", "CEILING", "COLD_FROM", "COLD_TIME", "CONTACT_TIME", "CONTACT_TIME_LONGEST",
+    "CONTACT_TIME_TRIP", "DEFAULT", "DOSE", "DOSE_WARNING", "FLUX", "FORCE", "FORCE_SLEW", "HOLD", "NAMES", "NEAR",
+    "PLATE_ABSOLUTE", "PLATE_FORCE", "PLATE_FORCE_ABSOLUTE", "PLATE_FORCE_TRIP", "PLATE_RATE", "PLATE_TEMPERATURE",
+    "PLATE_TRIP", "RAMP", "REARMS", "SINK", "SINK_ABSOLUTE", "SINK_TRIP", "SPEED", "SPEED_NEAR", "SPEED_NEAR_TRIP",
+    "SPEED_TRIP", "TRACKING", "TRACKING_TIME", "TRACKING_TRIP", "WATCHDOG", "WATCHDOG_OTHER", "DeviceLimits",
+    "ceilings", "check_safety", "resolve",
+]  # fmt: skip
 
 Ceiling = tuple[Any, str]
 
 
 def ceilings(reads: tuple[Channel, ...], commands: tuple[Channel, ...]) -> dict[str, Ceiling]:
     """Return what holds before the scene says anything, with who set it: the smaller of default and hardware."""
-    by_name = {channel.name: channel for channel in commands}
+    roles, measured = {channel.role for channel in commands}, {channel.role for channel in reads}
     found: dict[str, Ceiling] = {}
-    if "wrench" in by_name:
-        found["force"] = _least(FORCE, by_name["wrench"].magnitude)
-    if "pose_target" in by_name:
-        slew = by_name["pose_target"].slew
+    if Role.FORCE_ON_OPERATOR in roles:
+        found["force"] = _least(FORCE, _strongest(_of(commands, Role.FORCE_ON_OPERATOR)))
+    if Role.SURFACE_POSE in roles:
+        slew = _of(commands, Role.SURFACE_POSE)[0].slew
         found["speed"] = _least(SPEED, min(slew[:3]) if slew else None)
-        found["plate_force"], found["contact_time"] = (PLATE_FORCE, DEFAULT), (CONTACT_TIME, DEFAULT)
-    if "current" in by_name and math.isfinite(max(by_name["current"].high, default=math.inf)):
-        found["current"] = (by_name["current"].high[0], CEILING)
-    if "temperature_target" in by_name or any(channel.name == "plate_temperature" for channel in reads):
-        found["temperature"], found["dose"] = (PLATE_TEMPERATURE, DEFAULT), (DOSE, DEFAULT)
+        found["contact_time"] = (CONTACT_TIME, DEFAULT)
+    if Role.CONTACT_FORCE in measured and roles & {Role.SURFACE_POSE, Role.PRESSURE}:
+        found["plate_force"] = (PLATE_FORCE, DEFAULT)
+    drives = [channel for channel in _of(commands, Role.DRIVE) if channel.unit == "A" and channel.high]
+    top = max((max(channel.high) for channel in drives), default=math.inf)
+    if math.isfinite(top):
+        found["current"] = (top, CEILING)
+    if Role.TEMPERATURE_TARGET in roles or Role.SKIN_CONTACT_TEMPERATURE in measured:
+        found["temperature"] = (PLATE_TEMPERATURE, DEFAULT)
+    if Role.SKIN_CONTACT_TEMPERATURE in measured:
+        found["dose"], found["cold_time"] = (DOSE, DEFAULT), (COLD_TIME, DEFAULT)
         found["plate_rate"] = (PLATE_RATE, DEFAULT)
-    if any(channel.name == "heat_flux" for channel in reads):
-        found["flux"] = (FLUX, DEFAULT)
-    patience = min((WATCHDOG.get(channel.name, WATCHDOG_OTHER) for channel in commands), default=WATCHDOG_OTHER)
+        if Role.HEAT_FLUX in measured:
+            found["flux"] = (FLUX, DEFAULT)
+    patience = min((WATCHDOG.get(channel.role, WATCHDOG_OTHER) for channel in commands), default=WATCHDOG_OTHER)
     found["watchdog"] = (patience, DEFAULT)
     return found
+
+
+def _of(channels: tuple[Channel, ...], role: Role) -> list[Channel]:
+    return [channel for channel in channels if channel.role is role]
+
+
+def _strongest(channels: list[Channel]) -> float | None:
+    """Return the greatest force that any of these can exert, or None if one does not say."""
+    found = [channel.magnitude or max(channel.high, default=math.inf) for channel in channels]
+    return max(found) if math.isfinite(max(found)) else None
 
 
 def _least(default: float, hardware: float | None) -> Ceiling:
@@ -154,13 +127,16 @@ def resolve(
         values["contact_time"], sources["contact_time"] = _contact_time(scene, before["contact_time"])
     if "speed" in values:
         values["speed_near"] = min(SPEED_NEAR, values["speed"])
+    values["finger_force"] = min(FORCE, scene.safety.force or FORCE)
     values["ramp"], sources["ramp"] = _ramp(scene, device)
-    problems = list(limitcheck.device_problems(scene, device, before))
+    problems = list(limitcheck.device_problems(scene, device, before, commands))
     return DeviceLimits(**values, sources=sources), problems
 
 
 def _asked(scene: Scene, device: DeviceElement, name: str) -> Iterator[Ceiling]:
-    """Yield what device and scene ask for, with where they do."""
+    """Yield what device and scene ask for, with where they do; no surface presses harder than the whole finger may."""
+    if name == "plate_force" and scene.safety.force is not None:
+        yield scene.safety.force, _said_by(scene, scene.safety, "force")
     for element in (device.limits, scene.safety):
         wanted = getattr(element, name, None)
         if wanted is not None:
@@ -213,6 +189,7 @@ def check_safety(scene: Scene) -> Iterator[Problem]:
         {
             "force": FORCE, "speed": SPEED, "watchdog": WATCHDOG_OTHER, "plate_force": PLATE_FORCE,
             "contact_time": CONTACT_TIME_LONGEST, "plate_rate": PLATE_RATE, "flux": FLUX, "dose": DOSE,
+            "cold_time": COLD_TIME,
             "temperature": PLATE_TEMPERATURE,
         },
     )  # fmt: skip

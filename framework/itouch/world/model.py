@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from itouch.contact import Geometry, Shape, layout
 from itouch.contact.surfaces import Effects
+from itouch.plugin import Role
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
 from itouch.scene.elements import Operator, Probe
@@ -139,11 +140,18 @@ def _probes(
         names = [element.material for element in scene.objects]
         coupling = couplings(probe, arm, materials, names, 1.0 / scene.rates.servo, notices)
         coupling = on_bodies(coupling, scene.objects, 1.0 / scene.rates.servo, notices)
-        face = next((d.name for d in devices.values() if d.carrier and d.carrier == probe.surface_to), probe.surface_to)
+        face = _face(probe.surface_to, devices)
         own = stable_effects(probe, arm, effects, coupling, names, 1.0 / scene.rates.servo, notices)
         recorded = recorded_motion(scene, operator, reader, problems)
         found.append(ProbeModel(probe.name, index, probe, operator, coupling, face, own, recorded, start))
     return found
+
+
+def _face(table: str, devices: Mapping[str, DeviceModel]) -> str:
+    """Return what of all that a table carries the finger touches: what reads the temperature of it, else the first."""
+    carried = [device for device in devices.values() if device.carrier and device.carrier == table]
+    touched = [d for d in carried if any(c.role is Role.SKIN_CONTACT_TEMPERATURE for c in d.reads)]
+    return next((device.name for device in (*touched, *carried)), table)
 
 
 def _writers(scene: Scene, modalities: list[ModalityModel]) -> list[tuple[str, Any, str, str]]:

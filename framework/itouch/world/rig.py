@@ -8,17 +8,18 @@ from typing import Any
 from itouch.contact.meshfile.faults import MeshError
 from itouch.exchange import LateTwin, ThreadedDevice
 from itouch.faults import FaultyTwin, Injection
-from itouch.plugin import Channel, Device, IdealTwin, ParameterError, Twin, poses, trace
+from itouch.plugin import Channel, Device, IdealTwin, Monitor, ParameterError, Twin, poses, trace
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
 from itouch.scene.elements import DeviceElement
-from itouch.schema import Problem
+from itouch.schema import Place, Problem
 from itouch.schema.diagnostics import did_you_mean
 from itouch.schema.fields import REQUIRED, default_of, specs, xml_name
 from itouch.world.failing import failing
 from itouch.world.files import SceneFiles
 from itouch.world.injection import injections
 from itouch.world.limits import DeviceLimits, resolve
+from itouch.world.supervision import monitors_of, supervision_problems, watched
 
 Vector = tuple[float, float, float]
 
@@ -56,6 +57,7 @@ class DeviceModel:
     remote: bool = False
     faults: tuple[Injection, ...] = ()
     bound: Any = None
+    monitors: tuple[Monitor, ...] = ()
 
     @property
     def duration(self) -> float:
@@ -150,6 +152,7 @@ def _build(
         place = scene.places.of(element, "twin") or scene.places.of(element)
         advice = f"'{element.plugin}' must state its own `watchdog`, or that a `second_opener` can make it safe"
         problems.append(Problem("no-watchdog", sentence, place, advice))
+    monitors = _monitors(element, (reads, commands), limits, params, catalog, problems, place)
     mount = (*element.mount.pos, *orientation(element.mount, scene, problems))
     calibration = element.calibration
     touch_off = calibration.points if calibration is not None and calibration.method == "touch-off" else 0
@@ -158,7 +161,25 @@ def _build(
         limits, bool(element.twin), element.optional, touch_off, scene.world.temperature,
         next((operator.skin_temperature for operator in scene.operators), None), 1.0 / scene.rates.servo,
         element.twin == "remote", injections(scene, element, (*reads, *commands), problems), bound,
+        monitors,
     )  # fmt: skip
+
+
+def _monitors(
+    element: DeviceElement, channels: tuple[tuple[Channel, ...], tuple[Channel, ...]], limits: DeviceLimits,
+    params: Any, catalog: Catalog, problems: list[Problem], place: Place | None,
+) -> tuple[Monitor, ...]:  # fmt: skip
+    """Return the monitors of a device; what nobody watches, and a monitor that can't be had, become problems."""
+    seen = watched(element.name, element.plugin, params, channels, limits, twin=bool(element.twin))
+    kinds = catalog.monitors()
+    for failure in catalog.monitor_failures:
+        advice = "remove the distribution, or tell its author"
+        severity = "warning" if element.twin else "error"
+        problems.append(Problem("monitor-failed", str(failure), place, advice, severity=severity))
+    with failing(f"device '{element.name}'", "its monitors", place):
+        monitors = monitors_of(seen, kinds)
+        problems += supervision_problems(seen, monitors, place)
+    return monitors
 
 
 def _missing(scene: Scene, element: DeviceElement, catalog: Catalog) -> Problem:

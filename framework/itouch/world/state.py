@@ -150,7 +150,7 @@ def _device(device: DeviceModel) -> list[Field]:
     for channel in device.commands:
         sent = replace(Field.of(channel, f"{name}.sent.{channel.name}"), low=_FINITE[0], high=_FINITE[1])
         fields.append(sent)
-    fields += _own(name, supervision(device.reads, device.commands))
+    fields += _own(name, supervision(device.monitors))
     fields += _own(name, _stamps(device))
     if device.touch_off:
         fields += _own(

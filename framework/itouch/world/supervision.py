@@ -1,22 +1,21 @@
-"""What the supervisor remembers of a device: all of it is State, so that a restored session trips where it must."""
+"""What supervises a device: its monitors, found by the roles of its channels, and the drives that none of them watches.
+
+Everything that supervision remembers is State, so that a restored session trips where it must.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any
 
-from itouch.plugin import Channel, Field
-
-#: Seconds between two of the supervisor's slow checks.
-SLOW = 0.010
-#: Slow checks that the window of the plate's rate (T5) and that of the mean flux (T6) are long: 0.5 s and 1 s.
-RATE_WINDOW, FLUX_WINDOW = 50, 100
-#: Slow checks that a surface's speed (K5) is taken over: 50 ms.
-SPEED_WINDOW = 5
+from itouch.monitors import own_monitors
+from itouch.monitors.limits import REARMS, DeviceLimits
+from itouch.plugin import HURTING, NEVER_HARMLESS, Channel, Field, Monitor, Role, Rule, Watched
+from itouch.schema import Place, Problem
 
 _EVERY = (
-    Field(
-        "status", "i8", low=0, high=3, unit="1", doc="0 CLOSED, 1 OPEN (measures), 2 ENABLED (obeys), 3 FAULT"
-    ),  # CLOSED, OPEN, ENABLED, FAULT
+    Field("status", "i8", low=0, high=3, unit="1", doc="0 CLOSED, 1 OPEN (measures), 2 ENABLED (obeys), 3 FAULT"),
     Field("trip", "i8", unit="1", doc="number of the [trip](errors.md#while-running) that stopped it, 0: none"),
     Field("tripped", "i8", unit="tick", doc="when it was stopped"),
     Field(
@@ -26,62 +25,107 @@ _EVERY = (
     Field("sequence", "i8", low=0, unit="1", doc="number of the reading: changes when there is a new one"),
     Field("clamped", "i8", low=0, unit="1", doc="how often a command was limited"),
     Field("dropped", "i8", low=0, unit="1", doc="how many commanded components of locked directions were zeroed"),
-    Field("strayed", "i8", unit="1", doc="for how many checks it has been too far from its command"),
     Field("calibration", "f8", 7, unit="m", doc="correction of the mount that calibration found: position, quaternion"),
+    Field("touched", "i8", low=0, high=1, unit="1", doc="1 while a finger touches it, as far as is known"),
+    Field("felt", unit="N", doc="force between finger and device; NaN: not measured"),
+    Field("missed", "i8", low=0, unit="tick", doc="periods that a late loop has left out; time goes on in them"),
+    Field("heard", "i8", unit="tick", doc="when the newest reading came, with what the loop has left out"),
+    Field("rearmed", "i8", REARMS, unit="tick", doc="when it was re-armed last, and before; -1: never"),
 )
 
-_CARRIED = (
-    Field("contact_time", low=0.0, unit="s", doc="how long what it carries has been touched (T4)"),
-    Field("withdrawn", "i8", unit="1", doc="1 while it is withdrawn because of T4"),
-    Field("stopped", "i8", unit="1", doc="1 held, 2 driven back, in the safe sequence"),
-    Field("doubted", unit="s", doc="for how long the force on it has been in doubt"),
-    Field("near_since", "i8", unit="tick", doc="since when the finger has been near"),
-    Field("compared", "i8", unit="tick", doc="when its readings were last compared"),
-    Field("tracked", "i8", low=0, unit="1", doc="how many positions of the track have been noted"),
-    Field("track", "f8", (SPEED_WINDOW + 1, 3), unit="m", doc="the last positions, from which its speed is taken (K5)"),
-)
-
-_HEAT = (
+#: What each monitor has besides its own fields.
+_MONITOR = (
+    Field("share", low=0.0, high=1.0, unit="1", doc="share of the drive that this monitor leaves"),
     Field(
-        "touched", "i8", unit="1", doc="1 if what it heats or cools has been touched: heat is supervised as in contact"
-    ),
-    Field("heat.samples", "i8", low=0, unit="1", doc="slow checks of its heat so far"),
-    Field("heat.touched", "i8", unit="tick", doc="when its touch was first looked at"),
-    Field("heat.dose", low=0.0, unit="s", doc="thermal dose so far, in seconds at 43 degC (T3)"),
-    Field("heat.share", low=0.0, high=1.0, unit="1", doc="share of the drive that T1 to T7 leave"),
-    Field("heat.frozen", unit="K", doc="its last reading"),
-    Field("heat.frozen_for", unit="s", doc="for how long that reading has been exactly the same (T8)"),
-    Field("heat.frozen_drive", unit="s", doc="change of the drive's share since then, summed over time"),
-    Field("heat.frozen_from", unit="1", doc="share of its drive when the reading became that"),
-    Field("heat.driven_for", unit="s", doc="for how long it has been driven strongly one way, negative: heated (T9)"),
-    Field("heat.driven_from", unit="K", doc="its temperature when it should have begun to follow"),
-    Field(
-        "heat.temperatures",
-        "f8",
-        RATE_WINDOW + 1,
-        unit="K",
-        doc="its temperatures of the last half second, from which its rate is taken (T5)",
-    ),
-    Field(
-        "heat.fluxes",
-        "f8",
-        FLUX_WINDOW,
-        unit="W/m^2",
-        doc="the fluxes of the last second, from which their mean is taken (T6)",
+        "checked", "i8", unit="tick", doc="when this monitor looked last, with what the loop has left out; -1: never"
     ),
 )
+_SURFACE = Field("stopped", "i8", low=0, high=2, unit="1", doc="1 held, 2 driven back, in the safe sequence")
+
+#: Units of commands that can hurt, if nobody says what they are for.
+_DANGEROUS = {
+    "A": "Role.DRIVE, Role.ELECTRODE", "V": "Role.DRIVE, Role.ELECTRODE", "W": "Role.DRIVE, Role.ULTRASOUND",
+    "K": "Role.TEMPERATURE_TARGET", "N": "Role.FORCE_ON_OPERATOR", "Pa": "Role.PRESSURE, Role.ULTRASOUND",
+}  # fmt: skip
+#: What watches a drive: what to write.
+_ADVICE = {
+    Role.DRIVE: "declare the temperature of what it heats: temperature(NAME, Role.SKIN_CONTACT_TEMPERATURE)",
+    Role.TEMPERATURE_TARGET: "declare what it reaches: temperature(NAME, Role.SKIN_CONTACT_TEMPERATURE)",
+    Role.PRESSURE: "declare the force that it presses with: a reading with Role.CONTACT_FORCE",
+    Role.SURFACE_POSE: "declare where the surface is: pose()",
+}
 
 
-def supervision(reads: Sequence[Channel], commands: Sequence[Channel]) -> tuple[Field, ...]:
-    """Return the State that the supervision of a device with these channels needs."""
-    fields: tuple[Field, ...] = _EVERY
-    if any(channel.name == "pose_target" for channel in commands):
-        fields += _CARRIED
-    if heats(reads):
-        fields += _HEAT
-    return fields
+def watched(
+    name: str, plugin: str, params: Any, channels: tuple[tuple[Channel, ...], tuple[Channel, ...]],
+    limits: DeviceLimits, *, twin: bool,
+) -> Watched:  # fmt: skip
+    """Return a device as its monitors see it."""
+    values: dict[str, Any] = dict(limits.table())
+    values |= {"speed_near": limits.speed_near, "ramp": limits.ramp, "finger_force": limits.finger_force}
+    values |= {"temperature_trip": limits.temperature_trip, "contact_time_trip": limits.contact_time_trip}
+    if limits.plate_force is not None:
+        values["plate_force_trip"] = limits.plate_force_trip
+    return Watched(name, plugin, params, *channels, values, dict(limits.sources), twin)
 
 
-def heats(reads: Sequence[Channel]) -> bool:
-    """Tell whether a device has a plate that can be hot or cold."""
-    return any(channel.name == "plate_temperature" for channel in reads)
+def monitors_of(device: Watched, offered: Sequence[type[Monitor]]) -> tuple[Monitor, ...]:
+    """Return the monitors of a device: the framework's, then those that plugins offer.
+
+    Raises
+    ------
+    ValueError
+        If two have one name.
+    """
+    found = [*own_monitors(device), *(monitor for kind in offered for monitor in kind.of(device))]
+    names = [monitor.name for monitor in found]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise ValueError(f"two monitors of device '{device.name}' are named '{twice}'")
+    return tuple(found)
+
+
+def supervision(monitors: Sequence[Monitor]) -> tuple[Field, ...]:
+    """Return the State that the supervision of a device needs."""
+    fields = list(_EVERY)
+    if any(monitor.device.command(Role.SURFACE_POSE) is not None for monitor in monitors):
+        fields.append(_SURFACE)
+    for monitor in monitors:
+        fields += [replaced(field, f"{monitor.name}.{field.name}") for field in (*_MONITOR, *monitor.fields())]
+    return tuple(fields)
+
+
+def replaced(field: Field, name: str) -> Field:
+    """Return a field under another name."""
+    return replace(field, name=name)
+
+
+def rules(monitors: Sequence[Monitor]) -> Iterator[Rule]:
+    """Yield the rules that a device is held to."""
+    for monitor in monitors:
+        yield from monitor.rules()
+
+
+def supervision_problems(device: Watched, monitors: Sequence[Monitor], place: Place | None) -> Iterator[Problem]:
+    """Find commands whose effect on a person nobody watches: errors on hardware, warnings on twins."""
+    seen = {name for monitor in monitors for name in monitor.watches}
+    for channel in device.commands:
+        what = f"device '{device.name}': command '{channel.name}' [{channel.unit}]"
+        if channel.role is Role.SIGNAL and channel.unit in _DANGEROUS and not channel.harmless:
+            sentence = f"{what} does not say what it is for, and could hurt"
+            advice = f"write role={_DANGEROUS[channel.unit].replace(', ', ' or role=')} into the plugin's channel"
+            yield Problem("missing-role", sentence, place, advice)
+        elif channel.harmless and channel.role in NEVER_HARMLESS:
+            sentence = f"{what} is called harmless, which no {channel.role.value} can be"
+            yield Problem("harmless-refused", sentence, place, "remove `harmless` from the plugin's channel")
+        elif channel.role in HURTING and channel.name not in seen and not channel.harmless:
+            yield _unmonitored(device, channel, what, place)
+
+
+def _unmonitored(device: Watched, channel: Channel, what: str, place: Place | None) -> Problem:
+    sentence = f"{what}, a {channel.role.value}, is watched by nothing: no monitor sees what it does to a finger"
+    advice = _ADVICE.get(channel.role, "")
+    advice = f"{advice}, or a monitor of your own" if advice else "offer a monitor in the group `itouch.monitors`"
+    if channel.role not in NEVER_HARMLESS:
+        advice += '; harmless="because ..." only if it cannot hurt'
+    return Problem("unmonitored-drive", sentence, place, advice, severity="warning" if device.twin else "error")

@@ -34,6 +34,9 @@ class Safety:
         "W/m^2", positive=True, default=None, doc="mean flux above which the plate's drive is cut down"
     )
     dose: float | None = quantity("s", positive=True, default=None, doc="thermal dose of a session, CEM43")
+    cold_time: float | None = quantity(
+        "s", positive=True, default=None, doc="time in contact with a cold plate in a session, at most 120 s"
+    )
     contact_time: float | None = quantity(
         "s", positive=True, default=None, doc="time of one contact after which the plate withdraws: 10 s, or up to 60 s"
     )

@@ -33,6 +33,10 @@ class Trip(enum.IntEnum):
     RELEASED = 20
     SURFACE_SPEED = 21
     MODALITY_ERROR = 22
+    MONITOR = 23
+    MONITOR_ERROR = 24
+    COLD = 25
+    FINGER_FORCE = 26
 
     @property
     def label(self) -> str:

@@ -1,0 +1,37 @@
+"""Which devices act on which finger: a finger is what one device tracks, whatever probes it has."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from itouch.loop.rig import ProbeRig
+from itouch.loop.runner import Runner
+from itouch.safety import Finger
+
+
+def fingers(runners: Mapping[str, Runner], rigs: Sequence[ProbeRig]) -> Iterator[tuple[Finger, list[Runner]]]:
+    """Yield each finger on which something acts, with the devices that do.
+
+    A display that nothing carries, and no probe names, is taken to be on every finger.
+    """
+    trackers = list(dict.fromkeys(rig.tracker.model.name for rig in rigs))
+    named = {one.model.name for rig in rigs for one in (rig.arm, rig.table) if one is not None}
+    free = [one for one in runners.values() if one.heats and not one.model.carrier and one.model.name not in named]
+    for tracker in trackers:
+        mine = [rig for rig in rigs if rig.tracker.model.name == tracker]
+        found = [one for rig in mine for one in (rig.arm, rig.table) if one is not None]
+        carriers = {one.model.name for one in found}
+        found += [one for one in runners.values() if one.model.carrier in carriers]
+        yield from _finger(mine[0].probe.name, [*found, *free])
+    if not trackers:
+        yield from _finger("", free)
+
+
+def _finger(name: str, devices: Sequence[Runner]) -> Iterator[tuple[Finger, list[Runner]]]:
+    listed = list({one.model.name: one for one in devices}.values())
+    finger = Finger(name, listed)
+    for arm in listed:
+        if arm in finger.arms:
+            arm.leave_room = lambda finger=finger, arm=arm: finger.leave(arm)  # type: ignore[misc]
+    if not finger.alone:
+        yield finger, listed

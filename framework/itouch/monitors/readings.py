@@ -1,0 +1,256 @@
+"""What is believed: every new reading passes here before anything is done with it (T8, and the trips of T1, T2, T7).
+
+A reading must be a number, in its range, and not further from the one before than the device can have gone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import ClassVar
+
+import numpy as np
+
+from itouch.monitors import limits as default
+from itouch.monitors.trips import Trip
+from itouch.plugin import Channel, Field, Moment, Monitor, Record, Role, Rule, Watched
+
+#: T8: greatest change of a temperature between two readings [K], and range of any temperature [K].
+TEMPERATURE_JUMP, TEMPERATURE_RANGE = 20.0, (263.15, 353.15)
+#: Fastest that a finger goes [m/s], room for the steps of encoders [m], and how far from its origin a device reaches.
+FINGER_SPEED, STEPS, WORKSPACE = 5.0, 0.002, 2.0
+#: How much faster than it can a surface may seem to go before its sensor is not believed.
+SURFACE_MARGIN = 3.0
+#: Two sensors of the plate differ at most so much [K].
+DISAGREEMENT = 3.0
+#: A flux sensor at the end of its scale is believed; its last count may lie beyond.
+SATURATED = 1.01
+_MOST = 1e300
+
+Floats = list[float]
+
+
+class Readings(Monitor):
+    """Checks every reading of one device: finite, in range, possible rate, sensors that agree."""
+
+    name = "readings"
+    trips: ClassVar[Mapping[int, str]] = {
+        int(trip): trip.label
+        for trip in (
+            Trip.NOT_A_NUMBER, Trip.SENSOR_RANGE, Trip.PLATE_TEMPERATURE, Trip.SINK_TEMPERATURE, Trip.SENSOR_JUMP,
+            Trip.SENSOR_DISAGREE,
+        )
+    }  # fmt: skip
+
+    def __init__(self, device: Watched) -> None:
+        super().__init__(device)
+        self._channels = [channel for channel in device.reads for _ in range(channel.size)]
+        low: Floats = []
+        high: Floats = []
+        speeds: list[tuple[float, float]] = []  # greatest change: m/s or K/s, and what is always let through
+        for channel in device.reads:
+            least, most = _range(channel, device.limits)
+            low += least
+            high += most
+            speeds += _change(channel, device.commands)
+        self._low, self._high = low, high
+        rows = enumerate(zip(low, high, speeds, strict=True))
+        self._checked = [
+            (i, least, most, speed, room)
+            for i, (least, most, (speed, room)) in rows
+            if most < _MOST or speed + room < _MOST
+        ]
+        self._sane = [bounds for channel in device.reads for bounds in _sane(channel)]
+        self._pairs = pairs(device)
+
+    @classmethod
+    def of(cls, device: Watched) -> Iterable[Monitor]:
+        """Every device that reads anything."""
+        return (cls(device),) if device.reads else ()
+
+    def fields(self) -> tuple[Field, ...]:
+        """Return the State that it needs."""
+        count = len(self._channels)
+        return (
+            Field(
+                "believed", "f8", count, unit="mixed", doc="the last reading that was believed, in the channels' units"
+            ),
+            Field("known", "i8", low=0, high=1, unit="1", doc="1 while the next reading is compared with that one"),
+            Field("figure", "f8", 2, unit="mixed", doc="which number tripped, and how far two sensors were apart"),
+        )
+
+    def forget(self, state: Record) -> None:
+        """Begin anew: the next reading may be anywhere in its range."""
+        state["known"][...] = 0
+
+    def recall(self, state: Record, reading: Record) -> None:
+        """Take a reading as the last one believed."""
+        state["believed"][:] = reading.raw.view(np.float64)
+        state["known"][...] = 1
+
+    def put_back(self, state: Record, reading: Record) -> None:
+        """Put the last reading that was believed in the place of one that is not: nobody else shall work with it."""
+        reading.raw.view(np.float64)[:] = state["believed"]
+
+    def sane(self, reading: Record) -> bool:
+        """Tell whether a reading can be worked with at all, though a limit may be passed."""
+        values: Floats = reading.raw.view(np.float64).tolist()
+        return all(low <= value <= high for value, (low, high) in zip(values, self._sane, strict=True))
+
+    def check(self, state: Record, reading: Record, sent: Record, moment: Moment) -> float:
+        """Check the newest reading; ``moment.seconds`` is the time since the reading before."""
+        raw = reading.raw.view(np.float64)
+        values: Floats = raw.tolist()
+        total = sum(values)
+        if total - total != 0.0:  # something is not a number, or infinite
+            return self._found(state, values)
+        last: Floats = state["believed"].tolist() if state["known"].item() else values
+        seconds = moment.seconds
+        for index, low, high, speed, room in self._checked:
+            value = values[index]
+            if not low <= value <= high:
+                return self._found(state, values)
+            if abs(value - last[index]) > speed * seconds + room:
+                state["figure"][:] = (index, 0.0)
+                return -float(Trip.SENSOR_JUMP)
+        for first, second in self._pairs:
+            if abs(values[first] - values[second]) > DISAGREEMENT:
+                state["figure"][:] = (first, abs(values[first] - values[second]))
+                return -float(Trip.SENSOR_DISAGREE)
+        state["believed"][:] = raw
+        state["known"][...] = 1
+        return 1.0
+
+    def _found(self, state: Record, values: Floats) -> float:
+        """Note which number is out of range or none at all, and return its trip."""
+        for index, value in enumerate(values):
+            if not math.isfinite(value) or not self._low[index] <= value <= self._high[index]:
+                state["figure"][:] = (index, 0.0)
+                trip = _TRIPS.get(self._channels[index].role, Trip.SENSOR_RANGE)
+                return -float(trip if math.isfinite(value) else Trip.NOT_A_NUMBER)
+        state["figure"][:] = (-1.0, 0.0)
+        return -float(Trip.NOT_A_NUMBER)
+
+    def sentence(self, code: int, state: Record, reading: Record, moment: Moment) -> str:
+        """Name the reading and its value."""
+        index, apart = int(state["figure"][0]), float(state["figure"][1])
+        if index < 0:
+            return "reads numbers that are too large to add up"
+        channel = self._channels[index]
+        value, last = (float(x) for x in (reading.raw.view(np.float64)[index], state["believed"][index]))
+        if code == Trip.NOT_A_NUMBER:
+            return f"reads {not_finite([value])} ({channel.name})"
+        if code == Trip.SENSOR_DISAGREE:
+            return f"has two sensors that differ by {apart:.1f} K"
+        if code == Trip.SENSOR_JUMP:
+            return f"reads {channel.name} {shown(channel, value)} after {shown(channel, last)}, which is not believable"
+        what = "which is not believable" if code == Trip.SENSOR_RANGE else "past its trip"
+        return f"reads {channel.name} {shown(channel, value)}, {what}"
+
+    def rule(self, code: int, reading: Record) -> str:
+        """Return the rule that a trip belongs to."""
+        if code == Trip.PLATE_TEMPERATURE:
+            plates = [c for c in self.device.reads if c.role is Role.SKIN_CONTACT_TEMPERATURE]
+            low, _ = self.device.limits["temperature_trip"]
+            return "T2" if any(value < low for c in plates for value in reading[c.name].reshape(-1).tolist()) else "T1"
+        return "T7" if code == Trip.SINK_TEMPERATURE else "T8"
+
+    def rules(self) -> tuple[Rule, ...]:
+        """Return T8 as far as single readings go."""
+        found = ["not a number"]
+        roles = {channel.role for channel in self.device.reads}
+        if any(channel.unit == "K" for channel in self.device.reads):
+            found.append("outside -10 to 80 °C")
+        if roles & {Role.SKIN_CONTACT_TEMPERATURE, Role.HEAT_SINK_TEMPERATURE}:
+            found.append("jump of 20 K")
+        if Role.TRACKED_POSE in roles:
+            found.append("2 m from the device's origin, faster than it can go")
+        if any(low > -_MOST for low in self._low) or any(high < _MOST for high in self._high):
+            found.append("outside its range")
+        if self._pairs:
+            found.append(f"two sensors of one plate {DISAGREEMENT:g} K apart")
+        return (Rule("T8", "what its sensors read", trip=", ".join(dict.fromkeys(found))),)
+
+
+_TRIPS = {
+    Role.SKIN_CONTACT_TEMPERATURE: Trip.PLATE_TEMPERATURE, Role.HEAT_SINK_TEMPERATURE: Trip.SINK_TEMPERATURE,
+}  # fmt: skip
+
+
+def not_finite(values: Sequence[float]) -> str:
+    """Say what is wrong with numbers of which one at least is not finite, or whose sum is not."""
+    return next(("NaN" if math.isnan(v) else "an infinite number" for v in values if not math.isfinite(v)), "too much")
+
+
+def shown(channel: Channel, value: float) -> str:
+    """Return a reading in words."""
+    return f"{value - 273.15:.1f} degC" if channel.unit == "K" else f"{value:.4g} {channel.unit}".rstrip(" 1")
+
+
+def plates(device: Watched) -> list[tuple[int, str, int]]:
+    """Return where each sensor of what the skin touches stands: number in the reading, channel, component."""
+    at, found = 0, []
+    for channel in device.reads:
+        if channel.role is Role.SKIN_CONTACT_TEMPERATURE:
+            found += [(at + index, channel.name, index) for index in range(channel.size)]
+        at += channel.size
+    return found
+
+
+def drives(device: Watched) -> list[tuple[Channel, int]]:
+    """Return the components of commands that heat or cool."""
+    wanted = device.obeys(Role.DRIVE, Role.TEMPERATURE_TARGET)
+    return [(channel, index) for channel in wanted for index in range(channel.size)]
+
+
+def separate(device: Watched) -> bool:
+    """Tell whether a device has several plates, each with its sensor and its drive, in this order."""
+    return len(plates(device)) == len(drives(device)) > 1
+
+
+def pairs(device: Watched) -> list[tuple[int, int]]:
+    """Return which two numbers of the reading measure the same plate."""
+    found = [number for number, _, _ in plates(device)]
+    return [] if separate(device) else [(found[0], other) for other in found[1:]]
+
+
+def _range(channel: Channel, limits: Mapping[str, object]) -> tuple[Floats, Floats]:
+    """Return the range in which a reading is believed, and beyond which the heat of plate or sink trips."""
+    low = list(channel.low) or [-math.inf] * channel.size
+    high = list(channel.high) or [math.inf] * channel.size
+    trip = limits.get("temperature_trip", default.PLATE_TRIP)
+    if channel.role is Role.SKIN_CONTACT_TEMPERATURE and isinstance(trip, tuple):
+        least, most = trip
+    elif channel.role is Role.HEAT_SINK_TEMPERATURE:
+        least, most = TEMPERATURE_RANGE[0], default.SINK_TRIP
+    elif channel.unit == "K":
+        least, most = TEMPERATURE_RANGE
+    elif channel.role is Role.HEAT_FLUX:
+        return [SATURATED * value for value in low], [SATURATED * value for value in high]
+    elif channel.role is Role.TRACKED_POSE and channel.size == 7:
+        return [-WORKSPACE] * 3 + [-1.001] * 4, [WORKSPACE] * 3 + [1.001] * 4
+    else:
+        return low, high
+    return [max(least, value) for value in low], [min(most, value) for value in high]
+
+
+def _sane(channel: Channel) -> list[tuple[float, float]]:
+    """Return the range of each component in which a number means anything."""
+    if channel.unit == "K":
+        return [TEMPERATURE_RANGE] * channel.size
+    low, high = _range(channel, {})
+    return [(max(-_MOST, least), min(_MOST, most)) for least, most in zip(low, high, strict=True)]
+
+
+def _change(channel: Channel, commands: Sequence[Channel]) -> list[tuple[float, float]]:
+    """Return the greatest change of each component: a speed, and what is always let through."""
+    free = [(0.0, math.inf)] * channel.size
+    if channel.role in _TRIPS:
+        return [(0.0, TEMPERATURE_JUMP)] * channel.size
+    if channel.role is not Role.TRACKED_POSE or channel.size < 3:
+        return free
+    target = next((command for command in commands if command.role is Role.SURFACE_POSE), None)
+    if target is None:
+        return [(FINGER_SPEED, STEPS)] * 3 + free[3:]
+    ceiling = target.slew[:3] if target.slew else (default.SPEED_TRIP,) * 3
+    return [(SURFACE_MARGIN * speed, STEPS) for speed in ceiling] + free[3:]

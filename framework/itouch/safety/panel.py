@@ -1,0 +1,286 @@
+"""The monitors of one device at work: each with its part of State, asked on a clock, and never believed blindly.
+
+The smallest share and the first trip count.  A monitor that raises, or returns what is neither a share nor a trip,
+stops the device.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from itouch.monitors import OWN, DeviceFaultError, Ordinary, Readings, Surface, Trip, TripError
+from itouch.plugin import Moment, Monitor, Record
+from itouch.world.model import DeviceModel
+
+#: Longest time [s] between two checks of an open device, also without news.
+CLOCK = 0.010
+#: A reading that comes so long [s] after the one before is looked at at once, faster ones at the clock's next turn.
+APART = 0.005
+
+
+class Post:
+    """One monitor in its place."""
+
+    __slots__ = ("checked", "monitor", "own", "share", "state")
+
+    def __init__(self, monitor: Monitor, state: Record, device: str) -> None:
+        self.monitor = monitor
+        name = f"{device}.{monitor.name}"
+        fields = [field.name for field in monitor.fields()]
+        self.state = state.part(f"{name}.", fields) if fields else Record.of(())
+        self.share, self.checked = state[f"{name}.share"], state[f"{name}.checked"]
+        #: Whether it is one of the framework's own.
+        self.own = isinstance(monitor, OWN)
+
+
+class Panel:
+    """The monitors of one device; everything that they remember is State."""
+
+    def __init__(self, model: DeviceModel, state: Record, reading: Record, sent: Record, period: float) -> None:
+        self._period = period
+        #: What was read, taken before any other plugin could write it.
+        self.seen = reading.copy()
+        self._reading, self._sent = reading, sent
+        self._name = name = model.name
+        self.moment = Moment()
+        self._clamped = state[f"{name}.clamped"]
+        self._missed, self._heard = state[f"{name}.missed"], state[f"{name}.heard"]
+        self._measured = state[f"{name}.measured"]
+        self._touched, self._felt = state[f"{name}.touched"], state[f"{name}.felt"]
+        posts = [Post(monitor, state, name) for monitor in model.monitors]
+        #: What is asked first: whether the reading can be believed.
+        self.readings = next((post for post in posts if isinstance(post.monitor, Readings)), None)
+        self._watchdog = next((post for post in posts if isinstance(post.monitor, Ordinary)), None)
+        #: What watches the surface that it carries to the finger, if it is such a device.
+        self.surface = next((post for post in posts if isinstance(post.monitor, Surface)), None)
+        others = [post for post in posts if post is not self.readings and post is not self._watchdog]
+        self.posts: Sequence[Post] = posts
+        self._timed = [post for post in others if not post.monitor.placed]
+        self._placed = [post for post in others if post.monitor.placed]
+        self._clock = max(1, round(CLOCK / period))
+        self._apart = max(1, round(APART / period))
+        self._due = -1
+        self._share = 1.0
+
+    def reset(self) -> None:
+        """Begin a session: nothing remembered, everything let through; without a rig a touch must be assumed."""
+        self._touched[...] = 1
+        self._felt[...] = math.nan
+        for post in self.posts:
+            post.monitor.reset(post.state)
+            post.share[...] = 1.0
+        self.forget()
+
+    def forget(self) -> None:
+        """Forget what was measured; budgets stay."""
+        for post in self.posts:
+            post.monitor.forget(post.state)
+            post.checked[...] = -1
+        self._heard[...] = -1
+        self._gather()
+
+    def begin(self) -> None:
+        """Forget where the finger was: what is enabled now has not been looked at for a while."""
+        for post in self._placed:
+            post.monitor.forget(post.state)
+            post.checked[...] = -1
+
+    def restore(self) -> None:
+        """Go on from a State that was put in place."""
+        self.seen.raw[:] = self._reading.raw
+        self._gather()
+
+    def spent(self) -> str:
+        """Say which budget is used up; empty: none."""
+        return next((said for post in self.posts if (said := post.monitor.spent(post.state))), "")
+
+    @property
+    def share(self) -> float:
+        """The part of force, current or speed that all monitors leave."""
+        return self._share
+
+    def _gather(self) -> None:
+        self._share = min((post.share.item() for post in self.posts), default=1.0)
+
+    @property
+    def values(self) -> list[float]:
+        """All numbers of the newest reading."""
+        found: list[float] = self._reading.raw.view(np.float64).tolist()
+        return found
+
+    def put_back(self) -> None:
+        """Put the last reading that was believed in the place of one that is not."""
+        if self.readings is not None and isinstance(self.readings.monitor, Readings):
+            self.readings.monitor.put_back(self.readings.state, self._reading)
+
+    def sane(self) -> bool:
+        """Tell whether the newest reading can be worked with at all, though a limit may be passed."""
+        return self.readings is None or Readings.sane(self.readings.monitor, self._reading)  # type: ignore[arg-type]
+
+    # --- readings ------------------------------------------------------------------------------------------------
+
+    def believe(self, tick: int, seconds: float) -> None:
+        """Check a reading that has come, and take it away from everybody who could write it.
+
+        Raises
+        ------
+        TripError
+            If it cannot be believed.
+        """
+        now = tick + self._missed.item()
+        since = now - self._heard.item() if self._heard.item() >= 0 else self._apart
+        self._heard[...] = now
+        if since >= self._apart:
+            self._due = now
+        if self.readings is not None:
+            self._ask(self.readings, self._reading, now, seconds)
+        self.seen.raw[:] = self._reading.raw
+
+    def leave_out(self, ticks: int) -> None:
+        """Let time go on for so many ticks that were not run."""
+        self._missed += ticks
+
+    def take(self, tick: int) -> None:
+        """Take a reading over that only tells how a stopped device is: budgets run on."""
+        self._heard[...] = tick + self._missed.item()
+        self.seen.raw[:] = self._reading.raw
+
+    def wait(self, tick: int, age: float) -> None:
+        """Ask the watchdog about the age [s] of the newest reading.
+
+        Raises
+        ------
+        TripError
+            If it is too old.
+        """
+        self.moment.age = age
+        if self._watchdog is not None:
+            self._ask(self._watchdog, self.seen, tick + self._missed.item(), None)
+
+    def look(self, tick: int, age: float) -> None:
+        """Ask the monitors whose turn it is.
+
+        Raises
+        ------
+        TripError
+            The first trip.
+        """
+        if not self._timed or self._heard.item() < 0:
+            return
+        now = tick + self._missed.item()
+        for post in self._timed:
+            checked = post.checked.item()
+            if checked < 0 or now - checked >= self._clock or self._due == now:
+                self.moment.age = age
+                self.moment.touched, self.moment.force = bool(self._touched.item()), self._felt.item()
+                self._ask(post, self.seen, now, None)
+
+    def look_placed(self, tick: int) -> None:
+        """Ask the monitors that need to know where the finger is now; ``moment`` says it.
+
+        Raises
+        ------
+        TripError
+            The first trip.
+        """
+        now = tick + self._missed.item()
+        for post in self._placed:
+            self._ask(post, self.seen, now, None)
+        surface = self.surface
+        if surface is not None and surface.state["looked"].item() == self.moment.now:
+            self.touch(self.moment.touched, self.moment.force)
+
+    def touch(self, touched: bool, force: float) -> None:
+        """Say whether a finger touches the device, and with what force [N] if that is felt."""
+        self._touched[...], self._felt[...] = touched, force
+
+    @property
+    def force(self) -> float:
+        """Felt force between finger and device [N]; NaN: not measured."""
+        return float(self._felt.item())
+
+    @property
+    def withdrawn(self) -> bool:
+        """Whether the surface is withdrawn because of T4."""
+        return self.surface is not None and bool(self.surface.state["withdrawn"].item())
+
+    def closing(self, gap: float, strayed: float) -> float:
+        """Return how fast [m/s] the surface may approach the finger now."""
+        post = self.surface
+        if post is None or not isinstance(post.monitor, Surface):
+            return 0.0
+        found = post.monitor.closing(gap, strayed)
+        if not found:
+            self._clamped += 1
+        return found
+
+    def follow(self, target: float, lifted: bool) -> float:
+        """Return the height [m] to command to a surface that is, or was, withdrawn."""
+        post = self.surface
+        if post is None or not isinstance(post.monitor, Surface):
+            return target
+        found = post.monitor.follow(post.state, target, lifted)
+        if post.state["withdrawn"].item():
+            self._clamped += 1
+        return found
+
+    def count_contact(self, tick: int, touched: bool) -> None:
+        """Run the clock of T4, while the finger touches this surface or another, or while it does not.
+
+        Raises
+        ------
+        DeviceFaultError
+            If it was touched for too long.
+        """
+        post = self.surface
+        if post is None or not isinstance(post.monitor, Surface):
+            return
+        found = post.monitor.count(post.state, round((tick + self._missed.item()) * self._period, 9), touched)
+        if found < 0.0:
+            try:
+                self._trip(post, found, self.seen)
+            except TripError as error:
+                raise DeviceFaultError(self._name, tick, error.trip, str(error)) from error
+
+    @property
+    def touched(self) -> bool:
+        """Whether a finger touches the device, as far as is known."""
+        return bool(self._touched.item())
+
+    def _ask(self, post: Post, reading: Record, now: int, seconds: float | None) -> None:
+        moment, period, checked = self.moment, self._period, post.checked.item()
+        measured = max(self._measured.tolist(), default=now) + self._missed.item()
+        moment.now, moment.time = round(now * period, 9), round(measured * period, 9)
+        moment.seconds = seconds if seconds is not None else round((now - checked) * period, 9) if checked >= 0 else 0.0
+        moment.fresh = self._heard.item() > checked
+        post.checked[...] = now
+        try:
+            found = post.monitor.check(post.state, reading, self._sent, moment)
+        except Exception as error:
+            cause = f"was stopped because its monitor '{post.monitor.name}' failed: {type(error).__name__}: {error}"
+            raise TripError(Trip.MONITOR_ERROR, cause) from error
+        if found != post.share.item():
+            if not 0.0 <= found <= 1.0:
+                self._trip(post, found, reading)
+            post.share[...] = found
+            self._gather()
+
+    def _trip(self, post: Post, found: float, reading: Record) -> None:
+        """Raise the trip that a monitor has returned."""
+        monitor = post.monitor
+        code = int(-found) if -1e6 < found < 0.0 and found == int(found) else 0
+        if code not in monitor.trips:
+            cause = f"was stopped because its monitor '{monitor.name}' returned {found!r}: neither a share nor a trip"
+            raise TripError(Trip.MONITOR_ERROR, cause)
+        try:
+            sentence = monitor.sentence(code, post.state, reading, self.moment)
+            number = monitor.rule(code, reading)
+            quoted = next((rule for rule in monitor.rules() if number in (rule.number, rule.quantity)), None)
+        except Exception as error:
+            sentence, quoted = f"was stopped by {monitor.trips[code]} ({type(error).__name__} while it was told)", None
+        if quoted is not None:
+            sentence += f" ({quoted.number + ' ' if quoted.number else ''}{quoted.quantity}: trips at {quoted.trip})"
+        raise TripError(Trip(code) if post.own else Trip.MONITOR, sentence)
