@@ -7,11 +7,14 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from itouch.monitors import Trip, TripError
 from itouch.plugin import (
     Channel,
     Device,
     DeviceError,
     Field,
+    Moment,
+    Monitor,
     Record,
     Touch,
     Twin,
@@ -26,7 +29,7 @@ from itouch.plugin import (
 )
 from itouch.world.limits import DeviceLimits
 from itouch.world.rig import DeviceModel
-from itouch.world.supervision import supervision
+from itouch.world.supervision import monitors_of, supervision, watched
 
 PERIOD = 1e-3
 LIMITS = DeviceLimits(
@@ -106,13 +109,14 @@ class FakeTwin(Twin):
 
 def model(
     channels: Channels, *, name: str = "it", limits: DeviceLimits = LIMITS, twin: bool = False, carrier: str = "",
-    cls: type[Device] = Fake, optional: bool = False,
+    cls: type[Device] = Fake, optional: bool = False, offered: Sequence[type[Monitor]] = (),
 ) -> DeviceModel:  # fmt: skip
     """Return the model of a device with these channels."""
     reads, commands = channels
+    monitors = monitors_of(watched(name, "fake", None, channels, limits, twin=twin), offered)
     return DeviceModel(
         name, "fake", cls, None, reads, commands, (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), carrier, limits,
-        twin, optional, 0, 296.15, None,
+        twin, optional, 0, 296.15, None, monitors=monitors,
     )  # fmt: skip
 
 
@@ -123,9 +127,37 @@ def state(*models: DeviceModel) -> Record:
         fields += [Field(f"{one.name}.{c.name}", "f8", c.size) for c in one.reads]
         fields += [Field(f"{one.name}.command.{c.name}", "f8", c.size) for c in one.commands]
         fields += [Field(f"{one.name}.sent.{c.name}", "f8", c.size) for c in one.commands]
-        fields += [Field(f"{one.name}.measured", "i8", max(1, len(one.reads)))]
-        fields += [Field(f"{one.name}.{f.name}", f.dtype, f.size) for f in supervision(one.reads, one.commands)]
+        fields += [Field(f"{one.name}.{f.name}", f.dtype, f.size) for f in supervision(one.monitors)]
+        fields.append(Field(f"{one.name}.measured", "i8", max(1, len(one.reads))))
     return Record.of(fields)
+
+
+class Asked:
+    """One monitor with what it looks at, asked by a test; a trip is raised."""
+
+    def __init__(self, kind: type[Monitor], channels: Channels, limits: DeviceLimits = LIMITS, index: int = 0) -> None:
+        device = watched("it", "fake", None, channels, limits, twin=False)
+        self.monitor = list(kind.of(device))[index]
+        self.state = Record.of(self.monitor.fields())
+        self.reading, self.sent, self.moment = record(channels[0]), record(channels[1]), Moment()
+        self.monitor.reset(self.state)
+        self.share = 1.0
+
+    def check(self, seconds: float = PERIOD, *, fresh: bool = True) -> float:
+        """Check after so many seconds; return the share."""
+        moment = self.moment
+        moment.now, moment.seconds, moment.fresh = round(moment.now + seconds, 9), seconds, fresh
+        moment.time = moment.now if fresh else moment.time
+        found = self.monitor.check(self.state, self.reading, self.sent, moment)
+        if found < 0.0:
+            code = int(-found)
+            raise TripError(Trip(code), self.monitor.sentence(code, self.state, self.reading, moment))
+        self.share = found
+        return found
+
+    def forget(self) -> None:
+        """Forget what was measured."""
+        self.monitor.forget(self.state)
 
 
 def record(channels: Sequence[Channel]) -> Record:

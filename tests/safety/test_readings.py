@@ -7,11 +7,11 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from parts import ARM, PLATE, TABLE, record
+from parts import ARM, PLATE, TABLE, Asked
 
+from itouch.monitors import Readings, Trip, TripError
 from itouch.plugin import (
     Channel,
-    Record,
     Role,
     heat_flux,
     measured_wrench,
@@ -22,7 +22,6 @@ from itouch.plugin import (
     skin_temperature,
     temperature,
 )
-from itouch.safety import Trip, TripError, Watch
 from itouch.world.limits import DeviceLimits
 
 ROLES = {
@@ -34,22 +33,19 @@ K0 = 273.15
 TIGHT = DeviceLimits(temperature=(291.15, 308.15))
 
 
-class Watched(Watch):
-    """A watch with its reading at hand."""
-
-    reading: Record
-
-
-def watched(reads: Sequence[Channel], commands: Sequence[Channel] = (), limits: DeviceLimits | None = None) -> Watched:
-    reading = record(reads)
+def watched(reads: Sequence[Channel], commands: Sequence[Channel] = (), limits: DeviceLimits | None = None) -> Asked:
+    asked = Asked(Readings, (tuple(reads), tuple(commands)), limits or DeviceLimits())
     for channel in reads:
-        reading[channel.name] = 300.0 if channel.unit == "K" else 0.0
-    watch = Watched(reads, reading, limits or DeviceLimits(), commands)
-    watch.reading = reading
-    return watch
+        asked.reading[channel.name] = 300.0 if channel.unit == "K" else 0.0
+    return asked
 
 
-def trip_of(watch: Watched, seconds: float = 1e-3) -> tuple[Trip, str] | None:
+def readings_of(watch: Asked) -> Readings:
+    assert isinstance(watch.monitor, Readings)
+    return watch.monitor
+
+
+def trip_of(watch: Asked, seconds: float = 1e-3) -> tuple[Trip, str] | None:
     try:
         watch.check(seconds)
     except TripError as error:
@@ -148,7 +144,7 @@ def test_more_time_lets_it_go_further() -> None:
 
 
 def test_a_surface_goes_at_most_three_times_as_fast_as_it_can() -> None:
-    for commands, room in ((TABLE[1], 0.0029), ((Channel("pose_target", 7, "m"),), 0.0029)):
+    for commands, room in ((TABLE[1], 0.0029), ((Channel("pose_target", 7, "m", role=Role.SURFACE_POSE),), 0.0029)):
         watch = watched(TABLE[0], commands)
         assert trip_of(watch) is None
         watch.reading["pose"][2] = room - 1e-5
@@ -221,7 +217,7 @@ def test_after_forgetting_a_reading_may_be_anywhere_and_recalling_compares_again
     watch.forget()
     assert trip_of(watch) is None
     watch.reading["pose"][0] = 0.5
-    watch.recall()
+    readings_of(watch).recall(watch.state, watch.reading)
     watch.reading["pose"][0] = 1.0
     assert trip_of(watch) is not None
 
@@ -229,19 +225,19 @@ def test_after_forgetting_a_reading_may_be_anywhere_and_recalling_compares_again
 def test_what_is_not_believed_is_put_back() -> None:
     watch = watched(TABLE[0], TABLE[1])
     watch.reading["pose"][:] = (0.01, 0.02, 0.03, 1, 0, 0, 0)
-    watch.put_back()
+    readings_of(watch).put_back(watch.state, watch.reading)
     assert not np.any(watch.reading["pose"])
     watch.reading["pose"][:] = (0.01, 0.02, 0.03, 1, 0, 0, 0)
     assert trip_of(watch) is None
     watch.forget()
     watch.reading["pose"][0] = math.nan
-    watch.put_back()
+    readings_of(watch).put_back(watch.state, watch.reading)
     assert watch.reading["pose"].tolist() == [0.01, 0.02, 0.03, 1, 0, 0, 0]
     watch.reading["pose"][1] = 0.5
-    watch.recall()
+    readings_of(watch).recall(watch.state, watch.reading)
     watch.reading["pose"][1] = 0.0
-    watch.put_back()
-    assert watch.values[:3] == [0.01, 0.5, 0.03]
+    readings_of(watch).put_back(watch.state, watch.reading)
+    assert watch.reading["pose"].tolist()[:3] == [0.01, 0.5, 0.03]
 
 
 @pytest.mark.parametrize(
@@ -259,7 +255,7 @@ def test_what_can_be_worked_with_though_it_may_trip(
     watch = watched([channel])
     for value in good:
         watch.reading[channel.name][-1] = value
-        assert watch.sane()
+        assert readings_of(watch).sane(watch.reading)
     for value in bad:
         watch.reading[channel.name][-1] = value
-        assert not watch.sane()
+        assert not readings_of(watch).sane(watch.reading)

@@ -145,7 +145,7 @@ def test_a_surface_at_the_end_of_its_travel_is_safe() -> None:
     rig = Rig()
     rig.height = rig.table.sent["pose_target"][2] = 0.0009
     rig.load = 0.0
-    rig.table.watch.forget()
+    rig.table.panel.forget()
     rig.table.read(1)
     rig.obey = lambda goal: None
     outcome = rig.stop("arm")
@@ -286,7 +286,7 @@ def test_a_plate_beyond_what_may_ever_be_is_not_safe() -> None:
     for one in rig.all:
         one.disable()
     rig.temperature = 318.5
-    rig.plate.watch.forget()
+    rig.plate.panel.forget()
     outcome = rig.stop("plate", Trip.PLATE_TEMPERATURE)
     assert not outcome.safe
     assert outcome.devices["plate"] == "off, but the plate is at 45.4 degC"
@@ -337,7 +337,7 @@ def test_the_numbers_of_the_sequence() -> None:
     for height, safe in ((0.0009, True), (0.0015, False)):
         rig = Rig()
         rig.height, rig.load = height, 0.0
-        rig.table.watch.forget()
+        rig.table.panel.forget()
         rig.table.read(1)
         rig.obey = lambda goal: None
         assert rig.stop("arm").safe is safe
@@ -352,9 +352,9 @@ def test_a_second_sequence_begins_anew() -> None:
     rig.obey = reversed_drive
     rig.stop("table")
     first = rig.sequence._begun["table"]
-    rig.table.rearm()
+    rig.table.rearm(0)
     rig.height = 0.03
-    rig.table.watch.forget()
+    rig.table.panel.forget()
     rig.table.read(2)
     rig.table.enable()
     rig.obey, rig.ticks = rig.follow, 0

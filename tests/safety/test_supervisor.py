@@ -339,20 +339,20 @@ def test_in_a_fault_nothing_raises_any_more() -> None:
 
 def test_re_arming_needs_a_reading_that_is_believed() -> None:
     rig = Rig().enabled()
-    rig.it.rearm()
+    rig.it.rearm(0)
     assert rig.it.status is Status.ENABLED  # nothing to re-arm
     rig.it.fault(Trip.NOT_A_NUMBER, 5)
     rig.place[0] = math.nan
     with pytest.raises(DeviceError, match=r"device 'it' can't be re-armed: it reads NaN \(pose\)"):
-        rig.it.rearm()
+        rig.it.rearm(0)
     assert rig.it.status is Status.FAULT
     assert rig.it.reading["pose"][0] == 0.0
     rig.device.says = lost
     with pytest.raises(DeviceError, match="it failed: the plug is out"):
-        rig.it.rearm()
+        rig.it.rearm(0)
     rig.device.says = rig.say
     rig.place[0] = 0.5
-    rig.it.rearm()
+    rig.it.rearm(0)
     assert (rig.it.status, rig.it.trip) == (Status.OPEN, Trip.NONE)
     assert rig.state["it.sequence"].item() == 1
     rig.it.command["wrench"][0] = 9.0
@@ -485,7 +485,7 @@ def test_a_surface_retracts_is_kept_held_or_driven_back() -> None:
     assert np.diff(heights).tolist() == pytest.approx([0.0, 0.0, 0.00025, -0.00025])
     rig.state["it.stopped"] = 1
     rig.it.fault(Trip.TRACKING, 3)
-    rig.it.rearm()
+    rig.it.rearm(0)
     assert rig.state["it.stopped"].item() == 0
 
 

@@ -22,7 +22,7 @@ def _check(path: str, rig: str | None, twin: str | None) -> bool:
     import sys
 
     from itouch.plugin.discovery import Catalog
-    from itouch.report.limits import limit_line
+    from itouch.report.limits import limit_lines
     from itouch.scene.loader import in_file_order, read_scene
     from itouch.schema.diagnostics import SceneError, render
     from itouch.session import choose_twins
@@ -48,5 +48,6 @@ def _check(path: str, rig: str | None, twin: str | None) -> bool:
     counts = f"{len(model.objects)} objects, {len(model.devices)} devices, {len(model.modalities)} modalities"
     print(f"{path}: ok ({counts})")
     for device in model.devices.values():
-        print(f"  {limit_line(device)}")
+        for line in limit_lines(device):
+            print(f"  {line}")
     return True

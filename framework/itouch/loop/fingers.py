@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 
 from itouch.loop.rig import ProbeRig
 from itouch.loop.runner import Runner
@@ -32,6 +33,6 @@ def _finger(name: str, devices: Sequence[Runner]) -> Iterator[tuple[Finger, list
     finger = Finger(name, listed)
     for arm in listed:
         if arm in finger.arms:
-            arm.leave_room = lambda finger=finger, arm=arm: finger.leave(arm)  # type: ignore[misc]
+            arm.leave_room = partial(finger.leave, arm)
     if not finger.alone:
         yield finger, listed

@@ -74,10 +74,11 @@ def summary(engine: Engine, open_contacts: list[dict[str, Any]], wall: float) ->
 
 def _dose(engine: Engine, name: str) -> dict[str, Any]:
     """Return the thermal dose that a plate has given in this session, and whether that is much of what it may."""
-    if f"{name}.heat.dose" not in engine.state:
+    runner = next(one for one in engine.runners if one.model.name == name)
+    if not runner.heats:
         return {}
-    dose = float(engine.state[f"{name}.heat.dose"])
-    most = engine.model.devices[name].limits.dose or limits.DOSE
+    dose = sum(float(post.state["dose"]) for post in runner.heats)
+    most = runner.model.limits.dose or limits.DOSE
     much = dose > min(limits.DOSE_WARNING, 0.5 * most)
     told = f"has given {dose / 60.0:.2f} of at most {most / 60.0:g} CEM43 in this session" if much else None
     return {"dose_cem43_min": dose / 60.0, "dose_warning": told}

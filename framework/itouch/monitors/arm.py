@@ -25,6 +25,8 @@ class Arm(Monitor):
         super().__init__(device)
         self._wrench = next(iter(device.obeys(Role.FORCE_ON_OPERATOR)))
         self._force = device.limits.get("force") or 0.0
+        self._all = device.limits.get("finger_force") or default.FORCE
+        self._all_by = device.source("finger_force")
 
     @classmethod
     def of(cls, device: Watched) -> Iterable[Monitor]:
@@ -47,7 +49,7 @@ class Arm(Monitor):
             state["figure"][...] = force
             return -float(Trip.FINGER_FORCE)
         speed = moment.speed
-        if not speed > default.ARM_SPEED:  # or not known: no probe is tracked by it
+        if speed <= default.ARM_SPEED:
             return 1.0
         if not speed <= default.ARM_SPEED_TRIP:
             state["figure"][...] = speed
@@ -68,6 +70,7 @@ class Arm(Monitor):
         most = f"{self._wrench.magnitude:g} N" if self._wrench.magnitude else ""
         return (
             Rule("K1", "force on the finger", f"{self._force:g} N", "", most, self.device.source("force")),
+            Rule("K1", "force of all that pushes on one finger", f"{self._all:g} N", "", "", self._all_by),
             Rule("K2", "speed of the finger", f"forces fade above {default.ARM_SPEED:g} m/s",
                  f"{default.ARM_SPEED_TRIP:g} m/s"),
             Rule("K3", "increase of force", f"{default.FORCE_SLEW:g} N/s"),

@@ -61,7 +61,10 @@ class Heat(Monitor):
         self._dose = limits.get("dose") or default.DOSE
         self._cold = limits.get("cold_time") or default.COLD_TIME
         self._ceilings = [_ceiling(channel, component, limits) for channel, component in self._drives]
-        self._history, self._runaway = History(_COUNTS), Runaway()
+        self._history, self._runaway = (
+            History(_COUNTS),
+            Runaway(follows=all(channel.role is Role.DRIVE for channel, _ in self._drives)),
+        )
 
     @classmethod
     def of(cls, device: Watched) -> Iterable[Monitor]:

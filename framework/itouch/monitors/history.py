@@ -51,7 +51,7 @@ class History:
             passed = time - then
             if passed < _SAME:
                 return False
-            area += 0.5 * (before + value) * passed
+            area += before * passed
             mean += 0.5 * (state["flux"].item() + flux) * passed
         ring[count % SLOTS] = (time, value, area, mean)
         state["flux"][...] = flux

@@ -19,6 +19,8 @@ RUNAWAY_DRIVE, RUNAWAY_TIME, RUNAWAY_STILL, RUNAWAY_WRONG, LAG = 0.5, 2.0, 0.1, 
 DRIFT_DRIVE, DRIFT_TIME, DRIFT = 0.1, 10.0, 10.0
 #: A drive that holds a temperature is at full strength so far [K] from its target.
 FULL_STRENGTH = 10.0
+#: A target below this [K] is none.
+COLDEST_TARGET = 200.0
 #: The extremes of the last two seconds are kept by parts of so many seconds.
 PART, PARTS = 0.1, 24
 
@@ -29,13 +31,20 @@ def drive_of(channel: Channel, sent: float, temperature: float, ceiling: float) 
     A drive that goes both ways cools when it is positive; one that goes one way only is a heater.
     """
     if channel.role is Role.TEMPERATURE_TARGET:
-        return max(-1.0, min(1.0, (temperature - sent) / FULL_STRENGTH))
+        known = sent >= COLDEST_TARGET  # else none was asked for yet
+        return max(-1.0, min(1.0, (temperature - sent) / FULL_STRENGTH)) if known else 0.0
     heater = bool(channel.low) and max(channel.low) >= 0.0
     return -sent / ceiling if heater else sent / ceiling
 
 
 class Runaway:
-    """Compares what a plate reads with how it is driven."""
+    """Compares what a plate reads with how it is driven.
+
+    ``follows``: a strong drive must show; that of a device which controls its temperature itself is not known.
+    """
+
+    def __init__(self, *, follows: bool) -> None:
+        self._follows = follows
 
     def fields(self) -> tuple[Field, ...]:
         """Return the State that it needs."""
@@ -105,8 +114,8 @@ class Runaway:
         if against > RUNAWAY_WRONG:
             state["figure2"][:] = (against, 0.0)
             return -float(Trip.RUNAWAY)
-        alone = moment.now - state["touched_at"].item() >= RUNAWAY_TIME
-        if abs(passed) >= RUNAWAY_TIME + LAG and alone and most - least < RUNAWAY_STILL:
+        alone = moment.now - state["touched_at"].item() >= RUNAWAY_TIME - 1e-9
+        if abs(passed) >= RUNAWAY_TIME - 1e-9 and alone and self._follows and most - least < RUNAWAY_STILL:
             state["figure2"][:] = (0.0, abs(passed))
             return -float(Trip.RUNAWAY)
         return 0.0

@@ -12,7 +12,7 @@ from itouch.monitors import limits as default
 from itouch.monitors.trips import Trip
 from itouch.plugin import Field, Moment, Monitor, Record, Role, Rule, Watched
 
-#: Force [N] that counts as a touch of the plate; gap [m] that does where no force is measured.
+#: Force [N] that counts as a touch of the plate; gap [m] that does, too, once the height is known.
 TOUCH_FORCE, TOUCH_GAP = 0.03, 2e-4
 #: A force [N] that cannot be where the finger is so far [m] from the plate, and for how long [s] it may seem so; wider
 #: before the height is calibrated.
@@ -120,7 +120,7 @@ class Surface(Monitor):
             return 1.0
         passed = moment.now - looked if looked == looked else 0.0
         state["looked"][...] = moment.now
-        touched = load > TOUCH_FORCE if self._load else moment.calibrated and moment.gap < TOUCH_GAP
+        touched = load > TOUCH_FORCE or (moment.calibrated and moment.gap < TOUCH_GAP)
         moment.touched, moment.force = touched, load if self._load else math.nan
         found = self._moves(state, reading, moment) or self._doubt(state, load, passed, moment)
         return found or 1.0
@@ -170,7 +170,7 @@ class Surface(Monitor):
                 state["strayed_for"][...] = 0.0
             return False
         state["strayed_for"][...] = passed = state["strayed_for"].item() + moment.seconds
-        return passed > default.TRACKING_TIME
+        return bool(passed > default.TRACKING_TIME + 1e-9)
 
     def _moves(self, state: Record, reading: Record, moment: Moment) -> float:
         """Trip on a speed, a mean over 50 ms, that no command can have asked for (K5)."""
@@ -224,7 +224,7 @@ class Surface(Monitor):
             state["doubted"][...] = 0.0
             return 0.0
         state["doubted"][...] = doubted = state["doubted"].item() + passed
-        if doubted <= DOUBT_TIME:
+        if doubted <= DOUBT_TIME + 1e-9:
             return 0.0
         state["figure"][:] = (load, moment.gap)
         return -float(Trip.SENSOR_DISAGREE)

@@ -89,7 +89,7 @@ class Moment:
     finger
         Place of the finger in the device's frame [m]; NaN: not known.
     speed
-        Of the finger [m/s]; NaN: not known.
+        Of the finger [m/s]; 0 where it is not known.
     strayed
         Distance [m] of a surface from its command; NaN: not known.
     calibrated
@@ -105,7 +105,7 @@ class Moment:
     force: float = math.nan
     gap: float = math.nan
     finger: tuple[float, float, float] = (math.nan, math.nan, math.nan)
-    speed: float = math.nan
+    speed: float = 0.0
     strayed: float = math.nan
     calibrated: bool = False
 

@@ -1,13 +1,13 @@
-"""The limits in force, in words: what, how much, and who has set it."""
+"""The limits in force, in words: what, how much, and who has set it; made from the rules of the monitors in force."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from itouch.plugin import Rule
 from itouch.world import DeviceModel
-from itouch.world.limits import DEFAULT
-from itouch.world.limitwords import shown
+from itouch.world.supervision import rules
 
 
 class LimitRow(NamedTuple):
@@ -21,12 +21,19 @@ class LimitRow(NamedTuple):
 
 def limit_rows(device: DeviceModel) -> Iterator[LimitRow]:
     """Yield the limits in force for a device."""
-    for name, value in device.limits.table().items():
-        source = device.limits.sources.get(name, DEFAULT)
-        yield LimitRow(device.name, name.replace("_", "-"), shown(name, value), source)
+    for rule in rules(device.monitors):
+        yield LimitRow(device.name, f"{rule.number} {rule.quantity}".lstrip(), in_words(rule), rule.source)
 
 
-def limit_line(device: DeviceModel) -> str:
-    """Return the limits in force for a device as one line."""
-    listed = ", ".join(f"{row.name} {row.value} ({row.source})" for row in limit_rows(device))
-    return f"limits of {device.name}: {listed}"
+def in_words(rule: Rule) -> str:
+    """Say where a rule begins to act, where it stops, and what is never passed."""
+    trip = f"trips at {rule.trip}" if rule.trip else ""
+    never = f"never beyond {rule.absolute}" if rule.absolute else ""
+    return ", ".join(part for part in (rule.limit, trip, never) if part)
+
+
+def limit_lines(device: DeviceModel) -> Iterator[str]:
+    """Yield the limits in force for a device, a line each."""
+    yield f"limits of {device.name}:"
+    for row in limit_rows(device):
+        yield f"  {row.name}: {row.value} ({row.source})"

@@ -9,6 +9,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from itouch.monitors import DeviceFaultError, Surface, Trip
 from itouch.monitors.surface import TOUCH_FORCE
 from itouch.plugin import Role
@@ -121,5 +124,5 @@ def _felt(table: Supervisor) -> float:
     return post.monitor.felt(table.panel.seen) if post is not None and isinstance(post.monitor, Surface) else 0.0
 
 
-def _size(views: Sequence[object]) -> float:
-    return sum(math.hypot(*view[:3].tolist()) for view in views)  # type: ignore[index]
+def _size(views: Sequence[NDArray[np.float64]]) -> float:
+    return sum(math.hypot(*view[:3].tolist()) for view in views)

@@ -13,7 +13,7 @@ import numpy as np
 
 from itouch.monitors import OWN, DeviceFaultError, Ordinary, Readings, Surface, Trip, TripError
 from itouch.plugin import Moment, Monitor, Record
-from itouch.world.model import DeviceModel
+from itouch.world import DeviceModel
 
 #: Longest time [s] between two checks of an open device, also without news.
 CLOCK = 0.010

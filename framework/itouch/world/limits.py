@@ -127,7 +127,7 @@ def resolve(
         values["contact_time"], sources["contact_time"] = _contact_time(scene, before["contact_time"])
     if "speed" in values:
         values["speed_near"] = min(SPEED_NEAR, values["speed"])
-    values["finger_force"] = min(FORCE, scene.safety.force or FORCE)
+    values["finger_force"], sources["finger_force"] = _tightened((FORCE, DEFAULT), list(_asked_of_all(scene, "force")))
     values["ramp"], sources["ramp"] = _ramp(scene, device)
     problems = list(limitcheck.device_problems(scene, device, before, commands))
     return DeviceLimits(**values, sources=sources), problems
@@ -141,6 +141,13 @@ def _asked(scene: Scene, device: DeviceElement, name: str) -> Iterator[Ceiling]:
         wanted = getattr(element, name, None)
         if wanted is not None:
             yield wanted, _said_by(scene, element, name)
+
+
+def _asked_of_all(scene: Scene, name: str) -> Iterator[Ceiling]:
+    """Yield what the scene asks of everything."""
+    wanted = getattr(scene.safety, name)
+    if wanted is not None:
+        yield wanted, _said_by(scene, scene.safety, name)
 
 
 def _said_by(scene: Scene, element: Any, name: str) -> str:

@@ -117,7 +117,7 @@ def trips() -> dict[str, Example]:
                         'engine.state["peltier.heat.dose"] = 119.99  # of 120 s at 43 degC\n'
                         "engine.run(2.5, each=lambda: current.fill(-3.0))  # and heats"),
         "contact-time": _python(_TOUCHED, "engine.run(7.0)\n"
-                                'engine.state["table.contact_time"] = 59.99  # seconds\n'
+                                'engine.state["table.surface.contact_time"] = 59.99  # seconds\n'
                                 "engine.run(1.0)"),
         "sensor-frozen": _driven('kind="freeze" channel="plate_temperature"', 'engine.state["tick"] % 1000 * 2e-3'),
         "runaway": _driven('kind="reversed-sign"', "4.0"),

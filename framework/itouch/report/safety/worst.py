@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from itouch.plugin import Record
+from itouch.plugin import Record, Role
 from itouch.session import Session
 
 #: Temperatures [K] from which dose counts, and at which a second is a second.
@@ -58,8 +58,9 @@ def _values(session: Session) -> dict[str, Value]:
                 found[f"{name}: {what}"] = state[f"{name}.twin.{field_name}"].item
         if f"{name}.twin.true_flux" in state:
             found[f"{name}: flux [W/m²]"] = state[f"{name}.twin.true_flux"].item
-        if "sink_temperature" in {channel.name for channel in device.reads}:
-            found[f"{name}: sink temperature"] = state[f"{name}.sink_temperature"].item
+        for channel in device.reads:
+            if channel.role is Role.HEAT_SINK_TEMPERATURE:
+                found[f"{name}: sink temperature"] = state[f"{name}.{channel.name}"].item
     for probe in session.model.probes:
         found[f"{probe.name}: plate force [N]"] = state[f"{probe.name}.plate_force"].item
         found[f"{probe.name}: force in all [N]"] = state[f"{probe.name}.total_force"].item
