@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from itouch.plugin import HOLD, Channel, current, pose_target, wrench
+from itouch.plugin import HOLD, Channel, current, pose_target, wrench, Role
 from itouch.safety import Guard, Trip, TripError
 from itouch.safety.guard import not_finite
 from itouch.world.limits import DeviceLimits, ceilings
@@ -71,7 +71,7 @@ def test_torques_stay_below_the_ceiling_and_ramp_in() -> None:
 
 
 def test_torques_without_a_ceiling_are_nothing() -> None:
-    channel = Channel("wrench", 6, "N", magnitude=8.0, safe=(0.0,) * 6)
+    channel = Channel("wrench", 6, "N", magnitude=8.0, safe=(0.0,) * 6, role=Role.FORCE_ON_OPERATOR)
     sent = np.zeros(6)
     assert Guard(channel, LIMITS).limit(np.array([0.5, 0, 0, 0.1, 0, -0.1]), sent, 1.0, 1e-3, 1.0) == (1, 0)
     assert sent.tolist() == [0.5, 0, 0, 0, 0, 0]
@@ -182,7 +182,7 @@ def test_current_never_passes_the_hardware_and_is_nothing_without_a_limit() -> N
 
 
 def test_slew_limits_both_ways() -> None:
-    channel = Channel("current", 1, "A", (-5.0,), (5.0,), slew=(100.0,), safe=(0.0,))
+    channel = Channel("current", 1, "A", (-5.0,), (5.0,), slew=(100.0,), safe=(0.0,), role=Role.DRIVE)
     guard, sent = Guard(channel, DeviceLimits(current=5.0)), np.array([1.0])
     assert guard.limit(np.array([3.0]), sent, 1.0, 1e-3, 1.0) == (1, 0)
     assert sent[0] == pytest.approx(1.1)
@@ -193,12 +193,12 @@ def test_slew_limits_both_ways() -> None:
 
 
 def test_a_temperature_target_stays_between_the_limits() -> None:
-    channel = Channel("temperature_target", 1, "K", (250.0,), (400.0,), slew=(1000.0,), safe=HOLD)
+    channel = Channel("temperature_target", 1, "K", (250.0,), (400.0,), slew=(1000.0,), safe=HOLD, role=Role.TEMPERATURE_TARGET)
     limits, sent = DeviceLimits(temperature=(290.0, 310.0)), np.array([300.0])
     for wanted, got, count in ((305.0, 301.0, 1), (300.5, 300.5, 0), (100.0, 299.5, 1), (500.0, 300.5, 1)):
         assert Guard(channel, limits).limit(np.array([wanted]), sent, 1.0, 1e-3, 1.0) == (count, 0)
         assert sent[0] == pytest.approx(got)
-    plain = Channel("temperature_target", 1, "K", safe=HOLD)
+    plain = Channel("temperature_target", 1, "K", safe=HOLD, role=Role.TEMPERATURE_TARGET)
     for wanted, got, count in ((280.0, 288.15, 1), (320.0, 313.15, 1), (300.0, 300.0, 0)):
         assert Guard(plain, DeviceLimits()).limit(np.array([wanted]), sent, 1.0, 1e-3, 1.0) == (count, 0)
         assert sent[0] == got
@@ -256,9 +256,9 @@ def test_retracting_is_downwards_unless_it_is_said() -> None:
 
 
 def test_holding_and_endless_travel_stay() -> None:
-    assert heights(Guard(Channel("pose_target", 7, "m", safe=HOLD), LIMITS), 0.5) == [0.5] * 4
+    assert heights(Guard(Channel("pose_target", 7, "m", safe=HOLD, role=Role.SURFACE_POSE), LIMITS), 0.5) == [0.5] * 4
     endless = pose_target(low=(0, 0, 0), high=(1, 1, 1), speed=0.3)
-    bare = Channel("pose_target", 7, "m", safe=endless.safe)
+    bare = Channel("pose_target", 7, "m", safe=endless.safe, role=Role.SURFACE_POSE)
     assert heights(Guard(bare, LIMITS), 0.5) == [0.5] * 4
 
 
@@ -281,10 +281,10 @@ def test_a_limit_on_one_side_leaves_the_other_endless(side: str) -> None:
 
 
 def test_a_torque_or_current_without_a_ceiling_is_none() -> None:
-    open_wrench = Channel("wrench", 6, "N", low=(-1.0,) * 6, safe=(0.0,) * 6)
+    open_wrench = Channel("wrench", 6, "N", low=(-1.0,) * 6, safe=(0.0,) * 6, role=Role.FORCE_ON_OPERATOR)
     sent = np.zeros(6)
     for share in (1.0, 0.0):
         Guard(open_wrench, LIMITS).limit(np.array([0, 0, 0, 0.5, -0.5, 0.0]), sent, share, 1e-3, 1.0)
         assert not sent.any()
-    assert "current" not in ceilings((), (Channel("current", 1, "A", low=(-1.0,), safe=(0.0,)),))
+    assert "current" not in ceilings((), (Channel("current", 1, "A", low=(-1.0,), safe=(0.0,), role=Role.DRIVE),))
     assert ceilings((), (current(limit=1.5),))["current"][0] == 1.5

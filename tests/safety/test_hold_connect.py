@@ -8,7 +8,7 @@ import time
 import pytest
 from parts import ARM, PERIOD, TABLE, Fake, lost, model, state
 
-from itouch.plugin import Channel, DeviceError, Record
+from itouch.plugin import Channel, DeviceError, Record, Role
 from itouch.safety import DeviceFaultError, Hold, Status, Supervisor, Trip, connect
 
 
@@ -41,12 +41,12 @@ def test_a_word_holds_for_eighty_milliseconds() -> None:
 
 
 def test_a_switch_of_a_device_holds() -> None:
-    switch = Channel("deadman", 1, "")
+    switch = Channel("button", 1, "1", role=Role.DEADMAN)
     data, twins = supervised(("arm", ((*ARM[0], switch), ARM[1])))
     hold = Hold(data, twins, PERIOD, asked=True)
-    twins[0].reading["deadman"][0] = 1.0
+    twins[0].panel.seen["button"][0] = 1.0
     assert hold.held(10**6)
-    twins[0].reading["deadman"][0] = 0.5
+    twins[0].panel.seen["button"][0] = 0.5
     assert not hold.held(10**6)
 
 
@@ -95,7 +95,9 @@ def test_all_that_fail_are_told_together() -> None:
         return True
 
     three.device.says = nonsense
-    assert connect(devices, 0) == {"one": "no power", "two": "OSError", "three": "reads NaN (pose)"}
+    found = connect(devices, 0)
+    assert found.pop("three").startswith("reads NaN (pose) (T8 what its sensors read: trips at not a number,")
+    assert found == {"one": "no power", "two": "OSError"}
     assert four.status is Status.OPEN
 
 

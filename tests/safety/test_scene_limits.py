@@ -187,9 +187,9 @@ def test_a_deleted_tightening_returns_to_the_default_and_check_says_so(
     text = scene.read_text(encoding="utf-8")
     scene.write_text(text.replace('<safety force="3 N"/>', '<safety force="1 N"/>'), encoding="utf-8")
     assert main(["check", str(scene)]) == 0
-    assert f"force 1 N (<safety> at {scene}:" in capsys.readouterr().out
+    assert f"force on the finger: 1 N, never beyond 8 N (<safety> at {scene}:" in capsys.readouterr().out
     scene.write_text(text.replace('<safety force="3 N"/>', ""), encoding="utf-8")
     rig = scenes / "rigs" / "twin.xml"
     rig.write_text(rig.read_text(encoding="utf-8").replace('<limits force="3 N"/>', ""), encoding="utf-8")
     assert main(["check", str(scene)]) == 0
-    assert "force 3 N (the default)" in capsys.readouterr().out
+    assert "force on the finger: 3 N, never beyond 8 N (the default)" in capsys.readouterr().out

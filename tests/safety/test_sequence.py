@@ -272,7 +272,7 @@ def test_without_a_force_sensor_the_finger_is_taken_to_leave() -> None:
 
 
 def test_a_surface_without_ends_retracts_nowhere() -> None:
-    endless = Channel("pose_target", 7, "m", safe=TABLE[1][0].safe)
+    endless = Channel("pose_target", 7, "m", safe=TABLE[1][0].safe, role=TABLE[1][0].role)
     rig = Rig(table=(TABLE[0], (endless,)))
     rig.load = 0.0
     rig.obey = lambda goal: None

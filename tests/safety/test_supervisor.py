@@ -51,6 +51,9 @@ def test_a_device_is_opened_enabled_disabled_and_closed_once() -> None:
     assert (it.status, it.enabled, it.trip) == (Status.CLOSED, False, Trip.NONE)
     it.open()
     assert (it.status, it.enabled) == (Status.OPEN, False)
+    with pytest.raises(DeviceError, match="has not read anything yet: nothing could watch what it does"):
+        it.enable()
+    it.read(0)
     it.enable()
     assert (it.status, it.enabled) == (Status.ENABLED, True)
     it.disable()
@@ -90,6 +93,7 @@ def test_closed_nothing_open_only_what_is_safe_enabled_what_is_asked() -> None:
     rig.it.open()
     rig.it.write(0)
     assert rig.last() == [0.0] * 6
+    rig.it.read(1)
     rig.it.enable()
     rig.it.write(1)
     assert rig.last() == [0.0] * 6  # what was asked for before it was enabled is forgotten
@@ -117,6 +121,7 @@ def test_commands_are_limited_counted_and_dropped() -> None:
 def test_enabling_begins_with_what_is_safe() -> None:
     rig = Rig()
     rig.it.open()
+    rig.it.read(0)
     rig.it.sent["wrench"][0] = rig.it.command["wrench"][0] = 2.0
     rig.it.enable()
     assert not np.any(rig.it.sent["wrench"])
@@ -169,15 +174,19 @@ def test_after_re_arming_a_second_of_ramp() -> None:
 
 def test_fading_and_heat_cut_down_what_is_sent() -> None:
     rig = Rig().enabled()
-    rig.it.fade = 0.1
+    rig.it.panel.moment.speed = 1.16  # K2 leaves a tenth
+    rig.it.watch_placed(0)
     rig.it.command["wrench"][0] = 3.0
     rig.it.write(0)
     assert rig.last()[0] == pytest.approx(0.3)
     plate = Rig(PLATE).enabled()
-    plate.state["it.heat.share"] = 0.25
+    plate = Rig(PLATE)
+    plate.temperature = 314.65  # T1 leaves a quarter
+    plate.enabled()
+    assert plate.state["it.heat.share"].item() == pytest.approx(0.25)
     plate.it.command["current"][0] = 2.0
     plate.it.write(0)
-    assert plate.last("current") == [0.5]
+    assert plate.last("current") == pytest.approx([0.5])
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
@@ -217,7 +226,7 @@ def test_heat_is_checked_every_ten_milliseconds() -> None:
     for tick in range(1, 31):
         slow.it.read(tick)
     assert slow.state["it.sequence"].item() == 7
-    assert slow.state["it.heat.samples"].item() == 4
+    assert slow.state["it.heat.samples"].item() == 7  # each of its readings
 
 
 @pytest.mark.parametrize(
@@ -364,10 +373,33 @@ def test_re_arming_needs_a_reading_that_is_believed() -> None:
 def test_a_used_up_dose_is_not_given_back() -> None:
     rig = Rig(PLATE).enabled()
     rig.it.fault(Trip.DOSE, 5)
-    for act in (rig.it.rearm, rig.it.reconnect):
+    rig.state["it.heat.dose"] = 120.1
+    for act in (lambda: rig.it.rearm(6), rig.it.reconnect):
         with pytest.raises(DeviceError, match="has given the whole thermal dose of a session"):
             act()
     assert rig.it.status is Status.FAULT
+    rig.state["it.trip"], rig.state["it.status"] = 0, int(Status.OPEN)  # as whatever way back to enabling may leave it
+    with pytest.raises(DeviceError, match="has given the whole thermal dose of a session"):
+        rig.it.enable()
+
+
+def test_a_latched_trip_refuses_to_be_enabled() -> None:
+    rig = Rig(PLATE).enabled()
+    rig.it.fault(Trip.FLUX, 5)
+    rig.state["it.status"] = int(Status.OPEN)
+    with pytest.raises(DeviceError, match="was stopped by flux: it must be re-armed first"):
+        rig.it.enable()
+
+
+def test_re_arming_is_bounded() -> None:
+    rig = Rig(PLATE).enabled()
+    for tick in range(5):
+        rig.it.fault(Trip.FLUX, tick)
+        rig.it.rearm(tick)
+    rig.it.fault(Trip.FLUX, 6)
+    with pytest.raises(DeviceError, match=r"was re-armed 5 times within a minute: find out why it stops, and wait 60 s"):
+        rig.it.rearm(6)
+    rig.it.rearm(60_000)
 
 
 def test_reconnecting_begins_anew_and_sends_nothing_old() -> None:
@@ -534,19 +566,21 @@ def test_starting_anew_forgets_the_last_trip() -> None:
     rig = Rig(PLATE).enabled()
     rig.it.fault(Trip.FLUX, 5)
     rig.state["it.heat.share"] = 0.0
+    rig.state["it.rearmed"] = 3
     rig.it.reset()
+    assert set(rig.state["it.rearmed"].tolist()) == {-1}
     assert rig.state["it.tripped"].item() == -1
     assert rig.state["it.heat.share"].item() == 1.0
-    assert rig.it.watch.last == []
+    assert rig.state["it.readings.known"].item() == 0
 
 
 def test_the_trip_has_a_name_in_reports() -> None:
     assert Trip.NOT_A_NUMBER.label == "not-a-number"
-    assert len({trip.label for trip in Trip}) == len(Trip) == 23
-    assert [int(trip) for trip in Trip] == list(range(23))
+    assert len({trip.label for trip in Trip}) == len(Trip) == 27
+    assert [int(trip) for trip in Trip] == list(range(27))
 
 
 def test_at_first_nothing_may_approach_and_the_whole_force_is_let_through() -> None:
     one = model(TABLE)
     it = Supervisor(one, state(one), PERIOD)
-    assert (it.closing, it.fade, it.keeping, it.on_loss) == (0.0, 1.0, False, None)
+    assert (it.closing, it.panel.share, it.keeping, it.on_loss) == (0.0, 1.0, False, None)

@@ -43,7 +43,7 @@ class Guard:
             Role.TEMPERATURE_TARGET: self._temperature,
         }  # fmt: skip
         self._apply = kinds.get(channel.role, self._drive if channel.role in HURTING else self._plain)
-        self._top = limits.current if channel.role is Role.DRIVE and channel.unit == "A" else None
+        self._top = limits.current or 0.0 if channel.role is Role.DRIVE and channel.unit == "A" else None
 
     def limit(
         self, wanted: Floats, sent: Floats, share: float, period: float, closing: float, room: float = math.inf

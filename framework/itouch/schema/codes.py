@@ -83,7 +83,7 @@ DEVICES = (
     Code("missing-role", "a command in A, V, W, K, N or Pa does not say what it is for", "write its role"),
     Code("harmless-refused", "a temperature, electrode or ultrasound drive is called harmless",
          "remove `harmless`; bring a monitor"),
-    Code("monitor-failed", "a monitor that a distribution offers cannot be loaded", "remove or repair the distribution"),
+    Code("monitor-failed", "a monitor that a distribution offers cannot be loaded", "remove or repair it"),
     Code("fault-on-hardware", "a `<fault>` of a device that is not a twin", "remove it, or run with `--twin all`"),
     Code("out-of-reach", "warning: the table cannot carry a surface to an object", "move the object or the table"),
 )  # fmt: skip
