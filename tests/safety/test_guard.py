@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from itouch.plugin import HOLD, Channel, current, pose_target, wrench, Role
+from itouch.plugin import HOLD, Channel, Role, current, pose_target, wrench
 from itouch.safety import Guard, Trip, TripError
 from itouch.safety.guard import not_finite
 from itouch.world.limits import DeviceLimits, ceilings
@@ -193,7 +193,9 @@ def test_slew_limits_both_ways() -> None:
 
 
 def test_a_temperature_target_stays_between_the_limits() -> None:
-    channel = Channel("temperature_target", 1, "K", (250.0,), (400.0,), slew=(1000.0,), safe=HOLD, role=Role.TEMPERATURE_TARGET)
+    channel = Channel(
+        "temperature_target", 1, "K", (250.0,), (400.0,), slew=(1000.0,), safe=HOLD, role=Role.TEMPERATURE_TARGET
+    )
     limits, sent = DeviceLimits(temperature=(290.0, 310.0)), np.array([300.0])
     for wanted, got, count in ((305.0, 301.0, 1), (300.5, 300.5, 0), (100.0, 299.5, 1), (500.0, 300.5, 1)):
         assert Guard(channel, limits).limit(np.array([wanted]), sent, 1.0, 1e-3, 1.0) == (count, 0)

@@ -397,7 +397,9 @@ def test_re_arming_is_bounded() -> None:
         rig.it.fault(Trip.FLUX, tick)
         rig.it.rearm(tick)
     rig.it.fault(Trip.FLUX, 6)
-    with pytest.raises(DeviceError, match=r"was re-armed 5 times within a minute: find out why it stops, and wait 60 s"):
+    with pytest.raises(
+        DeviceError, match=r"was re-armed 5 times within a minute: find out why it stops, and wait 60 s"
+    ):
         rig.it.rearm(6)
     rig.it.rearm(60_000)
 

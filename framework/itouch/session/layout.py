@@ -66,6 +66,34 @@ def _maps(old: np.dtype[Any], new: np.dtype[Any]) -> bool:
     return same and plain and np.can_cast(old.base, new.base, "safe")
 
 
+#: What monitors had under other names before version 1.2: moved, or begun anew (None) because it was counted in checks.
+_MONITORS: dict[str, str | None] = {
+    "contact_time": "surface.contact_time", "withdrawn": "surface.withdrawn", "strayed": None, "doubted": None,
+    "near_since": None, "compared": None, "tracked": None, "track": None, "heat.touched": None, "heat.samples": None,
+    "heat.temperatures": None, "heat.fluxes": None, "heat.driven_from": None,
+}  # fmt: skip
+
+
+def _renamed(stored: NDArray[Any], state: Record) -> NDArray[Any]:
+    """Return a stored State with the monitors' fields named as they are now."""
+    fields: Mapping[str, Any] = stored.dtype.fields or {}
+    names: dict[str, str | None] = {}
+    for name in fields:
+        device, _, rest = name.partition(".")
+        if rest in _MONITORS and f"{device}.{rest}" not in state:
+            moved = _MONITORS[rest]
+            names[name] = f"{device}.{moved}" if moved is not None else None
+        elif rest == "heat.samples" and f"{device}.heat.temperatures" in fields:
+            names[name] = None
+    if not names:
+        return stored
+    kept = [(names.get(name, name) or "", kind[0], name) for name, kind in fields.items() if names.get(name, name)]
+    found = np.zeros(1, np.dtype([(new, kind) for new, kind, _ in kept]))
+    for new, _, name in kept:
+        found[new] = stored[name]
+    return found
+
+
 def adopt(stored: NDArray[Any], state: Record, versions: Mapping[str, str]) -> tuple[bytes, list[str]]:
     """Return the stored State in this program's layout, and what is said about it.
 
@@ -85,6 +113,7 @@ def adopt(stored: NDArray[Any], state: Record, versions: Mapping[str, str]) -> t
     """
     if stored.dtype == state.dtype:
         return stored.tobytes(), []
+    stored = _renamed(stored, state)
     difference = compare(stored.dtype, state.dtype)
     listed = "\n".join(difference.lines())
     written = ", ".join(f"{name} {version}" for name, version in versions.items())
