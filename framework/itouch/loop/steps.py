@@ -172,7 +172,7 @@ def share(finger: Finger, devices: Sequence[Runner]) -> Step:
         f"{name}.{field}" for name in names for field in ("heat.*", "sent.*", "touched", "status", "surface.*")
     )
     written = tuple(f"{name}.surface.*" for name in names)
-    return Step(f"finger {finger.name}", lambda tick, ready: finger.check(tick), reads, written)
+    return Step(f"together {finger.name}", lambda tick, ready: finger.check(tick), reads, written)
 
 
 def hold(switch: Hold) -> Step:
