@@ -96,6 +96,14 @@ def _run_timed(entries: Any, words: Any, begin: int, stamps: Any, first: int, cl
     return -1
 
 
+@nogil_kernel
+def _repeat(entries: Any, words: Any, rounds: int) -> None:
+    """Run all calls again and again, whatever they return."""
+    for _ in range(rounds):
+        for i in range(entries.shape[0]):
+            _call(entries[i], words[i])
+
+
 class Call(Protocol):
     """A compiled function, and the arguments that it is always called with."""
 
@@ -121,6 +129,10 @@ class Chain:
     def run(self, begin: int = 0) -> int:
         """Run the calls from ``begin`` on; return -1, or where one wants Python: its index * 2**32 + its code."""
         return _run(self._entries, self._blocks, begin)
+
+    def repeat(self, rounds: int) -> None:
+        """Run all calls so many times in one compiled loop, whatever they return: for measurements."""
+        _repeat(self._entries, self._blocks, rounds)
 
     def run_timed(self, stamps: NDArray[np.float64], first: int, begin: int = 0) -> int:
         """Do what ``run`` does, and write the host time [s] after call i to ``stamps[first + i]``."""

@@ -51,6 +51,11 @@ class Plan:
         """The names of the steps, those together that are one call from Python."""
         return tuple(tuple(step.name for step in piece.steps) for piece in self._pieces)
 
+    @property
+    def chains(self) -> tuple[Chain, ...]:
+        """The calls of joined steps."""
+        return tuple(piece.chain for piece in self._pieces if isinstance(piece, _Joined))
+
     def run(self, tick: int, ready: bool) -> None:
         """Run all steps of a tick; ``ready``: the rig is calibrated, and scripts go on."""
         for work in self._works:
@@ -79,8 +84,8 @@ class _Joined:
 
     def __init__(self, listed: Sequence[Step], first: int) -> None:
         self.steps, self._mark = tuple(listed), 1 + first
-        self._chain = Chain([step.bound for step in listed if step.bound is not None])
-        self._run = self._chain.run
+        self.chain = Chain([step.bound for step in listed if step.bound is not None])
+        self._run = self.chain.run
         self._answers = [step.answer for step in listed]
 
     def work(self, tick: int, ready: bool) -> None:
@@ -91,11 +96,11 @@ class _Joined:
 
     def run_timed(self, tick: int, ready: bool, stamps: Stamps) -> None:
         """Run the steps, and note when each was over, by the same clock."""
-        found = self._chain.run_timed(stamps, self._mark)
+        found = self.chain.run_timed(stamps, self._mark)
         while found >= 0:
             begin = self._answered(found, tick, ready)
             stamps[self._mark + begin - 1] = now()
-            found = self._chain.run_timed(stamps, self._mark, begin)
+            found = self.chain.run_timed(stamps, self._mark, begin)
 
     def _answered(self, found: int, tick: int, ready: bool) -> int:
         """Do what a step has left to Python, and return the index of the next one."""

@@ -1,0 +1,173 @@
+"""``itouch-py bench tick``: what a tick in contact costs, how far that is from its compiled part, and how it grows.
+
+All figures are of one process on twins; a busy machine shows in p99 first.  Compare two commits on one machine only,
+in turns.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.loop.clock import now
+from itouch.loop.plan import Plan
+from itouch.loop.step import Step
+from itouch.plugin.discovery import Catalog
+from itouch.scene import Scene, loads
+from itouch.session import Session, build, load_scene
+
+#: How many probes, objects and devices are counted through.
+PROBES, OBJECTS, DEVICES = (1, 2, 4, 8), (1, 10, 100, 1000), (1, 2, 5, 10)
+#: The longest search for a contact [simulated s].
+SEARCH = 60.0
+
+_BOX = '<box name="box{0}" size="9 9 20 mm" pos="{1} {2} 10 mm" material="wood"/>'
+_PROBE = (
+    '<probe name="finger{0}" radius="8 mm" pose-from="arm{0}" force-to="arm{0}"/><operator probe="finger{0}"><motion>'
+    '<to pos="0 0 40 mm" in="0.05 s"/><to pos="0 0 24 mm" in="0.2 s" hold="3600 s"/></motion></operator>'
+)
+
+
+def scene_of(probes: int = 1, objects: int = 1, devices: int = 1) -> Scene:
+    """Return a scene of arms: so many lead fingers that rest on a box, the others idle; the other boxes stand by."""
+    aside = [(20.0 * (i % 32), 20.0 * (i // 32)) for i in range(objects)]
+    boxes = "".join(_BOX.format(i, f"{x:g}", f"{y:g}") for i, (x, y) in enumerate(aside))
+    arms = "".join(f'<device name="arm{i}" plugin="usb-arm"/>' for i in range(max(probes, devices)))
+    fingers = "".join(_PROBE.format(i) for i in range(probes))
+    text = (
+        '<itouch version="1.0"><materials><material name="wood"><contact stiffness="1.2 N/mm" damping="2 N*s/m" '
+        f'static-friction="0.4"/></material></materials><world>{boxes}</world><devices>{arms}</devices>'
+        f"<interaction>{fingers}</interaction></itouch>"
+    )
+    return loads(text.encode(), Catalog(), shown="bench-tick.xml")
+
+
+def in_contact(session: Session) -> bool:
+    """Run until a finger touches; return whether one does."""
+
+    def touched() -> bool:
+        return any(int(session.state[f"{probe.name}.contact.object"]) >= 0 for probe in session.model.probes)
+
+    session.records = False
+    session.run(SEARCH, until=touched)
+    if not touched():
+        return False
+    session.run(0.05)
+    return True
+
+
+def durations(session: Session, ticks: int) -> NDArray[np.float64]:
+    """Return how long each of so many ticks took [s], shape (ticks,)."""
+    spent, tick = np.empty(ticks), session.tick
+    for index in range(ticks):
+        begin = now()
+        tick()
+        spent[index] = now() - begin
+    return spent
+
+
+def _spent(plan: Plan, session: Session, ticks: int) -> NDArray[np.float64]:
+    """Return how long a plan took in each of so many ticks [s]; the State is put back."""
+    kept, spent = session.state.tobytes(), np.empty(ticks)
+    for index in range(ticks):
+        tick = int(session.state["tick"])
+        begin = now()
+        plan.run(tick, True)
+        spent[index] = now() - begin
+        session.state["tick"] = tick + 1
+    session.adopt(kept)
+    return spent
+
+
+def compiled_part(session: Session, rounds: int) -> float:
+    """Return what the joined steps take in one compiled loop [s]: the best of some, the State is put back."""
+    kept, found = session.state.tobytes(), []
+    for _ in range(5):
+        begin = now()
+        for chain in session.plan.chains:
+            chain.repeat(rounds)
+        found.append((now() - begin) / rounds)
+    session.adopt(kept)
+    return min(found)
+
+
+def cost_of_a_split(session: Session, ticks: int) -> float:
+    """Return what a step in plain Python that does nothing costs where it splits the plan [s], by medians in turns."""
+    steps = list(session.plan.steps)
+    inside = next((names for names in session.plan.pieces if len(names) > 1), None)
+    at = session.plan.names.index(inside[1]) if inside is not None else len(steps)
+    nothing = Step("nothing", lambda tick, ready: None)
+    plans = [Plan(steps, session.state), Plan([*steps[:at], nothing, *steps[at:]], session.state)]
+    found = np.array([[float(np.median(_spent(plan, session, ticks))) for plan in plans] for _ in range(5)])
+    return float(np.median(found[:, 1] - found[:, 0]))
+
+
+def measure(scene: Scene, ticks: int) -> dict[str, Any]:
+    """Return the figures of a scene [us].
+
+    Raises
+    ------
+    ValueError
+        If nothing is touched in it.
+    """
+    session = build(scene, twin="all")
+    if not in_contact(session):
+        raise ValueError(f"nothing is touched in {SEARCH:g} s of '{scene.source}': bench a scene with a touch")
+    spent = durations(session, ticks) * 1e6
+    p50, p99 = (float(np.percentile(spent, percent)) for percent in (50, 99))
+    return {
+        "scene": scene.source,
+        "ticks": ticks,
+        "tick_us": {"p50": p50, "p99": p99, "mean": float(spent.mean())},
+        "real_time": session.model.period * 1e6 / float(spent.mean()),
+        "steps": len(session.plan.steps),
+        "joined_steps": sum(step.bound is not None for step in session.plan.steps),
+        "calls": len(session.plan.pieces),
+        "compiled_us": compiled_part(session, 1000) * 1e6,
+        "split_us": cost_of_a_split(session, min(ticks, 400)) * 1e6,
+    }
+
+
+def growth(ticks: int) -> Iterator[dict[str, Any]]:
+    """Yield p50 of a tick [us] by the number of probes, objects and devices."""
+    for name, counts in (("probes", PROBES), ("objects", OBJECTS), ("devices", DEVICES)):
+        for count in counts:
+            session = build(scene_of(**{name: count}))
+            in_contact(session)
+            yield {"of": name, "count": count, "p50_us": float(np.median(durations(session, ticks))) * 1e6}
+
+
+def main(argv: Sequence[str]) -> int:
+    """Measure what a tick costs in contact, on twins."""
+    parser = argparse.ArgumentParser(prog="itouch-py bench tick", description=main.__doc__)
+    parser.add_argument("--scene", metavar="FILE", help="a scene with a touch; default: a finger on a box")
+    parser.add_argument("--ticks", type=int, default=4000, metavar="N", help="how many are measured (default 4000)")
+    parser.add_argument("--growth", action="store_true", help="also by numbers of probes, objects and devices")
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    options = parser.parse_args(argv)
+    scene = load_scene(options.scene) if options.scene else scene_of()
+    try:
+        found = measure(scene, max(10, options.ticks))
+    except ValueError as error:
+        parser.error(str(error))
+    found["growth"] = list(growth(min(options.ticks, 2000))) if options.growth else []
+    print(json.dumps(found, indent=1) if options.json else "\n".join(_text(found)))
+    return 0
+
+
+def _text(found: dict[str, Any]) -> Iterator[str]:
+    tick = found["tick_us"]
+    yield f"{found['scene']}: {found['ticks']} ticks in contact, on twins, this machine"
+    yield f"  tick            p50 {tick['p50']:.1f} us, p99 {tick['p99']:.1f} us: {found['real_time']:.0f} x real time"
+    joined = f"{found['joined_steps']} of them compiled"
+    yield f"  plan            {found['steps']} steps, {joined}, in {found['calls']} calls from Python"
+    times = tick["p50"] / found["compiled_us"] if found["compiled_us"] else float("inf")
+    yield f"  compiled steps  {found['compiled_us']:.2f} us in one compiled loop; a tick is {times:.1f} x that"
+    yield f"  a Python step   that splits the plan and does nothing costs {found['split_us']:.2f} us"
+    for row in found["growth"]:
+        yield f"  {row['count']:>5} {row['of']:<9} p50 {row['p50_us']:.1f} us"

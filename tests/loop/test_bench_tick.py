@@ -1,0 +1,42 @@
+"""``bench tick``: its figures are there and belong together, and measuring leaves a session as it was."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from shipped import SCENES
+
+from itouch.bench import tick
+from itouch.cli import main
+from itouch.session import build
+
+
+def test_the_command_prints_its_figures(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "tick", "--ticks", "60", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert 0.0 < found["compiled_us"] < found["tick_us"]["p50"] <= found["tick_us"]["p99"]
+    assert 0 < found["joined_steps"] < found["steps"]
+    assert main(["bench", "tick", "--ticks", "30"]) == 0
+    assert "compiled steps" in capsys.readouterr().out
+
+
+def test_measuring_a_part_puts_the_state_back() -> None:
+    session = build(tick.scene_of(probes=2, devices=3))
+    assert tick.in_contact(session)
+    before = session.state.tobytes()
+    assert tick.compiled_part(session, 20) > 0.0
+    assert isinstance(tick.cost_of_a_split(session, 20), float)
+    assert session.state.tobytes() == before
+    session.close()
+
+
+def test_a_scene_without_a_touch_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tick, "SEARCH", 0.01)
+    with pytest.raises(SystemExit):
+        main(["bench", "tick", "--scene", str(SCENES / "first_touch.xml")])
+
+
+def test_the_scenes_have_what_they_count() -> None:
+    scene = tick.scene_of(probes=2, objects=40, devices=5)
+    assert (len(scene.probes), len(scene.objects), len(scene.devices)) == (2, 40, 5)
