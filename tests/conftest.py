@@ -17,10 +17,15 @@ from forms import (  # noqa: F401  - hooks
     pytest_testnodedown,
 )
 from forms import pytest_collection_modifyitems as _choose
+from hypothesis import HealthCheck, settings
 from shipped import SCENES
 
+# a machine may be busy with other work: how long an example takes says nothing
+settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=True)
+settings.load_profile("any machine")
+
 #: The files that take longest, longest first: a worker that began one of them last would be waited for.
-LONGEST = ("test_matrix", "test_restore", "test_live_window", "test_deaths", "test_calibration_attacks")
+LONGEST = ("test_matrix", "test_random_meshes", "test_restore", "test_live_window", "test_deaths", "test_device_suite")
 
 
 @pytest.hookimpl(tryfirst=True)  # before the groups are read

@@ -116,7 +116,7 @@ def test_equal_seeds_give_equal_bytes_and_other_seeds_other_noise() -> None:
     assert runs[0] != runs[2]
 
 
-@pytest.mark.parametrize("stop", [77, 2741, 8123])
+@pytest.mark.parametrize("stop", [2741, *(pytest.param(stop, marks=pytest.mark.long) for stop in (77, 8123))])
 def test_a_saved_run_goes_on_in_a_new_process_to_the_same_bytes(tmp_path: Path, stop: int) -> None:
     straight = itouch.build(SCENE, seed=5)
     straight.run(10.5)

@@ -160,6 +160,7 @@ def test_view_says_what_is_missing(screen):
         assert handle.running
 
 
+@pytest.mark.long
 def test_a_killed_or_frozen_viewer_is_not_waited_for(screen, monkeypatch):
     monkeypatch.setenv("DISPLAY", screen["DISPLAY"])
     rows = viewer_servo.measure(0.3, 1, 4000)

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from campaign import seeds
 
 from itouch_thermal import bench_display
 from itouch_thermal.display import DisplayParams, Mismatch
@@ -30,7 +31,7 @@ def rendered(material, controller="model", plant=None, seconds=3.0, **kwargs):
 
 
 @pytest.mark.parametrize("material", [DENSE, FOAM, LIGHT], ids=["dense", "foam", "light"])
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", seeds(1, 3, first=1))
 def test_model_follows_on_the_nominal_plant(material, seed):
     run = rendered(material, seconds=10.0, seed=seed)
     assert rms(run) <= 0.3
@@ -38,7 +39,9 @@ def test_model_follows_on_the_nominal_plant(material, seed):
     assert skin_error(run, 0.3) <= 0.02
 
 
-@pytest.mark.parametrize("corner", [0, 5, 10, 15])
+@pytest.mark.parametrize(
+    "corner", [0, pytest.param(5, marks=pytest.mark.long), 10, pytest.param(15, marks=pytest.mark.long)]
+)
 def test_model_follows_in_the_corners(corner):
     plant = DisplayParams(mismatch=corners()[corner])
     dense = rendered(DENSE, plant=plant)
@@ -183,6 +186,7 @@ def test_a_plant_from_a_file(tmp_path, capsys):
     assert row["rms_pct"] == pytest.approx(2.0, abs=0.4)
 
 
+@pytest.mark.long
 def test_every_promise_holds_on_materials_that_nobody_knows(capsys, tmp_path):
     file = tmp_path / "table.json"
     argv = ["--table", "--quick", "--materials", "gneiss:2.4:810:2650,felt:0.043:1350:110", "--json", str(file)]
