@@ -107,7 +107,7 @@ def batch(
     if hardware:
         raise ValueError(f"a batch runs on twins; '{hardware[0]}' is real: build the scene with twin='all'")
     job, wanted = _Job(model, catalog, until, collect), [int(seed) for seed in seeds]
-    count = min(len(wanted), workers or _cores())
+    count = min(len(wanted), workers or cores())
     if count <= 1 or "fork" not in multiprocessing.get_all_start_methods():
         return [job.run(seed) for seed in wanted]
     return _forked(job, model, catalog, wanted, count)
@@ -120,5 +120,6 @@ def _forked(job: _Job, model: Model, catalog: Catalog, seeds: Sequence[int], cou
         return pool.map(_work, seeds, chunksize=1)
 
 
-def _cores() -> int:
+def cores() -> int:
+    """Return how many cores this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

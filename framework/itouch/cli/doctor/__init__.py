@@ -17,6 +17,8 @@ def main(argv: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog="itouch-py doctor", description=main.__doc__)
     parser.add_argument("--measure", type=seconds, metavar="10s",
                         help="run the loop for this long, idle and then beside a load, and judge by that")  # fmt: skip
+    parser.add_argument("--rates", nargs="?", const="", metavar="SCENE",
+                        help="which rate of the loop this machine holds for a scene on twins")  # fmt: skip
     parser.add_argument("--clear-kept", action="store_true",
                         help="remove kept kernels, results and meshes; the next start makes them")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print JSON")
@@ -26,6 +28,8 @@ def main(argv: Sequence[str]) -> int:
 
         print(clear_kept())
         return 0
+    if options.rates is not None:
+        return _rates(options.rates, options.measure or 5.0, as_json=options.json)
     from itouch.cli.doctor.checks import examine
     from itouch.cli.doctor.verdict import judge, measure
 
@@ -49,4 +53,23 @@ def main(argv: Sequence[str]) -> int:
     for row in measured or ():
         print(f"loop, {row.load:<10}    {row.sentence()}")
     print(f"\n{verdict.sentence}")
+    return 0
+
+
+def _rates(path: str, each: float, *, as_json: bool) -> int:
+    """Measure which rates are held, each for some seconds."""
+    from itouch.bench.loop import bench_scene
+    from itouch.cli.doctor.rates import best, rates
+    from itouch.session import load_scene
+
+    found = []
+    for row in rates(load_scene(path, twin="all") if path else bench_scene(), each):
+        found.append(row)
+        if not as_json:
+            print(row.sentence(), flush=True)
+    if as_json:
+        rows = [{**asdict(row), "held": row.held} for row in found]
+        print(json.dumps({"rates": rows, "verdict": best(found)}, indent=1))
+    else:
+        print(f"\n{best(found)}")
     return 0

@@ -1,0 +1,77 @@
+"""``doctor --rates`` judges what it has measured, and ``bench batch`` prints figures that belong together."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from shipped import SCENES
+
+from itouch.bench import batch as bench
+from itouch.cli import main
+from itouch.cli.doctor import rates
+from itouch.cli.doctor.rates import Held
+from itouch.loop.timing import WAKE_UP, Timing
+from itouch.plugin.discovery import Catalog
+from itouch.session import load_scene
+from itouch.world import Model
+
+FIRST = SCENES / "first_touch.xml"
+GOOD = Held(1000.0, 20_000, 60.0, 90.0, 2, 20, 0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "held"),
+    [
+        ({}, True),
+        ({"overruns_own": 3}, False),
+        ({"overruns_late": 21}, False),
+        ({"skipped": 1}, False),
+        ({"ticks": 0}, False),
+        ({"problem": "does not divide"}, False),
+    ],
+)
+def test_a_rate_is_held_only_if_nearly_no_tick_overran(changes: dict[str, Any], held: bool) -> None:
+    row = replace(GOOD, **changes)
+    assert row.held is held
+    assert ("NOT held" in row.sentence()) is (not held and not row.problem)
+
+
+def test_the_fastest_rate_that_is_held_is_named() -> None:
+    rows = [GOOD, replace(GOOD, rate_hz=2000.0), replace(GOOD, rate_hz=4000.0, overruns_own=50)]
+    assert rates.best(rows) == "this machine holds 2000 Hz for this scene"
+    assert rates.best(rows[2:]) == "this machine holds none of these rates"
+
+
+def test_each_rate_is_run_and_a_modality_that_does_not_divide_it_is_told(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = []
+
+    def run(scene: Any, seconds: float, *, realtime: bool) -> Timing:
+        asked.append((scene.rates.servo, seconds, realtime))
+        Model.of(scene, Catalog())  # what a servo process does first
+        times = Timing(["a", "b"])
+        for _ in range(1000):
+            times.add([0.0, 1e-5, 3e-5])
+        times.record["overruns"][...], times.record["culprits"][:2] = 5, (1, 4)
+        return times
+
+    monkeypatch.setattr(rates, "in_process", run)
+    assert main(["doctor", "--rates", str(FIRST), "--measure", "2s", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert asked == [(1000.0, 2.0, True), (2000.0, 2.0, True), (4000.0, 2.0, True)]
+    assert [(row["overruns_late"], row["overruns_own"]) for row in found["rates"]] == [(1, 4)] * 3
+    assert found["verdict"] == "this machine holds none of these rates"
+    assert WAKE_UP == "wake-up"
+
+
+def test_a_batch_is_measured_beside_plain_loops() -> None:
+    catalog = Catalog()
+    model = Model.of(load_scene(FIRST, catalog=catalog), catalog)
+    found = bench.measure(model, 1, 0.02, rounds=20_000)
+    assert found["cores"] >= 1
+    assert found["gain"] == pytest.approx(found["sessions_per_s"]["all"] / found["sessions_per_s"]["one"])
+    assert found["share_of_that"] == pytest.approx(found["gain"] / found["gain_of_plain_loops"])
