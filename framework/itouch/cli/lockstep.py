@@ -97,6 +97,7 @@ class Lockstep:
         self.host = prepare(scene, seed=seed, twin="none", rig=rig)
         self.rig = VirtualRig(self.world, speed=SPEED)
         self._lock = threading.Lock()
+        self._truth = {runner.model.name: runner.twin_state for runner in self.world.runners}
         for runner in self.host.runners:
             self._take_in(runner, trace)
         self.host.taps.append(self._tick)
@@ -113,6 +114,8 @@ class Lockstep:
 
     def _tick(self, tick: int) -> None:
         with self._lock:
+            for modality in self.host.model.modalities:
+                modality.instance.witness(modality.model, self.host.state, self._truth)
             self.rig.step()
             self.rig.keep_up()
 

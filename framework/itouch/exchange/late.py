@@ -44,6 +44,7 @@ class LateTwin(Twin, Stamped):
             Field("line.begun", "i8", unit="1", doc="1 once a command has come"),
             Field("line.took", "i8", unit="tick", doc="how long the exchange took whose reading has come"),
             Field("line.told", "i8", unit="1", doc="1 if an exchange has ended and its command was not told of"),
+            Field("line.since", "i8", unit="tick", doc="for how long the last exchange has been over"),
         )
 
     def stand(self, ambient: float, skin_temperature: float | None) -> None:
@@ -61,7 +62,7 @@ class LateTwin(Twin, Stamped):
     def reset(self, state: Record, rng: np.random.Generator) -> None:
         """Set the inner twin to its start; nothing is on the wire."""
         self.twin.reset(self._look(state), rng)
-        for name in ("due", "fresh", "begun", "told", "took"):
+        for name in ("due", "fresh", "begun", "told", "took", "since"):
             state[f"line.{name}"] = 0
         state["line.left"] = -1
 
@@ -76,6 +77,7 @@ class LateTwin(Twin, Stamped):
             state["line.begun"] = 1
             _put(state["line.acting"], command)
         left, due = state["line.left"].item(), state["line.due"].item()
+        state["line.since"] = state["line.since"].item() + 1
         if left == 0:
             self._end(state)
             left = -1
@@ -102,6 +104,7 @@ class LateTwin(Twin, Stamped):
         state["line.acting"] = state["line.taken"]
         state["line.reading"] = state["line.measured"]
         state["line.fresh"] = state["line.told"] = 1
+        state["line.since"] = 0
 
     def course(self, state: Record) -> tuple[int, int]:
         """Return how many ticks the exchange that begins now will take, and after how many the next one begins."""
@@ -109,15 +112,17 @@ class LateTwin(Twin, Stamped):
 
     def measured(self, state: Record, tick: int, ticks: NDArray[np.int64]) -> None:
         """Say when the exchange began whose reading has come."""
-        ticks[...] = tick - state["line.took"].item()
+        ticks[...] = (
+            tick - state["line.took"].item() - (state["line.since"].item() if state["line.begun"].item() else 0)
+        )
 
     def departed(self, state: Record, tick: int, command: Record) -> int | None:
-        """Say which command acts since the exchange has ended, which was in the step before this read."""
+        """Say which command acts since the exchange has ended: the step before this read, or an earlier one."""
         if not state["line.told"].item():
             return None
         state["line.told"] = 0
         _take(command, state["line.acting"])
-        return tick - 1
+        return tick - 1 - int(state["line.since"].item())
 
     def read(self, state: Record, reading: Record) -> bool | None:
         """Give the reading of the last exchange that has ended, once; before the first one, what is true now."""

@@ -127,18 +127,18 @@ def _yield(c: Floats, figures: Floats, pressed: float) -> float:
 @kernel
 def _carry(
     c: Floats, world: Floats, mesh: Any, poses: Floats, table: Floats, load: float, figures: Floats, goal: Floats
-) -> None:
-    """Find the virtual surface under the finger and command the plate to it."""
+) -> int:
+    """Find the virtual surface under the finger and command the plate to it; return whose it is, -1 for nobody's."""
     lowest = figures[HIP + 2] - c[RADIUS]
     x, y, z = turned_out(c, TABLE, table[0] + c[OFFSET], table[1] + c[OFFSET + 1], table[2] + c[OFFSET + 2])
     top = z + c[TABLE + 2]
-    height = -np.inf
+    height, below = -np.inf, -1
     if world.shape[0] > 0:
         down, normal = np.zeros(3), np.empty(3)
         down[2] = -1.0
         distance, hit = sphere_cast(world, mesh, poses, figures[HIP : HIP + 3], down, c[RADIUS], REACH, normal)
         if hit >= 0:
-            height = lowest - distance
+            height, below = lowest - distance, int(hit)
     figures[PLATE_TOP], figures[SURFACE_HEIGHT] = top, height
     figures[PLATE_GAP] = height - top if height > -np.inf else np.inf
     wanted = max(height, lowest - c[CLEARANCE]) - _yield(c, figures, abs(load))
@@ -149,6 +149,7 @@ def _carry(
         goal[i] -= c[OFFSET + i]
         goal[4 + i] = 0.0
     goal[3] = 1.0
+    return below
 
 
 @kernel
@@ -192,8 +193,8 @@ def carry(
     goal: Floats,
     load: float,
     touching: bool,
-) -> bool:
-    """Command a table to the surface below the finger; return whether it renders the contact.
+) -> tuple[bool, int]:
+    """Command a table to the surface below the finger.
 
     Parameters
     ----------
@@ -211,14 +212,19 @@ def carry(
         The table's reading of the force along its z axis [N].
     touching
         Whether the finger touches an object.
+
+    Returns
+    -------
+    tuple
+        Whether it renders the contact, and whose surface it is, -1 for nobody's.
     """
-    _carry(c, world, mesh, poses, table, load, figures, goal)
+    below = _carry(c, world, mesh, poses, table, load, figures, goal)
     upright, square = 0.0, 0.0
     for i in range(3):
         upright += figures[NORMAL + i] * c[TABLE + 3 + 3 * i + 2]
         square += (sent[i] - table[i]) ** 2
     figures[TRACKING] = math.sqrt(square)
-    return bool(touching and upright >= c[COSINE])
+    return bool(touching and upright >= c[COSINE]), below
 
 
 @kernel

@@ -75,7 +75,7 @@ def contact(rig: ProbeRig, model: Model) -> Step:
 def surface(rig: ProbeRig) -> Step:
     """Carry a surface to the finger."""
     name, table = rig.probe.name, rig.table.model.name if rig.table is not None else ""
-    figures = _of(name, "plate_gap", "surface_height", "plate_yield", "plate_top", "tracking", "plate")
+    figures = _of(name, "plate_gap", "surface_height", "plate_yield", "plate_top", "tracking", "plate", "below")
     reads = (*figures, *_of(name, "hip", "normal", "object", "contact.object"))
     reads += _of(table, "pose", "wrench", "sent.pose_target", "touch_off.*", "calibration", "surface.*")
     written = _of(table, "command.pose_target", "touch_off.*", "calibration", "surface.withdrawn", "clamped")

@@ -44,7 +44,7 @@ class Toucher:
         self.figures = state.flat(f"{name}.hip", f"{name}.tracking")
         self.memory, self.result = state[f"{name}.memory"], state[f"{name}.result"]
         self.object, self.near_object = state[f"{name}.object"], state[f"{name}.near_object"]
-        self.plate = state[f"{name}.plate"]
+        self.plate, self.below = state[f"{name}.plate"], state[f"{name}.below"]
         self.current, self.separated = state[f"{name}.contact.object"], state[f"{name}.contact.separated"]
         self.begin = state[f"{name}.contact.begin"]
         self._afresh = False
@@ -104,7 +104,7 @@ class Toucher:
 
     def reset(self) -> None:
         """Begin without contact."""
-        for view in (self.object, self.near_object, self.current, self.begin):
+        for view in (self.object, self.near_object, self.below, self.current, self.begin):
             view[...] = -1
         self.figures[render.NEAR_DISTANCE] = self.figures[render.TIME_TO_CONTACT] = math.inf
 
@@ -135,7 +135,7 @@ class Toucher:
 
     def carry(self) -> None:
         """Find the surface below the finger, command the table to it, and say whether it renders the contact."""
-        self.plate[...] = render.carry(*self._carries, self.load[2], self.object.item() >= 0)
+        self.plate[...], self.below[...] = render.carry(*self._carries, self.load[2], self.object.item() >= 0)
 
     def push(self) -> None:
         """Command the arm's part of the force."""

@@ -183,6 +183,13 @@ class Modality(ABC):
     def update(self, model: Any, state: Record, period: float) -> None:
         """Advance its fields by one period and write its commands."""
 
+    def witness(self, model: Any, state: Record, twins: Mapping[str, Record]) -> None:  # noqa: B027
+        """Take note of what is true, for its figures: a virtual rig that runs the scene in step shows its twins' State.
+
+        Called after each tick with the State of each device's twin as it was when that tick's readings were taken.
+        Nothing that is rendered may depend on it.
+        """
+
     def measures(
         self, model: Any, state: Record, probe: str, object_index: int
     ) -> dict[str, float | str | bool | None]:

@@ -24,6 +24,8 @@ class HardwareDisplay(Device):
     blocking: ClassVar[bool] = True
     #: A MeCom transaction takes 7 ms at 57600 baud, and an exchange has three.
     exchange_time: ClassVar[float] = 0.02
+    #: A controller's next command is worth waiting for: its readings are too slow to be missed meanwhile.
+    waits: ClassVar[float] = 0.012
     #: Serial ports and sockets of a process that died are free: another one can set the current to zero.
     second_opener: ClassVar[bool] = True
 

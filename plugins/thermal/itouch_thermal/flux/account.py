@@ -12,8 +12,13 @@ SCORED_FROM, FLOOR = 0.1, 50.0
 #: The numbers of the account, in their order.
 _RENDERED, _READY, _TICKS, _SUM, _PEAK, _SKIN_BEGIN, _SKIN_EXTREME, _SQUARES, _SCORED = range(9)
 
+#: Of an estimate: squares of the sensor's error and of its standard deviation, and how many; of what a virtual rig
+#: knows: squares of the true error and of the estimate's, and how many.
+_RAW, _DEVIATION, _READ, _TRUE, _SEEN, _MISSED, _ASKED = range(7)
+
 FIELDS: tuple[Field, ...] = (
     Field("account", "f8", 9, unit="mixed", doc="sums of the open contact, of which the report's figures are made"),
+    Field("beside", "f8", 7, unit="mixed", doc="the same of the sensor beside an estimate, and of what a virtual rig knows"),
 )
 
 
@@ -23,6 +28,7 @@ def begin(state: Record, name: str, rendered: bool, ready: bool, skin: float) ->
     account[:] = 0.0
     account[_RENDERED], account[_READY] = rendered, ready
     account[_SKIN_BEGIN] = account[_SKIN_EXTREME] = skin
+    state[f"{name}.beside"] = 0.0
 
 
 def add(state: Record, name: str, flux: float, desired: float, skin: float, period: float) -> None:
@@ -40,6 +46,33 @@ def add(state: Record, name: str, flux: float, desired: float, skin: float, peri
     view[:] = (rendered, ready, ticks + 1.0, total + flux, peak, first, extreme, squares, scored)
 
 
+def scored(state: Record, name: str, period: float) -> bool:
+    """Tell whether the flux of this tick counts: the touch is 0.1 s old."""
+    return bool(state[f"{name}.account"][_TICKS].item() * period >= SCORED_FROM)
+
+
+def compare(state: Record, name: str, sensor: float, deviation: float, desired: float) -> None:
+    """Take in, beside an estimate, what the sensor reads [W/m2], and the estimate's standard deviation [W/m2]."""
+    beside = state[f"{name}.beside"]
+    beside[_RAW] += _relative(sensor - desired, desired)
+    beside[_DEVIATION] += deviation * deviation
+    beside[_READ] += 1.0
+
+
+def witness(state: Record, name: str, truth: float, estimate: float, desired: float) -> None:
+    """Take in what the flux truly was [W/m2], as a virtual rig knows it; ``estimate`` is NaN where it is an old one."""
+    beside = state[f"{name}.beside"]
+    beside[_TRUE] += _relative(truth - desired, desired)
+    beside[_SEEN] += 1.0
+    if math.isfinite(estimate):
+        beside[_MISSED] += _relative(estimate - truth, desired)
+        beside[_ASKED] += 1.0
+
+
+def _relative(error: float, desired: float) -> float:
+    return (error / max(abs(desired), FLOOR)) ** 2
+
+
 def measures(state: Record, name: str, source: str) -> dict[str, float | str | bool | None]:
     """Return the report's figures of the contact."""
     rendered, ready, ticks, total, peak, first, extreme, squares, scored = state[f"{name}.account"].tolist()
@@ -54,4 +87,16 @@ def measures(state: Record, name: str, source: str) -> dict[str, float | str | b
         "skin_drop_K": drop if math.isfinite(drop) else None,
         "flux_error_rms": math.sqrt(squares / scored) if scored else None,
         "plate_ready": bool(ready),
+        **_beside(state, name),
     }
+
+
+def _beside(state: Record, name: str) -> dict[str, float | str | bool | None]:
+    """Return what is known beside the estimate: only where there is one, and the truth only in a virtual rig."""
+    raw, deviation, read, true, seen, missed, asked = state[f"{name}.beside"].tolist()
+    found: dict[str, float | str | bool | None] = {}
+    if read:
+        found |= {"flux_deviation_W_m2": math.sqrt(deviation / read), "sensor_error_rms": math.sqrt(raw / read)}
+    if seen:
+        found |= {"true_error_rms": math.sqrt(true / seen), "estimate_error_rms": math.sqrt(missed / max(1.0, asked))}
+    return found

@@ -14,6 +14,14 @@ from itouch_thermal.flux.start import within
 READY = 0.1
 
 
+def coming(model: FluxModel, state: Record) -> int:
+    """Return the object that the plate will render, -1 for none: a taller neighbour may be nearer to the finger."""
+    names = model.names
+    near: int = state[names.near_object].item()
+    below: int = state[names.below].item()
+    return below if near >= 0 and below >= 0 else near
+
+
 def aim(model: FluxModel, state: Record, index: int, tick: int) -> None:
     """Aim for the object that the finger approaches; where nothing is known of its heat the plate stays as it is."""
     names = model.names

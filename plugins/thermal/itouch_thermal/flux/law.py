@@ -13,8 +13,8 @@ from itouch.plugin.kernels import kernel
 from itouch_thermal.display.column import P_MEAN, P_PORT, REACH, Array, column, plate_capacity
 from itouch_thermal.display.params import DisplayParams
 from itouch_thermal.display.peltier import current_for
+from itouch_thermal.flux import late, planner
 from itouch_thermal.flux import observer as at
-from itouch_thermal.flux import planner
 from itouch_thermal.solver.layers import Layer
 
 #: Length of the plan's coarse steps [s], as near as the period allows.
@@ -56,26 +56,35 @@ _MEANINGS = {
     "future": ("W/m^2", "flux that is wanted from now on"),
     "trace": ("K", "the plate's face in the last half second"),
     "span": ("K", "lowest and highest face that is allowed at the ends of the plan's steps"),
+    "past": ("mixed", "what was expected to be read in the last periods, with its derivatives"),
+    "kept": ("1", "the next row of `past`, and how many rows count"),
 }
 
 
 @kernel
-def _queue(line: Any, slot: int, delay: int, size: int, fine: Any, coarse: Any) -> None:
+def _coming(line: Any, slot: int, delay: int, acting: float, i: int) -> float:
+    """Return the current that will act ``i`` periods from now; what has not left yet follows what has left last."""
+    return float(line[(slot + i) % delay]) if i < delay else acting
+
+
+@kernel
+def _queue(line: Any, slot: int, delay: int, acting: float, size: int, fine: Any, coarse: Any) -> None:
     """Sort the currents on their way, oldest first: one by one what is no whole coarse step, then means."""
     first = fine.shape[0]
     for i in range(first):
-        fine[i] = line[(slot + i) % delay]
+        fine[i] = _coming(line, slot, delay, acting, i)
     for g in range(coarse.shape[0]):
         total = 0.0
         for i in range(size):
-            total += line[(slot + first + g * size + i) % delay]
+            total += _coming(line, slot, delay, acting, first + g * size + i)
         coarse[g] = total / size
 
 
 @kernel
 def _track(
     c: Any, tissue: Any, plate: Any, x: Any, theta: Any, cover: Any, gain: Any, memory: Any, line: Any, slots: Any,
-    trace: Any, size: int, sent: float, scale: float, press: float, flux: float, film: float, sink: float,
+    trace: Any, past: Any, kept: Any, size: int, sent: float, scale: float, press: float, flux: float, film: float,
+    sink: float,
 ) -> None:  # fmt: skip
     """Take in what was sent and read, in one call a tick."""
     delay = int(slots[1])
@@ -90,6 +99,29 @@ def _track(
         if memory[at.M_AGE] % size == 0.0:
             trace[int(memory[at.M_AGE] / size) % trace.shape[0]] = x[0, tissue.shape[1] + plate.shape[1] + at.X_FACE]
         memory[at.M_AGE] += 1.0
+    if past.shape[0] > 1:
+        late.remember(x, theta, memory, past, kept, tissue.shape[1] + plate.shape[1])
+
+
+@kernel
+def _pass(
+    c: Any, tissue: Any, plate: Any, x: Any, theta: Any, cover: Any, gain: Any, memory: Any, line: Any, slots: Any,
+    trace: Any, past: Any, kept: Any, size: int, count: int, before: float, after: float, change: int, scale: float,
+    press: float, film: float,
+) -> None:  # fmt: skip
+    """Let ``count`` periods pass without readings; in period ``change``, counted from 0, another current has left.
+
+    A negative ``change`` says that it has left so many periods ago already: what is on its way is put right.
+    """
+    delay = int(slots[1])
+    for i in range(min(-change, delay)):
+        line[(int(slots[0]) - 1 - i) % delay] = after
+    for i in range(count):
+        sent = before if i < change else after
+        _track(
+            c, tissue, plate, x, theta, cover, gain, memory, line, slots, trace, past, kept, size, sent, scale, press,
+            math.nan, film, math.nan,
+        )  # fmt: skip
 
 
 @kernel
@@ -103,8 +135,8 @@ def _limits(band: Any, trace: Any, first: int, allowed: float, out: Any) -> None
 
 @kernel
 def _approach(
-    c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, line: Any, delay: int, target: float,
-    capacity: float, limit: float, ceiling: float, within: float,
+    c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, line: Any, slots: Any, acting: float, wait: int,
+    target: float, capacity: float, limit: float, ceiling: float, within: float,
 ) -> Any:  # fmt: skip
     """Return the current [A] that brings the plate's heat to a target [K], the flux behind it and the error [K]."""
     n, m = tissue.shape[1], plate.shape[1]
@@ -117,8 +149,10 @@ def _approach(
     back, hot = x[0, n + m + at.X_BACK], memory[at.M_SINK]
     heat = capacity / gp
     air = c[at.O_AIR] * (c[at.O_AMBIENT] - mean)
-    for i in range(delay):
-        pump = (seebeck * back * line[i] - 0.5 * line[i] * line[i] * ohmic - legs * (hot - back)) / c[at.O_AREA]
+    delay = int(slots[1])
+    for i in range(delay + wait):
+        current = _coming(line, int(slots[0]), delay, acting, i)
+        pump = (seebeck * back * current - 0.5 * current * current * ohmic - legs * (hot - back)) / c[at.O_AREA]
         change = c[at.O_PERIOD] * (air - pump - theta[at.FLUX]) / heat
         mean += change
     error = mean - target
@@ -132,6 +166,7 @@ def _follow(
     c: Any, fine: Any, below_fine: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, scale: float,
     line: Any, slots: Any, single: Any, queue: Any, wanted: Any, response: Any, hats: Any, last: Any, work: Any,
     trace: Any, span: Any, limit: float, ceiling: float, band: Any, heat: float, doubt: float, size: int, hold: int,
+    acting: float, wait: int,
 ) -> Any:  # fmt: skip
     """Return the current [A] that follows the plan, and the flux behind it."""
     n, m = tissue.shape[1], plate.shape[1]
@@ -145,7 +180,7 @@ def _follow(
     if ticks % max(1.0, round(REFRESH / period)) < hold:
         planner.respond(c, tissue, plate, theta, scale, hats, above, below, response)
     memory[at.M_TICKS] = ticks + hold
-    _queue(line, int(slots[0]), int(slots[1]), size, single, queue)
+    _queue(line, int(slots[0]), int(slots[1]), acting, size, single, queue)
     above[:] = x[0, :n]
     below[:] = x[0, n:o]
     hot = memory[at.M_SINK]
@@ -161,7 +196,7 @@ def _follow(
     coming = flux
     planner.plan(
         c, tissue, plate, theta, scale, wanted, span, response, hats, last, above, below, rest, flux, SMOOTH, limit,
-        (ticks + slots[1]) * period, step,
+        (ticks + slots[1] + wait) * period, step,
     )  # fmt: skip
     # A current that is held for long carries the plan's mean over that time.
     flux = last[0] + 0.5 * min(1.0, hold * period / planner.KNOTS[1]) * (last[1] - last[0])
@@ -195,12 +230,18 @@ class ModelLaw:
         Lowest and highest plate temperature [K]; greatest current [A].
     prefix
         Of its fields' names in the State.
+    longest
+        For how many periods it keeps what it expected to read: readings may come so late.
+    wait
+        Most periods for which a command may wait until it leaves, beside the display's delay.
     """
 
     def __init__(
         self, display: DisplayParams, tissue: tuple[Layer, ...], core: float, skin: float, resistance: float,
         ambient: float, period: float, *, band: tuple[float, float], ceiling: float, prefix: str = "",
+        longest: int = 0, wait: int = 0,
     ) -> None:  # fmt: skip
+        self.longest, self.wait = longest, wait
         self.display, self.period, self.prefix, self.ceiling = display, period, prefix, ceiling
         self.given = tissue, core, skin, resistance, ambient
         self.delay = round(display.delay / period)
@@ -210,7 +251,7 @@ class ModelLaw:
         self.coarse = column(tissue, core, skin, display.plate, self.step, REACH / 1e-3)
         self.hats = planner.shapes(self.step)
         self.steps = self.hats.shape[1]
-        self.ahead = self.delay + self.steps * self.coarse_ticks
+        self.ahead = self.delay + wait + self.steps * self.coarse_ticks
         self.capacity = plate_capacity(display.plate)
         self.band = np.array(band)
         self.constants = _constants(display, self.fine.rest, resistance, ambient, period)
@@ -233,12 +274,17 @@ class ModelLaw:
         size: dict[str, int | tuple[int, ...]] = {
             "x": (1 + at.COUNT, wide), "theta": at.COUNT, "cover": (at.COUNT, at.COUNT), "gain": at.COUNT,
             "memory": at.M_TAIL, "line": max(1, self.delay), "slots": 2, "single": self.coarse_ticks,
-            "queue": 1 + self.delay // self.coarse_ticks, "wanted": self.steps,
+            "queue": 1 + (self.delay + self.wait) // self.coarse_ticks, "wanted": self.steps,
             "response": (planner.HATS, self.steps), "knots": planner.HATS,
             "work": wide + planner.HATS * (planner.HATS + 1), "future": self.ahead + 1,
-            "trace": round(RATE_OVER / self.step), "span": (2, self.steps),
+            "trace": round(RATE_OVER / self.step), "span": (2, self.steps), "past": (1 + self.longest, late.ROW),
+            "kept": 2,
         }  # fmt: skip
-        low, high = {"slots": (0.0, float(self.delay))}, {"slots": (max(0.0, self.delay - 1.0), float(self.delay))}
+        low = {"slots": (0.0, float(self.delay)), "kept": (0.0, 0.0)}
+        high = {
+            "slots": (max(0.0, self.delay - 1.0), float(self.delay)),
+            "kept": (float(self.longest), 1.0 + self.longest),
+        }
         return tuple(
             Field(self.prefix + name, "f8", size[name], low.get(name, -math.inf), high.get(name, math.inf), unit=unit,
                   doc=doc)
@@ -271,19 +317,57 @@ class ModelLaw:
         s, p = state, self.prefix
         _track(
             self.constants, self.fine.tissue, self.fine.plate, s[p + "x"], s[p + "theta"], s[p + "cover"],
-            s[p + "gain"], s[p + "memory"], s[p + "line"], s[p + "slots"], s[p + "trace"], self.coarse_ticks, sent,
-            scale, press if press >= 0.0 else max(0.0, scale - 1.0), flux, film, sink,
+            s[p + "gain"], s[p + "memory"], s[p + "line"], s[p + "slots"], s[p + "trace"], s[p + "past"], s[p + "kept"],
+            self.coarse_ticks, sent, scale, press if press >= 0.0 else max(0.0, scale - 1.0), flux, film, sink,
         )  # fmt: skip
 
-    def approach(self, state: Record, target: float, hold: int = 1) -> tuple[float, float, float]:
+    def pass_by(
+        self, state: Record, count: int, before: float, after: float, change: int, scale: float = 1.0,
+        film: float = math.nan,
+    ) -> None:  # fmt: skip
+        """Let ``count`` periods pass without readings, in which the current [A] that has left changed once.
+
+        In period ``change``, counted from 0, ``after`` left; negative: so many periods ago.
+        """
+        s, p = state, self.prefix
+        _pass(
+            self.constants, self.fine.tissue, self.fine.plate, s[p + "x"], s[p + "theta"], s[p + "cover"],
+            s[p + "gain"], s[p + "memory"], s[p + "line"], s[p + "slots"], s[p + "trace"], s[p + "past"], s[p + "kept"],
+            self.coarse_ticks, count, before, after, change, scale, max(0.0, scale - 1.0), film,
+        )  # fmt: skip
+
+    def recall(
+        self, state: Record, flux: float, flux_back: int, film: float, film_back: int, sink: float, since: float,
+        press: float = 0.0,
+    ) -> None:  # fmt: skip
+        """Take in readings of flux, film and sink; flux and film were measured so many periods ago.
+
+        ``since`` is the time [s] since the readings before, ``press`` as in `track`.
+        """
+        s, p = state, self.prefix
+        late.recall(
+            self.constants, s[p + "x"], s[p + "theta"], s[p + "cover"], s[p + "gain"], s[p + "memory"], s[p + "past"],
+            s[p + "kept"], press, flux_back, flux, film_back, film, sink, since,
+            self.fine.tissue.shape[1] + self.fine.plate.shape[1],
+        )  # fmt: skip
+
+    def estimate(self, state: Record) -> tuple[float, float]:
+        """Return the contact flux [W/m2] that it believes in, and its standard deviation."""
+        column = self.fine.tissue.shape[1] + self.fine.plate.shape[1]
+        found: tuple[float, float] = late.estimate(state[self.prefix + "x"], state[self.prefix + "cover"], column)
+        return found
+
+    def approach(
+        self, state: Record, target: float, hold: int = 1, acting: float = 0.0, wait: int = 0
+    ) -> tuple[float, float, float]:
         """Return current [A] and flux [W/m2] that bring the plate to ``target`` [K], and how far it is [K].
 
-        The current will be held for ``hold`` periods.
+        The current will be held for ``hold`` periods; it leaves in ``wait`` periods, ``acting`` has left last.
         """
         s, p = state, self.prefix
         found: tuple[float, float, float] = _approach(
             self.constants, self.fine.tissue, self.fine.plate, s[p + "x"], s[p + "theta"], s[p + "memory"],
-            s[p + "line"], self.delay, target, self.capacity, self.display.flux_limit, self.ceiling,
+            s[p + "line"], s[p + "slots"], acting, wait, target, self.capacity, self.display.flux_limit, self.ceiling,
             max(DEADBEAT, 1.5 * hold * self.period),
         )  # fmt: skip
         return found
@@ -307,22 +391,28 @@ class ModelLaw:
         s[p + "knots"] = flux
         s[p + "trace"] = s[p + "x"][0, self.fine.tissue.shape[1] + self.fine.plate.shape[1] + at.X_FACE]
         s[p + "memory"][[at.M_TICKS, at.M_AGE]] = 0.0
+        s[p + "kept"][late.VALID] = 0.0  # what was measured before knows nothing of this finger
 
     def end(self, state: Record) -> None:
         """Take the finger off."""
         s, p = state, self.prefix
         at.end_touch(self.fine.tissue, self.fine.plate, s[p + "x"], s[p + "memory"])
 
-    def follow(self, state: Record, scale: float = 1.0, hold: int = 1) -> tuple[float, float]:
-        """Return current [A] and flux [W/m2] that make the contact flux follow the field ``wanted``."""
-        s, p = state, self.prefix
+    def follow(
+        self, state: Record, scale: float = 1.0, hold: int = 1, acting: float = 0.0, wait: int = 0
+    ) -> tuple[float, float]:
+        """Return current [A] and flux [W/m2] that make the contact flux follow the field ``wanted``.
+
+        The current will be held for ``hold`` periods; it leaves in ``wait`` periods, ``acting`` has left last.
+        """
+        s, p, coming = state, self.prefix, self.delay + wait
         found: tuple[float, float] = _follow(
             self.constants, self.fine.tissue, self.fine.plate, self.coarse.tissue, self.coarse.plate, s[p + "x"],
             s[p + "theta"], s[p + "memory"], scale, s[p + "line"], s[p + "slots"],
-            s[p + "single"][: self.delay % self.coarse_ticks], s[p + "queue"][: self.delay // self.coarse_ticks],
+            s[p + "single"][: coming % self.coarse_ticks], s[p + "queue"][: coming // self.coarse_ticks],
             s[p + "wanted"], s[p + "response"], self.hats, s[p + "knots"], s[p + "work"], s[p + "trace"],
             s[p + "span"], self.display.flux_limit, self.ceiling, self.band, self.capacity,
-            s[p + "cover"][at.RESISTANCE, at.RESISTANCE].item(), self.coarse_ticks, hold,
+            s[p + "cover"][at.RESISTANCE, at.RESISTANCE].item(), self.coarse_ticks, hold, acting, wait,
         )  # fmt: skip
         return found
 

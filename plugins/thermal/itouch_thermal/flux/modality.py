@@ -7,6 +7,7 @@ makes the flux out of the finger follow the desired one.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 from itouch.plugin import Contact, ContactEvent, Field, Modality, Record, World
@@ -90,6 +91,17 @@ class FluxControl(Modality):
         """Return what the display obeys: a current, or a temperature and whether its output is on."""
         return command.channels(model)
 
+    def follows(self, model: FluxModel) -> tuple[str, ...]:
+        """Return what comes over wires: the display, and what measures the force on its plate."""
+        if not model.wire or model.law is None:
+            return ()
+        force = model.force_from.partition(".")[0]
+        return tuple(dict.fromkeys(name for name in (model.params.display, force) if name))
+
+    def on_reading(self, model: FluxModel, state: Record) -> None:
+        """Take in a reading between two updates, at the tick at which it was measured."""
+        predictive.listen(model, state, bool(state[model.names.touching].item()), state["tick"].item())
+
     def reset(self, model: FluxModel, state: Record) -> None:
         """Begin with no object approached and the plate at the room's temperature."""
         state[model.names.approached] = state[model.names.object] = -1
@@ -97,6 +109,8 @@ class FluxControl(Modality):
         if model.law is not None:
             model.law.reset(state)
         command.reset(model, state)
+        if model.law is not None:
+            state[model.names.departed] = -1
 
     def on_contact(self, event: ContactEvent, model: FluxModel, state: Record) -> None:
         """Aim for the object that comes near; begin and end the touch."""
@@ -104,13 +118,13 @@ class FluxControl(Modality):
             return
         names = model.names
         if event.kind is Contact.NEAR and not state[names.touching].item():
-            approach.aim(model, state, event.object_index, event.tick)
+            approach.aim(model, state, approach.coming(model, state), event.tick)
         elif event.kind is Contact.BEGIN:
             self._begin(event, model, state)
         elif event.kind is Contact.END:
             predictive.take_off(model, state, event.tick)
             state[names.touching] = 0
-            approach.aim(model, state, state[names.near_object].item(), event.tick)
+            approach.aim(model, state, approach.coming(model, state), event.tick)
 
     def _begin(self, event: ContactEvent, model: FluxModel, state: Record) -> None:
         names = model.names
@@ -143,12 +157,14 @@ class FluxControl(Modality):
             current, flux = published.control(model, state, touching, period, tick)
         state[names.fresh] = 0
         state[names.flux] = flux
+        if model.law is not None and model.estimates:
+            state[names.obtained] = model.law.estimate(state)[0]
         command.issue(model, state, current, model.hold)
 
     def _look(self, model: FluxModel, state: Record, tick: int, period: float) -> None:
         """Between touches: see what is near, and whether water may condense."""
         names = model.names
-        near = state[names.near_object].item()
+        near = approach.coming(model, state)
         if near >= 0 and near != state[names.approached].item():
             approach.aim(model, state, near, tick)
         elif near >= 0:
@@ -172,16 +188,38 @@ class FluxControl(Modality):
         names = model.names
         flux, skin = self._obtained(model, state)
         if pressing and state[names.pressing].item():
-            account.add(state, model.name, state[names.obtained].item(), state[names.desired].item(), skin, period)
+            desired = state[names.desired].item()
+            if model.estimates and account.scored(state, model.name, period):
+                deviation = model.law.estimate(state)[1] if model.law is not None else 0.0
+                account.compare(state, model.name, state[names.heat_flux].item(), deviation, desired)
+            account.add(state, model.name, state[names.obtained].item(), desired, skin, period)
         state[names.obtained] = flux
         state[names.pressing] = int(pressing)
 
     def _obtained(self, model: FluxModel, state: Record) -> tuple[float, float]:
         """Return the flux that the finger feels [W/m2] and its skin temperature [K], as far as they are known."""
         names = model.names
+        if model.estimates:
+            return state[names.obtained].item(), math.nan
         if model.truth and names.true_flux in state:
             return state[names.true_flux].item(), state[names.true_skin].item()
         return state[names.heat_flux].item(), math.nan
+
+    def witness(self, model: FluxModel, state: Record, twins: Mapping[str, Record]) -> None:
+        """Take in what the twin behind the display's emulator knows of the flux."""
+        names, twin = model.names, twins.get(model.params.display)
+        if twin is None or "true_flux" not in twin or not state[names.touching].item():
+            return
+        truth = twin["true_flux"].item()
+        if not truth or not model.in_contact(state) or not account.scored(state, model.name, model.period * model.hold):
+            return
+        curve, tick = model.curves[state[names.object].item()], state["tick"].item() - 1
+        if curve is None:
+            desired = state[names.heat_desired].item()
+        else:
+            desired = curve.at((tick - state[names.begun].item() + 1) * model.period)
+        estimate = math.nan if tick % model.hold else state[names.obtained].item()
+        account.witness(state, model.name, truth, estimate, desired)
 
     def measures(
         self, model: FluxModel, state: Record, probe: str, object_index: int
@@ -190,7 +228,8 @@ class FluxControl(Modality):
         if probe != model.probe:
             return {}
         truth = model.truth and model.names.true_flux in state
-        found = account.measures(state, model.name, "twin" if truth else "sensor")
+        source = "estimate" if model.estimates else "twin" if truth else "sensor"
+        found = account.measures(state, model.name, source)
         limited = bool(state[model.names.plate_limited].item())
         return {**found, "plate_limited": None if found["flux_source"] is None else limited}
 

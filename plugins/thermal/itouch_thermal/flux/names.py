@@ -12,13 +12,16 @@ _DISPLAY = {
     "age": "age",
     "heat_flux": "heat_flux",
     "plate_temperature": "plate_temperature",
+    "sequence": "sequence",
+    "measured": "measured",
+    "left": "left",
     "actual": "actual_current",
     "target": "command.temperature_target",
     "output": "command.output",
     "true_flux": "twin.true_flux",
     "true_skin": "twin.true_skin",
 }
-_FINGER = ("near_object", "normal_force", "plate")
+_FINGER = ("near_object", "below", "normal_force", "plate")
 _HEAT = {"heat_desired": "desired", "resistance": "resistance", "finger": "finger", "bodies": "objects"}
 
 
@@ -37,6 +40,11 @@ class Names:
     fresh: str
     pressing: str
     tracked: str
+    taken: str
+    taken_at: str
+    acting: str
+    departed: str
+    waited: str
     force_before: str
     scale_before: str
     x: str
@@ -63,6 +71,10 @@ class Names:
     wanted: str
     sink: str
     age: str
+    sequence: str
+    measured: str
+    left: str
+    out: str
     heat_flux: str
     plate_temperature: str
     actual: str
@@ -71,6 +83,7 @@ class Names:
     true_flux: str
     true_skin: str
     near_object: str
+    below: str
     normal_force: str
     plate: str
     heat_desired: str
@@ -89,5 +102,6 @@ class Names:
         found |= {key: f"{probe}.{key}" for key in _FINGER}
         found |= {key: f"{heat}.{field}" for key, field in _HEAT.items()}
         found["sent"] = f"{display}.sent.current" if command == "current" else f"{name}.asked"
+        found["out"] = f"{display}.out.current"
         found["command"] = f"{display}.command.current"
         return cls(**found)

@@ -187,17 +187,20 @@ def advance(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, cu
 
 @kernel
 def correct(
-    x: Any, theta: Any, cover: Any, gain: Any, column: int, explicit: int, innovation: float, noise: float
+    x: Any, theta: Any, cover: Any, gain: Any, slopes: Any, explicit: int, innovation: float, noise: float
 ) -> None:
-    """Take in one reading: move parameters and column; ``cover`` is the parameters' covariance (COUNT, COUNT)."""
+    """Take in one reading: move parameters and column; ``cover`` is the parameters' covariance (COUNT, COUNT).
+
+    ``slopes`` (COUNT,) are the reading's derivatives with respect to the parameters, as of when it was measured.
+    """
     total = noise * noise
     for a in range(COUNT):
         gain[a] = 0.0
         for b in range(COUNT):
-            slope = x[1 + b, column] + (1.0 if b == explicit else 0.0)
+            slope = slopes[b] + (1.0 if b == explicit else 0.0)
             gain[a] += cover[a, b] * slope
     for a in range(COUNT):
-        total += (x[1 + a, column] + (1.0 if a == explicit else 0.0)) * gain[a]
+        total += (slopes[a] + (1.0 if a == explicit else 0.0)) * gain[a]
     # What is beyond three deviations is the model's fault: it moves less and makes nothing more certain.
     total = max(total, innovation * innovation / 9.0)
     for a in range(COUNT):
@@ -234,9 +237,10 @@ def observe(
         doubt = DOUBT * math.sqrt(min(1.0, press)) * abs(x[0, o + X_FLUX])
         cover[RESISTANCE, RESISTANCE] += DRIFT_PRESS * DRIFT_PRESS * math.sqrt(min(1.0, press)) * c[O_PERIOD]
         noise = math.sqrt(c[O_FLUX_NOISE] ** 2 + doubt * doubt)
-        correct(x, theta, cover, gain, o + X_SEEN, -1, flux - x[0, o + X_SEEN], noise)
+        correct(x, theta, cover, gain, x[1:, o + X_SEEN], -1, flux - x[0, o + X_SEEN], noise)
     if film == film:
-        correct(x, theta, cover, gain, o + X_FILM, OFFSET, film - x[0, o + X_FILM] - theta[OFFSET], c[O_PLATE_NOISE])
+        miss = film - x[0, o + X_FILM] - theta[OFFSET]
+        correct(x, theta, cover, gain, x[1:, o + X_FILM], OFFSET, miss, c[O_PLATE_NOISE])
 
 
 @kernel

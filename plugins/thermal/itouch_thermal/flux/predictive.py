@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 from itouch.plugin import Field, Record
-from itouch_thermal.flux import approach
+from itouch_thermal.flux import approach, wires
 from itouch_thermal.flux.law import ModelLaw
 from itouch_thermal.flux.observer import M_QUIET, advance
 from itouch_thermal.flux.preview import Preview, look_ahead, rising, run_ahead
@@ -24,8 +24,6 @@ PRESSING, PRESS_FILTER, STILL = 0.05, 0.02, 0.1
 STRIDE = 16
 #: Most servo periods that a touch may have begun before the force was seen.
 LATE = 6
-#: Servo periods without an update that are caught up with; after more the plate is where its sensors say.
-MISSED = 250
 
 
 def memory(model: FluxModel) -> tuple[Field, ...]:
@@ -57,6 +55,7 @@ def memory(model: FluxModel) -> tuple[Field, ...]:
         Field("tracked", "i8", unit="tick", doc="up to when readings have been taken in"),
         Field("force_before", unit="N", doc="force on the plate in the update before", show="no"),
         Field("scale_before", unit="1", doc="factor on the contact resistance in the update before"),
+        *wires.FIELDS,
     )
 
 
@@ -80,24 +79,44 @@ def control(
         if pressed and not state[names.on_plate].item():
             _set(model, law, state, scale)
         if state[names.on_plate].item():
-            _want(model, law, state, ticks)
-            return law.follow(state, scale if model.steady else _scale(model, state, ticks + law.delay), model.hold)
+            wait, acting = wires.wait(model, state), state[names.acting].item()
+            _want(model, law, state, ticks, wait)
+            if not model.steady:
+                scale = _scale(model, state, ticks + law.delay + wait)
+            return law.follow(state, scale, model.hold, acting, wait)
     if model.force_from:
         state[names.force_before] = abs(state[model.force_from][2].item())
-    current, flux, error = law.approach(state, state[names.start_temperature].item(), model.hold)
+    wait, acting = wires.wait(model, state), state[names.acting].item()
+    current, flux, error = law.approach(state, state[names.start_temperature].item(), model.hold, acting, wait)
     approach.judge(model, state, error, tick)
     return current, flux
 
 
 def set_down(model: FluxModel, state: Record, tick: int) -> None:
-    """Begin a touch between two updates, in the tick in which it began."""
+    """Begin a touch between two updates, in the tick in which it began or is first felt."""
     law, course = model.law, model.preview
     if law is None or course is None or not _pressed(model, state):
         return
-    scale = 1.0 if model.steady else _scale(model, state, 0)
+    scale = 1.0 if model.steady else _scale(model, state, tick - state[model.names.begun].item())
     _pass(model, law, state, tick, scale)
-    _place(model, law, course, state)
+    if state[model.names.fresh].item():  # else it was placed by the first update of the touch
+        _place(model, law, course, state)
     _set(model, law, state, scale)
+
+
+def listen(model: FluxModel, state: Record, touching: bool, tick: int) -> None:
+    """Take in what has come over a wire between two updates: that a finger is felt, and the display's readings."""
+    law, names = model.law, model.names
+    if law is None:
+        return
+    if touching and not state[names.on_plate].item():
+        set_down(model, state, tick)
+    if wires.news(model, state):
+        scale = 1.0
+        if touching and not model.steady:
+            scale = _scale(model, state, tick - state[names.begun].item())
+        hovering = touching and not _pressed(model, state)
+        wires.take(model, law, state, hovering, tick, scale, max(0.0, scale - 1.0))
 
 
 def _set(model: FluxModel, law: ModelLaw, state: Record, scale: float) -> None:
@@ -107,10 +126,11 @@ def _set(model: FluxModel, law: ModelLaw, state: Record, scale: float) -> None:
     state[names.on_plate] = 1
     if not model.force_from:
         return
+    flowing = wires.flowing(law, state) if model.wire else state[names.sent].item()
     for _ in range(_late(model, state)):
         advance(
             law.constants, law.fine.tissue, law.fine.plate, state[names.x], state[names.theta], state[names.memory],
-            state[names.sent].item(), scale,
+            flowing, scale,
         )  # fmt: skip
 
 
@@ -132,20 +152,23 @@ def take_off(model: FluxModel, state: Record, tick: int) -> None:
         state[model.names.on_plate] = 0
 
 
-def _want(model: FluxModel, law: ModelLaw, state: Record, ticks: int) -> None:
-    """Fill the plan's desired flux."""
-    names = model.names
+def _want(model: FluxModel, law: ModelLaw, state: Record, ticks: int, wait: int) -> None:
+    """Fill the plan's desired flux, of a command that leaves in ``wait`` periods."""
+    names, offsets = model.names, law.offsets + wait if wait else law.offsets
     curve = model.curves[state[names.object].item()]
     if curve is None:
-        look_ahead(state[names.future], ticks, law.offsets, state[names.desired].item(), state[names.wanted])
+        look_ahead(state[names.future], ticks, offsets, state[names.desired].item(), state[names.wanted])
     else:
-        state[names.wanted] = curve.at((ticks + law.offsets + 1) * model.period)
+        state[names.wanted] = curve.at((ticks + offsets + 1) * model.period)
 
 
 def _pass(model: FluxModel, law: ModelLaw, state: Record, tick: int, scale: float) -> None:
     """Let the periods before this one pass in which nothing was taken in, as far as they matter."""
     names = model.names
-    sent, passed = state[names.sent].item(), min(MISSED, tick - 1 - state[names.tracked].item())
+    if model.wire:
+        wires.pass_by(model, law, state, tick - 1, scale)
+        return
+    sent, passed = state[names.sent].item(), min(wires.MISSED, tick - 1 - state[names.tracked].item())
     # While it learns nothing, the law only follows the plate's sensor, in every period as if it were read.
     quiet = state[names.memory][M_QUIET].item() > passed * model.period
     film = state[names.plate_temperature].item() if quiet else math.nan
@@ -159,6 +182,9 @@ def _take(
 ) -> None:
     """Let the law take in what was sent and read; what is old or unclear it does not see."""
     names = model.names
+    if model.wire:
+        wires.take(model, law, state, hovering, tick, scale, press)
+        return
     if state[names.tracked].item() != tick - 1:
         _pass(model, law, state, tick, scale)
     if model.display.command == "temperature":

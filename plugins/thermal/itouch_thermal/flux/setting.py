@@ -29,6 +29,8 @@ BAND = (288.15, 313.15)
 AGAIN = 0.25
 #: How far from the scene's skin temperature starts go on in a line, in steps of those that are known.
 FAR = 1.5
+#: For how long a reading may be on its way over a wire [s].
+LONGEST = 0.25
 #: What an object that was never touched may seem to differ from its temperature by rounding [K].
 UNTOUCHED = 1e-6
 
@@ -43,6 +45,7 @@ class FluxModel:
     skin temperatures), ``temperatures`` [K] before anything was touched, ``curves``, ``objects`` and ``materials``
     (names) are per object; ``dew`` [K] is the room's dew point; ``steady`` says that the contact resistance is the
     same at any force and time; ``preset_time`` [s] is what ``equalise`` makes every approach take, 0 without it;
+    ``wire`` says that readings and currents are late, and ``at`` at which places the display reads flux and plate;
     ``hold`` is how many servo periods an update stands for, ``again`` after how many the start temperature is found
     anew.
     """
@@ -66,6 +69,8 @@ class FluxModel:
     skin_from: str
     force_from: str
     truth: bool
+    wire: bool
+    at: tuple[int, int]
     period: float
     hold: int
     resistance: ResistanceLaw
@@ -76,6 +81,11 @@ class FluxModel:
     again: int
     law: ModelLaw | None
     preview: Preview | None
+
+    @property
+    def estimates(self) -> bool:
+        """Whether the flux obtained is the law's own estimate: where nothing knows the true one."""
+        return self.law is not None and not self.truth
 
     def start(self, index: int, skin: float, warmed: float = 0.0) -> float | None:
         """Return the start temperature [K] for an object and a skin temperature [K]; None: nothing is known of it.
@@ -137,9 +147,10 @@ def setting(name: str, params: FluxControlParams, world: World) -> FluxModel:
     curves = curves_of(params, world)
     law, course = None, None
     if params.controller == "model":
-        law, course = _model(name, display, heat, world, band, ceiling)
+        law, course = _model(name, display, heat, world, band, ceiling, _wire(device, display))
     starts = _starts(params, heat, display, world, curves, law, course)
     reads = [channel.name for channel in device.reads]
+    wire = _wire(device, display)
     return FluxModel(
         name=name,
         names=Names.of(name, params, heat.probe, display.command),
@@ -160,6 +171,8 @@ def setting(name: str, params: FluxControlParams, world: World) -> FluxModel:
         skin_from=f"{params.display}.skin_temperature" if "skin_temperature" in reads else "",
         force_from=_force(params, world),
         truth=device.twin,
+        wire=wire,
+        at=(reads.index("heat_flux"), reads.index("plate_temperature")) if wire else (0, 0),
         period=world.servo_period,
         hold=max(1, round(world.period / world.servo_period)),
         resistance=heat.law(),
@@ -171,6 +184,11 @@ def setting(name: str, params: FluxControlParams, world: World) -> FluxModel:
         law=law,
         preview=course,
     )
+
+
+def _wire(device: WorldDevice, display: DisplayParams) -> bool:
+    """Tell whether readings of the display come late, and commands leave late, over a wire that says when."""
+    return device.wire and display.command == "current"
 
 
 def _check_commands(device: WorldDevice, display: DisplayParams) -> None:
@@ -213,12 +231,15 @@ def _force(params: FluxControlParams, world: World) -> str:
 
 
 def _model(
-    name: str, display: DisplayParams, heat: HeatParams, world: World, band: tuple[float, float], ceiling: float
-) -> tuple[ModelLaw, Preview]:
+    name: str, display: DisplayParams, heat: HeatParams, world: World, band: tuple[float, float], ceiling: float,
+    wire: bool,
+) -> tuple[ModelLaw, Preview]:  # fmt: skip
     """Build the constants of `model`; what is on its way is always known from what was sent."""
+    hold = max(1, round(world.period / world.servo_period))
     law = ModelLaw(
         display, heat.layers or FINGER, heat.arterial, world.skin_temperature, max(heat.expected_resistance, LEAST),
         world.ambient, world.servo_period, band=band, ceiling=ceiling, prefix=f"{name}.",
+        longest=max(1, round(LONGEST / world.servo_period)) if wire else 0, wait=hold if wire else 0,
     )  # fmt: skip
     return law, preview(heat, world, law)
 

@@ -1,0 +1,99 @@
+"""Readings that come late over a wire: what the estimator would have read, kept for some time, and its corrections.
+
+All that the estimator does not know is in its parameters.  So a reading that was measured a while ago says the same of
+them whenever it comes: what was expected then and its derivatives are kept period by period, the parameters move by
+the difference, and with them the column of now, by its own derivatives.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from itouch.plugin.kernels import kernel
+from itouch_thermal.flux import observer as at
+
+#: A row of the past: what the flux sensor would have read and its derivatives, the film's, and the parameters then.
+FILM, PARAMETERS, ROW = 1 + at.COUNT, 2 * (1 + at.COUNT), 2 * (1 + at.COUNT) + at.COUNT
+#: What is kept beside it: the next row, and how many hold what still counts.
+NEXT, VALID = 0, 1
+
+
+@kernel
+def remember(x: Any, theta: Any, memory: Any, past: Any, kept: Any, column: int) -> None:
+    """Keep what would be read now; ``column`` is where the readings stand in a row of ``x``.
+
+    While the plate is disturbed only the last row counts: the column follows its sensor then, not its model.
+    """
+    row = past[int(kept[NEXT])]
+    for k in range(1 + at.COUNT):
+        row[k] = x[k, column + at.X_SEEN]
+        row[FILM + k] = x[k, column + at.X_FILM]
+    row[PARAMETERS:] = theta
+    kept[NEXT] = (kept[NEXT] + 1.0) % past.shape[0]
+    disturbed = memory[at.M_TOUCHING] == 0.0 and memory[at.M_QUIET] > 0.0
+    kept[VALID] = 1.0 if disturbed else min(kept[VALID] + 1.0, past.shape[0])
+
+
+@kernel
+def expected(theta: Any, past: Any, kept: Any, back: int, first: int) -> Any:
+    """Return the row of ``back`` periods ago and what it makes expected with the parameters of now."""
+    row = past[(int(kept[NEXT]) - 1 - back) % past.shape[0]]
+    found = row[first]
+    for a in range(at.COUNT):
+        found += row[first + 1 + a] * (theta[a] - row[PARAMETERS + a])
+    return row, found
+
+
+@kernel
+def recall(
+    c: Any, x: Any, theta: Any, cover: Any, gain: Any, memory: Any, past: Any, kept: Any, press: float,
+    flux_back: int, flux: float, film_back: int, film: float, sink: float, since: float, column: int,
+) -> None:  # fmt: skip
+    """Take in readings that were measured so many periods ago; what is too old, or NaN, is left out.
+
+    Parameters
+    ----------
+    c, x, theta, cover, gain, memory
+        Of the estimator, as it is now.
+    past, kept
+        What was expected, see `remember`.
+    press
+        How much the finger is being pressed on, see `observe`.
+    flux_back, film_back
+        How many periods ago flux [W/m2] and film [K] were measured.
+    sink, since
+        Reading of the sink [K], and seconds since the one before.
+    column
+        Where the readings stand in a row of ``x``.
+    """
+    if sink == sink:
+        memory[at.M_SINK] += min(1.0, at.SINK_RATE * since) * (sink - memory[at.M_SINK_SEEN])
+    if flux_back < kept[VALID]:
+        row, seen = expected(theta, past, kept, flux_back, 0)
+        if memory[at.M_TOUCHING] == 0.0:
+            if abs(flux - seen) > 6.0 * c[at.O_FLUX_NOISE] + 0.3 * abs(seen):
+                memory[at.M_QUIET] = at.QUIET
+            if memory[at.M_QUIET] > 0.0:
+                return
+        if abs(flux) < c[at.O_CEILING] and abs(seen) < c[at.O_CEILING]:
+            doubt = at.DOUBT * math.sqrt(min(1.0, press)) * abs(x[0, column + at.X_FLUX])
+            cover[at.RESISTANCE, at.RESISTANCE] += (
+                at.DRIFT_PRESS * at.DRIFT_PRESS * math.sqrt(min(1.0, press)) * min(since, at.QUIET)
+            )
+            noise = math.sqrt(c[at.O_FLUX_NOISE] ** 2 + doubt * doubt)
+            at.correct(x, theta, cover, gain, row[1:FILM], -1, flux - seen, noise)
+    if film == film and film_back < kept[VALID] and not (memory[at.M_TOUCHING] == 0.0 and memory[at.M_QUIET] > 0.0):
+        row, seen = expected(theta, past, kept, film_back, FILM)
+        slopes = row[FILM + 1 : PARAMETERS]
+        at.correct(x, theta, cover, gain, slopes, at.OFFSET, film - seen - theta[at.OFFSET], c[at.O_PLATE_NOISE])
+
+
+@kernel
+def estimate(x: Any, cover: Any, column: int) -> Any:
+    """Return the contact flux [W/m2] that is believed in, and its standard deviation by the parameters' covariance."""
+    total = 0.0
+    for a in range(at.COUNT):
+        for b in range(at.COUNT):
+            total += x[1 + a, column + at.X_FLUX] * cover[a, b] * x[1 + b, column + at.X_FLUX]
+    return x[0, column + at.X_FLUX], math.sqrt(max(0.0, total))

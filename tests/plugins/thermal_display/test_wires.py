@@ -1,0 +1,113 @@
+"""Flux control behind a wire: readings and commands at their own time, whatever the wire's phase, jitter and losses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from random import Random
+from typing import ClassVar
+
+import numpy as np
+import pytest
+from display_scenes import Display
+
+import itouch
+from itouch.exchange import LateTwin
+from itouch.plugin import Record
+from itouch.plugin.discovery import Catalog, Found, find
+from itouch_thermal.display.device import ThermalDisplay
+
+#: What the plant does otherwise than the controller thinks, and the same as XML.
+MISMATCH = '<thermal:hardware><thermal:mismatch contact-resistance="0.2" seebeck="-0.1"/></thermal:hardware>'
+#: Ticks that an exchange takes, and from one to the next.
+TAKES, EVERY = 7, 20
+
+Course = Callable[[LateTwin, Record], tuple[int, int]]
+
+
+class WiredDisplay(ThermalDisplay):
+    """The display as it is behind a slow serial line."""
+
+    period: ClassVar[float] = EVERY * 1e-3
+    delay: ClassVar[float] = TAKES * 1e-3
+
+
+class _Entry:
+    def load(self) -> type[ThermalDisplay]:
+        return WiredDisplay
+
+
+def catalog() -> Catalog:
+    def finder(group: str) -> dict[str, Found]:
+        found = find(group)
+        if group == "itouch.devices":
+            found["thermal"] = replace(found["thermal"], entry=_Entry())  # type: ignore[arg-type]
+        return found
+
+    return Catalog(finder)
+
+
+def in_phase(phase: int) -> Course:
+    """Begin exchanges so many ticks after the controller's update."""
+    first = [True]
+
+    def course(twin: LateTwin, state: Record) -> tuple[int, int]:
+        every = EVERY + phase if first[0] else EVERY
+        first[0] = False
+        return TAKES, every
+
+    return course
+
+
+def shaky(seed: int) -> Course:
+    """Take 20 +- 10 ms from exchange to exchange; one in twenty is lost and made again after 60 ms."""
+    random = Random(seed)
+
+    def course(twin: LateTwin, state: Record) -> tuple[int, int]:
+        every = random.randint(10, 30)
+        takes = random.randint(4, 9)
+        return (60 + takes, 60 + every) if random.random() < 0.05 else (takes, every)
+
+    return course
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What a run showed: errors of the touches, how far parameters went, and readings that were taken in."""
+
+    errors: tuple[float, float]
+    theta: float
+    taken: int
+
+
+def run(scenes: Path, monkeypatch: pytest.MonkeyPatch, course: Course, **wanted: str) -> Seen:
+    monkeypatch.setattr(LateTwin, "course", lambda twin, state: course(twin, state))
+    path = Display(rates=' flux-control="50 Hz"', wait="2.5 s", hold="1.6 s", near="1.5 s", **wanted).write(scenes)
+    engine = itouch.build(path, seed=4, catalog=catalog())
+    theta, taken = 0.0, set()
+    while not engine.done:
+        engine.tick()
+        theta = max(theta, float(np.abs(engine.state["flux-control.theta"][:9]).max()))
+        taken.add(int(engine.state["flux-control.taken"]))
+    assert engine.report()["faults"] == []
+    first, second = engine.report()["contacts"]
+    return Seen((first["flux_error_rms"], second["flux_error_rms"]), theta, len(taken))
+
+
+@pytest.mark.parametrize("phase", [0, 9, 19, *(pytest.param(p, marks=pytest.mark.long) for p in range(20) if p % 9)])
+def test_the_phase_of_the_wire_changes_nothing(scenes: Path, monkeypatch: pytest.MonkeyPatch, phase: int) -> None:
+    found = run(scenes, monkeypatch, in_phase(phase), left="polystyrene", right="aluminium", hardware=MISMATCH)
+    print(phase, found)
+    assert found.theta > 0.05  # it has learnt something
+    assert found.taken > 200  # nearly every reading of some 10 s
+    assert found.errors[0] < 0.06
+    assert found.errors[1] < 0.06
+
+
+@pytest.mark.parametrize("seed", [1, *(pytest.param(s, marks=pytest.mark.long) for s in range(2, 8))])
+def test_jitter_and_loss_change_little(scenes: Path, monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
+    found = run(scenes, monkeypatch, shaky(seed), left="polystyrene", right="aluminium")
+    print(seed, found)
+    assert found.errors[0] < 0.04
+    assert found.errors[1] < 0.03
