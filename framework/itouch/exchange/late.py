@@ -43,7 +43,9 @@ class LateTwin(Twin, Stamped):
             Field("line.fresh", "i8", unit="1", doc="1 if a reading has come that was not given on"),
             Field("line.begun", "i8", unit="1", doc="1 once a command has come"),
             Field("line.took", "i8", unit="tick", doc="how long the exchange took whose reading has come"),
-            Field("line.told", "i8", unit="1", doc="1 if an exchange has ended and its command was not told of"),
+            Field("line.told", "i8", unit="1", doc="1 if an exchange has begun and its command was not told of"),
+            Field("line.gone", "i8", unit="tick", doc="for how long the command has been on its way or acted"),
+            Field("line.takes", "i8", unit="tick", doc="how long the exchange takes that has begun last"),
             Field("line.since", "i8", unit="tick", doc="for how long the last exchange has been over"),
         )
 
@@ -62,7 +64,7 @@ class LateTwin(Twin, Stamped):
     def reset(self, state: Record, rng: np.random.Generator) -> None:
         """Set the inner twin to its start; nothing is on the wire."""
         self.twin.reset(self._look(state), rng)
-        for name in ("due", "fresh", "begun", "told", "took", "since"):
+        for name in ("due", "fresh", "begun", "told", "took", "since", "gone", "takes"):
             state[f"line.{name}"] = 0
         state["line.left"] = -1
 
@@ -78,13 +80,14 @@ class LateTwin(Twin, Stamped):
             _put(state["line.acting"], command)
         left, due = state["line.left"].item(), state["line.due"].item()
         state["line.since"] = state["line.since"].item() + 1
+        state["line.gone"] = state["line.gone"].item() + 1
         if left == 0:
             self._end(state)
             left = -1
         begins = due <= 0
         if begins:
             left, due = self.course(state)
-            state["line.took"] = left
+            state["line.takes"], state["line.gone"], state["line.told"] = left, 0, 1
             _put(state["line.taken"], command)
             if left == 0:
                 state["line.acting"] = state["line.taken"]
@@ -103,8 +106,8 @@ class LateTwin(Twin, Stamped):
     def _end(state: Record) -> None:
         state["line.acting"] = state["line.taken"]
         state["line.reading"] = state["line.measured"]
-        state["line.fresh"] = state["line.told"] = 1
-        state["line.since"] = 0
+        state["line.fresh"] = 1
+        state["line.took"], state["line.since"] = state["line.takes"], 0
 
     def course(self, state: Record) -> tuple[int, int]:
         """Return how many ticks the exchange that begins now will take, and after how many the next one begins."""
@@ -117,12 +120,12 @@ class LateTwin(Twin, Stamped):
         )
 
     def departed(self, state: Record, tick: int, command: Record) -> int | None:
-        """Say which command acts since the exchange has ended: the step before this read, or an earlier one."""
+        """Say which command has left, and from which tick on it will act, or acts."""
         if not state["line.told"].item():
             return None
         state["line.told"] = 0
-        _take(command, state["line.acting"])
-        return tick - 1 - int(state["line.since"].item())
+        _take(command, state["line.taken"])
+        return tick - 1 - int(state["line.gone"].item()) + int(state["line.takes"].item())
 
     def read(self, state: Record, reading: Record) -> bool | None:
         """Give the reading of the last exchange that has ended, once; before the first one, what is true now."""

@@ -175,7 +175,7 @@ def build(
     if model.modalities:
         around = Fence(model.modalities, state)
         listed.append(steps.fence(model, around))
-        listed += [steps.modality(model, one, views[one.name], runners, around) for one in model.modalities]
+        listed += [steps.modality(model, one, views[one.name], around) for one in model.modalities]
         listed.append(steps.mend(model, around))
     if hold.required:
         listed.append(steps.hold(hold))

@@ -72,9 +72,10 @@ def _read_anew(model: Model, scratch: Record, views: Mapping[str, Record]) -> No
         scratch[f"{name}.sequence"] += 1
         scratch[f"{name}.measured"] = scratch["tick"].item() - 1
     for modality in model.modalities:
-        with failing(f"modality '{modality.name}'", "on_reading", model.place_of(modality.name)):
-            if modality.follows:
-                modality.instance.on_reading(modality.model, views[modality.name])
+        with failing(f"modality '{modality.name}'", "between", model.place_of(modality.name)):
+            if modality.attends:
+                modality.instance.between(modality.model, views[modality.name])
+    _update(model, views)
 
 
 def _pretend(model: Model, scratch: Record, probe: str, index: int) -> None:

@@ -100,9 +100,8 @@ def tell(model: Model, events: Events, rigs: Sequence[ProbeRig]) -> Step:
     return Step("events", events.update, (*reads, *heard, "objects.*"), (*noted, *heard, "events.*"))
 
 
-def modality(model: Model, one: ModalityModel, state: Record, runners: Mapping[str, Runner], around: Fence) -> Step:
-    """Advance a modality, or tell it of a reading that has come between two updates; what it raises is a fault."""
-    followed = tuple(runners[name] for name in one.follows) if one.every > 1 else ()
+def modality(model: Model, one: ModalityModel, state: Record, around: Fence) -> Step:
+    """Advance a modality, or let it attend to a tick between two updates; what it raises is a fault."""
     update, compiled, every, period = one.instance.update, one.model, one.every, model.period * one.every
 
     def run(tick: int, ready: bool) -> None:
@@ -110,9 +109,9 @@ def modality(model: Model, one: ModalityModel, state: Record, runners: Mapping[s
         try:
             if tick % every == 0:
                 update(compiled, state, period)
-            elif followed and any(runner.news for runner in followed):
-                method = "on_reading"
-                one.instance.on_reading(compiled, state)
+            elif one.attends:
+                method = "between"
+                one.instance.between(compiled, state)
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # a plugin that exits does not end the program
@@ -120,7 +119,7 @@ def modality(model: Model, one: ModalityModel, state: Record, runners: Mapping[s
             raise modality_fault(model, one.instance, method, tick, error) from error
 
     commands = tuple(".command.".join(command.split(".", 1)) for command in one.commands)
-    return Step(one.name, run, one.instance.reads(compiled), (f"{one.name}.*", *commands), every)
+    return Step(one.name, run, one.instance.reads(compiled), (f"{one.name}.*", *commands), 1 if one.attends else every)
 
 
 def fence(model: Model, around: Fence) -> Step:

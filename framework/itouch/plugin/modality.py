@@ -167,12 +167,12 @@ class Modality(ABC):
     def on_contact(self, event: ContactEvent, model: Any, state: Record) -> None:  # noqa: B027
         """Take note of a contact event; called within the tick, before ``update``."""
 
-    def follows(self, model: Any) -> tuple[str, ...]:
-        """Return the devices whose readings it wants all of, though it is updated less often than they come."""
-        return ()
+    def attends(self, model: Any) -> bool:
+        """Tell whether it wants to be called in the ticks between its updates, too."""
+        return False
 
-    def on_reading(self, model: Any, state: Record) -> None:  # noqa: B027
-        """Take note of new readings of devices that it follows; called in a tick without an ``update`` of its own.
+    def between(self, model: Any, state: Record) -> None:  # noqa: B027
+        """Take note of what has come in a tick without an ``update``, and write its commands anew if it has cause.
 
         ``DEVICE.measured`` in State holds, for each channel that the device reads, the tick at which it was measured;
         it may be long ago.  A device behind a wire has its newest command that has left in ``DEVICE.out.CHANNEL``, and

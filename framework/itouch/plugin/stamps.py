@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
 
@@ -52,7 +53,8 @@ class Stamped:
     """A device, or a twin, whose readings and commands take their time.
 
     Ticks are the loop's: what is measured in the ``read`` of a tick belongs to that tick, and a command that leaves in
-    a tick acts from it on, as one does that is written in it without a wire.
+    a tick acts from it on, as one does that is written in it without a wire.  What is on its way leaves in a tick that
+    is still to come.
     """
 
     def measured(self, state: Record, tick: int, ticks: NDArray[np.int64]) -> None:
@@ -64,6 +66,6 @@ class Stamped:
         return None
 
 
-def ticks_ago(seconds: float, period: float) -> int:
-    """Return so many seconds in whole ticks, at least none."""
-    return max(0, int(seconds / period + 0.5))
+def ticks_of(seconds: float, period: float) -> int:
+    """Return so many seconds in whole ticks."""
+    return math.floor(seconds / period + 0.5)

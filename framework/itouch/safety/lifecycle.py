@@ -60,7 +60,8 @@ class Lifecycle(ABC):
         #: How a surface retracts (none: it can't): 0 as it should; HELD where it is, because retracting made it come
         #: nearer; BACKWARDS, because it still presses then.
         self.stopped = state.get(f"{name}.stopped")
-        self._every = max(1, round(model.cls.period / period))
+        # What comes over a wire comes in any tick, whenever an exchange has begun.
+        self._every = max(1, round(model.cls.period / period)) if self._left is None else 1
         pose = next((channel for channel in model.reads if channel.role is Role.TRACKED_POSE), None)
         self._pose = pose.name if pose is not None else None
         self._rearmed = state[f"{name}.rearmed"]

@@ -27,8 +27,6 @@ class Supervisor(Lifecycle):
         self.guards = [(channel.name, Guard(channel, model.limits)) for channel in model.commands]
         self._lanes = [(self.command[name], self.sent[name], guard) for name, guard in self.guards]
         self._growth = period / (model.limits.ramp or default.RAMP)
-        #: Whether this tick has brought a new reading.
-        self.news = False
         #: Greatest speed [m/s] at which a surface may approach the finger in this tick.
         self.closing = 0.0
         #: Force [N] that what else pushes on the finger leaves in this tick.
@@ -62,7 +60,7 @@ class Supervisor(Lifecycle):
             If the device failed, or was silent for too long.
         """
         status = self._status.item()
-        self.news = self._taken = False
+        self._taken = False
         if status == CLOSED or (tick % self._every and self._sequence.item()):
             return
         try:
@@ -127,7 +125,6 @@ class Supervisor(Lifecycle):
 
     def _stamp(self, tick: int, new: bool) -> None:
         """Note when the reading that has come was measured, and which command has left."""
-        self.news = new
         source: object = self.device if self.twin is None else self.twin
         if not isinstance(source, Stamped):
             if new:

@@ -61,7 +61,11 @@ def probe_fields(objects: int) -> tuple[Field, ...]:
             doc="number of the nearest object, -1: none within `near`",
         ),
         Field(
-            "below", "i8", low=-1, high=objects - 1, unit="1",
+            "below",
+            "i8",
+            low=-1,
+            high=objects - 1,
+            unit="1",
             doc="number of the object whose surface a table goes to, -1: none",
         ),  # fmt: skip
         Field("plate", "i8", unit="1", doc="1 if the plate renders the contact's normal force"),

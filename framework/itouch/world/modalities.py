@@ -19,7 +19,7 @@ from itouch.world.rig import DeviceModel
 
 @dataclass(frozen=True, slots=True)
 class ModalityModel:
-    """A modality, its read-only model, every how many ticks it is updated, and whose readings it follows."""
+    """A modality, its read-only model, every how many ticks it is updated, and whether it attends to all."""
 
     name: str
     plugin: str
@@ -27,7 +27,7 @@ class ModalityModel:
     model: Any
     every: int
     commands: tuple[str, ...]
-    follows: tuple[str, ...] = ()
+    attends: bool = False
 
 
 def build_modalities(
@@ -60,8 +60,8 @@ def build_modalities(
             problems.append(failure(f"modality '{part.name}'", "compile", error, scene.places.of(part)))
             continue
         with failing(f"modality '{part.name}'", "commands", scene.places.of(part)):
-            commands, follows = instance.commands(model), instance.follows(model)
-            found.append(ModalityModel(part.name, part.plugin, instance, model, every, commands, follows))
+            commands, attends = instance.commands(model), every > 1 and instance.attends(model)
+            found.append(ModalityModel(part.name, part.plugin, instance, model, every, commands, attends))
     return found
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from random import Random
 from typing import ClassVar
 
 import numpy as np
@@ -50,24 +49,10 @@ def catalog() -> Catalog:
 
 def in_phase(phase: int) -> Course:
     """Begin exchanges so many ticks after the controller's update."""
-    first = [True]
 
     def course(twin: LateTwin, state: Record) -> tuple[int, int]:
-        every = EVERY + phase if first[0] else EVERY
-        first[0] = False
-        return TAKES, every
-
-    return course
-
-
-def shaky(seed: int) -> Course:
-    """Take 20 +- 10 ms from exchange to exchange; one in twenty is lost and made again after 60 ms."""
-    random = Random(seed)
-
-    def course(twin: LateTwin, state: Record) -> tuple[int, int]:
-        every = random.randint(10, 30)
-        takes = random.randint(4, 9)
-        return (60 + takes, 60 + every) if random.random() < 0.05 else (takes, every)
+        first = state["line.took"].item() == 0
+        return TAKES, EVERY + phase if first else EVERY
 
     return course
 
@@ -88,7 +73,7 @@ def run(scenes: Path, monkeypatch: pytest.MonkeyPatch, course: Course, **wanted:
     theta, taken = 0.0, set()
     while not engine.done:
         engine.tick()
-        theta = max(theta, float(np.abs(engine.state["flux-control.theta"][:9]).max()))
+        theta = max(theta, float(np.abs(engine.state["flux-control.theta"][:8]).max()))
         taken.add(int(engine.state["flux-control.taken"]))
     assert engine.report()["faults"] == []
     first, second = engine.report()["contacts"]
@@ -98,16 +83,7 @@ def run(scenes: Path, monkeypatch: pytest.MonkeyPatch, course: Course, **wanted:
 @pytest.mark.parametrize("phase", [0, 9, 19, *(pytest.param(p, marks=pytest.mark.long) for p in range(20) if p % 9)])
 def test_the_phase_of_the_wire_changes_nothing(scenes: Path, monkeypatch: pytest.MonkeyPatch, phase: int) -> None:
     found = run(scenes, monkeypatch, in_phase(phase), left="polystyrene", right="aluminium", hardware=MISMATCH)
-    print(phase, found)
-    assert found.theta > 0.05  # it has learnt something
-    assert found.taken > 200  # nearly every reading of some 10 s
-    assert found.errors[0] < 0.06
-    assert found.errors[1] < 0.06
-
-
-@pytest.mark.parametrize("seed", [1, *(pytest.param(s, marks=pytest.mark.long) for s in range(2, 8))])
-def test_jitter_and_loss_change_little(scenes: Path, monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
-    found = run(scenes, monkeypatch, shaky(seed), left="polystyrene", right="aluminium")
-    print(seed, found)
-    assert found.errors[0] < 0.04
+    assert found.theta > 0.1  # it has learnt that the plant differs
+    assert found.taken > 300  # nearly every reading
+    assert found.errors[0] < 0.03
     assert found.errors[1] < 0.03

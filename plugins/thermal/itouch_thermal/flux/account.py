@@ -18,7 +18,13 @@ _RAW, _DEVIATION, _READ, _TRUE, _SEEN, _MISSED, _ASKED = range(7)
 
 FIELDS: tuple[Field, ...] = (
     Field("account", "f8", 9, unit="mixed", doc="sums of the open contact, of which the report's figures are made"),
-    Field("beside", "f8", 7, unit="mixed", doc="the same of the sensor beside an estimate, and of what a virtual rig knows"),
+    Field(
+        "beside",
+        "f8",
+        7,
+        unit="mixed",
+        doc="the same of what stands beside an estimate: sensor, and truth",
+    ),
 )
 
 

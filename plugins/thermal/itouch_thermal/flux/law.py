@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,21 @@ from itouch_thermal.flux import late, planner
 from itouch_thermal.flux import observer as at
 from itouch_thermal.solver.layers import Layer
 
+
+class Coming(NamedTuple):
+    """What becomes of the current that is asked for now.
+
+    It leaves in ``wait`` periods and is held for ``hold`` of them; ``out`` is the current [A] that leaves until, in
+    so many periods, that one leaves which was sent last: (until then, from then on, when).
+    """
+
+    hold: int = 1
+    wait: int = 0
+    out: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+#: Without a wire.
+AT_ONCE = Coming()
 #: Length of the plan's coarse steps [s], as near as the period allows.
 COARSE = 5e-3
 #: What is thought possible before anything is measured: one standard deviation of each parameter.
@@ -62,21 +77,23 @@ _MEANINGS = {
 
 
 @kernel
-def _coming(line: Any, slot: int, delay: int, acting: float, i: int) -> float:
-    """Return the current that will act ``i`` periods from now; what has not left yet follows what has left last."""
-    return float(line[(slot + i) % delay]) if i < delay else acting
+def _coming(line: Any, slot: int, delay: int, out: Any, i: int) -> float:
+    """Return the current that will act ``i`` periods from now, if no other leaves; ``out`` as in `Coming`."""
+    if i < delay:
+        return float(line[(slot + i) % delay])
+    return float(out[0] if i - delay < out[2] else out[1])
 
 
 @kernel
-def _queue(line: Any, slot: int, delay: int, acting: float, size: int, fine: Any, coarse: Any) -> None:
+def _queue(line: Any, slot: int, delay: int, out: Any, size: int, fine: Any, coarse: Any) -> None:
     """Sort the currents on their way, oldest first: one by one what is no whole coarse step, then means."""
     first = fine.shape[0]
     for i in range(first):
-        fine[i] = _coming(line, slot, delay, acting, i)
+        fine[i] = _coming(line, slot, delay, out, i)
     for g in range(coarse.shape[0]):
         total = 0.0
         for i in range(size):
-            total += _coming(line, slot, delay, acting, first + g * size + i)
+            total += _coming(line, slot, delay, out, first + g * size + i)
         coarse[g] = total / size
 
 
@@ -135,7 +152,7 @@ def _limits(band: Any, trace: Any, first: int, allowed: float, out: Any) -> None
 
 @kernel
 def _approach(
-    c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, line: Any, slots: Any, acting: float, wait: int,
+    c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, line: Any, slots: Any, out: Any, wait: int,
     target: float, capacity: float, limit: float, ceiling: float, within: float,
 ) -> Any:  # fmt: skip
     """Return the current [A] that brings the plate's heat to a target [K], the flux behind it and the error [K]."""
@@ -151,7 +168,7 @@ def _approach(
     air = c[at.O_AIR] * (c[at.O_AMBIENT] - mean)
     delay = int(slots[1])
     for i in range(delay + wait):
-        current = _coming(line, int(slots[0]), delay, acting, i)
+        current = _coming(line, int(slots[0]), delay, out, i)
         pump = (seebeck * back * current - 0.5 * current * current * ohmic - legs * (hot - back)) / c[at.O_AREA]
         change = c[at.O_PERIOD] * (air - pump - theta[at.FLUX]) / heat
         mean += change
@@ -166,7 +183,7 @@ def _follow(
     c: Any, fine: Any, below_fine: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, scale: float,
     line: Any, slots: Any, single: Any, queue: Any, wanted: Any, response: Any, hats: Any, last: Any, work: Any,
     trace: Any, span: Any, limit: float, ceiling: float, band: Any, heat: float, doubt: float, size: int, hold: int,
-    acting: float, wait: int,
+    every: int, out: Any, wait: int,
 ) -> Any:  # fmt: skip
     """Return the current [A] that follows the plan, and the flux behind it."""
     n, m = tissue.shape[1], plate.shape[1]
@@ -177,10 +194,10 @@ def _follow(
     noise = SURE * SURE * max(0.0, doubt - ENOUGH * ENOUGH)
     theta[at.RESISTANCE] = found * max(0.0, 1.0 - noise / max(found * found, 1e-12))
     ticks = memory[at.M_TICKS]
-    if ticks % max(1.0, round(REFRESH / period)) < hold:
+    if ticks % max(1.0, round(REFRESH / period)) < every:
         planner.respond(c, tissue, plate, theta, scale, hats, above, below, response)
-    memory[at.M_TICKS] = ticks + hold
-    _queue(line, int(slots[0]), int(slots[1]), acting, size, single, queue)
+    memory[at.M_TICKS] = ticks + every
+    _queue(line, int(slots[0]), int(slots[1]), out, size, single, queue)
     above[:] = x[0, :n]
     below[:] = x[0, n:o]
     hot = memory[at.M_SINK]
@@ -357,18 +374,13 @@ class ModelLaw:
         found: tuple[float, float] = late.estimate(state[self.prefix + "x"], state[self.prefix + "cover"], column)
         return found
 
-    def approach(
-        self, state: Record, target: float, hold: int = 1, acting: float = 0.0, wait: int = 0
-    ) -> tuple[float, float, float]:
-        """Return current [A] and flux [W/m2] that bring the plate to ``target`` [K], and how far it is [K].
-
-        The current will be held for ``hold`` periods; it leaves in ``wait`` periods, ``acting`` has left last.
-        """
+    def approach(self, state: Record, target: float, coming: Coming = AT_ONCE) -> tuple[float, float, float]:
+        """Return current [A] and flux [W/m2] that bring the plate to ``target`` [K], and how far it is [K]."""
         s, p = state, self.prefix
         found: tuple[float, float, float] = _approach(
             self.constants, self.fine.tissue, self.fine.plate, s[p + "x"], s[p + "theta"], s[p + "memory"],
-            s[p + "line"], s[p + "slots"], acting, wait, target, self.capacity, self.display.flux_limit, self.ceiling,
-            max(DEADBEAT, 1.5 * hold * self.period),
+            s[p + "line"], s[p + "slots"], coming.out, coming.wait, target, self.capacity, self.display.flux_limit,
+            self.ceiling, max(DEADBEAT, 1.5 * coming.hold * self.period),
         )  # fmt: skip
         return found
 
@@ -399,20 +411,21 @@ class ModelLaw:
         at.end_touch(self.fine.tissue, self.fine.plate, s[p + "x"], s[p + "memory"])
 
     def follow(
-        self, state: Record, scale: float = 1.0, hold: int = 1, acting: float = 0.0, wait: int = 0
+        self, state: Record, scale: float = 1.0, every: int = 1, coming: Coming = AT_ONCE
     ) -> tuple[float, float]:
         """Return current [A] and flux [W/m2] that make the contact flux follow the field ``wanted``.
 
-        The current will be held for ``hold`` periods; it leaves in ``wait`` periods, ``acting`` has left last.
+        It is called every so many periods.
         """
-        s, p, coming = state, self.prefix, self.delay + wait
+        s, p, ahead = state, self.prefix, self.delay + coming.wait
         found: tuple[float, float] = _follow(
             self.constants, self.fine.tissue, self.fine.plate, self.coarse.tissue, self.coarse.plate, s[p + "x"],
             s[p + "theta"], s[p + "memory"], scale, s[p + "line"], s[p + "slots"],
-            s[p + "single"][: coming % self.coarse_ticks], s[p + "queue"][: coming // self.coarse_ticks],
+            s[p + "single"][: ahead % self.coarse_ticks], s[p + "queue"][: ahead // self.coarse_ticks],
             s[p + "wanted"], s[p + "response"], self.hats, s[p + "knots"], s[p + "work"], s[p + "trace"],
             s[p + "span"], self.display.flux_limit, self.ceiling, self.band, self.capacity,
-            s[p + "cover"][at.RESISTANCE, at.RESISTANCE].item(), self.coarse_ticks, hold, acting, wait,
+            s[p + "cover"][at.RESISTANCE, at.RESISTANCE].item(), self.coarse_ticks, coming.hold,
+            every, coming.out, coming.wait,
         )  # fmt: skip
         return found
 

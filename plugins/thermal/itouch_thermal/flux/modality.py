@@ -91,16 +91,13 @@ class FluxControl(Modality):
         """Return what the display obeys: a current, or a temperature and whether its output is on."""
         return command.channels(model)
 
-    def follows(self, model: FluxModel) -> tuple[str, ...]:
-        """Return what comes over wires: the display, and what measures the force on its plate."""
-        if not model.wire or model.law is None:
-            return ()
-        force = model.force_from.partition(".")[0]
-        return tuple(dict.fromkeys(name for name in (model.params.display, force) if name))
+    def attends(self, model: FluxModel) -> bool:
+        """Behind a wire the newest command counts whenever the next exchange begins, and readings come at any time."""
+        return model.wire and model.law is not None
 
-    def on_reading(self, model: FluxModel, state: Record) -> None:
-        """Take in a reading between two updates, at the tick at which it was measured."""
-        predictive.listen(model, state, bool(state[model.names.touching].item()), state["tick"].item())
+    def between(self, model: FluxModel, state: Record) -> None:
+        """Do as in an update."""
+        self.update(model, state, model.period)
 
     def reset(self, model: FluxModel, state: Record) -> None:
         """Begin with no object approached and the plate at the room's temperature."""
@@ -144,7 +141,7 @@ class FluxControl(Modality):
 
     def update(self, model: FluxModel, state: Record, period: float) -> None:
         """Command the display."""
-        names = model.names
+        names, period = model.names, model.period if model.wire else period
         tick, touching = state["tick"].item(), bool(state[names.touching].item())
         if touching:
             self._note(model, state, period, model.in_contact(state))  # not while the contact is about to end

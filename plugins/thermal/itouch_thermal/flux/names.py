@@ -44,7 +44,10 @@ class Names:
     taken_at: str
     acting: str
     departed: str
+    before: str
     waited: str
+    interval: str
+    sent_log: str
     force_before: str
     scale_before: str
     x: str

@@ -79,44 +79,28 @@ def control(
         if pressed and not state[names.on_plate].item():
             _set(model, law, state, scale)
         if state[names.on_plate].item():
-            wait, acting = wires.wait(model, state), state[names.acting].item()
-            _want(model, law, state, ticks, wait)
+            coming = wires.coming(model, state, tick)
+            _want(model, law, state, ticks, coming.wait)
             if not model.steady:
-                scale = _scale(model, state, ticks + law.delay + wait)
-            return law.follow(state, scale, model.hold, acting, wait)
+                scale = _scale(model, state, ticks + law.delay + coming.wait)
+            return law.follow(state, scale, model.hold, coming)
     if model.force_from:
         state[names.force_before] = abs(state[model.force_from][2].item())
-    wait, acting = wires.wait(model, state), state[names.acting].item()
-    current, flux, error = law.approach(state, state[names.start_temperature].item(), model.hold, acting, wait)
+    start, coming = state[names.start_temperature].item(), wires.coming(model, state, tick)
+    current, flux, error = law.approach(state, start, coming)
     approach.judge(model, state, error, tick)
     return current, flux
 
 
 def set_down(model: FluxModel, state: Record, tick: int) -> None:
-    """Begin a touch between two updates, in the tick in which it began or is first felt."""
+    """Begin a touch between two updates, in the tick in which it began."""
     law, course = model.law, model.preview
     if law is None or course is None or not _pressed(model, state):
         return
-    scale = 1.0 if model.steady else _scale(model, state, tick - state[model.names.begun].item())
+    scale = 1.0 if model.steady else _scale(model, state, 0)
     _pass(model, law, state, tick, scale)
-    if state[model.names.fresh].item():  # else it was placed by the first update of the touch
-        _place(model, law, course, state)
+    _place(model, law, course, state)
     _set(model, law, state, scale)
-
-
-def listen(model: FluxModel, state: Record, touching: bool, tick: int) -> None:
-    """Take in what has come over a wire between two updates: that a finger is felt, and the display's readings."""
-    law, names = model.law, model.names
-    if law is None:
-        return
-    if touching and not state[names.on_plate].item():
-        set_down(model, state, tick)
-    if wires.news(model, state):
-        scale = 1.0
-        if touching and not model.steady:
-            scale = _scale(model, state, tick - state[names.begun].item())
-        hovering = touching and not _pressed(model, state)
-        wires.take(model, law, state, hovering, tick, scale, max(0.0, scale - 1.0))
 
 
 def _set(model: FluxModel, law: ModelLaw, state: Record, scale: float) -> None:

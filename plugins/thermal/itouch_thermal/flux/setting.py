@@ -11,7 +11,7 @@ from itouch_thermal.display.params import DisplayParams
 from itouch_thermal.flux.condensation import dew_of, driest
 from itouch_thermal.flux.curve import Curve
 from itouch_thermal.flux.desire import curves_of, start_for_curve
-from itouch_thermal.flux.law import ModelLaw
+from itouch_thermal.flux.law import Coming, ModelLaw
 from itouch_thermal.flux.names import Names
 from itouch_thermal.flux.params import FluxControlParams
 from itouch_thermal.flux.preview import SKIN_STEP, Preview, preview
@@ -31,6 +31,8 @@ AGAIN = 0.25
 FAR = 1.5
 #: For how long a reading may be on its way over a wire [s].
 LONGEST = 0.25
+#: For how long a command may wait until it leaves [s].
+WAIT = 0.05
 #: What an object that was never touched may seem to differ from its temperature by rounding [K].
 UNTOUCHED = 1e-6
 
@@ -73,6 +75,7 @@ class FluxModel:
     at: tuple[int, int]
     period: float
     hold: int
+    at_once: Coming
     resistance: ResistanceLaw
     expected: float
     press: float
@@ -150,7 +153,8 @@ def setting(name: str, params: FluxControlParams, world: World) -> FluxModel:
         law, course = _model(name, display, heat, world, band, ceiling, _wire(device, display))
     starts = _starts(params, heat, display, world, curves, law, course)
     reads = [channel.name for channel in device.reads]
-    wire = _wire(device, display)
+    wire = law is not None and _wire(device, display)
+    hold = 1 if wire else max(1, round(world.period / world.servo_period))
     return FluxModel(
         name=name,
         names=Names.of(name, params, heat.probe, display.command),
@@ -174,13 +178,14 @@ def setting(name: str, params: FluxControlParams, world: World) -> FluxModel:
         wire=wire,
         at=(reads.index("heat_flux"), reads.index("plate_temperature")) if wire else (0, 0),
         period=world.servo_period,
-        hold=max(1, round(world.period / world.servo_period)),
+        hold=hold,
+        at_once=Coming(hold),
         resistance=heat.law(),
         expected=max(heat.expected_resistance, LEAST),
         press=heat.press,
         steady=heat.press == 0.0 and isinstance(heat.law(), ConstantResistance),
         preset_time=_preset_time(params, display, ceiling, starts, band),
-        again=max(1, round(AGAIN / world.period)) * max(1, round(world.period / world.servo_period)),
+        again=max(1, round(AGAIN / (world.servo_period * hold))) * hold,
         law=law,
         preview=course,
     )
@@ -235,11 +240,11 @@ def _model(
     wire: bool,
 ) -> tuple[ModelLaw, Preview]:  # fmt: skip
     """Build the constants of `model`; what is on its way is always known from what was sent."""
-    hold = max(1, round(world.period / world.servo_period))
     law = ModelLaw(
         display, heat.layers or FINGER, heat.arterial, world.skin_temperature, max(heat.expected_resistance, LEAST),
         world.ambient, world.servo_period, band=band, ceiling=ceiling, prefix=f"{name}.",
-        longest=max(1, round(LONGEST / world.servo_period)) if wire else 0, wait=hold if wire else 0,
+        longest=round(LONGEST / world.servo_period) if wire else 0,
+        wait=round(WAIT / world.servo_period) if wire else 0,
     )  # fmt: skip
     return law, preview(heat, world, law)
 

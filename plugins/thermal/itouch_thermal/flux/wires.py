@@ -1,7 +1,8 @@
 """`model` behind a wire: readings are taken at the tick of their measurement, currents at that in which they left.
 
 Between two exchanges nothing is known of the plate; the law runs on under the current that has left last, and what
-comes later is put right then.  A command waits for the next exchange, too: how long is learnt from the last ones.
+comes later is put right then.  A command is computed in every tick, of which the newest leaves with the next exchange:
+how long that takes, and for how long it will stand then, is learnt from the last ones.
 """
 
 from __future__ import annotations
@@ -9,33 +10,39 @@ from __future__ import annotations
 import math
 
 from itouch.plugin import Field, Record
-from itouch_thermal.flux.law import ModelLaw
+from itouch_thermal.flux.law import Coming, ModelLaw
 from itouch_thermal.flux.observer import M_QUIET
 from itouch_thermal.flux.setting import FluxModel
 
 #: Servo periods without news that are caught up with; after more the plate is where its sensors say.
 MISSED = 250
-#: By what part a departure moves what is thought of the wait.
-LEARNT = 0.3
+#: By what part a departure moves what is thought of the next one; most periods that a current is thought to stand.
+LEARNT, LONG = 0.3, 50.0
+#: How many currents are remembered that were sent.
+LOG = 64
 
-#: Sequence number and tick of the reading taken last, the current that has left last, when, and how long it had waited.
+#: Sequence number and tick of the reading taken last; the current that has left last and when; how many periods it had
+#: waited for that, and how many there are between two such; the currents that were sent, by tick.
 FIELDS = (
     Field("taken", "i8", unit="1", doc="number of the reading that was taken in last"),
     Field("taken_at", "i8", unit="tick", doc="when it was measured"),
     Field("acting", unit="A", doc="the current that has left last"),
     Field("departed", "i8", unit="tick", doc="when it left"),
+    Field("before", unit="A", doc="the current that flows until then, if that is still to come"),
     Field("waited", low=0.0, unit="tick", doc="how long currents wait until they leave"),
+    Field("interval", low=0.0, unit="tick", doc="how many there are from one current that leaves to the next"),
+    Field("sent_log", "f8", LOG, unit="A", doc="currents that were sent in the last ticks"),
 )
 
 
-def news(model: FluxModel, state: Record) -> bool:
-    """Tell whether the display has a reading that was not taken in."""
-    return bool(state[model.names.sequence].item() != state[model.names.taken].item())
-
-
-def wait(model: FluxModel, state: Record) -> int:
-    """Return after how many periods a command of this update is thought to leave."""
-    return int(state[model.names.waited].item() + 0.5) if model.wire else 0
+def coming(model: FluxModel, state: Record, tick: int) -> Coming:
+    """Return what will become of a current that is asked for in this tick."""
+    names = model.names
+    if not model.wire:
+        return model.at_once
+    wait, span = int(state[names.waited].item() + 0.5), int(state[names.interval].item() + 0.5)
+    later = max(0.0, float(state[names.departed].item() - tick))
+    return Coming(max(1, span), wait, (state[names.before].item(), state[names.acting].item(), later))
 
 
 def flowing(law: ModelLaw, state: Record) -> float:
@@ -48,8 +55,9 @@ def flowing(law: ModelLaw, state: Record) -> float:
 def take(model: FluxModel, law: ModelLaw, state: Record, hovering: bool, tick: int, scale: float, press: float) -> None:
     """Go on to this tick, and take in a reading that has come; one of a finger that hovers is unclear."""
     names = model.names
+    state[names.sent_log][(tick - 1) % LOG] = state[names.sent].item()  # what was sent in the tick before
     pass_by(model, law, state, tick, scale)
-    if not news(model, state):
+    if state[names.sequence].item() == state[names.taken].item():
         return
     state[names.taken] = state[names.sequence].item()
     measured, (flux_at, film_at) = state[names.measured], model.at
@@ -66,26 +74,30 @@ def take(model: FluxModel, law: ModelLaw, state: Record, hovering: bool, tick: i
 def pass_by(model: FluxModel, law: ModelLaw, state: Record, tick: int, scale: float) -> None:
     """Let the periods pass up to a tick, under the currents that had left by then."""
     names = model.names
-    tracked, before = state[names.tracked].item(), state[names.acting].item()
+    tracked, left = state[names.tracked].item(), state[names.left].item()
     count = max(0, min(MISSED, tick - tracked))
-    after, change = before, count
-    left = state[names.left].item()
-    if left != state[names.departed].item() and left <= tick:
-        after, change = state[names.out].item(), left - (tick - count)
-        state[names.acting], state[names.departed] = after, left
-        _learn(model, state, left, tick)
+    first, departed = tick - count, state[names.departed].item()
+    change = max(0, departed - first)
+    if left != departed:  # another has left, maybe before what was tracked already
+        _learn(model, state, left, departed)
+        state[names.before] = state[names.acting].item()
+        state[names.acting], state[names.departed] = state[names.out].item(), left
+        change = left - first
     # While it learns nothing, the law only follows the plate's sensor, in every period as if it were read.
     quiet = state[names.memory][M_QUIET].item() > count * model.period
     film = state[names.plate_temperature].item() if quiet else math.nan
-    law.pass_by(state, count, before, after, change, scale, film)
+    law.pass_by(state, count, state[names.before].item(), state[names.acting].item(), change, scale, film)
     state[names.tracked] = max(tick, tracked)
 
 
-def _learn(model: FluxModel, state: Record, left: int, tick: int) -> None:
-    """Note how long a command had waited that left in a tick: it was written in the last update before."""
-    waited, found = state[model.names.waited].item(), float(left % model.hold)
-    if left == tick and found == 0.0:  # before the update of this tick: it was that of the one before
-        found = float(model.hold)
-    if abs(found - waited) > 0.5 * model.hold:
-        waited = found
-    state[model.names.waited] = waited + LEARNT * (found - waited)
+def _learn(model: FluxModel, state: Record, left: int, last: int) -> None:
+    """Note how long a current had waited that left in this tick, and how long the one before had stood."""
+    names = model.names
+    log, out = state[names.sent_log], state[names.out].item()
+    found = next((float(ago) for ago in range(LOG) if log[(left - ago) % LOG] == out), None)
+    if found is not None and model.law is not None:
+        waited = state[names.waited].item()
+        state[names.waited] = waited + LEARNT * (min(found, float(model.law.wait)) - waited)
+    if last >= 0:
+        span = state[names.interval].item()
+        state[names.interval] = span + LEARNT * (min(LONG, float(left - last)) - span)

@@ -12,7 +12,7 @@ from itouch_thermal.display.column import Array, plate_capacity
 from itouch_thermal.display.device import DisplayTwin, ThermalDisplay
 from itouch_thermal.display.params import DisplayParams, Mismatch
 from itouch_thermal.display.peltier import current_for
-from itouch_thermal.flux.law import ModelLaw
+from itouch_thermal.flux.law import Coming, ModelLaw
 from itouch_thermal.flux.preview import contact_course, rising
 from itouch_thermal.flux.proportional import proportional_integral
 from itouch_thermal.flux.start import MARGIN, Touched, Trial, equation_three, start_temperature, within
@@ -225,14 +225,14 @@ class _Brain:
 
     def _predictive(self, law: ModelLaw, i: int, hold: int) -> float:
         if i < 0:
-            current, self.flux, _ = law.approach(self.state, self.start, hold)
+            current, self.flux, _ = law.approach(self.state, self.start, Coming(hold))
             return current
         if i == 0:
             law.place(self.state, self.finger)
             law.begin(self.state, self.flux, press_factor(PERIOD, self.case.press))
         self.state["wanted"][:] = self.course.flux[i + law.offsets]
         scale = press_factor(max(i, 1) * PERIOD + self.display.delay, self.case.press)
-        current, self.flux = law.follow(self.state, scale, hold)
+        current, self.flux = law.follow(self.state, scale, hold, Coming(hold))
         return current
 
 
