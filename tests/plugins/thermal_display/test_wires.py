@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from random import Random
 from typing import ClassVar
 
 import numpy as np
@@ -57,6 +58,18 @@ def in_phase(phase: int) -> Course:
     return course
 
 
+def shaky(seed: int) -> Course:
+    """Take 20 +- 10 ms from exchange to exchange; one in twenty is lost and made again after 60 ms."""
+    random = Random(seed)
+
+    def course(twin: LateTwin, state: Record) -> tuple[int, int]:
+        every = random.randint(10, 30)
+        takes = random.randint(4, 9)
+        return (60 + takes, 60 + every) if random.random() < 0.05 else (takes, every)
+
+    return course
+
+
 @dataclass(frozen=True)
 class Seen:
     """What a run showed: errors of the touches, how far parameters went, and readings that were taken in."""
@@ -87,3 +100,10 @@ def test_the_phase_of_the_wire_changes_nothing(scenes: Path, monkeypatch: pytest
     assert found.taken > 300  # nearly every reading
     assert found.errors[0] < 0.03
     assert found.errors[1] < 0.03
+
+
+@pytest.mark.parametrize("seed", [1, *(pytest.param(s, marks=pytest.mark.long) for s in range(2, 8))])
+def test_jitter_and_loss_change_little(scenes: Path, monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
+    found = run(scenes, monkeypatch, shaky(seed), left="polystyrene", right="aluminium")
+    assert found.errors[0] < 0.04
+    assert found.errors[1] < 0.02
