@@ -124,7 +124,10 @@ def trips() -> dict[str, Example]:
         "surface-speed": _python('engine = itouch.build("lift.xml")\n', "engine.run(1.0)", _LIFT_FILES, plugin=True),
         "modality-error": _python(_TOUCHED.replace("faults", "four_materials")
                                   + "heat = engine.model.modalities[0].instance\n",
-                                  "heat.update = lambda model, state, period: 1 / 0  # as a plugin's mistake\n"
+                                  "whole = 1\n"
+                                  "heat.update = lambda model, state, period: 1 / whole  # as a plugin's mistake\n"
+                                  "engine = itouch.Session(engine.model)\n"
+                                  "whole = 0\n"
                                   "engine.run(1.0)"),
         "released": _python("""
 from pathlib import Path
