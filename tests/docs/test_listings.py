@@ -27,14 +27,10 @@ COMMAND_LINES = ("sh", "bash", "console")
 #: First words of lines that are not ours.
 FOREIGN = {
     ".", "pip", "cd", "pytest", "groupadd", "usermod", "printf", "python", "npm", "node", "cpupower", "apt", "pro", "python3",
-    "pactl", "rm",
+    "pactl", "rm", "make",
 }  # fmt: skip
 #: Directives that bring no listing of their own.
 STRUCTURE = ("{toctree}", "{figure}", "{include}", "{admonition}", "{note}", "{warning}", "{image}")
-
-
-#: A program for a microcontroller; see its own test.
-SKETCH = DOCS / "reference" / "itouch_line.ino"
 
 
 def of(*languages: str) -> Any:
@@ -62,7 +58,7 @@ def test_included_files_are_tested_ones(listing: Listing) -> None:
     assert path.is_file()
     folder = path.resolve().relative_to(ROOT).parts[0]
     if folder == "docs":
-        assert path.resolve().parent == DOCS / "examples" or path.name == SKETCH.name
+        assert path.resolve().parent == DOCS / "examples"
     else:
         assert folder in ("scenes", "tests", "plugins")  # shipped scenes run in tests/integration
     for option, marker in re.findall(r":(start-at|end-before|start-after|end-at): (.*)", listing.text):
@@ -175,17 +171,6 @@ def _is_offered(synopsis: str) -> None:
         main([*lead, "--help"])
     for option in re.findall(r"--[\w-]+", synopsis):
         assert option in printed.getvalue(), f"{synopsis}: {option}"
-
-
-def test_the_sketch_speaks_the_line_protocol() -> None:
-    """The Arduino program `itouch_line.ino` cannot be compiled here; what it has in common with the driver can be seen."""
-    sketch = SKETCH.read_text(encoding="utf-8")
-    page = (DOCS / "reference" / "line-protocol.md").read_text(encoding="utf-8")
-    assert "115200" in sketch
-    assert "115200" in page
-    assert re.search(r"\b200\b", sketch), "the current goes to zero after 0.2 s of silence"
-    assert sketch.count("{") == sketch.count("}")
-    assert sketch.count("(") == sketch.count(")")
 
 
 @of("csv")

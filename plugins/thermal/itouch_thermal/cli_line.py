@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import time
-from typing import Any
+from pathlib import Path
+from typing import Any, TextIO
 
 _KELVIN = 273.15
 #: How often an order is sent [s]; the rig's own watchdog is ten times as long.
@@ -20,7 +22,7 @@ def add_display(commands: Any) -> None:
     display.add_argument("--baud", type=int, default=250000, metavar="N", help="of the port (default 250000)")
     display.add_argument("--current", type=float, default=0.0, metavar="A", help=f"of either sign, up to {_AMPS:g} A")
     display.add_argument("--seconds", type=float, default=5.0, metavar="S", help="how long (default 5)")
-    display.add_argument("--csv", action="store_true", help="time, current, plate, sink in s, A, K: for calibrate")
+    display.add_argument("--csv", type=Path, metavar="FILE", help="write time, current, plate, sink [s, A, K]")
     display.add_argument("--release", action="store_true", help="release a cut-off, if its cause is over")
     display.set_defaults(command=_display)
 
@@ -36,20 +38,21 @@ def _display(options: argparse.Namespace) -> None:
         raise ValueError(f"--seconds {options.seconds:g} is out of range: 0 to {_SECONDS:g}")
     driver = LineDriver(LinePort(port=options.port, baud=options.baud), release=options.release)
     try:
-        if not options.csv:
-            print(driver.identity)
-        _watch(driver, options)
+        print(driver.identity)
+        with contextlib.ExitStack() as stack:
+            table = stack.enter_context(options.csv.open("w", encoding="utf-8")) if options.csv else None
+            _watch(driver, options, table)
     finally:
         driver.close()
 
 
-def _watch(driver: Any, options: argparse.Namespace) -> None:
+def _watch(driver: Any, options: argparse.Namespace, table: TextIO | None) -> None:
     begin, shown = time.monotonic(), -1.0
     while (now := time.monotonic() - begin) < options.seconds:
         read = driver.exchange(options.current)
-        if options.csv:
-            print(f"{now:.4f},{read.current:.5f},{read.plate:.3f},{read.sink:.3f}")
-        elif now - shown >= 0.5:
+        if table is not None:
+            table.write(f"{now:.4f},{read.current:.5f},{read.plate:.3f},{read.sink:.3f}\n")
+        if now - shown >= 0.5:
             shown = now
             print(f"{now:6.1f} s  plate {read.plate - _KELVIN:7.3f} degC  sink {read.sink - _KELVIN:7.3f} degC  "
                   f"flux {read.flux:8.1f} W/m2  current {read.current:8.4f} A", flush=True)  # fmt: skip

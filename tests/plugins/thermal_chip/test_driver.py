@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -87,11 +88,21 @@ def test_a_session_with_the_chip(start: Start, capsys: pytest.CaptureFixture[str
             rig.exchange(1.0)
 
 
-def test_a_command_looks_at_a_display(start: Start, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_command_looks_at_a_display(start: Start, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     host = start()
     with served(host) as port:
         assert thermal(["display", port, "--current", "1.5"]) == 2
         assert "1 A at most" in capsys.readouterr().err
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("itouch_thermal.drivers.lineport.PATIENCE", 5.0)  # a busy machine
+            assert (
+                thermal(["display", port, "--current", "-0.5", "--seconds", "0.2", "--csv", str(tmp_path / "t.csv")])
+                == 0
+            )
+    assert "itouch-line 2 uno" in capsys.readouterr().out
+    rows = [[float(word) for word in row.split(",")] for row in (tmp_path / "t.csv").read_text().splitlines()]
+    assert rows
+    assert all(290.0 < plate < 300.0 and 290.0 < sink < 300.0 for _, _, plate, sink in rows)
 
 
 def test_one_answer_in_ten_damaged_costs_no_exchange(start: Start) -> None:
