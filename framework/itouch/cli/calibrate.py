@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.plugin import Fit, poses
+from itouch.plugin import Fit, Role, poses
 from itouch.schema import ItouchError
 from itouch.session import calibration
 
@@ -100,11 +100,11 @@ def _stored(scene: Any) -> list[Path]:
 def _offers(element: Any, catalog: Any) -> dict[str, Fit | None]:
     """Return the calibrations of a device by kind; None for those of its mount."""
     cls = catalog.device(element.plugin)
-    names = {channel.name for channel in (*cls.reads, *cls.commands)} if cls is not None else set()
+    roles = {channel.role for channel in (*cls.reads, *cls.commands)} if cls is not None else set()
     own: dict[str, Fit | None] = {fit.kind: fit for fit in cls.fits} if cls is not None else {}
-    if "pose" in names:
+    if Role.TRACKED_POSE in roles:
         own["mount-fit"] = None
-    if {"pose_target", "wrench"} <= names:
+    if {Role.SURFACE_POSE, Role.CONTACT_FORCE} <= roles:
         own["touch-off"] = None
     return own
 

@@ -6,6 +6,7 @@ import sys
 import time
 from typing import TYPE_CHECKING
 
+from itouch.plugin import Role
 from itouch.schema import ItouchError
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ class Waiting:
                   f"switch; {self._advice()}; Ctrl-C ends this", file=sys.stderr, flush=True)  # fmt: skip
 
     def _has_a_switch(self) -> bool:
-        return any(device.reading("deadman") is not None for device in self._model.devices.values())
+        return any(device.reading(Role.DEADMAN) is not None for device in self._model.devices.values())
 
     def _advice(self) -> str:
         return (

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.faults.kinds import AMOUNTS, DROPPED, LATE, SPIKES, UNITS, Injection, Kind
-from itouch.plugin import RETRACT, Channel, DeviceError, Field, Record, Touch, Twin
+from itouch.plugin import RETRACT, Channel, DeviceError, Field, Record, Role, Touch, Twin
 from itouch.plugin.stamps import Stamped
 
 Floats = NDArray[np.float64]
@@ -170,7 +170,7 @@ class FaultyTwin(Twin, Stamped):
         state["fault.commands"][:] = state["fault.received"]
         at = 0
         for channel in self.reads:
-            if channel.name == "pose":
+            if channel.role is Role.TRACKED_POSE:
                 state["fault.origin"][slot] = values[at : at + 7]
             at += channel.size
 
@@ -277,7 +277,7 @@ class FaultyTwin(Twin, Stamped):
                 self._saturate(state, channel, view)
 
     def _reverse(self, state: Record, slot: int, channel: Channel, view: Floats) -> None:
-        if channel.name != "pose_target":
+        if channel.role is not Role.SURFACE_POSE:
             view[:] = -view
         elif state["fault.started"][slot]:  # an axis that is wired backwards goes the other way from where it stood
             view[:3] = 2.0 * state["fault.origin"][slot][:3] - view[:3]
@@ -286,7 +286,7 @@ class FaultyTwin(Twin, Stamped):
 
     def _saturate(self, state: Record, channel: Channel, view: Floats) -> None:
         """Give all that the actuator can, whatever part of it is asked for; nothing for nothing."""
-        if channel.name == "pose_target":
+        if channel.role is Role.SURFACE_POSE:
             place = self.twin.position(state)
             if place is None or not channel.low:
                 return
@@ -317,4 +317,4 @@ class FaultyTwin(Twin, Stamped):
 
 def _unit(channel: Channel, index: int) -> str:
     """Return the unit of one component; a quaternion has none."""
-    return "" if channel.name == "pose" and index >= 3 else channel.unit
+    return "" if channel.role is Role.TRACKED_POSE and index >= 3 else channel.unit

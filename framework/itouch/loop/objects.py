@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from itouch.contact.motion import carry, move_scripted
 from itouch.dynamics.kernels import push_bodies
@@ -13,7 +14,7 @@ from itouch.loop import render
 from itouch.loop.frames import Frame, quaternion
 from itouch.loop.runner import Runner
 from itouch.loop.touch import Toucher
-from itouch.plugin import Record
+from itouch.plugin import Record, Role
 from itouch.world import Model
 
 #: Time constant [s] of the filter on the velocity of what a device carries.
@@ -37,7 +38,7 @@ class Objects:
         self._smooth = 1.0 - math.exp(-model.period / VELOCITY_FILTER)
         self._end = math.ceil(model.motions.duration / model.period - 1e-9)
         self._carried = [
-            (c.index, runners[c.device], runners[c.device].reading["pose"], np.array(c.offset), np.zeros(7))
+            (c.index, runners[c.device], _place_of(runners[c.device]), np.array(c.offset), np.zeros(7))
             for c in model.motions.carried
             if c.device in runners
         ]
@@ -110,5 +111,11 @@ def frame_of(runner: Runner, runners: Mapping[str, Runner]) -> Frame:
         return frame
     carrier = runners[runner.model.carrier]
     below = frame_of(carrier, runners)
-    moved = carrier.reading["pose"].tolist()[:3] if "pose" in carrier.reading else (0.0, 0.0, 0.0)
-    return below.moved(below.vector(moved)).compose(frame)
+    x, y, z = _place_of(carrier).tolist()[:3]
+    return below.moved(below.vector((x, y, z))).compose(frame)
+
+
+def _place_of(carrier: Runner) -> NDArray[np.float64]:
+    """Return the view of where a device's end is, shape (7,); of one that does not say it, that it stays at rest."""
+    rest = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    return rest if carrier.model.reading(Role.TRACKED_POSE) is None else carrier.read_as(Role.TRACKED_POSE)

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 
 from itouch.loop.fence import view_for
 from itouch.loop.runner import Runner
-from itouch.plugin import Contact, ContactEvent, DeviceError, Record, Touch
+from itouch.plugin import Contact, ContactEvent, DeviceError, Record, Role, Touch
 from itouch.world import Model, make_state
 from itouch.world.failing import failing
 
@@ -86,8 +86,8 @@ def _pretend(model: Model, scratch: Record, probe: str, index: int) -> None:
     scratch[f"{probe}.plate"] = touching
     scratch[f"{probe}.normal_force"] = 1.0 if touching else 0.0
     for device in model.devices.values():
-        if device.reading("wrench") is not None:
-            scratch[f"{device.name}.wrench"][2] = -1.0 if touching else 0.0
+        if felt := device.field(Role.CONTACT_FORCE):
+            scratch[felt][2] = -1.0 if touching else 0.0
 
 
 def _event(model: Model, kind: Contact, probe: str, index: int) -> ContactEvent:

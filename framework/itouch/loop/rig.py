@@ -12,7 +12,7 @@ from itouch.loop.ledger import Ledger
 from itouch.loop.runner import Runner
 from itouch.loop.touch import Toucher
 from itouch.loop.touchoff import TouchOff
-from itouch.plugin import Record
+from itouch.plugin import Record, Role
 from itouch.twin.coupling import Coupling
 from itouch.twin.hand import Hand
 from itouch.world import Model, ProbeModel
@@ -41,8 +41,10 @@ class ProbeRig:
             for which, runner in ((render.TRACKER, self.tracker), (render.ARM, self.arm), (render.TABLE, self.table))
             if runner is not None
         ]
+        measured = self.table is not None and not self.table.model.twin and self.table.model.reading(Role.CONTACT_FORCE)
         #: Whether the plate's force on the finger is known from what the table measures only.
-        self.feels_for_real = self.table is not None and not self.table.model.twin and "wrench" in self.table.reading
+        self.feels_for_real = bool(measured)
+        self._felt = self.table.read_as(Role.CONTACT_FORCE) if self.table is not None and measured else None
         self._placed: dict[int, Frame] = {}
         self._fixed = False
         self._moves = any(runner.model.carrier for _, runner in self._stands)
@@ -56,7 +58,7 @@ class ProbeRig:
 
     def _touch_off(self, state: Record, offset: Vector) -> TouchOff | None:
         table = self.table
-        if table is None or not table.model.touch_off or "wrench" not in table.reading:
+        if table is None or not table.model.touch_off or table.model.reading(Role.CONTACT_FORCE) is None:
             return None
         return TouchOff(table, self.toucher, offset, state, self.model.period)
 
@@ -112,7 +114,7 @@ class ProbeRig:
             return frame
         carrier = self._runners[runner.model.carrier]
         below = self.frame_of(carrier)
-        moved = carrier.reading["pose"].tolist()[:3] if "pose" in carrier.reading else (0.0, 0.0, 0.0)
+        moved = carrier.read_as(Role.TRACKED_POSE).tolist()[:3]
         return below.moved(below.vector(moved)).compose(frame)
 
     def contact(self, tick: int, ready: bool) -> None:
@@ -145,7 +147,7 @@ class ProbeRig:
             self._lead()
             self.touch_off.update()
         elif table.panel.withdrawn:
-            target = table.command["pose_target"]
+            target = table.commanded(Role.SURFACE_POSE)
             target[2] = table.panel.follow(target[2].item(), self.toucher.current.item() < 0)
 
     def _gap(self) -> float:
@@ -179,13 +181,13 @@ class ProbeRig:
 
     def measure(self) -> None:
         """Make the force on the finger what a real table measures along the plate's normal, with what the arm gives."""
-        table, arm = self.table, self.arm
-        if table is None:
+        arm = self.arm
+        if self._felt is None:
             return
-        normal = max(0.0, -table.reading["wrench"][2].item())
+        normal = max(0.0, -self._felt[2].item())
         total = self._placed[render.TABLE].vector((0.0, 0.0, normal)) if render.TABLE in self._placed else (0.0,) * 3
         if arm is not None and render.ARM in self._placed:
-            push = self._placed[render.ARM].vector(arm.sent["wrench"].tolist()[:3])
+            push = self._placed[render.ARM].vector(arm.sent_as(Role.FORCE_ON_OPERATOR).tolist()[:3])
             total = (total[0] + push[0], total[1] + push[1], total[2] + push[2])
         self.coupling.total[...] = math.hypot(*total)
 

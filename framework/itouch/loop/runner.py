@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from itouch.faults import FaultyTwin
 from itouch.loop.frames import Frame, frame
-from itouch.plugin import Bound, Record, Touch, Twin
+from itouch.plugin import Bound, Channel, Record, Role, Touch, Twin
+from itouch.plugin.quantity import SIZES
 from itouch.safety import DeviceFaultError, Status, Supervisor, Trip
 from itouch.world import DeviceModel
 from itouch.world.failing import failing, said
@@ -27,6 +28,18 @@ class Runner(Supervisor):
         error = model.mount_error
         self._true_frame = self._mount.moved((-error[0], -error[1], -error[2]))
         self.touch = Touch(ambient=model.ambient)
+
+    def read_as(self, role: Role) -> NDArray[np.float64]:
+        """Return the view of the first reading of a role; zeros if there is none."""
+        return _view(self.reading, self.model.reading(role), role)
+
+    def commanded(self, role: Role) -> NDArray[np.float64]:
+        """Return the view of the first command of a role; zeros if there is none."""
+        return _view(self.command, self.model.command(role), role)
+
+    def sent_as(self, role: Role) -> NDArray[np.float64]:
+        """Return the view of what safety let through of the first command of a role; zeros if there is none."""
+        return _view(self.sent, self.model.command(role), role)
 
     def start(self, seed: int) -> None:
         """Set the device's part of State to its start."""
@@ -88,3 +101,7 @@ def bound_is_newest(cls: type[Twin]) -> bool:
     ancestry = cls.__mro__
     owners = [next(i for i, base in enumerate(ancestry) if name in vars(base)) for name in ("bound_step", "step")]
     return owners[0] <= owners[1]
+
+
+def _view(record: Record, channel: Channel | None, role: Role) -> NDArray[np.float64]:
+    return np.zeros(SIZES.get(role, 1)) if channel is None else record[channel.name]

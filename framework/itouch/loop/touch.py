@@ -19,7 +19,7 @@ from itouch.contact.surfaces import effects_table
 from itouch.loop import render
 from itouch.loop.frames import Frame
 from itouch.loop.runner import Runner
-from itouch.plugin import Contact, ContactEvent, Record
+from itouch.plugin import Contact, ContactEvent, Record, Role
 from itouch.world import Model, ProbeModel
 from itouch.world import limits as default
 
@@ -60,10 +60,10 @@ class Toucher:
         """Collect the views that the compiled tick works on."""
         nothing = np.zeros(7)
         self._carrying = table is not None
-        self.load = table.reading["wrench"] if table is not None and "wrench" in table.reading else nothing
+        self.load = table.read_as(Role.CONTACT_FORCE) if table is not None else nothing
         world, mesh, poses = model.geometry.world, model.geometry.mesh, state["objects.pose"]
         self._poses, self._twists, self._moving = poses, state["objects.twist"], bool(model.moving)
-        self._follows = (self._constants, tracker.reading["pose"], self.figures)
+        self._follows = (self._constants, tracker.read_as(Role.TRACKED_POSE), self.figures)
         stiffness = np.array([coupling.stiffness for coupling in probe.coupling], np.float64)
         self._steps = (
             world, mesh, poses, state["objects.twist"], stiffness, self.figures[:3], probe.scene.radius,
@@ -73,11 +73,15 @@ class Toucher:
         self._renders = (self._constants, poses, self._twists, damping, self.figures, self.result)
         self._carries = (
             self._constants, world, mesh, poses,
-            table.reading["pose"] if table is not None else nothing,
-            table.sent["pose_target"] if table is not None else nothing,
-            self.figures, table.command["pose_target"] if table is not None else np.zeros(7),
+            table.read_as(Role.TRACKED_POSE) if table is not None else nothing,
+            table.sent_as(Role.SURFACE_POSE) if table is not None else nothing,
+            self.figures, table.commanded(Role.SURFACE_POSE) if table is not None else np.zeros(7),
         )  # fmt: skip
-        self._pushes = (self._constants, self.figures, arm.command["wrench"] if arm is not None else np.zeros(6))
+        self._pushes = (
+            self._constants,
+            self.figures,
+            arm.commanded(Role.FORCE_ON_OPERATOR) if arm is not None else np.zeros(6),
+        )
         self._effects: tuple[Any, ...] | None = None
         if (effects := effects_table(probe.effects)) is not None:
             figures = self.figures

@@ -14,7 +14,7 @@ from itouch.loop import render
 from itouch.loop.frames import Vector
 from itouch.loop.runner import DeviceFaultError, Runner
 from itouch.loop.touch import Toucher
-from itouch.plugin import Record
+from itouch.plugin import Record, Role
 from itouch.safety import Trip
 
 #: Speed of the rising plate [m/s], force that ends it and force from which samples count [N].
@@ -50,7 +50,9 @@ class TouchOff:
         self._target, self._calibration = state[f"{part}.target"], state[f"{name}.calibration"]
         self._tick = state["tick"]
         self._count = table.model.touch_off
-        channel = table.model.command("pose_target")
+        self._pose, self._felt = table.read_as(Role.TRACKED_POSE), table.read_as(Role.CONTACT_FORCE)
+        self._goal = table.commanded(Role.SURFACE_POSE)
+        channel = table.model.command(Role.SURFACE_POSE)
         self._low, self._high = (channel.low[2], channel.high[2]) if channel else (0.0, 0.0)
 
     @property
@@ -77,8 +79,8 @@ class TouchOff:
         DeviceFaultError
             If the plate was not felt up to the end of its travel.
         """
-        position = self._table.reading["pose"].tolist()
-        force = abs(self._table.reading["wrench"].tolist()[2])
+        position = self._pose.tolist()
+        force = abs(self._felt[2].item())
         under = self._under()
         if math.isnan(float(self._target)):
             self._target[...] = min(max(self._low, under[2] - MARGIN), self._high)
@@ -90,7 +92,7 @@ class TouchOff:
         else:
             self._release(position)
         goal = (under[0], under[1], float(self._target))
-        self._table.command["pose_target"][:] = (*goal, 1.0, 0.0, 0.0, 0.0)
+        self._goal[:] = (*goal, 1.0, 0.0, 0.0, 0.0)
         self._table.closing = self._table.model.limits.speed_near or 0.0
 
     def _under(self) -> tuple[float, float, float]:

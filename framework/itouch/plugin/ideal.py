@@ -2,29 +2,38 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
 from itouch.plugin.channel import Channel
 from itouch.plugin.device import Device, Touch, Twin
+from itouch.plugin.quantity import Role
 from itouch.plugin.record import Field, Record
 
-#: Reading -> the command that it mirrors without lag.
-MIRRORS = {"pose": "pose_target", "temperature": "temperature_target"}
+#: Role of a reading -> that of the command that it mirrors without lag.
+MIRRORS = {
+    Role.TRACKED_POSE: Role.SURFACE_POSE,
+    Role.CONTACT_FORCE: Role.FORCE_ON_OPERATOR,
+    Role.SKIN_CONTACT_TEMPERATURE: Role.TEMPERATURE_TARGET,
+}
+#: Roles of readings that mirror whatever command has their unit and size.
+_BY_UNIT = (Role.SIGNAL, Role.DELIVERED_DRIVE)
 _ROOM = 296.15
 
 
 class IdealTwin(Twin):
-    """Readings mirror the commands of the same name or meaning; a pose without a target is the finger's."""
+    """Readings mirror the commands that belong to them by role or unit; a pose without a target is the finger's."""
 
     def __init__(self, params: Any, device: type[Device]) -> None:
         super().__init__(params)
         self.reads, self.commands = device.channels(params)
+        self._pairs = dict(pairs(self.reads, self.commands))
 
     def fields(self) -> tuple[Field, ...]:
-        """Return one field a reading."""
-        return tuple(Field.of(channel) for channel in self.reads)
+        """Return one field a reading; what is plotted are the readings themselves."""
+        return tuple(Field.of(channel, show="no") for channel in self.reads)
 
     def reset(self, state: Record, rng: np.random.Generator) -> None:
         """Start at rest, at the origin, at room temperature."""
@@ -33,15 +42,14 @@ class IdealTwin(Twin):
 
     def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
         """Take over commands without lag, and the finger's pose where the device follows the finger."""
-        names = {channel.name for channel in self.commands}
         for channel in self.reads:
-            source = channel.name if channel.name in names else MIRRORS.get(channel.name, "")
-            if source in names and command[source].shape == state[channel.name].shape:
+            source = self._pairs.get(channel.name)
+            if source is not None:
                 state[channel.name] = command[source]
-            elif channel.name == "pose" and touch.finger_attached:
-                state["pose"] = _without_locked(touch.finger_pose, channel.locked)
-            elif channel.name == "twist" and touch.finger_attached:
-                state["twist"] = touch.finger_twist
+            elif channel.role is Role.TRACKED_POSE and touch.finger_attached:
+                state[channel.name] = _without_locked(touch.finger_pose, channel.locked)
+            elif channel.role is Role.TRACKED_TWIST and touch.finger_attached:
+                state[channel.name] = touch.finger_twist
 
     def read(self, state: Record, reading: Record) -> bool | None:
         """Copy the State to the reading."""
@@ -50,8 +58,31 @@ class IdealTwin(Twin):
         return True
 
 
+def pairs(reads: Sequence[Channel], commands: Sequence[Channel]) -> Iterator[tuple[str, str]]:
+    """Yield each reading that mirrors a command, with it.
+
+    First by role; a number without a role of its own mirrors the first command of its unit and size that no other
+    reading mirrors, one of its own name before all.
+    """
+    left = list(commands)
+    for reading in sorted(reads, key=lambda channel: channel.role in _BY_UNIT):
+        found = [command for command in left if _belongs(reading, command)]
+        found.sort(key=lambda command: command.name != reading.name)
+        if found:
+            left.remove(found[0])
+            yield reading.name, found[0].name
+
+
+def _belongs(reading: Channel, command: Channel) -> bool:
+    if reading.size != command.size:
+        return False
+    if reading.role in _BY_UNIT:
+        return command.name == reading.name or (reading.unit == command.unit and bool(reading.unit))
+    return MIRRORS.get(reading.role) is command.role
+
+
 def _rest(channel: Channel) -> Any:
-    if channel.name == "pose":
+    if channel.role is Role.TRACKED_POSE:
         return (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
     return _ROOM if channel.unit == "K" else 0.0
 

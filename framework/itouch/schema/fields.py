@@ -18,6 +18,8 @@ import math
 from dataclasses import MISSING, dataclass
 from typing import Any, ClassVar, Literal
 
+from itouch.schema.roles import Role
+
 Kind = Literal["quantity", "integer", "text", "file", "name", "ref", "choice", "flag", "child", "children", "plugin"]
 
 #: Marks a field that must be given.
@@ -40,8 +42,8 @@ class Spec:
     absolute: bool = False
     values: tuple[str, ...] = ()
     target: str = ""
-    reads: tuple[str, ...] = ()
-    commands: tuple[str, ...] = ()
+    reads: tuple[str | Role, ...] = ()
+    commands: tuple[str | Role, ...] = ()
     elements: tuple[type, ...] = ()
     tag: str = ""
 
@@ -120,14 +122,14 @@ def name(*, default: Any = REQUIRED, doc: str = "its name, unique in the scene")
 def ref(
     target: str,
     *,
-    reads: tuple[str, ...] = (),
-    commands: tuple[str, ...] = (),
+    reads: tuple[str | Role, ...] = (),
+    commands: tuple[str | Role, ...] = (),
     default: Any = REQUIRED,
     doc: str = "",
 ) -> Any:
     """Declare a reference to a named ``device``, ``probe``, ``object``, ``material`` or ``modality``.
 
-    For a device, ``reads`` and ``commands`` name the channels that it must have.
+    For a device, ``reads`` and ``commands`` say which channels it must have: by a role, or by a name.
     """
     return _make(Spec("ref", doc, target=target, reads=reads, commands=commands), default)
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from itouch.plugin import Role
 from itouch.schema import ItouchError
 from itouch.servo.segment import ServoError
 from itouch.world import Model
@@ -120,5 +121,7 @@ def _written(model: Model) -> set[str]:
     """Return the command channels that probes and modalities write."""
     written = {command for modality in model.modalities for command in modality.commands}
     for probe in model.scene.probes:
-        written |= {f"{probe.force_to}.wrench", f"{probe.surface_to}.pose_target"}
+        for name, role in ((probe.force_to, Role.FORCE_ON_OPERATOR), (probe.surface_to, Role.SURFACE_POSE)):
+            channel = model.devices[name].command(role) if name in model.devices else None
+            written |= {f"{name}.{channel.name}"} if channel is not None else set()
     return written

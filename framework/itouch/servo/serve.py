@@ -9,6 +9,7 @@ import time
 from typing import Any
 
 from itouch.loop import DeviceFaultError, Engine, LatchedError, WallClock
+from itouch.plugin import Role
 from itouch.scene import write
 from itouch.servo import realtime
 from itouch.servo import words as at
@@ -168,7 +169,7 @@ class Servo:
         """Whether the operator has not yet enabled the devices, or does not hold the switch that they need."""
         model = self.session.model
         needed = model.scene.safety.hold_to_run or bool(self._hardware())
-        switch = any(device.reading("deadman") is not None for device in model.devices.values())
+        switch = any(device.reading(Role.DEADMAN) is not None for device in model.devices.values())
         return not self.enabled or (needed and not switch and not self._held)
 
     def _await_guardian(self) -> None:

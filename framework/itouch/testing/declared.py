@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from itouch.plugin import ROTATIONS, Channel, Device, Safe
+from itouch.plugin import ROTATIONS, Channel, Device, Role, Safe
 from itouch.plugin.discovery import NAMESPACE
 from itouch.scene import loads, write
 from itouch.schema import SceneError
@@ -271,7 +271,7 @@ def _follows(subject: DeviceSubject, channel: Channel, lowered: Any, label: str,
 def locked_axes(subject: DeviceSubject) -> None:
     """Compare the locked axes of pose, wrench and pose target."""
     reads, commands = subject.cls.channels(subject.require_params())
-    poses = [c for c in reads if c.name == "pose"]
+    poses = [c for c in reads if c.role is Role.TRACKED_POSE]
     for channel in (*reads, *commands):
         if any(axis not in range(6) for axis in channel.locked):
             raise _fail(
@@ -281,7 +281,7 @@ def locked_axes(subject: DeviceSubject) -> None:
             )
     for pose in poses:
         for channel in commands:
-            if channel.name not in ("wrench", "pose_target"):
+            if channel.role not in (Role.FORCE_ON_OPERATOR, Role.SURFACE_POSE):
                 continue
             missing = set(pose.locked) - set(channel.locked)
             if missing:
@@ -290,7 +290,7 @@ def locked_axes(subject: DeviceSubject) -> None:
                     "locked= was given to one of them only",
                     "give both the same locked axes",
                 )
-            if channel.name == "wrench" and set(ROTATIONS) <= set(channel.locked) and channel.high:
+            if channel.role is Role.FORCE_ON_OPERATOR and set(ROTATIONS) <= set(channel.locked) and channel.high:
                 torque = np.abs(np.array(channel.high[3:]))
                 if torque.any():
                     raise _fail(

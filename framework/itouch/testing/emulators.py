@@ -8,7 +8,7 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.plugin import Channel, DeviceError
+from itouch.plugin import Channel, DeviceError, Role
 from itouch.testing.checks import CheckError, NotApplicableError, check
 from itouch.testing.subject import DeviceSubject, limits
 from itouch.testing.wire import Opened, Served, emulated
@@ -84,7 +84,7 @@ def arrive(subject: DeviceSubject) -> str:
     """Command half of what is allowed, and compare with what the emulator makes of it."""
     with emulated(subject) as (emulator, opened):
         opened.fresh(5.0)
-        wanted = {c.name: _half(c) for c in opened.commands if c.name != "pose_target" and c.low}
+        wanted = {c.name: _half(c) for c in opened.commands if c.role is not Role.SURFACE_POSE and c.low}
         if not wanted:
             raise NotApplicableError("it obeys no command but a place to go to")
         worst = 0.0

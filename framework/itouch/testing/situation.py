@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from itouch.loop import Engine
-from itouch.plugin import Device, DeviceError, Modality, Record, pose, schema, wrench
+from itouch.plugin import Channel, Device, DeviceError, Modality, Record, Role, pose, schema, wrench
 from itouch.plugin.discovery import NAMESPACE, Catalog
 from itouch.scene import Scene, load, loads
 from itouch.scene.elements import Motion, Operator, To
@@ -287,7 +287,7 @@ class _Maker:
 
     def _device(self, spec: Spec, plugin: str) -> str:
         """Add a device with these channels, the plugin's own if it has one."""
-        if set(spec.reads) <= {"pose"} and set(spec.commands) <= {"wrench"}:
+        if set(spec.reads) <= {Role.TRACKED_POSE} and set(spec.commands) <= {Role.FORCE_ON_OPERATOR}:
             return "suite"
         names: Sequence[str] = sorted(self._catalog.device_names, key=lambda name: name != plugin)
         for name in names:
@@ -295,10 +295,15 @@ class _Maker:
             if cls is None or any(default_of(cls.Params, n) is REQUIRED for n in specs(cls.Params)):
                 continue
             reads, commands = cls.channels(cls.Params())
-            if set(spec.reads) <= {c.name for c in reads} and set(spec.commands) <= {c.name for c in commands}:
+            if set(spec.reads) <= _offered(reads) and set(spec.commands) <= _offered(commands):
                 self.devices.setdefault(name, f'<device name="{name}" plugin="{name}"/>')
                 return name
         raise NotApplicableError(f"no installed device reads {spec.reads} and obeys {spec.commands}: give a scene")
+
+
+def _offered(channels: Sequence[Channel]) -> set[str | Role]:
+    """Return by what a reference can ask for channels."""
+    return {channel.name for channel in channels} | {channel.role for channel in channels}
 
 
 def _middle(spec: Spec) -> Any:

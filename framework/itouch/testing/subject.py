@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.plugin import Device, DeviceError, Field, IdealTwin, Record, Touch, Twin
+from itouch.plugin import Channel, Device, DeviceError, Field, IdealTwin, Record, Role, Touch, Twin
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
 from itouch.scene.elements import DeviceElement, PluginPart, Probe
@@ -143,10 +143,15 @@ class DeviceSubject:
         part = PluginPart(self.name, "hardware", chosen)
         device = DeviceElement(name="unit", plugin=self.name, twin=twin, parts=(part,))
         reads, commands = self.cls.channels(chosen)
-        tracks = any(c.name == "pose" for c in reads) and not any(c.name == "pose_target" for c in commands)
-        force = "unit" if tracks and any(c.name == "wrench" for c in commands) else ""
+        tracks = follows(reads, commands)
+        force = "unit" if tracks and any(c.role is Role.FORCE_ON_OPERATOR for c in commands) else ""
         probes = (Probe(name="tip", radius=0.008, pose_from="unit", force_to=force),) if tracks else ()
         return Scene(devices=(device,), probes=probes)
+
+
+def follows(reads: Iterable[Channel], commands: Iterable[Channel]) -> bool:
+    """Tell whether a device with these channels follows the finger, and is not one that goes to it."""
+    return any(c.role is Role.TRACKED_POSE for c in reads) and not any(c.role is Role.SURFACE_POSE for c in commands)
 
 
 class TwinBench:
@@ -157,6 +162,8 @@ class TwinBench:
         self.reads, self.commands = subject.cls.channels(params)
         self.twin: Twin = IdealTwin(params, subject.cls) if subject.cls.Twin is None else subject.cls.Twin(params)
         self.twin.stand(ROOM, SKIN)
+        #: Name of the reading that is the pose of its end; empty: there is none.
+        self.pose = next((c.name for c in self.reads if c.role is Role.TRACKED_POSE), "")
         self.state = Record.of(self.twin.fields())
         self.reading = Record.of(Field.of(c) for c in self.reads)
         self.command = Record.of(Field.of(c) for c in self.commands)
@@ -172,8 +179,8 @@ class TwinBench:
         for channel in self.commands:
             if isinstance(channel.safe, tuple):
                 self.command[channel.name] = channel.safe
-            elif channel.name == "pose_target" and "pose" in self.reading:
-                self.command[channel.name] = self.start["pose"]
+            elif channel.role is Role.SURFACE_POSE and self.pose:
+                self.command[channel.name] = self.start[self.pose]
             else:
                 self.command[channel.name] = np.zeros(channel.size)
 
@@ -184,10 +191,10 @@ class TwinBench:
             low, high = limits(channel.low, channel.size), limits(channel.high, channel.size)
             middle, half = (low + high) / 2, (high - low) / 2
             target = middle + 0.5 * half * np.sin(phase * 0.7 + np.arange(channel.size))
-            if channel.name == "pose_target":
+            if channel.role is Role.SURFACE_POSE:
                 target[3:] = (1.0, 0.0, 0.0, 0.0)
                 step = 0.1 * PERIOD * self.tick
-                start = self.start["pose"][:3] if "pose" in self.start else middle[:3]
+                start = self.start[self.pose][:3] if self.pose else middle[:3]
                 away = target[:3] - start
                 distance = float(np.linalg.norm(away))
                 target[:3] = start + away * min(1.0, step / distance) if distance > 0 else start

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from itouch.plugin import Channel
+from itouch.plugin import Channel, Role
 from itouch.testing.checks import CheckError, NotApplicableError, check
 from itouch.testing.subject import PERIOD, ROOM, DeviceSubject, TwinBench
 
@@ -79,12 +79,12 @@ def _inside(channel: Channel, view: Any, tick: int) -> None:
 def pose(subject: DeviceSubject) -> None:
     """Watch the pose while the twin is driven."""
     bench = subject.bench()
-    channel = _channel(bench, "pose")
+    channel = _channel(bench, Role.TRACKED_POSE)
     bench.step()
-    first = bench.reading["pose"].copy()
+    first = bench.reading[bench.pose].copy()
     for _ in range(1000):
         bench.step()
-        now = bench.reading["pose"]
+        now = bench.reading[bench.pose]
         if now[3] == 0.0 and abs(now[6]) == 1.0:
             raise _fail(
                 f"the quaternion at rest is {now[3:]}: half a turn about z",
@@ -107,10 +107,10 @@ def pose(subject: DeviceSubject) -> None:
             )
 
 
-def _channel(bench: TwinBench, name: str) -> Channel:
-    found = next((channel for channel in bench.reads if channel.name == name), None)
+def _channel(bench: TwinBench, role: Role) -> Channel:
+    found = next((channel for channel in bench.reads if channel.role is role), None)
     if found is None:
-        raise NotApplicableError(f"it reads no {name}")
+        raise NotApplicableError(f"it reads no {role.value}")
     return found
 
 
@@ -120,21 +120,21 @@ def frame(subject: DeviceSubject) -> None:
     if subject.cls.led_by == "recording":
         raise NotApplicableError("it leads the finger")
     bench = subject.bench()
-    channel = _channel(bench, "pose")
-    target = next((c for c in bench.commands if c.name == "pose_target"), None)
+    channel = _channel(bench, Role.TRACKED_POSE)
+    target = next((c for c in bench.commands if c.role is Role.SURFACE_POSE), None)
     place = _sent(bench, target) if target is not None else _held(bench)
-    seen, free = bench.reading["pose"][:3].copy(), [axis for axis in range(3) if axis not in channel.locked]
+    seen, free = bench.reading[bench.pose][:3].copy(), [axis for axis in range(3) if axis not in channel.locked]
     _compare(seen[free], place[free], "where it was sent" if target is not None else "where the finger is")
 
 
 def _sent(bench: TwinBench, target: Channel) -> Any:
-    start = bench.start["pose"][:3].copy()
+    start = bench.start[bench.pose][:3].copy()
     goal = start + np.clip(
         np.array([0.004, -0.006, 0.005]), np.array(target.low[:3]) - start, np.array(target.high[:3]) - start
     )
     for tick in range(3000):
         part = min(1.0, tick / 1000)
-        bench.command["pose_target"] = (*(start + part * (goal - start)), 1.0, 0.0, 0.0, 0.0)
+        bench.command[target.name] = (*(start + part * (goal - start)), 1.0, 0.0, 0.0, 0.0)
         bench.step(driven=False)
     return goal
 
@@ -144,7 +144,7 @@ def _held(bench: TwinBench) -> Any:
     place = np.array([0.004, -0.006, 0.005])
     bench.touch.finger_pose[:3] = place
     bench.step(600, driven=False)
-    if not bench.reading["pose"][:3].any():
+    if not bench.reading[bench.pose][:3].any():
         raise _fail(
             "the twin does not follow the finger",
             "touch.finger_pose is not used",
@@ -193,7 +193,7 @@ def rest(subject: DeviceSubject) -> None:
     """Send the safe command for half a second with nobody there."""
     bench = subject.bench()
     warm = [channel.name for channel in bench.reads if channel.unit == "K"]
-    if "pose" not in bench.reading and not warm:
+    if not bench.pose and not warm:
         raise NotApplicableError("it reads neither a pose nor a temperature")
     bench.step(20, driven=False)
     before = {name: view.copy() for name, view in bench.reading.items()}
@@ -206,9 +206,9 @@ def rest(subject: DeviceSubject) -> None:
                 "it heats or cools when it is not enabled, or its safe command is none",
                 "a device heats only by its command",
             )
-    if "pose" not in bench.reading:
+    if not bench.pose:
         return
-    moved = float(np.abs(bench.reading["pose"][:3] - before["pose"][:3]).max())
+    moved = float(np.abs(bench.reading[bench.pose][:3] - before[bench.pose][:3]).max())
     if moved > 2e-3:
         raise _fail(
             f"it moves {1e3 * moved:.1f} mm in half a second under its safe command",
@@ -240,7 +240,7 @@ def bounded(subject: DeviceSubject) -> None:
     if not bench.commands:
         raise NotApplicableError("it obeys no command")
     for channel in bench.commands:
-        if channel.name == "pose_target":
+        if channel.role is Role.SURFACE_POSE:
             continue
         for ends in (channel.low, channel.high):
             if ends and all(math.isfinite(end) for end in ends):
@@ -259,15 +259,15 @@ def bounded(subject: DeviceSubject) -> None:
 def velocity(subject: DeviceSubject) -> None:
     """Compare the twist with the change of the pose while the finger moves."""
     bench = subject.bench()
-    names = {channel.name for channel in bench.reads}
-    if not {"pose", "twist"} <= names:
+    twist = next((channel.name for channel in bench.reads if channel.role is Role.TRACKED_TWIST), "")
+    if not bench.pose or not twist:
         raise NotApplicableError("it does not read both pose and twist")
     bench.step(300)
     places, speeds = [], []
     for _ in range(600):
         bench.step()
-        places.append(bench.reading["pose"][:3].copy())
-        speeds.append(bench.reading["twist"][:3].copy())
+        places.append(bench.reading[bench.pose][:3].copy())
+        speeds.append(bench.reading[twist][:3].copy())
     width = 40  # differences over so many ticks: noise and lag of a few milliseconds do not matter
     true = (np.array(places[2 * width :]) - np.array(places[: -2 * width])) / (2 * width * PERIOD)
     told = np.array([np.mean(speeds[i : i + 2 * width], axis=0) for i in range(len(speeds) - 2 * width)])

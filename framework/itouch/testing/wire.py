@@ -13,9 +13,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import is_dataclass, replace
 from typing import Any
 
-from itouch.plugin import Channel, DeviceError, Emulator, Field, Record
+from itouch.plugin import Channel, DeviceError, Emulator, Field, Record, Role
 from itouch.testing.checks import CheckError, NotApplicableError
-from itouch.testing.subject import PERIOD, DeviceSubject, TwinBench
+from itouch.testing.subject import PERIOD, DeviceSubject, TwinBench, follows
 
 #: Parameters that say where a device is.
 PLACES = ("port", "path", "device", "serial_port", "tty", "address", "host", "url")
@@ -40,7 +40,7 @@ class Served:
         self.emulator: Emulator = kind(params)
         reads, commands = subject.cls.channels(params)
         #: Whether it follows the finger; it is held then where the real device can be.
-        self.tracks = any(c.name == "pose" for c in reads) and not any(c.name == "pose_target" for c in commands)
+        self.tracks = follows(reads, commands)
         if self.tracks:
             self.hold(kind.reachable(params))
         self.asked = Record.of(Field.of(c) for c in self.bench.commands)
@@ -130,6 +130,7 @@ class Opened:
         reads, commands = subject.cls.channels(subject.params)
         self.reading = Record.of(Field.of(c) for c in reads)
         self.command = Record.of(Field.of(c) for c in commands)
+        self.reads: Sequence[Channel] = reads
         self.commands: Sequence[Channel] = commands
         self._seen = False
         self.be_safe()
@@ -147,8 +148,10 @@ class Opened:
 
     def stay(self) -> None:
         """Let a command that leads somewhere lead to where the device is."""
-        if "pose_target" in self.command and "pose" in self.reading:
-            self.command["pose_target"] = self.reading["pose"]
+        goal = next((c.name for c in self.commands if c.role is Role.SURFACE_POSE), "")
+        pose = next((c.name for c in self.reads if c.role is Role.TRACKED_POSE), "")
+        if goal and pose:
+            self.command[goal] = self.reading[pose]
 
     def __enter__(self) -> Opened:
         return self

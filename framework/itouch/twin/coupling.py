@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.plugin import Bound, Record, Touch
+from itouch.plugin import Bound, Record, Role, Touch
 from itouch.twin import mechanics as at
 from itouch.twin.hand import Hand
 
@@ -34,7 +34,9 @@ class Stand(Protocol):
     """A device's runner, as the coupling sees it."""
 
     touch: Touch
-    sent: Record
+
+    def sent_as(self, role: Role) -> Floats:
+        """Return the view of what safety let through of the first command of a role; zeros if there is none."""
 
     def true_frame(self) -> Body:
         """Return the device's true frame in its carrier."""
@@ -65,7 +67,7 @@ class Coupling:
         self._tick, self.touched = state["tick"], state[f"{name}.plate_touched"]
         self.figures: Floats = state.flat(f"{name}.plate_force", f"{name}.total_force")
         self.true_top, self.total = state[f"{name}.plate_true_top"], state[f"{name}.total_force"]
-        self._push: Floats = arm.sent["wrench"][:3] if arm is not None and "wrench" in arm.sent else np.zeros(3)
+        self._push: Floats = arm.sent_as(Role.FORCE_ON_OPERATOR)[:3] if arm is not None else np.zeros(3)
         self._load: Floats = table.touch.wrench[:3] if table is not None else np.zeros(3)
         self._pieces: Floats = hand.path.pieces if hand is not None else np.ones((1, 8))
         self._end, self._pace = np.zeros(7), np.zeros(6)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pyglet import gl
 
-from itouch.plugin import Record
+from itouch.plugin import Record, Role
 from itouch.viewer import colours, shaders, solids
 from itouch.viewer.buffers import Frame, Paint, Program, ShadowMap, Triangles
 from itouch.viewer.camera import Camera
@@ -118,7 +118,7 @@ class Canvas:
         lines = solids.grid(max(1.5 * width, 4 * step), step) + np.array([0, 0, floor - 2e-4], np.float32)
         self.paint.draw(gl.GL_LINES, tinted(lines, (*colours.GRID, 0.8)), seen)
         for device in self._stage.tables:
-            target = device.command("pose_target")
+            target = device.command(Role.SURFACE_POSE)
             if target is None or not target.low or not np.isfinite((*target.low[:3], *target.high[:3])).all():
                 continue
             low, high = target.low[:3], target.high[:3]

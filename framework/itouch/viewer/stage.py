@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.contact import Box, Capsule, Cylinder, Plane, Sphere
-from itouch.plugin import Record, poses
+from itouch.plugin import Record, Role, poses
 from itouch.viewer import colours, solids
 from itouch.viewer.colours import Colour
 from itouch.viewer.solids import Solid
-from itouch.world import Model
+from itouch.world import Model, declared
 from itouch.world.rig import DeviceModel
 
 Matrix = NDArray[np.float64]
@@ -64,7 +64,7 @@ class Stage:
         self._corners = [_corners(self.solids[f"object {name}"], shape)
                          for name, shape in zip(model.objects, model.shapes, strict=True)]  # fmt: skip
         self._colours = {element.name: _colour(model, element.material) for element in model.scene.objects}
-        self.tables = [d for d in model.devices.values() if d.command("pose_target") is not None]
+        self.tables = [d for d in model.devices.values() if d.command(Role.SURFACE_POSE) is not None]
         self.faces = {d.name: f for d in model.devices.values() if (f := d.cls.face(d.params)) is not None}
         self._bare = [
             d.name for d in self.tables
@@ -114,8 +114,9 @@ class Stage:
         for name in (*self.faces, *self._bare):
             half = self.faces.get(name, (PLATE_HALF, PLATE_HALF))
             place = self.place(state, self.model.devices[name])
-            if name in self._bare and f"{name}.pose" in state:
-                place = place @ shift(state[f"{name}.pose"][:3])
+            pose = self.model.devices[name].field(Role.TRACKED_POSE)
+            if name in self._bare and pose in state:
+                place = place @ shift(state[pose][:3])
             kelvin = plate_temperature(state, self.model.devices[name])
             colour = _UNPAINTED if kelvin is None else colours.of_temperature(kelvin)
             yield Draw("unit box", place @ shift((0, 0, -PLATE_THICKNESS / 2)) @ scale((2 * half[0], 2 * half[1],
@@ -130,7 +131,7 @@ class Stage:
         if not device.carrier:
             return own
         below = self.place(state, self.model.devices[device.carrier])
-        pose = f"{device.carrier}.pose"
+        pose = self.model.devices[device.carrier].field(Role.TRACKED_POSE)
         return below @ shift(state[pose][:3]) @ own if pose in state else below @ own
 
     def _probe(self, state: Record, name: str, radius: float) -> Iterator[Draw]:
@@ -190,20 +191,18 @@ def arrow(start: NDArray[np.float64], force: NDArray[np.float64], factor: float 
 
 
 def plate_temperature(state: Mapping[str, Any], device: DeviceModel) -> float | None:
-    """Return the temperature [K] that a device reads of its plate, or None if it has no such channel."""
-    for name in ("plate_temperature", "temperature"):
-        if device.reading(name) is not None:
-            return float(np.ravel(state[f"{device.name}.{name}"])[0])
-    return None
+    """Return the temperature [K] that a device reads of what the skin touches, or None if it has no such channel."""
+    name = device.field(Role.SKIN_CONTACT_TEMPERATURE)
+    return float(np.ravel(state[name])[0]) if name else None
 
 
 def skin_temperature(state: Mapping[str, Any], model: Model) -> float | None:
     """Return the temperature [K] of the skin: as a modality renders it, else as a device reads it, else None."""
-    for name in (*(modality.name for modality in model.modalities), *model.devices):
-        key = f"{name}.skin_temperature"
-        if key in state:
-            kelvin = float(np.ravel(state[key])[0])
-            return kelvin if math.isfinite(kelvin) and kelvin > 200.0 else None
+    owners = [modality.name for modality in model.modalities]
+    named = [name for name, field in declared(model).items() if field.role is Role.SKIN_TEMPERATURE and name in state]
+    for key in sorted(named, key=lambda name: name.partition(".")[0] not in owners):
+        kelvin = float(np.ravel(state[key])[0])
+        return kelvin if math.isfinite(kelvin) and kelvin > 200.0 else None
     return None
 
 

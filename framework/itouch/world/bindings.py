@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from itouch.plugin import poses
+from itouch.plugin import Role, poses
 from itouch.scene import Scene
 from itouch.scene.elements import Probe
 from itouch.schema import Problem
@@ -23,8 +23,8 @@ def check_bindings(scene: Scene, devices: Mapping[str, DeviceModel]) -> Iterator
     """Find references to devices that lack the channels, or that can only command locked degrees of freedom."""
     for probe in scene.probes:
         yield from _channels(scene, probe, f"probe '{probe.name}'", devices)
-        yield from _locked(scene, probe, "force_to", "wrench", devices)
-        yield from _locked(scene, probe, "surface_to", "pose_target", devices)
+        yield from _locked(scene, probe, "force_to", Role.FORCE_ON_OPERATOR, devices)
+        yield from _locked(scene, probe, "surface_to", Role.SURFACE_POSE, devices)
     for element in scene.objects:
         yield from _channels(scene, element, f"object '{element.name}'", devices)
     for part in scene.modalities:
@@ -39,21 +39,29 @@ def _channels(scene: Scene, element: Any, what: str, devices: Mapping[str, Devic
             continue
         for kind, wanted, offered in (("reads", spec.reads, device.reads), ("obeys", spec.commands, device.commands)):
             names = [channel.name for channel in offered]
+            known: set[object] = {*names, *(channel.role for channel in offered)}
             for channel in wanted:
-                if channel not in names:
-                    sentence = f"{what} needs '{channel}' of device '{device.name}', which {kind} no such channel"
-                    advice = did_you_mean(channel, names, f"it {kind}") or f"it {kind} nothing"
-                    yield Problem("missing-channel", sentence, scene.places.of(element, name), advice)
+                if channel not in known:
+                    yield _lacking(scene, element, name, what, channel, device, kind, names)
+
+
+def _lacking(
+    scene: Scene, element: Any, name: str, what: str, wanted: object, device: DeviceModel, kind: str, names: list[str]
+) -> Problem:
+    shown = wanted.value if isinstance(wanted, Role) else f"'{wanted}'"
+    sentence = f"{what} needs {shown} of device '{device.name}', which {kind} no such channel"
+    advice = did_you_mean(str(shown), names, f"it {kind}") or f"it {kind} nothing"
+    return Problem("missing-channel", sentence, scene.places.of(element, name), advice)
 
 
 def _locked(
-    scene: Scene, probe: Probe, field: str, channel_name: str, devices: Mapping[str, DeviceModel]
+    scene: Scene, probe: Probe, field: str, role: Role, devices: Mapping[str, DeviceModel]
 ) -> Iterator[Problem]:
     device = devices.get(getattr(probe, field))
-    channel = device.command(channel_name) if device else None
+    channel = device.command(role) if device else None
     if device is not None and channel is not None and set(_LINEAR) <= set(channel.locked):
         sentence = f"probe '{probe.name}' can only command locked degrees of freedom of device '{device.name}'"
-        advice = f"'{channel_name}' of '{device.name}' has x, y and z locked; bind a device that moves"
+        advice = f"'{channel.name}' of '{device.name}' has x, y and z locked; bind a device that moves"
         yield Problem("locked-dof", sentence, scene.places.of(probe, field), advice)
 
 
@@ -93,7 +101,7 @@ def check_reach(
     """
     for probe in scene.probes:
         table = devices.get(probe.surface_to)
-        target = table.command("pose_target") if table else None
+        target = table.command(Role.SURFACE_POSE) if table else None
         if table is None or target is None or not target.low:
             continue
         face = next((d for d in devices.values() if d.carrier == table.name), None)

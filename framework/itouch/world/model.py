@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -64,6 +64,8 @@ class Model:
     files: tuple[SceneFile, ...] = ()
     effects: tuple[Effects, ...] = ()
     motions: Motions = NO_MOTIONS
+    #: What State declares, once it was asked for.
+    declared: list[Any] = field(default_factory=list, init=False, repr=False, compare=False)
 
     @property
     def moving(self) -> bool:
@@ -111,7 +113,7 @@ def compile_scene(scene: Scene, catalog: Catalog) -> tuple[Model | None, list[Pr
     period = 1.0 / scene.rates.servo
     modalities = build_modalities(scene, catalog, devices, reader, period, problems)
     notices += notices_of(modalities)
-    problems += check_writers(scene, _writers(scene, modalities))
+    problems += check_writers(scene, _writers(scene, devices, modalities))
     if any(problem.severity == "error" for problem in problems):
         return None, problems
     poses.setflags(write=False)
@@ -147,6 +149,7 @@ def _probes(
     return found
 
 
+<<<<<<< HEAD
 def _face(table: str, devices: Mapping[str, DeviceModel]) -> str:
     """Return what of all that a table carries the finger touches: what reads the temperature of it, else the first."""
     carried = [device for device in devices.values() if device.carrier and device.carrier == table]
@@ -155,12 +158,18 @@ def _face(table: str, devices: Mapping[str, DeviceModel]) -> str:
 
 
 def _writers(scene: Scene, modalities: list[ModalityModel]) -> list[tuple[str, Any, str, str]]:
+=======
+def _writers(
+    scene: Scene, devices: Mapping[str, DeviceModel], modalities: list[ModalityModel]
+) -> list[tuple[str, Any, str, str]]:
+>>>>>>> 34ebf1f (The framework finds channels by their role, not by their name)
     writers: list[tuple[str, Any, str, str]] = []
     for probe in scene.probes:
-        if probe.force_to:
-            writers.append((f"{probe.force_to}.wrench", probe, "force_to", f"probe '{probe.name}'"))
-        if probe.surface_to:
-            writers.append((f"{probe.surface_to}.pose_target", probe, "surface_to", f"probe '{probe.name}'"))
+        for bound, role in (("force_to", Role.FORCE_ON_OPERATOR), ("surface_to", Role.SURFACE_POSE)):
+            device = devices.get(getattr(probe, bound))
+            channel = device.command(role) if device is not None else None
+            if device is not None and channel is not None:
+                writers.append((f"{device.name}.{channel.name}", probe, bound, f"probe '{probe.name}'"))
     parts = {part.name: part for part in scene.modalities}
     for modality in modalities:
         for command in modality.commands:

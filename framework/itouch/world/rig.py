@@ -8,8 +8,13 @@ from typing import Any
 from itouch.contact.meshfile.faults import MeshError
 from itouch.exchange import LateTwin, ThreadedDevice
 from itouch.faults import FaultyTwin, Injection
+<<<<<<< HEAD
 from itouch.plugin import Channel, Device, IdealTwin, Monitor, ParameterError, Twin, poses, trace
+=======
+from itouch.plugin import Channel, Device, IdealTwin, ParameterError, Role, Twin, poses, trace
+>>>>>>> 34ebf1f (The framework finds channels by their role, not by their name)
 from itouch.plugin.discovery import Catalog
+from itouch.plugin.quantity import SIZES
 from itouch.scene import Scene
 from itouch.scene.elements import DeviceElement
 from itouch.schema import Place, Problem
@@ -22,12 +27,6 @@ from itouch.world.limits import DeviceLimits, resolve
 from itouch.world.supervision import monitors_of, supervision_problems, watched
 
 Vector = tuple[float, float, float]
-
-#: Channels that the framework itself works with, and how many numbers they have.
-_SIZES = {
-    "pose": 7, "twist": 6, "wrench": 6, "pose_target": 7, "current": 1, "plate_temperature": 1, "sink_temperature": 1,
-    "skin_temperature": 1, "heat_flux": 1, "temperature_target": 1,
-}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,13 +74,23 @@ class DeviceModel:
         """Whether a wire, real or simulated, is between it and the loop."""
         return self.late or (self.cls.blocking and not self.twin)
 
-    def command(self, name: str) -> Channel | None:
-        """Return a command channel, or None."""
-        return next((channel for channel in self.commands if channel.name == name), None)
+    def command(self, of: str | Role) -> Channel | None:
+        """Return the command channel of a name that a scene or a plugin gives, or the first of a role; or None."""
+        return next((channel for channel in self.commands if of in (channel.name, channel.role)), None)
 
-    def reading(self, name: str) -> Channel | None:
-        """Return a reading channel, or None."""
-        return next((channel for channel in self.reads if channel.name == name), None)
+    def reading(self, of: str | Role) -> Channel | None:
+        """Return the reading channel of a name that a scene or a plugin gives, or the first of a role; or None."""
+        return next((channel for channel in self.reads if of in (channel.name, channel.role)), None)
+
+    def field(self, of: Role, kind: str = "") -> str:
+        """Return the State field of the first reading of a role, or of the first ``command`` or ``sent`` of one.
+
+        Empty: the device has no such channel.
+        """
+        channel = self.command(of) if kind else self.reading(of)
+        if channel is None:
+            return ""
+        return f"{self.name}.{kind}.{channel.name}" if kind else f"{self.name}.{channel.name}"
 
     def make_twin(self) -> Twin:
         """Return the twin that the plugin brings, or the ideal one."""
@@ -134,10 +143,10 @@ def _build(
     with failing(f"device '{element.name}'", "channels", place):
         reads, commands = cls.channels(params)
     for channel in (*reads, *commands):
-        if _SIZES.get(channel.name, channel.size) != channel.size:
+        if SIZES.get(channel.role, channel.size) != channel.size:
             sentence = (
                 f"device '{element.name}': plugin '{element.plugin}' has a channel '{channel.name}' of {channel.size} "
-                f"numbers; one of this name has {_SIZES[channel.name]}"
+                f"numbers; a {channel.role.value} has {SIZES[channel.role]}"
             )
             problems.append(Problem("plugin-failed", sentence, place, "tell the plugin's author"))
             return None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 from itouch.contact.surfaces import EFFECTS_MEMORY
@@ -130,6 +130,14 @@ def layout(model: Model) -> tuple[Field, ...]:
         *marks.FIELDS,
     ]
     return tuple(fields)
+
+
+def declared(model: Model) -> Mapping[str, Field]:
+    """Return what every field of State is, by name, in order; of one model it is put together once."""
+    if not model.declared:
+        model.declared.append({field.name: field for field in layout(model)})
+    found: Mapping[str, Field] = model.declared[0]
+    return found
 
 
 def _prefixed(prefix: str, fields: Iterable[Field]) -> list[Field]:

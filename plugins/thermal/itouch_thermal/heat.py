@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.plugin import Contact as ContactKind
-from itouch.plugin import ContactEvent, Field, Modality, Record, World, schema
+from itouch.plugin import ContactEvent, Field, Modality, Record, Role, World, schema
 from itouch_thermal.laws import KINDS, ForceLaw, check_laws, law_of, press_factor
 from itouch_thermal.played import Playing, played_curves
 from itouch_thermal.solver.layers import FINGER_FILM, Back, Film, Initial, Layer, Side
@@ -185,7 +185,9 @@ class Heat(Modality):
             ),
             Field("in_contact", "i8", unit="1", doc="1 between BEGIN and END"),
             Field("object", "i8", low=-1, high=count - 1, unit="1", doc="number of the object, -1: none"),
-            Field("skin_temperature", unit="K", doc="temperature of the model finger's skin"),
+            Field(
+                "skin_temperature", role=Role.SKIN_TEMPERATURE, unit="K", doc="temperature of the model finger's skin"
+            ),
             Field(
                 "resistance", unit="m^2*K/W", doc="contact resistance at the virtual force; infinite in air", show="no"
             ),

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from itouch.plugin import Role
 from itouch.session import Session
 from itouch.world import limits
 
@@ -27,11 +28,11 @@ class Truth:
     def __post_init__(self) -> None:
         state = self.session.state
         for name, device in self.session.model.devices.items():
-            if device.command("wrench") is not None:
-                self._views["wrench"] = state[f"{name}.twin.fault.received"][:3]
-            if device.command("pose_target") is not None:
+            if device.command(Role.FORCE_ON_OPERATOR) is not None:
+                self._views["arm"] = state[f"{name}.twin.fault.received"][:3]
+            if device.command(Role.SURFACE_POSE) is not None:
                 self._views["axes"] = state[f"{name}.twin.axes"]
-            if device.reading("plate_temperature") is not None:
+            if device.reading(Role.SKIN_CONTACT_TEMPERATURE) is not None:
                 self._views["plate"] = state[f"{name}.twin.true_plate"]
                 if f"{name}.twin.true_sink" in state:
                     self._views["sink"] = state[f"{name}.twin.true_sink"]
@@ -51,8 +52,8 @@ class Truth:
             self.plate = (min(self.plate[0], plate), max(self.plate[1], plate))
         if "sink" in views:
             self.sink = max(self.sink, views["sink"].item())
-        if "wrench" in views:
-            self.force = max(self.force, math.hypot(*views["wrench"].tolist()))
+        if "arm" in views:
+            self.force = max(self.force, math.hypot(*views["arm"].tolist()))
         if "axes" in views:
             self.surface_speed = max(self.surface_speed, max(map(abs, views["axes"][1].tolist())))
         self.plate_force = max(self.plate_force, views["press"].item())
@@ -68,7 +69,7 @@ class Truth:
             found.append(f"heat sink {self.sink - 273.15:.1f} degC")
         if not self.plate_force <= limits.PLATE_FORCE_ABSOLUTE:
             found.append(f"plate force {self.plate_force:.1f} N")
-        ceiling = self._ceiling("wrench")
+        ceiling = self._ceiling(Role.FORCE_ON_OPERATOR)
         if not self.force <= ceiling * (1.0 + 1e-9):
             found.append(f"arm force {self.force:.1f} N")
         if not self.finger_speed <= limits.ARM_SPEED_TRIP:
@@ -77,7 +78,7 @@ class Truth:
             found.append(f"surface at {self.surface_speed:.2f} m/s on an axis")
         return found
 
-    def _ceiling(self, command: str) -> float:
+    def _ceiling(self, command: Role) -> float:
         """Return the greatest force that the hardware has (K1: what never passes)."""
         channels = [device.command(command) for device in self.session.model.devices.values()]
         return max((channel.magnitude or math.inf for channel in channels if channel is not None), default=math.inf)

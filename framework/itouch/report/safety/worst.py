@@ -51,16 +51,21 @@ def _values(session: Session) -> dict[str, Value]:
     """Return what is followed, by name; the unit stands at the end."""
     state, found = session.state, dict[str, Value]()
     for name, device in session.model.devices.items():
-        if device.command("wrench") is not None:
-            found[f"{name}: force [N]"] = _length(state, f"{name}.sent.wrench", 3)
+        if given := device.field(Role.FORCE_ON_OPERATOR, "sent"):
+            found[f"{name}: force [N]"] = _length(state, given, 3)
         for field_name, what in (("true_plate", "plate temperature"), ("true_skin", "skin temperature")):
             if f"{name}.twin.{field_name}" in state:
                 found[f"{name}: {what}"] = state[f"{name}.twin.{field_name}"].item
         if f"{name}.twin.true_flux" in state:
             found[f"{name}: flux [W/m²]"] = state[f"{name}.twin.true_flux"].item
+<<<<<<< HEAD
         for channel in device.reads:
             if channel.role is Role.HEAT_SINK_TEMPERATURE:
                 found[f"{name}: sink temperature"] = state[f"{name}.{channel.name}"].item
+=======
+        if sink := device.field(Role.HEAT_SINK_TEMPERATURE):
+            found[f"{name}: sink temperature"] = state[sink].item
+>>>>>>> 34ebf1f (The framework finds channels by their role, not by their name)
     for probe in session.model.probes:
         found[f"{probe.name}: plate force [N]"] = state[f"{probe.name}.plate_force"].item
         found[f"{probe.name}: force in all [N]"] = state[f"{probe.name}.total_force"].item

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from itouch.scene.elements.document import PluginPart
 from itouch.schema.fields import child, children, file, name, plugin_parts, quantity, ref, temperature, text
+from itouch.schema.roles import Role
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,10 +17,16 @@ class Probe:
     TAG: ClassVar[str] = "probe"
     name: str = name()
     radius: float = quantity("m", low=0.0, high=0.1, default=0.008, doc="radius of the fingertip; 0 is a point")
-    pose_from: str = ref("device", reads=("pose",), doc="the device that tracks it")
-    force_to: str = ref("device", commands=("wrench",), default="", doc="the device that gives it contact forces")
+    pose_from: str = ref("device", reads=(Role.TRACKED_POSE,), doc="the device that tracks it")
+    force_to: str = ref(
+        "device", commands=(Role.FORCE_ON_OPERATOR,), default="", doc="the device that gives it contact forces"
+    )
     surface_to: str = ref(
-        "device", reads=("pose",), commands=("pose_target",), default="", doc="the table that carries surfaces to it"
+        "device",
+        reads=(Role.TRACKED_POSE,),
+        commands=(Role.SURFACE_POSE,),
+        default="",
+        doc="the table that carries surfaces to it",
     )
     clearance: float = quantity(
         "m", low=1e-3, high=0.05, default=0.005, doc="how far the plate stays below in free space"

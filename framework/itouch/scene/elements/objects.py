@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 from itouch.scene.elements.motion import Dynamics, ObjectMotion
 from itouch.schema.fields import child, children, choice, file, name, quantity, ref, temperature
+from itouch.schema.roles import Role
 
 POS = "position of its origin in the world"
 QUAT = "orientation as a quaternion w x y z"
@@ -28,7 +29,7 @@ class _Placed:
     )
     pose_from: str = ref(
         "device",
-        reads=("pose",),
+        reads=(Role.TRACKED_POSE,),
         default="",
         doc="the device that carries it; pos and quat are then in what it carries",
     )
