@@ -103,6 +103,7 @@ def recording_facts(path: str) -> Facts:
         "twins": manifest.get("twins"),
         "host": manifest.get("host"),
         "channels": channels,
+        "meanings": found.meanings,
         "contacts": [c._asdict() for c in contacts_of(found)],
         "marks": found.marks,
         "faults": found.faults,
@@ -183,17 +184,13 @@ def scene_facts(path: str) -> Facts:
         If it has problems.
     """
     from itouch.plugin.discovery import Catalog
-    from itouch.recording.units import unit_of
     from itouch.session import load_scene
     from itouch.session.rows import recordable
-    from itouch.world import Model, make_state
+    from itouch.world import Model, declared, make_state
 
     catalog = Catalog()
     model = Model.of(load_scene(path, catalog=catalog), catalog)
     state = make_state(model)
-    units = {f"{d.name}.{c.name}": c.unit for d in model.devices.values() for c in d.reads}
-    for d in model.devices.values():
-        units |= {f"{d.name}.{kind}.{c.name}": c.unit for kind in ("command", "sent") for c in d.commands}
     return {
         "kind": "scene",
         "file": path,
@@ -203,8 +200,8 @@ def scene_facts(path: str) -> Facts:
         "modalities": {m.name: {"plugin": m.plugin, "commands": list(m.commands)} for m in model.modalities},
         "state_bytes": state.nbytes,
         "channels": [
-            {"channel": name, "size": int(state[name].size), "unit": units.get(name) or unit_of(name) or "1"}
-            for name in state
+            {"channel": name, "size": int(state[name].size), "unit": field.unit, "meaning": field.doc}
+            for name, field in declared(model).items()
             if recordable(state, name)
         ],
         "notices": list(model.notices),
@@ -215,7 +212,7 @@ def _text(facts: Facts) -> list[str]:
     """Return the facts as lines for people."""
     lines = [f"{facts['file']}: {facts['kind']}"]
     for key, value in facts.items():
-        if key in ("file", "kind") or value in (None, [], {}):
+        if key in ("file", "kind", "meanings") or value in (None, [], {}):
             continue
         writer = _WRITERS.get(key)
         lines += writer(value) if writer is not None else [f"  {key.replace('_', ' '):<12} {_short(value)}"]
@@ -235,7 +232,8 @@ def _channels(rows: list[Facts]) -> list[str]:
     for row in rows:
         name = f"{row['track']}.{row['channel']}" if "track" in row else row["channel"]
         rate = f"  {row['rate_hz']:g} Hz, {row['samples']} samples" if "rate_hz" in row else ""
-        lines.append(f"    {name:<34} {row['size']:>3} x {row['unit']:<10}{rate}")
+        meaning = f"  {row['meaning']}" if row.get("meaning") else ""
+        lines.append(f"    {name:<34} {row['size']:>3} x {row['unit']:<10}{rate}{meaning}".rstrip())
     return lines
 
 

@@ -82,7 +82,7 @@ class Channel(Quantity):
 def pose(*, locked: tuple[int, ...] = ()) -> Channel:
     """Pose of the device's end in its own frame: position [m], quaternion w x y z; a reading."""
     return Channel(
-        "pose", POSE_SIZE, "m", locked=locked, role=Role.TRACKED_POSE,
+        "pose", POSE_SIZE, "m", locked=locked, role=Role.TRACKED_POSE, show="no",
         doc="pose of the device's end in its own frame: position, quaternion w x y z",
     )  # fmt: skip
 
@@ -90,7 +90,7 @@ def pose(*, locked: tuple[int, ...] = ()) -> Channel:
 def twist(*, locked: tuple[int, ...] = ()) -> Channel:
     """Linear [m/s] and angular [rad/s] velocity; a reading."""
     return Channel(
-        "twist", TWIST_SIZE, "m/s", locked=locked, role=Role.TRACKED_TWIST,
+        "twist", TWIST_SIZE, "m/s", locked=locked, role=Role.TRACKED_TWIST, show="no",
         doc="linear and angular velocity of the device's end",
     )  # fmt: skip
 
@@ -104,7 +104,7 @@ def wrench(*, force: float, torque: float = 0.0, locked: tuple[int, ...] | None 
     low = tuple(-value for value in high)
     return Channel(
         "wrench", WRENCH_SIZE, "N", low, high, magnitude=force, safe=(0.0,) * 6, locked=shut,
-        role=Role.FORCE_ON_OPERATOR, doc="force and torque on the operator",
+        role=Role.FORCE_ON_OPERATOR, show="no", doc="force and torque on the operator",
     )  # fmt: skip
 
 
@@ -113,7 +113,7 @@ def measured_wrench(*, force: float = 1e3, locked: tuple[int, ...] = ()) -> Chan
     high = (force,) * 6
     return Channel(
         "wrench", WRENCH_SIZE, "N", tuple(-value for value in high), high, locked=locked,
-        role=Role.CONTACT_FORCE, doc="force and torque that the device feels",
+        role=Role.CONTACT_FORCE, show="no", doc="force and torque that the device feels",
     )  # fmt: skip
 
 
@@ -130,7 +130,7 @@ def pose_target(
     slew = (speed,) * 3 + (float("inf"),) * 4
     return Channel(
         "pose_target", POSE_SIZE, "m", (*low, *(-v for v in one)), (*high, *one), slew=slew, safe=safe, locked=locked,
-        role=Role.SURFACE_POSE, doc="where the device shall bring its surface: position, quaternion w x y z",
+        role=Role.SURFACE_POSE, show="no", doc="where the device shall bring its surface: position, quaternion w x y z",
     )  # fmt: skip
 
 
@@ -169,7 +169,8 @@ def temperature(
         known = ", ".join(f"Role.{known.name}" for known in _TEMPERATURES)
         given = "" if role is None else f", not {role}"
         raise ValueError(f"temperature '{name}': say what is measured by one of {known}{given}")
-    return Channel(name, 1, "K", (low,), (high,), role=role, doc=doc or _TEMPERATURES[role])
+    show = "no" if role is Role.HEAT_SINK_TEMPERATURE else ""  # it would hide what the skin feels
+    return Channel(name, 1, "K", (low,), (high,), role=role, doc=doc or _TEMPERATURES[role], show=show)
 
 
 def plate_temperature(name: str = "plate_temperature", *, low: float = 263.15, high: float = 353.15) -> Channel:
@@ -191,7 +192,7 @@ def heat_flux(name: str = "heat_flux", *, full_scale: float = 1e5) -> Channel:
     """Heat flux out of the finger [W/m2], a reading."""
     return Channel(
         name, 1, "W/m^2", (-full_scale,), (full_scale,), role=Role.HEAT_FLUX,
-        doc="heat flux out of the finger through the surface that it touches",
+        show="heat flux out of the finger", doc="heat flux out of the finger through the surface that it touches",
     )  # fmt: skip
 
 
@@ -208,11 +209,11 @@ def temperature_target(
     """Temperature [K] that the device shall bring its surface to by its own control, a command."""
     value = safe if isinstance(safe, Safe) else (safe,)
     return Channel(
-        name, 1, "K", (low,), (high,), safe=value, role=Role.TEMPERATURE_TARGET,
+        name, 1, "K", (low,), (high,), safe=value, role=Role.TEMPERATURE_TARGET, show="wish:",
         doc="temperature that the device shall bring its surface to",
     )  # fmt: skip
 
 
 def deadman(name: str = "deadman") -> Channel:
     """Dead-man's switch, a reading: not 0 while a person holds it."""
-    return Channel(name, 1, "1", role=Role.DEADMAN, doc="1 while a person holds the switch")
+    return Channel(name, 1, "1", role=Role.DEADMAN, show="no", doc="1 while a person holds the switch")

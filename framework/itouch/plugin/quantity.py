@@ -7,8 +7,10 @@ from typing import Any
 
 from itouch.schema.roles import HURTING, NEVER_HARMLESS, SIZES, Role
 
-__all__ = ["HURTING", "NEVER_HARMLESS", "SIZES", "Bound", "Quantity", "Role"]
+__all__ = ["HURTING", "NEVER_HARMLESS", "PLAIN", "SIZES", "Bound", "Quantity", "Role"]
 
+#: Units that are none: a plain number, a number of ticks, numbers of different units.
+PLAIN = frozenset({"1", "tick", "mixed"})
 #: One number for all components, or one each.
 Bound = float | tuple[float, ...]
 
@@ -49,3 +51,8 @@ class Quantity:
     doc: str = field(default="", kw_only=True)
     role: Role = field(default=Role.SIGNAL, kw_only=True)
     show: str = field(default="", kw_only=True)
+
+    @property
+    def shown_unit(self) -> str:
+        """The unit as tables and charts have it: nothing for plain numbers, for ticks, and where nobody said."""
+        return "" if self.unit in PLAIN else self.unit

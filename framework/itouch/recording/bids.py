@@ -15,7 +15,7 @@ from typing import Any
 
 from itouch.recording.contacts import contacts_of
 from itouch.recording.recording import Recording
-from itouch.recording.tables import columns_of, lines, safe_name
+from itouch.recording.tables import columns_of, lines, meanings_of, safe_name
 
 VERSION = "1.10.0"
 
@@ -65,6 +65,7 @@ def _json(path: str, content: dict[str, Any]) -> None:
 def _continuous(recording: Recording, track: str, stem: str) -> list[str]:
     described = recording.tracks[track]
     columns = columns_of(recording, described, celsius=True)
+    meanings = meanings_of(described)
     begin = float(recording[track]["time"][0]) if len(recording[track]) else 0.0
     sidecar: dict[str, Any] = {
         "SamplingFrequency": 1.0 / (described.every * recording.period),
@@ -72,7 +73,8 @@ def _continuous(recording: Recording, track: str, stem: str) -> list[str]:
         "Columns": list(columns),
     }
     for name, (unit, _) in columns.items():
-        sidecar[name] = {"Units": unit or "1"}
+        said = {"Description": meanings[name]} if name in meanings else {}
+        sidecar[name] = {"Units": unit or "1", **said}
     _json(stem + ".json", sidecar)
     with gzip.GzipFile(stem + ".tsv.gz", "wb", mtime=0) as stream:
         for line in lines(columns, "\t"):

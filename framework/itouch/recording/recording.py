@@ -64,6 +64,11 @@ class Recording(Mapping[str, NDArray[Any]]):
         return {column.field: column.unit for track in self.tracks.values() for column in track.columns}
 
     @property
+    def meanings(self) -> dict[str, str]:
+        """What every channel is, one sentence by its name in State; a recording of an older version has none."""
+        return {column.field: column.doc for track in self.tracks.values() for column in track.columns if column.doc}
+
+    @property
     def session(self) -> Mapping[str, Any]:
         """What the recording says of the session: manifest, scene, layout, bases."""
         return self._content.session

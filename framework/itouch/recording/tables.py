@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TextIO
 
 import numpy as np
@@ -30,6 +31,22 @@ def columns_of(recording: Recording, track: Track, *, celsius: bool, prefix: str
             found[name] = ("degC", values - _ZERO)
         else:
             found[name] = (unit, values)
+    return found
+
+
+def meanings_of(track: Track, *, prefix: str = "") -> dict[str, str]:
+    """Return what each of a track's numbers is, by the labels of `columns_of`; those of which nobody said are left out.
+
+    Time and tick are not among them.
+    """
+    return {prefix + label: c.doc for c in track.columns if c.doc for label in c.labels}
+
+
+def _all_meanings(recording: Recording) -> dict[str, str]:
+    found: dict[str, str] = {}
+    for track in recording.tracks.values():
+        if track.replay:
+            found |= meanings_of(track, prefix=track.name + ".")
     return found
 
 
@@ -67,20 +84,37 @@ def export_csv(recording: Recording, target: str) -> list[str]:
         If it can't be written.
     """
     if target.endswith(".csv"):
+        columns = joined(recording, celsius=True)
         with open(target, "w", encoding="utf-8") as stream:
-            write_csv(stream, joined(recording, celsius=True))
-        return [target]
+            write_csv(stream, columns)
+        return [
+            target,
+            _write_meanings(target.removesuffix(".csv") + ".columns.csv", columns, _all_meanings(recording)),
+        ]
     os.makedirs(target, exist_ok=True)
-    written = []
+    written: list[str] = []
+    described: Columns = {}
+    meanings: dict[str, str] = {}
     for track in recording.tracks.values():
         written.append(os.path.join(target, f"{safe_name(track.name)}.csv"))
         with open(written[-1], "w", encoding="utf-8") as stream:
             write_csv(stream, columns_of(recording, track, celsius=True))
+        described |= columns_of(recording, track, celsius=True, prefix=track.name + ".")
+        meanings |= meanings_of(track, prefix=track.name + ".")
     for name, rows in (("events", recording.events), ("marks", recording.marks), ("faults", recording.faults)):
         written.append(os.path.join(target, f"{name}.csv"))
         with open(written[-1], "w", encoding="utf-8") as stream:
             _write_letters(stream, rows)
-    return written
+    return [*written, _write_meanings(os.path.join(target, "columns.csv"), described, meanings)]
+
+
+def _write_meanings(path: str, columns: Columns, meanings: Mapping[str, str]) -> str:
+    """Write what each column is beside the tables, and return where."""
+    with open(path, "w", encoding="utf-8") as stream:
+        stream.write("column,unit,meaning\n")
+        for name, (unit, _) in columns.items():
+            stream.write(",".join(_quoted(word) for word in (name, unit, meanings.get(name, ""))) + "\n")
+    return path
 
 
 def _write_letters(stream: TextIO, rows: Sequence[dict[str, object]]) -> None:
@@ -106,6 +140,8 @@ def safe_name(name: str) -> str:
 def export_parquet(recording: Recording, target: str) -> list[str]:
     """Write one table or one a track, in SI units, each column with its unit as metadata.
 
+    The table's own metadata says under ``meanings`` what each column is, as JSON.
+
     Raises
     ------
     RecordingError
@@ -119,21 +155,22 @@ def export_parquet(recording: Recording, target: str) -> list[str]:
     except ImportError as error:
         raise RecordingError("pyarrow is not installed; install it with `pip install 'itouch-py[tables]'`") from error
 
-    def put(path: str, columns: Columns) -> None:
+    def put(path: str, columns: Columns, meanings: dict[str, str]) -> None:
         count = min(len(values) for _, values in columns.values())
         fields = [
             pyarrow.field(name, pyarrow.from_numpy_dtype(values.dtype), metadata={"unit": unit})
             for name, (unit, values) in columns.items()
         ]
         arrays = [pyarrow.array(np.ascontiguousarray(values[:count])) for _, values in columns.values()]
-        pyarrow.parquet.write_table(pyarrow.Table.from_arrays(arrays, schema=pyarrow.schema(fields)), path)
+        schema = pyarrow.schema(fields, metadata={"meanings": json.dumps(meanings)})
+        pyarrow.parquet.write_table(pyarrow.Table.from_arrays(arrays, schema=schema), path)
 
     if target.endswith(".parquet"):
-        put(target, joined(recording, celsius=False))
+        put(target, joined(recording, celsius=False), _all_meanings(recording))
         return [target]
     os.makedirs(target, exist_ok=True)
     written = []
     for track in recording.tracks.values():
         written.append(os.path.join(target, f"{safe_name(track.name)}.parquet"))
-        put(written[-1], columns_of(recording, track, celsius=False))
+        put(written[-1], columns_of(recording, track, celsius=False), meanings_of(track))
     return written

@@ -18,17 +18,20 @@ PARTS = {
     7: ("x", "y", "z", "qw", "qx", "qy", "qz"),
 }
 _MOST_COLUMNS, _MOST_NUMBERS = 4096, 1 << 16
+#: Most letters of a column's sentence that are kept.
+MOST_DOC = 1000
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A field of State in a track: ``size`` numbers (0: a scalar), with their unit."""
+    """A field of State in a track: ``size`` numbers (0: a scalar), with their unit and what they are."""
 
     field: str
     name: str
     kind: str
     size: int
     unit: str
+    doc: str = ""
 
     @property
     def parts(self) -> tuple[str, ...]:
@@ -77,7 +80,8 @@ class Track:
     def dump(self) -> dict[str, Any]:
         """Return it as plain data."""
         columns = [[c.field, c.name, c.kind, c.size, c.unit] for c in self.columns]
-        return {"name": self.name, "every": self.every, "replay": self.replay, "columns": columns}
+        docs = {c.name: c.doc for c in self.columns if c.doc}
+        return {"name": self.name, "every": self.every, "replay": self.replay, "columns": columns, "docs": docs}
 
 
 def load_track(data: Mapping[str, Any]) -> Track:
@@ -88,7 +92,11 @@ def load_track(data: Mapping[str, Any]) -> Track:
     ValueError
         If it can't be one.
     """
-    columns = tuple(Column(str(f), str(n), str(k), int(s), str(u)) for f, n, k, s, u in data["columns"])
+    docs = dict(data.get("docs", {}))
+    columns = tuple(
+        Column(str(f), str(n), str(k), int(s), str(u), str(docs.get(n, ""))[:MOST_DOC])
+        for f, n, k, s, u in data["columns"]
+    )
     track = Track(str(data["name"]), int(data["every"]), bool(data["replay"]), columns)
     numbers = sum(max(1, column.size) for column in columns)
     names = [column.name for column in columns]

@@ -248,6 +248,7 @@ def _catalogue(
         schemas.append(records.Schema(number, descriptor(track), "protobuf", schema_name(track)))
         units = {column.name: column.unit for column in track.columns if column.unit}
         metadata = {"units": json.dumps(units), "every": str(track.every), "replay": "yes" if track.replay else "no"}
+        metadata["meanings"] = json.dumps({column.name: column.doc for column in track.columns if column.doc})
         channels.append(records.Channel(number, track.topic, "protobuf", metadata, number))
     for topic, number in letters.items():
         name = "itouch." + topic.removeprefix("/log/")

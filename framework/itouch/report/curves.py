@@ -34,11 +34,12 @@ class Block:
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """One curve: its name, whether it is a wish and not a measurement, and how it is read, in the chart's unit."""
+    """One curve: its name, whether it is a wish and not a measurement, how it is read in the chart's unit, its doc."""
 
     label: str
     wish: bool
     read: Callable[[Record], float]
+    doc: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,15 +136,7 @@ def _places(blocks: NDArray[np.float32], sign: float) -> NDArray[np.int64]:
 
 
 def _charts(model: Model) -> Iterator[Chart]:
-    """Yield the charts of the window, and the gap of the table."""
-    for chart in charts(model):
-        lines = tuple(Line(one.label, one.label.startswith("desired"), one.read) for one in chart.signals)
+    """Yield the charts of the window, and those that only the page has."""
+    for chart in charts(model, page=True):
+        lines = tuple(Line(one.label, one.dashed, one.read, one.doc) for one in chart.signals)
         yield Chart(chart.title, chart.unit, lines)
-    named = [probe.name for probe in model.probes if probe.scene.surface_to]
-    if named:
-        gaps = tuple(Line(name, False, _millimetres(f"{name}.plate_gap")) for name in named)
-        yield Chart("gap between plate and virtual surface", "mm", gaps)
-
-
-def _millimetres(key: str) -> Callable[[Record], float]:
-    return lambda state: float(state[key]) * 1e3

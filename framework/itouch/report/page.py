@@ -41,7 +41,8 @@ def page(findings: Findings, *, picture: bytes | None = None) -> str:
     data = _data(findings)
     parts = [
         sections.head(findings), sections.summary(findings), sections.faults(findings), sections.contacts(findings),
-        _curves(findings), sections.picture(picture), sections.timing(findings, len(data["histograms"])),
+        _curves(findings), sections.meanings(findings), sections.picture(picture),
+        sections.timing(findings, len(data["histograms"])),
         sections.marks(findings), sections.parameters(findings),
     ]  # fmt: skip
     here = files("itouch.report")
@@ -121,7 +122,7 @@ def _data(findings: Findings) -> dict[str, Any]:
         return {"charts": [], "spans": spans, "histograms": made}
     charts = [
         {"title": chart.title, "unit": chart.unit,
-         "signals": [{"label": line.label, "wish": line.wish, "colour": _COLOURS[i % len(_COLOURS)]}
+         "signals": [{"label": line.label, "wish": line.wish, "doc": line.doc, "colour": _COLOURS[i % len(_COLOURS)]}
                      for i, line in enumerate(chart.lines)]}
         for chart in curves.charts
     ]  # fmt: skip

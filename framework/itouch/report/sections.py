@@ -46,6 +46,14 @@ def summary(findings: Findings) -> str:
     return f'<section class="cards">{cards}</section>{notes}'
 
 
+def meanings(findings: Findings) -> str:
+    """Return what each curve is, with its unit."""
+    if findings.curves is None:
+        return ""
+    rows = [[line.label, chart.unit, line.doc] for chart in findings.curves.charts for line in chart.lines]
+    return "<h2>What the curves are</h2>\n" + table(["curve", "unit", "meaning"], rows, words=(0, 1, 2))
+
+
 def faults(findings: Findings) -> str:
     """Return the table of faults."""
     if not findings.faults:

@@ -6,17 +6,16 @@ import fnmatch
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from itouch.plugin import Record
+from itouch.plugin import Field, Record
 from itouch.recording.tracks import KINDS, Column, Track
-from itouch.recording.units import unit_of
-from itouch.world import Model
+from itouch.world import Model, declared
 
 #: What is recorded of each device beside its channels; fields that a device does not have are left out.
 _STATUS = ("status", "trip", "ramp", "age", "sequence", "clamped", "dropped")
 #: What comes from outside the loop besides readings.
 _INPUTS = ("hold", "ready")
-#: What is recorded of each probe, with units: enough to draw it, and to move a hand by it in another scene.
-_PROBE = {"hip": "m", "force": "N", "penetration": "m", "object": ""}
+#: What is recorded of each probe: enough to draw it, and to move a hand by it in another scene.
+_PROBE = ("hip", "force", "penetration", "object")
 #: Gaps up to this many bytes are copied along: one copy more costs more.
 _GAP = 512
 
@@ -26,22 +25,19 @@ Wish = tuple[Sequence[str], float]
 
 def replay_tracks(model: Model, state: Record) -> list[Track]:
     """Return the tracks that are always recorded: of each device and probe, and of the session itself."""
-    tracks = []
+    known, tracks = declared(model), []
     for name, device in model.devices.items():
-        columns = [_column(state, f"{name}.{c.name}", c.name, c.unit) for c in device.reads]
+        names = [c.name for c in device.reads]
         for kind in ("command", "sent"):
-            columns += [_column(state, f"{name}.{kind}.{c.name}", f"{kind}.{c.name}", c.unit) for c in device.commands]
-        columns += [_column(state, f"{name}.{field}", field) for field in _STATUS if f"{name}.{field}" in state]
-        if (
-            device.wire
-        ):  # else a reading is of the tick in which it came, and a command leaves in that in which it is sent
-            columns += [_column(state, f"{name}.{field}", field) for field in ("measured", "left")]
-            columns += [_column(state, f"{name}.out.{c.name}", f"out.{c.name}", c.unit) for c in device.commands]
-        tracks.append(Track(name, 1, True, tuple(columns)))
+            names += [f"{kind}.{c.name}" for c in device.commands]
+        names += [field for field in _STATUS if f"{name}.{field}" in state]
+        if device.wire:  # else a reading is of the tick in which it came, and a command leaves in which it is sent
+            names += ["measured", "left", *(f"out.{c.name}" for c in device.commands)]
+        tracks.append(Track(name, 1, True, tuple(_column(state, known, f"{name}.{n}", n) for n in names)))
     for probe in model.probes:
-        columns = [_column(state, f"{probe.name}.{field}", field, unit) for field, unit in _PROBE.items()]
-        tracks.append(Track(probe.name, 1, True, tuple(columns)))
-    inputs = tuple(_column(state, field, field) for field in _INPUTS if field in state)
+        columns = tuple(_column(state, known, f"{probe.name}.{n}", n) for n in _PROBE)
+        tracks.append(Track(probe.name, 1, True, columns))
+    inputs = tuple(_column(state, known, n, n) for n in _INPUTS if n in state)
     return [Track("session", 1, True, inputs), *tracks]
 
 
@@ -53,7 +49,7 @@ def chosen_tracks(model: Model, state: Record, wishes: Iterable[Wish]) -> list[T
     ValueError
         If a pattern matches nothing, or a rate does not divide the servo rate.
     """
-    found: dict[tuple[str, int], dict[str, Column]] = {}
+    known, found = declared(model), dict[tuple[str, int], dict[str, Column]]()
     for patterns, rate in wishes:
         every = _every(rate, model.period)
         for pattern in patterns:
@@ -63,7 +59,7 @@ def chosen_tracks(model: Model, state: Record, wishes: Iterable[Wish]) -> list[T
             for name in names:
                 owner, _, short = name.partition(".") if "." in name else ("session", "", name)
                 short += "_" if short in ("tick", "time") else ""  # every track has columns of these names
-                found.setdefault((owner, every), {})[name] = _column(state, name, short, unit_of(name))
+                found.setdefault((owner, every), {})[name] = _column(state, known, name, short)
     return [
         Track(_track_name(owner, every, model.period), every, False, tuple(columns.values()))
         for (owner, every), columns in found.items()
@@ -90,9 +86,9 @@ def recordable(state: Record, name: str) -> bool:
     return base.names is None and base.str[1:] in KINDS and 0 < state[name].size <= 4096
 
 
-def _column(state: Record, field: str, name: str, unit: str = "") -> Column:
-    view = state[field]
-    return Column(field, name, view.dtype.str[1:], view.size if view.ndim else 0, unit)
+def _column(state: Record, known: Mapping[str, Field], field: str, name: str) -> Column:
+    view, said = state[field], known[field]
+    return Column(field, name, view.dtype.str[1:], view.size if view.ndim else 0, said.shown_unit, said.doc)
 
 
 class Rows:

@@ -103,9 +103,10 @@ def _last(row: Values, digits: str) -> str:
 def span(values: Values, least: float) -> tuple[float, float]:
     """Return the ends of an axis that holds all values, at least ``least`` high."""
     known = values[np.isfinite(values)]
-    low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, least)
+    low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, least or 1.0)
     if low > 0.0 and low < 0.5 * high:
         low = 0.0
+    least = least or max(1e-2 * max(abs(low), abs(high)), 1e-12)
     room = max(least - (high - low), 0.08 * (high - low))
     return low - room / 2, high + room / 2
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from itouch.loop import Status
 from itouch.loop.faultwords import is_loss, what
-from itouch.plugin import Record
+from itouch.plugin import Record, Role
 from itouch.viewer.stage import plate_temperature
 from itouch.world import Model
 
@@ -148,18 +148,14 @@ def _probe(model: Model, name: str, state: Record) -> str:
 def _heat(model: Model, state: Record) -> list[str]:
     lines = []
     for device in model.devices.values():
-        kelvin = plate_temperature(state, device)
-        if kelvin is not None:
-            lines.append(f"{device.name}: plate {kelvin - 273.15:.2f} degC{_readiness(model, state)}")
-    return lines
-
-
-def _readiness(model: Model, state: Record) -> str:
+        channel, kelvin = device.reading(Role.SKIN_CONTACT_TEMPERATURE), plate_temperature(state, device)
+        if channel is not None and kelvin is not None:
+            name = " ".join(word for word in channel.name.split("_") if word != "temperature")
+            lines.append(f"{device.name}: {name} {kelvin - 273.15:.2f} degC")
     for modality in model.modalities:
-        for key in (f"{modality.name}.readiness", f"{modality.name}.plate_ready"):
-            if key in state:
-                return f", ready {100 * float(state[key]):.0f} %"
-    return ""
+        if words := modality.instance.status(modality.model, state):
+            lines.append(f"{modality.name}: {words}")
+    return lines
 
 
 def properties(model: Model, state: Record, name: str) -> Words:
@@ -170,7 +166,8 @@ def properties(model: Model, state: Record, name: str) -> Words:
     lines = [f"device {name}: plugin {device.plugin}{', twin' if device.twin else ''}"]
     for channel in device.reads:
         numbers = " ".join(f"{value:.4g}" for value in np.ravel(state[f"{name}.{channel.name}"])[:3])
-        lines.append(f"{channel.name}: {numbers} {channel.unit}")
+        meaning = f"({channel.doc})" if channel.doc else ""
+        lines.append(" ".join(word for word in (f"{channel.name}:", numbers, channel.shown_unit, meaning) if word))
     return Words(tuple((line, "plain") for line in lines))
 
 

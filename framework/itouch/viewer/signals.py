@@ -1,4 +1,8 @@
-"""The curves of the last seconds: which numbers of State are plotted, and a ring that remembers them."""
+"""The curves of the last seconds: which numbers of State are plotted, and a ring that remembers them.
+
+A chart has the curves of one title and one unit.  What is plotted, and where, is said by what State declares: see
+``show`` of `itouch.plugin.Quantity`.
+"""
 
 from __future__ import annotations
 
@@ -9,24 +13,32 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.plugin import Record
+from itouch.plugin import Field, Record, Role
 from itouch.viewer.colours import CURVES, Colour
-from itouch.world import Model
+from itouch.viewer.scales import ORDER, Scale, scale_of
+from itouch.world import Model, declared
 
 #: Seconds that a chart shows.
 WINDOW = 10.0
-_KELVIN = 273.15
+#: Most curves that one vector gives.
+_MOST = 8
+#: Roles that are drawn in the scene, or say no more than yes and no: plotted only if their quantity asks for it.
+_SILENT = frozenset({
+    Role.TRACKED_POSE, Role.TRACKED_TWIST, Role.CONTACT_FORCE, Role.FORCE_ON_OPERATOR, Role.SURFACE_POSE, Role.DEADMAN,
+    Role.SKIN_VALID, Role.OUTPUT_SWITCH, Role.HEAT_SINK_TEMPERATURE,
+})  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """One curve: what it is called and how it is read, in the chart's unit."""
+    """One curve: what it is called, how it is read in the chart's unit, and what it is in a sentence."""
 
     label: str
     colour: Colour
     read: Callable[[Record], float]
     #: A wish, not a measurement.
     dashed: bool = False
+    doc: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,23 +66,97 @@ class Curves(Protocol):
         """Return the times [s], shape (n,), and the values, shape (signals, n), of the last seconds, oldest first."""
 
 
-def charts(model: Model) -> tuple[Chart, ...]:
-    """Return the charts of a model: force, heat flux, current and temperature, as far as it has them."""
-    made = (
-        Chart("force", "N", _paint(_forces(model)), 1.0, ".2f"),
-        Chart("heat flux out of the finger", "W/m2", _paint(_fluxes(model)), 200.0, ".0f"),
-        Chart("current", "A", _paint(_currents(model)), 0.5, ".2f"),
-        Chart("temperature", "degC", _paint(_temperatures(model)), 2.0, ".1f"),
-    )
-    return tuple(chart for chart in made if chart.signals)
+@dataclass(frozen=True, slots=True)
+class _Drawn:
+    """A number of State that is plotted: whose it is, what it is, where it is shown, and whether it is a wish."""
+
+    owner: str
+    field: Field
+    title: str
+    wish: bool
 
 
-_Named = tuple[str, Callable[[Record], float]]
+def charts(model: Model, *, page: bool = False) -> tuple[Chart, ...]:
+    """Return the charts of a model, those of a unit and a title together; ``page``: with what only the page shows."""
+    scales: dict[tuple[str, str], tuple[Scale, list[_Drawn]]] = {}
+    for drawn in _drawn(model, page):
+        scale = scale_of(drawn.field.unit)
+        title = drawn.title or scale.title
+        scales.setdefault((title, scale.unit), (scale, []))[1].append(drawn)
+    made = []
+    for (title, unit), (scale, found) in sorted(scales.items(), key=lambda item: _order(item[1][1][0])):
+        signals = tuple(_signals(title, scale, _own(model, found)))
+        made.append(Chart(title, unit, signals, scale.least, scale.digits))
+    return tuple(made)
 
 
-def _paint(found: Iterator[_Named]) -> tuple[Signal, ...]:
-    return tuple(Signal(label, CURVES[i % len(CURVES)], read, label.startswith("desired"))
-                 for i, (label, read) in enumerate(found))  # fmt: skip
+def _drawn(model: Model, page: bool) -> Iterator[_Drawn]:
+    """Yield what is plotted: first of the probes, then of devices and modalities."""
+    owners = [*(probe.name for probe in model.probes), *(m.name for m in model.modalities), *model.devices]
+    plugins = {f"{device}.twin." for device in model.devices} | {f"{m.name}." for m in model.modalities}
+    read = {f"{d.name}.{c.name}" for d in model.devices.values() for c in d.reads}
+    sent = {f"{d.name}.sent.{c.name}" for d in model.devices.values() for c in d.commands}
+    everything = declared(model)
+    for owner in owners:
+        for name, field in everything.items():
+            if not name.startswith(f"{owner}.") or field.show == "no" or np.dtype(field.dtype).kind not in "fiu":
+                continue
+            word, colon, title = field.show.partition(":")
+            if colon and word == "page" and not page:
+                continue
+            channel = name in read or name in sent
+            asked = bool(field.show) or (channel and field.role not in _SILENT and _count(field) <= _MOST)
+            alone = any(name.startswith(prefix) for prefix in plugins) and _count(field) == 1 and bool(field.shown_unit)
+            if (asked or alone) and field.unit:
+                yield _Drawn(owner, field, title.strip() if colon else field.show, word == "wish" and bool(colon))
+
+
+def _order(first: _Drawn) -> tuple[bool, int]:
+    """Sort charts by unit; what only the page shows comes last, as do units that are not in the table."""
+    unit = first.field.unit
+    return first.field.show.startswith("page"), ORDER.index(unit) if unit in ORDER else len(ORDER)
+
+
+def _count(field: Field) -> int:
+    return int(np.prod(field.size, dtype=int)) if field.size else 1
+
+
+def _own(model: Model, found: list[_Drawn]) -> list[_Drawn]:
+    """Leave out the wishes of a modality whose name another one is given, and which passes on what it takes from it."""
+    given: set[object] = set()
+    for part in model.scene.modalities:
+        given |= {getattr(part.params, field.name) for field in fields(part.params)}
+    left = [drawn for drawn in found if not (drawn.wish and drawn.owner in given)]
+    return left if any(drawn.wish for drawn in left) else found
+
+
+def _signals(title: str, scale: Scale, found: list[_Drawn]) -> Iterator[Signal]:
+    labels = [_label(title, drawn) for drawn in found]
+    index = 0
+    for drawn, label in zip(found, labels, strict=True):
+        if not label or labels.count(label) > 1:
+            label = f"{drawn.owner} {label}".strip()
+        for part, read in _readers(drawn.field, scale):
+            yield Signal(f"{label} {part}".strip(), CURVES[index % len(CURVES)], read, drawn.wish, drawn.field.doc)
+            index += 1
+
+
+def _label(title: str, drawn: _Drawn) -> str:
+    """Return the words of a field's name that its chart's title has not."""
+    short = drawn.field.name.removeprefix(f"{drawn.owner}.").removeprefix("sent.").removeprefix("twin.")
+    words = short.replace(".", "_").split("_")
+    return " ".join(word for word in words if word not in title.split())
+
+
+def _readers(field: Field, scale: Scale) -> Iterator[tuple[str, Callable[[Record], float]]]:
+    """Yield how a field's numbers are read: a vector of three by its length, others one by one."""
+    name, count = field.name, _count(field)
+    if count == 3:
+        yield "", lambda state: scale.shown(float(np.linalg.norm(state[name])))
+        return
+    for index in range(count):
+        part = str(index) if count > 1 else ""
+        yield part, lambda state, index=index: scale.shown(float(np.ravel(state[name])[index]))  # type: ignore[misc]
 
 
 def rows_of(charts_: tuple[Chart, ...], chart: Chart) -> slice:
@@ -81,73 +167,6 @@ def rows_of(charts_: tuple[Chart, ...], chart: Chart) -> slice:
             break
         first += len(other.signals)
     return slice(first, first + len(chart.signals))
-
-
-def _forces(model: Model) -> Iterator[_Named]:
-    for probe in model.probes:
-        whose = f"{probe.name} " if len(model.probes) > 1 else ""
-        key = f"{probe.name}.force"
-        yield f"{whose}rendered", _length(key)
-        if probe.scene.surface_to:
-            plate = f"{probe.name}.plate_force"
-            yield f"{whose}on plate", _number(plate)
-
-
-def _fluxes(model: Model) -> Iterator[_Named]:
-    names = _desiring(model)
-    for name in names:
-        yield "desired" if len(names) == 1 else f"desired ({name})", _number(f"{name}.desired")
-    for device in model.devices.values():
-        for channel in device.reads:
-            if channel.unit == "W/m^2":
-                key = f"{device.name}.{channel.name}"
-                yield "obtained", _number(key)
-
-
-def _desiring(model: Model) -> list[str]:
-    """Return the modalities whose desired flux is shown; one that another takes its own from is left out."""
-    names = [m.name for m in model.modalities if any(f.name == "desired" for f in m.instance.fields(m.model))]
-    given = set()
-    for part in model.scene.modalities:
-        values = [getattr(part.params, field.name) for field in fields(part.params)]
-        given |= {value for value in values if isinstance(value, str)}
-    return [name for name in names if name not in given] or names
-
-
-def _currents(model: Model) -> Iterator[_Named]:
-    for device in model.devices.values():
-        for channel in device.commands:
-            if channel.unit == "A":
-                key = f"{device.name}.sent.{channel.name}"
-                yield f"{device.name}", _number(key)
-
-
-def _temperatures(model: Model) -> Iterator[_Named]:
-    for modality in model.modalities:
-        if any(field.name == "skin_temperature" for field in modality.instance.fields(modality.model)):
-            key = f"{modality.name}.skin_temperature"
-            yield "skin (model)", _celsius(key)
-    for device in model.devices.values():
-        for channel in device.reads:
-            if channel.unit == "K" and channel.size == 1 and "sink" not in channel.name:
-                key = f"{device.name}.{channel.name}"
-                yield channel.name.removesuffix("_temperature"), _celsius(key)
-
-
-def _number(key: str) -> Callable[[Record], float]:
-    return lambda state: float(np.ravel(state[key])[0])
-
-
-def _length(key: str) -> Callable[[Record], float]:
-    return lambda state: float(np.linalg.norm(state[key]))
-
-
-def _celsius(key: str) -> Callable[[Record], float]:
-    def read(state: Record) -> float:
-        kelvin = float(np.ravel(state[key])[0])
-        return kelvin - _KELVIN if 200.0 < kelvin < 1000.0 else float("nan")
-
-    return read
 
 
 class Ring:

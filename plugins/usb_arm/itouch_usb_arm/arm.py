@@ -74,7 +74,7 @@ class UsbArmTwin(Twin):
 
     def fields(self) -> tuple[Field, ...]:
         """Return the true pose of the end."""
-        return (Field("pose", "f8", 7),)
+        return (Field("pose", "f8", 7, unit="m", doc="true pose of the end: position, quaternion w x y z"),)
 
     def reset(self, state: Record, rng: np.random.Generator) -> None:
         """Begin at the frame's origin until the finger is attached."""
