@@ -27,7 +27,9 @@ from itouch.plugin.channel import (
 from itouch.plugin.device import Attached, Device, DeviceError, Touch, Twin
 from itouch.plugin.emulator import Emulator
 from itouch.plugin.fit import Fit, Fitted, line_through
+from itouch.plugin.groups import Emulation, Mechanics, Opening, OperatorInput, Timing
 from itouch.plugin.ideal import IdealTwin
+from itouch.plugin.impedance import FingerTwin, ImpedanceArm
 from itouch.plugin.modality import Contact, ContactEvent, Modality, ParameterError, World, WorldDevice, WorldObject
 from itouch.plugin.monitor import Moment, Monitor, Rule, Watched
 from itouch.plugin.noise import gaussian
@@ -53,6 +55,13 @@ __all__ = [
     "Device",
     "DeviceError",
     "Emulator",
+    "ImpedanceArm",
+    "FingerTwin",
+    "Timing",
+    "OperatorInput",
+    "Opening",
+    "Mechanics",
+    "Emulation",
     "Field",
     "Fit",
     "Fitted",

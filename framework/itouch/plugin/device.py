@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from itouch.plugin.bound import Bound
 from itouch.plugin.channel import Channel
-from itouch.plugin.emulator import Emulator
-from itouch.plugin.fit import Fit
+from itouch.plugin.declared import faults_of, unguessable
+from itouch.plugin.groups import Grouped
 from itouch.plugin.record import Field, Record
 from itouch.plugin.stamps import Stamps
 from itouch.plugin.trace import Trace
@@ -110,10 +110,18 @@ class Twin(ABC):
         """Fill every field of the reading; return False if there is nothing new."""
 
 
-class Device(ABC):
+class Device(Grouped, ABC):
     """A device plugin: three declarations and four methods; lifecycle, limits, threads and NaN belong to the framework.
 
-    ``open`` and ``close`` pair exactly once; ``read`` and ``write`` see the device's own frame in SI units.
+    Four methods: ``open`` and ``close`` pair exactly once; ``read`` and ``write`` see the device's own frame in SI
+    units.  Three declarations: ``Params``, ``reads`` and ``commands``; a ``Twin`` where the ideal one is not enough.
+    All else has a default that most plugins never touch, and stands in groups: ``timing``, ``opening``, ``emulation``,
+    ``operator_input``, ``mechanics``.
+
+    Raises
+    ------
+    ValueError
+        When the class is defined: a reading that would hurt if it were taken for another one has no role.
     """
 
     #: Frozen dataclass of schema fields: the device's XML element ``<NAME:hardware>``.
@@ -122,35 +130,9 @@ class Device(ABC):
     commands: ClassVar[tuple[Channel, ...]] = ()
     #: The twin class; None: the ideal twin made from the channels.
     Twin: ClassVar[type[Twin] | None] = None
-    #: What speaks the device's protocol with the twin behind it; None: the driver has no emulator.
-    Emulator: ClassVar[type[Emulator] | None] = None
-    #: Calibrations that it offers besides those of its mount.
-    fits: ClassVar[tuple[Fit, ...]] = ()
-    #: True if read and write wait for the wire and must run in an I/O thread.
-    blocking: ClassVar[bool] = False
-    #: Seconds between two exchanges; 0 means one every servo tick.
-    period: ClassVar[float] = 0.0
-    #: Seconds that one exchange of a blocking device takes; its twin's readings are that old, commands that late.
-    delay: ClassVar[float] = 0.0
-    #: Seconds that one exchange over the wire of a blocking device takes in practice; only for simulating it in step.
-    exchange_time: ClassVar[float] = 0.0
-    #: Seconds for which a blocking device, after an exchange, waits for a command that differs from the last one before
-    #: it exchanges without: so a command leaves as soon as it is there.  0: it exchanges again at once.
-    waits: ClassVar[float] = 0.0
-    #: Seconds without a command after which the device makes itself safe; armed by ``open``.  None: it does not.
-    watchdog: ClassVar[float | None] = None
-    #: True if ``open`` moves the mechanism, as homing does: a restored session then opens it only when it is enabled.
-    moves_on_open: ClassVar[bool] = False
-    #: True if another process may open the device too, and call ``make_safe``, when the servo process has died.
-    second_opener: ClassVar[bool] = False
-    #: True if no working driver is shipped and only the twin can run.
-    twin_only: ClassVar[bool] = False
-    #: Who moves the finger on its twin, if not the scene's operator: a person by "mouse", "keyboard" or "gamepad",
-    #: who leads the operator's hand; or a "recording", which knows its way.
-    led_by: ClassVar[str] = ""
-    #: Greatest stiffness [N/m] that the device can render stably, and its own damping [N s/m]; None: not stated.
-    max_stiffness: ClassVar[float | None] = None
-    damping: ClassVar[float | None] = None
+
+    #: What the channels do not say, one sentence each; found when the class is defined.
+    undeclared: ClassVar[tuple[str, ...]] = ()
 
     #: Where to write what goes over the wire; set before ``open``, None: nowhere.
     trace: Trace | None = None
@@ -166,6 +148,27 @@ class Device(ABC):
 
     def __init__(self, params: Any) -> None:
         self.params = params
+
+    @abstractmethod
+    def open(self) -> None:
+        """Find and open the device; may block.
+
+        Raises
+        ------
+        DeviceError
+            If it is missing or refuses; say what to do.
+        """
+
+    @abstractmethod
+    def close(self) -> None:
+        """Release the device; called exactly once after each ``open`` that succeeded."""
+
+    @abstractmethod
+    def read(self, reading: Record) -> bool | None:
+        """Fill every field; return False if nothing is new; do not keep the record."""
+
+    def write(self, command: Record) -> None:
+        """Send the command, which is already limited; do not keep the record."""
 
     @classmethod
     def channels(cls, params: Any) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
@@ -211,27 +214,6 @@ class Device(ABC):
         """Look for such devices without moving or heating anything; None: they cannot be looked for."""
         return None
 
-    @abstractmethod
-    def open(self) -> None:
-        """Find and open the device; may block.
-
-        Raises
-        ------
-        DeviceError
-            If it is missing or refuses; say what to do.
-        """
-
-    @abstractmethod
-    def close(self) -> None:
-        """Release the device; called exactly once after each ``open`` that succeeded."""
-
-    @abstractmethod
-    def read(self, reading: Record) -> bool | None:
-        """Fill every field; return False if nothing is new; do not keep the record."""
-
-    def write(self, command: Record) -> None:  # noqa: B027
-        """Send the command, which is already limited; do not keep the record."""
-
     def make_safe(self, safe: Record) -> None:
         """Make the device safe from a process that does not run it: called on a new instance, and only once.
 
@@ -245,3 +227,10 @@ class Device(ABC):
             self.write(safe)
         finally:
             self.close()
+
+    def __init_subclass__(cls, **given: Any) -> None:
+        super().__init_subclass__(**given)
+        hurting = list(unguessable(cls.reads))
+        if hurting:
+            raise ValueError(f"device class {cls.__name__}: {'; '.join(hurting)}")
+        cls.undeclared = (*faults_of(cls.reads, "reading"), *faults_of(cls.commands, "command"))

@@ -6,21 +6,19 @@ import logging
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-import numpy as np
-
 from itouch.plugin import (
+    ROTATIONS,
     Attached,
-    Bound,
     Channel,
-    Device,
     DeviceError,
-    Emulator,
-    Field,
-    Fit,
+    Emulation,
+    FingerTwin,
+    ImpedanceArm,
+    Mechanics,
+    Opening,
     Record,
-    Touch,
+    Timing,
     Twin,
-    deadman,
     pose,
     schema,
     wrench,
@@ -35,8 +33,6 @@ from itouch_usb_arm.wire import Buttons
 
 #: Greatest force [N] and stiffness [N/m] of a Novint Falcon, as CHAI3D 3.3 states them.
 FORCE, STIFFNESS = 8.0, 3000.0
-#: Adding and subtracting it rounds a number to an integer, and leaves NaN what it is.
-_TO_INTEGER = 1.5 * 2.0**52
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,69 +65,29 @@ class UsbArmParams:
     )
 
 
-class UsbArmTwin(Twin):
+class UsbArmTwin(FingerTwin):
     """The finger hangs on the arm: the twin reads its pose through encoders of finite resolution."""
 
-    def fields(self) -> tuple[Field, ...]:
-        """Return the true pose of the end."""
-        return (Field("pose", "f8", 7, unit="m", doc="true pose of the end: position, quaternion w x y z"),)
 
-    def reset(self, state: Record, rng: np.random.Generator) -> None:
-        """Begin at the frame's origin until the finger is attached."""
-        state["pose"] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
-
-    def bound_step(self, state: Record, command: Record, touch: Touch, period: float) -> Bound | None:
-        """Return the step on these views as one compiled call."""
-        from itouch.plugin.kernels import copied  # the compiler is loaded when an arm runs, not when it is listed
-
-        return Bound(copied, touch.finger_pose, state["pose"]) if touch.finger_attached else None
-
-    def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
-        """Go with the finger."""
-        if touch.finger_attached:
-            state["pose"] = touch.finger_pose
-
-    def read(self, state: Record, reading: Record) -> bool | None:
-        """Give the pose in steps of the encoders."""
-        values: list[float] = state["pose"].tolist()
-        step = self.params.resolution
-        if step > 0.0:
-            x, y, z = values[0:3]
-            values[0:3] = (
-                (x / step + _TO_INTEGER - _TO_INTEGER) * step,
-                (y / step + _TO_INTEGER - _TO_INTEGER) * step,
-                (z / step + _TO_INTEGER - _TO_INTEGER) * step,
-            )
-        if self.params.rotations == "locked":
-            values[3:] = (1.0, 0.0, 0.0, 0.0)
-        reading["pose"] = values
-        if "deadman" in reading:
-            reading["deadman"] = 1.0
-        return True
-
-
-class UsbArm(Device):
+class UsbArm(ImpedanceArm[Falcon]):
     """A desktop haptic arm (Novint Falcon) presented with six degrees of freedom."""
 
     Params = UsbArmParams
     reads = (pose(),)
     commands = (wrench(force=FORCE),)
-    Twin = UsbArmTwin
-    fits: ClassVar[tuple[Fit, ...]] = (FORCE_SCALE_FIT,)
-    Emulator: ClassVar[type[Emulator] | None] = ArmEmulator
-    blocking: ClassVar[bool] = True
-    moves_on_open: ClassVar[bool] = True
+    Twin: ClassVar[type[Twin] | None] = UsbArmTwin
+    timing = Timing(blocking=True)
     #: A process that dies lets go of the interface, so that another one can send zero force.
-    second_opener: ClassVar[bool] = True
-    max_stiffness: ClassVar[float | None] = STIFFNESS
-    damping: ClassVar[float | None] = 0.0
+    opening = Opening(moves_on_open=True, second_opener=True)
+    emulation = Emulation(Emulator=ArmEmulator, fits=(FORCE_SCALE_FIT,))
+    mechanics = Mechanics(max_stiffness=STIFFNESS, damping=0.0)
 
     @classmethod
     def channels(cls, params: Any) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
         """Return the channels; what is not sensed is locked, a switch is there if a button is one."""
-        locked = (3, 4, 5) if params.rotations == "locked" else ()
-        switch = () if params.deadman == "none" else (deadman(),)
-        return (pose(locked=locked), *switch), cls.commands
+        locked = ROTATIONS if params.rotations == "locked" else ()
+        reads, commands = super().channels(params)
+        return (pose(locked=locked), *reads[1:]), commands
 
     @classmethod
     def attached(cls) -> tuple[Attached, ...]:
@@ -143,8 +99,18 @@ class UsbArm(Device):
         #: A pyusb backend object; None: the system's, or the USB/IP server that the parameters name.
         self.backend: Any = None
         self._remote: Remote | None = None
-        self.driver: Falcon | None = None
-        self._switch = None if params.deadman == "none" else Buttons[params.deadman.upper()]
+        self._held = 0 if params.deadman == "none" else Buttons[params.deadman.upper()]
+
+    def make(self, *, safe: bool = False) -> Falcon:
+        """Return the driver of the arm on the bus, or of that on the USB/IP server."""
+        p, backend = self.params, self.backend
+        if backend is None and p.usbip:
+            self._remote = Remote(p.usbip)
+            backend = self._remote.backend
+        return Falcon(
+            p.firmware or None, backend, serial=p.serial, force_scale=p.force_scale,
+            resume=True, patience=self.patience, trace=self.trace,
+        )  # fmt: skip
 
     def open(self) -> None:
         """Open the arm, load its firmware if it must be, and wait until it is homed.
@@ -156,7 +122,7 @@ class UsbArm(Device):
         """
         if self.params.rotations != "locked":
             raise DeviceError('the arm cannot sense rotations: write rotations="locked"')
-        driver = self._make()
+        driver = self.make()
         try:
             driver.open()
             if not driver.homed and not driver.read().valid:
@@ -168,21 +134,9 @@ class UsbArm(Device):
             raise
         self.driver = driver
 
-    def _make(self) -> Falcon:
-        p, backend = self.params, self.backend
-        if backend is None and p.usbip:
-            self._remote = Remote(p.usbip)
-            backend = self._remote.backend
-        return Falcon(
-            p.firmware or None, backend, serial=p.serial, force_scale=p.force_scale,
-            resume=True, patience=self.patience, trace=self.trace,
-        )  # fmt: skip
-
     def close(self) -> None:
         """Send zero force and release the arm."""
-        driver, self.driver = self.driver, None
-        if driver is not None:
-            driver.close()
+        super().close()
         self._hang_up()
 
     def _hang_up(self) -> None:
@@ -198,40 +152,15 @@ class UsbArm(Device):
         DeviceError
             If the arm does not answer, answers nonsense, is gone, or is not homed any more.
         """
-        found = self._open().read()
+        found = self.opened().read()
         if not found.valid:
             raise NotHomed("the arm has lost its homing; home it again")
-        pose = reading["pose"]
-        pose[:3] = found.position
-        pose[:3] += self.params.grip
-        pose[3:] = (1.0, 0.0, 0.0, 0.0)
-        if self._switch is not None:
-            reading["deadman"] = float(bool(found.buttons & self._switch))
+        self.put(reading, found.position, bool(found.buttons & self._held))
         return True
-
-    def write(self, command: Record) -> None:
-        """Set the force, which the next exchange sends; the rotations are locked.
-
-        Raises
-        ------
-        ValueError
-            If a torque is asked for.
-        """
-        x, y, z, *torque = command["wrench"].tolist()
-        if any(torque):
-            raise ValueError(f"the arm's rotations are locked: no torque {torque} N m can be given")
-        self._open().write((x, y, z))
 
     def make_safe(self, safe: Record) -> None:
         """Take the force away: opening the arm sends zero motors, and nothing else is needed."""
-        driver = self._make()
         try:
-            driver.open()
+            super().make_safe(safe)
         finally:
-            driver.close()
             self._hang_up()
-
-    def _open(self) -> Falcon:
-        if self.driver is None:
-            raise DeviceError("the arm is not open")
-        return self.driver

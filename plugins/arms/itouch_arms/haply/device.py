@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
 from dataclasses import dataclass
-from typing import Any, ClassVar
 
-from itouch.plugin import Attached, Channel, Device, DeviceError, Emulator, Record, Twin, deadman, pose, schema, wrench
+from itouch.plugin import Attached, Emulation, ImpedanceArm, Opening, Record, Timing, schema, wrench
 from itouch_arms.errors import NotCalibrated, Refused
-from itouch_arms.finger import FingerTwin, force_of, put_pose
 from itouch_arms.haply.driver import SERVICE, Inverse3
 from itouch_arms.haply.emulator import HaplyEmulator
 from itouch_arms.haply.look import look
@@ -40,59 +37,30 @@ class HaplyParams:
     )
 
 
-class Haply(Device):
+class Haply(ImpedanceArm[Inverse3]):
     """A Haply Inverse3 behind its local service (WebSocket), presented with six degrees of freedom."""
 
     Params = HaplyParams
-    reads = (pose(locked=(3, 4, 5)),)
     commands = (wrench(force=FORCE),)
-    Twin: ClassVar[type[Twin] | None] = FingerTwin
-    Emulator: ClassVar[type[Emulator] | None] = HaplyEmulator
-    blocking: ClassVar[bool] = True
     #: The service answers some thousand times a second; asking more often than twice a tick only costs time.
-    period: ClassVar[float] = 5e-4
+    timing = Timing(blocking=True, period=5e-4)
     #: The service takes a connection of another process, which can send zero force.
-    second_opener: ClassVar[bool] = True
-
-    @classmethod
-    def channels(cls, params: Any) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
-        """Return the channels; a switch is there if a button is one."""
-        switch = () if params.deadman == "none" else (deadman(),)
-        return (*cls.reads, *switch), cls.commands
+    opening = Opening(second_opener=True)
+    emulation = Emulation(Emulator=HaplyEmulator)
+    harmless = (NotCalibrated, Refused)
 
     @classmethod
     def attached(cls) -> tuple[Attached, ...]:
         """Ask the service of this machine for its arms."""
         return look()
 
-    def __init__(self, params: HaplyParams) -> None:
-        super().__init__(params)
-        self.driver: Inverse3 | None = None
-
-    def _make(self, calibration_time: float) -> Inverse3:
+    def make(self, *, safe: bool = False) -> Inverse3:
+        """Return the driver of the arm behind the service."""
         p = self.params
         return Inverse3(
-            p.service or SERVICE, p.device, button=p.deadman, calibration_time=calibration_time,
+            p.service or SERVICE, p.device, button=p.deadman, calibration_time=0.0 if safe else p.calibration_time,
             patience=self.patience, trace=self.trace,
         )  # fmt: skip
-
-    def open(self) -> None:
-        """Connect to the service, take the arm, and wait until it is calibrated.
-
-        Raises
-        ------
-        DeviceError
-            If it is missing, refuses, or is not calibrated in time; the message says what to do.
-        """
-        driver = self._make(self.params.calibration_time)
-        driver.open()
-        self.driver = driver
-
-    def close(self) -> None:
-        """Send zero force and hang up."""
-        driver, self.driver = self.driver, None
-        if driver is not None:
-            driver.close()
 
     def read(self, reading: Record) -> bool:
         """Exchange a message; the pose is the fingertip's.
@@ -102,32 +70,8 @@ class Haply(Device):
         DeviceError
             If the service does not answer, answers nonsense, or the arm is gone.
         """
-        found = self._open().read()
+        found = self.opened().read()
         if found is None:
             return False
-        put_pose(reading, found.position, self.params.grip)
-        if "deadman" in reading:
-            reading["deadman"] = float(found.pressed)
+        self.put(reading, found.position, found.pressed)
         return True
-
-    def write(self, command: Record) -> None:
-        """Set the force, which the next exchange sends; the rotations are locked.
-
-        Raises
-        ------
-        ValueError
-            If a torque is asked for.
-        """
-        self._open().write(force_of(command))
-
-    def make_safe(self, safe: Record) -> None:
-        """Take the force away: opening sends zero force, calibrated or not."""
-        driver = self._make(0.0)
-        with contextlib.suppress(NotCalibrated, Refused):  # told after the zero was sent
-            driver.open()
-        driver.close()
-
-    def _open(self) -> Inverse3:
-        if self.driver is None:
-            raise DeviceError("the arm is not open")
-        return self.driver

@@ -17,8 +17,8 @@ from types import TracebackType
 from typing import Self
 
 from itouch.plugin import Trace
+from itouch.plugin.impedance import Vector
 from itouch_arms.errors import ArmError, Disconnected, NotCalibrated, ProtocolError, Timeout
-from itouch_arms.finger import Vector
 from itouch_arms.haply import messages
 from itouch_arms.haply.line import Line
 

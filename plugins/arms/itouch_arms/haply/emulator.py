@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from itouch.plugin import Emulator, Record
-from itouch_arms.finger import Vector
+from itouch.plugin.impedance import Vector
 from itouch_arms.haply.driver import SERVICE
 from itouch_arms.haply.line import address_of
 from itouch_arms.haply.server import Server

@@ -11,8 +11,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+from itouch.plugin.impedance import Vector
 from itouch_arms.errors import ArmError, NotCalibrated, ProtocolError, Refused
-from itouch_arms.finger import Vector
 
 ARMS = "inverse3"
 GRIPS = ("wireless_verse_grip", "verse_grip", "custom_verse_grip")

@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
-from itouch_arms.finger import Vector
+from itouch.plugin.impedance import Vector
 from itouch_arms.haply.faults import Faults
 
 #: Where a cursor is in front of the arm [m], as the service's documentation shows one.

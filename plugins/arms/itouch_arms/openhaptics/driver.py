@@ -16,8 +16,8 @@ from types import TracebackType
 from typing import Any, NamedTuple, Self
 
 from itouch.plugin import Trace
+from itouch.plugin.impedance import Vector
 from itouch_arms.errors import ArmError, Disconnected, NotCalibrated, NotFound, ProtocolError, Refused, Timeout
-from itouch_arms.finger import Vector
 from itouch_arms.openhaptics import api
 
 #: Age [s] of a force that is not sent any more: whoever gave it hangs.

@@ -1,0 +1,160 @@
+"""What a device may declare beside its channels, in small groups that most plugins never touch.
+
+Each attribute of a group was an attribute of `Device` once, under the same name; it can still be declared like that,
+and the framework reads it there: a group that a class declares is unfolded into them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar
+
+from itouch.plugin.emulator import Emulator as _Emulator
+from itouch.plugin.fit import Fit
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """How long an exchange with the device takes, and how long it does without.
+
+    Attributes
+    ----------
+    blocking
+        True if ``read`` and ``write`` wait for the wire and must run in an I/O thread.
+    period
+        Seconds between two exchanges; 0 means one every servo tick.
+    delay
+        Seconds that one exchange of a blocking device takes; its twin's readings are that old, commands that late.
+    exchange_time
+        Seconds that one exchange over the wire takes in practice; only for simulating it in step.
+    waits
+        Seconds for which a blocking device, after an exchange, waits for a command that differs from the last one
+        before it exchanges without: so a command leaves as soon as it is there.  0: it exchanges again at once.
+    watchdog
+        Seconds without a command after which the device makes itself safe; armed by ``open``.  None: it does not.
+    """
+
+    blocking: bool = False
+    period: float = 0.0
+    delay: float = 0.0
+    exchange_time: float = 0.0
+    waits: float = 0.0
+    watchdog: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Opening:
+    """What opening the device does, and who may do it; how such devices are found is ``attached``.
+
+    Attributes
+    ----------
+    moves_on_open
+        True if ``open`` moves the mechanism, as homing does: a restored session opens it only when it is enabled.
+    second_opener
+        True if another process may open the device too, and call ``make_safe``, when the servo process has died.
+    twin_only
+        True if no working driver is shipped and only the twin can run.
+    """
+
+    moves_on_open: bool = False
+    second_opener: bool = False
+    twin_only: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Emulation:
+    """What stands in for the device's wire, and what is calibrated of the device.
+
+    Attributes
+    ----------
+    Emulator
+        What speaks the device's protocol with the twin behind it; None: the driver has no emulator.
+    fits
+        Calibrations that it offers besides those of its mount.
+    """
+
+    Emulator: type[_Emulator] | None = None
+    fits: tuple[Fit, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class OperatorInput:
+    """Who moves the finger on its twin, if not the scene's operator.
+
+    Attributes
+    ----------
+    led_by
+        A person by "mouse", "keyboard" or "gamepad", who leads the operator's hand; or a "recording", which knows its
+        way; empty: the scene's operator.
+    """
+
+    led_by: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Mechanics:
+    """What virtual walls a device bears.
+
+    Attributes
+    ----------
+    max_stiffness
+        Greatest stiffness [N/m] that the device can render stably; None: not stated.
+    damping
+        Its own damping [N s/m]; None: not stated.
+    """
+
+    max_stiffness: float | None = None
+    damping: float | None = None
+
+
+#: Attribute of `Device` -> the group that it holds.
+GROUPS: dict[str, type] = {
+    "timing": Timing, "opening": Opening, "emulation": Emulation, "operator_input": OperatorInput,
+    "mechanics": Mechanics,
+}  # fmt: skip
+
+
+class Grouped:
+    """Unfolds the groups that a class declares; what the framework reads are their attributes."""
+
+    timing: ClassVar[Timing] = Timing()
+    opening: ClassVar[Opening] = Opening()
+    emulation: ClassVar[Emulation] = Emulation()
+    operator_input: ClassVar[OperatorInput] = OperatorInput()
+    mechanics: ClassVar[Mechanics] = Mechanics()
+
+    #: Those attributes as they were declared before there were groups: for the framework, and for older plugins.
+    blocking: ClassVar[bool] = False
+    period: ClassVar[float] = 0.0
+    delay: ClassVar[float] = 0.0
+    exchange_time: ClassVar[float] = 0.0
+    waits: ClassVar[float] = 0.0
+    watchdog: ClassVar[float | None] = None
+    moves_on_open: ClassVar[bool] = False
+    second_opener: ClassVar[bool] = False
+    twin_only: ClassVar[bool] = False
+    Emulator: ClassVar[type[_Emulator] | None] = None
+    fits: ClassVar[tuple[Fit, ...]] = ()
+    led_by: ClassVar[str] = ""
+    max_stiffness: ClassVar[float | None] = None
+    damping: ClassVar[float | None] = None
+
+    #: What it declares in an older way, one sentence each.
+    outdated: ClassVar[tuple[str, ...]] = ()
+
+    def __init_subclass__(cls, **given: Any) -> None:
+        super().__init_subclass__(**given)
+        old = []
+        for name, kind in GROUPS.items():
+            members = [member.name for member in fields(kind)]
+            if name in cls.__dict__:
+                group = cls.__dict__[name]
+                if not isinstance(group, kind):
+                    raise TypeError(f"{cls.__name__}.{name} is {group!r}: write {name} = {kind.__name__}(...)")
+                for member in members:
+                    if member not in cls.__dict__:
+                        setattr(cls, member, getattr(group, member))
+            else:
+                old += [f"attribute '{m}' belongs to a group: write {name} = {kind.__name__}({m}=...)"
+                        for m in members if m in cls.__dict__]  # fmt: skip
+        cls.outdated = tuple(old)

@@ -1,0 +1,184 @@
+"""What arms of the impedance kind have in common: they say where their end is, and push with the force they are told.
+
+A plugin brings the driver; where the fingertip is, the switch on the grip, the twin that a finger hangs on, the life
+of the driver and the safe command are the same for all of them.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from abc import abstractmethod
+from collections.abc import Iterable
+from typing import Any, ClassVar, Generic, Protocol, TypeVar
+
+import numpy as np
+
+from itouch.plugin.bound import Bound
+from itouch.plugin.channel import ROTATIONS, Channel, deadman, pose
+from itouch.plugin.device import Device, DeviceError, Touch, Twin
+from itouch.plugin.quantity import Role
+from itouch.plugin.record import Field, Record
+
+Vector = tuple[float, float, float]
+
+_REST = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+#: Adding and subtracting it rounds a number to an integer, and leaves NaN what it is.
+_TO_INTEGER = 1.5 * 2.0**52
+
+
+class ArmDriver(Protocol):
+    """What speaks to an arm: zero force after ``open`` and before ``close``."""
+
+    def open(self) -> object:
+        """Find the arm and send zero force; raise what is wrong with it, told after the zero was sent."""
+
+    def close(self) -> None:
+        """Send zero force and let the arm go."""
+
+    def write(self, force: Vector) -> None:
+        """Set the force [N] that the next exchange sends."""
+
+
+D = TypeVar("D", bound=ArmDriver)
+
+
+class FingerTwin(Twin):
+    """The finger hangs on the arm, which gives its position in steps of ``params.resolution`` [m], 0 for none.
+
+    The readings are those of `ImpedanceArm`; a twin of other names overrides ``pose`` and ``switch``.
+    """
+
+    pose: ClassVar[str] = "pose"
+    switch: ClassVar[str] = "deadman"
+
+    @property
+    def turns(self) -> bool:
+        """Whether the arm's end can turn and its turning is sensed: by ``params.rotations``, if there is one."""
+        return getattr(self.params, "rotations", "locked") != "locked"
+
+    def fields(self) -> tuple[Field, ...]:
+        """Return the true pose of the end."""
+        return (Field("pose", "f8", 7, unit="m", doc="true pose of the end: position, quaternion w x y z"),)
+
+    def reset(self, state: Record, rng: np.random.Generator) -> None:
+        """Begin at the frame's origin until the finger is attached."""
+        state["pose"] = _REST
+
+    def bound_step(self, state: Record, command: Record, touch: Touch, period: float) -> Bound | None:
+        """Return the step on these views as one compiled call."""
+        from itouch.plugin.kernels import copied  # the compiler is loaded when an arm runs, not when it is listed
+
+        return Bound(copied, touch.finger_pose, state["pose"]) if touch.finger_attached else None
+
+    def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+        """Go with the finger."""
+        if touch.finger_attached:
+            state["pose"] = touch.finger_pose
+
+    def read(self, state: Record, reading: Record) -> bool | None:
+        """Give the pose in steps of the encoders; the operator of a twin holds the switch."""
+        values: list[float] = state["pose"].tolist()
+        step = self.params.resolution
+        if step > 0.0:
+            values[:3] = [(part / step + _TO_INTEGER - _TO_INTEGER) * step for part in values[:3]]
+        if not self.turns:
+            values[3:] = _REST[3:]
+        reading[self.pose] = values
+        if self.switch in reading:
+            reading[self.switch] = 1.0
+        return True
+
+
+class ImpedanceArm(Device, Generic[D]):
+    """An arm with a driver: it tracks the finger and pushes it; its rotations are locked.
+
+    ``Params`` must have ``grip`` [m], from the arm's end to the fingertip's centre, ``resolution`` [m] for the twin,
+    and ``deadman``, the button that must be held to run or ``"none"``.  The plugin says how a driver is made, and
+    reads it.
+    """
+
+    reads = (pose(locked=ROTATIONS),)
+    Twin: ClassVar[type[Twin] | None] = FingerTwin
+    #: What ``open`` of the driver raises after it has sent zero force: enough where only that is wanted.
+    harmless: ClassVar[tuple[type[Exception], ...]] = ()
+
+    def __init__(self, params: Any) -> None:
+        super().__init__(params)
+        self.driver: D | None = None
+        reads, commands = self.channels(params)
+        self._pose = _named(reads, Role.TRACKED_POSE)
+        self._switch = _named(reads, Role.DEADMAN)
+        self._force = _named(commands, Role.FORCE_ON_OPERATOR)
+
+    @classmethod
+    def channels(cls, params: Any) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
+        """Return the channels; a switch is there if a button is one."""
+        switch = () if params.deadman == "none" else (deadman(),)
+        return (*cls.reads, *switch), cls.commands
+
+    @abstractmethod
+    def make(self, *, safe: bool = False) -> D:
+        """Return a driver that is not open; ``safe``: only to take the force away, so it waits for nobody."""
+
+    def open(self) -> None:
+        """Open the arm.
+
+        Raises
+        ------
+        DeviceError
+            If it is missing, refuses, or is not calibrated in time; the message says what to do.
+        """
+        driver = self.make()
+        driver.open()
+        self.driver = driver
+
+    def close(self) -> None:
+        """Send zero force and let the arm go."""
+        driver, self.driver = self.driver, None
+        if driver is not None:
+            driver.close()
+
+    def write(self, command: Record) -> None:
+        """Set the force, which the next exchange sends; the rotations are locked.
+
+        Raises
+        ------
+        ValueError
+            If a torque is asked for.
+        """
+        x, y, z, *torque = command[self._force].tolist()
+        if any(torque):
+            raise ValueError(f"the arm's rotations are locked: no torque {torque} N m can be given")
+        self.opened().write((x, y, z))
+
+    def make_safe(self, safe: Record) -> None:
+        """Take the force away: opening sends zero force, calibrated or not."""
+        driver = self.make(safe=True)
+        try:
+            with contextlib.suppress(*self.harmless):
+                driver.open()
+        finally:
+            driver.close()
+
+    def put(self, reading: Record, position: Iterable[float], held: bool) -> None:
+        """Write where the fingertip is, by the position [m] of the arm's end, and whether the switch is held."""
+        x, y, z = (a + b for a, b in zip(position, self.params.grip, strict=True))
+        reading[self._pose] = (x, y, z, 1.0, 0.0, 0.0, 0.0)
+        if self._switch:
+            reading[self._switch] = float(held)
+
+    def opened(self) -> D:
+        """Return the driver.
+
+        Raises
+        ------
+        DeviceError
+            If the arm is not open.
+        """
+        if self.driver is None:
+            raise DeviceError("the arm is not open")
+        return self.driver
+
+
+def _named(channels: tuple[Channel, ...], role: Role) -> str:
+    return next((channel.name for channel in channels if channel.role is role), "")
