@@ -53,9 +53,12 @@ def decisions(tree: ast.AST) -> Iterator[tuple[int, str]]:
             found = [word for side in sides for word in _literals(side)] if named else []
         elif isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.args:
             method, owner = node.func.attr, _last(node.func.value)
-            if method in ("reading", "command") or (
-                method in ("startswith", "endswith", "removesuffix") and owner == "name"
-            ) or method == "get" and owner in ("reading", "command", "sent"):
+            if (
+                method in ("reading", "command")
+                or (method in ("startswith", "endswith", "removesuffix") and owner == "name")
+                or method == "get"
+                and owner in ("reading", "command", "sent")
+            ):
                 found = list(_literals(node.args[0]))
         elif isinstance(node, ast.Subscript) and _last(node.value) in ("reading", "command", "sent"):
             found = list(_literals(node.slice)) if isinstance(node.slice, ast.Constant) else []

@@ -149,7 +149,6 @@ def _probes(
     return found
 
 
-<<<<<<< HEAD
 def _face(table: str, devices: Mapping[str, DeviceModel]) -> str:
     """Return what of all that a table carries the finger touches: what reads the temperature of it, else the first."""
     carried = [device for device in devices.values() if device.carrier and device.carrier == table]
@@ -157,12 +156,9 @@ def _face(table: str, devices: Mapping[str, DeviceModel]) -> str:
     return next((device.name for device in (*touched, *carried)), table)
 
 
-def _writers(scene: Scene, modalities: list[ModalityModel]) -> list[tuple[str, Any, str, str]]:
-=======
 def _writers(
     scene: Scene, devices: Mapping[str, DeviceModel], modalities: list[ModalityModel]
 ) -> list[tuple[str, Any, str, str]]:
->>>>>>> 34ebf1f (The framework finds channels by their role, not by their name)
     writers: list[tuple[str, Any, str, str]] = []
     for probe in scene.probes:
         for bound, role in (("force_to", Role.FORCE_ON_OPERATOR), ("surface_to", Role.SURFACE_POSE)):

@@ -8,11 +8,7 @@ from typing import Any
 from itouch.contact.meshfile.faults import MeshError
 from itouch.exchange import LateTwin, ThreadedDevice
 from itouch.faults import FaultyTwin, Injection
-<<<<<<< HEAD
-from itouch.plugin import Channel, Device, IdealTwin, Monitor, ParameterError, Twin, poses, trace
-=======
-from itouch.plugin import Channel, Device, IdealTwin, ParameterError, Role, Twin, poses, trace
->>>>>>> 34ebf1f (The framework finds channels by their role, not by their name)
+from itouch.plugin import Channel, Device, IdealTwin, Monitor, ParameterError, Role, Twin, poses, trace
 from itouch.plugin.discovery import Catalog
 from itouch.plugin.quantity import SIZES
 from itouch.scene import Scene

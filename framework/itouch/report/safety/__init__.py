@@ -133,9 +133,9 @@ def _worst_case(model: Model, worst: Worst | None, fault: str) -> Iterator[Block
 
 def _extremes(name: str, worst: Worst) -> tuple[str, str]:
     low, high = worst.low[name], worst.high[name]
-    if name.endswith("temperature"):
-        return f"{low - K0:.2f} °C", f"{high - K0:.2f} °C"
     unit = name[name.rindex("[") + 1 : -1]
+    if unit == "K":
+        return f"{low - K0:.2f} °C", f"{high - K0:.2f} °C"
     return f"{low:.3g} {unit}", f"{high:.3g} {unit}"
 
 

@@ -27,7 +27,7 @@ class Worst:
 
     def __post_init__(self) -> None:
         self._values = _values(self.session)
-        self._skin = next((value for name, value in self._values.items() if name.endswith("skin temperature")), None)
+        self._skin = next((value for name, value in self._values.items() if name.endswith("skin temperature [K]")), None)
         probe = self.session.model.probes[0].name if self.session.model.probes else ""
         self._press = self.session.state[f"{probe}.plate_force"] if probe else None
 
@@ -55,17 +55,11 @@ def _values(session: Session) -> dict[str, Value]:
             found[f"{name}: force [N]"] = _length(state, given, 3)
         for field_name, what in (("true_plate", "plate temperature"), ("true_skin", "skin temperature")):
             if f"{name}.twin.{field_name}" in state:
-                found[f"{name}: {what}"] = state[f"{name}.twin.{field_name}"].item
+                found[f"{name}: {what} [K]"] = state[f"{name}.twin.{field_name}"].item
         if f"{name}.twin.true_flux" in state:
             found[f"{name}: flux [W/m²]"] = state[f"{name}.twin.true_flux"].item
-<<<<<<< HEAD
-        for channel in device.reads:
-            if channel.role is Role.HEAT_SINK_TEMPERATURE:
-                found[f"{name}: sink temperature"] = state[f"{name}.{channel.name}"].item
-=======
         if sink := device.field(Role.HEAT_SINK_TEMPERATURE):
-            found[f"{name}: sink temperature"] = state[sink].item
->>>>>>> 34ebf1f (The framework finds channels by their role, not by their name)
+            found[f"{name}: sink temperature [K]"] = state[sink].item
     for probe in session.model.probes:
         found[f"{probe.name}: plate force [N]"] = state[f"{probe.name}.plate_force"].item
         found[f"{probe.name}: force in all [N]"] = state[f"{probe.name}.total_force"].item
