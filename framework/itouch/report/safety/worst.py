@@ -27,7 +27,9 @@ class Worst:
 
     def __post_init__(self) -> None:
         self._values = _values(self.session)
-        self._skin = next((value for name, value in self._values.items() if name.endswith("skin temperature [K]")), None)
+        self._skin = next(
+            (value for name, value in self._values.items() if name.endswith("skin temperature [K]")), None
+        )
         probe = self.session.model.probes[0].name if self.session.model.probes else ""
         self._press = self.session.state[f"{probe}.plate_force"] if probe else None
 
