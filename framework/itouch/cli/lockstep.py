@@ -50,6 +50,7 @@ class EveryNth(Device, Stamped):
         """Open the device."""
         self.device.trace, self.device.patience = self.trace, PATIENCE
         self._since, self._command, self._sent = self._every + self._waits, b"", b""
+        self._told = True  # what was sent before it was opened anew is told of by nobody
         self.device.open()
 
     def close(self) -> None:
