@@ -13,8 +13,7 @@ import itouch
 from itouch.cli.__main__ import main
 from itouch.loop.clock import now
 from itouch.loop.plan import Plan, PlanError
-from itouch.loop.runner import bound_is_newest
-from itouch.loop.step import Step
+from itouch.loop.step import Step, is_newest
 from itouch.plugin import Record, Touch
 from itouch.session import Session
 from itouch_usb_arm.arm import UsbArmTwin
@@ -144,5 +143,5 @@ def test_a_twin_whose_heir_has_a_step_of_its_own_runs_that() -> None:
         def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
             """Stand still."""
 
-    assert bound_is_newest(UsbArmTwin)
-    assert not bound_is_newest(Own)
+    assert is_newest(UsbArmTwin, "bound_step", "step")
+    assert not is_newest(Own, "bound_step", "step")

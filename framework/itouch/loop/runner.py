@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from itouch.faults import FaultyTwin
 from itouch.loop.frames import Frame, frame
-from itouch.plugin import Bound, Channel, Record, Role, Touch, Twin
+from itouch.loop.step import is_newest
+from itouch.plugin import Bound, Channel, Record, Role, Touch
 from itouch.plugin.quantity import SIZES
 from itouch.safety import DeviceFaultError, Status, Supervisor, Trip
 from itouch.world import DeviceModel
@@ -63,7 +64,7 @@ class Runner(Supervisor):
 
     def bound_twin(self) -> Bound | None:
         """Return the step of the twin as one compiled call; None: there is no twin, or it is Python."""
-        if self.twin is None or not bound_is_newest(type(self.twin)):
+        if self.twin is None or not is_newest(type(self.twin), "bound_step", "step"):
             return None
         with failing(f"device '{self.model.name}'", "the step of its twin", None):
             return self.twin.bound_step(self.twin_state, self.sent, self.touch, self._period)
@@ -94,13 +95,6 @@ class Runner(Supervisor):
     def true_position(self) -> NDArray[np.float64] | None:
         """Return the view of State that is the true position of what the twin carries, in its frame."""
         return self.twin.position(self.twin_state) if self.twin is not None else None
-
-
-def bound_is_newest(cls: type[Twin]) -> bool:
-    """Tell whether no heir has replaced the ``step`` of the class whose ``bound_step`` it would run."""
-    ancestry = cls.__mro__
-    owners = [next(i for i, base in enumerate(ancestry) if name in vars(base)) for name in ("bound_step", "step")]
-    return owners[0] <= owners[1]
 
 
 def _view(record: Record, channel: Channel | None, role: Role) -> NDArray[np.float64]:

@@ -48,8 +48,15 @@ class Step:
         return matching(self.writes, fields)
 
 
-def compiled(
-    name: str, bound: Bound, reads: tuple[str, ...], writes: tuple[str, ...], answer: Answer | None = None
+def is_newest(cls: type, joined: str, alone: str) -> bool:
+    """Tell whether no heir has replaced the method ``alone`` of the class whose method ``joined`` would run."""
+    ancestry = cls.__mro__
+    owners = [next(i for i, base in enumerate(ancestry) if name in vars(base)) for name in (joined, alone)]
+    return owners[0] <= owners[1]
+
+
+def joinable(
+    name: str, bound: Bound, reads: tuple[str, ...] | None, writes: tuple[str, ...], answer: Answer | None = None
 ) -> Step:
     """Return a step that is compiled; ``work`` does the same where nothing can be joined."""
 

@@ -6,7 +6,7 @@ test holds it against what a step is seen to change.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
 from itouch.loop.blame import foreign_write, modality_fault
 from itouch.loop.events import Events
@@ -14,10 +14,11 @@ from itouch.loop.fence import Fence
 from itouch.loop.objects import Objects
 from itouch.loop.rig import ProbeRig
 from itouch.loop.runner import Runner
-from itouch.loop.step import CALLS_KERNELS, Step, compiled
+from itouch.loop.step import CALLS_KERNELS, Step, is_newest, joinable
 from itouch.plugin import Record
 from itouch.safety import Finger, Hold
 from itouch.world import ModalityModel, Model
+from itouch.world.failing import failing
 
 #: What a trip changes of a device, besides what is sent to it.
 _TRIPPED = ("status", "trip", "tripped", "ramp")
@@ -119,7 +120,14 @@ def modality(model: Model, one: ModalityModel, state: Record, around: Fence) -> 
             raise modality_fault(model, one.instance, method, tick, error) from error
 
     commands = tuple(".command.".join(command.split(".", 1)) for command in one.commands)
-    return Step(one.name, run, one.instance.reads(compiled), (f"{one.name}.*", *commands), 1 if one.attends else every)
+    own, reads = (f"{one.name}.*", *commands), one.instance.reads(compiled)
+    bound = None
+    if every == 1 and is_newest(type(one.instance), "bound_update", "update"):
+        with failing(f"modality '{one.name}'", "bound_update", model.place_of(one.name)):
+            bound = one.instance.bound_update(compiled, state, period)
+    if bound is not None:
+        return joinable(one.name, bound, reads, own, lambda code, tick, ready: run(tick, ready))
+    return Step(one.name, run, reads, own, 1 if one.attends else every)
 
 
 def fence(model: Model, around: Fence) -> Step:
@@ -213,10 +221,10 @@ def finger(rig: ProbeRig, state: Record) -> Iterator[Step]:
         if along is None:
             yield Step(f"hand {name}", lambda tick, ready: rig.lead(ready), reads, moved)
         else:
-            yield compiled(f"hand {name}", along, reads, moved, lambda code, tick, ready: rig.lead(ready))
+            yield joinable(f"hand {name}", along, reads, moved, lambda code, tick, ready: rig.lead(ready))
     written = _of(name, "plate_force", "plate_true_top", "plate_distance", "plate_touched", "total_force", "hand.*")
     reads = (*written, *_of(name, "hip"), "tick", "*.sent.wrench", "*.twin.axes")
-    yield compiled(f"finger {name}", coupling.bound, reads, written)
+    yield joinable(f"finger {name}", coupling.bound, reads, written)
     if rig.feels_for_real:
         reads = ("*.wrench", "*.sent.wrench")
         yield Step(f"measured {name}", lambda tick, ready: rig.measure(), reads, _of(name, "total_force"))
@@ -234,7 +242,7 @@ def twin(runner: Runner) -> Step:
     name, own = runner.model.name, _of(runner.model.name, "twin.*")
     bound, reads = runner.bound_twin(), (*own, *_of(name, "sent.*"))
     if bound is not None:
-        return compiled(f"twin {name}", bound, reads, own)
+        return joinable(f"twin {name}", bound, reads, own, lambda code, tick, ready: runner.step_twin(tick))
     return Step(f"twin {name}", lambda tick, ready: runner.step_twin(tick), reads, own)
 
 

@@ -101,7 +101,8 @@ class Twin(ABC):
     def bound_step(self, state: Record, command: Record, touch: Touch, period: float) -> Bound | None:
         """Return what ``step`` does with these, which stay the same, as one compiled call; None: it is Python.
 
-        It then runs joined with others, without the interpreter; `step` should be the same call.
+        It then runs joined with others, without the interpreter; `step` should be the same call.  A call that returns
+        another number than 0 has changed nothing, and leaves this tick to ``step``.
         """
         return None
 

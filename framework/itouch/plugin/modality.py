@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
+from itouch.plugin.bound import Bound
 from itouch.plugin.channel import Channel
 from itouch.plugin.record import Field, Record
 
@@ -189,6 +190,14 @@ class Modality(ABC):
         Called after each tick with the State of each device's twin as it was when that tick's readings were taken.
         Nothing that is rendered may depend on it.
         """
+
+    def bound_update(self, model: Any, state: Record, period: float) -> Bound | None:
+        """Return what ``update`` does with these, which stay the same, as one compiled call; None: it is Python.
+
+        One that is updated in every tick then runs joined with the steps beside it.  A call that returns another
+        number than 0 has changed nothing, and leaves this tick to ``update``.
+        """
+        return None
 
     def measures(
         self, model: Any, state: Record, probe: str, object_index: int

@@ -1,0 +1,102 @@
+"""The check `joined`: what is compiled does what it does in Python; if not, the suite says so."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from test_failing_plugins import Hum, engine
+
+from itouch.loop import Engine
+from itouch.plugin import Bound, Device, Record, Touch
+from itouch.plugin.kernels import kernel
+from itouch.testing import joined
+from itouch.testing.checks import CheckError, NotApplicableError
+from itouch.testing.subject import DeviceSubject
+from itouch_thermal import ThermalDisplay
+from itouch_usb_arm.arm import UsbArm
+from itouch_xyz_table import XyzTable
+
+EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "compiled_twin.py"
+
+
+def _example() -> Any:
+    spec = importlib.util.spec_from_file_location("compiled_twin", EXAMPLE)
+    assert spec is not None and spec.loader is not None
+    module = sys.modules["compiled_twin"] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("device", [XyzTable, UsbArm, ThermalDisplay])
+def test_the_shipped_twins_do_the_same_both_ways(device: type[Device]) -> None:
+    assert "ticks" in joined.twin.run(DeviceSubject(device, "device"))
+
+
+def test_the_example_passes_and_its_python_twin_does_not_join() -> None:
+    example = _example()
+    assert joined.twin.run(DeviceSubject(example.Rod, "rod"))
+    slow = type("Slow", (example.Rod,), {"Twin": example.PythonTwin})
+    with pytest.raises(NotApplicableError, match="plain Python"):
+        joined.twin.run(DeviceSubject(slow, "rod"))
+
+
+def test_the_example_is_the_same_rod_in_python() -> None:
+    example = _example()
+    for ticks in (1, 17, 300):
+        twins = [cls(example.RodParams()) for cls in (example.PythonTwin, example.CompiledTwin)]
+        assert example.height_after(twins[0], ticks) == example.height_after(twins[1], ticks)
+
+
+def test_a_step_that_differs_is_told() -> None:
+    example = _example()
+
+    class Wrong(example.CompiledTwin):  # type: ignore[misc, name-defined]
+        def bound_step(self, state: Record, command: Record, touch: Touch, period: float) -> Bound:
+            return Bound(example.swing, state["height"], state["speed"], touch.wrench, 7.0, 1.0, period)
+
+        def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+            super(example.CompiledTwin, self).step(state, command, touch, period)
+
+    wrong = type("WrongRod", (example.Rod,), {"Twin": Wrong})
+    with pytest.raises(CheckError, match="the field '(height|speed)' is .* joined"):
+        joined.twin.run(DeviceSubject(wrong, "rod"))
+
+
+@kernel
+def _count(count: Any) -> int:
+    if count[0] % 5 == 4:
+        return 1  # left to Python
+    count[0] += 1
+    return 0
+
+
+def test_a_modality_joins_and_leaves_to_python_what_it_will(tmp_path: Path) -> None:
+
+    class Quick(Hum):
+        def bound_update(self, model: Any, state: Record, period: float) -> Bound:
+            return Bound(_count, state["hum.count"])
+
+    found: Engine = engine(tmp_path, Quick)
+    step = next(step for step in found.plan.steps if step.name == "hum")
+    assert step.bound is not None
+    found.run(0.02)
+    assert int(found.state["hum.count"]) == found.ticks  # both count by one
+
+
+def test_an_heir_with_an_update_of_its_own_runs_that(tmp_path: Path) -> None:
+
+    class Quick(Hum):
+        def bound_update(self, model: Any, state: Record, period: float) -> Bound:
+            return Bound(_count, state["hum.count"])
+
+    class Slow(Quick):
+        def update(self, model: Any, state: Record, period: float) -> None:
+            state["hum.count"][...] += 2
+
+    found: Engine = engine(tmp_path, Slow)
+    found.run(0.01)
+    assert int(found.state["hum.count"]) == 2 * found.ticks
