@@ -9,7 +9,7 @@ import pytest
 from test_hardware import Params, catalog
 
 import itouch
-from itouch.plugin import Channel, Device, DeviceError, Record, Role, current, temperature
+from itouch.plugin import Channel, Device, DeviceError, Record, Role, current, deadman, temperature
 
 SCENE = """<itouch version="1.0">
   <devices><device name="pad" plugin="stick" twin="no"/></devices>
@@ -25,7 +25,7 @@ def pad(*, moves: bool = False) -> Any:
 
         reads = (
             temperature("plate_temperature", role=Role.SKIN_CONTACT_TEMPERATURE),
-            Channel("deadman", 1, "", (0.0,), (1.0,)),
+            deadman(),
         )
         commands = (current(limit=4.0),)
         moves_on_open: ClassVar[bool] = moves

@@ -11,6 +11,8 @@ from itouch.plugin import Channel, Field, Moment, Record, Role, Rule
 #: T8: how long [s] a driven plate may read exactly the same, what part of the drive counts as driven, and how many
 #: seconds of full drive are enough by themselves.
 FROZEN, DRIVEN, FROZEN_DRIVE = 1.0, 0.02, 0.15
+#: T8: seconds of full drive, counted while it is strong, after which a plate cannot read exactly what it read before.
+FROZEN_HELD = 0.5
 #: T9: part of the drive in force, for how long [s], and what change of temperature [K] that must have, or must not; the
 #: time [s] that drive and sensor may lag.
 RUNAWAY_DRIVE, RUNAWAY_TIME, RUNAWAY_STILL, RUNAWAY_WRONG, LAG = 0.5, 2.0, 0.1, 2.0, 0.15
@@ -53,6 +55,7 @@ class Runaway:
             Field("frozen_at", unit="s", doc="when the newest reading was measured"),
             Field("frozen_for", unit="s", doc="for how long it has been the same"),
             Field("frozen_drive", unit="s", doc="how much the drive has changed meanwhile, times time"),
+            Field("frozen_held", unit="s", doc="seconds of full drive meanwhile, while the drive was strong"),
             Field("frozen_from", unit="1", doc="drive when that began, as a part of the limit in force"),
             Field("driven_for", unit="s", doc="how long a strong drive has lasted; > 0 cools, < 0 heats"),
             Field(
@@ -91,13 +94,15 @@ class Runaway:
         passed, state["frozen_at"][...] = moment.time - state["frozen_at"].item(), moment.time
         if temperature != state["frozen"].item():
             state["frozen"][...] = temperature
-            state["frozen_for"][...] = state["frozen_drive"][...] = 0.0
+            state["frozen_for"][...] = state["frozen_drive"][...] = state["frozen_held"][...] = 0.0
             state["frozen_from"][...] = drive
             return 0.0
+        strong = abs(drive) > RUNAWAY_DRIVE
         change = abs(drive - state["frozen_from"].item())
         state["frozen_for"][...] = same = state["frozen_for"].item() + passed
         state["frozen_drive"][...] = driven = state["frozen_drive"].item() + change * passed
-        if driven > FROZEN_DRIVE or (same > FROZEN and driven > DRIVEN * same):
+        state["frozen_held"][...] = held = state["frozen_held"].item() + abs(drive) * passed * strong
+        if driven > FROZEN_DRIVE or held > FROZEN_HELD or (same > FROZEN and driven > DRIVEN * same):
             state["figure2"][0] = same
             return -float(Trip.SENSOR_FROZEN)
         return 0.0
@@ -164,6 +169,6 @@ class Runaway:
         """Return T8 and T9 of a plate that is driven."""
         if not driven:
             return ()
-        sane = "step of 5 K in 50 ms, frozen for 1 s while the drive changes, 10 K on the wrong side of its heat sink"
+        sane = "step of 5 K in 50 ms, frozen for 1 s while the drive changes or for 0.5 s of full drive, 10 K on the wrong side of its heat sink"
         away = "2 K against a drive above 50 % of the limit in force, or none of its effect for 2 s"
         return (Rule("T8", "sanity of its plate sensor", trip=sane), Rule("T9", "runaway", trip=away))

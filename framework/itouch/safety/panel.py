@@ -258,7 +258,7 @@ class Panel:
         moment.fresh = self._heard.item() > checked
         post.checked[...] = now
         try:
-            found = post.monitor.check(post.state, reading, self._sent, moment)
+            found = float(post.monitor.check(post.state, reading, self._sent, moment))
         except Exception as error:
             cause = f"was stopped because its monitor '{post.monitor.name}' failed: {type(error).__name__}: {error}"
             raise TripError(Trip.MONITOR_ERROR, cause) from error
@@ -278,7 +278,8 @@ class Panel:
         try:
             sentence = monitor.sentence(code, post.state, reading, self.moment)
             number = monitor.rule(code, reading)
-            quoted = next((rule for rule in monitor.rules() if number in (rule.number, rule.quantity)), None)
+            every = [*monitor.rules(), *(rule for other in self.posts for rule in other.monitor.rules())]
+            quoted = next((rule for rule in every if number in (rule.number, rule.quantity) and rule.trip), None)
         except Exception as error:
             sentence, quoted = f"was stopped by {monitor.trips[code]} ({type(error).__name__} while it was told)", None
         if quoted is not None:
