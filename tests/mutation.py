@@ -29,10 +29,11 @@ from typing import Any
 
 HERE = Path(__file__).resolve().parent
 TREE = HERE.parent
-SAFETY = ("guard", "readings", "heat", "carried", "supervisor", "hold_connect", "sequence")
+SAFETY = ("guard", "readings", "heat", "surface", "supervisor", "hold_connect", "sequence")
 #: Room -> the folder of its modules and the tests that answer for it, if they are not those in the folder of its name.
 ROOMS: dict[str, tuple[str, tuple[str, ...]]] = {
     "safety": ("framework/itouch/safety", tuple(f"safety/test_{name}.py" for name in SAFETY)),
+    "monitors": ("framework/itouch/monitors", tuple(f"safety/test_{name}.py" for name in SAFETY)),
     **{name: (f"framework/itouch/{name}", (name,)) for name in (
         "scene", "exchange", "loop", "recording", "session", "report", "arms", "dynamics", "sound", "world",
     )},

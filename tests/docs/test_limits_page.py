@@ -7,7 +7,8 @@ import re
 import pytest
 from listings import DOCS
 
-from itouch.safety import heat
+from itouch.monitors import heat, runaway
+from itouch.plugin import Role
 from itouch.world import limits as has
 
 PAGE = (DOCS / "reference" / "safety-limits.md").read_text(encoding="utf-8")
@@ -23,15 +24,16 @@ ROWS = {
     ("T2", "low"): [celsius(value[0]) for value in (has.PLATE_TEMPERATURE, has.PLATE_TRIP, has.PLATE_ABSOLUTE)],
     ("T3", "dose"): [celsius(heat.DOSE_FROM), f"{has.DOSE_WARNING / 60:g} CEM43", f"{has.DOSE / 60:g} CEM43"],
     ("T4", "contact"): [f"{has.CONTACT_TIME:g} s", f"{has.CONTACT_TIME_LONGEST:g} s", f"{has.CONTACT_TIME_TRIP:g} s"],
+    ("T4c", "below"): [celsius(has.COLD_FROM), f"{has.COLD_TIME:g} s"],
     ("T5", "rate"): [f"{has.PLATE_RATE:g} K/s", f"{2 * has.PLATE_RATE:g} K/s"],
     ("T6", "flux"): [f"{has.FLUX / 1e3:g} kW/m²", f"{has.FLUX / 1e3 * 4 / 3:g} kW/m²"],
     ("T7", "sink"): [celsius(value) for value in (has.SINK, has.SINK_TRIP, has.SINK_ABSOLUTE)],
-    ("T8", "sensors"): [f"step of {heat.STEP:g} K", f"same for {heat.FROZEN:g} s"],
+    ("T8", "sensors"): [f"step of {heat.STEP:g} K", f"same for {runaway.FROZEN:g} s"],
     ("T9", "drive"): [
-        f"{heat.RUNAWAY_DRIVE * 100:g} %", f"{heat.RUNAWAY_WRONG:g} K against", f"{heat.RUNAWAY_STILL:g} K",
-        f"{heat.RUNAWAY_TIME:g} s",
+        f"{runaway.RUNAWAY_DRIVE * 100:g} %", f"{runaway.RUNAWAY_WRONG:g} K against", f"{runaway.RUNAWAY_STILL:g} K",
+        f"{runaway.RUNAWAY_TIME:g} s",
     ],
-    ("K1", "force"): [f"{has.FORCE:g} N"],
+    ("K1", "force of an arm"): [f"{has.FORCE:g} N"],
     ("K2", "speed"): [f"{has.ARM_SPEED:g} m/s", f"{has.ARM_SPEED_TRIP:g} m/s"],
     ("K3", "increase"): [f"{has.FORCE_SLEW:g} N/s", f"{has.RAMP:g} s"],
     ("K4", "plate"): [f"{value:g} N" for value in (has.PLATE_FORCE, has.PLATE_FORCE_TRIP, has.PLATE_FORCE_ABSOLUTE)],
@@ -41,8 +43,8 @@ ROWS = {
         f"{has.TRACKING * 1e3:g} mm", f"{has.TRACKING_TRIP * 1e3:g} mm", f"{has.TRACKING_TIME * 1e3:g} ms",
     ],
     ("W1", "age"): [
-        f"{has.WATCHDOG['wrench'] * 1e3:g} ms arm", f"{has.WATCHDOG['pose_target'] * 1e3:g} ms table",
-        f"{has.WATCHDOG['current'] * 1e3:g} ms thermal",
+        f"{has.WATCHDOG[Role.FORCE_ON_OPERATOR] * 1e3:g} ms arm", f"{has.WATCHDOG[Role.SURFACE_POSE] * 1e3:g} ms table",
+        f"{has.WATCHDOG_OTHER * 1e3:g} ms thermal",
     ],
     ("W3", "hold"): [f"{has.HOLD * 1e3:g} ms"],
 }  # fmt: skip
@@ -60,5 +62,5 @@ def test_a_row_says_what_holds(row: tuple[str, str], wanted: list[str]) -> None:
 
 
 def test_no_row_is_left_out() -> None:
-    told = re.findall(r"^\| ([TKW]\d) \|", PAGE, flags=re.M)
+    told = re.findall(r"^\| ([TKW]\dc?) \|", PAGE, flags=re.M)
     assert set(told) == {number for number, _ in ROWS} | {"W2", "W4"}  # deaths and re-arming have tests of their own

@@ -169,6 +169,7 @@ class Runaway:
         """Return T8 and T9 of a plate that is driven."""
         if not driven:
             return ()
-        sane = "step of 5 K in 50 ms, frozen for 1 s while the drive changes or for 0.5 s of full drive, 10 K on the wrong side of its heat sink"
+        sane = "step of 5 K in 50 ms, frozen for 1 s while the drive changes or for 0.5 s of full drive"
+        sane += ", 10 K on the wrong side of its heat sink"
         away = "2 K against a drive above 50 % of the limit in force, or none of its effect for 2 s"
         return (Rule("T8", "sanity of its plate sensor", trip=sane), Rule("T9", "runaway", trip=away))

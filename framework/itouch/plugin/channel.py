@@ -196,11 +196,17 @@ def heat_flux(name: str = "heat_flux", *, full_scale: float = 1e5) -> Channel:
     )  # fmt: skip
 
 
-def current(name: str = "current", *, limit: float) -> Channel:
-    """Electric current [A], a command; zero is safe."""
+def current(name: str = "current", *, limit: float, harmless: str = "") -> Channel:
+    """Electric current [A], a command; zero is safe.
+
+    One that heats or cools a plate cools it when it is positive.  ``harmless``: why nothing need watch it.
+    """
     if limit <= 0:
         raise ValueError(f"current: limit = {limit!r} must be more than 0 A")
-    return Channel(name, 1, "A", (-limit,), (limit,), safe=(0.0,), role=Role.DRIVE, doc="electric current of the drive")
+    return Channel(
+        name, 1, "A", (-limit,), (limit,), safe=(0.0,), role=Role.DRIVE, doc="electric current of the drive",
+        harmless=harmless,
+    )  # fmt: skip
 
 
 def temperature_target(

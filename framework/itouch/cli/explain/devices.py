@@ -62,15 +62,28 @@ _HARDWARE = '<device name="lever" plugin="lever" twin="no"><lever:hardware trave
 _NAMESPACE = ' xmlns:lever="urn:itouch:plugin:lever"'
 
 
-def _lever(body: str, code: str = _LEVER) -> Example:
+def _lever(body: str, code: str = _LEVER, points: str | None = None) -> Example:
     """Return the example of a scene where a small plugin, "lever", is installed."""
     about = "Metadata-Version: 2.1\nName: itouch-lever\nVersion: 1.0\n"
     others = {
         "itouch_lever.py": code,
         "itouch_lever-1.0.dist-info/METADATA": about,
-        "itouch_lever-1.0.dist-info/entry_points.txt": _ENTRY_POINTS,
+        "itouch_lever-1.0.dist-info/entry_points.txt": points or _ENTRY_POINTS,
     }
     return scene(body, others, plugin=True)
+
+
+def _pad(command: str, *, twin: str = "yes", monitor: str = "") -> Example:
+    """Return the example of a plugin with this command."""
+    code = _LEVER.replace("import Device,", "import Channel, Role, Device,").replace(
+        "wrench(force=8.0, locked=(0, 1, 2))", command
+    )
+    code = code.replace("    def open(self)", "    watchdog = 0.1\n\n    def open(self)", 1)
+    body = _devices(
+        f'<device name="lever" plugin="lever" twin="{twin}"><lever:hardware travel="5 cm"/></device>', _NAMESPACE
+    )
+    points = _ENTRY_POINTS + (f"[itouch.monitors]\n{monitor}\n" if monitor else "")
+    return _lever(body, code, points)
 
 
 def _devices(inside: str, namespace: str = "") -> str:
@@ -130,6 +143,12 @@ DEVICES = {
     ),
     "two-writers": scene(ARM + _TWICE),
     "loosened-limit": scene('<safety force="9 N"/>'),
+    "unmonitored-drive": _pad('Channel("heater", 1, "W", (0.0,), (5.0,), safe=(0.0,), role=Role.DRIVE)', twin="no"),
+    "missing-role": _pad('Channel("heater", 1, "W", (0.0,), (5.0,), safe=(0.0,))'),
+    "harmless-refused": _pad(
+        'Channel("pulse", 1, "A", (0.0,), (0.002,), safe=(0.0,), role=Role.ELECTRODE, harmless="it is weak")'
+    ),
+    "monitor-failed": _pad("wrench(force=8.0, locked=(0, 1, 2))", monitor="lever = itouch_lever:NoSuchMonitor"),
     "limit-without-channel": scene(_devices('<device name="arm" plugin="usb-arm"><limits current="1 A"/></device>')),
     "fault-on-hardware": scene(
         f'{ARM}<fault device="arm" kind="disconnect" at="1 s"/>', words="check scene.xml --twin none"

@@ -93,6 +93,27 @@ _LIFT_FILES = {
 }  # fmt: skip
 
 
+_MONITOR_FILES = {
+    "itouch_patience.py": """\
+from itouch.plugin import Monitor, Role, Rule
+
+
+class Patience(Monitor):
+    name, trips = "patience", {1: "too-long"}
+
+    @classmethod
+    def of(cls, device): return [cls(device)] if device.command(Role.FORCE_ON_OPERATOR) else []
+    def check(self, state, reading, sent, moment): return -1.0 if moment.now > 1.0 else 1.0
+    def sentence(self, code, state, reading, moment): return f"has pushed for {moment.now:.2f} s"
+    def rule(self, code, reading): return "time of a session"
+    def rules(self): return (Rule("", "time of a session", trip="1 s"),)
+""",
+    "itouch_patience-1.0.dist-info/METADATA": "Metadata-Version: 2.1\nName: itouch-patience\nVersion: 1.0\n",
+    "itouch_patience-1.0.dist-info/entry_points.txt": "[itouch.monitors]\npatience = itouch_patience:Patience\n",
+}  # fmt: skip
+_MONITORED = 'from itouch_patience import Patience\n\nengine = itouch.build("scenes/first_touch.xml")\n'
+
+
 def trips() -> dict[str, Example]:
     """Return the examples by code."""
     return {
@@ -116,6 +137,16 @@ def trips() -> dict[str, Example]:
                         "engine.run(5.5)  # the plate is touched\n"
                         'engine.state["peltier.heat.dose"] = 119.99  # of 120 s at 43 degC\n'
                         "engine.run(2.5, each=lambda: current.fill(-3.0))  # and heats"),
+        "cold": _python(_TOUCHED + 'plate = engine.state["peltier.heat.cold_time"]\n',
+                        "engine.run(5.5)  # the plate is touched\n"
+                        "plate[...] = 120.0  # of 120 s\n"
+                        'current = engine.state["peltier.command.current"]\n'
+                        "engine.run(6.0, each=lambda: current.fill(6.0))  # and cools"),
+        "finger-force": _python(_TOUCHED, 'sent = engine.state["arm.sent.wrench"]\n'
+                                "engine.run(1.0, each=lambda: sent[:3].fill(5.0))  # past the guard"),
+        "monitor": _python(_MONITORED, "engine.run(2.0)", _MONITOR_FILES, plugin=True),
+        "monitor-error": _python(_MONITORED, "Patience.check = lambda self, *seen: 1.0 / (seen[-1].now < 1.0)\n"
+                                 "engine.run(2.0)", _MONITOR_FILES, plugin=True),
         "contact-time": _python(_TOUCHED, "engine.run(7.0)\n"
                                 'engine.state["table.surface.contact_time"] = 59.99  # seconds\n'
                                 "engine.run(1.0)"),
