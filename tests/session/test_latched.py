@@ -9,7 +9,7 @@ import pytest
 from test_hardware import Params, catalog
 
 import itouch
-from itouch.plugin import Channel, Device, DeviceError, Record, Role, current, deadman, temperature
+from itouch.plugin import Device, DeviceError, Record, Role, current, deadman, temperature
 
 SCENE = """<itouch version="1.0">
   <devices><device name="pad" plugin="stick" twin="no"/></devices>
