@@ -322,3 +322,15 @@ class ReadsNaNWhenItIsUnplugged(Slider):
         except DeviceError:
             reading["pose"] = np.nan
             return True
+
+
+@bad("watched")
+class DrivesUnwatched(Slider):
+    from itouch.plugin import Role
+
+    commands = (*Slider.commands, Channel("heater", 1, "W", (0.0,), (5.0,), safe=(0.0,), role=Role.DRIVE))
+
+
+@bad("watched")
+class DoesNotSayWhatFor(Slider):
+    commands = (*Slider.commands, Channel("voltage", 1, "V", (0.0,), (5.0,), safe=(0.0,)))

@@ -23,6 +23,7 @@ from itouch.testing import (
     running,
     timing,
     twins,
+    watched,
 )
 from itouch.testing.checks import VITAL, Check, Finding, unexamined
 from itouch.testing.situation import ModalitySubject
@@ -54,6 +55,8 @@ DEVICE_CHECKS: tuple[Check, ...] = (
     declared.parameters,
     declared.limits_of_params,
     declared.locked_axes,
+    watched.drives,
+    watched.contract,
     imported.imported,
     *CONDUCT,
     conduct.opens_nothing,
