@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 from itouch.loop.clock import now
 from itouch.loop.runner import DeviceFaultError
+from itouch.loop.running import Running
 from itouch.safety import Trip
-
-if TYPE_CHECKING:
-    from itouch.loop.engine import Engine
 
 #: How many periods late is too late: with servo-overrun="stop" the run ends, else it goes on from now.
 HOPELESS = 20
@@ -20,7 +17,7 @@ HOPELESS = 20
 class Pacing:
     """Runs one engine on its clock."""
 
-    def __init__(self, engine: Engine) -> None:
+    def __init__(self, engine: Running) -> None:
         self._engine = engine
         self._stopping = False
         #: Host seconds spent running.

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from itouch.exchange import ThreadedDevice
+from itouch.loop.running import Running
 from itouch.loop.timing import Timing
 from itouch.plugin.fenced import FencedRecord
 from itouch.world import ModalityModel, limits
 from itouch.world.failing import said
-
-if TYPE_CHECKING:
-    from itouch.loop.engine import Engine
 
 
 def timing_report(times: Timing, real: bool) -> dict[str, Any]:
@@ -24,7 +22,7 @@ def timing_report(times: Timing, real: bool) -> dict[str, Any]:
     return {"parts_us": times.split(), **(paced if real else {})}
 
 
-def summary(engine: Engine, open_contacts: list[dict[str, Any]], wall: float) -> dict[str, Any]:
+def summary(engine: Running, open_contacts: list[dict[str, Any]], wall: float) -> dict[str, Any]:
     """Return what happened in a run.
 
     Parameters
@@ -72,7 +70,7 @@ def summary(engine: Engine, open_contacts: list[dict[str, Any]], wall: float) ->
     }
 
 
-def _dose(engine: Engine, name: str) -> dict[str, Any]:
+def _dose(engine: Running, name: str) -> dict[str, Any]:
     """Return the thermal dose that a plate has given in this session, and whether that is much of what it may."""
     runner = next(one for one in engine.runners if one.model.name == name)
     if not runner.heats:
@@ -84,14 +82,14 @@ def _dose(engine: Engine, name: str) -> dict[str, Any]:
     return {"dose_cem43_min": dose / 60.0, "dose_warning": told}
 
 
-def _exchanges(engine: Engine, name: str) -> dict[str, Any]:
+def _exchanges(engine: Running, name: str) -> dict[str, Any]:
     """Return how fast a device that is exchanged with in a thread has answered."""
     device = next(runner.device for runner in engine.runners if runner.model.name == name)
     figures = device.figures() if isinstance(device, ThreadedDevice) else None
     return {"exchanges": figures} if figures is not None else {}
 
 
-def _told(modality: ModalityModel, engine: Engine) -> dict[str, Any]:
+def _told(modality: ModalityModel, engine: Running) -> dict[str, Any]:
     """Return what a modality says of the run; a report is made in any case."""
     try:
         return modality.instance.report(modality.model, FencedRecord(engine.state, ()))

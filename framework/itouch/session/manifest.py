@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-import itouch
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
 from itouch.session import limits
@@ -83,7 +82,7 @@ def _processor() -> str:
 @lru_cache(maxsize=1)
 def git_revision() -> str | None:
     """Return the commit of the checkout that runs, or None outside one."""
-    for folder in Path(itouch.__file__).resolve().parents:
+    for folder in Path(__file__).resolve().parents:
         git = folder / ".git"
         if git.is_dir():
             try:
