@@ -28,6 +28,7 @@ from itouch.plugin import (
     schema,
     wrench,
 )
+from itouch.schema.files import open_regular
 
 #: Greatest file [bytes].
 MOST = 256 << 20
@@ -196,7 +197,7 @@ def _read(file: str, most: int) -> bytes:
     try:
         if os.path.getsize(file) > most:
             raise DeviceError(f"'{file}' is larger than {most >> 20} MiB")
-        with open(file, "rb") as stream:
+        with open_regular(file) as stream:
             return stream.read()
     except OSError as error:
         raise DeviceError(f"cannot read '{file}': {error.strerror or error}") from error

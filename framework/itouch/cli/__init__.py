@@ -62,14 +62,17 @@ def main(argv: Sequence[str] | None = None) -> int:
 
         print(f"itouch-py {version('itouch-py')}")
         return 0
-    return _guarded(words)
+    from itouch.schema.terminal import escaped
+
+    _need_streams()
+    with escaped():
+        return _guarded(words)
 
 
 def _guarded(words: list[str]) -> int:
     """Dispatch; what a user or a device can cause becomes a message, never a traceback."""
     from itouch.schema import ItouchError
 
-    _need_streams()
     try:
         code = _dispatch(words)
         sys.stdout.flush()

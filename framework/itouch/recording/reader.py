@@ -23,6 +23,7 @@ from itouch.recording.errors import RecordingError
 from itouch.recording.growing import GrowingRows
 from itouch.recording.tracks import Track, load_track
 from itouch.recording.writer import LETTERS, MAGIC
+from itouch.schema.files import open_regular
 
 #: Greatest chunk, unpacked; greatest content of all rows together [bytes].
 MAX_CHUNK, MAX_CONTENT = 64 << 20, 4 << 30
@@ -66,7 +67,7 @@ def read_content(path: str, *, chunks: bool = False) -> Content:
     """
     try:
         size = os.path.getsize(path)
-        with open(path, "rb") as stream:
+        with open_regular(path) as stream:
             data = stream.read()
     except OSError as error:
         raise RecordingError(f"cannot read '{path}': {error.strerror or error}") from error

@@ -7,6 +7,7 @@ import time
 from typing import TYPE_CHECKING, Any, Protocol, TextIO
 
 from itouch.loop.faultwords import outcome, what
+from itouch.schema.terminal import control, plain
 
 if TYPE_CHECKING:
     from itouch.loop.timing import Timing
@@ -57,13 +58,14 @@ class Screen:
         now = time.monotonic()
         if now >= self._next:
             self._next = now + _EVERY
-            self._stream.write("\r\x1b[2K" + self._line())
+            control(self._stream, "\r\x1b[2K")
+            self._stream.write(self._line())
             self._stream.flush()
 
     def interrupt(self, sentence: str) -> None:
         """Say what can't wait, on a line of its own."""
         if self._live:
-            self._stream.write("\r\x1b[2K")
+            control(self._stream, "\r\x1b[2K")
             self._stream.flush()
         print(sentence, file=sys.stderr, flush=True)
 
@@ -100,7 +102,7 @@ class Screen:
     def finish(self, report: dict[str, Any]) -> None:
         """Show the table of contacts, the timing and the faults."""
         if self._live:
-            self._stream.write("\r\x1b[2K")
+            control(self._stream, "\r\x1b[2K")
             _rich_table(report, self._stream)
         else:
             self._new_contacts()
@@ -164,13 +166,14 @@ def _rich_table(report: dict[str, Any], stream: TextIO) -> None:
     from rich import box
     from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
     for index, column in enumerate(_COLUMNS):
         table.add_column(column, justify="left" if index < 2 else "right")
     for entry in report["contacts"]:
-        table.add_row(*_row(entry))
-    Console(file=stream).print(table)
+        table.add_row(*(Text(plain(cell)) for cell in _row(entry)))
+    Console(file=getattr(stream, "inner", stream)).print(table)
 
 
 def _closing(report: dict[str, Any]) -> str:

@@ -16,6 +16,7 @@ from xml.parsers import expat
 from lxml import etree
 
 from itouch.schema.diagnostics import Place, Problem
+from itouch.schema.files import open_regular
 
 MAX_BYTES = 8 << 20
 MAX_DEPTH = 64
@@ -102,7 +103,7 @@ def read_bytes(path: Path, shown: str) -> bytes:
     try:
         if path.is_dir():
             raise SourceError(Problem("no-such-file", f"'{shown}' is a folder, not a scene file", Place(shown, 1, 1)))
-        with path.open("rb") as stream:
+        with open_regular(path) as stream:
             data = stream.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)

@@ -7,6 +7,7 @@ import re
 import zipfile
 from collections.abc import Mapping
 
+from itouch.schema.files import open_regular
 from itouch.session.errors import SessionError
 
 #: Greatest size of a member, unpacked, and of all together [bytes].
@@ -48,7 +49,7 @@ def read_members(path: str) -> dict[str, bytes]:
         If it is missing, cut, altered, or hostile.
     """
     try:
-        with zipfile.ZipFile(path) as archive:
+        with open_regular(path) as stream, zipfile.ZipFile(stream) as archive:
             return _members(archive, path)
     except OSError as error:
         raise SessionError(f"cannot read '{path}': {error.strerror or error}") from error

@@ -20,8 +20,11 @@ from itouch.plugin import poses
 from itouch.scene import Scene
 from itouch.schema import ItouchError, Problem, SceneError
 from itouch.schema.fields import validate
+from itouch.schema.files import open_regular
 
 FORMAT = "itouch-py calibration 1"
+#: Most that is read of a file of records [bytes].
+MOST = 8 << 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +74,8 @@ def read_records(path: Path) -> list[CalibrationRecord]:
     if not path.exists():
         return []
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        with open_regular(path) as stream:
+            data = json.loads(stream.read(MOST))
         if data["format"] != FORMAT:
             raise ValueError(f"its format is '{data['format']}', not '{FORMAT}'")
         return [_checked(CalibrationRecord(**entry)) for entry in data["records"]]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 
 from itouch.plugin.discovery import Catalog
+from itouch.schema.files import open_regular
 from itouch.session.document import MAX_DOCUMENT, from_xml
 from itouch.session.errors import SessionError
 from itouch.session.snapshot import Snapshot, read_snapshot
@@ -26,7 +27,7 @@ def is_session(path: Path) -> bool:
     if not name.endswith(".xml"):
         return False
     try:
-        with open(name, "rb") as stream:
+        with open_regular(name) as stream:
             return b"<session " in stream.read(MAX_DOCUMENT)
     except OSError:
         return False
@@ -42,7 +43,7 @@ def read_session(path: Path, catalog: Catalog) -> Snapshot:
     """
     name = os.fspath(path)
     try:
-        with open(name, "rb") as stream:
+        with open_regular(name) as stream:
             head = stream.read(256)
             document = head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<")
             data = head + stream.read(MAX_DOCUMENT + 1 - len(head)) if document else b""
