@@ -234,3 +234,16 @@ def test_a_safety_report_of_a_scene(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert main(["safety-report", str(FIRST), "--no-run"]) == 0
     assert "| K1 | arm | force on the finger | 3 N |" in capsys.readouterr().out
     assert main(["safety-report", str(tmp_path / "absent.xml")]) == 2
+
+
+def test_a_safety_report_of_a_script_that_trips(tmp_path: Path) -> None:
+    from itouch.cli import main
+
+    path = tmp_path / "trips.xml"
+    text = FIRST.read_text(encoding="utf-8")
+    path.write_text(text.replace("</itouch>", '<fault device="arm" kind="nan" at="0.3 s"/></itouch>'), encoding="utf-8")
+    assert main(["safety-report", str(path), "-o", str(tmp_path / "r.md")]) == 1
+    report = (tmp_path / "r.md").read_text(encoding="utf-8")
+    top = report[: report.index("## The rig")]
+    assert "THE SCRIPT TRIPS: device 'arm' reads" in top
+    assert "No limit tripped" not in report

@@ -59,6 +59,7 @@ def _parser() -> argparse.ArgumentParser:
 def _tested(scene: Scene, *, every: bool) -> list[Tested]:
     """Inject every kind of fault into every twin, in contact if the script has a whole one, else at the start."""
     from itouch.bench.faults import phases, prepared, single
+    from itouch.loop import DeviceFaultError
     from itouch.report.safety import Tested
 
     if not scene.devices:
@@ -68,8 +69,8 @@ def _tested(scene: Scene, *, every: bool) -> list[Tested]:
     try:
         stored = phases(session)
         chosen = stored if every else {"contact": stored["contact"]}
-    except ValueError:  # the script has no whole contact
-        chosen = start
+    except (ValueError, DeviceFaultError):  # the script has no whole contact, or trips before it has
+        session, chosen = prepared(scene), start
     session.ledger.faults.clear()
     return [
         Tested(f"{device} {kind}", cell.phase, cell.trip, cell.safe_after, cell.good)

@@ -215,6 +215,15 @@ class Device(Grouped, ABC):
         """Look for such devices without moving or heating anything; None: they cannot be looked for."""
         return None
 
+    @classmethod
+    def missing(cls, bound: Any) -> str:
+        """Return why the device can't be opened as far as that is seen without touching it; empty: nothing is known.
+
+        It is asked before anybody is asked to hold a switch, of devices that move when they are opened; others are
+        opened then.
+        """
+        return ""
+
     def make_safe(self, safe: Record) -> None:
         """Make the device safe from a process that does not run it: called on a new instance, and only once.
 

@@ -145,6 +145,8 @@ class Servo:
         ready = {"efforts": [[effort.what, effort.done, effort.said] for effort in efforts]}
         self._await_guardian()
         self.remotes.connect()
+        if self._hardware():
+            self.session.find_hardware()
         if self._waits():  # the operator must be able to see before anything may move
             self.outbox.tell("ready", ready)
         while self._waits() and not self.words[at.STOP]:

@@ -15,6 +15,7 @@ from itouch.plugin import DeviceError, Record
 from itouch.plugin.bases import Bases, keeping
 from itouch.plugin.discovery import Catalog
 from itouch.recording import RecordingError
+from itouch.safety import connect
 from itouch.scene import Scene
 from itouch.session import layout, limits, marks, wishes
 from itouch.session.document import to_xml
@@ -297,6 +298,22 @@ class Session(Engine):
                 runner.open()
             except DeviceError as error:
                 self._notes += (f"device '{model.name}' stays closed: {error}",)
+
+    def find_hardware(self) -> None:
+        """Open the hardware that does not move by it, all at once: what is missing is told before anybody waits.
+
+        Raises
+        ------
+        DeviceError
+            With everything that is missing and is needed.
+        """
+        wanted = [one for one in self.runners if not one.model.twin and not one.model.optional]
+        moving = [one.model for one in wanted if one.model.cls.moves_on_open and one.status is Status.CLOSED]
+        failures = {model.name: why for model in moving if (why := model.cls.missing(model.bound))}
+        failures |= connect([one for one in wanted if not one.model.cls.moves_on_open], self.ticks)
+        if failures:
+            Engine.close(self)
+            raise DeviceError("\n".join(f"device '{name}': {why}" for name, why in failures.items()))
 
     def stand_at(self, stored: bytes) -> None:
         """Stand at a State with every status as it was, also of hardware: only for a replay, which opens nothing."""

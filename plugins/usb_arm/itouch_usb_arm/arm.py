@@ -94,6 +94,14 @@ class UsbArm(ImpedanceArm[Falcon]):
         """Look for arms on the USB bus."""
         return look()
 
+    @classmethod
+    def missing(cls, bound: UsbArmParams) -> str:
+        """Look for an arm on the USB bus, unless a server of USB devices is named."""
+        found = () if bound.usbip else look()
+        if bound.usbip or any(one.usable for one in found):
+            return ""
+        return "; ".join(f"{one.where}: {one.note}" for one in found) or "no arm is on the USB bus: look at its plug"
+
     def __init__(self, params: UsbArmParams) -> None:
         super().__init__(params)
         #: A pyusb backend object; None: the system's, or the USB/IP server that the parameters name.

@@ -7,6 +7,7 @@ published; the defaults here are ours.
 from __future__ import annotations
 
 import math
+import os
 import time
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -116,6 +117,12 @@ class XyzTable(Device):
             return (Attached("CAN-FD adaptors", False, "cannot be looked for: pip install 'itouch-py[moteus]'"),)
         ports = FdcanusbDevice.detect_fdcanusbs()
         return tuple(Attached(port, True, "a CAN-FD adaptor; its servos are asked when it is opened") for port in ports)
+
+    @classmethod
+    def missing(cls, bound: XyzTableParams) -> str:
+        """Look whether there is anything at the port."""
+        absent = bound.port.startswith("/") and not os.path.exists(bound.port)
+        return f"there is nothing at '{bound.port}': look at its plug" if absent else ""
 
     def __init__(self, params: XyzTableParams) -> None:
         super().__init__(params)

@@ -41,6 +41,10 @@ def document(
         When and by what the report was made.
     """
     yield Heading("Safety report", 1)
+    if fault:
+        yield Paragraph(
+            f"THE SCRIPT TRIPS: {fault}. What the scene asks for can't be given to a person as it is.", "bad"
+        )
     yield Paragraph(f"Scene {model.scene.source}. {program}, {made}.")
     yield Paragraph(_SCOPE, "note")
     yield from _rig(model)
