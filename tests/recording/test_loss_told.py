@@ -99,6 +99,7 @@ def test_the_terminal_of_a_session_in_real_time_says_it_at_once(scene: Path) -> 
              "--record", str(scene.parent / "r.mcap")]  # fmt: skip
     with subprocess.Popen(words, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True) as process:
         writer = _recorder_of(process.pid)
+        _grows(scene.parent / "r.mcap")
         os.kill(writer, signal.SIGKILL)
         killed = time.monotonic()
         assert process.stderr is not None
@@ -109,6 +110,15 @@ def test_the_terminal_of_a_session_in_real_time_says_it_at_once(scene: Path) -> 
         assert "= help: what was written before is whole" in process.stderr.readline()
         process.send_signal(signal.SIGINT)
         process.stderr.read()
+
+
+def _grows(path: Path) -> None:
+    """Wait until the loop runs and is recorded: the file has grown again and again."""
+    sizes, end = set[int](), time.monotonic() + 60.0
+    while len(sizes) < 6 and time.monotonic() < end:
+        if path.exists():
+            sizes.add(path.stat().st_size)
+        time.sleep(0.05)
 
 
 def _recorder_of(launcher: int) -> int:
@@ -123,7 +133,6 @@ def _recorder_of(launcher: int) -> int:
             except OSError:
                 continue
             if b"itouch.recording.process" in line and grand == launcher:
-                time.sleep(1.0)
                 return int(folder.name)
         time.sleep(0.02)
     raise AssertionError("nothing is recorded")

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import pytest
 
 import itouch
-from itouch.plugin import Channel, Device, DeviceError, Record, pose, wrench
+from itouch.plugin import Device, DeviceError, Record, deadman, pose, wrench
 from itouch.plugin.discovery import Catalog, Found, find
 
 SCENE = """<itouch version="1.0">
@@ -31,7 +31,7 @@ def stick(*, moves: bool = False, missing: bool = False, fails_at: int = -1) -> 
     class Stick(Device):
         """A stick that dips onto the block again and again, by its own time."""
 
-        reads = (pose(), Channel("deadman", 1, "", (0.0,), (1.0,)))
+        reads = (pose(), deadman())
         commands = (wrench(force=3.0),)
         second_opener: ClassVar[bool] = True
         moves_on_open: ClassVar[bool] = moves
