@@ -3,21 +3,30 @@
 Numba keeps compiled functions on disk and compiles one anew when its own file has changed.  What it calls in other
 files, and the constants that it takes from there, are compiled into it, but nobody looks whether they have changed:
 after an upgrade in place old code could go on running.  Here the key of what is kept has a fingerprint of all that a
-function is made of, so that what fits no more is not found, and is compiled again.
+function is made of, so that what fits no more is not found, and is compiled again.  What is not found among the
+kernels that were kept is looked for among those that came with the program (see ``shipped``).
 """
+
+# ruff: noqa: SLF001  - Numba's stores have no public way in
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
+import os
 from collections.abc import Callable, Iterator
 from functools import lru_cache
+from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, TypeVar, cast
 
 import numpy as np
-from numba import njit
-from numba.core.caching import FunctionCache
+
+from itouch import shipped
+
+shipped.choose_processor()
+
+from numba import njit  # noqa: E402  - it reads the kind of processor when it is imported
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, _CacheLocator  # noqa: E402
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
@@ -40,18 +49,81 @@ def nogil_kernel(function: Function) -> Function:
 
 def _kept(function: Function, found: Any) -> Function:
     if hasattr(found, "enable_caching"):  # else compiling is switched off
-        with contextlib.suppress(RuntimeError):  # there is no place to keep anything
-            store: Any = KernelCache
-            found._cache = store(function)  # noqa: SLF001
+        store: Any = KernelCache
+        found._cache = store(function)
     return cast(Function, found)
+
+
+class _Nowhere(_CacheLocator):
+    """A place to keep nothing, for a program whose folder and whose user's folder can't be written."""
+
+    def __init__(self, line: int) -> None:
+        self._line = line
+
+    def ensure_cache_path(self) -> None:
+        """Make nothing."""
+
+    def get_cache_path(self) -> str:
+        return os.path.join(os.sep, "nonexistent", "itouch")
+
+    def get_source_stamp(self) -> str:
+        return "none"
+
+    def get_disambiguator(self) -> str:
+        return str(self._line)
+
+    @classmethod
+    def from_function(cls, py_func: Any, py_file: str) -> _Nowhere:
+        """Return the place for a function: there always is one."""
+        return cls(py_func.__code__.co_firstlineno)
+
+
+class _Impl(CompileResultCacheImpl):
+    _locator_classes: list[Any] = [*CompileResultCacheImpl._locator_classes, _Nowhere]
 
 
 class KernelCache(FunctionCache):
     """Numba's store for one function, with the fingerprint of what it is made of in its keys."""
 
+    _impl_class = _Impl
+
+    def __init__(self, py_func: Any) -> None:
+        of_numba: Any = super().__init__
+        of_numba(py_func)
+        making = os.environ.get(shipped.MAKING)
+        folder = os.path.join(making or shipped.FOLDER, py_func.__module__)
+        self._shipped = IndexDataCacheFile(folder, self._impl.filename_base, "shipped")
+        self._making = making is not None
+
     def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
         of_numba: Any = super()._index_key
         return (*of_numba(sig, codegen), fingerprint(self._py_func))
+
+    def _load_overload(self, sig: Any, target_context: Any) -> Any:
+        of_numba: Any = super()._load_overload
+        found = of_numba(sig, target_context)
+        if found is None and self._enabled and not self._making and shipped.fits():
+            found = self._load_shipped(sig, target_context)
+        return found
+
+    def _load_shipped(self, sig: Any, target_context: Any) -> Any:
+        """Return the kernel that came with the program; None unless its files are the ones that were shipped."""
+        store = self._shipped
+        if not shipped.sound(Path(store._index_path)):
+            return None
+        key = self._index_key(sig, target_context.codegen())
+        name = store._load_index().get(key)
+        if name is None or not shipped.sound(Path(store._data_path(name))):
+            return None
+        return self._impl.rebuild(target_context, store.load(key))
+
+    def _save_overload(self, sig: Any, data: Any) -> None:
+        if not isinstance(self._impl.locator, _Nowhere):
+            of_numba: Any = super()._save_overload
+            of_numba(sig, data)
+        if self._making and self._impl.check_cachable(data):
+            os.makedirs(self._shipped._cache_path, exist_ok=True)
+            self._shipped.save(self._index_key(sig, data.codegen), self._impl.reduce(data))
 
 
 @lru_cache(maxsize=1024)

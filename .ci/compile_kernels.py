@@ -1,0 +1,54 @@
+"""Compile kernels to come with the wheel: ``python .ci/compile_kernels.py [SCENE ...]``, all shipped scenes of twins.
+
+They go to ``framework/itouch/compiled``, for a kind of processor that is older than most (x86-64-v3).  Each scene runs
+in a process of its own for some simulated time; whatever it does not compile is compiled where it is used.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+TREE = Path(__file__).resolve().parents[1]
+FOLDER = TREE / "framework" / "itouch" / "compiled"
+SCENES = ("four_materials", "mesh", "texture_and_sound", "moving", "metamer", "two_fingers", "thermal_display")
+_RUN = """
+import sys, itouch
+session = itouch.build(sys.argv[1])
+session.enable()
+try:
+    session.run(float(sys.argv[2]))
+except itouch.DeviceFaultError:
+    pass
+session.close()
+"""
+
+
+def main() -> int:
+    """Compile, and write the manifest."""
+    sys.path.insert(0, str(TREE / "framework"))
+    from itouch import shipped
+
+    chosen = [Path(word) for word in sys.argv[1:]] or [
+        path for name in SCENES if (path := TREE / "scenes" / f"{name}.xml").exists()
+    ]
+    shutil.rmtree(FOLDER, ignore_errors=True)
+    with tempfile.TemporaryDirectory() as kept:
+        more = {
+            shipped.MAKING: str(FOLDER), "NUMBA_CACHE_DIR": kept, "ITOUCH_KEPT": "off",
+            "NUMBA_CPU_NAME": shipped.BASELINE, "NUMBA_CPU_FEATURES": "",
+        }  # fmt: skip
+        for scene in chosen:
+            words = [sys.executable, "-c", _RUN, str(scene), "12.0"]
+            subprocess.run(words, env={**os.environ, **more}, check=True)
+    FOLDER.chmod(0o755)
+    print(f"{shipped.write_manifest(FOLDER)} compiled kernels in {FOLDER}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

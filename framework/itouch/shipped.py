@@ -1,0 +1,102 @@
+"""Kernels that came compiled with the program: whether they fit this machine, and whether each is what was shipped.
+
+They lie in the package's folder ``compiled``, made by ``.ci/compile_kernels.py`` for a kind of processor that is older
+than most, so that a first start is as quick as a later one.  A folder that others can write, a file with another
+digest than the manifest's, another Python, Numba or processor: all mean that the kernels are compiled here instead.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+import sys
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+FOLDER = Path(__file__).parent / "compiled"
+MANIFEST = "manifest.json"
+#: While kernels are compiled to be shipped: the folder that they are written to.
+MAKING = "ITOUCH_SHIP_KERNELS"
+#: What a processor must have for what is compiled for x86-64-v3, by the names of /proc/cpuinfo.
+V3 = frozenset(("avx", "avx2", "bmi1", "bmi2", "f16c", "fma", "abm", "movbe", "xsave"))
+BASELINE = "x86-64-v3"
+
+
+def choose_processor() -> None:
+    """Let Numba compile for the kind of processor of the shipped kernels, if they fit; before Numba is imported."""
+    if fits() and "NUMBA_CPU_NAME" not in os.environ and "NUMBA_CPU_FEATURES" not in os.environ:
+        os.environ["NUMBA_CPU_NAME"], os.environ["NUMBA_CPU_FEATURES"] = BASELINE, ""
+
+
+@cache
+def fits() -> bool:
+    """Tell whether there are shipped kernels, and they may be used here."""
+    return not why_not() if (FOLDER / MANIFEST).exists() else False
+
+
+@cache
+def why_not() -> str:
+    """Return why shipped kernels can't be used here, or an empty text; also if none were shipped."""
+    try:
+        manifest = _manifest()
+        status = FOLDER.stat()
+        here = made_with()
+    except (OSError, ValueError) as error:
+        return f"there are none ({type(error).__name__})"
+    differs = [
+        f"{name} {manifest.get(name)!r}, not {value!r}" for name, value in here.items() if manifest.get(name) != value
+    ]
+    if differs:
+        return f"they were made with {'; '.join(differs)}"
+    if sys.platform != "win32" and (status.st_uid not in (0, os.geteuid()) or status.st_mode & 0o022):
+        return f"others can write '{FOLDER}'"
+    lacks = sorted(V3 - processor_flags())
+    return f"this processor has no {', '.join(lacks)}" if lacks else ""
+
+
+def made_with() -> dict[str, str]:
+    """Return what shipped kernels depend on, besides the kind of processor and what is in their keys."""
+    from importlib.metadata import version
+
+    python = f"{sys.implementation.name} {sys.version_info[0]}.{sys.version_info[1]}"
+    versions = {name: version(name) for name in ("numba", "llvmlite", "numpy")}
+    return {"python": python, "machine": platform.machine(), "system": platform.system(), **versions}
+
+
+def processor_flags() -> frozenset[str]:
+    """Return what this machine's processor can do, by the names of /proc/cpuinfo; nothing where that is not told."""
+    try:
+        text = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return frozenset()
+    return next((frozenset(line.split(":")[1].split()) for line in text.splitlines() if line.startswith("flags")),
+                frozenset())  # fmt: skip
+
+
+def sound(path: Path) -> bool:
+    """Tell whether a shipped file is the one that the manifest names."""
+    try:
+        known = _manifest()["files"].get(path.relative_to(FOLDER).as_posix())
+        return known is not None and hashlib.sha256(path.read_bytes()).hexdigest() == known
+    except (OSError, ValueError, KeyError, AttributeError):
+        return False
+
+
+@cache
+def _manifest() -> dict[str, Any]:
+    content = json.loads((FOLDER / MANIFEST).read_text(encoding="utf-8"))
+    if not isinstance(content, dict) or not isinstance(content.get("files"), dict):
+        raise ValueError("not a manifest")
+    return content
+
+
+def write_manifest(folder: Path) -> int:
+    """Write the manifest of kernels that were compiled into a folder, and return how many there are."""
+    paths = sorted(path for path in folder.rglob("*") if path.suffix in (".nbi", ".nbc"))
+    files = {p.relative_to(folder).as_posix(): hashlib.sha256(p.read_bytes()).hexdigest() for p in paths}
+    content = {**made_with(), "processor": BASELINE, "files": files}
+    (folder / MANIFEST).write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    return sum(name.endswith(".nbc") for name in files)

@@ -1,0 +1,114 @@
+"""Kernels that come with the program are used where they fit, and only if they are what was shipped."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from itouch import shipped
+
+KERNELS = """
+from itouch.compiling import kernel
+
+@kernel
+def outer(x):
+    return {factor} * x + 1.0
+"""
+RUN = """
+import sys
+from pathlib import Path
+from itouch import shipped
+if sys.argv[1] != "make":
+    shipped.FOLDER = Path(sys.argv[2])
+    shipped.processor_flags = lambda: shipped.V3 - frozenset(sys.argv[3:])
+import kernels
+print(kernels.outer(2.0), sum(kernels.outer.stats.cache_hits.values()))
+if sys.argv[1] == "make":
+    shipped.write_manifest(Path(sys.argv[2]))
+"""
+
+
+def run(folder: Path, *words: str, kept: str = "kept", **more: str) -> tuple[float, int]:
+    """Return what the kernel gives, and how often it was loaded instead of compiled."""
+    plain = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")}
+    environment = {**plain, "NUMBA_CACHE_DIR": str(folder / kept), "PYTHONDONTWRITEBYTECODE": "1", **more}
+    words = (words[0], str(folder / "compiled"), *words[1:])
+    done = subprocess.run(
+        [sys.executable, "-c", RUN, *words], cwd=folder, env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    value, hits = done.stdout.split()
+    return float(value), int(hits)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A program of one kernel, and that kernel compiled to come with it."""
+    folder = tmp_path_factory.mktemp("program")
+    (folder / "kernels.py").write_text(KERNELS.format(factor=2.0), encoding="utf-8")
+    ship = {shipped.MAKING: str(folder / "compiled"), "NUMBA_CPU_NAME": shipped.BASELINE, "NUMBA_CPU_FEATURES": ""}
+    assert run(folder, "make", **ship) == (5.0, 0)
+    return folder
+
+
+@pytest.fixture
+def program(made: Path, tmp_path: Path) -> Path:
+    """A copy of the program, installed elsewhere at another time, on which nothing was ever run."""
+    shutil.copyfile(made / "kernels.py", tmp_path / "kernels.py")
+    shutil.copytree(made / "compiled", tmp_path / "compiled", copy_function=shutil.copyfile)
+    os.utime(tmp_path / "kernels.py", (1e9, 1e9))
+    (tmp_path / "compiled").chmod(0o755)
+    return tmp_path
+
+
+def test_the_first_start_compiles_nothing(program: Path) -> None:
+    assert run(program, "use") == (5.0, 1)
+    assert not list((program / "kept").rglob("*.nbc"))
+
+
+def test_other_code_is_compiled(program: Path) -> None:
+    (program / "kernels.py").write_text(KERNELS.format(factor=3.0), encoding="utf-8")
+    assert run(program, "use") == (7.0, 0)
+    assert run(program, "use") == (7.0, 1)  # and kept, beside what was shipped
+
+
+@pytest.mark.parametrize("kind", [".nbi", ".nbc"])
+@pytest.mark.parametrize("how", ["changed", "cut", "absent"])
+def test_a_file_that_is_not_the_one_that_was_shipped_is_not_read(program: Path, kind: str, how: str) -> None:
+    (path,) = (program / "compiled").rglob(f"*{kind}")
+    sound = path.read_bytes()
+    path.write_bytes(sound[: len(sound) // 2] + (bytes([sound[len(sound) // 2] ^ 1]) if how == "changed" else b""))
+    if how == "changed":
+        path.write_bytes(path.read_bytes() + sound[len(sound) // 2 + 1 :])
+    elif how == "absent":
+        path.unlink()
+    assert run(program, "use") == (5.0, 0)
+
+
+def test_a_processor_that_lacks_something_compiles_for_itself(program: Path) -> None:
+    assert run(program, "use", "avx2") == (5.0, 0)
+
+
+def test_a_folder_that_others_can_write_is_not_used(program: Path) -> None:
+    (program / "compiled").chmod(0o777)
+    assert run(program, "use") == (5.0, 0)
+
+
+def test_a_manifest_that_does_not_fit_or_is_none_is_not_used(program: Path) -> None:
+    path = program / "compiled" / shipped.MANIFEST
+    content = json.loads(path.read_text(encoding="utf-8"))
+    for wrong in (json.dumps({**content, "numba": "0.1"}), json.dumps({**content, "files": {}}), "[]", "{", ""):
+        path.write_text(wrong, encoding="utf-8")
+        assert run(program, "use", kept=f"kept{len(wrong)}") == (5.0, 0)
+
+
+def test_this_checkout_ships_none_unless_they_were_made() -> None:
+    made = (shipped.FOLDER / shipped.MANIFEST).exists()
+    assert shipped.fits() in ((True, False) if made else (False,))
+    assert made or shipped.why_not().startswith("there are none")
