@@ -9,8 +9,6 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import ClassVar
 
-import numpy as np
-
 from itouch.monitors import limits as default
 from itouch.monitors.trips import Trip
 from itouch.plugin import Channel, Field, Moment, Monitor, Record, Role, Rule, Watched
@@ -85,21 +83,21 @@ class Readings(Monitor):
 
     def recall(self, state: Record, reading: Record) -> None:
         """Take a reading as the last one believed."""
-        state["believed"][:] = reading.raw.view(np.float64)
+        state["believed"][:] = reading.numbers
         state["known"][...] = 1
 
     def put_back(self, state: Record, reading: Record) -> None:
         """Put the last reading that was believed in the place of one that is not: nobody else shall work with it."""
-        reading.raw.view(np.float64)[:] = state["believed"]
+        reading.numbers[:] = state["believed"]
 
     def sane(self, reading: Record) -> bool:
         """Tell whether a reading can be worked with at all, though a limit may be passed."""
-        values: Floats = reading.raw.view(np.float64).tolist()
+        values: Floats = reading.numbers.tolist()
         return all(low <= value <= high for value, (low, high) in zip(values, self._sane, strict=True))
 
     def check(self, state: Record, reading: Record, sent: Record, moment: Moment) -> float:
         """Check the newest reading; ``moment.seconds`` is the time since the reading before."""
-        raw = reading.raw.view(np.float64)
+        raw = reading.numbers
         values: Floats = raw.tolist()
         total = sum(values)
         if total - total != 0.0:  # something is not a number, or infinite
@@ -137,7 +135,7 @@ class Readings(Monitor):
         if index < 0:
             return "reads numbers that are too large to add up"
         channel = self._channels[index]
-        value, last = (float(x) for x in (reading.raw.view(np.float64)[index], state["believed"][index]))
+        value, last = (float(x) for x in (reading.numbers[index], state["believed"][index]))
         if code == Trip.NOT_A_NUMBER:
             return f"reads {not_finite([value])} ({channel.name})"
         if code == Trip.SENSOR_DISAGREE:

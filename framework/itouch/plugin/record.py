@@ -57,7 +57,7 @@ class Record(dict[str, NDArray[Any]]):
     tick looks up some fifty of them.)
     """
 
-    __slots__ = ("_buffer",)
+    __slots__ = ("_buffer", "_bytes", "_numbers")
 
     def __init__(self, dtype: np.dtype[Any], buffer: NDArray[np.uint8] | None = None) -> None:
         if buffer is None:
@@ -66,6 +66,8 @@ class Record(dict[str, NDArray[Any]]):
             raise ValueError(f"a buffer of {buffer.size} bytes cannot hold a record of {dtype.itemsize}")
         whole = buffer.view(dtype) if dtype.itemsize else np.zeros(1, dtype)
         self._buffer: NDArray[Any] = whole.reshape(())
+        self._bytes: NDArray[np.uint8] | None = None  # made when it is asked for
+        self._numbers: NDArray[np.float64] | None = None
         super().__init__({name: self._buffer[name] for name in dtype.names or ()})
 
     @classmethod
@@ -104,7 +106,16 @@ class Record(dict[str, NDArray[Any]]):
     @property
     def raw(self) -> NDArray[np.uint8]:
         """The memory itself, shape (nbytes,); writing to it changes every view."""
-        return self._buffer.reshape(1).view(np.uint8)
+        if self._bytes is None:
+            self._bytes = self._buffer.reshape(1).view(np.uint8)
+        return self._bytes
+
+    @property
+    def numbers(self) -> NDArray[np.float64]:
+        """The memory of a record that holds nothing but float64, such as readings and commands, as one flat view."""
+        if self._numbers is None:
+            self._numbers = self.raw.view(np.float64)
+        return self._numbers
 
     def tobytes(self) -> bytes:
         """Return a copy of the memory: equal bytes are equal states."""

@@ -9,8 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-import numpy as np
-
 from itouch.monitors import OWN, DeviceFaultError, Ordinary, Readings, Surface, Trip, TripError
 from itouch.plugin import Moment, Monitor, Record
 from itouch.world import DeviceModel
@@ -19,6 +17,8 @@ from itouch.world import DeviceModel
 CLOCK = 0.010
 #: A reading that comes so long [s] after the one before is looked at at once, faster ones at the clock's next turn.
 APART = 0.005
+#: So many spans of time are kept rounded.
+_KEPT = 64
 
 
 class Post:
@@ -44,6 +44,8 @@ class Panel:
         #: What was read, taken before any other plugin could write it.
         self.seen = reading.copy()
         self._reading, self._sent = reading, sent
+        self._read, self._seen = reading.raw, self.seen.raw
+        self._rounded: dict[int, float] = {}
         self._name = name = model.name
         self.moment = Moment()
         self._clamped = state[f"{name}.clamped"]
@@ -90,7 +92,7 @@ class Panel:
 
     def restore(self) -> None:
         """Go on from a State that was put in place."""
-        self.seen.raw[:] = self._reading.raw
+        self._seen[:] = self._read
         self._gather()
 
     def spent(self) -> str:
@@ -108,7 +110,7 @@ class Panel:
     @property
     def values(self) -> list[float]:
         """All numbers of the newest reading."""
-        found: list[float] = self._reading.raw.view(np.float64).tolist()
+        found: list[float] = self._reading.numbers.tolist()
         return found
 
     def put_back(self) -> None:
@@ -137,7 +139,7 @@ class Panel:
             self._due = now
         if self.readings is not None:
             self._ask(self.readings, self._reading, now, seconds)
-        self.seen.raw[:] = self._reading.raw
+        self._seen[:] = self._read
 
     def leave_out(self, ticks: int) -> None:
         """Let time go on for so many ticks that were not run."""
@@ -146,7 +148,7 @@ class Panel:
     def take(self, tick: int) -> None:
         """Take a reading over that only tells how a stopped device is: budgets run on."""
         self._heard[...] = tick + self._missed.item()
-        self.seen.raw[:] = self._reading.raw
+        self._seen[:] = self._read
 
     def wait(self, tick: int, age: float) -> None:
         """Ask the watchdog about the age [s] of the newest reading.
@@ -253,8 +255,9 @@ class Panel:
     def _ask(self, post: Post, reading: Record, now: int, seconds: float | None) -> None:
         moment, period, checked = self.moment, self._period, post.checked.item()
         measured = max(self._measured.tolist(), default=now) + self._missed.item()
-        moment.now, moment.time = round(now * period, 9), round(measured * period, 9)
-        moment.seconds = seconds if seconds is not None else round((now - checked) * period, 9) if checked >= 0 else 0.0
+        moment.now = round(now * period, 9)
+        moment.time = moment.now if measured == now else round(measured * period, 9)
+        moment.seconds = seconds if seconds is not None else self._since(now - checked) if checked >= 0 else 0.0
         moment.fresh = self._heard.item() > checked
         post.checked[...] = now
         try:
@@ -267,6 +270,15 @@ class Panel:
                 self._trip(post, found, reading)
             post.share[...] = found
             self._gather()
+
+    def _since(self, ticks: int) -> float:
+        """Return so many ticks in seconds, rounded; the few that there are in a run are computed once."""
+        found = self._rounded.get(ticks)
+        if found is None:
+            found = round(ticks * self._period, 9)
+            if len(self._rounded) < _KEPT:
+                self._rounded[ticks] = found
+        return found
 
     def _trip(self, post: Post, found: float, reading: Record) -> None:
         """Raise the trip that a monitor has returned."""
