@@ -24,7 +24,7 @@ def scene(tmp_path: Path) -> Path:
     """The wire scene at addresses of its own, with a touch of aluminium as soon as touch-off is done."""
     text = (SCENES / "four_materials_wire.xml").read_text()
     begin, end = text.index("<motion>"), text.index("</motion>")
-    motion = '<to pos="-33 0 40 mm" in="0.5 s" hold="2.6 s"/><to pos="-33 0 16 mm" in="0.5 s" hold="0.7 s"/>'
+    motion = '<to pos="-33 0 40 mm" in="0.9 s" hold="2.6 s"/><to pos="-33 0 16 mm" in="0.7 s" hold="0.7 s"/>'
     (tmp_path / "scene.xml").write_text(text[:begin] + "<motion>" + motion + text[end:])
     (tmp_path / "materials.xml").write_text((SCENES / "materials.xml").read_text())
     rig = (SCENES / "rigs/wire.xml").read_text()
@@ -54,6 +54,15 @@ def test_contacts_on_the_wires_are_those_on_twins(scene: Path, tmp_path: Path) -
     assert contact["peak_force_N"] == pytest.approx(other["peak_force_N"], rel=0.5, abs=0.3)
     assert contact["peak_force_N"] > 0.3
     assert contact["mean_flux_W_m2"] == pytest.approx(other["mean_flux_W_m2"], rel=0.5)
+    # The flux is the controller's own estimate, the twin behind the emulators knows how good it is.
+    assert contact["flux_source"] == "estimate"
+    assert contact["flux_deviation_W_m2"] < 50.0
+    assert contact["true_error_rms"] < 0.03
+    assert contact["estimate_error_rms"] < 0.03
+    assert (
+        contact["sensor_error_rms"] > contact["estimate_error_rms"]
+    )  # noise and lag of the sensor are not the finger's
+    assert float(abs(wires.host.state["flux-control.theta"][:8]).max()) > 1e-3  # readings have come in
     # The fast approach is most of this short run: over the whole four-material scene both are at 0.07 mm.
     assert found["table"]["tracking_mm"]["p99"] < expected["table"]["tracking_mm"]["p99"] + 1.5
     entries = read_trace((tmp_path / "wire.trace").read_text().splitlines())

@@ -43,8 +43,9 @@ from itouch_usb_arm.wire import MOTOR_LIMIT, Leds, Reply, command
 FORCE_SCALE = 2200.0
 #: How often zero force is tried to be sent after an error.
 _INSIST = 8
-#: An arm moves less than this many counts between two frames, plus this many a second (2 m/s and more).
-_JUMP, _JUMP_RATE = 300, 150_000.0
+#: An arm is, between two frames, less than this many counts from where its last speed would have taken it, plus this
+#: many a second (2 m/s, up and down again); that speed says something for so long [s].
+_JUMP, _JUMP_RATE, _COASTS = 60, 40_000.0, 0.02
 _NO_FORCE = (0.0, 0.0, 0.0)
 
 
@@ -104,6 +105,7 @@ class Falcon:
         self._last: Reply | None = None
         self._position: kinematics.Vector | None = None
         self._when = 0.0
+        self._speed: tuple[float, ...] = (0.0, 0.0, 0.0)
 
     def __enter__(self) -> Self:
         return self if self.is_open else self.open()
@@ -325,7 +327,10 @@ class Falcon:
         last = self._last
         if last is None or self._position is None or reply.homed != last.homed:
             return False
-        return _far(reply, last, _JUMP + _JUMP_RATE * (self._clock() - self._when))
+        since = self._clock() - self._when
+        ahead = min(since, _COASTS)
+        expected = [n + ahead * v for n, v in zip(last.encoders, self._speed, strict=True)]
+        return any(abs(a - b) > _JUMP + _JUMP_RATE * since for a, b in zip(reply.encoders, expected, strict=True))
 
     def _note(self, reply: Reply) -> None:
         """Take over a reply; its position only if all axes are homed."""
@@ -339,7 +344,14 @@ class Falcon:
             raise self._failed(
                 ProtocolError(f"encoders {reply.encoders} are no position of the arm: {error}")
             ) from error
-        self._last, self._when = reply, self._clock()
+        now, before = self._clock(), self._last
+        since = now - self._when
+        if before is not None and before.homed == reply.homed and 0.0 < since < _COASTS:
+            speed = tuple((a - b) / since for a, b in zip(reply.encoders, before.encoders, strict=True))
+            self._speed = speed if max(map(abs, speed)) < _JUMP_RATE else (0.0, 0.0, 0.0)
+        else:
+            self._speed = (0.0, 0.0, 0.0)
+        self._last, self._when = reply, now
 
 
 def _far(one: Reply, other: Reply, limit: float) -> bool:

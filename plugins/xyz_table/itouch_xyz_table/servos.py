@@ -16,8 +16,8 @@ from itouch.plugin import DeviceError, Trace
 from itouch_xyz_table.faults import FAULT, POSITION, TIMEOUT, fault_name, mode_name
 
 AXES = "xyz"
-#: Longest wait for an answer [s]; the client tries again, so that an exchange ends after four times as long.
-PATIENCE = 0.08
+#: Longest wait for the answers of all servos [s]; those that are missing are asked one by one, half as long, so often.
+PATIENCE, TRIES = 0.04, 5
 T = TypeVar("T")
 
 
@@ -82,7 +82,9 @@ class Servos:
             import moteus
         except ImportError as error:
             raise ServoError("the table's servos need a package more: pip install 'itouch-py[moteus]'") from error
-        self._watchdog, self._patience = watchdog, PATIENCE * patience
+        self._watchdog, self._patience, self._port, self._trace = watchdog, PATIENCE * patience, port, trace
+        #: Exchanges that were made again because a line was lost or damaged.
+        self.repeated = 0
         self._loop = asyncio.new_event_loop()
         # What breaks is told by the exchange that it breaks.
         self._loop.set_exception_handler(lambda loop, context: None)
@@ -148,34 +150,55 @@ class Servos:
         """Tell a servo where it is [rev]."""
         self._cycle_some([self._servos[axis].make_set_output_exact(position=position, query=True)], axis)
 
-    def _name_the_missing(self) -> None:
-        """Ask one after the other, to say whose answer is missing."""
-        for axis, servo in enumerate(self._servos):
-            try:
-                self._cycle_some([servo.make_query()], axis)
-            except ServoError as error:
-                if error.__cause__ is not None and not isinstance(error.__cause__, TimeoutError):
-                    raise
-                raise ServoError(f"servo {AXES[axis]} (id {servo.id}) does not answer") from error
-
     def _cycle_some(self, commands: list[Any], axis: int) -> None:
-        if not self._run(self._transport.cycle(commands), self._patience * 4):
+        if not self._run(self._transport.cycle(commands), self._patience * 2):
             raise ServoError(f"servo {AXES[axis]} (id {self._servos[axis].id}) does not answer")
 
     def _cycle(self, commands: list[Any]) -> tuple[ServoState, ...]:
+        """Exchange with all servos; a damaged or lost line is no reason to end a session: all are asked again."""
+        states: dict[int, ServoState] = {}
+        self._ask(commands, states, self._patience)
+        for _ in range(TRIES):
+            if len(states) == len(commands):
+                return tuple(states[axis] for axis in range(len(commands)))
+            self.repeated += 1
+            for axis, command in enumerate(commands):
+                if axis not in states:
+                    self._ask([command], states, 0.5 * self._patience)
+        axis = next(axis for axis in range(len(commands)) if axis not in states)
+        number = self._servos[axis].id
+        raise ServoError(f"servo {AXES[axis]} (id {number}) does not answer: check its cable and supply")
+
+    def _ask(self, commands: list[Any], states: dict[int, ServoState], patience: float) -> None:
+        """Exchange once, and keep what was answered."""
         try:
-            results = self._run(self._transport.cycle(commands), self._patience * 4)
-        except ServoError:
-            self._name_the_missing()
-            raise
-        answers = {result.id: result.values for result in results}
-        states = []
-        for axis, servo in zip(AXES, self._servos, strict=True):
-            values = answers.get(servo.id)
-            if values is None:
-                raise ServoError(f"servo {axis} (id {servo.id}) does not answer: check its cable and supply")
-            states.append(_state(values))
-        return tuple(states)
+            results = self._run(self._transport.cycle(commands), patience)
+        except ServoError as error:
+            self._revive(error)
+            return
+        axes = {servo.id: axis for axis, servo in enumerate(self._servos)}
+        for result in results:
+            if result.id in axes:
+                states[axes[result.id]] = _state(result.values)
+
+    def _revive(self, error: ServoError) -> None:
+        """Go on after answers that did not come, or a line that the client could not read; not after a lost bus.
+
+        Raises
+        ------
+        ServoError
+            The same, if the bus is gone.
+        """
+        if isinstance(error.__cause__, TimeoutError):
+            return
+        if isinstance(error.__cause__, OSError):
+            raise error
+        import moteus
+
+        with contextlib.suppress(Exception):  # its reader has ended with the line that it could not read
+            self._transport.close()
+        self._transport = self._run(_opened(moteus, self._port, self._patience, self._trace))
+        self._servos = [moteus.Controller(id=servo.id, transport=self._transport) for servo in self._servos]
 
 
 async def _opened(moteus: Any, port: str, patience: float, trace: Trace | None) -> Any:

@@ -122,16 +122,81 @@ def test_a_lapse_is_tried_again_and_three_are_an_error(terminal: Terminal, lapse
         client.close()
 
 
+def test_a_controller_is_armed_and_opens_its_voltage(terminal: Terminal) -> None:
+    with mecom(terminal) as device:
+        device.floats[4010], device.floats[2060] = -10.0, 30.0
+        tec = TecDriver(Mecom(port=terminal.path), patience=8.0, ceiling=2.0)
+        assert device.floats[50002] == device.floats[2031] == 19.0
+        assert (device.floats[2030], device.floats[2032]) == (2.0, 2.5)
+        assert (device.floats[4010], device.floats[4011], device.floats[2060]) == (8.0, 45.0, 0.5)
+        assert (device.integers[6301], device.integers[6302]) == (1, 2)
+        assert tec.missing == []
+        for _ in range(10):
+            reading = tec.exchange(1.5)
+        assert reading.current == 1.5
+        device.now = 0.6  # nobody has talked to it for longer than its watchdog
+        assert not device.driven() and device.error == 183
+        with pytest.raises(DeviceError, match="error 183"):
+            for _ in range(8):
+                tec.exchange(1.5)
+
+
+@pytest.mark.parametrize("bulk", [True, False])
+@pytest.mark.parametrize("current", [0.0, 1.5])
+def test_a_controller_that_has_started_anew_is_noticed(terminal: Terminal, bulk: bool, current: float) -> None:
+    with mecom(terminal) as device:
+        device.bulk = bulk
+        tec = TecDriver(Mecom(port=terminal.path), patience=8.0)
+        for _ in range(5):
+            tec.exchange(current)
+        device.restart()
+        with pytest.raises(DeviceError, match="started anew"):
+            for _ in range(8):
+                tec.exchange(current)
+
+
+def test_a_current_that_does_not_follow_is_told(terminal: Terminal) -> None:
+    with mecom(terminal) as device:
+        tec = TecDriver(Mecom(port=terminal.path), patience=8.0)
+        device.resistance = 100.0  # a broken wire: the voltage is not enough
+        with pytest.raises(DeviceError, match="gives 0.19 A where 2.00 A was asked for"):
+            for _ in range(60):
+                tec.exchange(2.0)
+
+
+def test_a_watchdog_that_stays_off_is_refused_and_one_that_is_not_there_is_remembered(terminal: Terminal) -> None:
+    with mecom(terminal) as device:
+        written = device._write
+        device_type = type(device)
+
+        def deaf(self: VirtualMecom, parameter: int, instance: int, data: bytes) -> bytes:
+            return b"" if parameter == 2060 else written(parameter, instance, data)
+
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(device_type, "_write", deaf)
+            with pytest.raises(DeviceError, match="own watchdog is off"):
+                TecDriver(Mecom(port=terminal.path), patience=8.0)
+    with mecom(terminal) as other:
+        real = other._read
+
+        def without(self: VirtualMecom, parameter: int, instance: int) -> bytes:
+            return b"+05" if parameter in (2060, 6302) else real(parameter, instance)
+
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(type(other), "_read", without)
+            assert TecDriver(Mecom(port=terminal.path), patience=8.0).missing == [2060, 6302]
+
+
 def test_the_loop_writes_live_parameters_only(terminal: Terminal) -> None:
     with mecom(terminal) as device:
         tec = TecDriver(Mecom(port=terminal.path), patience=8.0)
         once = device.flash
-        assert once == 2  # input and output, because they stood otherwise
+        assert once == 6  # what stood otherwise: input and output, hot plate, watchdog, and how the plate is measured
         for step in range(30):
             reading = tec.exchange(0.01 * step)
         assert device.flash == once
         assert device.driven()
-        assert reading.current == pytest.approx(0.27, abs=1e-6)
+        assert reading.current == pytest.approx(0.29, abs=1e-6)
         assert (reading.plate, reading.sink) == pytest.approx((300.0, 301.5), abs=1e-4)
         tec.close()
         assert device.output() == 0.0

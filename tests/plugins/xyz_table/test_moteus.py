@@ -9,6 +9,7 @@ import struct
 import threading
 import time
 from collections.abc import Iterator
+from random import Random
 
 import pytest
 from hypothesis import given
@@ -176,6 +177,29 @@ def test_lost_and_garbled_answers_end_in_a_named_error_or_in_the_truth(bench: Be
             device.read(reading)
         assert time.monotonic() - begin < 3.0
         device.read(reading)
+    device.close()
+
+
+def test_one_damaged_line_in_ten_ends_no_session(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    write, random = bench.terminal.send, Random(5)
+
+    def send(data: bytes) -> None:
+        lines = data.splitlines(keepends=True)
+        for at, line in enumerate(lines):
+            if random.random() < 0.1 and len(line) > 8:
+                place = random.randrange(len(line) - 1)
+                lines[at] = line[:place] + bytes((line[place] ^ 1 + random.randrange(15),)) + line[place + 1 :]
+        write(b"".join(lines))
+
+    device = table(bench, homing="absolute", patience=2.0)
+    device.open()
+    reading, _ = records()
+    monkeypatch.setattr(bench.terminal, "send", send)
+    truth = [(s.place + s.zero) * lead for s, lead in zip(bench.bus.servos.values(), (0.01, -0.02, 0.005), strict=True)]
+    for _ in range(40):
+        device.read(reading)
+        assert reading["pose"][:3] == pytest.approx(truth, abs=2e-4)
+    monkeypatch.setattr(bench.terminal, "send", write)
     device.close()
 
 

@@ -158,6 +158,7 @@ class DisplayEmulator(Emulator):
         data = self._terminal.receive() if self._terminal is not None else b""
         driven, current = False, 0.0
         if self.tec is not None:
+            self.tec.now = now
             out = self.tec.take(data) if data else b""
             driven, current = self.tec.driven(), self.tec.output()
         elif self.chip is not None:

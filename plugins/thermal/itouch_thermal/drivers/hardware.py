@@ -102,7 +102,7 @@ class HardwareDisplay(Device):
         if self._rig is None:
             raise DeviceError("the display is not open")
         try:
-            found = self._rig.exchange(self._current)
+            found = self._rig.exchange(self._current, self.stamps)
         except DeviceError:
             self._lost = True
             raise

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
+import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -47,6 +48,8 @@ class LabJackDriver:
         if port and not port.isdigit():
             raise DeviceError(f"host = '{params.host}' must be HOST or HOST:PORT")
         self._params, self._trace, self._failure = params, trace, ModbusException
+        #: Half of the time [s] that the last exchange took: so long ago it was measured.
+        self.half = 0.0
         client: Any = ModbusTcpClient
         self._client: Any = client(host, port=int(port or PORT), timeout=PATIENCE * patience, retries=1)
         if not self._client.connect():
@@ -86,7 +89,9 @@ class LabJackDriver:
         if not channels:
             return Sensors(math.nan, math.nan)
         first, last = min(channels), max(channels)
+        begin = time.monotonic()
         volts = self._floats(2 * first, last - first + 1)
+        self.half = 0.5 * (time.monotonic() - begin)
         found = math.nan
         if flux is not None:
             voltage = volts[flux.channel - first]

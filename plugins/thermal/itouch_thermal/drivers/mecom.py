@@ -7,6 +7,7 @@ has the same sequence number.  A write is acknowledged without payload, with the
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
 
 from itouch.plugin import DeviceError, Trace
 from itouch_thermal.drivers.serialport import SerialLine
@@ -62,12 +63,12 @@ class MecomClient:
 
     def read_float(self, parameter: int, instance: int = 1) -> float:
         """Return a parameter's floating-point value."""
-        value: float = struct.unpack(">f", self._read(parameter, instance))[0]
+        value: float = struct.unpack(">f", self.read_raw(parameter, instance))[0]
         return value
 
     def read_int(self, parameter: int, instance: int = 1) -> int:
         """Return a parameter's whole number."""
-        value: int = struct.unpack(">i", self._read(parameter, instance))[0]
+        value: int = struct.unpack(">i", self.read_raw(parameter, instance))[0]
         return value
 
     def write_float(self, parameter: int, value: float, instance: int = 1) -> None:
@@ -78,7 +79,20 @@ class MecomClient:
         """Set a parameter to a whole number."""
         self._write(parameter, instance, struct.pack(">i", value))
 
-    def _read(self, parameter: int, instance: int) -> bytes:
+    def read_several(self, parameters: Sequence[int], instance: int = 1) -> list[bytes]:
+        """Return several parameters of one instance in one request, 4 bytes each."""
+        wanted = "".join(f"{parameter:04X}{instance:02X}" for parameter in parameters)
+        payload = self._ask(f"?VX{len(parameters):02X}{wanted}")
+        try:
+            data = bytes.fromhex(payload)
+        except ValueError:
+            data = b""
+        if len(data) != 4 * len(parameters):
+            raise MecomError(f"the TEC controller answered {len(parameters)} parameters with '{payload}'")
+        return [data[i : i + 4] for i in range(0, len(data), 4)]
+
+    def read_raw(self, parameter: int, instance: int = 1) -> bytes:
+        """Return a parameter's 4 bytes."""
         payload = self._ask(f"?VR{parameter:04X}{instance:02X}")
         try:
             data = bytes.fromhex(payload)

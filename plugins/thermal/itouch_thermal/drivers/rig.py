@@ -8,10 +8,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from itouch.plugin import DeviceError, Trace
+from itouch.plugin import DeviceError, Stamps, Trace
 from itouch_thermal.drivers.labjack import LabJackDriver
-from itouch_thermal.drivers.lineport import LineDriver
-from itouch_thermal.drivers.tec import TecDriver
+from itouch_thermal.drivers.lineport import LineDriver, LineReading
+from itouch_thermal.drivers.tec import TecDriver, TecReading
 
 
 @dataclass(slots=True)
@@ -34,7 +34,7 @@ class Rig:
         self._labjack: LabJackDriver | None = None
         self._source: TecDriver | LineDriver
         if params.mecom is not None:
-            self._source = TecDriver(params.mecom, trace, patience=patience)
+            self._source = TecDriver(params.mecom, trace, patience=patience, ceiling=params.max_current)
         else:
             self._source = LineDriver(params.line, trace, patience=patience, limits=limits)
         if params.labjack is not None:
@@ -45,18 +45,23 @@ class Rig:
                     self._source.close()
                 raise
 
-    def exchange(self, current: float) -> Measured:
-        """Set the current [A], and measure.
+    def exchange(self, current: float, stamps: Stamps | None = None) -> Measured:
+        """Set the current [A], and measure; ``stamps`` is told what was when.
 
         Raises
         ------
         DeviceError
             If a part fails; its message says which.
         """
-        read = self._source.exchange(current)
+        if isinstance(self._source, TecDriver):
+            read: TecReading | LineReading = self._source.exchange(current, stamps)
+        else:
+            read = self._source.exchange(current)
         flux, skin = getattr(read, "flux", math.nan), getattr(read, "skin", math.nan)
         if self._labjack is not None:
             sensors = self._labjack.exchange(read.plate)
+            if stamps is not None:
+                stamps.measured("heat_flux", "skin_temperature", "skin_valid", ago=self._labjack.half)
             flux = sensors.flux if math.isfinite(sensors.flux) else flux
             skin = sensors.skin if math.isfinite(sensors.skin) else skin
         return Measured(read.plate, read.sink, flux, skin, read.current)

@@ -1,22 +1,36 @@
-"""A Meerstetter TEC controller as the display's current source; live parameters, so that its flash does not wear."""
+"""A Meerstetter TEC controller as the display's current source; live parameters, so that its flash does not wear.
+
+The controller protects the plate by itself when nobody talks to it any more: at start its watchdog, its limits of
+current and its error thresholds are armed and read back.  What differs is written once, and stays in its flash.
+"""
 
 from __future__ import annotations
 
+import struct
+from collections import deque
 from typing import NamedTuple
 
-from itouch.plugin import DeviceError, Trace
-from itouch_thermal.drivers.mecom import MecomClient
+from itouch.plugin import DeviceError, Stamps, Trace
+from itouch_thermal.drivers.mecom import MecomClient, MecomRefusal
 from itouch_thermal.drivers.params import Mecom
 
 STATUS, ERROR_NUMBER = 104, 105
 OBJECT_TEMPERATURE, SINK_TEMPERATURE, ACTUAL_CURRENT = 1000, 1001, 1020
 INPUT, OUTPUT = 2000, 2010
 INPUT_LIVE, OUTPUT_LIVE = 1, 2
-LIVE_ENABLE, LIVE_CURRENT = 50000, 50001
+CURRENT_LIMIT, VOLTAGE_LIMIT, CURRENT_ERROR, WATCHDOG = 2030, 2031, 2032, 2060
+LOW_ERROR, HIGH_ERROR, OBJECT_RATE, OBSERVE = 4010, 4011, 6301, 6302
+LIVE_ENABLE, LIVE_CURRENT, LIVE_VOLTAGE = 50000, 50001, 50002
 STATES = {0: "init", 1: "ready", 2: "run", 3: "error", 4: "bootloader", 5: "will reset soon"}
 KELVIN = 273.15
-#: Every so many exchanges one of the slow things is asked, in turn: the current that flows, the sink, the status.
-_SLOW = 3
+#: What the controller must not exceed by itself: plate [degC], its watchdog [s] at most and as set.
+PLATE, LONGEST_WATCHDOG, SET_WATCHDOG = (8.0, 45.0), 1.0, 0.5
+#: The greatest current [A] that is asked for if nothing else is said, and the error threshold as a multiple of it.
+CEILING, THRESHOLD = 16.0, 1.25
+#: How far the current that flows may be from what was asked for [A], and as a part of it; for how many exchanges.
+ASIDE, PART, STRAYED, ASKED = 0.3, 0.2, 25, 8
+#: Refusals that mean that a parameter, or a command, is not there.
+_UNKNOWN = (1, 5)
 
 
 class TecReading(NamedTuple):
@@ -28,61 +42,173 @@ class TecReading(NamedTuple):
 
 
 class TecDriver:
-    """An open controller whose current follows commands."""
+    """An open controller whose current follows commands.
 
-    def __init__(self, params: Mecom, trace: Trace | None = None, *, patience: float = 1.0) -> None:
+    Parameters
+    ----------
+    params
+        Where it is.
+    trace, patience
+        As for every driver.
+    ceiling
+        Greatest current [A] that will be asked for: the controller is told to give no more.
+    """
+
+    def __init__(
+        self, params: Mecom, trace: Trace | None = None, *, patience: float = 1.0, ceiling: float = CEILING
+    ) -> None:
         self._client = MecomClient(params.port, params.baud, params.address, patience=patience, trace=trace)
-        self._instance, self._count, self._sink, self._actual = params.instance, 0, 0.0, 0.0
+        self._instance, self._count, self._sink, self._bulk = params.instance, 0, 0.0, True
+        self._byte = 10.0 / params.baud
+        self._asked: deque[float] = deque([0.0], maxlen=ASKED)
+        self._strayed, self._voltage = 0, 0.0
+        #: What this controller does not know of the protection that it should have.
+        self.missing: list[int] = []
         try:
-            self._start()
+            self._start(ceiling)
         except BaseException:
             self._client.close()
             raise
 
-    def _start(self) -> None:
-        """Check that it is well, and hand its output over to live parameters; flash is written only if it must be."""
+    def _start(self, ceiling: float) -> None:
+        """Check that it is well, arm what protects the plate, and hand its output over to live parameters."""
         self.identity = self._client.identity()
-        self._check()
-        self._client.write_float(LIVE_CURRENT, 0.0, self._instance)
+        self._check(self._client.read_int(STATUS))
+        client, instance = self._client, self._instance
+        client.write_int(LIVE_ENABLE, 0, instance)
+        client.write_float(LIVE_CURRENT, 0.0, instance)
         for parameter, wanted in ((INPUT, INPUT_LIVE), (OUTPUT, OUTPUT_LIVE)):
-            if self._client.read_int(parameter, self._instance) != wanted:
-                self._client.write_int(parameter, wanted, self._instance)
-        self._client.write_int(LIVE_ENABLE, 1, self._instance)
-        self._sink = self._kelvin(SINK_TEMPERATURE)
+            if client.read_int(parameter, instance) != wanted:
+                client.write_int(parameter, wanted, instance)
+        self._arm_float(CURRENT_LIMIT, 0.0, ceiling, ceiling)
+        self._arm_float(CURRENT_ERROR, 0.0, THRESHOLD * ceiling, THRESHOLD * ceiling)
+        self._arm_float(LOW_ERROR, PLATE[0], PLATE[1], PLATE[0])
+        self._arm_float(HIGH_ERROR, PLATE[0], PLATE[1], PLATE[1])
+        self._arm_float(WATCHDOG, 0.05, LONGEST_WATCHDOG, SET_WATCHDOG)
+        self._arm_int(OBSERVE, 2)
+        self._arm_int(OBJECT_RATE, 1)
+        self._open_voltage()
+        client.write_int(LIVE_ENABLE, 1, instance)
+        self._sink = client.read_float(SINK_TEMPERATURE, instance) + KELVIN
 
-    def _check(self) -> None:
-        state = self._client.read_int(STATUS)
+    def _open_voltage(self) -> None:
+        """Allow the live voltage its limit: it is 0 V after a start, and then no current flows."""
+        try:
+            self._voltage = self._client.read_float(VOLTAGE_LIMIT, self._instance)
+            self._client.write_float(LIVE_VOLTAGE, self._voltage, self._instance)
+        except MecomRefusal as refusal:
+            self._note(VOLTAGE_LIMIT, refusal)
+
+    def _note(self, parameter: int, refusal: MecomRefusal) -> None:
+        """Remember a parameter that is not there; any other refusal is an error."""
+        if refusal.code not in _UNKNOWN:
+            raise refusal
+        self.missing.append(parameter)
+
+    def _arm_float(self, parameter: int, low: float, high: float, wanted: float) -> None:
+        """Bring a parameter into a range, and read it back."""
+        try:
+            found = self._client.read_float(parameter, self._instance)
+            if low - _rounded(low) <= found <= high + _rounded(high):
+                return
+            self._client.write_float(parameter, wanted, self._instance)
+            found = self._client.read_float(parameter, self._instance)
+        except MecomRefusal as refusal:
+            self._note(parameter, refusal)
+            return
+        if not low - _rounded(low) <= found <= high + _rounded(high):
+            self._refuse(parameter, found, wanted)
+
+    def _arm_int(self, parameter: int, wanted: int) -> None:
+        try:
+            if self._client.read_int(parameter, self._instance) == wanted:
+                return
+            self._client.write_int(parameter, wanted, self._instance)
+            found = self._client.read_int(parameter, self._instance)
+        except MecomRefusal as refusal:
+            self._note(parameter, refusal)
+            return
+        if found != wanted:
+            self._refuse(parameter, found, wanted)
+
+    @staticmethod
+    def _refuse(parameter: int, found: float, wanted: float) -> None:
+        what = "its own watchdog is off" if parameter == WATCHDOG else "it would not protect the plate by itself"
+        raise DeviceError(
+            f"the TEC controller keeps parameter {parameter} at {found:g} where {wanted:g} was written: {what}; set it "
+            "with the maker's program"
+        )
+
+    def _check(self, state: int) -> None:
         if state == 3:
             code = self._client.read_int(ERROR_NUMBER)
             raise DeviceError(f"the TEC controller is in error {code}: see its manual, then reset it")
         if state not in (1, 2):
             raise DeviceError(f"the TEC controller is not ready: it says '{STATES.get(state, state)}'")
 
-    def _kelvin(self, parameter: int) -> float:
-        return self._client.read_float(parameter, self._instance) + KELVIN
-
-    def exchange(self, current: float) -> TecReading:
+    def exchange(self, current: float, stamps: Stamps | None = None) -> TecReading:
         """Set the current [A], and measure.
 
         Raises
         ------
         DeviceError
-            If the controller does not answer, refuses, or is in error.
+            If the controller does not answer, refuses, is in error, has started anew, or gives another current.
         """
         self._client.write_float(LIVE_CURRENT, current, self._instance)
-        plate = self._kelvin(OBJECT_TEMPERATURE)
-        if self._count % _SLOW == 0:
-            self._slowly(self._count // _SLOW % 3)
+        if stamps is not None:
+            stamps.left(ago=16 * self._byte)  # it had the command when it began to acknowledge
+        self._asked.append(current)
+        slow = (SINK_TEMPERATURE, STATUS, LIVE_ENABLE, LIVE_VOLTAGE)[self._count % 4]
         self._count += 1
-        return TecReading(plate, self._sink, self._actual)
+        if slow == LIVE_VOLTAGE and VOLTAGE_LIMIT in self.missing:
+            slow = SINK_TEMPERATURE
+        plate, actual, other = self._values((OBJECT_TEMPERATURE, ACTUAL_CURRENT, slow))
+        if stamps is not None:
+            stamps.measured("plate_temperature", "sink_temperature", ago=36 * self._byte)
+        flowing = _float(actual)
+        self._slowly(slow, other)
+        self._follows(flowing)
+        return TecReading(_float(plate) + KELVIN, self._sink, flowing)
 
-    def _slowly(self, turn: int) -> None:
-        if turn == 0:
-            self._actual = self._client.read_float(ACTUAL_CURRENT, self._instance)
-        elif turn == 1:
-            self._sink = self._kelvin(SINK_TEMPERATURE)
-        else:
-            self._check()
+    def _values(self, parameters: tuple[int, ...]) -> list[bytes]:
+        """Return parameters in one request, or one by one where the controller knows no such request."""
+        if self._bulk:
+            try:
+                return self._client.read_several(parameters, self._instance)
+            except MecomRefusal as refusal:
+                if refusal.code != 1:
+                    raise
+                self._bulk = False
+        return [self._client.read_raw(parameter, self._instance) for parameter in parameters]
+
+    def _slowly(self, parameter: int, data: bytes) -> None:
+        """Look at what need not be looked at in every exchange."""
+        if parameter == SINK_TEMPERATURE:
+            self._sink = _float(data) + KELVIN
+        elif parameter == STATUS:
+            self._check(_int(data))
+        elif parameter == LIVE_ENABLE:
+            if _int(data) != 1:
+                self._restarted()
+        elif abs(_float(data) - self._voltage) > 0.01 + 0.001 * abs(self._voltage):
+            self._restarted()
+
+    @staticmethod
+    def _restarted() -> None:
+        raise DeviceError(
+            "the TEC controller has started anew: its live output is off; check its supply, then connect it again"
+        )
+
+    def _follows(self, flowing: float) -> None:
+        """Compare the current that flows with those that were asked for in the last exchanges."""
+        low, high = min(self._asked), max(self._asked)
+        room = ASIDE + PART * max(abs(low), abs(high))
+        self._strayed = 0 if low - room <= flowing <= high + room else self._strayed + 1
+        if self._strayed >= STRAYED:
+            raise DeviceError(
+                f"the TEC controller gives {flowing:.2f} A where {self._asked[-1]:.2f} A was asked for: check its "
+                "limits of current and voltage, and the wires of the module"
+            )
 
     def close(self) -> None:
         """Set the current to zero and the output off, then let go of the line."""
@@ -91,3 +217,18 @@ class TecDriver:
             self._client.write_int(LIVE_ENABLE, 0, self._instance)
         finally:
             self._client.close()
+
+
+def _rounded(value: float) -> float:
+    """Return by how much a value may differ that was written in single precision."""
+    return 1e-6 * abs(value)
+
+
+def _float(data: bytes) -> float:
+    value: float = struct.unpack(">f", data)[0]
+    return value
+
+
+def _int(data: bytes) -> int:
+    value: int = struct.unpack(">i", data)[0]
+    return value

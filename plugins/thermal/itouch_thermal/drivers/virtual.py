@@ -42,17 +42,33 @@ class Lapses:
         return left > 0
 
 
+#: What a controller comes with from its factory.
+_FACTORY = {
+    2020: 0.0, 2021: 0.0, 2030: 10.0, 2031: 19.0, 2032: 12.0, 2033: 22.8, 2060: 0.0, 4010: 13.0, 4011: 65.0,
+    50001: 0.0, 50002: 0.0,
+}  # fmt: skip
+
+
 @dataclass(slots=True)
 class VirtualMecom:
-    """A TEC controller: parameters, status, live current; ``flash`` counts what would wear its flash."""
+    """A TEC controller: parameters, status, live current; ``flash`` counts what would wear its flash.
+
+    ``now`` [s] is what its watchdog goes by, ``resistance`` [ohm] its module's, ``bulk`` whether it knows ``?VX``.
+    """
 
     plate: Plate
     address: int = 2
     lapses: Lapses = field(default_factory=Lapses)
     error: int = 0
     flash: int = 0
-    integers: dict[int, int] = field(default_factory=lambda: {2000: 2, 2010: 0, 2051: 2, 50000: 0, 1200: 1})
-    floats: dict[int, float] = field(default_factory=lambda: {2020: 0.0, 2021: 0.0, 50001: 0.0, 50002: 0.0})
+    integers: dict[int, int] = field(
+        default_factory=lambda: {2000: 2, 2010: 0, 2051: 2, 50000: 0, 1200: 1, 6301: 0, 6302: 0}
+    )
+    floats: dict[int, float] = field(default_factory=lambda: dict(_FACTORY))
+    now: float = 0.0
+    resistance: float = 1.86
+    bulk: bool = True
+    _heard: float = 0.0
     _text: bytes = b""
 
     def take(self, data: bytes) -> bytes:
@@ -66,12 +82,25 @@ class VirtualMecom:
 
     def driven(self) -> bool:
         """Tell whether the host has taken the output over."""
+        if self.floats[tec.WATCHDOG] > 0.0 and self.now - self._heard > self.floats[tec.WATCHDOG] and self._armed():
+            self.error = 183
+        return self._armed()
+
+    def restart(self) -> None:
+        """Start anew, as after a loss of its supply."""
+        self.error, self.integers[50000] = 0, 0
+        self.floats[50001] = self.floats[50002] = 0.0
+
+    def _armed(self) -> bool:
         live = self.integers[2000] == tec.INPUT_LIVE and self.integers[2010] == tec.OUTPUT_LIVE
         return live and self.integers[50000] == 1 and not self.error
 
     def output(self) -> float:
-        """Return the current that flows [A]."""
-        return self.floats[50001] if self.driven() else 0.0
+        """Return the current that flows [A]: what is asked for, as far as limits and voltage let it."""
+        if not self.driven():
+            return 0.0
+        most = min(self.floats[tec.CURRENT_LIMIT], self.floats[tec.LIVE_VOLTAGE] / self.resistance)
+        return min(most, max(-most, self.floats[50001]))
 
     def _message(self, message: bytes) -> bytes:
         body, check = message[:-4], message[-4:]
@@ -79,6 +108,7 @@ class VirtualMecom:
             return b""
         if self.lapses.take("lost"):
             return b""
+        self._heard = self.now
         head = b"!" + body[1:7]
         if self.lapses.take("late"):
             head = b"!" + body[1:3] + b"%04X" % (int(body[3:7], 16) - 1 & 0xFFFF)
@@ -93,6 +123,10 @@ class VirtualMecom:
             return b"TEC-1091 virtual    "
         if text[:3] == "?VR" and len(text) == 9:
             return self._read(int(text[3:7], 16), int(text[7:9], 16))
+        if text[:3] == "?VX" and self.bulk and len(text) == 5 + 6 * int(text[3:5], 16):
+            parts = [text[at : at + 6] for at in range(5, len(text), 6)]
+            answers = [self._read(int(part[:4], 16), int(part[4:], 16)) for part in parts]
+            return next((answer for answer in answers if answer[:1] == b"+"), b"".join(answers))
         if text[:2] == "VS" and len(text) == 16:
             return self._write(int(text[2:6], 16), int(text[6:8], 16), bytes.fromhex(text[8:]))
         return b"+01"
@@ -119,7 +153,7 @@ class VirtualMecom:
             return b"+06"
         if parameter in self.floats:
             value = struct.unpack(">f", data)[0]
-            if not math.isfinite(value) or abs(value) > 20.0:
+            if not math.isfinite(value) or abs(value) > 200.0 or (parameter == 50001 and abs(value) > 20.0):
                 return b"+07"
             self.floats[parameter] = value
         elif parameter in self.integers:
