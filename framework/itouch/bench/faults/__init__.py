@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from itouch.bench.faults.campaign import campaign
 from itouch.bench.faults.matrix import KINDS, Cell, pairs, run_cell, single
 from itouch.bench.faults.phases import PHASES, phases, prepared
 
@@ -19,7 +20,11 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("scene", nargs="?", metavar="SCENE", help="default: the four-material scene")
     parser.add_argument("--pairs", action="store_true", help="all pairs of faults, in contact")
     parser.add_argument("--all", action="store_true", help="print every cell, not only the sums and what is wrong")
+    parser.add_argument("--random", type=int, metavar="N", help="so many random rigs instead, with random names")
+    parser.add_argument("--seed", type=int, default=0, help="of the random rigs")
     options = parser.parse_args(argv)
+    if options.random is not None:
+        return 1 if campaign(options.random, options.seed) else 0
     session = prepared(options.scene or shipped_scene(), slots=2 if options.pairs else 1)
     stored = phases(session)
     cells = pairs(session, "contact", stored["contact"]) if options.pairs else single(session, stored)

@@ -1,0 +1,189 @@
+"""Plants for random rigs: plates and a tapped table that know nothing of the framework's names."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from itouch.plugin import (
+    Channel,
+    Device,
+    Field,
+    Modality,
+    Record,
+    Role,
+    Touch,
+    Twin,
+    World,
+    current,
+    measured_wrench,
+    pose,
+    pose_target,
+    temperature,
+    temperature_target,
+    wrench,
+)
+
+ROOM = 296.15
+
+
+@dataclass(frozen=True)
+class Nothing:
+    """No parameters."""
+
+
+@dataclass(frozen=True)
+class PlateKind:
+    """How a plate is made: names of device, reading and command, power [W] and heat capacity [J/K], rhythm [s]."""
+
+    device: str
+    reads: str
+    obeys: str
+    target: bool
+    power: float
+    capacity: float
+    period: float
+
+
+class _Plate(Twin):
+    """A lumped plate that loses a tenth of a watt a kelvin."""
+
+    kind: ClassVar[PlateKind]
+
+    def fields(self) -> tuple[Field, ...]:
+        return (
+            Field("true", unit="K", doc="true temperature"),
+            Field("ticks", "i8", unit="tick", doc="periods so far"),
+        )
+
+    def reset(self, state: Record, rng: np.random.Generator) -> None:
+        state["true"] = ROOM
+
+    def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+        kind, true, drive = self.kind, state["true"].item(), command[self.kind.obeys].item()
+        if kind.target:
+            power = max(-kind.power, min(kind.power, 20.0 * (drive - true))) if drive > 200.0 else 0.0
+        else:
+            power = -kind.power * drive / 2.0
+        state["true"] = true + (power - 0.1 * (true - ROOM)) * period / kind.capacity
+        state["ticks"] += 1
+
+    def read(self, state: Record, reading: Record) -> bool | None:
+        reading[self.kind.reads] = state["true"].item() + 2e-4 * (state["ticks"].item() * 7919 % 11)
+        return True
+
+
+def plate(kind: PlateKind) -> type[Device]:
+    """Return the class of a plate."""
+    command = temperature_target(kind.obeys, low=250.0, high=400.0) if kind.target else current(kind.obeys, limit=2.0)
+    reads = (temperature(kind.reads, Role.SKIN_CONTACT_TEMPERATURE),)
+    return _device(type("PlateTwin", (_Plate,), {"kind": kind}), reads, (command,), kind.period)
+
+
+class _Arm(Twin):
+    """An arm whose finger stands still."""
+
+    names: ClassVar[tuple[str, str]]
+
+    def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+        """Stand."""
+
+    def read(self, state: Record, reading: Record) -> bool | None:
+        reading["pose"] = (0.0, 0.0, 0.035, 1.0, 0.0, 0.0, 0.0)
+        return True
+
+
+def arm() -> type[Device]:
+    """Return the class of an arm."""
+    return _device(type("ArmTwin", (_Arm,), {}), (pose(),), (wrench(force=8.0),), 0.0)
+
+
+class _Table(Twin):
+    """A table that goes where it is told, and is tapped: so long on, so long off [s], with a force [N]."""
+
+    tapping: ClassVar[tuple[float, float, float]]
+
+    def fields(self) -> tuple[Field, ...]:
+        return (Field("place", "f8", 3, unit="m", doc="where it is"), Field("time", unit="s", doc="time so far"))
+
+    def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+        state["place"] = command["pose_target"][:3]
+        state["time"] += period
+
+    def read(self, state: Record, reading: Record) -> bool | None:
+        on, off, force = self.tapping
+        pressed = force if math.fmod(state["time"].item(), on + off) < on else 0.0
+        reading["pose"] = (*state["place"].tolist(), 1.0, 0.0, 0.0, 0.0)
+        reading["wrench"] = (0.0, 0.0, -pressed if state["place"][2] > 0.001 else 0.0, 0.0, 0.0, 0.0)
+        return True
+
+
+def table(tapping: tuple[float, float, float], period: float) -> type[Device]:
+    """Return the class of a table that is tapped."""
+    target = pose_target(low=(-0.1, -0.1, 0.0), high=(0.1, 0.1, 0.04), speed=0.25)
+    reads = (pose(locked=(3, 4, 5)), measured_wrench(force=50.0))
+    return _device(type("TableTwin", (_Table,), {"tapping": tapping}), reads, (target,), period)
+
+
+def _device(twin: type[Twin], seen: tuple[Channel, ...], obeyed: tuple[Channel, ...], every: float) -> type[Device]:
+    class Made(Device):
+        """A device of a random rig."""
+
+        Params = Nothing
+        reads: ClassVar[tuple[Channel, ...]] = seen
+        commands: ClassVar[tuple[Channel, ...]] = obeyed
+        Twin = twin
+        period: ClassVar[float] = every
+        blocking: ClassVar[bool] = every > 0.0
+        watchdog: ClassVar[float | None] = 0.5
+
+        def open(self) -> None:
+            """Twin only."""
+
+        def close(self) -> None:
+            """Twin only."""
+
+        def read(self, reading: Record) -> bool | None:
+            """Twin only."""
+            return False
+
+    return Made
+
+
+class Evil(Modality):
+    """A modality that drives as hard as it can, and writes what is not its own."""
+
+    Params = Nothing
+    targets: ClassVar[tuple[tuple[str, float], ...]] = ()
+    foreign: ClassVar[tuple[tuple[str, float], ...]] = ()
+    since: ClassVar[float] = 0.0
+
+    def compile(self, name: str, params: Any, world: World) -> Any:
+        """Know nothing."""
+        return name
+
+    def fields(self, model: Any) -> tuple[Field, ...]:
+        """Return a clock."""
+        return (Field("time", unit="s", doc="time so far"),)
+
+    def reset(self, model: Any, state: Record) -> None:
+        """Begin."""
+        state[f"{model}.time"] = 0.0
+
+    def commands(self, model: Any) -> tuple[str, ...]:
+        """Return all that it commands."""
+        return tuple(name for name, _ in self.targets)
+
+    def update(self, model: Any, state: Record, period: float) -> None:
+        """Drive, and after a while meddle."""
+        state[f"{model}.time"] += period
+        for name, value in self.targets:
+            device, _, channel = name.partition(".")
+            state[f"{device}.command.{channel}"] = value
+        if state[f"{model}.time"].item() > self.since:
+            for name, value in self.foreign:
+                if name in state:
+                    state[name] = value
