@@ -41,7 +41,17 @@ def test_only_the_supervisor_writes_to_a_device() -> None:
 
 def test_every_branch_of_the_supervisor_is_tested(tmp_path: Path) -> None:
     data = {**os.environ, "COVERAGE_FILE": str(tmp_path / "coverage")}
-    run = ["run", "--branch", "--source=itouch.safety,itouch.monitors", "-m", "pytest", "-q", "-p", "no:cacheprovider", *UNIT]
+    run = [
+        "run",
+        "--branch",
+        "--source=itouch.safety,itouch.monitors",
+        "-m",
+        "pytest",
+        "-q",
+        "-p",
+        "no:cacheprovider",
+        *UNIT,
+    ]
     done = subprocess.run(
         [sys.executable, "-m", "coverage", *run], env=data, cwd=REPOSITORY, capture_output=True, text=True, check=False
     )

@@ -322,7 +322,9 @@ def test_a_monitor_of_a_plugin_watches_its_drive(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "returns", [1.5, -7.0, float("nan"), -0.5, staticmethod(lambda: 1 / 0), "much"], ids=["1.5", "-7", "nan", "-0.5", "error", "word"]
+    "returns",
+    [1.5, -7.0, float("nan"), -0.5, staticmethod(lambda: 1 / 0), "much"],
+    ids=["1.5", "-7", "nan", "-0.5", "error", "word"],
 )
 def test_a_monitor_that_errs_or_loosens_stops_the_device(tmp_path: Path, returns: Any) -> None:
     session = with_monitor(tmp_path, returns)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.monitors import DeviceFaultError, Surface, Trip
+from itouch.monitors import limits as default
 from itouch.monitors.surface import TOUCH_FORCE
 from itouch.plugin import Role
 from itouch.safety.panel import Post
@@ -98,14 +99,14 @@ class Finger:
         dose = sum(post.state["dose"].item() for _, post in self._heats)
         cold = sum(post.state["cold_time"].item() for _, post in self._heats)
         limits = [one.model.limits for one, _ in self._heats]
-        if dose > min(one.dose or 0.0 for one in limits):
+        if dose > min(one.dose or default.DOSE for one in limits):
             name = self._worst("dose").model.name
             return (
                 name,
                 Trip.DOSE,
                 f"has given, with others on the same finger, a thermal dose of {dose / 60:.2f} CEM43",
             )
-        if cold > min(one.cold_time or 0.0 for one in limits):
+        if cold > min(one.cold_time or default.COLD_TIME for one in limits):
             name = self._worst("cold_time").model.name
             return name, Trip.COLD, f"was touched while cold, with others on the same finger, for {cold:.1f} s"
         return None

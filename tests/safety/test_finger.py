@@ -1,0 +1,123 @@
+"""What acts on one finger is limited together: arms, plates, doses, time in contact."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, Channels, Fake, model, state
+
+from itouch.monitors import DeviceFaultError, Trip
+from itouch.plugin import DeviceError, Record
+from itouch.safety import Finger, Supervisor
+from itouch.world.limits import DeviceLimits
+
+Parts = dict[str, Channels]
+
+
+def hand(parts: Parts, limits: DeviceLimits = LIMITS) -> tuple[Record, list[Supervisor], Finger]:
+    models = [model(channels, name=name, limits=limits) for name, channels in parts.items()]
+    data = state(*models)
+    devices = [Supervisor(one, data, PERIOD, device=Fake()) for one in models]
+    for device in devices:
+        device.reset()
+        device.open()
+        for name, view in device.reading.items():
+            view[...] = 300.0 if name.endswith("temperature") else 0.0
+        device.read(0)
+        device.enable()
+    finger = Finger("tip", devices)
+    for device in finger.arms:
+        device.leave_room = lambda device=device: finger.leave(device)  # type: ignore[misc]
+    return data, devices, finger
+
+
+def press(table: Supervisor, force: float, tick: int = 1) -> None:
+    table.reading["wrench"][2] = -force
+    table.read(tick)
+
+
+def push(arm: Supervisor, force: float, ticks: int = 10) -> float:
+    for tick in range(ticks):
+        arm.command["wrench"][0] = force
+        arm.write(tick)
+    return float(arm.sent["wrench"][0])
+
+
+@pytest.mark.parametrize(("pressed", "left"), [(0.0, 3.0), (0.02, 3.0), (1.0, 2.0), (2.5, 0.5), (3.5, 0.0)])
+def test_an_arm_leaves_to_a_plate_what_it_presses_with(pressed: float, left: float) -> None:
+    _, (arm, table), finger = hand({"arm": ARM, "table": TABLE})
+    press(table, pressed)
+    finger.check(1)
+    assert push(arm, 3.0) == pytest.approx(left)
+
+
+def test_the_scenes_force_is_that_of_all_together() -> None:
+    limits = dataclasses.replace(LIMITS, finger_force=1.0)
+    _, (arm, table), finger = hand({"arm": ARM, "table": TABLE}, limits)
+    press(table, 0.6)
+    finger.check(1)
+    assert push(arm, 3.0) == pytest.approx(0.4)
+
+
+def test_two_arms_on_one_finger_share_its_force() -> None:
+    _, (one, two), finger = hand({"one": ARM, "two": ARM})
+    finger.check(1)
+    assert push(one, 2.0) == pytest.approx(2.0)
+    assert push(two, 3.0) == pytest.approx(1.0)
+    assert push(one, 3.0) == pytest.approx(2.0)
+    push(two, 0.0)
+    assert push(one, 3.0) == pytest.approx(3.0)
+
+
+def test_two_plates_that_press_together_trip() -> None:
+    _, (one, two), finger = hand({"one": TABLE, "two": TABLE})
+    press(one, 2.4)
+    press(two, 2.7)
+    with pytest.raises(DeviceFaultError, match="presses with others on the finger of 'tip' with 5.1 N") as caught:
+        finger.check(1)
+    assert (caught.value.device, caught.value.trip) == ("two", Trip.FINGER_FORCE)
+
+
+def test_touching_one_plate_and_then_another_is_one_contact() -> None:
+    data, tables, finger = hand({"one": TABLE, "two": TABLE})
+    for tick in range(1, 12001):
+        tables[0].panel.touch(tick // 500 % 2 == 0, 1.0)
+        tables[1].panel.touch(tick // 500 % 2 == 1, 1.0)
+        finger.check(tick)
+    for name in ("one", "two"):
+        assert data[f"{name}.surface.contact_time"].item() == pytest.approx(12.0, abs=0.03)
+        assert data[f"{name}.surface.withdrawn"].item() == 1
+
+
+def test_a_plate_that_is_touched_for_too_long_trips_whichever_it_is() -> None:
+    data, _, finger = hand({"one": TABLE, "two": TABLE})
+    finger.check(1)
+    data["one.surface.contact_time"] = 59.999
+    data["one.touched"] = 1
+    with pytest.raises(DeviceFaultError, match=r"has been touched for 60\.0 s \(T4 time in contact"):
+        finger.check(11)
+
+
+@pytest.mark.parametrize(("what", "words"), [("dose", "a thermal dose of 2.03 CEM43"), ("cold_time", "for 122.0 s")])
+def test_two_plates_share_dose_and_cold(what: str, words: str) -> None:
+    data, (one, _), finger = hand({"one": PLATE, "two": PLATE})
+    data[f"one.heat.{what}"], data[f"two.heat.{what}"] = 80.0, 39.0
+    finger.check(1)
+    assert finger.spent() == ""
+    data[f"two.heat.{what}"] = 42.0
+    with pytest.raises(DeviceFaultError, match=words) as caught:
+        finger.check(2)
+    assert caught.value.device == "one"
+    one.disable()
+    with pytest.raises(DeviceError, match="with others on the same finger"):
+        one.enable()
+
+
+def test_one_plate_alone_has_nothing_to_share() -> None:
+    _, (plate,), finger = hand({"plate": PLATE})
+    assert finger.alone
+    assert plate.shared == []
+    assert not hand({"table": TABLE})[2].alone
+    assert not hand({"one": ARM, "two": ARM})[2].alone
+    assert not hand({"one": PLATE, "two": PLATE})[2].alone
