@@ -37,6 +37,8 @@ def main(argv: Sequence[str]) -> int:
         if options.json is not None:
             text = json.dumps({"figures": shown, "faults": faults}, indent=1)
             options.json.write_text(text + "\n", encoding="utf-8")
+    except BrokenPipeError:
+        raise
     except OSError as error:
         print(f"error: {error.filename}: {error.strerror}", file=sys.stderr)
         return 2

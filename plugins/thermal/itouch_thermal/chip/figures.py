@@ -125,15 +125,15 @@ def figures() -> Iterator[Figure]:
     program = built()
     yield Figure("flash", program.flash, "bytes", FLASH)
     yield Figure("RAM without stack", program.ram, "bytes", RAM)
-    begin = time.process_time()
     display = SimulatedDisplay(program=program)
     host = SimulatedHost(display)
     try:
         host.begin()
+        begin, started = time.process_time(), display.milliseconds
         answers = host.hold(0.0, 2.0)[25:]
         yield Figure(
             "speed on a free core, plant included",
-            display.milliseconds / 1e3 / (time.process_time() - begin),
+            (display.milliseconds - started) / 1e3 / (time.process_time() - begin),
             "x real time",
         )
         yield Figure("step of the mean flux", steps(staircase(host)), "W/m2", STEP)
