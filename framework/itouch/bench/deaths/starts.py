@@ -66,8 +66,11 @@ class Kill:
         return self.worst <= SAFE and self.gone_s <= GONE and not self.left
 
 
-def kill(victim: str, after: float) -> Kill:
-    """Start a session, kill one of its processes ``after`` seconds after that has come to be, and look."""
+def kill(victim: str, after: float, *, running: bool = False) -> Kill:
+    """Start a session, kill one of its processes ``after`` seconds after that has come to be, and look.
+
+    ``running``: so long after the devices have begun to obey.
+    """
     mark = f"{os.getpid()}-{monotonic()}"
     with tempfile.TemporaryDirectory() as folder:
         path, recording = Path(folder, "deaths.xml"), Path(folder, "r.mcap")
@@ -81,6 +84,8 @@ def kill(victim: str, after: float) -> Kill:
                 words = [sys.executable, "-P", "-m", "itouch.bench.deaths.stand", "viewer", mark, "60"]
                 started.append(_quiet(words, environment))
             found = _come(victim, mark)
+            if running:
+                watched.await_begun()
             time.sleep(after)
             event = monotonic()
             with contextlib.suppress(ProcessLookupError):
@@ -127,6 +132,14 @@ class _Watched:
                 return
             except OSError:
                 time.sleep(0.01)
+
+    def await_begun(self) -> None:
+        """Wait until some device has obeyed."""
+        end = time.monotonic() + _COMES
+        while time.monotonic() < end:
+            if any(o.seen[n] and o.seen[n][-1][1] & wire.BEGUN for n, o in list(self._observers.items())):
+                return
+            time.sleep(0.01)
 
     def safe_after(self, event: int, victim: str) -> dict[str, float | None]:
         """Return how long [s] each device took that obeyed; of twins one has been killed, and tells nothing more."""
@@ -185,19 +198,22 @@ def _files(folder: Path, known: set[str]) -> Iterator[str]:
     yield from (f"file {path.name}" for path in folder.iterdir() if path.name not in known)
 
 
-def cases(count: int, seed: int) -> Iterator[tuple[str, float]]:
-    """Yield victim and its age [s] when it is killed: half of them in their first second."""
+def cases(count: int, seed: int) -> Iterator[tuple[str, float, bool]]:
+    """Yield victim, instant [s], and whether that counts from when devices obey instead of from the victim's begin.
+
+    A third are killed in their first second, a third in their first four, a third while devices obey.
+    """
     draw = random.Random(seed)
     for index in range(count):
-        longest = 1.0 if (index // len(VICTIMS)) % 2 == 0 else 4.0
-        yield VICTIMS[index % len(VICTIMS)], draw.uniform(0.001, longest)
+        turn = index // len(VICTIMS) % 3
+        yield VICTIMS[index % len(VICTIMS)], draw.uniform(0.001, (1.0, 4.0, 3.0)[turn]), turn == 2
 
 
 def campaign(count: int, seed: int, *, tell: bool) -> list[Kill]:
     """Kill so many times, and tell how that went."""
     kills = []
-    for victim, after in cases(count, seed):
-        kills.append(kill(victim, after))
+    for victim, after, running in cases(count, seed):
+        kills.append(kill(victim, after, running=running))
         if tell:
             _tell(len(kills), kills[-1])
     if tell and kills:
