@@ -15,7 +15,7 @@ from itouch.plugin import Touch
 from itouch.plugin.discovery import Catalog
 from itouch.scene import loads
 from itouch.servo import wire
-from itouch.servo.parent import gone, lives
+from itouch.servo.parent import EndOf, gone, lives
 from itouch.servo.twinserver import TwinServer
 from itouch.world.rig import build_devices
 
@@ -122,7 +122,13 @@ def test_a_parent_is_known_by_its_number() -> None:
     assert gone(os.getppid() + 1)
     assert lives(os.getpid())
     assert not lives((1 << 22) + 1)
-    done = subprocess.Popen([sys.executable, "-c", ""])
+    done = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
+    end, unknown = EndOf(lambda: done.pid), EndOf(lambda: 0)
+    assert not end.seen()
+    assert not unknown.seen()
+    done.kill()
     while lives(done.pid):  # it has ended, and is not yet buried
         threading.Event().wait(0.01)
-    done.wait()
+    assert end.seen()
+    done.communicate()
+    assert EndOf(lambda: (1 << 22) + 1).seen()

@@ -17,7 +17,7 @@ from itouch.servo.box import Inbox
 from itouch.servo.channel import Outbox
 from itouch.servo.commands import Commands
 from itouch.servo.holders import Switch
-from itouch.servo.parent import gone, lives
+from itouch.servo.parent import EndOf, gone, lives
 from itouch.servo.prepare import prepare, prepare_text
 from itouch.servo.publish import ORDERED, TIMING_EVERY, Publisher, slots_for
 from itouch.servo.remote import Remotes
@@ -66,6 +66,7 @@ class Servo:
         self._publisher = Publisher(segment, state, timing)
         self._inbox = Inbox(segment)
         self._switch = Switch(segment.words)
+        self._end_of_guardian = EndOf(lambda: int(segment.words[at.GUARDIAN]))
         self._commands = Commands(self)
         self._told = len(session.ledger.contacts)
         self._launcher = int(config.get("launcher", os.getppid()))
@@ -268,7 +269,8 @@ class Servo:
         words = self.words
         if gone(self._launcher):
             words[at.STOP] = 1
-        if words[at.ARMED] and monotonic() - int(words[at.GUARDIAN_BEAT]) > GUARDIAN_SILENCE and not words[at.STOP]:
+        silent = monotonic() - int(words[at.GUARDIAN_BEAT]) > GUARDIAN_SILENCE
+        if words[at.ARMED] and not words[at.STOP] and (silent or self._end_of_guardian.seen()):
             self._failure = ServoError("the guardian process has died or hangs: the devices have been made safe")
             words[at.STOP] = 1
 
