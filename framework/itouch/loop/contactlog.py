@@ -5,15 +5,44 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from itouch.compiling import kernel
 from itouch.loop import render
 from itouch.loop.ledger import Ledger
 from itouch.loop.runner import Runner
 from itouch.loop.touch import Toucher
-from itouch.plugin import Contact, ContactEvent, Record
+from itouch.plugin import Bound, Contact, ContactEvent, Record
 from itouch.plugin.fenced import FencedRecord
 from itouch.twin.coupling import Coupling
 from itouch.world import ModalityModel, Model
 from itouch.world.failing import said
+
+
+@kernel
+def _note(
+    current: Any, total: Any, touched: Any, figures: Any, top: Any, plate: Any, begun_on_plate: Any, peak: Any,
+    deepest: Any, widest: Any, physical: Any, worst: Any,
+) -> int:  # fmt: skip
+    """Follow the open contact by one tick; return 0.
+
+    All but ``figures`` (those of the probe) have shape (1,): what is touched, the force on the finger, when the plate
+    was touched first, its top, whether it renders the contact now and did at its begin; then what is kept: greatest
+    force, depth and area, when the plate was touched first, and the greatest error of the plate's height.
+    """
+    if current[0] < 0:
+        return 0
+    if total[0] > peak[0]:  # not so if it is no number
+        peak[0] = total[0]
+    if figures[render.PENETRATION] > deepest[0]:
+        deepest[0] = figures[render.PENETRATION]
+    if figures[render.AREA] > widest[0]:
+        widest[0] = figures[render.AREA]
+    if physical[0] < 0 and touched[0] >= 0:
+        physical[0] = touched[0]
+    if begun_on_plate[0] != 0 and plate[0] != 0:
+        error = abs(figures[render.SURFACE_HEIGHT] - top[0])
+        if error > worst[0]:
+            worst[0] = error
+    return 0
 
 
 class ContactLog:
@@ -29,6 +58,14 @@ class ContactLog:
         self._peak, self._physical = state[f"{name}.contact.peak_force"], state[f"{name}.contact.physical_begin"]
         self._deepest, self._widest = state[f"{name}.contact.peak_penetration"], state[f"{name}.contact.peak_area"]
         self._impact = state[f"{name}.contact.impact_speed"]
+        figures = toucher.figures
+        known = coupling.true_top if table is not None and table.model.twin else figures[render.PLATE_TOP :][:1]
+        #: Follows the open contact; called at the end of each tick.
+        self.note = Bound(
+            _note, toucher.current, coupling.total, coupling.touched, figures, known, toucher.plate, self._plate,
+            self._peak, self._deepest, self._widest, self._physical, ledger.worst_height,
+        )  # fmt: skip
+        self.note.rehearse()
 
     def hear(self, event: ContactEvent) -> None:
         """Begin or end an entry."""
@@ -54,29 +91,6 @@ class ContactLog:
     def open(self) -> bool:
         """Whether a contact is open."""
         return int(self._toucher.current) >= 0
-
-    def note(self) -> None:
-        """Follow the open contact; called at the end of each tick."""
-        if self._toucher.current.item() < 0:
-            return
-        force = self._coupling.total.item()
-        if force > self._peak.item():
-            self._peak[...] = force
-        figures = self._toucher.figures
-        depth, area = figures[render.PENETRATION].item(), figures[render.AREA].item()
-        if depth > self._deepest.item():
-            self._deepest[...] = depth
-        if area > self._widest.item():
-            self._widest[...] = area
-        if self._physical.item() < 0 and self._coupling.touched.item() >= 0:
-            self._physical[...] = self._coupling.touched
-        if self._plate.item() and self._toucher.plate.item():
-            height = self._toucher.figures[render.SURFACE_HEIGHT].item()
-            twin = self._table is not None and self._table.model.twin
-            top = self._coupling.true_top.item() if twin else figures[render.PLATE_TOP].item()
-            error = abs(height - top)
-            if error > self._ledger.height_error:
-                self._ledger.height_error = error
 
     def entry(self, end: int | None) -> dict[str, Any]:
         """Return the report's entry of the open contact, which ends at a tick or is still open."""

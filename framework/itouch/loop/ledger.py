@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from itouch.loop.timing import Timing, merged
 
@@ -78,9 +79,15 @@ class Ledger:
     contacts: list[dict[str, Any]] = field(default_factory=list)
     faults: list[dict[str, Any]] = field(default_factory=list)
     tracking: Histogram = field(default_factory=lambda: Histogram(1e-6))
-    height_error: float = 0.0
+    worst_height: NDArray[np.float64] = field(default_factory=lambda: np.zeros(1))
     times: Timing | None = None
     earlier: dict[str, list[list[float]]] = field(default_factory=dict)
+
+    @property
+    def height_error(self) -> float:
+        """Greatest difference [m] between virtual surface and plate in a contact that the plate rendered."""
+        worst: float = self.worst_height[0].item()
+        return worst
 
     def histograms(self) -> dict[str, list[list[float]]]:
         """Return lateness and duration of all ticks of the session, those before a restore included [us, us, count]."""
@@ -104,6 +111,6 @@ class Ledger:
         """Take over what ``dump`` returned."""
         self.contacts, self.faults = list(data["contacts"]), list(data["faults"])
         self.tracking.load(data["tracking"])
-        self.height_error = float(data["height_error"])
+        self.worst_height[0] = float(data["height_error"])
         earlier = data.get("histograms_us", {})  # snapshots of format 1.0 and the first of 1.1 have none
         self.earlier = {name: merged([earlier[name]]) for name in ("lateness", "tick") if name in earlier}

@@ -251,4 +251,4 @@ def log(rig: ProbeRig) -> Step:
     name = rig.probe.name
     written = _of(name, "contact.peak_force", "contact.peak_penetration", "contact.peak_area", "contact.physical_begin")
     reads = (*written, *_of(name, "total_force", "penetration", "area", "plate", "plate_true_top", "surface_height"))
-    return Step(f"log {name}", lambda tick, ready: rig.log.note(), reads, written)
+    return joinable(f"log {name}", rig.log.note, reads, written)
