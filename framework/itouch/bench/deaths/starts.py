@@ -92,6 +92,7 @@ def kill(victim: str, after: float, *, running: bool = False) -> Kill:
                 os.kill(found, signal.SIGKILL)
             if victim in ("recorder", "viewer"):  # the session may go on, or wait for another: it is told to end
                 time.sleep(0.5)
+                event = monotonic() if victim == "recorder" else event
                 with contextlib.suppress(ProcessLookupError):
                     started[0].terminate()
             began = time.monotonic()
@@ -134,12 +135,12 @@ class _Watched:
                 time.sleep(0.01)
 
     def await_begun(self) -> None:
-        """Wait until some device has obeyed."""
+        """Wait until some device has obeyed, or nobody is left who could."""
         end = time.monotonic() + _COMES
-        while time.monotonic() < end:
+        while time.monotonic() < end and "launcher" in _marked(self._name).values():
             if any(o.seen[n] and o.seen[n][-1][1] & wire.BEGUN for n, o in list(self._observers.items())):
                 return
-            time.sleep(0.01)
+            time.sleep(0.02)
 
     def safe_after(self, event: int, victim: str) -> dict[str, float | None]:
         """Return how long [s] each device took that obeyed; of twins one has been killed, and tells nothing more."""
