@@ -24,7 +24,7 @@ def scene(tmp_path: Path) -> Path:
     """The wire scene at addresses of its own, with a touch of aluminium as soon as touch-off is done."""
     text = (SCENES / "four_materials_wire.xml").read_text()
     begin, end = text.index("<motion>"), text.index("</motion>")
-    motion = '<to pos="-33 0 40 mm" in="0.9 s" hold="2.6 s"/><to pos="-33 0 16 mm" in="0.7 s" hold="0.7 s"/>'
+    motion = '<to pos="-33 0 40 mm" in="0.8 s" hold="6 s"/><to pos="-33 0 16 mm" in="0.7 s" hold="0.7 s"/>'
     (tmp_path / "scene.xml").write_text(text[:begin] + "<motion>" + motion + text[end:])
     (tmp_path / "materials.xml").write_text((SCENES / "materials.xml").read_text())
     rig = (SCENES / "rigs/wire.xml").read_text()

@@ -109,6 +109,8 @@ class Screen:
             _plain_table(report, self._stream)
         for line in _marks(report):
             self._stream.write(line + "\n")
+        for line in _judged(report):
+            self._stream.write(line + "\n")
         self._stream.write(_closing(report) + "\n")
         for name, device in report["devices"].items():
             if device.get("exchanges"):
@@ -127,6 +129,22 @@ def _marks(report: dict[str, Any]) -> list[str]:
             found.append(f"{where}: began before the plate was ready")
         if entry.get("plate_limited"):
             found.append(f"{where}: its start temperature is out of the plate's band and was clipped")
+    return found
+
+
+def _judged(report: dict[str, Any]) -> list[str]:
+    """Say how good an estimated flux is: its deviation, the sensor's own comparison, and the truth of a virtual rig."""
+    found = []
+    for entry in report["contacts"]:
+        if entry.get("flux_source") != "estimate" or entry.get("sensor_error_rms") is None:
+            continue
+        error, sensor = entry["flux_error_rms"] or 0.0, entry["sensor_error_rms"]
+        line = f"{entry['object']}: flux off by {100.0 * error:.1f} % as estimated (+- "
+        line += f"{entry['flux_deviation_W_m2']:.0f} W/m2), {100.0 * sensor:.1f} % by the sensor alone"
+        if entry.get("true_error_rms") is not None:
+            line += f"; truly {100.0 * entry['true_error_rms']:.1f} %, the estimate itself by "
+            line += f"{100.0 * entry['estimate_error_rms']:.1f} %"
+        found.append(line)
     return found
 
 
