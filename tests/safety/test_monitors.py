@@ -3,22 +3,42 @@
 from __future__ import annotations
 
 import dataclasses
+import math
+from collections.abc import Iterator
+from typing import Any, ClassVar
 
+import numpy as np
 import pytest
-from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, Asked, Fake, model, state
+from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, Asked, Fake, FakeTwin, model, state
 
-from itouch.monitors import Arm, Heat, Ordinary, Push, Readings, Surface, Trip, TripError, own_monitors
+from itouch.monitors import (
+    Arm,
+    DeviceFaultError,
+    Heat,
+    Ordinary,
+    Push,
+    Readings,
+    Surface,
+    Trip,
+    TripError,
+    own_monitors,
+)
 from itouch.monitors.limits import DeviceLimits
 from itouch.plugin import (
     Channel,
+    Moment,
+    Monitor,
+    Record,
     Role,
+    Watched,
     measured_wrench,
     plate_temperature,
     pose_target,
     temperature,
     temperature_target,
 )
-from itouch.safety import Panel, Supervisor
+from itouch.plugin.stamps import Stamped
+from itouch.safety import Guard, Panel, Supervisor
 from itouch.world.supervision import monitors_of, watched
 
 PAD = ((measured_wrench(),), (Channel("air", 1, "Pa", (0.0,), (5e4,), safe=(0.0,), role=Role.PRESSURE, harmless="x"),))
@@ -174,3 +194,161 @@ def test_a_surface_without_a_place_or_a_force() -> None:
     assert blind.check() == 1.0
     assert blind.moment.touched
     assert blind.monitor.watches == ()
+
+
+class Toy(Monitor):
+    """A monitor that does what a test says."""
+
+    name = "toy"
+    trips: ClassVar[dict[int, str]] = {1: "one", 2: "two"}
+    says: ClassVar[Any] = 1.0
+    placed: ClassVar[bool] = False
+
+    @classmethod
+    def of(cls, device: Watched) -> Iterator[Monitor]:
+        yield cls(device)
+
+    def check(self, state: Record, reading: Record, sent: Record, moment: Moment) -> float:
+        if isinstance(self.says, Exception):
+            raise self.says
+        return float(self.says)
+
+    def rule(self, code: int, reading: Record) -> str:
+        if code == 2:
+            raise RuntimeError
+        return ""
+
+
+class PlacedToy(Toy):
+    name = "placed"
+    placed: ClassVar[bool] = True
+
+
+def toyed(says: Any, kind: type[Toy] = Toy, twin: Any = None) -> Supervisor:
+    one = model(PLATE, offered=[type("Toy", (kind,), {"says": says})], twin=twin is not None)
+    device = Supervisor(one, state(one), PERIOD, device=None if twin else Fake(), twin=twin)
+    device.reset()
+    device.open()
+    for name in ("plate_temperature", "sink_temperature"):
+        device.reading[name] = 300.0
+    return device
+
+
+@pytest.mark.parametrize(
+    ("says", "trip", "words"),
+    [
+        (-1.0, Trip.MONITOR, "was stopped by one"), (-2.0, Trip.MONITOR, r"stopped by two \(RuntimeError while it was told"),
+        (-3.0, Trip.MONITOR_ERROR, "returned -3.0: neither a share nor a trip"),
+        (math.nan, Trip.MONITOR_ERROR, "returned nan"), (2.0, Trip.MONITOR_ERROR, "returned 2.0"),
+        (-math.inf, Trip.MONITOR_ERROR, "returned -inf"), (ValueError("no"), Trip.MONITOR_ERROR, "failed: ValueError: no"),
+    ],
+)  # fmt: skip
+def test_what_a_monitor_may_return(says: Any, trip: Trip, words: str) -> None:
+    with pytest.raises(DeviceFaultError, match=words) as caught:
+        toyed(says).read(0)
+    assert caught.value.trip is trip
+
+
+def test_the_words_of_a_monitor_that_says_nothing() -> None:
+    toy = Asked(Toy, PLATE)
+    assert Monitor.sentence(toy.monitor, 7, toy.state, toy.reading, toy.moment) == "was stopped by code 7"
+    assert Monitor.rule(toy.monitor, 1, toy.reading) == ""
+    assert (toy.monitor.watches, toy.monitor.fields(), toy.monitor.rules()) == ((), (), ())
+
+
+def test_a_monitor_that_is_told_where_the_finger_is() -> None:
+    device = toyed(0.5, PlacedToy)
+    device.read(0)
+    device.enable()
+    device.watch_placed(0)
+    assert device.panel.share == 0.5
+    device.panel.restore()
+    assert device.panel.share == 0.5
+    broken = toyed(-1.0, PlacedToy)
+    with pytest.raises(DeviceFaultError, match="was stopped by one"):
+        broken.watch_placed(0)
+    assert broken.tripped == -1
+
+
+def test_a_surface_says_what_is_touched_and_how_fast_it_may_close_in() -> None:
+    one = model(TABLE)
+    device = Supervisor(one, state(one), PERIOD, device=Fake())
+    device.reset()
+    device.open()
+    device.reading["wrench"][2] = -1.0
+    device.read(0)
+    device.panel.moment.gap, device.panel.moment.strayed = -0.001, 0.0
+    device.watch_placed(0)
+    assert device.panel.touched
+    assert device.panel.force == 1.0
+    device.watch_placed(1)  # not its turn
+    assert device.panel.closing(0.05, 0.0) == 0.25
+    count = device.panel._clamped.item()
+    assert device.panel.closing(0.05, 0.004) == 0.0
+    assert device.panel._clamped.item() == count + 1
+    assert device.panel.follow(0.03, False) == 0.03
+    surface = device.panel.surface
+    assert surface is not None
+    surface.state["withdrawn"][...] = 1
+    assert device.panel.withdrawn
+    assert device.panel.follow(0.03, False) == 0.0
+    assert device.panel._clamped.item() == count + 2
+
+
+class StampedTwin(FakeTwin, Stamped):
+    """A twin that knows when it measured, and what has left."""
+
+    left: int | None = 3
+
+    def measured(self, state: Record, tick: int, ticks: Any) -> None:
+        ticks[...] = tick - 2
+
+    def departed(self, state: Record, tick: int, command: Record) -> int | None:
+        return self.left
+
+
+def test_a_reading_may_be_older_than_it_comes() -> None:
+    twin = StampedTwin()
+    device = toyed(1.0, twin=twin)
+    device.read(0)
+    assert set(device._measured.tolist()) == {-2}
+    device._left = np.zeros((), np.int64)
+    device.read(1)
+    assert device._left.item() == 3
+    twin.left, twin.says = None, lambda reading: False
+    device.read(2)
+    assert (device._left.item(), set(device._measured.tolist())) == (3, {-1})
+
+
+def test_a_target_goes_to_the_middle_as_less_is_left() -> None:
+    guard = Guard(temperature_target("goal", low=250.0, high=400.0), LIMITS)
+    for share, most in ((1.0, 313.15), (0.5, 306.9), (0.0, 300.65)):
+        sent = np.array([300.0])
+        guard.limit(np.array([400.0]), sent, share, 1.0, 0.0)
+        assert sent[0] == pytest.approx(most)
+
+
+def test_details_of_rules_and_windows() -> None:
+    heat = Asked(Heat, PLATE)
+    assert heat.monitor.watches == ("current",)
+    heat.reading["plate_temperature"] = 315.5
+    assert heat.monitor.rule(int(Trip.PLATE_TEMPERATURE), heat.reading) == "T1"
+    heat.reading["plate_temperature"] = 280.0
+    assert heat.monitor.rule(int(Trip.PLATE_TEMPERATURE), heat.reading) == "T2"
+    heat.reading["plate_temperature"] = 300.0
+    heat.check(0.01)
+    heat.moment.fresh = True
+    heat.monitor.check(heat.state, heat.reading, heat.sent, heat.moment)  # the same reading again
+    assert heat.state["samples"].item() == 1
+    arm = Asked(Arm, ARM)
+    assert arm.monitor.watches == ("wrench",)
+    assert [arm.monitor.rule(int(trip), arm.reading) for trip in (Trip.FINGER_FORCE, Trip.SPEED)] == ["K1", "K2"]
+    skin = Role.SKIN_CONTACT_TEMPERATURE
+    two = watched("it", "f", None, ((temperature("a", skin), temperature("b", skin)), ()), LIMITS, twin=False)
+    assert "two sensors of one plate 3 K apart" in Readings(two).rules()[0].trip
+    table = Asked(Surface, TABLE)
+    table.moment.strayed = table.moment.gap = 0.0
+    table.check(0.01)
+    table.moment.now += 0.01  # it looks again, but nothing was measured since
+    assert table.monitor.check(table.state, table.reading, table.sent, table.moment) == 1.0
+    assert table.state["places"].item() == 1
