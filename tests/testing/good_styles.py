@@ -128,7 +128,7 @@ class SlowSlider(Slider):
         """Says something new ten times a second."""
 
         def fields(self):
-            return (*super().fields(), Field("count", "i8"))
+            return (*super().fields(), Field("count", "i8", unit="tick", doc="ticks so far"))
 
         def step(self, state, command, touch, period):
             super().step(state, command, touch, period)
@@ -227,7 +227,7 @@ class MovingSlider(Slider):
         """Follows, and filters its speed."""
 
         def fields(self):
-            return (*super().fields(), Field("speed", "f8", 3))
+            return (*super().fields(), Field("speed", "f8", 3, unit="m/s", doc="speed of the end"))
 
         def step(self, state, command, touch, period):
             super().step(state, command, touch, period)
@@ -252,7 +252,10 @@ class Heater(Device):
 
         mass: float = schema.quantity("kg", low=1e-3, high=1.0, default=0.05, doc="mass of the plate")
 
-    reads = (temperature("block_temperature", Role.OTHER_TEMPERATURE), Channel("flag", 1, ""))
+    reads = (
+        temperature("block_temperature", Role.OTHER_TEMPERATURE),
+        Channel("flag", 1, "1", doc="1 while it is well"),
+    )
     commands = (current(limit=2.0),)
     watchdog = 1.0
 
@@ -263,7 +266,7 @@ class Heater(Device):
             self._room = ambient
 
         def fields(self):
-            return (Field("temperature"),)
+            return (Field("temperature", unit="K", doc="temperature of the block"),)
 
         def reset(self, state, rng):
             state["temperature"] = self._room

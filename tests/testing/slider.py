@@ -36,7 +36,10 @@ class SliderTwin(Twin):
 
     def fields(self) -> tuple[Field, ...]:
         """Return place and noise."""
-        return (Field("place", "f8", 3), Field("noise", "u8"))
+        return (
+            Field("place", "f8", 3, unit="m", doc="where the slider is"),
+            Field("noise", "u8", unit="1", doc="word of the noise generator"),
+        )
 
     def reset(self, state: Record, rng: np.random.Generator) -> None:
         """Begin in the middle."""

@@ -8,6 +8,7 @@ import textwrap
 from pathlib import Path
 
 import bad_guests
+import bad_meanings
 import bad_states
 import pytest
 from bad import BAD
@@ -46,7 +47,7 @@ class TestSliderOnItsEmulator(EmulatorTests):
 def test_there_are_enough_bad_plugins():
     assert len(BAD) >= 100
     assert len(set(BAD.values())) >= 35
-    assert {cls.__module__ for cls in BAD} >= {bad_guests.__name__, bad_states.__name__}
+    assert {cls.__module__ for cls in BAD} >= {bad_guests.__name__, bad_states.__name__, bad_meanings.__name__}
 
 
 @pytest.mark.parametrize(("cls", "check"), BAD.items(), ids=[cls.__name__ for cls in BAD])
@@ -54,6 +55,13 @@ def test_a_bad_plugin_is_caught_by_name(cls, check, tmp_path):
     finding = CHECKS[check].examine(subject(cls, check, tmp_path))
     assert finding.outcome == "failed", f"{check} did not see it: {finding.note}"
     assert "likely cause:" in finding.note and "what to do:" in finding.note
+
+
+@pytest.mark.parametrize("cls", [Slider, bad_meanings.FollowsItsPlate, bad_meanings.HasASwitch])
+@pytest.mark.parametrize("check", ["meaning", "roles"])
+def test_a_plugin_that_means_what_it_says_is_not_blamed(cls, check):
+    finding = CHECKS[check].examine(DeviceSubject(cls, "slider"))
+    assert finding.outcome == "passed", finding.note
 
 
 def test_a_plugin_that_looks_for_hardware_at_import_is_caught(tmp_path, monkeypatch):

@@ -37,7 +37,7 @@ class Counter(Modality):
         return {"name": name}
 
     def fields(self, model):
-        return (Field("x"),)
+        return (Field("x", unit="1", doc="a number"),)
 
     def reset(self, model, state):
         state[f"{model['name']}.x"] = 0.0

@@ -11,6 +11,7 @@ import numpy as np
 
 from itouch.plugin import ROTATIONS, Channel, Device, Role, Safe
 from itouch.plugin.discovery import NAMESPACE
+from itouch.plugin.quantity import PLAIN
 from itouch.scene import loads, write
 from itouch.schema import SceneError
 from itouch.schema.fields import Spec, specs, validate, xml_name
@@ -210,12 +211,12 @@ def units(subject: DeviceSubject) -> None:
     reads, commands = cls.channels(subject.require_params())
     for channel in (*reads, *commands):
         try:
-            unit = parse_unit(channel.unit) if channel.unit else None
+            unit = parse_unit(channel.unit) if channel.unit and channel.unit not in PLAIN else None
         except ValueError as error:
             raise _fail(
                 f"the channel '{channel.name}' is in '{channel.unit}', which is no unit",
                 "a misspelling, or a word",
-                "write it as in m/s^2, N*m or W/m^2; a number without a unit has ''",
+                "write it as in m/s^2, N*m or W/m^2; a number without a unit has '1'",
             ) from error
         if unit is not None and (unit.factor != 1.0 or unit.offset):
             raise _fail(

@@ -74,7 +74,14 @@ class DisplayTwin(Twin):
         """Return modes, delay line, sensors, energies and the generator's word."""
         slots = 1 + round((self.params.delay + self.params.mismatch.delay) / SHORTEST)
         return (
-            Field("true_flux", unit="W/m^2", doc="true flux out of the finger", role=Role.HEAT_FLUX, show="no"),
+            Field(
+                "true_flux",
+                role=Role.HEAT_FLUX,
+                unit="W/m^2",
+                doc="true flux out of the finger",
+                role=Role.HEAT_FLUX,
+                show="no",
+            ),
             Field(
                 "true_skin",
                 unit="K",
@@ -82,7 +89,13 @@ class DisplayTwin(Twin):
                 role=Role.SKIN_TEMPERATURE,
                 show="no",
             ),  # fmt: skip
-            Field("true_plate", unit="K", doc="true temperature of the plate's face", show="no"),
+            Field(
+                "true_plate",
+                role=Role.SKIN_CONTACT_TEMPERATURE,
+                unit="K",
+                doc="true temperature of the plate's face",
+                show="no",
+            ),
             Field(
                 "memory",
                 "f8",

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from itouch.plugin import Channel, Device, Field, Twin, current, schema
+from itouch.plugin import Channel, Device, Emulation, Field, Timing, Twin, current, schema
 from itouch_voice_coil.emulator import VoiceCoilEmulator
 from itouch_voice_coil.line import Line
 
@@ -24,7 +24,11 @@ class VoiceCoilTwin(Twin):
 
     def fields(self):
         """Return the State that the twin needs."""
-        return (Field("place"), Field("speed"), Field("acceleration"))
+        return (
+            Field("place", unit="m", doc="place of the mass", show="no"),
+            Field("speed", unit="m/s", doc="speed of the mass", show="no"),
+            Field("acceleration", unit="m/s^2", doc="acceleration of the mass", show="no"),
+        )
 
     def reset(self, state, rng):
         """Begin at rest."""
@@ -56,11 +60,11 @@ class VoiceCoil(Device):
     """A voice coil that shakes a fingertip."""
 
     Params, Twin = VoiceCoilParams, VoiceCoilTwin
-    Emulator = VoiceCoilEmulator
-    reads = (Channel("acceleration", 1, "m/s^2", low=(-1000.0,), high=(1000.0,)),)
+    emulation = Emulation(Emulator=VoiceCoilEmulator)
+    reads = (Channel("acceleration", 1, "m/s^2", low=(-1000.0,), high=(1000.0,), doc="acceleration of the housing"),)
     commands = (current(limit=0.5, harmless="it moves 8 g by less than a millimetre, and gives 20 mW"),)
-    #: After so many seconds without a command the device lets go by itself; None if it does not.
-    watchdog = 0.1
+    #: After so many seconds without a command the device lets go by itself.
+    timing = Timing(watchdog=0.1)
 
     def open(self):
         """Open the line."""

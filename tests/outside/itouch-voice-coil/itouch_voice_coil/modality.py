@@ -52,12 +52,12 @@ class VoiceCoilRender(Modality):
     def fields(self, model):
         """Return the State of the modality: all that changes, and nothing else."""
         return (
-            Field("object", "i8"),
-            Field("speed"),
-            Field("force"),
-            Field("phase"),
-            Field("acceleration"),
-            Field("peak"),
+            Field("object", "i8", unit="1", doc="number of the touched object, -1: none"),
+            Field("speed", unit="m/s", doc="speed of the finger along the surface"),
+            Field("force", unit="N", doc="normal force of the contact"),
+            Field("phase", unit="rad", doc="phase of the texture under the finger", show="no"),
+            Field("acceleration", unit="m/s^2", doc="acceleration that is asked for"),
+            Field("peak", unit="m/s^2", doc="greatest acceleration of the open contact", show="no"),
         )
 
     def commands(self, model):

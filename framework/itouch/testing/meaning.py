@@ -1,0 +1,126 @@
+"""What a plugin says of its numbers: units and sentences on all of them, and roles that its behaviour bears out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from itouch.plugin import Channel, Role
+from itouch.plugin.declared import faults_of
+from itouch.plugin.quantity import SIZES
+from itouch.testing.checks import CheckError, NotApplicableError, check
+from itouch.testing.situation import ModalitySubject
+from itouch.testing.subject import PERIOD, DeviceSubject, TwinBench
+
+#: Unit that a quantity of a role has.
+UNITS = {
+    Role.TRACKED_POSE: "m", Role.TRACKED_TWIST: "m/s", Role.CONTACT_FORCE: "N", Role.FORCE_ON_OPERATOR: "N",
+    Role.SURFACE_POSE: "m", Role.SKIN_CONTACT_TEMPERATURE: "K", Role.SKIN_TEMPERATURE: "K", Role.OTHER_TEMPERATURE: "K",
+    Role.HEAT_SINK_TEMPERATURE: "K", Role.TEMPERATURE_TARGET: "K", Role.HEAT_FLUX: "W/m^2", Role.PRESSURE: "Pa",
+    Role.DEADMAN: "1", Role.SKIN_VALID: "1", Role.OUTPUT_SWITCH: "1",
+}  # fmt: skip
+#: Roles of commands; all others but SIGNAL are those of readings.
+COMMANDS = frozenset({
+    Role.FORCE_ON_OPERATOR, Role.SURFACE_POSE, Role.DRIVE, Role.TEMPERATURE_TARGET, Role.PRESSURE, Role.ELECTRODE,
+    Role.ULTRASOUND, Role.OUTPUT_SWITCH,
+})  # fmt: skip
+#: Roles that a reading may have too: what is driven can also be measured.
+BOTH = frozenset({Role.SIGNAL, Role.PRESSURE})
+#: How long a drive acts [s], and by how much a temperature that it drives must then have changed [K].
+DRIVEN, FOLLOWS = 5.0, 0.2
+
+
+def _fail(seen: str, cause: str, advice: str) -> CheckError:
+    return CheckError(seen, cause=cause, advice=advice)
+
+
+@check("meaning", "every number says its unit and what it is")
+def meaning(subject: DeviceSubject) -> str:
+    """Look at the channels, and at the fields of the twin."""
+    bench = subject.bench()
+    fields = bench.twin.fields()
+    _said([*faults_of(bench.reads, "reading"), *faults_of(bench.commands, "command"), *faults_of(fields, "field")])
+    return f"{len(bench.reads) + len(bench.commands)} channels, {len(fields)} fields"
+
+
+@check("meaning", "every number says its unit and what it is")
+def fields_meaning(subject: ModalitySubject) -> str:
+    """Look at the fields of the modality."""
+    engine = subject.engine()
+    fields = [field for m in subject.own(engine) for field in m.instance.fields(m.model)]
+    _said(list(faults_of(fields, "field")))
+    return f"{len(fields)} fields"
+
+
+def _said(faults: list[str]) -> None:
+    if faults:
+        raise _fail(
+            "; ".join(faults[:4]) + ("; ..." if len(faults) > 4 else ""),
+            "unit= or doc= was left away, or the unit is not SI",
+            'give every Channel and Field a unit and one sentence: Field("level", unit="Pa", doc="pressure inside")',
+        )
+
+
+@check("roles", "what it calls its channels is what they do")
+def roles(subject: DeviceSubject) -> None:
+    """Compare the roles with units, sizes and sides, and a skin-contact temperature with what the drive does."""
+    bench = subject.bench()
+    named = [channel for channel in (*bench.reads, *bench.commands) if channel.role is not Role.SIGNAL]
+    if not named:
+        raise NotApplicableError("none of its channels has a role")
+    _sides(bench.reads, bench.commands)
+    for channel in named:
+        unit = UNITS.get(channel.role, channel.unit)
+        if channel.unit != unit or SIZES.get(channel.role, channel.size) != channel.size:
+            raise _fail(
+                f"'{channel.name}' is called a {channel.role.value}, and is {channel.size} x '{channel.unit}'",
+                "another role was meant, or another unit",
+                f"a {channel.role.value} is {SIZES.get(channel.role, 'any number of')} x {unit}",
+            )
+    _contact_temperature(bench)
+
+
+def _sides(reads: Iterable[Channel], commands: Iterable[Channel]) -> None:
+    wrong = [c for c in reads if c.role in COMMANDS - BOTH] + [c for c in commands if c.role not in COMMANDS | BOTH]
+    if wrong:
+        raise _fail(
+            f"'{wrong[0].name}' is called a {wrong[0].role.value}, which is the role of "
+            f"{'a command' if wrong[0].role in COMMANDS else 'a reading'}",
+            "the role was taken from the wrong side",
+            "see itouch.plugin.Role: roles of readings come first, those of commands after them",
+        )
+
+
+def _contact_temperature(bench: TwinBench) -> None:
+    """Drive what heats, and see whether what is called the skin-contact temperature follows."""
+    told = [c.name for c in bench.reads if c.role is Role.SKIN_CONTACT_TEMPERATURE]
+    drives = [c for c in bench.commands if c.role in (Role.DRIVE, Role.TEMPERATURE_TARGET) and c.low and c.high]
+    if not told or not drives:
+        return
+    true = [f.name for f in bench.twin.fields() if f.role is Role.SKIN_CONTACT_TEMPERATURE]
+    bench.step(100, driven=False)
+    others = {c.name for c in bench.reads if c.unit == "K"} - set(told)
+    before = {name: float(bench.reading[name][0]) for name in (*told, *others)}
+    truth = {name: float(np.ravel(bench.state[name])[0]) for name in true}
+    for switch in (c for c in bench.commands if c.role is Role.OUTPUT_SWITCH):
+        bench.command[switch.name] = 1.0
+    for drive in drives:
+        bench.command[drive.name] = (
+            np.array(drive.high) if drive.role is Role.TEMPERATURE_TARGET else 0.5 * np.array(drive.low)
+        )
+    bench.step(round(DRIVEN / PERIOD), driven=False)
+    moved = {name: abs(float(bench.reading[name][0]) - before[name]) for name in before}
+    plate = max((abs(float(np.ravel(bench.state[name])[0]) - truth[name]) for name in true), default=0.0)
+    still = [name for name in told if moved[name] < max(FOLLOWS, 0.3 * plate)]
+    if still:
+        other = max(others, key=lambda name: moved[name], default="")
+        hint = (
+            f"'{other}' changes by {moved[other]:.1f} K" if other and moved[other] > FOLLOWS else "the sensor of a room"
+        )
+        raise _fail(
+            f"'{still[0]}' is called the skin-contact temperature and changes by {moved[still[0]]:.2f} K in {DRIVEN:g} s "
+            f"under its drive{f', the plate of its twin by {plate:.1f} K' if true else ''}",
+            f"it is the temperature of something else: {hint}",
+            "give the role SKIN_CONTACT_TEMPERATURE to the sensor of what the skin touches, and to no other",
+        )
