@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 from itouch.arms.pad import PadError, find_pad
-from itouch.plugin import Attached, Device, DeviceError, Record, pose, schema, wrench
+from itouch.plugin import Attached, Device, DeviceError, Mechanics, Opening, OperatorInput, Record, pose, schema, wrench
 
 Vector = tuple[float, float, float]
 #: Greatest force [N] and stiffness [N/m] of the simulated arm: those of common desktop arms.
@@ -54,9 +54,8 @@ class LedArm(Device):
 
     reads = (pose(locked=(3, 4, 5)),)
     commands = (wrench(force=FORCE),)
-    twin_only: ClassVar[bool] = True
-    max_stiffness: ClassVar[float | None] = STIFFNESS
-    damping: ClassVar[float | None] = 0.0
+    opening = Opening(twin_only=True)
+    mechanics = Mechanics(max_stiffness=STIFFNESS, damping=0.0)
 
     def open(self) -> None:
         """Refuse: there is nothing to open.
@@ -86,7 +85,7 @@ class Mouse(LedArm):
     """A simulated arm whose finger the mouse leads across, and its wheel up and down, in the window."""
 
     Params = MouseParams
-    led_by: ClassVar[str] = "mouse"
+    operator_input = OperatorInput(led_by="mouse")
 
     @classmethod
     def attached(cls) -> tuple[Attached, ...]:
@@ -98,7 +97,7 @@ class Keyboard(LedArm):
     """A simulated arm whose finger the arrow keys lead across, and Page Up and Down up and down, in the window."""
 
     Params = KeyboardParams
-    led_by: ClassVar[str] = "keyboard"
+    operator_input = OperatorInput(led_by="keyboard")
 
     @classmethod
     def attached(cls) -> tuple[Attached, ...]:
@@ -110,7 +109,7 @@ class Gamepad(LedArm):
     """A simulated arm whose finger a gamepad leads: the left stick across, the right one up and down."""
 
     Params = GamepadParams
-    led_by: ClassVar[str] = "gamepad"
+    operator_input = OperatorInput(led_by="gamepad")
 
     @classmethod
     def attached(cls) -> tuple[Attached, ...]:

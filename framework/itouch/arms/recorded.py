@@ -20,6 +20,9 @@ from itouch.plugin import (
     Device,
     DeviceError,
     Field,
+    Mechanics,
+    Opening,
+    OperatorInput,
     ParameterError,
     Record,
     Touch,
@@ -121,10 +124,9 @@ class Recorded(Device):
     reads = (pose(),)
     commands = (wrench(force=FORCE),)
     Twin: ClassVar[type[Twin] | None] = RecordedTwin
-    twin_only: ClassVar[bool] = True
-    led_by: ClassVar[str] = "recording"
-    max_stiffness: ClassVar[float | None] = STIFFNESS
-    damping: ClassVar[float | None] = 0.0
+    opening = Opening(twin_only=True)
+    operator_input = OperatorInput(led_by="recording")
+    mechanics = Mechanics(max_stiffness=STIFFNESS, damping=0.0)
 
     @classmethod
     def channels(cls, params: Any) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:

@@ -7,6 +7,7 @@ import sys
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+from itouch.cli import deprecations
 from itouch.cli.ending import Stopping, write_report
 from itouch.loop.faultwords import told
 from itouch.schema import ItouchError
@@ -72,6 +73,7 @@ def _follow(handle: Handle, stop: Stopping, *, window: bool, mute: bool, leader:
     for notice in handle.notices:
         print(f"note: {notice}", file=sys.stderr)
     shown = Shown(handle)
+    deprecations.warn(shown.model)
     screen = Screen(shown, sys.stdout)
     waiting = Waiting(handle, shown.model) if not window else None
     losses = Losses(handle, screen)

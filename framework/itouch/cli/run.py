@@ -8,7 +8,7 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from itouch.cli import keeping, leading, live, pictures, sounds, windows
+from itouch.cli import deprecations, keeping, leading, live, pictures, sounds, windows
 from itouch.cli.arguments import output_file, seconds
 from itouch.cli.ending import Interrupted, Stopping, unstarted, write_report
 from itouch.plugin import trace
@@ -49,6 +49,7 @@ def _start(options: argparse.Namespace, stop: Stopping) -> int:
 
     for notice in session.notices:
         print(f"note: {notice}", file=sys.stderr)
+    deprecations.warn(session.model)
     screen = Screen(session, sys.stdout)
     session.loss_hooks.append(lambda loss: screen.interrupt(told(loss)))
     with pictures.taking(session, options), sounds.keeping(session, options), keeping.keeping(session, options):

@@ -157,4 +157,4 @@ class Grouped:
             else:
                 old += [f"attribute '{m}' belongs to a group: write {name} = {kind.__name__}({m}=...)"
                         for m in members if m in cls.__dict__]  # fmt: skip
-        cls.outdated = tuple(old)
+        cls.outdated = tuple(dict.fromkeys([*cls.outdated, *old]))

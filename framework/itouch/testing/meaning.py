@@ -119,8 +119,8 @@ def _contact_temperature(bench: TwinBench) -> None:
             f"'{other}' changes by {moved[other]:.1f} K" if other and moved[other] > FOLLOWS else "the sensor of a room"
         )
         raise _fail(
-            f"'{still[0]}' is called the skin-contact temperature and changes by {moved[still[0]]:.2f} K in {DRIVEN:g} s "
-            f"under its drive{f', the plate of its twin by {plate:.1f} K' if true else ''}",
+            f"'{still[0]}' is called the skin-contact temperature and changes by {moved[still[0]]:.2f} K in "
+            f"{DRIVEN:g} s under its drive{f', the plate of its twin by {plate:.1f} K' if true else ''}",
             f"it is the temperature of something else: {hint}",
             "give the role SKIN_CONTACT_TEMPERATURE to the sensor of what the skin touches, and to no other",
         )

@@ -3,6 +3,16 @@
 from itouch.world.modalities import ModalityModel
 from itouch.world.model import Model, ProbeModel, compile_scene
 from itouch.world.rig import DeviceModel
-from itouch.world.state import declared, layout, make_state
+from itouch.world.state import declared, layout, make_state, undeclared
 
-__all__ = ["DeviceModel", "ModalityModel", "Model", "ProbeModel", "compile_scene", "declared", "layout", "make_state"]
+__all__ = [
+    "DeviceModel",
+    "ModalityModel",
+    "Model",
+    "ProbeModel",
+    "compile_scene",
+    "declared",
+    "layout",
+    "make_state",
+    "undeclared",
+]

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from itouch.contact.surfaces import EFFECTS_MEMORY
 from itouch.plugin import Field, Record
+from itouch.plugin.declared import faults_of
 from itouch.world import marks
 from itouch.world.failing import failing
 from itouch.world.fields import HAND, probe_fields
@@ -138,6 +139,19 @@ def declared(model: Model) -> Mapping[str, Field]:
         model.declared.append({field.name: field for field in layout(model)})
     found: Mapping[str, Field] = model.declared[0]
     return found
+
+
+def undeclared(model: Model) -> tuple[str, ...]:
+    """Return what plugins of the scene leave unsaid of their channels and fields, or say in an older way, once each."""
+    found: list[str] = []
+    for device in model.devices.values():
+        said = [*faults_of(device.reads, "reading"), *faults_of(device.commands, "command")]
+        said += faults_of(device.make_twin().fields(), "field") if device.twin else ()
+        found += [f"device plugin '{device.plugin}': {sentence}" for sentence in (*said, *device.cls.outdated)]
+    for modality in model.modalities:
+        said = list(faults_of(modality.instance.fields(modality.model), "field"))
+        found += [f"modality plugin '{modality.plugin}': {sentence}" for sentence in said]
+    return tuple(dict.fromkeys(found))
 
 
 def _prefixed(prefix: str, fields: Iterable[Field]) -> list[Field]:

@@ -10,7 +10,7 @@ import math
 import os
 import time
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 from itouch.plugin import (
     RETRACT,
@@ -19,8 +19,10 @@ from itouch.plugin import (
     Channel,
     Device,
     DeviceError,
-    Emulator,
+    Emulation,
+    Opening,
     Record,
+    Timing,
     measured_wrench,
     pose,
     pose_target,
@@ -94,10 +96,9 @@ class XyzTable(Device):
     reads = (pose(locked=ROTATIONS), measured_wrench(force=50.0, locked=ROTATIONS))
     commands = (pose_target(low=(-0.08, -0.06, 0.0), high=(0.08, 0.06, 0.04), speed=0.3, safe=RETRACT),)
     Twin = XyzTableTwin
-    Emulator: ClassVar[type[Emulator] | None] = TableEmulator
-    blocking: ClassVar[bool] = True
-    moves_on_open: ClassVar[bool] = True
-    watchdog: ClassVar[float | None] = WATCHDOG
+    timing = Timing(blocking=True, watchdog=WATCHDOG)
+    opening = Opening(moves_on_open=True)
+    emulation = Emulation(Emulator=TableEmulator)
 
     @classmethod
     def channels(cls, params: Any) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:

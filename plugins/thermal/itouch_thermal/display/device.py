@@ -76,7 +76,6 @@ class DisplayTwin(Twin):
         return (
             Field(
                 "true_flux",
-                role=Role.HEAT_FLUX,
                 unit="W/m^2",
                 doc="true flux out of the finger",
                 role=Role.HEAT_FLUX,

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import Any, ClassVar
+from typing import Any
 
-from itouch.plugin import Attached, Device, DeviceError, Emulator, Fit, Record
+from itouch.plugin import Attached, Device, DeviceError, Emulation, Opening, Record, Timing
 from itouch_thermal.drivers.emulator import DisplayEmulator
 from itouch_thermal.drivers.fits import FITS
 from itouch_thermal.drivers.rig import Rig, rig_of
@@ -19,15 +19,12 @@ _UNSEEN = 306.15
 class HardwareDisplay(Device):
     """Opens what ``<thermal:hardware>`` names: a current source, and sensors."""
 
-    Emulator: ClassVar[type[Emulator] | None] = DisplayEmulator
-    fits: ClassVar[tuple[Fit, ...]] = FITS
-    blocking: ClassVar[bool] = True
-    #: A MeCom transaction takes 7 ms at 57600 baud, and an exchange has three.
-    exchange_time: ClassVar[float] = 0.02
-    #: A controller's next command is worth waiting for: its readings are too slow to be missed meanwhile.
-    waits: ClassVar[float] = 0.012
+    #: A MeCom transaction takes 7 ms at 57600 baud, and an exchange has three.  A controller's next command is worth
+    #: waiting for: its readings are too slow to be missed meanwhile.
+    timing = Timing(blocking=True, exchange_time=0.02, waits=0.012)
     #: Serial ports and sockets of a process that died are free: another one can set the current to zero.
-    second_opener: ClassVar[bool] = True
+    opening = Opening(second_opener=True)
+    emulation = Emulation(Emulator=DisplayEmulator, fits=FITS)
 
     @classmethod
     def takes(cls, params: Any) -> float:
