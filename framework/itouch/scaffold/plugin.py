@@ -118,7 +118,8 @@ def _words(name: str, kind: str, transport: str) -> dict[str, str]:
         "address": {"serial": "/dev/ttyUSB0", "usb": "1234:5678", "tcp": "192.168.0.10:4001"}.get(transport, ""),
         "address_doc": {"serial": "serial port", "usb": "vendor:product", "tcp": "host:port"}.get(transport, ""),
         "emulator_import": f"from {package}.emulator import {title}Emulator\n" if emulated else "",
-        "emulator_line": f"    Emulator = {title}Emulator\n" if emulated else "",
+        "emulator_line": f"    emulation = Emulation(Emulator={title}Emulator)\n" if emulated else "",
+        "emulation": "Emulation, " if emulated else "",
         "transport": transport, **_modality_steps(kind, transport),
     }  # fmt: skip
 

@@ -6,7 +6,7 @@ import struct
 from collections import deque
 from dataclasses import dataclass
 
-from itouch.plugin import Device, DeviceError, Record, pose, schema, wrench
+from itouch.plugin import Device, DeviceError, Record, Timing, pose, schema, wrench
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Lever(Device):
     Params = LeverParams
     reads = (pose(locked=(0, 1, 3, 4, 5)),)
     commands = (wrench(force=8.0, locked=(0, 1, 3, 4, 5)),)
-    watchdog = 0.1  # the lever's controller lets go of the motor by itself
+    timing = Timing(watchdog=0.1)  # the lever's controller lets go of the motor by itself
 
     def open(self) -> None:
         """Open the line."""
