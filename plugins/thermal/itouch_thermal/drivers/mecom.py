@@ -50,7 +50,7 @@ class MecomClient:
     def __init__(
         self, port: str, baud: int = 57600, address: int = 2, *, patience: float = 1.0, trace: Trace | None = None
     ) -> None:
-        self._line = SerialLine(port, baud, end=b"\r", trace=trace)
+        self._line = SerialLine(port, baud, end=b"\r", trace=trace, patience=max(1.0, patience))
         self._address, self._sequence, self._patience = address, 0, PATIENCE * patience
 
     def close(self) -> None:

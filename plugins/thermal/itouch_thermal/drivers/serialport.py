@@ -17,14 +17,14 @@ class SerialLine:
         If it cannot be opened; the message names the port.
     """
 
-    def __init__(self, port: str, baud: int, *, end: bytes, trace: Trace | None = None) -> None:
+    def __init__(self, port: str, baud: int, *, end: bytes, trace: Trace | None = None, patience: float = 1.0) -> None:
         try:
             import serial
         except ImportError as error:
             raise DeviceError("serial ports need a package more: pip install 'itouch-py[thermal-hardware]'") from error
         self.port, self._end, self._trace, self._waiting = port, end, trace, b""
         try:
-            self._serial: Any = serial.serial_for_url(port, baud, timeout=0.01, write_timeout=0.5)
+            self._serial: Any = serial.serial_for_url(port, baud, timeout=0.01, write_timeout=0.5 * patience)
         except (OSError, ValueError) as error:
             raise DeviceError(f"serial port '{port}' cannot be opened: {error}") from error
 
