@@ -256,7 +256,7 @@ class Heater(Device):
         temperature("block_temperature", Role.OTHER_TEMPERATURE),
         Channel("flag", 1, "1", doc="1 while it is well"),
     )
-    commands = (current(limit=2.0),)
+    commands = (current(limit=2.0, harmless="it warms a block that nobody touches"),)
     watchdog = 1.0
 
     class Twin(Twin):
