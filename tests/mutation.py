@@ -35,7 +35,7 @@ ROOMS: dict[str, tuple[str, tuple[str, ...]]] = {
     "safety": ("framework/itouch/safety", tuple(f"safety/test_{name}.py" for name in SAFETY)),
     "monitors": ("framework/itouch/monitors", tuple(f"safety/test_{name}.py" for name in SAFETY)),
     **{name: (f"framework/itouch/{name}", (name,)) for name in (
-        "scene", "exchange", "loop", "recording", "session", "report", "arms", "dynamics", "sound", "world",
+        "scene", "exchange", "loop", "recording", "session", "report", "arms", "dynamics", "sound", "study", "world",
     )},
     "schema": ("framework/itouch/schema", ("schema", "scene")),
     "faults": ("framework/itouch/faults", ("safety/test_faults.py",)),
