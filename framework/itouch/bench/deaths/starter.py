@@ -1,4 +1,4 @@
-"""``python -m itouch.bench.deaths.starter SCENE NAME RECORDING``: a launcher that records, as a lab's program would."""
+"""``python -m itouch.bench.deaths.starter SCENE NAME RECORDING PARENT``: a launcher that records, as a lab would."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from itouch.schema import ItouchError
 from itouch.servo import launch
+from itouch.servo.parent import gone
 from itouch.session.keeping import Keep
 
 
@@ -17,7 +18,9 @@ def main(argv: Sequence[str]) -> int:
         with launch(argv[0], name=argv[1], keep=Keep(record=argv[2])) as handle:
             signal.signal(signal.SIGTERM, lambda number, frame: handle.request_stop())
             print("launched", flush=True)
-            handle.wait()
+            while not handle.wait(0.2):
+                if gone(int(argv[3])):  # nobody kills it any more
+                    handle.request_stop()
     except ItouchError as error:
         print(error, flush=True)
         return 1

@@ -77,6 +77,7 @@ def kill(victim: str, after: float, *, running: bool = False) -> Kill:
         path.write_text(scene(hold=victim == "viewer"), encoding="utf-8")
         environment = {**os.environ, _MARK: mark}
         words = [sys.executable, "-P", "-m", "itouch.bench.deaths.starter", str(path), mark, str(recording)]
+        words.append(str(os.getpid()))
         started = [_quiet(words, environment)]
         watched = _Watched(mark)
         try:
