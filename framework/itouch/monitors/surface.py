@@ -43,6 +43,8 @@ class Surface(Monitor):
         super().__init__(device)
         pose, load = device.reading(Role.TRACKED_POSE), device.reading(Role.CONTACT_FORCE)
         self._pose, self._load = (channel.name if channel is not None else "" for channel in (pose, load))
+        locked = load.locked if load is not None else ()
+        self._torques = [axis for axis in range(3, load.size if load is not None else 3) if axis not in locked]
         target = device.command(Role.SURFACE_POSE)
         self._target = target.name if target is not None else ""
         limits = device.limits
@@ -161,7 +163,7 @@ class Surface(Monitor):
         if not self._load:
             return 0.0
         load = reading[self._load].tolist()
-        return max(math.hypot(*load[:3]), math.hypot(*load[3:]) / LEVER)
+        return max(math.hypot(*load[:3]), math.hypot(*(load[axis] for axis in self._torques)) / LEVER)
 
     def _astray(self, state: Record, moment: Moment) -> bool:
         """Tell whether the surface has been away from its command for too long (K6)."""
