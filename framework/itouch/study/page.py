@@ -15,7 +15,8 @@ h1 { font-size: 1.6rem; } h2 { font-size: 1.2rem; margin-top: 2.2rem; }
 table { border-collapse: collapse; margin: .6rem 0; } .wide { overflow-x: auto; }
 th, td { padding: .25rem .7rem; border-bottom: 1px solid var(--line); text-align: right; }
 th:first-child, td:first-child { text-align: left; }
-.matrix tr:first-child th:not(:first-child), .matrix td { text-align: center; min-width: 5.2rem; } .matrix small { opacity: .75; display: block; }
+.matrix tr:first-child th:not(:first-child), .matrix td { text-align: center; min-width: 5.2rem; }
+.matrix small { opacity: .75; display: block; }
 .lead { font-size: 1.15rem; } .note { opacity: .8; }
 """
 
