@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from itouch.compiling import kernel
-from itouch.loop import render
+from itouch.loop import render, surface
 from itouch.loop.ledger import Ledger
 from itouch.loop.runner import Runner
 from itouch.loop.touch import Toucher
@@ -19,14 +19,15 @@ from itouch.world.failing import said
 
 @kernel
 def _note(
-    current: Any, total: Any, touched: Any, figures: Any, top: Any, plate: Any, begun_on_plate: Any, peak: Any,
-    deepest: Any, widest: Any, physical: Any, worst: Any,
+    current: Any, total: Any, touched: Any, figures: Any, top: Any, plate: Any, was_plate: Any, lasted: Any,
+    memory: Any, push: Any, peak: Any, deepest: Any, widest: Any, physical: Any, worst: Any,
 ) -> int:  # fmt: skip
     """Follow the open contact by one tick; return 0.
 
     All but ``figures`` (those of the probe) have shape (1,): what is touched, the force on the finger, when the plate
-    was touched first, its top, whether it renders the contact now and did at its begin; then what is kept: greatest
-    force, depth and area, when the plate was touched first, and the greatest error of the plate's height.
+    was touched first, its top, whether it is there now and was at any time, for how many ticks, the memory of the
+    carried surface (MEMORY,), and the plate's true force, 0 if none is known; then what is kept: greatest force,
+    depth and area, when the plate was touched first, and the greatest error of the plate's height.
     """
     if current[0] < 0:
         return 0
@@ -38,7 +39,10 @@ def _note(
         widest[0] = figures[render.AREA]
     if physical[0] < 0 and touched[0] >= 0:
         physical[0] = touched[0]
-    if begun_on_plate[0] != 0 and plate[0] != 0:
+    if plate[0] != 0 or push[0] > 0.0:
+        was_plate[0] = 1
+        lasted[0] += 1
+    if plate[0] != 0 and memory[surface.RENDERS] > 0.0 and memory[surface.DROP] == 0.0:
         error = abs(figures[render.SURFACE_HEIGHT] - top[0])
         if error > worst[0]:
             worst[0] = error
@@ -57,12 +61,14 @@ class ContactLog:
         self._plate, self._gap = state[f"{name}.contact.plate"], state[f"{name}.contact.plate_gap"]
         self._peak, self._physical = state[f"{name}.contact.peak_force"], state[f"{name}.contact.physical_begin"]
         self._deepest, self._widest = state[f"{name}.contact.peak_penetration"], state[f"{name}.contact.peak_area"]
+        self._lasted = state[f"{name}.contact.plate_ticks"]
         self._impact = state[f"{name}.contact.impact_speed"]
         figures = toucher.figures
         known = coupling.true_top if table is not None and table.model.twin else figures[render.PLATE_TOP :][:1]
         #: Follows the open contact; called at the end of each tick.
         self.note = Bound(
             _note, toucher.current, coupling.total, coupling.touched, figures, known, toucher.plate, self._plate,
+            self._lasted, toucher.surface, state[f"{name}.plate_force"],
             self._peak, self._deepest, self._widest, self._physical, ledger.worst_height,
         )  # fmt: skip
         self.note.rehearse()
@@ -71,6 +77,7 @@ class ContactLog:
         """Begin or end an entry."""
         if event.kind is Contact.BEGIN:
             self._plate[...] = self._toucher.plate
+            self._lasted[...] = 0
             self._gap[...] = self._true_gap(event)
             self._peak[...] = self._deepest[...] = self._widest[...] = 0.0
             self._impact[...] = event.speed
@@ -105,6 +112,7 @@ class ContactLog:
             "begin_s": begin * period,
             "end_s": None if end is None else end * period,
             "plate": bool(self._plate),
+            "plate_s": int(self._lasted) * period if self._table is not None else None,
             "peak_force_N": float(self._peak),
             "peak_penetration_mm": float(self._deepest) * 1e3,
             "peak_area_mm2": float(self._widest) * 1e6,

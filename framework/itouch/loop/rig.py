@@ -137,7 +137,7 @@ class ProbeRig:
 
         A touch-off that is not done takes the table over.
         """
-        self.toucher.carry()
+        self.toucher.carry(tick)
         table = self.table
         if table is None or table.panel.surface is None:
             return

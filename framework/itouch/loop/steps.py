@@ -77,7 +77,8 @@ def surface(rig: ProbeRig) -> Step:
     """Carry a surface to the finger."""
     name, table = rig.probe.name, rig.table.model.name if rig.table is not None else ""
     figures = _of(name, "plate_gap", "surface_height", "plate_yield", "plate_top", "tracking", "plate", "below")
-    reads = (*figures, *_of(name, "hip", "normal", "object", "contact.object"))
+    figures += _of(name, "surface.*", "felt_force")
+    reads = (*figures, *_of(name, "normal_force", "hip", "normal", "object", "contact.object"))
     reads += _of(table, "pose", "wrench", "sent.pose_target", "touch_off.*", "calibration", "surface.*")
     written = _of(table, "command.pose_target", "touch_off.*", "calibration", "surface.withdrawn", "clamped")
     hand = _of(name, "hand.offset")
@@ -87,8 +88,10 @@ def surface(rig: ProbeRig) -> Step:
 def force(rig: ProbeRig) -> Step:
     """Command the force on the finger: all of it, or what no surface gives."""
     name = rig.probe.name
-    reads = _of(name, "contact_force", "normal", "plate_gap", "plate", "velocity")
-    written = (f"{rig.arm.model.name}.command.wrench",) if rig.arm is not None else ()
+    reads = _of(name, "contact_force", "normal", "plate_gap", "plate", "velocity", "object", "surface.*")
+    reads += (f"{rig.table.model.name}.wrench",) if rig.table is not None else ()
+    written = (*_of(name, "surface.share", "surface.cut"),)
+    written += (f"{rig.arm.model.name}.command.wrench",) if rig.arm is not None else ()
     return Step(f"force {name}", rig.force, reads, written, 1, CALLS_KERNELS)
 
 
@@ -250,5 +253,10 @@ def log(rig: ProbeRig) -> Step:
     """Follow the open contact for the report."""
     name = rig.probe.name
     written = _of(name, "contact.peak_force", "contact.peak_penetration", "contact.peak_area", "contact.physical_begin")
-    reads = (*written, *_of(name, "total_force", "penetration", "area", "plate", "plate_true_top", "surface_height"))
+    written += _of(name, "contact.plate", "contact.plate_ticks")
+    reads = (
+        *written,
+        *_of(name, "surface.*", "plate_force"),
+        *_of(name, "total_force", "penetration", "area", "plate", "plate_true_top", "surface_height"),
+    )
     return joinable(f"log {name}", rig.log.note, reads, written)

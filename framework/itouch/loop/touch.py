@@ -16,7 +16,7 @@ from itouch.contact import layout as at
 from itouch.contact.effects import render_effects
 from itouch.contact.step import step
 from itouch.contact.surfaces import effects_table
-from itouch.loop import render
+from itouch.loop import render, surface
 from itouch.loop.frames import Frame
 from itouch.loop.runner import Runner
 from itouch.plugin import Contact, ContactEvent, Record, Role
@@ -27,6 +27,10 @@ from itouch.world import limits as default
 SEPARATION, SEPARATION_TIME = 1e-4, 0.020
 #: Time constant [s] of the filter on the HIP's velocity.
 VELOCITY_FILTER = 0.002
+#: A contact that the plate has left because of its tilt is the plate's again when it is less by this [rad].
+TILT_BACK = math.radians(2.0)
+#: Stiffness [N/m] of the pad of a finger of which nothing is known.
+PAD_STIFFNESS = 1e3
 
 Listener = Callable[[ContactEvent], None]
 Vector = tuple[float, float, float]
@@ -42,6 +46,7 @@ class Toucher:
         self.model, self.probe = model, probe
         name = probe.name
         self.figures = state.flat(f"{name}.hip", f"{name}.tracking")
+        self.surface = state.flat(f"{name}.surface.renders", f"{name}.surface.cut")
         self.memory, self.result = state[f"{name}.memory"], state[f"{name}.result"]
         self.object, self.near_object = state[f"{name}.object"], state[f"{name}.near_object"]
         self.plate, self.below = state[f"{name}.plate"], state[f"{name}.below"]
@@ -50,7 +55,7 @@ class Toucher:
         self._afresh = False
         self._nearest = -1
         self._patience = round(SEPARATION_TIME / model.period)
-        self._constants = _constants(model, probe, table, offset)
+        self._constants = _constants(model, probe, arm, table, offset)
         self._bind(model, probe, state, tracker, arm, table)
         self._warm_up()
 
@@ -75,11 +80,12 @@ class Toucher:
             self._constants, world, mesh, poses,
             table.read_as(Role.TRACKED_POSE) if table is not None else nothing,
             table.sent_as(Role.SURFACE_POSE) if table is not None else nothing,
-            self.figures, table.commanded(Role.SURFACE_POSE) if table is not None else np.zeros(7),
+            self.figures, self.surface, table.commanded(Role.SURFACE_POSE) if table is not None else np.zeros(7),
         )  # fmt: skip
         self._pushes = (
             self._constants,
             self.figures,
+            self.surface,
             arm.commanded(Role.FORCE_ON_OPERATOR) if arm is not None else np.zeros(6),
         )
         self._effects: tuple[Any, ...] | None = None
@@ -95,10 +101,10 @@ class Toucher:
         """Compile now, not in the first tick: the same calls on copies."""
         kernels: list[tuple[Callable[..., Any], tuple[Any, ...]]] = [
             (render.follow, (*self._follows, True)),
-            (render.share, (*self._pushes, False)),
+            (surface.share, (*self._pushes, 0.0, False)),
         ]
         if self._carrying:
-            kernels.append((render.carry, (*self._carries, 0.0, False)))
+            kernels.append((surface.carry, (*self._carries, 0.0, False, 0.0)))
         if self.model.objects:
             kernels += [(step, self._steps), (render.touch, self._renders)]
         if self._effects is not None:
@@ -111,6 +117,7 @@ class Toucher:
         for view in (self.object, self.near_object, self.below, self.current, self.begin):
             view[...] = -1
         self.figures[render.NEAR_DISTANCE] = self.figures[render.TIME_TO_CONTACT] = math.inf
+        self.surface[surface.RENDERS], self.surface[surface.SHARE] = 1.0, -1.0
 
     def restart(self) -> None:
         """Forget how the tracker moved before: it stands where it reads now."""
@@ -137,13 +144,15 @@ class Toucher:
             primary, self._nearest = render.touch(*self._renders)
             self.object[...] = primary
 
-    def carry(self) -> None:
+    def carry(self, tick: int) -> None:
         """Find the surface below the finger, command the table to it, and say whether it renders the contact."""
-        self.plate[...], self.below[...] = render.carry(*self._carries, self.load[2], self.object.item() >= 0)
+        touching, time = self.object.item() >= 0, tick * self.model.period
+        self.below[...] = surface.carry(*self._carries, self.load[2], touching, time)
+        self.plate[...] = int(self.surface[surface.PRESENT].item())
 
     def push(self) -> None:
         """Command the arm's part of the force."""
-        render.share(*self._pushes, bool(self.plate.item()))
+        surface.share(*self._pushes, self.load[2], self.object.item() >= 0)
 
     def events(self, tick: int, tell: Listener, moves: bool) -> None:
         """Emit the events of this tick: NEAR, then END and BEGIN, or MOVE if anybody hears it."""
@@ -210,9 +219,12 @@ class Toucher:
         return (vx + wy * z - wz * y, vy + wz * x - wx * z, vz + wx * y - wy * x)
 
 
-def _constants(model: Model, probe: ProbeModel, table: Runner | None, offset: Vector) -> render.Floats:
+def _constants(
+    model: Model, probe: ProbeModel, arm: Runner | None, table: Runner | None, offset: Vector
+) -> render.Floats:
     constants = np.zeros(render.CONSTANTS)
     constants[render.OFFSET : render.OFFSET + 3] = offset
+    operator, force = probe.operator, (arm.model.limits.force if arm is not None else None) or math.inf
     values = {
         render.RADIUS: probe.scene.radius,
         render.NEAR: probe.scene.near,
@@ -220,7 +232,12 @@ def _constants(model: Model, probe: ProbeModel, table: Runner | None, offset: Ve
         render.COSINE: math.cos(probe.scene.plate_angle),
         render.PERIOD: model.period,
         render.SMOOTH: 1.0 - math.exp(-model.period / VELOCITY_FILTER),
-        render.PLATE_LIMIT: (table.model.limits.plate_force if table else None) or default.PLATE_FORCE,
+        render.BACK: math.cos(max(0.0, probe.scene.plate_angle - TILT_BACK)),
+        render.PLATE_LIMIT: min((table.model.limits.plate_force if table else None) or default.PLATE_FORCE, force),
+        render.FORCE_LIMIT: force,
+        render.PAD_STIFFNESS: operator.pad_stiffness if operator is not None else PAD_STIFFNESS,
+        render.HAS_LOAD: float(table is not None and table.model.reading(Role.CONTACT_FORCE) is not None),
+        render.HAS_TABLE: float(table is not None),
         render.PAD: math.pi * (0.75 * probe.scene.radius / probe.scene.modulus) ** (2 / 3),
     }
     for index, value in values.items():

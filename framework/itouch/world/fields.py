@@ -46,11 +46,32 @@ _FIGURES = (
     Field("tracking", unit="m", doc="distance of the plate from its command"),
 )
 
+#: What a tick remembers of the carried surface, in the order of ``itouch.loop.surface``.
+_SURFACE = (
+    Field("surface.renders", unit="1", doc="1: the contact is the plate's to render, 0: the arm's alone"),
+    Field("surface.present", unit="1", doc="1: the plate is at the finger in a contact, or still felt"),
+    Field("surface.drop", unit="m", doc="how far below the virtual surface the plate is kept"),
+    Field("surface.share", unit="1", doc="the arm's part of the normal force, -1: no contact"),
+    Field("surface.pressed", unit="s", doc="how long there has been a virtual contact"),
+    Field("surface.free", unit="s", doc="how long there has been none"),
+    Field("surface.felt", unit="1", doc="1 if the plate was felt in this contact"),
+    Field("surface.felt_weight", unit="1", doc="weight of the measured force in `felt_force`"),
+    Field("felt_force", unit="N", doc="force the contact is felt with: the plate's where it renders, else the virtual"),
+    Field("surface.unfelt", unit="s", doc="how long the plate should have been felt and was not"),
+    Field("surface.missed", unit="1", doc="1: the plate was missed, its force is the arm's in this contact"),
+    Field("surface.misses", unit="1", doc="how often the plate was missed"),
+    Field("surface.missed_at", unit="s", doc="when it was missed first"),
+    Field("surface.missed_depth", unit="m", doc="how far the finger then seemed to be in the plate"),
+    Field("surface.missed_load", unit="N", doc="what the plate's force then read"),
+    Field("surface.cut", unit="1", doc="part of the arm's force held back because of the plate's"),
+)
+
 
 def probe_fields(objects: int) -> tuple[Field, ...]:
     """Return the State of a probe in a scene of so many objects."""
     return (
         *_FIGURES,
+        *_SURFACE,
         Field("object", "i8", low=-1, high=objects - 1, unit="1", doc="number of the touched object, -1: none"),
         Field(
             "near_object",
@@ -78,7 +99,8 @@ def probe_fields(objects: int) -> tuple[Field, ...]:
 _CONTACT = (
     Field("contact.begin", "i8", unit="tick", doc="when the contact began"),
     Field("contact.separated", "i8", unit="tick", doc="for how long the probe has been clear of the object"),
-    Field("contact.plate", "i8", unit="1", doc="1 if the plate rendered the contact at its begin"),
+    Field("contact.plate", "i8", unit="1", doc="1 if the plate was there at any time of the contact"),
+    Field("contact.plate_ticks", "i8", low=0, unit="tick", doc="for how long the plate was there"),
     Field("contact.plate_gap", unit="m", doc="`plate_gap` at the begin, along the normal"),
     Field("contact.peak_force", unit="N", doc="greatest `total_force` so far"),
     Field("contact.peak_penetration", unit="m", doc="greatest depth so far"),
