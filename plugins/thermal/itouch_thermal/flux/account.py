@@ -28,13 +28,25 @@ FIELDS: tuple[Field, ...] = (
 )
 
 
-def begin(state: Record, name: str, rendered: bool, ready: bool, skin: float) -> None:
-    """Open the account of a contact; ``skin`` [K] is the skin temperature before it (NaN: unknown)."""
-    account = state[f"{name}.account"]
-    account[:] = 0.0
-    account[_RENDERED], account[_READY] = rendered, ready
-    account[_SKIN_BEGIN] = account[_SKIN_EXTREME] = skin
+def begin(state: Record, name: str) -> None:
+    """Open the account of a contact, of which nothing is rendered yet."""
+    state[f"{name}.account"] = 0.0
     state[f"{name}.beside"] = 0.0
+
+
+def render(state: Record, name: str, ready: bool, skin: float) -> bool:
+    """Note that the plate begins to render the contact; tell whether it has done so before in it.
+
+    ``ready`` says whether it is at its start temperature; ``skin`` [K] is the skin temperature before (NaN: unknown).
+    """
+    account = state[f"{name}.account"]
+    again = bool(account[_RENDERED].item())
+    if again:
+        account[_READY] = float(ready and bool(account[_READY].item()))
+    else:
+        account[_RENDERED], account[_READY] = 1.0, ready
+        account[_SKIN_BEGIN] = account[_SKIN_EXTREME] = skin
+    return again
 
 
 def add(state: Record, name: str, flux: float, desired: float, skin: float, period: float) -> None:

@@ -59,7 +59,8 @@ class FluxControl(Modality):
             Field("flux", unit="W/m^2", doc="flux at the plate's face that the controller reckons with", show="no"),
             Field("approached", "i8", unit="1", doc="number of the object that is near, -1: none"),
             Field("preset_begun", "i8", unit="tick", doc="when the approach to the start temperature began"),
-            Field("touching", "i8", unit="1", doc="1 in contact with an object that has a flux"),
+            Field("open", "i8", unit="1", doc="1 in contact with an object"),
+            Field("touching", "i8", unit="1", doc="1 while the plate renders a contact with an object that has a flux"),
             Field(
                 "object",
                 "i8",
@@ -68,8 +69,8 @@ class FluxControl(Modality):
                 unit="1",
                 doc="number of the object that is touched, -1: none",
             ),
-            Field("begun", "i8", unit="tick", doc="when the touch began"),
-            Field("fresh", "i8", unit="1", doc="1 in the first update of a touch"),
+            Field("begun", "i8", unit="tick", doc="when the contact began"),
+            Field("fresh", "i8", unit="1", doc="1 in the first update in which the plate renders"),
             Field("pressing", "i8", unit="1", doc="1 while the finger presses on the plate"),
             Field("integral", unit="W/m^2", doc="integral part of the flux of the controller `paper`", show="no"),
             Field("on_plate", "i8", unit="1", doc="1 while the finger is felt on the plate"),
@@ -117,32 +118,47 @@ class FluxControl(Modality):
         if event.kind is Contact.NEAR and not state[names.touching].item():
             approach.aim(model, state, approach.coming(model, state), event.tick)
         elif event.kind is Contact.BEGIN:
-            self._begin(event, model, state)
+            account.begin(state, model.name)
+            state[names.object] = event.object_index
+            state[names.begun] = event.tick
+            state[names.open] = 1
+            self._meet(model, state, event.tick)
+            if state[names.touching].item() and model.hold > 1:
+                predictive.set_down(model, state, event.tick)
         elif event.kind is Contact.END:
-            predictive.take_off(model, state, event.tick)
-            state[names.touching] = 0
-            approach.aim(model, state, approach.coming(model, state), event.tick)
+            state[names.open] = 0
+            self._part(model, state, event.tick)
 
-    def _begin(self, event: ContactEvent, model: FluxModel, state: Record) -> None:
-        names = model.names
-        rendered = bool(state[names.plate].item()) and model.starts[event.object_index] is not None
-        ready = bool(state[names.plate_ready].item()) and state[names.approached].item() == event.object_index
-        account.begin(state, model.name, rendered, ready, self._obtained(model, state)[1])
-        state[names.touching] = int(rendered)
-        state[names.object] = event.object_index
-        state[names.begun] = event.tick
-        state[names.fresh] = 1
-        state[names.pressing] = 0
-        state[f"{model.name}.integral"] = state[names.flux].item()
-        if rendered and not ready:
-            state[names.unready] += 1
-        if rendered and model.hold > 1:
-            predictive.set_down(model, state, event.tick)
+    def _meet(self, model: FluxModel, state: Record, tick: int) -> None:
+        """Render the heat of the open contact as long as the plate is what touches the finger, and only then."""
+        names, index = model.names, state[model.names.object].item()
+        if model.starts[index] is None or state[names.met].item() < 0:  # a finger that lifts for a moment: as it was
+            return
+        there, touching = bool(state[names.plate].item()), bool(state[names.touching].item())
+        if touching and not there:
+            self._part(model, state, tick)
+        elif there and not touching:
+            ready = bool(state[names.plate_ready].item()) and state[names.approached].item() == index
+            again = account.render(state, model.name, ready, self._obtained(model, state)[1])
+            state[names.touching] = state[names.fresh] = 1
+            state[names.pressing] = 0
+            state[f"{model.name}.integral"] = state[names.flux].item()
+            if not ready and not again:
+                state[names.unready] += 1
+
+    def _part(self, model: FluxModel, state: Record, tick: int) -> None:
+        """Let go of a finger that the plate is no longer with, and aim for what comes next."""
+        predictive.take_off(model, state, tick)
+        state[model.names.touching] = 0
+        approach.aim(model, state, approach.coming(model, state), tick)
 
     def update(self, model: FluxModel, state: Record, period: float) -> None:
         """Command the display."""
         names, period = model.names, model.period if model.wire else period
-        tick, touching = state["tick"].item(), bool(state[names.touching].item())
+        tick = state["tick"].item()
+        if state[names.open].item():
+            self._meet(model, state, tick)
+        touching = bool(state[names.touching].item())
         if touching:
             self._note(model, state, period, model.in_contact(state))  # not while the contact is about to end
             self._desire(model, state, tick)

@@ -32,7 +32,9 @@ class Names:
     ``sent`` is the current that was sent last: the display's, or where it holds a temperature, what was asked of it.
     """
 
+    open: str
     touching: str
+    met: str
     object: str
     approached: str
     on_plate: str
@@ -104,6 +106,7 @@ class Names:
         found |= {key: f"{display}.{field}" for key, field in _DISPLAY.items()}
         found |= {key: f"{probe}.{key}" for key in _FINGER}
         found |= {key: f"{heat}.{field}" for key, field in _HEAT.items()}
+        found["met"] = f"{probe}.object"
         found["sent"] = f"{display}.sent.current" if command == "current" else f"{name}.asked"
         found["out"] = f"{display}.out.current"
         found["command"] = f"{display}.command.current"

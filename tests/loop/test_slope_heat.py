@@ -1,0 +1,66 @@
+"""Heat follows what touches the finger, at every moment, on surfaces that are not flat."""
+
+from __future__ import annotations
+
+import math
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from shipped import SCENES
+from slope_scenes import RADIUS, Floats, Slope
+
+BALL = 30.0
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("heat") / "scenes"
+    shutil.copytree(SCENES, path)
+    return path
+
+
+def stroke(*degrees: float) -> tuple[str, str]:
+    """Return a ball, and a touch of it at the first angle that goes on over the others."""
+
+    def at(angle: float, reach: float) -> str:
+        there = math.radians(angle)
+        return f"{reach * math.sin(there):.3f} 0 {reach * math.cos(there):.3f} mm"
+
+    away, on = BALL + RADIUS + 12.0, BALL + RADIUS - 4.0
+    strokes = "".join(f'<to pos="{at(angle, on)}" in="0.5 s" hold="0.2 s"/>' for angle in degrees[1:])
+    return f'<sphere name="ball" pos="0 0 0 mm" radius="{BALL} mm" material="stuff"/>', (
+        f'<to pos="{at(degrees[0], away)}" in="0.1 s" hold="1 s"/><to pos="{at(degrees[0], on)}" in="0.4 s"/>'
+        f'{strokes}<to pos="{at(degrees[-1], away)}" in="0.4 s" hold="0.05 s"/>'
+    )
+
+
+def rows(folder: Path, slope: Slope, *names: str) -> tuple[list[Floats], dict[str, Any]]:
+    """Run a scene to its end; return fields of State by tick, and the report."""
+    session = slope.build(folder)
+    found = []
+    while not session.done:
+        session.tick()
+        found.append([session.state[name].item() for name in names])
+    return list(np.array(found).T), session.report()
+
+
+@pytest.mark.parametrize("degrees", [(34.0, 8.0), (8.0, 40.0), (34.0, 8.0, 40.0, 5.0)])
+def test_heat_follows_the_plate_within_a_contact(folder: Path, degrees: tuple[float, ...]) -> None:
+    world, motion = stroke(*degrees)
+    names = ("finger.plate", "finger.object", "flux-control.touching", "peltier.twin.true_flux", "flux-control.desired")
+    found, report = rows(folder, Slope(world, motion, warm=True), *names)
+    plate, touched, touching, flux, desired = found
+    (contact,) = report["contacts"]
+    on = touched >= 0
+    assert (plate[on] > 0).any()
+    assert (plate[on] == 0).any()
+    assert (touching[on] == plate[on]).all()
+    assert not flux[on & (plate == 0)].any()
+    assert contact["plate"] is True
+    assert contact["mean_flux_W_m2"] == pytest.approx(flux[on & (plate > 0)].mean(), rel=0.1)
+    assert contact["peak_flux_W_m2"] == pytest.approx(np.abs(flux[on]).max(), rel=0.02)
+    assert (np.abs(desired[on & (plate > 0)][5:]) > 50.0).mean() > 0.99
+    assert not desired[on & (plate == 0)].any()
