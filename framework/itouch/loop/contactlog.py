@@ -20,14 +20,14 @@ from itouch.world.failing import said
 @kernel
 def _note(
     current: Any, total: Any, touched: Any, figures: Any, top: Any, plate: Any, was_plate: Any, lasted: Any,
-    memory: Any, push: Any, peak: Any, deepest: Any, widest: Any, physical: Any, worst: Any,
+    missed: Any, memory: Any, push: Any, peak: Any, deepest: Any, widest: Any, physical: Any, worst: Any,
 ) -> int:  # fmt: skip
     """Follow the open contact by one tick; return 0.
 
     All but ``figures`` (those of the probe) have shape (1,): what is touched, the force on the finger, when the plate
-    was touched first, its top, whether it is there now and was at any time, for how many ticks, the memory of the
-    carried surface (MEMORY,), and the plate's true force, 0 if none is known; then what is kept: greatest force,
-    depth and area, when the plate was touched first, and the greatest error of the plate's height.
+    was touched first, its top, whether it is there now and was at any time, for how many ticks, whether it was
+    missed, the memory of the carried surface (MEMORY,), and the plate's true force, 0 if none is known; then what is
+    kept: greatest force, depth and area, when the plate was touched first, and the greatest error of its height.
     """
     if current[0] < 0:
         return 0
@@ -42,6 +42,8 @@ def _note(
     if plate[0] != 0 or push[0] > 0.0:
         was_plate[0] = 1
         lasted[0] += 1
+    if memory[surface.MISSED] > 0.0:
+        missed[0] = 1
     if plate[0] != 0 and memory[surface.RENDERS] > 0.0 and memory[surface.DROP] == 0.0:
         error = abs(figures[render.SURFACE_HEIGHT] - top[0])
         if error > worst[0]:
@@ -61,14 +63,14 @@ class ContactLog:
         self._plate, self._gap = state[f"{name}.contact.plate"], state[f"{name}.contact.plate_gap"]
         self._peak, self._physical = state[f"{name}.contact.peak_force"], state[f"{name}.contact.physical_begin"]
         self._deepest, self._widest = state[f"{name}.contact.peak_penetration"], state[f"{name}.contact.peak_area"]
-        self._lasted = state[f"{name}.contact.plate_ticks"]
+        self._lasted, self._missed = state[f"{name}.contact.plate_ticks"], state[f"{name}.contact.plate_missed"]
         self._impact = state[f"{name}.contact.impact_speed"]
         figures = toucher.figures
         known = coupling.true_top if table is not None and table.model.twin else figures[render.PLATE_TOP :][:1]
         #: Follows the open contact; called at the end of each tick.
         self.note = Bound(
             _note, toucher.current, coupling.total, coupling.touched, figures, known, toucher.plate, self._plate,
-            self._lasted, toucher.surface, state[f"{name}.plate_force"],
+            self._lasted, self._missed, toucher.surface, state[f"{name}.plate_force"],
             self._peak, self._deepest, self._widest, self._physical, ledger.worst_height,
         )  # fmt: skip
         self.note.rehearse()
@@ -77,7 +79,7 @@ class ContactLog:
         """Begin or end an entry."""
         if event.kind is Contact.BEGIN:
             self._plate[...] = self._toucher.plate
-            self._lasted[...] = 0
+            self._lasted[...] = self._missed[...] = 0
             self._gap[...] = self._true_gap(event)
             self._peak[...] = self._deepest[...] = self._widest[...] = 0.0
             self._impact[...] = event.speed
@@ -113,6 +115,7 @@ class ContactLog:
             "end_s": None if end is None else end * period,
             "plate": bool(self._plate),
             "plate_s": int(self._lasted) * period if self._table is not None else None,
+            "plate_missed": bool(self._missed) if self._table is not None else None,
             "peak_force_N": float(self._peak),
             "peak_penetration_mm": float(self._deepest) * 1e3,
             "peak_area_mm2": float(self._widest) * 1e6,

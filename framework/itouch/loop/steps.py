@@ -253,7 +253,7 @@ def log(rig: ProbeRig) -> Step:
     """Follow the open contact for the report."""
     name = rig.probe.name
     written = _of(name, "contact.peak_force", "contact.peak_penetration", "contact.peak_area", "contact.physical_begin")
-    written += _of(name, "contact.plate", "contact.plate_ticks")
+    written += _of(name, "contact.plate", "contact.plate_ticks", "contact.plate_missed")
     reads = (
         *written,
         *_of(name, "surface.*", "plate_force"),

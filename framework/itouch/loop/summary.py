@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from itouch.exchange import ThreadedDevice
+from itouch.loop.missing import missed_plates
 from itouch.loop.running import Running
 from itouch.loop.timing import Timing
 from itouch.plugin.fenced import FencedRecord
@@ -63,7 +64,7 @@ def summary(engine: Running, open_contacts: list[dict[str, Any]], wall: float) -
             }
             for name in model.devices
         },
-        "notices": list(model.notices),
+        "notices": [*model.notices, *missed_plates(model, engine.state)],
         "modalities": {m.name: _told(m, engine) for m in model.modalities},
         "contacts": [*ledger.contacts, *open_contacts],
         "faults": sorted([*ledger.faults, *engine.injected], key=lambda entry: int(entry["tick"])),

@@ -7,6 +7,7 @@ import time
 from typing import TYPE_CHECKING, Any, Protocol, TextIO
 
 from itouch.loop.faultwords import outcome, what
+from itouch.loop.missing import missed_plates
 from itouch.schema.terminal import control, plain
 
 if TYPE_CHECKING:
@@ -49,9 +50,11 @@ class Screen:
         self._live = stream.isatty()
         self._next = 0.0
         self._told = len(engine.ledger.contacts)
+        self._missed = missed_plates(engine.model, engine.state)
 
     def show(self) -> None:
         """Show progress; called every now and then."""
+        self._tell_missed()
         if not self._live:
             self._new_contacts()
             return
@@ -61,6 +64,12 @@ class Screen:
             control(self._stream, "\r\x1b[2K")
             self._stream.write(self._line())
             self._stream.flush()
+
+    def _tell_missed(self) -> None:
+        """Say once that a plate was not felt where it should have been."""
+        for sentence in missed_plates(self._engine.model, self._engine.state)[len(self._missed) :]:
+            self.interrupt(f"note: {sentence}")
+            self._missed = (*self._missed, sentence)
 
     def interrupt(self, sentence: str) -> None:
         """Say what can't wait, on a line of its own."""
@@ -101,6 +110,7 @@ class Screen:
 
     def finish(self, report: dict[str, Any]) -> None:
         """Show the table of contacts, the timing and the faults."""
+        self._tell_missed()
         if self._live:
             control(self._stream, "\r\x1b[2K")
             _rich_table(report, self._stream)
@@ -125,6 +135,8 @@ def _marks(report: dict[str, Any]) -> list[str]:
     found = []
     for entry in report["contacts"]:
         where = f"{entry['object']} at {entry['begin_s']:.3f} s"
+        if entry.get("plate_missed"):
+            found.append(f"{where}: the plate was not felt where it should have been; the arm gave its force")
         if entry.get("plate_ready") is False:
             found.append(f"{where}: began before the plate was ready")
         if entry.get("plate_limited"):

@@ -1,0 +1,22 @@
+"""What is told once of a plate that was not where its height says: State has it, so that every reader can tell it."""
+
+from __future__ import annotations
+
+from itouch.plugin import Record
+from itouch.world import Model
+
+
+def missed_plates(model: Model, state: Record) -> tuple[str, ...]:
+    """Return a sentence for each probe whose plate should have been felt and was not: its first time."""
+    found = []
+    for probe in model.probes:
+        name = f"{probe.name}.surface"
+        if not probe.scene.surface_to or not state[f"{name}.misses"].item():
+            continue
+        at, depth, load = (state[f"{name}.{field}"].item() for field in ("missed_at", "missed_depth", "missed_load"))
+        found.append(
+            f"the plate of '{probe.scene.surface_to}' should have been felt by '{probe.name}' at {at:.3f} s and was "
+            f"not: {depth * 1e3:.1f} mm deep in it by its height, pressed with {load:.2f} N; the arm gives its force; "
+            "check the height of its mount, or calibrate it by touch-off"
+        )
+    return tuple(found)

@@ -1,0 +1,57 @@
+"""A plate that should be felt and is not: it gives its force back to the arm, and that is told."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from program import program
+from shipped import SCENES
+from slope_scenes import Course, Slope, follow, ramp
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("missing") / "scenes"
+    shutil.copytree(SCENES, path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def low(folder: Path) -> Course:
+    return follow(Slope(*ramp(0.0), error=3.0).build(folder))
+
+
+def test_a_plate_that_is_too_low_gives_its_force_to_the_arm(low: Course) -> None:
+    begin = int(np.flatnonzero(low.touching)[0])
+    deep = np.flatnonzero(low.touching & (np.linalg.norm(low.virtual, axis=1) > 1.0))
+    late = deep[deep > begin + 200]
+    assert late.size > 100
+    allowed = np.minimum(3.0, np.linalg.norm(low.virtual[late], axis=1))
+    assert np.linalg.norm(low.total[late], axis=1) == pytest.approx(allowed, rel=0.02)
+    assert low.steps[begin + 5 :][low.touching[begin + 5 :]].max() < 0.1
+
+
+def test_it_is_told_once_and_marked(low: Course) -> None:
+    told = [notice for notice in low.report["notices"] if "should have been felt" in notice]
+    assert len(told) == 1
+    assert "'table'" in told[0]
+    assert "touch-off" in told[0]
+    assert [entry["plate_missed"] for entry in low.report["contacts"]] == [True]
+
+
+def test_the_program_says_it_once(folder: Path) -> None:
+    Slope(*ramp(0.0), error=3.0).build(folder)
+    ended = program("run", folder / "slope.xml", "--pace", "fast")
+    assert ended.stderr.count("should have been felt") == 1
+    assert "the arm gave its force" in ended.stdout
+
+
+@pytest.mark.parametrize("touch_off", [False, True])
+def test_nothing_is_told_of_a_plate_that_is_felt(folder: Path, touch_off: bool) -> None:
+    slope = Slope(*ramp(0.0), error=3.0 if touch_off else 0.0, touch_off=touch_off)
+    report = follow(slope.build(folder)).report
+    assert not [notice for notice in report["notices"] if "should have been felt" in notice]
+    assert [entry["plate_missed"] for entry in report["contacts"]] == [False]
