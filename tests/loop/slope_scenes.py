@@ -51,7 +51,7 @@ _SCENE = """<?xml version="1.0" encoding="utf-8"?>
 """
 _DISPLAY = """<device name="peltier" plugin="thermal"><mount on="table" pos="0 0 4 mm"/>
       <limits current="6 A" temperature="15 40 degC"/><thermal:hardware/></device>"""
-_HEAT = """<thermal:heat probe="finger" {heat}/><thermal:flux-control display="peltier" desired-from="heat"/>"""
+_HEAT = """<thermal:heat probe="finger">{heat}</thermal:heat><thermal:flux-control display="peltier" desired-from="heat"/>"""
 
 
 @dataclass(slots=True)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from shipped import SCENES
-from slope_scenes import RADIUS, Floats, Slope
+from slope_scenes import RADIUS, Floats, Slope, ramp
 
 BALL = 30.0
 
@@ -62,5 +62,34 @@ def test_heat_follows_the_plate_within_a_contact(folder: Path, degrees: tuple[fl
     assert contact["plate"] is True
     assert contact["mean_flux_W_m2"] == pytest.approx(flux[on & (plate > 0)].mean(), rel=0.1)
     assert contact["peak_flux_W_m2"] == pytest.approx(np.abs(flux[on]).max(), rel=0.02)
-    assert (np.abs(desired[on & (plate > 0)][5:]) > 50.0).mean() > 0.99
+    assert (np.abs(desired[on & (plate > 0)][5:]) > 50.0).all()
     assert not desired[on & (plate == 0)].any()
+
+
+PRESSURE = "<thermal:pressure-resistance/>"
+FORCES = ("finger.normal_force", "finger.felt_force", "finger.plate_force", "heat.resistance", "finger.object")
+
+
+def test_one_press_has_one_resistance_however_stiff_the_object_is(folder: Path) -> None:
+    presses = []
+    for stiffness in (0.5, 1.5):
+        slope = Slope(*ramp(0.0), stiffness=stiffness, warm=True, heat=PRESSURE)
+        (virtual, felt, pad, resistance, touched), _ = rows(folder, slope, *FORCES)
+        on = np.flatnonzero(touched >= 0)
+        begin, hold = on[0], on[len(on) // 2]
+        assert felt[begin] == virtual[begin]  # nothing is felt yet
+        late = slice(begin + 120, hold)
+        assert felt[late] == pytest.approx(pad[late], abs=0.05)
+        assert np.abs(np.diff(felt[begin:hold])).max() < 0.15  # blended: no jump
+        presses.append((virtual[hold], pad[hold], resistance[hold]))
+    (soft, pad_soft, first), (hard, pad_hard, second) = presses
+    assert hard > 2.0 * soft
+    assert pad_hard == pytest.approx(pad_soft, rel=0.05)
+    assert second == pytest.approx(first, rel=0.05)
+
+
+def test_where_the_arm_renders_the_virtual_force_is_what_is_felt(folder: Path) -> None:
+    slope = Slope(*ramp(35.0), warm=True, heat=PRESSURE)
+    (virtual, felt, *_), _ = rows(folder, slope, *FORCES)
+    assert virtual.max() > 0.5
+    assert (felt == virtual).all()

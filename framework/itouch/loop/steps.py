@@ -69,6 +69,7 @@ def contact(rig: ProbeRig, model: Model) -> Step:
         name, "hip", "velocity", "proxy", "force", "normal", "point", "penetration", "normal_force", "near_distance",
         "time_to_contact", "contact_force", "effect_force", "area", "memory", "result", "effects", "object",
     )  # fmt: skip
+    figures += _of(name, "felt_force") if rig.table is None else ()
     reads = (f"{rig.tracker.model.name}.pose", "*.calibration", "objects.pose", "objects.twist", *figures)
     return Step(f"contact {name}", rig.contact, reads, figures, 1, CALLS_KERNELS)
 

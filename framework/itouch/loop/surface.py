@@ -197,7 +197,10 @@ def feel(c: Floats, figures: Floats, memory: Floats, load: float, touching: bool
     way = c[PERIOD] / BLEND
     weight = min(1.0, memory[FELT_WEIGHT] + way) if real else max(0.0, memory[FELT_WEIGHT] - way)
     memory[FELT_WEIGHT] = weight
-    memory[FELT_FORCE] = max(LEAST, (1.0 - weight) * figures[NORMAL_FORCE] + weight * pressed)
+    if weight > 0.0:
+        memory[FELT_FORCE] = max(LEAST, (1.0 - weight) * figures[NORMAL_FORCE] + weight * pressed)
+    else:
+        memory[FELT_FORCE] = figures[NORMAL_FORCE]
 
 
 @kernel

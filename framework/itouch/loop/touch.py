@@ -64,7 +64,7 @@ class Toucher:
     ) -> None:
         """Collect the views that the compiled tick works on."""
         nothing = np.zeros(7)
-        self._carrying = table is not None
+        self._carrying, self._felt = table is not None, state[f"{probe.name}.felt_force"]
         self.load = table.read_as(Role.CONTACT_FORCE) if table is not None else nothing
         world, mesh, poses = model.geometry.world, model.geometry.mesh, state["objects.pose"]
         self._poses, self._twists, self._moving = poses, state["objects.twist"], bool(model.moving)
@@ -143,6 +143,8 @@ class Toucher:
                 render_effects(*self._effects)
             primary, self._nearest = render.touch(*self._renders)
             self.object[...] = primary
+        if not self._carrying:  # nothing but the virtual force can be felt
+            self._felt[...] = self.figures[render.NORMAL_FORCE]
 
     def carry(self, tick: int) -> None:
         """Find the surface below the finger, command the table to it, and say whether it renders the contact."""

@@ -104,12 +104,12 @@ class Names(NamedTuple):
     skin_count: str
     since: str
     contact_area: str
-    normal_force: str
+    felt_force: str
 
     @classmethod
     def of(cls, name: str, probe: str) -> Names:
         """Return the names for a modality and its probe."""
-        return cls._make([*(f"{name}.{field}" for field in cls._fields[:-1]), f"{probe}.normal_force"])
+        return cls._make([*(f"{name}.{field}" for field in cls._fields[:-1]), f"{probe}.felt_force"])
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,7 +189,10 @@ class Heat(Modality):
                 "skin_temperature", role=Role.SKIN_TEMPERATURE, unit="K", doc="temperature of the model finger's skin"
             ),
             Field(
-                "resistance", unit="m^2*K/W", doc="contact resistance at the virtual force; infinite in air", show="no"
+                "resistance",
+                unit="m^2*K/W",
+                doc="contact resistance at the force that is felt; infinite in air",
+                show="no",
             ),
             Field("contact_area", unit="m^2", doc="contact area at that force", show="no"),
             Field("since", "i8", unit="tick", doc="time since BEGIN"),
@@ -241,7 +244,7 @@ class Heat(Modality):
         names, live = model.names, model.live
         finger, objects = state[names.finger], state[names.objects]
         index = state[names.object].item()
-        force = state[names.normal_force].item() if index >= 0 else 0.0
+        force = state[names.felt_force].item() if index >= 0 else 0.0
         flux, resistance = 0.0, self._resistance(model, state, force, period) if force > 0.0 else np.inf
         played = model.playing.plays(index)
         body = model.bodies[index] if math.isfinite(resistance) and not played else None

@@ -38,13 +38,13 @@ def touched(engine: itouch.Session, seconds: float) -> None:
         (CONSTANT, ConstantLaw(resistance=3e-3).law()),
     ],
 )
-def test_heat_takes_the_resistance_of_its_law_at_the_virtual_force(scenes: Path, heat: str, law: object) -> None:
+def test_heat_takes_the_resistance_of_its_law_at_the_force_that_is_felt(scenes: Path, heat: str, law: object) -> None:
     engine = itouch.build(Display(heat=heat).write(scenes))
     touched(engine, 0.02)
     seen = set()
     for _ in range(300):
         engine.tick()
-        force = float(engine.state["finger.normal_force"])
+        force = float(engine.state["finger.felt_force"])
         if force > 0.0:
             resistance = float(engine.state["heat.resistance"])
             assert resistance == law.at(force)  # type: ignore[attr-defined]

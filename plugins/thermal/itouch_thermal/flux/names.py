@@ -21,7 +21,7 @@ _DISPLAY = {
     "true_flux": "twin.true_flux",
     "true_skin": "twin.true_skin",
 }
-_FINGER = ("near_object", "below", "normal_force", "plate")
+_FINGER = ("near_object", "below", "normal_force", "felt_force", "plate")
 _HEAT = {"heat_desired": "desired", "resistance": "resistance", "finger": "finger", "bodies": "objects"}
 
 
@@ -90,6 +90,7 @@ class Names:
     near_object: str
     below: str
     normal_force: str
+    felt_force: str
     plate: str
     heat_desired: str
     resistance: str

@@ -268,10 +268,10 @@ def _advance(model: FluxModel, course: Preview, state: Record, count: int) -> No
 
 
 def _coming(model: FluxModel, course: Preview, state: Record) -> float:
-    """Return the resistance, but for the press, that the virtual contact is thought to keep."""
+    """Return the resistance, but for the press, that the contact, as it is felt, is thought to keep."""
     if model.steady:
         return course.resistance
-    return model.resistance.at(state[model.names.normal_force].item())
+    return model.resistance.at(state[model.names.felt_force].item())
 
 
 def _continue(model: FluxModel, law: ModelLaw, course: Preview, state: Record, ticks: int) -> None:
