@@ -93,3 +93,21 @@ def test_where_the_arm_renders_the_virtual_force_is_what_is_felt(folder: Path) -
     (virtual, felt, *_), _ = rows(folder, slope, *FORCES)
     assert virtual.max() > 0.5
     assert (felt == virtual).all()
+
+
+def test_touch_off_neither_cools_nor_warms_the_finger(folder: Path) -> None:
+    session = Slope(*ramp(0.0), warm=True, touch_off=True, error=3.0).build(folder)
+    flux, skin, felt = [0.0], [], 0
+    while not session.state["ready"].item():
+        session.tick()
+        flux.append(session.state["peltier.twin.true_flux"].item())
+        skin.append(session.state["peltier.twin.true_skin"].item())
+        felt += session.state["finger.plate_force"].item() > 0.0
+    assert felt > 300
+    assert np.abs(flux).max() < 50.0
+    assert min(skin) > skin[0] - 0.01
+    assert max(skin) < skin[0] + 0.13  # covered skin no longer loses heat to the air
+    session.run()
+    (contact,) = session.report()["contacts"]
+    assert contact["plate_ready"] is False or contact["flux_error_rms"] < 0.02
+    assert contact["mean_flux_W_m2"] > 1000.0

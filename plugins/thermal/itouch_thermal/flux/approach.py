@@ -10,6 +10,9 @@ from itouch.plugin import Record
 from itouch_thermal.flux.setting import FluxModel
 from itouch_thermal.flux.start import within
 
+#: Over how long the infrared readings of the skin are averaged while the rig is calibrated [s], and how much
+#: warmer the plate is then [K]: covered skin no longer loses heat to the air, and warms up.
+AVERAGED, WARMER = 0.5, 0.02
 #: The plate is ready within this of its start temperature [K].
 READY = 0.1
 
@@ -32,6 +35,19 @@ def aim(model: FluxModel, state: Record, index: int, tick: int) -> None:
     wanted = _wanted(model, state, index)
     if wanted is not None:
         _set(model, state, wanted)
+
+
+def equal(model: FluxModel, state: Record, period: float) -> None:
+    """Aim for the skin's temperature during calibration: a plate that is felt then does not cool the finger."""
+    names, valid = model.names, model.skin_valid
+    known = state[names.calm].item()
+    skin = known or model.skin
+    if model.skin_from and (not valid or state[valid].item() >= 0.5):
+        measured = state[model.skin_from].item()
+        skin = known + min(1.0, period / AVERAGED) * (measured - known) if known else measured
+        state[names.calm] = skin
+    state[names.approached] = -1
+    _set(model, state, skin + WARMER)
 
 
 def follow(model: FluxModel, state: Record, tick: int) -> None:

@@ -58,6 +58,7 @@ class FluxControl(Modality):
             ),
             Field("flux", unit="W/m^2", doc="flux at the plate's face that the controller reckons with", show="no"),
             Field("approached", "i8", unit="1", doc="number of the object that is near, -1: none"),
+            Field("calm", unit="K", doc="mean of the skin's readings while the rig is calibrated, 0: none", show="no"),
             Field("preset_begun", "i8", unit="tick", doc="when the approach to the start temperature began"),
             Field("open", "i8", unit="1", doc="1 in contact with an object"),
             Field("touching", "i8", unit="1", doc="1 while the plate renders a contact with an object that has a flux"),
@@ -178,7 +179,9 @@ class FluxControl(Modality):
         """Between touches: see what is near, and whether water may condense."""
         names = model.names
         near = approach.coming(model, state)
-        if near >= 0 and near != state[names.approached].item():
+        if not state["ready"].item():
+            approach.equal(model, state, period)
+        elif near >= 0 and near != state[names.approached].item():
             approach.aim(model, state, near, tick)
         elif near >= 0:
             approach.follow(model, state, tick)

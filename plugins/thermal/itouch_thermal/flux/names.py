@@ -37,6 +37,7 @@ class Names:
     met: str
     object: str
     approached: str
+    calm: str
     on_plate: str
     begun: str
     fresh: str

@@ -69,6 +69,7 @@ class FluxModel:
     ambient: float
     skin: float
     skin_from: str
+    skin_valid: str
     force_from: str
     truth: bool
     wire: bool
@@ -173,6 +174,7 @@ def setting(name: str, params: FluxControlParams, world: World) -> FluxModel:
         ambient=world.ambient,
         skin=world.skin_temperature,
         skin_from=f"{params.display}.skin_temperature" if "skin_temperature" in reads else "",
+        skin_valid=f"{params.display}.skin_valid" if "skin_valid" in reads else "",
         force_from=_force(params, world),
         truth=device.twin,
         wire=wire,
