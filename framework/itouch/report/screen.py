@@ -103,10 +103,17 @@ class Screen:
     def _new_contacts(self) -> None:
         contacts = self._engine.ledger.contacts
         for entry in contacts[self._told :]:
-            self._stream.write(f"{entry['end_s']:8.3f} s  {entry['probe']} left {entry['object']}: {_flux(entry)}\n")
+            self._stream.write(f"{entry['end_s']:8.3f} s  {entry['probe']} left {entry['object']}{self._flux(entry)}\n")
         if len(contacts) > self._told:
             self._stream.flush()
         self._told = len(contacts)
+
+    def _flux(self, entry: dict[str, Any]) -> str:
+        """Say what heat was rendered; nothing where no modality of the scene says anything of heat."""
+        mean = entry["mean_flux_W_m2"]
+        if mean is not None:
+            return f": mean flux {mean:.0f} W/m2"
+        return ": no heat rendered" if "plate_ready" in entry else ""
 
     def finish(self, report: dict[str, Any]) -> None:
         """Show the table of contacts, the timing and the faults."""
@@ -165,11 +172,6 @@ def _wire(name: str, figures: dict[str, float]) -> str:
     middle, late, worst = figures["p50_ms"], figures["p99_ms"], figures["max_ms"]
     rate = figures["rate_hz"]
     return f"{name}: {rate:.0f} exchanges/s, {middle:.2f} ms median, {late:.2f} ms p99, {worst:.1f} ms at most"
-
-
-def _flux(entry: dict[str, Any]) -> str:
-    mean = entry["mean_flux_W_m2"]
-    return "no heat rendered" if mean is None else f"mean flux {mean:.0f} W/m2"
 
 
 def _row(entry: dict[str, Any]) -> list[str]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from itouch.plugin import Role, poses
 from itouch.scene import Scene
-from itouch.scene.elements import Probe
+from itouch.scene.elements import Capsule, Probe
 from itouch.schema import Problem
 from itouch.schema.diagnostics import did_you_mean
 from itouch.schema.fields import specs
@@ -110,7 +110,7 @@ def check_reach(
             np.array(table.mount), np.array(target.low[:3]) + offset, np.array(target.high[:3]) + offset
         )
         for element in scene.objects:
-            box = _extent(element, boxes)
+            box = extent(element, boxes)
             if box is None:
                 continue
             top = box[1][2]
@@ -132,21 +132,26 @@ def _world_box(mount: Any, low: Any, high: Any) -> tuple[Any, Any]:
     return world.min(axis=0), world.max(axis=0)
 
 
-def _extent(element: Any, boxes: Mapping[str, Any]) -> tuple[Any, Any] | None:
+def extent(element: Any, boxes: Mapping[str, Any]) -> tuple[Any, Any] | None:
     """Return the axis-aligned extent of a shape in the world; None for what has no bounds."""
     centre = np.array(element.pos)
     if element.name in boxes:
         try:
-            return _world_box(_pose(element), *boxes[element.name])
+            return _world_box(pose_of(element), *boxes[element.name])
         except ValueError:
             return None
     if hasattr(element, "size"):
         try:
-            half = np.abs(poses.matrix(_pose(element)[3:])) @ (np.array(element.size) / 2)
+            half = np.abs(poses.matrix(pose_of(element)[3:])) @ (np.array(element.size) / 2)
         except ValueError:
             return None
-    elif hasattr(element, "length"):  # the ball that holds it, whichever way it stands
-        half = np.full(3, float(np.hypot(element.radius, element.radius + element.length / 2)))
+    elif hasattr(element, "length"):
+        try:
+            along = poses.matrix(pose_of(element)[3:])[:, 2]
+        except ValueError:
+            return None
+        ends = np.ones(3) if isinstance(element, Capsule) else np.sqrt(np.maximum(0.0, 1.0 - along**2))
+        half = element.length / 2 * np.abs(along) + element.radius * ends
     elif hasattr(element, "radius"):
         half = np.full(3, element.radius)
     else:
@@ -154,6 +159,7 @@ def _extent(element: Any, boxes: Mapping[str, Any]) -> tuple[Any, Any] | None:
     return centre - half, centre + half
 
 
-def _pose(element: Any) -> Any:
+def pose_of(element: Any) -> Any:
+    """Return the place of an object as the scene has it, shape (7,); a ValueError if its orientation is none."""
     quat = element.quat or (poses.quaternion_from_rpy(element.rpy) if element.rpy else (1.0, 0.0, 0.0, 0.0))
     return np.array([*element.pos, *poses.normalized(quat)])

@@ -23,6 +23,7 @@ from itouch.world.leading import hand_of
 from itouch.world.limits import check_safety
 from itouch.world.modalities import ModalityModel, build_modalities, notices_of
 from itouch.world.motion import NO_MOTIONS, Motions, build_motions
+from itouch.world.overlap import overlaps
 from itouch.world.recorded import RecordedMotion, recorded_motion
 from itouch.world.rig import DeviceModel, build_devices, orientation
 from itouch.world.shapes import build_shapes
@@ -105,6 +106,7 @@ def compile_scene(scene: Scene, catalog: Catalog) -> tuple[Model | None, list[Pr
     built = build_shapes(scene, reader, problems)
     notices += built.notices
     problems += check_reach(scene, devices, built.boxes)
+    notices += overlaps(scene, built.boxes)
     shapes, surfaces = built.shapes, build_friction(scene, problems)
     effects = build_effects(scene, reader, problems, notices)
     poses = _poses(scene, problems)
