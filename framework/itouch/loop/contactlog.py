@@ -123,14 +123,18 @@ class ContactLog:
             "plate_gap_mm": _finite(float(self._gap) * 1e3),
             "plate_lead_ms": (begin - physical) * period * 1e3 if physical >= 0 and self._plate else None,
         }
-        for key in _THERMAL:
+        declared = (one.key for modality in self._model.modalities for one in modality.instance.measured)
+        for key in (*_ALWAYS, *declared):
             entry.setdefault(key, None)
         for modality in self._model.modalities:
             entry.update(_measures(modality, self._seen, self._toucher.probe.name, index))
         return entry
 
 
-_THERMAL = ("flux_source", "mean_flux_W_m2", "peak_flux_W_m2", "skin_drop_K", "flux_error_rms")
+#: Keys that every entry has had since the first version of the report, null where nothing measures them.  What reads
+#: reports counts on them, and to ask the plugin that declares them it would have to be loaded where no scene wants it.
+#: What is shown, and how, is never taken from here.
+_ALWAYS = ("flux_source", "mean_flux_W_m2", "peak_flux_W_m2", "skin_drop_K", "flux_error_rms")
 
 
 def _finite(value: float) -> float | None:

@@ -30,6 +30,7 @@ from itouch.plugin.fit import Fit, Fitted, line_through
 from itouch.plugin.groups import Emulation, Mechanics, Opening, OperatorInput, Timing
 from itouch.plugin.ideal import IdealTwin
 from itouch.plugin.impedance import FingerTwin, ImpedanceArm
+from itouch.plugin.measured import Measured
 from itouch.plugin.modality import Contact, ContactEvent, Modality, ParameterError, World, WorldDevice, WorldObject
 from itouch.plugin.monitor import Moment, Monitor, Rule, Watched
 from itouch.plugin.noise import gaussian
@@ -67,6 +68,7 @@ __all__ = [
     "Fitted",
     "IdealTwin",
     "ItouchError",
+    "Measured",
     "Modality",
     "Moment",
     "Monitor",

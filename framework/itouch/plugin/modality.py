@@ -10,6 +10,7 @@ from typing import Any, ClassVar, NamedTuple
 
 from itouch.plugin.bound import Bound
 from itouch.plugin.channel import Channel
+from itouch.plugin.measured import Measured
 from itouch.plugin.record import Field, Record
 
 Vector = tuple[float, float, float]
@@ -130,6 +131,8 @@ class Modality(ABC):
     Material: ClassVar[type | None] = None
     #: Kinds of event that ``on_contact`` wants; MOVE comes in every tick of a contact.
     hears: ClassVar[frozenset[Contact]] = frozenset(Contact)
+    #: What it measures of a contact, in the order of the columns that terminal, page and summary show of it.
+    measured: ClassVar[tuple[Measured, ...]] = ()
 
     @abstractmethod
     def compile(self, name: str, params: Any, world: World) -> Any:
@@ -202,8 +205,26 @@ class Modality(ABC):
     def measures(
         self, model: Any, state: Record, probe: str, object_index: int
     ) -> dict[str, float | str | bool | None]:
-        """Return what the report shall say of the contact that has just ended, or is still open."""
+        """Return what the report shall say of the contact that has just ended, or is still open.
+
+        What ``measured`` declares has a column of its own wherever contacts are shown, and is null where it is not
+        returned; other keys go to the report's data only.
+        """
         return {}
+
+    def ended(self, model: Any, entry: Mapping[str, Any]) -> str:
+        """Return the few words that a terminal shows when a contact has ended; empty: nothing.
+
+        ``entry`` is the report's entry of the contact, with what ``measures`` has returned.
+        """
+        return ""
+
+    def remarks(self, model: Any, entry: Mapping[str, Any]) -> tuple[str, ...]:
+        """Return what a terminal shows of a contact below the table, one sentence each: what was not as it should be.
+
+        ``entry`` is the report's entry of the contact.
+        """
+        return ()
 
     def status(self, model: Any, state: Record) -> str:
         """Return the few words that the live line shows of it, such as ``plate 60 %``; empty: nothing."""

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from itouch.plugin import Record
 from itouch.plugin.discovery import Catalog
+from itouch.report.columns import measured
 from itouch.report.curves import Curves, Sampler
 from itouch.world import Model
 
@@ -81,7 +82,7 @@ def _recording(path: str, progress: Progress | None) -> Findings:
     outcome, report = work.outcome(), _report(recording.report, work.session.report())
     faults = report["faults"] if recording.report else recording.faults
     spans = [(contact["begin_s"], contact["end_s"]) for contact in report["contacts"]]
-    summary = _summary(report, faults, recording.duration)
+    summary = _summary(report, faults, recording.duration, work.session.model)
     summary["commands that differ in its replay"] = f"{outcome.mismatches} of {outcome.compared}"
     losses = list(recording.losses)
     if outcome.skipped:
@@ -107,19 +108,19 @@ def _snapshot(path: str) -> Findings:
     report = session.report()
     faults = report["faults"]
     timing = {"ticks": report["servo"]["ticks"], **_figures(session.ledger.histograms())}
+    summary = _summary(report, faults, session.seconds, session.model)
     return Findings(
-        os.path.basename(path), "snapshot", _summary(report, faults, session.seconds), report, faults, [], [], timing,
+        os.path.basename(path), "snapshot", summary, report, faults, [], [], timing,
         _provenance(stored.manifest, {}), write(session.model.scene), None, session.model, session.state,
         list(session.notices),
     )  # fmt: skip
 
 
-def _summary(report: Mapping[str, Any], faults: list[dict[str, Any]], seconds: float) -> dict[str, str]:
+def _summary(
+    report: Mapping[str, Any], faults: list[dict[str, Any]], seconds: float, model: Model | None = None
+) -> dict[str, str]:
     contacts = report["contacts"]
-    forces, gaps, errors = (
-        [abs(contact[key]) for contact in contacts if _finite(contact.get(key))]
-        for key in ("peak_force_N", "plate_gap_mm", "flux_error_rms")
-    )
+    forces, gaps = _sizes(contacts, "peak_force_N"), _sizes(contacts, "plate_gap_mm")
     figures = report["table"].get("tracking_mm")
     tracking = figures.get("p99") if isinstance(figures, Mapping) else None
     found = {
@@ -129,9 +130,15 @@ def _summary(report: Mapping[str, Any], faults: list[dict[str, Any]], seconds: f
         "greatest force": f"{max(forces):.2f} N" if forces else None,
         "greatest plate gap": f"{max(gaps):.3f} mm" if gaps else None,
         "table within (p99)": f"{tracking:.2f} mm" if _finite(tracking) else None,
-        "greatest flux error (rms)": f"{100 * max(errors):.1f} %" if errors else None,
     }
+    for one in measured(model):
+        if one.worst and (sizes := _sizes(contacts, one.key)):
+            found[one.worst] = f"{one.scale * max(sizes):.{one.digits}f} {one.shown_unit}".rstrip()
     return {name: value for name, value in found.items() if value is not None}
+
+
+def _sizes(contacts: list[dict[str, Any]], key: str) -> list[float]:
+    return [abs(contact[key]) for contact in contacts if _finite(contact.get(key))]
 
 
 def _report(recorded: dict[str, Any] | None, replayed: dict[str, Any]) -> dict[str, Any]:

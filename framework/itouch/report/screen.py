@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TextIO
 
 from itouch.loop.faultwords import outcome, what
 from itouch.loop.missing import missed_plates
+from itouch.report import columns
 from itouch.schema.terminal import control, plain
 
 if TYPE_CHECKING:
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
     from itouch.world import Model
 
 _EVERY = 0.1
-_COLUMNS = ("object", "material", "begin s", "end s", "W/m2", "skin K", "peak N", "gap mm", "flux err")
 
 
 class Followed(Protocol):
@@ -103,31 +103,26 @@ class Screen:
     def _new_contacts(self) -> None:
         contacts = self._engine.ledger.contacts
         for entry in contacts[self._told :]:
-            self._stream.write(f"{entry['end_s']:8.3f} s  {entry['probe']} left {entry['object']}{self._flux(entry)}\n")
+            said = "; ".join(columns.ended(self._engine.model, entry))
+            left = f"{entry['end_s']:8.3f} s  {entry['probe']} left {entry['object']}"
+            self._stream.write(f"{left}: {said}\n" if said else f"{left}\n")
         if len(contacts) > self._told:
             self._stream.flush()
         self._told = len(contacts)
 
-    def _flux(self, entry: dict[str, Any]) -> str:
-        """Say what heat was rendered; nothing where no modality of the scene says anything of heat."""
-        mean = entry["mean_flux_W_m2"]
-        if mean is not None:
-            return f": mean flux {mean:.0f} W/m2"
-        return ": no heat rendered" if "plate_ready" in entry else ""
-
     def finish(self, report: dict[str, Any]) -> None:
         """Show the table of contacts, the timing and the faults."""
         self._tell_missed()
+        rows = columns.rows(self._engine.model, report["contacts"])
         if self._live:
             control(self._stream, "\r\x1b[2K")
-            _rich_table(report, self._stream)
+            _rich_table(rows, self._stream)
         else:
             self._new_contacts()
-            _plain_table(report, self._stream)
-        for line in _marks(report):
-            self._stream.write(line + "\n")
-        for line in _judged(report):
-            self._stream.write(line + "\n")
+            _plain_table(rows, self._stream)
+        for entry in report["contacts"]:
+            for line in columns.remarks(self._engine.model, entry):
+                self._stream.write(line + "\n")
         self._stream.write(_closing(report) + "\n")
         for name, device in report["devices"].items():
             if device.get("exchanges"):
@@ -137,36 +132,6 @@ class Screen:
         self._stream.flush()
 
 
-def _marks(report: dict[str, Any]) -> list[str]:
-    """Say which touches were not what they should have been."""
-    found = []
-    for entry in report["contacts"]:
-        where = f"{entry['object']} at {entry['begin_s']:.3f} s"
-        if entry.get("plate_missed"):
-            found.append(f"{where}: the plate was not felt where it should have been; the arm gave its force")
-        if entry.get("plate_ready") is False:
-            found.append(f"{where}: began before the plate was ready")
-        if entry.get("plate_limited"):
-            found.append(f"{where}: its start temperature is out of the plate's band and was clipped")
-    return found
-
-
-def _judged(report: dict[str, Any]) -> list[str]:
-    """Say how good an estimated flux is: its deviation, the sensor's own comparison, and the truth of a virtual rig."""
-    found = []
-    for entry in report["contacts"]:
-        if entry.get("flux_source") != "estimate" or entry.get("sensor_error_rms") is None:
-            continue
-        error, sensor = entry["flux_error_rms"] or 0.0, entry["sensor_error_rms"]
-        line = f"{entry['object']}: flux off by {100.0 * error:.1f} % as estimated (+- "
-        line += f"{entry['flux_deviation_W_m2']:.0f} W/m2), {100.0 * sensor:.1f} % by the sensor alone"
-        if entry.get("true_error_rms") is not None:
-            line += f"; truly {100.0 * entry['true_error_rms']:.1f} %, the estimate itself by "
-            line += f"{100.0 * entry['estimate_error_rms']:.1f} %"
-        found.append(line)
-    return found
-
-
 def _wire(name: str, figures: dict[str, float]) -> str:
     """Say how fast a device has answered over its wire."""
     middle, late, worst = figures["p50_ms"], figures["p99_ms"], figures["max_ms"]
@@ -174,37 +139,24 @@ def _wire(name: str, figures: dict[str, float]) -> str:
     return f"{name}: {rate:.0f} exchanges/s, {middle:.2f} ms median, {late:.2f} ms p99, {worst:.1f} ms at most"
 
 
-def _row(entry: dict[str, Any]) -> list[str]:
-    def number(key: str, digits: int, scale: float = 1.0, unit: str = "") -> str:
-        value = entry.get(key)
-        return "-" if value is None else f"{value * scale:.{digits}f}{unit}"
-
-    return [
-        entry["object"], entry["material"], number("begin_s", 3), number("end_s", 3), number("mean_flux_W_m2", 0),
-        number("skin_drop_K", 2), number("peak_force_N", 2), number("plate_gap_mm", 3),
-        number("flux_error_rms", 1, 100.0, " %"),
-    ]  # fmt: skip
-
-
-def _plain_table(report: dict[str, Any], stream: TextIO) -> None:
-    rows = [list(_COLUMNS), *(_row(entry) for entry in report["contacts"])]
-    widths = [max(len(row[i]) for row in rows) for i in range(len(_COLUMNS))]
+def _plain_table(rows: list[list[str]], stream: TextIO) -> None:
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
     for row in rows:
         cells = [cell.ljust(w) if i < 2 else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, widths, strict=True))]
         stream.write("  ".join(cells).rstrip() + "\n")
 
 
-def _rich_table(report: dict[str, Any], stream: TextIO) -> None:
+def _rich_table(rows: list[list[str]], stream: TextIO) -> None:
     from rich import box
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
-    for index, column in enumerate(_COLUMNS):
-        table.add_column(column, justify="left" if index < 2 else "right")
-    for entry in report["contacts"]:
-        table.add_row(*(Text(plain(cell)) for cell in _row(entry)))
+    for index, column in enumerate(rows[0]):
+        table.add_column(Text(plain(column)), justify="left" if index < 2 else "right")
+    for row in rows[1:]:
+        table.add_row(*(Text(plain(cell)) for cell in row))
     Console(file=getattr(stream, "inner", stream)).print(table)
 
 

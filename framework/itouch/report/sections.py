@@ -7,17 +7,16 @@ import os
 from typing import Any
 
 from itouch.report.collect import Findings
+from itouch.report.columns import measured
 from itouch.report.limits import limit_rows
 from itouch.report.markup import flattened, number, table, text
 
-#: Columns of the table of contacts: key of the report, title, form, scale.
+#: Columns of the table of contacts, before those of the modalities: key of the report, title, form, scale.
 _CONTACTS = (
     ("probe", "probe", "", 1.0), ("object", "object", "", 1.0), ("material", "material", "", 1.0),
     ("begin_s", "begin [s]", ".3f", 1.0), ("end_s", "end [s]", ".3f", 1.0),
     ("impact_speed_m_s", "impact [mm/s]", ".0f", 1e3), ("peak_force_N", "peak force [N]", ".2f", 1.0),
     ("plate_gap_mm", "plate gap [mm]", ".3f", 1.0), ("plate_lead_ms", "plate lead [ms]", ".0f", 1.0),
-    ("mean_flux_W_m2", "mean flux [W/m²]", ".0f", 1.0), ("peak_flux_W_m2", "peak flux [W/m²]", ".0f", 1.0),
-    ("skin_drop_K", "skin drop [K]", ".2f", 1.0), ("flux_error_rms", "flux error rms [%]", ".1f", 100.0),
 )  # fmt: skip
 _TEXTS = ("probe", "object", "material")
 #: Figures of a tick, in the order in which they are shown.
@@ -84,8 +83,9 @@ def contacts(findings: Findings) -> str:
     if not found:
         return '<h2>Contacts</h2>\n<p class="soft">none</p>'
     several = findings.model is None or len(findings.model.probes) > 1
+    felt = [one for one in measured(findings.model) if one.show != "no"]
     shown = [
-        column for column in _CONTACTS
+        column for column in (*_CONTACTS, *((one.key, one.page_head, f".{one.digits}f", one.scale) for one in felt))
         if any(entry.get(column[0]) is not None for entry in found) and (several or column[0] != "probe")
     ]  # fmt: skip
     rows = [[number(entry.get(key), form, scale) for key, _, form, scale in shown] for entry in found]

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
-from itouch.plugin import Field, Record
+from itouch.plugin import Field, Measured, Record
 
 #: Seconds after the begin from which the flux error counts, and the least flux [W/m2] it is relative to.
 SCORED_FROM, FLOOR = 0.1, 50.0
@@ -26,6 +28,18 @@ FIELDS: tuple[Field, ...] = (
         doc="the same of what stands beside an estimate: sensor, and truth",
     ),
 )
+
+#: What is known of each contact, or null; beside these there is what only some have.
+MEASURED: tuple[Measured, ...] = (
+    Measured("flux_source", "1", "where the flux is known from: twin, estimate or sensor", show="no"),
+    Measured("mean_flux_W_m2", "W/m^2", "mean of the obtained flux, > 0 out of the finger", "mean flux", "W/m2", 0),
+    Measured("peak_flux_W_m2", "W/m^2", "extreme of the obtained flux", "peak flux", digits=0, show="page"),
+    Measured("skin_drop_K", "K", "skin temperature at the begin minus its extreme", "skin drop", "skin K"),
+    Measured(
+        "flux_error_rms", "1", "rms of the flux error from 0.1 s on, as a share of the desired flux",
+        "flux error rms", "flux err", 1, percent=True, worst="greatest flux error (rms)",
+    ),
+)  # fmt: skip
 
 
 def begin(state: Record, name: str) -> None:
@@ -118,3 +132,32 @@ def _beside(state: Record, name: str) -> dict[str, float | str | bool | None]:
     if seen:
         found |= {"true_error_rms": math.sqrt(true / seen), "estimate_error_rms": math.sqrt(missed / max(1.0, asked))}
     return found
+
+
+def ended(entry: Mapping[str, Any]) -> str:
+    """Return the few words of a contact that has ended."""
+    mean = entry.get("mean_flux_W_m2")
+    return "no heat rendered" if mean is None else f"mean flux {mean:.0f} W/m2"
+
+
+def remarks(entry: Mapping[str, Any]) -> tuple[str, ...]:
+    """Say what a touch was not that it should have been, and how good its estimated flux is."""
+    found, where = [], f"{entry['object']} at {entry['begin_s']:.3f} s"
+    if entry.get("plate_ready") is False:
+        found.append(f"{where}: began before the plate was ready")
+    if entry.get("plate_limited"):
+        found.append(f"{where}: its start temperature is out of the plate's band and was clipped")
+    if entry.get("flux_source") == "estimate" and entry.get("sensor_error_rms") is not None:
+        found.append(_judged(entry))
+    return tuple(found)
+
+
+def _judged(entry: Mapping[str, Any]) -> str:
+    """Say how good the flux is: its deviation, the sensor's own comparison, and the truth of a virtual rig."""
+    error, sensor = entry["flux_error_rms"] or 0.0, entry["sensor_error_rms"]
+    line = f"{entry['object']}: flux off by {100.0 * error:.1f} % as estimated (+- "
+    line += f"{entry['flux_deviation_W_m2']:.0f} W/m2), {100.0 * sensor:.1f} % by the sensor alone"
+    if entry.get("true_error_rms") is not None:
+        line += f"; truly {100.0 * entry['true_error_rms']:.1f} %, the estimate itself by "
+        line += f"{100.0 * entry['estimate_error_rms']:.1f} %"
+    return line

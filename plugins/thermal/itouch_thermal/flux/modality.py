@@ -22,6 +22,7 @@ class FluxControl(Modality):
 
     Params = FluxControlParams
     hears = frozenset({Contact.NEAR, Contact.BEGIN, Contact.END})
+    measured = account.MEASURED
 
     def compile(self, name: str, params: FluxControlParams, world: World) -> FluxModel:
         """Gather what is known of display, finger and objects."""
@@ -248,6 +249,14 @@ class FluxControl(Modality):
         found = account.measures(state, model.name, source)
         limited = bool(state[model.names.plate_limited].item())
         return {**found, "plate_limited": None if found["flux_source"] is None else limited}
+
+    def ended(self, model: FluxModel, entry: Mapping[str, Any]) -> str:
+        """Return the mean flux of the contact."""
+        return account.ended(entry) if entry["probe"] == model.probe else ""
+
+    def remarks(self, model: FluxModel, entry: Mapping[str, Any]) -> tuple[str, ...]:
+        """Return whether the plate was ready, and how good an estimated flux is."""
+        return account.remarks(entry) if entry["probe"] == model.probe else ()
 
     def status(self, model: FluxModel, state: Record) -> str:
         """Return the plate's temperature and readiness."""

@@ -1,0 +1,66 @@
+"""The columns of tables of contacts: the framework's own, and what the scene's modalities declare that they measure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from itouch.plugin import Measured
+from itouch.world import Model
+from itouch.world.failing import said
+
+#: What the framework itself measures of a contact and shows in a terminal's table, before and after what was felt.
+_WHEN = (
+    Measured("begin_s", "s", "when it began", head="begin s", digits=3),
+    Measured("end_s", "s", "when it ended", head="end s", digits=3),
+)
+_HOW = (
+    Measured("peak_force_N", "N", "greatest force", head="peak N"),
+    Measured("plate_gap_mm", "mm", "virtual surface minus plate top", head="gap mm", digits=3),
+)
+
+
+def measured(model: Model | None) -> tuple[Measured, ...]:
+    """Return what the modalities of a scene measure of a contact, each key once."""
+    found: dict[str, Measured] = {}
+    for modality in model.modalities if model is not None else ():
+        for one in modality.instance.measured:
+            found.setdefault(one.key, one)
+    return tuple(found.values())
+
+
+def rows(model: Model, contacts: Sequence[Mapping[str, Any]]) -> list[list[str]]:
+    """Return a terminal's table: the heads, and a row of each contact."""
+    felt = [one for one in measured(model) if one.show == ""]
+    shown = (*_WHEN, *(one for one in felt if not one.percent), *_HOW, *(one for one in felt if one.percent))
+    heads = ["object", "material", *(one.short_head for one in shown)]
+    return [heads, *(_row(entry, shown) for entry in contacts)]
+
+
+def _row(entry: Mapping[str, Any], shown: Iterable[Measured]) -> list[str]:
+    return [str(entry["object"]), str(entry["material"]), *(one.told(entry.get(one.key)) for one in shown)]
+
+
+def ended(model: Model, entry: Mapping[str, Any]) -> list[str]:
+    """Return what the modalities say of a contact that has ended."""
+    found = []
+    for one in model.modalities:
+        try:
+            found.append(one.instance.ended(one.model, entry))
+        except Exception as error:  # a stranger's words may fail; the run goes on
+            found.append(f"{one.name} failed in ended: {said(error)}")
+    return [words for words in found if words]
+
+
+def remarks(model: Model, entry: Mapping[str, Any]) -> list[str]:
+    """Return what is said of a contact below the table: what was not as it should have been."""
+    found: list[str] = []
+    if entry.get("plate_missed"):
+        where = f"{entry['object']} at {entry['begin_s']:.3f} s"
+        found.append(f"{where}: the plate was not felt where it should have been; the arm gave its force")
+    for one in model.modalities:
+        try:
+            found += one.instance.remarks(one.model, entry)
+        except Exception as error:
+            found.append(f"{one.name} failed in remarks: {said(error)}")
+    return found
