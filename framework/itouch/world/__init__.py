@@ -3,7 +3,7 @@
 from itouch.world.modalities import ModalityModel
 from itouch.world.model import Model, ProbeModel, compile_scene
 from itouch.world.rig import DeviceModel
-from itouch.world.state import declared, layout, make_state, undeclared
+from itouch.world.state import declared, layout, make_state, truth, undeclared
 
 __all__ = [
     "DeviceModel",
@@ -14,5 +14,6 @@ __all__ = [
     "declared",
     "layout",
     "make_state",
+    "truth",
     "undeclared",
 ]

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 from itouch.contact.surfaces import EFFECTS_MEMORY
-from itouch.plugin import Field, Record
+from itouch.plugin import Field, Record, Role
 from itouch.plugin.declared import faults_of
 from itouch.world import marks
 from itouch.world.failing import failing
@@ -139,6 +139,13 @@ def declared(model: Model) -> Mapping[str, Field]:
         model.declared.append({field.name: field for field in layout(model)})
     found: Mapping[str, Field] = model.declared[0]
     return found
+
+
+def truth(model: Model, device: str, role: Role) -> str:
+    """Return the field in which a device's twin keeps what is true of a role, beside what sensors say; empty: none."""
+    own, faults = f"{device}.twin.", f"{device}.twin.fault."
+    named = (name for name, field in declared(model).items() if field.role is role and name.startswith(own))
+    return next((name for name in named if not name.startswith(faults)), "")
 
 
 def undeclared(model: Model) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from itouch.plugin import Role
 from itouch.session import Session
-from itouch.world import limits
+from itouch.world import limits, truth
 
 
 @dataclass
@@ -33,9 +33,9 @@ class Truth:
             if device.command(Role.SURFACE_POSE) is not None:
                 self._views["axes"] = state[f"{name}.twin.axes"]
             if device.reading(Role.SKIN_CONTACT_TEMPERATURE) is not None:
-                self._views["plate"] = state[f"{name}.twin.true_plate"]
-                if f"{name}.twin.true_sink" in state:
-                    self._views["sink"] = state[f"{name}.twin.true_sink"]
+                self._views["plate"] = state[truth(self.session.model, name, Role.SKIN_CONTACT_TEMPERATURE)]
+                if sink := truth(self.session.model, name, Role.HEAT_SINK_TEMPERATURE):
+                    self._views["sink"] = state[sink]
         probe = self.session.model.probes[0].name
         self._views["press"], self._views["finger"] = state[f"{probe}.plate_force"], state[f"{probe}.hand.velocity"]
 

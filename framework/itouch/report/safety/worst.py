@@ -8,9 +8,17 @@ from dataclasses import dataclass, field
 
 from itouch.plugin import Record, Role
 from itouch.session import Session
+from itouch.world import truth
 
 #: Temperatures [K] from which dose counts, and at which a second is a second.
 DOSE_FROM, DOSE_UNIT = 312.15, 316.15
+#: What is followed of a twin by what its fields are for, and how it is called.
+_SKIN = "skin temperature [K]"
+_TRUE = {
+    Role.SKIN_CONTACT_TEMPERATURE: "plate temperature [K]",
+    Role.SKIN_TEMPERATURE: _SKIN,
+    Role.HEAT_FLUX: "flux [W/m²]",
+}
 Value = Callable[[], float]
 
 
@@ -27,9 +35,7 @@ class Worst:
 
     def __post_init__(self) -> None:
         self._values = _values(self.session)
-        self._skin = next(
-            (value for name, value in self._values.items() if name.endswith("skin temperature [K]")), None
-        )
+        self._skin = next((value for name, value in self._values.items() if name.endswith(_SKIN)), None)
         probe = self.session.model.probes[0].name if self.session.model.probes else ""
         self._press = self.session.state[f"{probe}.plate_force"] if probe else None
 
@@ -55,11 +61,9 @@ def _values(session: Session) -> dict[str, Value]:
     for name, device in session.model.devices.items():
         if given := device.field(Role.FORCE_ON_OPERATOR, "sent"):
             found[f"{name}: force [N]"] = _length(state, given, 3)
-        for field_name, what in (("true_plate", "plate temperature"), ("true_skin", "skin temperature")):
-            if f"{name}.twin.{field_name}" in state:
-                found[f"{name}: {what} [K]"] = state[f"{name}.twin.{field_name}"].item
-        if f"{name}.twin.true_flux" in state:
-            found[f"{name}: flux [W/m²]"] = state[f"{name}.twin.true_flux"].item
+        for role, what in _TRUE.items():
+            if field_name := truth(session.model, name, role):
+                found[f"{name}: {what}"] = state[field_name].item
         if sink := device.field(Role.HEAT_SINK_TEMPERATURE):
             found[f"{name}: sink temperature [K]"] = state[sink].item
     for probe in session.model.probes:
