@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from program import program
 from shipped import SCENES
 from slope_scenes import RADIUS, Floats, Slope, ramp
 
@@ -111,3 +112,25 @@ def test_touch_off_neither_cools_nor_warms_the_finger(folder: Path) -> None:
     (contact,) = session.report()["contacts"]
     assert contact["plate_ready"] is False or contact["flux_error_rms"] < 0.02
     assert contact["mean_flux_W_m2"] > 1000.0
+
+
+def test_a_slide_onto_another_material_is_judged_anew_and_told(folder: Path) -> None:
+    world = (
+        '<box name="first" pos="-30 0 -5 mm" size="60 60 10 mm" material="aluminium"/>'
+        '<box name="second" pos="30 0 -5 mm" size="60 60 10 mm" material="polystyrene"/>'
+    )
+    motion = (
+        '<to pos="-15 0 25 mm" in="0.1 s" hold="1.5 s"/><to pos="-15 0 4 mm" in="0.4 s" hold="0.3 s"/>'
+        '<to pos="15 0 4 mm" in="0.3 s" hold="0.4 s"/><to pos="15 0 25 mm" in="0.4 s"/>'
+    )
+    session = Slope(world, motion, warm=True).build(folder)
+    session.run()
+    report = session.report()
+    first, second = report["contacts"]
+    assert first["plate_ready"] is True
+    assert second["object"] == "second"
+    assert second["begin_s"] == first["end_s"]
+    assert second["plate_ready"] is False
+    assert report["modalities"]["flux-control"]["contacts_before_ready"] == 1
+    ended = program("run", folder / "slope.xml", "--pace", "fast")
+    assert ended.stdout.count("began before the plate was ready") == 1

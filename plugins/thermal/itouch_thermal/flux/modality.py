@@ -149,10 +149,17 @@ class FluxControl(Modality):
                 state[names.unready] += 1
 
     def _part(self, model: FluxModel, state: Record, tick: int) -> None:
-        """Let go of a finger that the plate is no longer with, and aim for what comes next."""
+        """Let go of a finger that the plate is no longer with, and aim for what comes next.
+
+        It may be there already: then the plate is as ready for it as it is near that start temperature.
+        """
+        names, touched = model.names, bool(state[model.names.touching].item())
         predictive.take_off(model, state, tick)
-        state[model.names.touching] = 0
+        state[names.touching] = 0
         approach.aim(model, state, approach.coming(model, state), tick)
+        if touched:
+            error = state[names.plate_temperature].item() - state[names.start_temperature].item()
+            approach.judge(model, state, error, tick)
 
     def update(self, model: FluxModel, state: Record, period: float) -> None:
         """Command the display."""
