@@ -83,6 +83,11 @@ def plate(kind: PlateKind) -> type[Device]:
     return _device(type("PlateTwin", (_Plate,), {"kind": kind}), reads, (command,), kind.period)
 
 
+#: Channels of the arm and of the table.
+_POSE, _FELT = pose(), measured_wrench(force=50.0)
+_TARGET = pose_target(low=(-0.1, -0.1, 0.0), high=(0.1, 0.1, 0.04), speed=0.25)
+
+
 class _Arm(Twin):
     """An arm whose finger stands still."""
 
@@ -92,13 +97,13 @@ class _Arm(Twin):
         """Stand."""
 
     def read(self, state: Record, reading: Record) -> bool | None:
-        reading["pose"] = (0.0, 0.0, 0.035, 1.0, 0.0, 0.0, 0.0)
+        reading[_POSE.name] = (0.0, 0.0, 0.035, 1.0, 0.0, 0.0, 0.0)
         return True
 
 
 def arm() -> type[Device]:
     """Return the class of an arm."""
-    return _device(type("ArmTwin", (_Arm,), {}), (pose(),), (wrench(force=8.0),), 0.0)
+    return _device(type("ArmTwin", (_Arm,), {}), (_POSE,), (wrench(force=8.0),), 0.0)
 
 
 class _Table(Twin):
@@ -110,21 +115,21 @@ class _Table(Twin):
         return (Field("place", "f8", 3, unit="m", doc="where it is"), Field("time", unit="s", doc="time so far"))
 
     def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
-        state["place"] = command["pose_target"][:3]
+        state["place"] = command[_TARGET.name][:3]
         state["time"] += period
 
     def read(self, state: Record, reading: Record) -> bool | None:
         on, off, force = self.tapping
         pressed = force if math.fmod(state["time"].item(), on + off) < on else 0.0
-        reading["pose"] = (*state["place"].tolist(), 1.0, 0.0, 0.0, 0.0)
-        reading["wrench"] = (0.0, 0.0, -pressed if state["place"][2] > 0.001 else 0.0, 0.0, 0.0, 0.0)
+        reading[_POSE.name] = (*state["place"].tolist(), 1.0, 0.0, 0.0, 0.0)
+        reading[_FELT.name] = (0.0, 0.0, -pressed if state["place"][2] > 0.001 else 0.0, 0.0, 0.0, 0.0)
         return True
 
 
 def table(tapping: tuple[float, float, float], period: float) -> type[Device]:
     """Return the class of a table that is tapped."""
-    target = pose_target(low=(-0.1, -0.1, 0.0), high=(0.1, 0.1, 0.04), speed=0.25)
-    reads = (pose(locked=(3, 4, 5)), measured_wrench(force=50.0))
+    target = _TARGET
+    reads = (pose(locked=(3, 4, 5)), _FELT)
     return _device(type("TableTwin", (_Table,), {"tapping": tapping}), reads, (target,), period)
 
 
