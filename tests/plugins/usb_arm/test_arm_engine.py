@@ -9,7 +9,7 @@ import pytest
 from itouch.cli.lockstep import EveryNth
 from itouch.loop import DeviceFaultError
 from itouch.session import Session, build, load_scene
-from itouch_usb_arm import UsbArm, UsbArmParams, boot
+from itouch_usb_arm import Falcon, UsbArm, UsbArmParams, boot
 from itouch_usb_arm.virtual import Hand, VirtualBackend, VirtualFalcon, VirtualTime
 from itouch_usb_arm.wire import Buttons
 
@@ -35,14 +35,14 @@ def rig(tmp_path: Path) -> tuple[Session, VirtualFalcon]:
     assert isinstance(params, UsbArmParams)
     device = UsbArm(params)
     device.backend = VirtualBackend(virtual)
-    make = device._make
+    make = device.make
 
-    def on_virtual_time() -> object:
-        driver = make()
+    def on_virtual_time(*, safe: bool = False) -> Falcon:
+        driver = make(safe=safe)
         driver._clock = virtual.time.now
         return driver
 
-    device._make = on_virtual_time  # type: ignore[method-assign,assignment]
+    device.make = on_virtual_time  # type: ignore[method-assign]
     session.runners[0].device = EveryNth(device, 1)
     return session, virtual
 
