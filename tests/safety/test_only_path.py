@@ -18,7 +18,11 @@ UNIT = [str(Path(__file__).parent / f"test_{name}.py") for name in mutation.SAFE
 def device_writes(path: Path) -> list[int]:
     """Return the lines that call ``write`` of something called a device, but for devices that wrap another one."""
     tree, found = ast.parse(path.read_text(encoding="utf-8")), []
-    wrapping = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef) and node.name == "write"]
+    wrapping: list[ast.AST] = [
+        node for node in ast.walk(tree)
+        if (isinstance(node, ast.FunctionDef) and node.name == "write")
+        or (isinstance(node, ast.ClassDef) and "Device" in {ast.unparse(base) for base in node.bases})
+    ]  # fmt: skip
     passed_on = {id(node) for function in wrapping for node in ast.walk(function)}
     for node in [node for node in ast.walk(tree) if id(node) not in passed_on]:
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "write":

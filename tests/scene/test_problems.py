@@ -51,7 +51,7 @@ ONE_LINE = [
     ('<recording to="x"/>', "unknown-element", 1, "record"),
     ('<world/><world/>', "duplicate-element", 9, "only once"),
     ('<interaction><probe name="f" pose-from="arn"/></interaction>', "unknown-name", 30, "did you mean 'arm'"),
-    ('<interaction><probe name="f" pose-from="arm" surface-to="arm"/></interaction>', "missing-channel", 46, "pose_target"),
+    ('<interaction><probe name="f" pose-from="arm" surface-to="arm"/></interaction>', "missing-channel", 46, "surface pose"),
     ('<interaction><thermal:het probe="f"/></interaction>', "unknown-element", 14, "thermal:heat"),
     ('<interaction xmlns:q="urn:itouch:plugin:quux"><q:x/></interaction>', "unknown-plugin", 47, "quux"),
     ('<interaction><nope:x probe="f"/></interaction>', "unknown-prefix", 14, "urn:itouch:plugin:nope"),

@@ -117,7 +117,7 @@ class TecDriver:
             self._note(parameter, refusal)
             return
         if not low - _rounded(low) <= found <= high + _rounded(high):
-            self._refuse(parameter, found, wanted)
+            self._refuse_rig(parameter, found, wanted)
 
     def _arm_int(self, parameter: int, wanted: int) -> None:
         try:
@@ -129,10 +129,10 @@ class TecDriver:
             self._note(parameter, refusal)
             return
         if found != wanted:
-            self._refuse(parameter, found, wanted)
+            self._refuse_rig(parameter, found, wanted)
 
     @staticmethod
-    def _refuse(parameter: int, found: float, wanted: float) -> None:
+    def _refuse_rig(parameter: int, found: float, wanted: float) -> None:
         what = "its own watchdog is off" if parameter == WATCHDOG else "it would not protect the plate by itself"
         raise DeviceError(
             f"the TEC controller keeps parameter {parameter} at {found:g} where {wanted:g} was written: {what}; set it "
