@@ -188,6 +188,23 @@ def test_a_panel_without_a_surface_has_none() -> None:
     assert panel.spent() == ""
 
 
+def test_a_panel_without_monitors_lets_a_device_be_silent() -> None:
+    one = dataclasses.replace(model(((), ()), twin=True), monitors=())
+    panel = Supervisor(one, state(one), PERIOD).panel
+    panel.reset()
+    panel.wait(1, 1e9)
+    assert panel.sane()
+
+
+def test_times_that_are_not_kept_are_computed_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("itouch.safety.panel._KEPT", 0)
+    device = toyed(0.5)
+    for tick in range(3):
+        device.read(tick)
+    assert device.panel._rounded == {}
+    assert device.panel._since(3) == 3 * PERIOD
+
+
 def test_a_surface_without_a_place_or_a_force() -> None:
     blind = Asked(Surface, ((), (pose_target(low=(0, 0, 0), high=(1, 1, 1), speed=0.2),)))
     blind.moment.gap, blind.moment.calibrated = -0.001, True
