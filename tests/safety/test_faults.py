@@ -14,6 +14,7 @@ from shipped import SCENES
 import itouch
 from itouch.faults import FaultyTwin, Injection, Kind
 from itouch.plugin import (
+    Device,
     DeviceError,
     Field,
     IdealTwin,
@@ -37,7 +38,8 @@ class Steady(IdealTwin):
     """A twin that reads what it was last sent, and counts."""
 
     def __init__(self, reads: Any, commands: Any) -> None:
-        self.params, self.reads, self.commands = None, reads, commands
+        device = type("Bare", (Device,), {"reads": reads, "commands": commands})
+        super().__init__(None, device)
 
     def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
         super().step(state, command, touch, period)
@@ -248,7 +250,7 @@ def faulty(write: Write, *faults: str) -> Path:
 def test_a_scene_injects_and_the_report_tells_cause_and_line(write: Write) -> None:
     path = faulty(write, '<fault device="arm" kind="nan" at="1 s" for="0.2 s"/>')
     engine = itouch.build(path)
-    with pytest.raises(itouch.DeviceFaultError, match=r"device 'arm' reads NaN \(pose\) at tick 1000"):
+    with pytest.raises(itouch.DeviceFaultError, match=r"device 'arm' reads NaN \(pose\) \(T8 .*\) at tick 1000"):
         engine.run()
     line = (
         path.read_text(encoding="utf-8").splitlines().index('<fault device="arm" kind="nan" at="1 s" for="0.2 s"/>') + 1
