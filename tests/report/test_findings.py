@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import subprocess
 import sys
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mcap.reader import make_reader
 from program import program as cli
 from shipped import SCENES
 
@@ -81,6 +83,15 @@ def test_a_session_that_was_cut_has_a_page_that_says_so(tmp_path, part):
     shown = collect(tmp_path / "run.mcap")
     assert "not read" in shown.losses[0] and shown.losses[0] in page(shown)
     assert np.isfinite(shown.curves.whole.values).all()
+
+
+def test_a_session_that_was_cut_behind_the_head_of_its_file_still_has_a_page(tmp_path):
+    made(tmp_path, 2)
+    data = (tmp_path / "run.mcap").read_bytes()
+    head = make_reader(io.BytesIO(data)).get_summary().chunk_indexes[0]
+    (tmp_path / "run.mcap").write_bytes(data[: head.chunk_start_offset + head.chunk_length + 5])
+    shown = collect(tmp_path / "run.mcap")
+    assert "not read" in shown.losses[0] and shown.losses[0] in page(shown)
 
 
 def test_a_session_without_ticks_or_without_contacts_has_a_page(tmp_path):

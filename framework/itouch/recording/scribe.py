@@ -37,7 +37,7 @@ class Scribe:
         self._output = output
 
     def begin(self) -> None:
-        """Write the head of the file, with the first State if it has come."""
+        """Write the head of the file, with the first State, which is posted right behind the specification."""
         self.writer.start(self.spec.attachments)
         self.writer.chunk({}, [("/log/session", 0, self.spec.first_message()), *self._letters()])
         self._tell()

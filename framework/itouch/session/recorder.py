@@ -54,6 +54,7 @@ class Recorder:
         room = LETTERS + 8 * session.state.nbytes + len(spec)
         self._ring = Ring.create(Shape(ROWS, self._rows.size, 1 << (room - 1).bit_length()))
         self._ring.post(SPEC, spec)
+        self.note_state("start")  # before the process runs: the head of the file holds it, wherever the file is cut
         self._process = self._start()
         self._period = session.model.period
         self._events = int(session.state["events.count"])
@@ -64,7 +65,6 @@ class Recorder:
         if self._ring.phase is Phase.FAILED:
             self._end()
             raise RecordingError(self._ring_text)
-        self.note_state("start")
         self.tap = self._make_tap()
 
     def _spec(self) -> bytes:
