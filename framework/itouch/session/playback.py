@@ -38,8 +38,9 @@ class PlaybackTwin(Twin, Stamped):
         DeviceError
             If the device failed in this tick.
         """
-        self._inner.read(state, reading.copy())
-        return self._feed.give(self._name, reading)
+        answered = self._inner.read(state, reading.copy()) is not False
+        uncounted = self._feed.uncounted(self._name)
+        return self._feed.give(self._name, reading) or (answered and uncounted)
 
     def measured(self, state: Record, tick: int, ticks: NDArray[np.int64]) -> None:
         """Give the ticks that were recorded."""
@@ -93,6 +94,7 @@ class Feed:
             if name in self._tables
         }
         self._sequences = {name: session.state[f"{name}.sequence"] for name in self._readings}
+        self._ages = {name: session.state[f"{name}.age"] for name in self._readings}
         self.ticks = recording.ticks
         self.at = 0
         self._errors = {
@@ -127,6 +129,17 @@ class Feed:
             changed = changed or not np.array_equal(reading[name], table[name][at], equal_nan=True)
             reading[name][...] = table[name][at]
         return changed
+
+    def uncounted(self, device: str) -> bool:
+        """Tell whether the present row is of the safe sequence: readings are neither counted there nor grow old.
+
+        A reading that came then and was as the one before left no trace: only the twin can tell that it came.
+        """
+        table, at = self._tables.get(device), self.at
+        if table is None or at >= len(table) or device not in self._ages:
+            return False
+        same = table["sequence"][at] == self._sequences[device] and table["age"][at] == self._ages[device]
+        return bool(same)
 
     def measured(self, device: str, tick: int, ticks: NDArray[np.int64]) -> None:
         """Fill in when the present reading was measured; in a recording that does not say, in this tick."""

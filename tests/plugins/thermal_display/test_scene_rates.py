@@ -55,13 +55,21 @@ def test_a_driver_that_holds_a_temperature_does_as_well(scenes: Path, hertz: str
     assert engine.state["peltier.sent.output"][0] == 1.0
 
 
-def test_what_a_driver_of_temperature_does_is_safe_when_it_stops(scenes: Path) -> None:
-    engine = itouch.build(Display(**HOLDS_TEMPERATURE).write(scenes))
+def test_what_a_driver_of_temperature_does_is_safe_when_it_stops(scenes: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, broken = Display(**HOLDS_TEMPERATURE).write(scenes), False
+    control = type(next(m.instance for m in itouch.build(path).model.modalities if m.commands))
+    sound = control.update
+
+    def update(self, model, state, period) -> None:
+        sound(self, model, state, period)
+        if broken:
+            state["peltier.command.temperature_target"] = np.nan
+
+    monkeypatch.setattr(control, "update", update)
+    engine = itouch.build(path)
     engine.run(6.0)
-    engine.state["peltier.command.temperature_target"] = np.nan
-    engine.model.modalities[1].instance.update = lambda *_: engine.state["peltier.command.temperature_target"].fill(
-        np.nan
-    )
+    assert engine.state["peltier.sent.output"][0] == 1.0
+    broken = True
     with pytest.raises(itouch.ItouchError):
         engine.run(0.1)
     assert engine.state["peltier.sent.output"][0] == 0.0
