@@ -130,6 +130,11 @@ class Chain:
         """Run the calls from ``begin`` on; return -1, or where one wants Python: its index * 2**32 + its code."""
         return _run(self._entries, self._blocks, begin)
 
+    def rehearse(self) -> None:
+        """Compile, or load, what runs the calls; none of them is run."""
+        self.run(len(self.calls))
+        self.run_timed(np.zeros(1), 0, len(self.calls))
+
     def repeat(self, rounds: int) -> None:
         """Run all calls so many times in one compiled loop, whatever they return: for measurements."""
         _repeat(self._entries, self._blocks, rounds)

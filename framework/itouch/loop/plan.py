@@ -85,6 +85,7 @@ class _Joined:
     def __init__(self, listed: Sequence[Step], first: int) -> None:
         self.steps, self._mark = tuple(listed), 1 + first
         self.chain = Chain([step.bound for step in listed if step.bound is not None])
+        self.chain.rehearse()
         self._run = self.chain.run
         self._answers = [step.answer for step in listed]
 

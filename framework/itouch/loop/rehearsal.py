@@ -45,9 +45,11 @@ def _rehearse_touches(model: Model, scratch: Record) -> None:
     """Take all modalities together through approach, touch and release of the first and the last object."""
     views = {modality.name: view_for(modality, scratch) for modality in model.modalities}
     _update(model, views)
+    scratch["ready"] = 1  # the rig is calibrated from here on
     for probe in model.probes:
         for index in sorted({0, len(model.objects) - 1}) if model.objects else ():
             for kind in (Contact.NEAR, Contact.BEGIN, Contact.MOVE, Contact.END):
+                scratch[f"{probe.name}.near_object"] = index
                 _pretend(model, scratch, probe.name, index if kind in (Contact.BEGIN, Contact.MOVE) else -1)
                 _rehearse_event(model, scratch, views, _event(model, kind, probe.name, index))
 
