@@ -182,4 +182,10 @@ def test_properties_of_objects_and_devices(session):
     words = [line for line, _ in overlay.properties(session.model, session.state, "pyrex").lines]
     assert "material: pyrex" in words and "position: -22.0 0.0 9.0 mm" in words
     words = [line for line, _ in overlay.properties(session.model, session.state, "peltier").lines]
-    assert any(line.startswith("plate_temperature: 29") for line in words)
+    for channel in ("plate_temperature", "skin_temperature", "sink_temperature"):
+        celsius = session.state[f"peltier.{channel}"].item() - 273.15
+        assert any(line.startswith(f"{channel}: {celsius:.4g} degC (") for line in words)
+    place = session.state["table.pose"][:3]
+    millimetres = " ".join(f"{1e3 * value:.4g}" for value in place)
+    words = [line for line, _ in overlay.properties(session.model, session.state, "table").lines]
+    assert any(line.startswith(f"pose: {millimetres} mm") for line in words)

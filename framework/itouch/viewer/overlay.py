@@ -10,7 +10,9 @@ import numpy as np
 
 from itouch.loop import Status
 from itouch.loop.faultwords import is_loss, what
-from itouch.plugin import Record, Role
+from itouch.plugin import Channel, Record, Role
+from itouch.plugin.quantity import PLAIN
+from itouch.viewer.scales import scale_of
 from itouch.viewer.stage import plate_temperature
 from itouch.world import Model
 
@@ -165,10 +167,19 @@ def properties(model: Model, state: Record, name: str) -> Words:
     device = model.devices[name]
     lines = [f"device {name}: plugin {device.plugin}{', twin' if device.twin else ''}"]
     for channel in device.reads:
-        numbers = " ".join(f"{value:.4g}" for value in np.ravel(state[f"{name}.{channel.name}"])[:3])
+        numbers, unit = _shown(channel, state[f"{name}.{channel.name}"])
         meaning = f"({channel.doc})" if channel.doc else ""
-        lines.append(" ".join(word for word in (f"{channel.name}:", numbers, channel.shown_unit, meaning) if word))
+        lines.append(" ".join(word for word in (f"{channel.name}:", numbers, unit, meaning) if word))
     return Words(tuple((line, "plain") for line in lines))
+
+
+def _shown(channel: Channel, value: Any) -> tuple[str, str]:
+    """Return the numbers of a channel and their unit as the charts have them: degC, mm."""
+    if channel.unit in PLAIN or not channel.unit:
+        return " ".join(f"{number:.4g}" for number in np.ravel(value)[:3]), ""
+    scale = scale_of(channel.unit)
+    known = [scale.shown(float(number)) for number in np.ravel(value)[:3]]
+    return " ".join(f"{number:.4g}" if np.isfinite(number) else "--" for number in known), scale.unit
 
 
 def _object(model: Model, state: Record, name: str) -> list[str]:
