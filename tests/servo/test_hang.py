@@ -13,6 +13,8 @@ import pytest
 import itouch
 from itouch.bench.deaths.observer import Observer
 from itouch.bench.deaths.scene import scene
+from itouch.servo.errors import let_go
+from itouch.servo.lastwords import LastWords, Process
 
 _CUSTOM = """
 import signal
@@ -42,3 +44,96 @@ def test_a_loop_that_hangs_is_ended_and_the_devices_are_safe(tmp_path: Path, mon
             handle.wait(60)
         assert observer.wait(30)
         assert all(time is not None for time in observer.safe_after(0).values())
+
+
+_STARVED = """
+import signal, time
+
+def starve(number, frame):
+    held = bytearray(1 << 20)
+    while time.process_time() < starve.end:
+        pass
+    raise MemoryError
+
+def begin(number, frame):
+    starve.end = time.process_time() + 0.3
+    starve(number, frame)
+
+signal.signal(signal.SIGUSR1, begin)
+"""
+
+
+def test_a_loop_that_comes_to_itself_after_its_devices_were_made_safe_tells_the_cause(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """0.3 s of work without a beat, as when memory runs out: longer than the guardian's patience."""
+    (tmp_path / "sitecustomize.py").write_text(_STARVED, encoding="utf-8")
+    path = tmp_path / "starved.xml"
+    path.write_text(scene(hold=False), encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    with itouch.launch(path) as handle:
+        observer = Observer(handle.name, ("arm", "table", "peltier"))
+        while handle.link.tick < 50:
+            time.sleep(0.02)
+        os.kill(handle.pid, signal.SIGUSR1)
+        with pytest.raises(itouch.ServoError) as caught:
+            handle.wait(60)
+        said = str(caught.value)
+        assert said.startswith("the servo process hung; arm, table, peltier made safe by the guardian within")
+        assert "; then the servo process ended in order: " in said and "MemoryError" in said
+        assert "SIGKILL" not in said
+        assert observer.wait(30)
+        assert all(time is not None for time in observer.safe_after(0).values())
+
+
+def _stat(letter: str, used: float, flags: int = 0) -> str:
+    ticks = round(used * os.sysconf("SC_CLK_TCK"))
+    return f"12 (a (b) c) {letter} 1 2 3 4 5 {flags} 7 8 9 10 {ticks} 0 13"
+
+
+def test_a_silent_process_has_its_time_by_what_it_gets_of_a_processor() -> None:
+    now = [0.0]
+
+    def over(words: LastWords, letter: str, used: float, at: float, flags: int = 0) -> bool:
+        now[0] = at
+        return words.over(Process.of(_stat(letter, used, flags)))
+
+    slow = LastWords(lambda: now[0])
+    assert [over(slow, "R", 3.0 + 0.1 * at, at) for at in (0.0, 4.0, 9.9)] == [False, False, False]
+    assert over(slow, "R", 4.0, 10.1)  # the most that anybody gets
+    now[0] = 0.0
+    busy = LastWords(lambda: now[0])
+    assert not over(busy, "R", 3.0, 0.0) and not over(busy, "R", 3.9, 0.9)
+    assert over(busy, "R", 4.1, 1.1)
+    now[0] = 0.0
+    waiting = LastWords(lambda: now[0])
+    assert not over(waiting, "S", 3.0, 0.0) and not over(waiting, "S", 3.0, 0.4)
+    assert over(waiting, "S", 3.0, 0.6)
+    now[0] = 0.0
+    for letter, flags in (("T", 0), ("Z", 0), ("R", 0x4)):
+        assert over(LastWords(lambda: now[0]), letter, 3.0, 0.0, flags)
+
+
+def test_an_error_without_memory_gives_back_what_its_frames_hold() -> None:
+    def eat() -> None:
+        held = Held()
+        try:
+            raise KeyError(held.name)
+        except KeyError as error:
+            raise MemoryError from error
+
+    class Held:
+        name = "held"
+
+        def __del__(self) -> None:
+            freed.append(self.name)
+
+    freed: list[str] = []
+    with pytest.raises(MemoryError) as caught:
+        eat()
+    assert not freed
+    let_go(caught.value)
+    assert freed == ["held"]
+    with pytest.raises(KeyError) as other:
+        {}["nothing"]
+    let_go(other.value)

@@ -77,9 +77,8 @@ def _write(ring: Ring, sink: Sink) -> None:
 def _first(ring: Ring) -> bytes:
     until = time.monotonic() + _PATIENCE
     while (letter := ring.take()) is None:
-        if time.monotonic() > until:
+        if time.monotonic() > until or _parent_gone(0.005):
             raise OSError(0, "nothing came to be written")
-        time.sleep(0.005)
     if letter[0] != SPEC:
         raise ValueError("the first letter is not a specification")
     return letter[1]

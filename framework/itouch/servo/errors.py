@@ -22,6 +22,21 @@ class ServoTracebackError(ItouchError):
     """The cause of an error that came out of the servo process: its traceback there, as text."""
 
 
+def let_go(error: BaseException) -> None:
+    """Give back what the frames of an error hold, if memory has run out: making devices safe may need some.
+
+    The frames stay named in the traceback; only their variables are gone.
+    """
+    chain: list[BaseException] = []
+    link: BaseException | None = error
+    while link is not None and link not in chain:
+        chain.append(link)
+        link = link.__cause__ or link.__context__
+    if any(isinstance(one, MemoryError) for one in chain):
+        for one in chain:
+            traceback.clear_frames(one.__traceback__)
+
+
 def encode(error: BaseException) -> dict[str, Any]:
     """Return an error as plain data."""
     told: dict[str, Any] = {

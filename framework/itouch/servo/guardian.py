@@ -3,7 +3,8 @@
 It watches the servo process's beat.  If that stops for some periods, it asks the kernel whether the process is dying
 or suspended (freeing the memory of a killed process alone can take 100 ms), and otherwise gives it 120 ms.  It then
 sends the safe command over every connection that a second opener may have, and ends a servo process that hangs or is
-suspended, so that it can't wake up and go on.
+suspended, so that it can't wake up and go on.  Where every device stays safe whatever the servo process sends, that
+process first gets the time to come to itself and tell its cause.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from collections.abc import Callable, Sequence
 
 from itouch.servo import realtime, wire
 from itouch.servo import words as at
+from itouch.servo.lastwords import LastWords, Process
 from itouch.servo.segment import Segment, monotonic
 
 #: How often [s] the guardian looks, and how long the servo process may be silent: with devices that obey, and without.
@@ -27,10 +29,8 @@ LOOK, SILENCE, SILENCE_ALONE = 0.005, 0.12, 5.0
 SILENCE_ENDING = 90.0
 #: Silence [s] after which the kernel is asked.
 DOUBT = 0.01
-#: What the kernel says of a process: the letters of one that does not run any more, the flag of one that is ending.
-_GONE, _EXITING = frozenset("TtZXx"), 0x4
-#: How long [s] the servo process may take to end when its launcher has gone.
-ORPHAN_TIME = 3.0
+#: How long [s] the servo process may take to end when its launcher has gone, and how long to be dead when killed.
+ORPHAN_TIME, _DEAD = 3.0, 1.0
 
 #: Makes one device safe.
 Act = Callable[[], None]
@@ -48,7 +48,8 @@ class Guardian:
         self._stat = -1  # if the servo process has gone already, its file descriptor tells
         with contextlib.suppress(OSError):
             self._stat = os.open(f"/proc/{servo_pid(servo)}/stat", os.O_RDONLY)
-        self._why = "hung"
+        self._why, self._said, self._stays_safe = "hung", "", False
+        self._last_words: LastWords | None = None
 
     def watch(self) -> str:
         """Watch until the servo process has ended; return what had to be done, in words."""
@@ -65,7 +66,10 @@ class Guardian:
                 self._words[at.STOP] = 1
             self._prepare()
             self._was_armed = bool(self._words[at.ARMED])
-            if self._hangs():
+            if self._last_words is not None:
+                if self._silent_for_good(self._last_words):
+                    return self._end_it()
+            elif self._hangs() and not self._may_speak():
                 return self._end_it()
 
     def _prepare(self) -> None:
@@ -73,6 +77,8 @@ class Guardian:
         if self._acts is None and int(self._words[at.SIZE]):
             self._segment.map()
             self._acts = _acts(self._segment)
+            # remote twins hold what made them safe; a driver's thread may go on while the loop hangs
+            self._stays_safe = not self._segment.meta()["hardware"]
         if self._acts is not None:
             self._words[at.GUARDIAN_BEAT] = monotonic()
 
@@ -87,29 +93,55 @@ class Guardian:
         ending = self._segment.phase >= at.ENDING
         return silent > (SILENCE if self._was_armed else SILENCE_ENDING if ending else SILENCE_ALONE)
 
+    def _process(self) -> Process | None:
+        """Ask the kernel about the servo process; None if it has gone."""
+        try:
+            return Process.of(os.pread(self._stat, 1024, 0).decode(errors="replace"))
+        except OSError:
+            return None
+
     def _gone(self) -> bool:
         """Ask the kernel whether the servo process is suspended or ending."""
-        try:
-            told = os.pread(self._stat, 1024, 0).decode(errors="replace")
-        except OSError:
-            self._why = "died"
-            return True
-        letter, *numbers = told.rpartition(")")[2].split()
-        gone = letter in _GONE or bool(int(numbers[5]) & _EXITING)
-        if gone:
-            self._why = "was suspended" if letter in "Tt" else "died"
-        return gone
+        process = self._process()
+        if process is not None and not process.gone:
+            return False
+        self._why = "was suspended" if process is not None and process.letter in "Tt" else "died"
+        return True
+
+    def _may_speak(self) -> bool:
+        """Make the devices safe; then let a servo process that hangs come to itself, if that can do no harm."""
+        if not self._was_armed:
+            return False
+        self._said = self._make_safe(f"the servo process {self._why}")
+        process = self._process()
+        if not self._stays_safe or self._orphaned is not None or process is None or process.gone:
+            return False
+        self._words[at.STOP] = 1
+        self._last_words = LastWords()
+        return True
+
+    def _silent_for_good(self, last_words: LastWords) -> bool:
+        process = self._process()
+        if process is None:
+            return False  # its end is about to be told
+        if self._segment.phase >= at.ENDING and not self._was_armed and not process.gone:
+            return self._hangs()  # it has come to itself, and ends in order: files are finished
+        return self._orphaned is not None or last_words.over(process)
 
     def _died(self) -> str:
+        if self._said:
+            return self._said
         if not self._was_armed or self._segment.phase == at.ENDED:
             return ""
         return self._make_safe("the servo process died")
 
     def _end_it(self) -> str:
-        said = self._make_safe(f"the servo process {self._why}") if self._was_armed else ""
         with contextlib.suppress(ProcessLookupError):
             signal.pidfd_send_signal(self._servo, signal.SIGKILL)
-        return said or f"the servo process {self._why} and was ended"
+        if self._said and not self._stays_safe:  # whatever it has still sent between the two
+            select.select([self._servo], [], [], _DEAD)
+            self._make_safe("")
+        return self._said or f"the servo process {self._why} and was ended"
 
     def _make_safe(self, why: str) -> str:
         """Send every safe command, all at once: one device that blocks must not delay the others."""

@@ -86,6 +86,8 @@ class Handle:
         self._guarded.wait()
         if not ended:
             self._error = ServoError(_death(code, self._guarded.said))
+        elif self._guarded.said:
+            self._error = _account(self._guarded.said, self._error)
         self._over.set()
         self._ready.set()
         with self._answers:
@@ -256,6 +258,13 @@ class Handle:
         self.close()
         if kind is None:
             self._raise()
+
+
+def _account(said: str, error: Exception | None) -> Exception:
+    """Join what the guardian had to do with what the servo process told when it had come to itself."""
+    told = ServoError(f"{said}; then the servo process ended in order{f': {error}' if error is not None else ''}")
+    told.__cause__ = error
+    return told
 
 
 def _death(code: int, said: str) -> str:

@@ -131,7 +131,7 @@ class Remotes:
             "scene_xml": write(scene), "source": scene.source, "device": runner.model.name, "watchdog": WATCHDOG,
         }  # fmt: skip
         process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "itouch.servo.twinserver", str(listener.fileno()), str(os.getpid())],
+            [sys.executable, "-P", "-m", "itouch.servo.twin", str(listener.fileno()), str(os.getpid())],
             pass_fds=(listener.fileno(),), stdin=subprocess.PIPE, start_new_session=True,
         )  # fmt: skip
         listener.close()

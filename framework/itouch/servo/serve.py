@@ -16,6 +16,7 @@ from itouch.servo import words as at
 from itouch.servo.box import Inbox
 from itouch.servo.channel import Outbox
 from itouch.servo.commands import Commands
+from itouch.servo.errors import let_go
 from itouch.servo.holders import Switch
 from itouch.servo.parent import EndOf, gone, lives
 from itouch.servo.prepare import prepare, prepare_text
@@ -92,6 +93,7 @@ class Servo:
             "devices": list(model.devices),
             "notices": list(self.session.notices),
             "remotes": self.remotes.addresses,
+            "hardware": self._hardware(),
             "second_openers": [name for name in self._hardware() if model.devices[name].cls.second_opener],
             "sys_path": [entry for entry in self._config["sys_path"] if entry],
         }
@@ -106,6 +108,7 @@ class Servo:
             error = self._failure
         except BaseException as raised:
             error = raised
+            let_go(raised)
         self.words[at.PHASE] = at.ENDING
         for act in (self._park, self._release, self._finish):
             try:

@@ -1,4 +1,4 @@
-"""``python -m itouch.servo.twinserver``: one twin in a process of its own, as a piece of hardware would be.
+"""One twin in a process of its own (``python -m itouch.servo.twin``), as a piece of hardware would be.
 
 It steps on its own clock, whatever the servo process does.  Without commands for the time of its watchdog, without a
 connection, or told so by a second opener, it makes itself safe and stays so until a session begins anew.
@@ -9,10 +9,8 @@ from __future__ import annotations
 import contextlib
 import json
 import math
-import signal
 import socket
-import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -23,7 +21,6 @@ from itouch.plugin import HOLD, RETRACT, Field, Record, Touch
 from itouch.plugin.discovery import Catalog
 from itouch.scene import loads
 from itouch.servo import realtime, wire
-from itouch.servo.parent import gone
 from itouch.servo.segment import monotonic
 from itouch.world import DeviceModel
 from itouch.world.rig import build_devices
@@ -52,7 +49,7 @@ class TwinServer:
         self.touch = Touch(ambient=model.ambient)
         self._slow = model.limits.speed or 0.0
         self._latched, self._over, self._begun = "", False, False
-        self._last_target = np.inf
+        self._last_target, self._sank, self._steps = math.nan, -math.inf, 0
         self._rehearse()
         self._heard = 0
         self._sequence = 0
@@ -164,6 +161,19 @@ class TwinServer:
         self.touch.wrench[2] = self._force * share
         self.touch.force *= share
 
+    def _sinks(self, height: float) -> bool:
+        """Tell whether the plate is on its way down.
+
+        On a busy machine the next step of a retreat is late now and then; after the watchdog's time without one it
+        counts as standing.
+        """
+        if height < self._last_target - 1e-9:
+            self._sank = self._steps
+        elif height > self._last_target + 1e-9:
+            self._sank = -math.inf
+        self._last_target = height
+        return (self._steps - self._sank) * self._period < self._watchdog
+
     def _judge(self) -> int:
         """Return the flags of what acts now."""
         safe = clear = True
@@ -174,8 +184,7 @@ class TwinServer:
             elif channel.safe is RETRACT:
                 bottom = channel.low[2] if channel.low else -math.inf
                 down = bool(self._latched) or float(value[2]) <= bottom + 1e-6
-                safe = safe and (down or float(value[2]) < self._last_target - 1e-9)
-                self._last_target = float(value[2])
+                safe = safe and (self._sinks(float(value[2])) or down)
                 clear = clear and abs(float(self.touch.wrench[2])) < 0.1
             elif channel.safe is HOLD:
                 safe = safe and bool(self._latched)
@@ -201,12 +210,18 @@ class TwinServer:
     # --- living -------------------------------------------------------------------------------------------------------
 
     @property
+    def begun(self) -> bool:
+        """Whether a command has come: from then on the twin lives until it is safe."""
+        return self._begun
+
+    @property
     def flags(self) -> int:
         """What acted after the last step: LATCHED, OUTPUTS_SAFE, CLEAR, BEGUN."""
         return self._flags
 
     def step(self) -> None:
         """Take one step: listen, choose what acts, move on, tell."""
+        self._steps += 1
         self._accept()
         self._listen()
         self._watch()
@@ -225,14 +240,12 @@ class TwinServer:
         self.twin.step(self.state, self.acting, self.touch, self._period)
         self.twin.read(self.state, self.reading)
 
-    def live(self, parent: int) -> None:
-        """Step until the session is over and the twin is at rest; ``parent`` is the servo process that started it."""
+    def live(self) -> None:
+        """Step until the session is over and the twin is at rest."""
         clock, end = WallClock(), monotonic() + round(PATIENCE * 1e9)
         clock.start(self._period)
         rested = 0
         while monotonic() < end:
-            if not self._begun and gone(parent):  # the servo process died before the session began
-                return
             if clock.wait() > 0.1:
                 clock.start(self._period)
             self.step()
@@ -259,29 +272,18 @@ def _record(channels: Sequence[Any]) -> Record:
     return Record.of(Field.of(channel) for channel in channels)
 
 
-def main(argv: Sequence[str]) -> int:
-    """Serve one twin on a socket that was passed on."""
-    for number in (signal.SIGINT, signal.SIGHUP):
-        signal.signal(number, signal.SIG_IGN)
-    said = sys.stdin.read()
-    if not said:  # the servo process has gone before it said what is to be simulated
-        return 1
+def serve(said: str, listener: socket.socket, living: Callable[[Callable[[], bool]], None]) -> None:
+    """Serve one twin, described as JSON; ``living`` is given what tells whether its session has begun."""
     config = json.loads(said)
     catalog = Catalog()
     scene = loads(config["scene_xml"].encode(), catalog, shown=config["source"])
     model = build_devices(scene, catalog, [])[config["device"]]
-    listener = socket.socket(fileno=int(argv[0]))
-    parent = int(argv[1])
     server = TwinServer(model, listener, watchdog=config["watchdog"], period=1.0 / scene.rates.servo)
+    living(lambda: server.begun)
     realtime.sharpen_timer()
     realtime.take_priority(realtime.REMOTE_PRIORITY)
     realtime.freeze_garbage()
     try:
-        server.live(parent)
+        server.live()
     finally:
         server.close()
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))

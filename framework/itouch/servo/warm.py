@@ -7,11 +7,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 
-from itouch.loop import Engine
-from itouch.plugin.discovery import Catalog
 from itouch.servo.parent import end_with
-from itouch.session import load_scene
-from itouch.world import Model
 
 
 def main(argv: Sequence[str]) -> int:
@@ -23,6 +19,12 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--rig")
     options = parser.parse_args(argv)
     end_with(options.parent)
+    # from here on it takes long: nothing of it outlives the process that it is for
+    from itouch.loop import Engine
+    from itouch.plugin.discovery import Catalog
+    from itouch.session import load_scene
+    from itouch.world import Model
+
     catalog = Catalog()
     scene = load_scene(options.scene, rig=options.rig, twin=options.twin, catalog=catalog)
     bare = replace(scene, modalities=(), rates=replace(scene.rates, modalities=()))

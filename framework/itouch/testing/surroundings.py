@@ -129,9 +129,9 @@ def open_files() -> dict[str, str]:
     return found
 
 
-def native_threads() -> int:
-    """Return how many threads the process has, those that Python does not know included."""
-    return len(os.listdir("/proc/self/task"))
+def native_threads() -> set[int]:
+    """Return the threads of the process by the kernel's numbers, those that Python does not know included."""
+    return {int(number) for number in os.listdir("/proc/self/task")}
 
 
 def children() -> set[int]:

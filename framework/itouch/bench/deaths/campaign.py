@@ -25,8 +25,9 @@ from itouch.bench.deaths import starts
 from itouch.bench.deaths.hunger import HUNGER
 from itouch.bench.deaths.observer import Observer
 from itouch.bench.deaths.scene import scene
+from itouch.loop import DeviceFaultError
 from itouch.schema import ItouchError
-from itouch.servo import Handle, launch, sessions
+from itouch.servo import Handle, launch, sessions, wire
 from itouch.servo.segment import monotonic
 
 #: What W2 allows [s].
@@ -80,6 +81,9 @@ def _strike(handle: Handle, victim: str, manner: str, wait: float, before: froze
     finally:  # also if the session ended by itself
         handle.request_stop()
         observer.wait(_END)
+    early = [name for name, after in observer.safe_after(event, wire.LATCHED).items() if after == 0.0]
+    if early:
+        raise ItouchError(f"the session ended before anything was done to it ({', '.join(early)} safe already): {said}")
     left = _left(handle.name, before)
     return Outcome(victim, manner, at, observer.safe_after(event), left, said)
 
@@ -94,11 +98,11 @@ def _end(
         raise ItouchError(f"the session ended before anything was done to it: {_ending(handle)}")
     at = handle.seconds
     pid = stand.pid if stand is not None else handle.pid
-    event = monotonic()
+    tick, event = handle.link.tick, monotonic()
     _hit(pid, manner)
     if victim == "recorder":
         event = _go_on(handle)
-    return event, at, _ending(handle)
+    return event, at, _ending(handle, tick)
 
 
 def _await_motion(handle: Handle) -> None:
@@ -146,11 +150,14 @@ def _go_on(handle: Handle) -> int:
     return event
 
 
-def _ending(handle: Handle) -> str:
-    """Wait for the session's end, and return what was said about it."""
+def _ending(handle: Handle, after: int = 0) -> str:
+    """Wait for the session's end, and return what was said about it; a fault before a tick is none of this death."""
     try:
         return "ended" if handle.wait(_END) else "did not end"
     except ItouchError as error:
+        fault = error if isinstance(error, DeviceFaultError) else error.__cause__
+        if isinstance(fault, DeviceFaultError) and fault.tick < after:
+            raise ItouchError(f"the session ended before anything was done to it: {error}") from error
         return str(error)
 
 

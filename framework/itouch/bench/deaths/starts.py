@@ -33,7 +33,7 @@ _MARK = "ITOUCH_DEATHS"
 #: What a process is, by a word of its command line.
 _ROLES = {
     "itouch.bench.deaths.starter": "launcher", "itouch.servo.process": "servo", "itouch.servo.guardian": "guardian",
-    "itouch.servo.twinserver": "twin", "itouch.recording.process": "recorder", "itouch.servo.warm": "companion",
+    "itouch.servo.twin": "twin", "itouch.recording.process": "recorder", "itouch.servo.warm": "companion",
     "itouch.bench.deaths.stand": "viewer",
 }  # fmt: skip
 #: How long [s] a victim may take to come to be; how long after a kill is looked.

@@ -1,0 +1,79 @@
+"""Processes without a duty end with the one that started them from their first instruction; a plate on its way down."""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+
+import pytest
+
+from itouch.bench.deaths.scene import scene
+from itouch.plugin import Field, Record, Touch
+from itouch.plugin.discovery import Catalog
+from itouch.scene import loads
+from itouch.servo import wire
+from itouch.servo.twinserver import TwinServer
+from itouch.world.rig import build_devices
+
+
+@pytest.mark.parametrize(
+    "words", [("itouch.servo.twin", "0", "1"), ("itouch.servo.warm", "no such scene", "--parent", "1")]
+)
+def test_a_process_whose_parent_has_gone_does_not_begin(words: tuple[str, ...]) -> None:
+    """It neither waits for what it is to do, which never comes here, nor looks at it."""
+    assert os.getpid() != 1
+    process = subprocess.Popen(
+        [sys.executable, "-P", "-m", *words], stdin=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    try:
+        assert process.wait(120) == 1
+        assert process.stderr is not None
+        assert process.stderr.read() == ""
+    finally:
+        process.kill()
+        process.communicate()
+
+
+@pytest.fixture
+def table() -> Iterator[tuple[TwinServer, socket.socket]]:
+    """Return a remote table with a watchdog of 100 ms of its own clock, and who commands it."""
+    catalog = Catalog()
+    model = build_devices(loads(scene().encode(), catalog), catalog, [])["table"]
+    address = wire.address(f"alone-{os.getpid()}", "table")
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    listener.bind(address)
+    listener.listen(8)
+    server = TwinServer(model, listener, watchdog=0.1, period=1e-3)
+    server._heard = 1 << 62  # its watchdog looks at the clock on the wall, which is not what is tried here
+    line = wire.connect(address)
+    line.send(wire.head(wire.INIT, 0, 0) + server.state.tobytes())
+    server.step()
+    yield server, line
+    line.close()
+    server.close()
+
+
+def test_a_plate_whose_next_step_down_is_late_is_still_on_its_way_down(
+    table: tuple[TwinServer, socket.socket],
+) -> None:
+    server, line = table
+    command = Record.of(Field.of(channel) for channel in server.model.commands)
+    (name,) = (channel.name for channel in server.model.commands)
+
+    def safe(height: float | None, steps: int = 1) -> bool:
+        for _ in range(steps):
+            if height is not None:
+                command[name][2] = height
+                line.send(wire.head(wire.COMMAND, 1, 0) + command.tobytes() + wire.pack_touch(Touch()))
+            server.step()
+            server._heard = 1 << 62
+        return bool(server.flags & wire.OUTPUTS_SAFE)
+
+    assert not safe(0.03)  # the first height is no way down
+    assert not safe(0.03, 5) and safe(0.029)
+    assert safe(None, 20) and safe(0.028)  # the servo process was held up for 20 ms
+    assert not safe(0.028, 100)  # a plate that stands is not safe
+    assert safe(0.027) and not safe(0.0275)  # nor one that rises
