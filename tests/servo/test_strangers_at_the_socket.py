@@ -15,7 +15,8 @@ from itouch.plugin import Touch
 from itouch.plugin.discovery import Catalog
 from itouch.scene import loads
 from itouch.servo import wire
-from itouch.servo.parent import EndOf, gone, lives
+from itouch.platforms import lives
+from itouch.servo.parent import EndOf, gone
 from itouch.servo.twinserver import TwinServer
 from itouch.world.rig import build_devices
 

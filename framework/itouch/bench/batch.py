@@ -13,9 +13,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from itouch.loop.clock import now
+from itouch.platforms import cores
 from itouch.plugin.discovery import Catalog
 from itouch.session import Session, load_scene
-from itouch.session.batch import batch, cores
+from itouch.session.batch import batch
 from itouch.world import Model
 
 

@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from itouch.platforms import signals
 from itouch.schema import ItouchError
 
 
@@ -38,7 +39,7 @@ class Stopping:
 
     def __enter__(self) -> Stopping:
         if threading.current_thread() is threading.main_thread():
-            for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            for number in signals("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK"):
                 self._before[number] = signal.signal(number, self._note)
         return self
 

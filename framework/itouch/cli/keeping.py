@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import signal
-import threading
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from itouch.cli.arguments import output_file, seconds
+from itouch.platforms import answering, signals
 from itouch.schema import ItouchError
 
 if TYPE_CHECKING:
@@ -52,17 +51,6 @@ def keeping(session: Session, options: argparse.Namespace) -> Iterator[None]:
     """Keep what is asked for while the session runs here; SIGUSR1 sets a mark named ``operator``."""
     from itouch.session.keeping import keeping as keep
 
-    with keep(session, wanted(options)), _marking(session):
+    marking = {number: lambda *_: session.post_mark("operator") for number in signals("SIGUSR1")}
+    with keep(session, wanted(options)), answering(marking):
         yield
-
-
-@contextlib.contextmanager
-def _marking(session: Session) -> Iterator[None]:
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGUSR1, lambda number, frame: session.post_mark("operator"))
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGUSR1, before)

@@ -1,4 +1,4 @@
-"""The writing process: ``python -m itouch.recording.process FD ROWS ROW LETTERS FILE``.
+"""The writing process: ``python -m itouch.recording.process MEMORY ROWS ROW LETTERS FILE``.
 
 Its standard input closes when its parent is gone.
 It takes from the ring about ten times a second, ends when told to or when its parent is gone, and survives what
@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import contextlib
 import os
-import select
 import signal
 import sys
 import time
 
 import numpy as np
 
+from itouch.platforms import Ended, Memory, signals
 from itouch.recording.ring import Phase, Ring, Shape, Word
 from itouch.recording.scribe import MOST_ROWS, SPEC, Scribe
 from itouch.recording.sink import Sink
@@ -28,8 +28,8 @@ _PATIENCE = 30.0
 
 def main(words: list[str]) -> int:
     """Write one recording; return 0 if it is whole."""
-    descriptor, rows, row, letters = (int(word) for word in words[:4])
-    ring = Ring(Shape(rows, row, letters), descriptor)
+    rows, row, letters = (int(word) for word in words[1:4])
+    ring = Ring(Shape(rows, row, letters), Memory.opened(words[0]))
     ring.words[Word.PROCESS] = os.getpid()
     _settle()
     try:
@@ -50,12 +50,12 @@ def main(words: list[str]) -> int:
 
 def _settle() -> None:
     """Leave the parent's priority and processors, and what is sent to its terminal."""
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP):
+    for number in signals("SIGINT", "SIGTERM", "SIGHUP", "SIGTSTP"):
         signal.signal(number, signal.SIG_IGN)
     with contextlib.suppress(OSError, AttributeError):
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
         os.sched_setaffinity(0, range(os.cpu_count() or 1))
-    with contextlib.suppress(OSError):
+    with contextlib.suppress(OSError, AttributeError):
         os.nice(5)
 
 
@@ -64,9 +64,9 @@ def _write(ring: Ring, sink: Sink) -> None:
     scribe = Scribe(ring, spec, sink, np.dtype(_tuples(spec.session["layout"])))
     scribe.begin()
     ring.say(Phase.RECORDING)
-    written = time.monotonic()
+    written, parent = time.monotonic(), Ended(0)
     while not ring.words[Word.CLOSING]:
-        if _parent_gone(0.01 if _waiting(ring) > ring.shape.rows // 4 else 0.02):
+        if parent.wait(0.01 if _waiting(ring) > ring.shape.rows // 4 else 0.02):
             break
         if _waiting(ring) >= min(MOST_ROWS, ring.shape.rows // 4) or time.monotonic() - written >= EVERY - 0.02:
             scribe.step()
@@ -86,12 +86,6 @@ def _first(ring: Ring) -> bytes:
 
 def _waiting(ring: Ring) -> int:
     return int(ring.words[Word.ROWS_IN] - ring.words[Word.ROWS_OUT])
-
-
-def _parent_gone(seconds: float) -> bool:
-    """Wait a little; tell whether the parent has died."""
-    readable, _, _ = select.select([0], [], [], seconds)
-    return bool(readable) and not os.read(0, 64)
 
 
 def _tuples(described: list[list[object]]) -> list[tuple[object, ...]]:

@@ -7,10 +7,10 @@ writes them after the data (stores keep their order on the processors that we ru
 from __future__ import annotations
 
 import enum
-import mmap
-import os
 import struct
 from dataclasses import dataclass
+
+from itouch.platforms import Memory
 
 _PAGE = 4096
 _ALIGN = 8
@@ -63,9 +63,9 @@ class Shape:
 class Ring:
     """One piece of anonymous memory that both processes map."""
 
-    def __init__(self, shape: Shape, descriptor: int) -> None:
-        self.shape, self.descriptor = shape, descriptor
-        self._memory = mmap.mmap(descriptor, shape.total)
+    def __init__(self, shape: Shape, memory: Memory) -> None:
+        self.shape, self.shared = shape, memory
+        self._memory = memory.map(shape.total)
         self.view = memoryview(self._memory)
         self.words = self.view[:_PAGE].cast("Q")
         ticks = _PAGE + shape.rows * 8
@@ -75,10 +75,8 @@ class Ring:
 
     @classmethod
     def create(cls, shape: Shape) -> Ring:
-        """Make the memory; it has no name, so that nothing is left behind."""
-        descriptor = os.memfd_create("itouch-recording", 0)
-        os.ftruncate(descriptor, shape.total)
-        ring = cls(shape, descriptor)
+        """Make the memory; nothing of it is left behind."""
+        ring = cls(shape, Memory.create("itouch-recording", shape.total))
         ring.view[::_PAGE] = bytes(len(range(0, shape.total, _PAGE)))  # touched now, not in a tick
         return ring
 
@@ -87,13 +85,11 @@ class Ring:
         for view in (self.words, self.ticks, self.rows, self.letters, self.view):
             view.release()
         self._memory.close()
-        self.forget()
+        self.shared.close()
 
     def forget(self) -> None:
         """Close the descriptor, once the other process has it; the memory stays."""
-        if self.descriptor >= 0:
-            os.close(self.descriptor)
-            self.descriptor = -1
+        self.shared.forget()
 
     def post(self, kind: int, data: bytes) -> bool:
         """Put a letter in; false if there is no room for it."""

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import fcntl
 import os
 import time
+
+from itouch.platforms import OPEN_FLAGS, claim
 
 #: Seconds between two syncs to the disk: what a loss of power may cost beyond what a kill costs.
 SYNC_EVERY = 1.0
@@ -17,7 +18,7 @@ class Sink:
 
     def __init__(self, path: str) -> None:
         self.path, self.size = path, 0
-        self._handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        self._handle = os.open(path, os.O_WRONLY | os.O_CREAT | OPEN_FLAGS, 0o644)
         try:
             self._claim()
         except OSError:
@@ -28,11 +29,9 @@ class Sink:
     def _claim(self) -> None:
         """Empty the file, unless another session is writing it: what it has recorded would be lost."""
         try:
-            fcntl.flock(self._handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            claim(self._handle)
         except BlockingIOError:
             raise OSError(errno.EBUSY, "another session is recording to it") from None
-        except OSError:
-            pass  # a file system without locks
         with contextlib.suppress(OSError):  # what has no length, such as a device
             os.ftruncate(self._handle, 0)
 

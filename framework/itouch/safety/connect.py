@@ -6,6 +6,8 @@ import threading
 from collections.abc import Iterable
 
 from itouch.monitors import DeviceFaultError
+from itouch.platforms import hardware_refused
+from itouch.plugin import DeviceError
 from itouch.safety.lifecycle import Status
 from itouch.safety.supervisor import Supervisor
 
@@ -51,6 +53,8 @@ def _start(supervisor: Supervisor, failures: dict[str, str]) -> threading.Thread
 
     def work() -> None:
         try:
+            if supervisor.device is not None and (refused := hardware_refused([supervisor.model.name])):
+                raise DeviceError(refused)
             supervisor.open()
         except Exception as error:  # whatever a driver raises, the others must still be told of
             failures[supervisor.model.name] = str(error) or type(error).__name__

@@ -7,6 +7,8 @@ import os
 import stat
 from typing import BinaryIO
 
+from itouch.platforms import NO_WAIT, OPEN_FLAGS
+
 
 def open_regular(path: str | os.PathLike[str]) -> BinaryIO:
     """Open a regular file for reading.
@@ -16,7 +18,7 @@ def open_regular(path: str | os.PathLike[str]) -> BinaryIO:
     OSError
         If it can't be opened, or is a pipe, a device, a socket or a folder.
     """
-    handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)  # a pipe without a writer is not waited for
+    handle = os.open(path, os.O_RDONLY | NO_WAIT | OPEN_FLAGS)  # a pipe without a writer is not waited for
     try:
         mode = os.fstat(handle).st_mode
         if not stat.S_ISREG(mode):

@@ -5,9 +5,7 @@ Writers exclude one another by a file lock, which the kernel releases if they di
 
 from __future__ import annotations
 
-import fcntl
 import json
-import os
 import struct
 import time
 from typing import Any
@@ -33,33 +31,23 @@ def put(segment: Segment, message: dict[str, Any]) -> None:
     if len(text) > at.BOX_SLOT_SIZE - _LENGTH.size:
         raise ValueError(f"a command of {len(text)} bytes is too long, at most {at.BOX_SLOT_SIZE - _LENGTH.size}")
     deadline = time.monotonic() + _PATIENCE
-    # a description of its own: two threads of one process must exclude one another, too
-    lock = os.open(f"/proc/self/fd/{segment.handle}", os.O_RDWR | os.O_CLOEXEC)
-    try:
-        while not _try_put(segment, lock, text):
-            if time.monotonic() > deadline:
-                raise ServoError("the servo process does not take commands any more")
-            time.sleep(0.002)
-    finally:
-        os.close(lock)
+    while not _try_put(segment, text):
+        if time.monotonic() > deadline:
+            raise ServoError("the servo process does not take commands any more")
+        time.sleep(0.002)
 
 
-def _try_put(segment: Segment, lock: int, text: bytes) -> bool:
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    words = segment.words
-    asked = int(words[at.ASKED])
-    if asked - int(words[at.TAKEN]) >= at.BOX_SLOTS:
-        fcntl.flock(lock, fcntl.LOCK_UN)
-        return False
-    where = at.BOX_AT + asked % at.BOX_SLOTS * at.BOX_SLOT_SIZE
-    _LENGTH.pack_into(segment.bytes.data, where, len(text))
-    segment.bytes[where + _LENGTH.size : where + _LENGTH.size + len(text)] = memoryview(text)
-    words[at.ASKED] = asked + 1
-    fcntl.flock(lock, fcntl.LOCK_UN)
-    return True
+def _try_put(segment: Segment, text: bytes) -> bool:
+    with segment.alone(wait=False) as alone:
+        words = segment.words
+        asked = int(words[at.ASKED])
+        if not alone or asked - int(words[at.TAKEN]) >= at.BOX_SLOTS:
+            return False
+        where = at.BOX_AT + asked % at.BOX_SLOTS * at.BOX_SLOT_SIZE
+        _LENGTH.pack_into(segment.bytes.data, where, len(text))
+        segment.bytes[where + _LENGTH.size : where + _LENGTH.size + len(text)] = memoryview(text)
+        words[at.ASKED] = asked + 1
+        return True
 
 
 class Inbox:

@@ -13,9 +13,10 @@ from itouch.loop.timing import Timing
 from itouch.plugin import Record
 from itouch.servo import words as at
 from itouch.servo.channel import messages
-from itouch.servo.guarding import Guarded, child_environment
+from itouch.servo.guarding import Guarded
 from itouch.servo.link import Link
 from itouch.servo.segment import Segment, ServoError
+from itouch.servo.within import Unguarded, Within
 
 #: How long [s] the end of a session may take before the servo process is killed; its guardian acts long before.
 END_TIME = 10.0
@@ -40,9 +41,11 @@ class Handle:
         What is rendered otherwise than the scene says, and what could not be done for punctuality, once each.
     """
 
-    def __init__(self, process: subprocess.Popen[bytes], segment: Segment, line: socket.socket) -> None:
-        self._process, self._segment, self._line = process, segment, line
-        self._guarded = Guarded(process, segment, child_environment())
+    def __init__(
+        self, process: subprocess.Popen[bytes] | Within, segment: Segment, line: socket.socket,
+        guarded: Guarded | Unguarded,
+    ) -> None:  # fmt: skip
+        self._process, self._segment, self._line, self._guarded = process, segment, line, guarded
         self.contacts: list[dict[str, Any]] = []
         self.efforts: list[tuple[str, bool, str]] = []
         self.refused: list[str] = []

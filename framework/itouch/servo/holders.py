@@ -7,7 +7,6 @@ somebody else still holds.
 
 from __future__ import annotations
 
-import fcntl
 import os
 import secrets
 from typing import Final
@@ -15,6 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from itouch.platforms import lives
 from itouch.servo import words as at
 from itouch.servo.segment import Segment, ServoError, monotonic
 
@@ -49,18 +49,13 @@ class Holder:
         words[self._place + 1] = monotonic() + HOLD_NS if held else 0
 
     def _claim(self) -> int:
-        # a description of its own: two threads of one process must exclude one another, too
-        lock = os.open(f"/proc/self/fd/{self._segment.handle}", os.O_RDWR | os.O_CLOEXEC)
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX)
+        with self._segment.alone(wait=True):
             words = self._segment.words
             for place in range(at.HOLDERS, at.HOLDERS + 2 * at.MOST_HOLDERS, 2):
                 if _is_free(int(words[place]), int(words[place + 1])):
                     words[place + 1] = 0
                     words[place] = self._token
                     return place
-        finally:
-            os.close(lock)
         raise ServoError(f"{at.MOST_HOLDERS} others hold the dead-man's switch of session '{self._segment.name}'")
 
     def leave(self) -> None:
@@ -73,7 +68,7 @@ class Holder:
 
 
 def _is_free(owner: int, until: int) -> bool:
-    return owner == 0 or until < monotonic() - _IDLE_NS or not os.path.exists(f"/proc/{owner >> _PID_SHIFT}")
+    return owner == 0 or until < monotonic() - _IDLE_NS or not lives(owner >> _PID_SHIFT)
 
 
 class Switch:

@@ -13,11 +13,13 @@ import time
 from pathlib import Path
 from typing import Any
 
+from itouch.platforms import SERVO_PROCESS
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene, write
-from itouch.servo.guarding import child_environment
+from itouch.servo.guarding import Guarded, child_environment
 from itouch.servo.handle import Handle
 from itouch.servo.segment import Segment, ServoError
+from itouch.servo.within import Unguarded, Within
 from itouch.session import choose_twins
 from itouch.session.keeping import Keep
 from itouch.world.swapped import fitted
@@ -110,6 +112,8 @@ def _config(scene: str | os.PathLike[str] | Scene, twin: str | None) -> dict[str
 def _start(name: str, config: dict[str, Any]) -> Handle:
     segment = Segment.create(name)
     near, far = socket.socketpair()
+    if not SERVO_PROCESS:
+        return Handle(Within(segment, far, config), segment, near, Unguarded())
     words = [sys.executable, "-P", "-m", "itouch.servo.process", str(segment.handle), name, str(far.fileno())]
     words.append(str(os.getpid()))
     try:
@@ -123,7 +127,7 @@ def _start(name: str, config: dict[str, Any]) -> Handle:
         far.close()
     near.sendall(json.dumps(config).encode() + b"\n")
     try:
-        return Handle(process, segment, near)
+        return Handle(process, segment, near, Guarded(process, segment, child_environment()))
     except BaseException:  # nobody would watch over it
         process.kill()
         process.wait()

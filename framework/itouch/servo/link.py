@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from itouch.loop.timing import Timing, timing_fields
+from itouch.platforms import SERVO_PROCESS, lives
 from itouch.plugin import Record
 from itouch.servo import box
 from itouch.servo import words as at
@@ -103,7 +104,7 @@ class Link:
     def alive(self) -> bool:
         """Whether the servo process exists, and has not been silent for longer than a second."""
         silent = (monotonic() - int(self._words[at.BEAT])) * 1e-9
-        return self._segment.phase < at.ENDED and os.path.exists(f"/proc/{self.pid}") and silent < SILENCE
+        return self._segment.phase < at.ENDED and lives(self.pid) and silent < SILENCE
 
     @property
     def state(self) -> Record:
@@ -254,6 +255,8 @@ def _segments() -> Iterator[Segment]:
 
 
 def _links() -> Iterator[str]:
+    if not SERVO_PROCESS:  # there is only what this process shows itself
+        return
     user = os.geteuid()
     for folder in Path("/proc").iterdir():
         if not folder.name.isdigit():
@@ -275,7 +278,7 @@ def _usable(handle: int, name: str) -> Segment | None:
         return None
     pid = int(segment.words[at.SERVO])
     whole = int(segment.words[at.MAGIC]) == at.MAGIC_VALUE and int(segment.words[at.FORMAT]) == at.FORMAT_VALUE
-    if whole and pid > 0 and os.path.exists(f"/proc/{pid}") and segment.phase < at.ENDED:
+    if whole and pid > 0 and lives(pid) and segment.phase < at.ENDED:
         return segment
     segment.close()
     return None

@@ -11,11 +11,10 @@ import select
 import threading
 import time
 from collections.abc import Callable
+from typing import Any
 
 #: How often [s] a helper looks for its parent.
 LOOK = 0.1
-#: What the kernel says of a process that has ended.
-_ENDED = frozenset("ZXx")
 
 
 def gone(parent: int) -> bool:
@@ -57,27 +56,19 @@ class EndOf:
     """Sees the end of a process at once, which the kernel tells by a file descriptor; asking costs a microsecond."""
 
     def __init__(self, process: Callable[[], int]) -> None:
-        self._process, self._poller = process, select.poll()
-        self._known = False
+        self._process = process
+        self._poller: Any = None
 
     def seen(self) -> bool:
         """Tell whether the process has ended; false while it is not known."""
-        if not self._known:
+        if self._poller is None:
             number = self._process()
             if not number:
                 return False
+            poller = select.poll()
             try:
-                self._poller.register(os.pidfd_open(number), select.POLLIN)
+                poller.register(os.pidfd_open(number), select.POLLIN)
             except OSError:  # it has gone already
                 return True
-            self._known = True
+            self._poller = poller
         return bool(self._poller.poll(0))
-
-
-def lives(process: int) -> bool:
-    """Tell whether a process exists and has not ended; one that nobody has buried yet has ended."""
-    try:
-        with open(f"/proc/{process}/stat", encoding="utf-8", errors="replace") as stream:
-            return stream.read(512).rpartition(")")[2].split()[0] not in _ENDED
-    except (OSError, IndexError):
-        return False

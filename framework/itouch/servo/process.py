@@ -16,9 +16,10 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
+from itouch.platforms import lives, signals
 from itouch.servo import words as at
 from itouch.servo.channel import Outbox, messages
-from itouch.servo.parent import LOOK, end_with, lives
+from itouch.servo.parent import LOOK, end_with
 from itouch.servo.segment import Segment, ServoError, monotonic
 
 
@@ -37,10 +38,15 @@ def main(argv: Sequence[str]) -> int:
         return 1
     outbox = Outbox(line)
     _end_without_guardian(segment, outbox)
+    return serve(segment, outbox, {**config, "launcher": parent})
+
+
+def serve(segment: Segment, outbox: Outbox, config: dict[str, Any]) -> int:
+    """Build and run what the launcher asks for, and tell it how that ended; return the exit code."""
     error: BaseException | None = None
     report: dict[str, Any] | None = None
     try:
-        report, error = _serve(segment, outbox, {**config, "launcher": parent})
+        report, error = _serve(segment, outbox, config)
     except BaseException as raised:
         error = raised
     segment.words[at.ARMED] = 0
@@ -86,7 +92,7 @@ def _end_on_signals(segment: Segment) -> None:
         segment.words[at.STOP] = 1
 
     signal.signal(signal.SIGTERM, stop)
-    for number in (signal.SIGINT, signal.SIGHUP):
+    for number in signals("SIGINT", "SIGHUP"):
         with contextlib.suppress(OSError, ValueError):
             signal.signal(number, signal.SIG_IGN)
 

@@ -9,10 +9,11 @@ from __future__ import annotations
 import ctypes
 import gc
 import os
-import resource
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+
+from itouch.platforms import limit
 
 #: Priorities of the servo process and, above it, of the guardian.
 SERVO_PRIORITY, GUARDIAN_PRIORITY, REMOTE_PRIORITY = 50, 60, 55
@@ -48,8 +49,8 @@ def take_priority(priority: int) -> Effort:
         policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
         os.sched_setscheduler(0, policy, os.sched_param(priority))
     except (OSError, AttributeError) as error:
-        limit = resource.getrlimit(resource.RLIMIT_RTPRIO)[0] if hasattr(resource, "RLIMIT_RTPRIO") else 0
-        advice = f"this user may use real-time priority up to {limit}; `itouch-py doctor` tells how to change that"
+        allowed = limit("RLIMIT_RTPRIO")
+        advice = f"this user may use real-time priority up to {allowed}; `itouch-py doctor` tells how to change that"
         return Effort("real-time priority", False, f"not given ({getattr(error, 'strerror', error)}): {advice}")
     return Effort("real-time priority", True, f"SCHED_FIFO {priority}")
 
@@ -58,8 +59,8 @@ def lock_memory(*, as_touched: bool = False) -> Effort:
     """Keep the whole process in memory, now and later; ``as_touched``: each page from when it is first used."""
     if _libc().mlockall(_MCL_CURRENT | _MCL_FUTURE | (_MCL_ONFAULT if as_touched else 0)) == 0:
         return Effort("memory lock", True, "all pages stay in memory")
-    limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
-    return Effort("memory lock", False, f"not given ({_reason()}): this user may lock {limit >> 20} MiB")
+    allowed = limit("RLIMIT_MEMLOCK")
+    return Effort("memory lock", False, f"not given ({_reason()}): this user may lock {allowed >> 20} MiB")
 
 
 def unlock_memory() -> None:
@@ -71,6 +72,8 @@ def sharpen_timer() -> Effort:
     """Let sleeps end on time."""
     nanoseconds = ctypes.c_ulong(round(TIMER_SLACK * 1e9))
     nothing = ctypes.c_ulong(0)
+    if not sys.platform.startswith("linux"):
+        return Effort("timer slack", False, "stays as this system has it")
     if _libc().prctl(_PR_SET_TIMERSLACK, nanoseconds, nothing, nothing, nothing) == 0:
         return Effort("timer slack", True, f"{TIMER_SLACK * 1e6:g} us")
     return Effort("timer slack", False, f"stays as it is ({_reason()})")

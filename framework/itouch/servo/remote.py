@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.loop.runner import Runner
+from itouch.platforms import SERVO_PROCESS
 from itouch.plugin import DeviceError, Field, Record, Touch, Twin
 from itouch.scene import write
 from itouch.servo import wire
@@ -116,7 +117,7 @@ class Remotes:
     """The remote twins of one session."""
 
     def __init__(self, session: Session, name: str) -> None:
-        self._runners = [runner for runner in session.runners if runner.model.remote]
+        self._runners = [runner for runner in session.runners if runner.model.remote and SERVO_PROCESS]
         self._session = session
         #: Device -> where its twin listens.
         self.addresses = {runner.model.name: wire.address(name, runner.model.name) for runner in self._runners}

@@ -6,16 +6,19 @@ same user (``/proc/PID/fd``); when the last process that holds it has gone, by w
 
 from __future__ import annotations
 
+import contextlib
 import json
 import mmap
 import os
+import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from itouch.platforms import SERVO_PROCESS, claim
 from itouch.schema import ItouchError
 from itouch.servo import words as at
 
@@ -37,9 +40,12 @@ class Segment:
     @classmethod
     def create(cls, name: str) -> Segment:
         """Make the memory of a new session, with its control words only."""
-        handle = os.memfd_create(PREFIX + name, os.MFD_CLOEXEC)
-        os.ftruncate(handle, at.HEAD_SIZE)
-        segment = cls(handle, name)
+        if SERVO_PROCESS:
+            handle = os.memfd_create(PREFIX + name, os.MFD_CLOEXEC)
+            os.ftruncate(handle, at.HEAD_SIZE)
+            segment = cls(handle, name)
+        else:
+            segment = PrivateSegment(name)
         segment.words[at.FORMAT] = at.FORMAT_VALUE
         segment.words[at.OWNER] = os.getpid()
         segment.words[at.MAGIC] = at.MAGIC_VALUE
@@ -80,8 +86,7 @@ class Segment:
         meta_at = _aligned(files_at + len(content))
         ring_at = _aligned(meta_at + len(text))
         slot_size = _aligned(SLOT_HEAD + state_size)
-        os.ftruncate(self.handle, ring_at + slots * slot_size)
-        self.map()
+        self._resize(ring_at + slots * slot_size)
         self.bytes[meta_at : meta_at + len(text)] = np.frombuffer(text, np.uint8)
         self.bytes[files_at : files_at + len(content)] = np.frombuffer(content, np.uint8)
         for word, value in (
@@ -90,6 +95,28 @@ class Segment:
             (at.SUMMED, int(summed)), (at.SIZE, len(self.bytes)),
         ):  # fmt: skip
             self.words[word] = value
+
+    def _resize(self, size: int) -> None:
+        os.ftruncate(self.handle, size)
+        self.map()
+
+    @contextlib.contextmanager
+    def alone(self, *, wait: bool) -> Iterator[bool]:
+        """Exclude all others that write commands or claim words; yield false if one of them is at it.
+
+        The kernel lets go of it when a process dies.  It is a description of its own each time, for two threads of one
+        process must exclude one another, too.
+
+        Parameters
+        ----------
+        wait
+            Whether to wait for the others.
+        """
+        lock = os.open(f"/proc/self/fd/{self.handle}", os.O_RDWR | os.O_CLOEXEC)
+        try:
+            yield _claimed(lock, wait=wait)
+        finally:
+            os.close(lock)
 
     def meta(self) -> dict[str, Any]:
         """Return what the servo process says of the session: names, layout, scene."""
@@ -131,6 +158,50 @@ def _packed(files: Mapping[str, bytes] | None, start: int) -> tuple[bytes, dict[
 
 def _aligned(size: int) -> int:
     return -(-size // _PAGE) * _PAGE
+
+
+def _claimed(lock: int, *, wait: bool) -> bool:
+    while True:
+        try:
+            claim(lock)
+        except BlockingIOError:
+            if not wait:
+                return False
+            time.sleep(0.001)
+        else:
+            return True
+
+
+class PrivateSegment(Segment):
+    """The memory of a session whose loop runs in a thread: nobody else can see it."""
+
+    def __init__(self, name: str) -> None:
+        self._alone = threading.Lock()
+        self._mapped = mmap.mmap(-1, at.HEAD_SIZE)
+        super().__init__(-1, name)
+
+    def map(self) -> None:
+        """Make views of all that there is."""
+        self.bytes = np.frombuffer(self._mapped, np.uint8)
+        self.words = self.bytes[: at.WORDS * 8].view(np.int64)
+
+    def _resize(self, size: int) -> None:
+        before = self.words
+        larger = mmap.mmap(-1, size)
+        larger[: len(self._mapped)] = self._mapped[:]
+        self._mapped = larger
+        self.map()
+        self.words[at.STOP] |= before[at.STOP]  # who asks for the end in this very moment is heard
+
+    @contextlib.contextmanager
+    def alone(self, *, wait: bool) -> Iterator[bool]:
+        """Exclude the other threads."""
+        held = self._alone.acquire(blocking=wait)
+        try:
+            yield held
+        finally:
+            if held:
+                self._alone.release()
 
 
 def monotonic() -> int:

@@ -9,6 +9,7 @@ import time
 from typing import Any
 
 from itouch.loop import DeviceFaultError, Engine, LatchedError, WallClock
+from itouch.platforms import hardware_refused, lives
 from itouch.plugin import Role
 from itouch.scene import write
 from itouch.servo import realtime
@@ -18,7 +19,7 @@ from itouch.servo.channel import Outbox
 from itouch.servo.commands import Commands
 from itouch.servo.errors import let_go
 from itouch.servo.holders import Switch
-from itouch.servo.parent import EndOf, gone, lives
+from itouch.servo.parent import EndOf, gone
 from itouch.servo.prepare import prepare, prepare_text
 from itouch.servo.publish import ORDERED, TIMING_EVERY, Publisher, slots_for
 from itouch.servo.remote import Remotes
@@ -57,6 +58,8 @@ class Servo:
     def __init__(self, session: Session, segment: Segment, outbox: Outbox, config: dict[str, Any]) -> None:
         self.session, self.outbox, self._config = session, outbox, config
         session.clock, session.guarded = WallClock(), True
+        if refused := hardware_refused(self._hardware()):
+            raise ServoError(refused)
         self.remotes = Remotes(session, segment.name)
         state, timing = session.state, session.times
         segment.grow(

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from typing import Any, TypeVar
 
 from itouch.loop import DeviceFaultError
+from itouch.platforms import cores
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
 from itouch.session.building import load_scene
@@ -118,8 +119,3 @@ def _forked(job: _Job, model: Model, catalog: Catalog, seeds: Sequence[int], cou
     Session(model, catalog=catalog).close()
     with _current(job), multiprocessing.get_context("fork").Pool(count) as pool:
         return pool.map(_work, seeds, chunksize=1)
-
-
-def cores() -> int:
-    """Return how many cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -67,7 +67,10 @@ def _write(handle: int, data: bytes, step: Step) -> None:
 
 def sync_folder(folder: str) -> None:
     """Sync a folder, so that a rename in it survives a loss of power."""
-    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        descriptor = os.open(folder, os.O_RDONLY)
+    except PermissionError:  # Windows opens no folders, and keeps renames by itself
+        return
     try:
         os.fsync(descriptor)
     finally:

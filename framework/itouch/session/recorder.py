@@ -86,11 +86,11 @@ class Recorder:
         return Spec(self.tracks, places, statuses, period, start, described, attached).dump()
 
     def _start(self) -> subprocess.Popen[bytes]:
-        shape, descriptor = self._ring.shape, self._ring.descriptor
-        words = [str(n) for n in (descriptor, shape.rows, shape.row, shape.letters)]
+        shape, memory = self._ring.shape, self._ring.shared
+        words = [memory.word, *(str(n) for n in (shape.rows, shape.row, shape.letters))]
         process = subprocess.Popen(
             [sys.executable, "-m", "itouch.recording.process", *words, os.path.abspath(self.path)],
-            stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, pass_fds=(descriptor,),
+            stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, pass_fds=memory.passed,
             start_new_session=True,
         )  # fmt: skip
         self._ring.forget()

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import faulthandler
 import os
-import resource
 import select
 import signal
+import threading
 import time
 import traceback
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
+
+from itouch.platforms import FORKS, leave_no_core
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +27,12 @@ class Ending:
 
 
 def apart(work: Callable[[], bytes], seconds: float) -> Ending:
-    """Do work in a child that has a copy of all there is here, and wait for it at most so many seconds."""
+    """Do work in a child that has a copy of all there is here, and wait for it at most so many seconds.
+
+    Where a process cannot go on as two it is done in a thread here: what it ends or changes ends or changes this one.
+    """
+    if not FORKS:
+        return _beside(work, seconds)
     ours, theirs = os.pipe()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # other threads of ours do not go on in the child, and need not
@@ -42,10 +49,28 @@ def apart(work: Callable[[], bytes], seconds: float) -> Ending:
     return _ending(told, status, seconds)
 
 
+def _beside(work: Callable[[], bytes], seconds: float) -> Ending:
+    """Do work in a thread of this process."""
+    endings: list[Ending] = []
+
+    def run() -> None:
+        try:
+            endings.append(Ending("returned", value=work()))
+        except SystemExit as error:
+            endings.append(Ending("exited", text=f"the process is ended with exit code {error.code}"))
+        except BaseException as error:  # the kind is what is examined
+            endings.append(Ending("raised", text=described(error)))
+
+    thread = threading.Thread(target=run, name="itouch-beside", daemon=True)
+    thread.start()
+    thread.join(seconds)
+    return endings[0] if endings else Ending("hung", text=f"it does not come back within {seconds:g} s")
+
+
 def _work(work: Callable[[], bytes], pipe: int) -> None:
     """Do the work and tell how it went; never return."""
     faulthandler.disable()  # how it dies is told in a sentence
-    resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
+    leave_no_core()
     try:
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
             signal.signal(number, signal.SIG_DFL if number != signal.SIGINT else signal.default_int_handler)

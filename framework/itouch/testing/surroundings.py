@@ -8,7 +8,6 @@ import gc
 import locale
 import logging
 import os
-import resource
 import signal
 import sys
 import threading
@@ -19,6 +18,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from itouch import platforms
 
 
 def _handlers() -> dict[int, Any]:
@@ -61,8 +62,8 @@ LOOKS: Mapping[str, Callable[[], Any]] = {
     "the root logger": lambda: (logging.root.level, list(logging.root.handlers), logging.root.manager.disable),
     "the built-in functions": lambda: dict(vars(builtins)),
     "the functions of time": _clock,
-    "the process's priority": lambda: (os.getpriority(os.PRIO_PROCESS, 0), os.sched_getaffinity(0)),
-    "the process's limits": lambda: [resource.getrlimit(n) for n in (resource.RLIMIT_NOFILE, resource.RLIMIT_CORE)],
+    "the process's priority": platforms.priority,
+    "the process's limits": lambda: [platforms.limit(name) for name in ("RLIMIT_NOFILE", "RLIMIT_CORE")],
 }
 
 
@@ -123,9 +124,10 @@ def _which(before: Any, now: Any) -> str:
 def open_files() -> dict[str, str]:
     """Return the numbers of the open file descriptors with what they are."""
     found = {}
-    for number in os.listdir("/proc/self/fd"):
-        with contextlib.suppress(OSError):
-            found[number] = os.readlink(f"/proc/self/fd/{number}")
+    with contextlib.suppress(FileNotFoundError):  # a system that does not tell
+        for number in os.listdir("/proc/self/fd"):
+            with contextlib.suppress(OSError):
+                found[number] = os.readlink(f"/proc/self/fd/{number}")
     return found
 
 

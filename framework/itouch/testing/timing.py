@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import resource
 import statistics
 import threading
 import time
 from collections.abc import Callable, Sequence
 
+from itouch.platforms import waits
 from itouch.testing.bouts import opened
 from itouch.testing.checks import CheckError, NotApplicableError, check
 from itouch.testing.situation import ModalitySubject
@@ -34,12 +34,12 @@ class Timed:
 
     def call(self, function: Callable[[], object]) -> None:
         """Call a function and note how long that takes."""
-        switches = resource.getrusage(resource.RUSAGE_THREAD).ru_nvcsw
+        switches = waits()
         begin, computed = time.perf_counter(), time.thread_time()
         function()
         self.computed.append(time.thread_time() - computed)
         self.spent.append(time.perf_counter() - begin)
-        gave_way = resource.getrusage(resource.RUSAGE_THREAD).ru_nvcsw > switches
+        gave_way = waits() > switches
         self.waited.append(self.spent[-1] if gave_way else 0.0)
 
     @property

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from itouch.viewer.player import Player
     from itouch.viewer.window import Window
 
-ADVICE = "install OpenGL and EGL (on Debian: apt install libegl1 libgl1 libgl1-mesa-dri libglx-mesa0 libfontconfig1)"
+_DEBIAN = "install OpenGL and EGL (on Debian: apt install libegl1 libgl1 libgl1-mesa-dri libglx-mesa0 libfontconfig1)"
+ADVICE = _DEBIAN if sys.platform == "linux" else "update the driver of the graphics card, or run with --headless"
 
 
 class GraphicsError(ItouchError):

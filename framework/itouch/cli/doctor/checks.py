@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import platform
-import resource
 import shutil
 import time
 from collections.abc import Callable
@@ -13,6 +12,7 @@ from pathlib import Path
 from itouch.cli.doctor.faces import display, graphics, sound
 from itouch.cli.doctor.finding import Finding
 from itouch.cli.doctor.kept import compile_cache, kept_results
+from itouch.platforms import SERVO_PROCESS, cores, limit
 
 _LIMITS = "as root write '@realtime - rtprio 90' and '@realtime - memlock unlimited' to "
 _ADVICE = _LIMITS + "/etc/security/limits.d/99-realtime.conf, join that group, log in anew"
@@ -48,7 +48,7 @@ def processors() -> Finding:
     """How many there are, whether one is isolated, and how they change their clock."""
     from itouch.servo.realtime import isolated_cpus
 
-    count, free = len(os.sched_getaffinity(0)), isolated_cpus()
+    count, free = cores(), isolated_cpus()
     governors = {p.read_text().strip() for p in Path("/sys/devices/system/cpu").glob("cpu*/cpufreq/scaling_governor")}
     found = f"{count}" + (f", {len(free)} isolated" if free else ", none isolated")
     found += f", clock: {', '.join(sorted(governors))}" if governors else ""
@@ -90,22 +90,25 @@ def priority() -> Finding:
     """Whether the loop may have real-time priority."""
     from itouch.bench.loop import may_have_priority
 
-    limit = resource.getrlimit(resource.RLIMIT_RTPRIO)[0]
+    allowed = limit("RLIMIT_RTPRIO")
     if may_have_priority():
         return Finding("priority", "ok", "SCHED_FIFO is given")
-    return Finding("priority", "lack", f"SCHED_FIFO is refused (limit {limit})", _ADVICE)
+    return Finding("priority", "lack", f"SCHED_FIFO is refused (limit {allowed})", _ADVICE)
 
 
 def memory_lock() -> Finding:
     """Whether the servo process may keep its pages in memory; it takes about 400 MiB."""
-    limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
-    if os.geteuid() == 0 or limit == resource.RLIM_INFINITY or limit >= 1 << 30:
+    allowed = limit("RLIMIT_MEMLOCK")
+    if (hasattr(os, "geteuid") and os.geteuid() == 0) or allowed < 0 or allowed >= 1 << 30:
         return Finding("memory lock", "ok", "as much as is needed")
-    return Finding("memory lock", "lack", f"at most {limit >> 20} MiB", _ADVICE)
+    return Finding("memory lock", "lack", f"at most {allowed >> 20} MiB", _ADVICE)
 
 
 def shared_memory() -> Finding:
     """Whether processes can share anonymous memory and find it."""
+    if not SERVO_PROCESS:
+        said = "none that processes find: the loop runs in a thread, on twins only; hardware needs Linux"
+        return Finding("shared memory", "note", said)
     handle = os.memfd_create("itouch-doctor")
     try:
         os.ftruncate(handle, 1 << 20)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -11,6 +10,7 @@ from dataclasses import dataclass
 from itouch.bench.loop import bench_scene, in_process
 from itouch.cli.doctor.finding import Finding
 from itouch.loop.timing import Timing
+from itouch.platforms import cores
 
 #: An arm's watchdog [us]: later than that, devices make themselves safe.
 WATCHDOG_US = 20_000.0
@@ -54,7 +54,7 @@ def measure(seconds: float) -> list[Measured]:
     """Run the loop for ``seconds`` idle, and as long beside as many busy processes as there are processors."""
     description = bench_scene()
     idle = _measured("idle", in_process(description, seconds, realtime=True))
-    busy = [subprocess.Popen([sys.executable, "-c", _BUSY]) for _ in range(len(os.sched_getaffinity(0)))]
+    busy = [subprocess.Popen([sys.executable, "-c", _BUSY]) for _ in range(cores())]
     try:
         loaded = _measured("busy", in_process(description, seconds, realtime=True))
     finally:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import os
 import re
@@ -77,6 +76,8 @@ def built(*, arduino: bool = False) -> Built:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with (folder / "lock").open("w") as lock:
+            import fcntl  # the compiler and the simulator are for systems that have it
+
             fcntl.flock(lock, fcntl.LOCK_EX)
             if not (program.exists() and chip.exists()):
                 _make(folder, "arduino" if arduino else "all", "chip")

@@ -1,0 +1,54 @@
+"""A session whose loop runs in a thread of this process: on systems where no guardian can watch over a servo process.
+
+It drives twins only.  The interpreter is shared with whoever shows the session, so that ticks may be later than in a
+process of their own.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import threading
+from typing import Any
+
+from itouch.servo.channel import Outbox
+from itouch.servo.segment import Segment
+
+
+class Within:
+    """The thread, where a launcher expects a servo process."""
+
+    def __init__(self, segment: Segment, line: socket.socket, config: dict[str, Any]) -> None:
+        self.pid = os.getpid()
+        self._code = 0
+        self._thread = threading.Thread(
+            target=self._work, args=(segment, line, config), name="itouch-servo", daemon=True
+        )
+        self._thread.start()
+
+    def _work(self, segment: Segment, line: socket.socket, config: dict[str, Any]) -> None:
+        from itouch.servo import words as at
+        from itouch.servo.process import serve
+
+        segment.words[at.SERVO] = self.pid
+        alone = {**config, "launcher": os.getppid(), "realtime": False}
+        self._code = serve(segment, Outbox(line), alone)
+
+    def wait(self, timeout: float | None = None) -> int:
+        """Wait for the loop's end; return what a process would have ended with."""
+        self._thread.join(timeout)
+        return self._code
+
+    def kill(self) -> None:
+        """Do nothing: a thread ends by itself, and devices are twins."""
+
+
+class Unguarded:
+    """Nobody watches over a thread; what it drives are twins."""
+
+    pid = 0
+    #: What a guardian would have had to do.
+    said = ""
+
+    def wait(self) -> None:
+        """Return at once."""

@@ -1,0 +1,10 @@
+"""Read by an interpreter when it starts: from here on it is as on another system."""
+
+import sys
+from pathlib import Path
+
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+import elsewhere
+
+sys.path.pop()
+elsewhere.become("mac")
