@@ -29,12 +29,16 @@ except ImportError:  # Windows
 SERVO_PROCESS: Final[bool] = hasattr(os, "memfd_create") and hasattr(os, "pidfd_open")
 #: Whether a process can go on as two.
 FORKS: Final[bool] = hasattr(os, "fork")
+#: Whether files are locked as on Unix, by a lock that ends with the process.
+FILE_LOCKS: Final[bool] = bool(fcntl)
 #: Flags for every ``os.open``: children do not inherit the file, and bytes stay bytes.
 OPEN_FLAGS: Final[int] = getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 #: With it a pipe that nobody writes is not waited for.
 NO_WAIT: Final[int] = getattr(os, "O_NONBLOCK", 0)
 #: What the kernel says of a process that has ended.
 _ENDED = frozenset("ZXx")
+#: The system as a plain text: checkers of types decide by ``sys.platform`` what can be reached.
+_SYSTEM = str(sys.platform)
 #: From the Windows API: the right to wait for a process, and what waiting says of one that runs.
 _SYNCHRONIZE, _WAIT_TIMEOUT = 0x100000, 0x102
 #: Where Windows locks a file [bytes]: far behind its end, for what is locked cannot be read by others.
@@ -51,7 +55,7 @@ def hardware_refused(names: list[str]) -> str:
 
 
 def _system() -> str:
-    return {"darwin": "macOS", "win32": "Windows"}.get(sys.platform, sys.platform)
+    return {"darwin": "macOS", "win32": "Windows"}.get(_SYSTEM, _SYSTEM)
 
 
 def signals(*names: str) -> list[signal.Signals]:
@@ -103,7 +107,7 @@ def lives(process: int) -> bool:
 
 
 def _lives_elsewhere(process: int) -> bool:
-    if sys.platform == "win32":  # where signal 0 would end it
+    if _SYSTEM == "win32":  # where signal 0 would end it
         import ctypes
 
         windows: Any = getattr(ctypes, "windll", None)
@@ -131,7 +135,7 @@ def claim(handle: int) -> None:
     BlockingIOError
         If another process has it.
     """
-    if fcntl is not None:
+    if FILE_LOCKS:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:

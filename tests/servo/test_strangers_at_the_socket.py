@@ -11,11 +11,11 @@ from collections.abc import Iterator
 
 import pytest
 
+from itouch.platforms import lives
 from itouch.plugin import Touch
 from itouch.plugin.discovery import Catalog
 from itouch.scene import loads
 from itouch.servo import wire
-from itouch.platforms import lives
 from itouch.servo.parent import EndOf, gone
 from itouch.servo.twinserver import TwinServer
 from itouch.world.rig import build_devices
