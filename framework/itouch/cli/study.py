@@ -1,4 +1,4 @@
-"""``itouch-py study check|simulate|report|freeze``: psychophysical studies from one file."""
+"""``itouch-py study check|freeze|run|simulate|report|forget``: psychophysical studies from one file."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from itouch.cli import study_run
+
 if TYPE_CHECKING:
     from itouch.study.reading import StudyFile
 
@@ -17,9 +19,9 @@ BETWEEN = 25.0
 
 
 def main(argv: Sequence[str]) -> int:
-    """Check, simulate, freeze or report a study."""
+    """Check, freeze, run, simulate or report a study."""
     parser = argparse.ArgumentParser(prog="itouch-py study", description=main.__doc__)
-    commands = parser.add_subparsers(dest="command", required=True, metavar="check|simulate|report|freeze")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="check|freeze|run|simulate|report|forget")
     check = commands.add_parser("check", help="print every problem, the number of trials, and how long they take")
     check.add_argument("study", metavar="STUDY.xml")
     check.add_argument("--participant", metavar="CODE", help="print the order of this participant too")
@@ -37,14 +39,19 @@ def main(argv: Sequence[str]) -> int:
     freeze = commands.add_parser("freeze", help="stamp study, scene and program before the first participant")
     freeze.add_argument("study", metavar="STUDY.xml")
     freeze.add_argument("folder", metavar="FOLDER")
+    study_run.add_parser(commands)
+    forget = commands.add_parser("forget", help="delete a participant's personal data for good; the trials stay")
+    forget.add_argument("folder", metavar="FOLDER")
+    forget.add_argument("--participant", metavar="CODE", required=True)
     options = parser.parse_args(argv)
     missing = _missing()
     if missing:
         print(f"studies need {missing}: pip install 'itouch-py[study]'", file=sys.stderr)
         return 2
-    if options.command == "check":
-        return _check(options)
-    return {"simulate": _simulate, "report": _report, "freeze": _freeze}[options.command](options)
+    chosen = {
+        "check": _check, "simulate": _simulate, "report": _report, "freeze": _freeze, "run": _run, "forget": _forget,
+    }  # fmt: skip
+    return chosen[options.command](options)
 
 
 def _missing() -> str:
@@ -99,8 +106,8 @@ def _store_error(error: Exception) -> int:
     return 2
 
 
-def _stamp(file: StudyFile, folder: Path) -> None:
-    """Freeze the study in its folder, or see that it is the one that is frozen there."""
+def _stamp(file: StudyFile, folder: Path, deviation: str = "") -> None:
+    """Freeze the study in its folder, or see that it is the one that is frozen there, or stands as a deviation."""
     from datetime import UTC, datetime
     from importlib.metadata import version
 
@@ -110,11 +117,11 @@ def _stamp(file: StudyFile, folder: Path) -> None:
     with Store.open(folder, create=True) as store:
         store.freeze(
             name=file.name, seed=file.study.seed, digest=digest_of(file), program=version("itouch-py"),
-            frozen=datetime.now(UTC).isoformat(timespec="seconds"),
+            frozen=datetime.now(UTC).isoformat(timespec="seconds"), deviation=deviation,
         )  # fmt: skip
 
 
-def _prepared(options: argparse.Namespace, folder: str) -> StudyFile | int:
+def _prepared(options: argparse.Namespace, folder: str, *, deviation: str = "") -> StudyFile | int:
     from itouch.study.store import StoreError
 
     file = _load(options.study)
@@ -122,7 +129,7 @@ def _prepared(options: argparse.Namespace, folder: str) -> StudyFile | int:
         return 2
     try:
         Path(folder).mkdir(parents=True, exist_ok=True)
-        _stamp(file, Path(folder))
+        _stamp(file, Path(folder), deviation)
     except (StoreError, OSError) as error:
         return _store_error(error)
     return file
@@ -133,6 +140,36 @@ def _freeze(options: argparse.Namespace) -> int:
     if isinstance(file, int):
         return file
     print(f"'{file.name}' is frozen in {options.folder}")
+    return 0
+
+
+def _run(options: argparse.Namespace) -> int:
+    from itouch.schema import ItouchError
+
+    code = options.participant
+    if not (0 < len(code) <= 32 and code.isascii() and code.replace("-", "").replace("_", "").isalnum()):
+        print(f"--participant '{code}': a code has letters, digits, - and _, 32 at most", file=sys.stderr)
+        return 2
+    folder = str(study_run.folder_of(options))
+    file = _prepared(options, folder, deviation=options.deviation or "")
+    if isinstance(file, int):
+        return file
+    try:
+        return study_run.run(file, options)
+    except ItouchError as error:
+        return _store_error(error)
+
+
+def _forget(options: argparse.Namespace) -> int:
+    from itouch.study.store import Store, StoreError
+
+    try:
+        with Store.open(Path(options.folder)) as store:
+            gone = store.forget(options.participant)
+    except StoreError as error:
+        return _store_error(error)
+    words = "the personal data are deleted" if gone else "there were no personal data"
+    print(f"{options.participant}: {words}; the trials stay under the code")
     return 0
 
 

@@ -133,6 +133,9 @@ class Modality(ABC):
     hears: ClassVar[frozenset[Contact]] = frozenset(Contact)
     #: What it measures of a contact, in the order of the columns that terminal, page and summary show of it.
     measured: ClassVar[tuple[Measured, ...]] = ()
+    #: Those of its fields that are of the person or the devices: they go on when a scene with other objects takes the
+    #: place of this one between two touches.  All others begin as after ``reset``.
+    goes_on: ClassVar[tuple[str, ...]] = ()
 
     @abstractmethod
     def compile(self, name: str, params: Any, world: World) -> Any:

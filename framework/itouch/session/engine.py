@@ -198,9 +198,9 @@ class Session(Engine):
         self.settle()
         self.note_outside("enable")
 
-    def settle(self) -> None:
-        """Where there is hardware, begin from where it is: it may have moved since the last tick."""
-        if any(not device.twin for device in self.model.devices.values()):
+    def settle(self, *, always: bool = False) -> None:
+        """Where there is hardware (or ``always``), begin from where it is: it may have moved since the last tick."""
+        if always or any(not device.twin for device in self.model.devices.values()):
             for rig in self._rigs:
                 rig.toucher.settle()
 

@@ -132,6 +132,21 @@ class Touching:
     tolerance: float = quantity("N", low=0.01, high=10.0, default=0.3, doc="from the wanted force")
     flux_error: float = quantity("1", low=0.01, high=10.0, default=0.2, doc="largest rms error of the display")
     repeats: int = integer(low=0, high=100, default=3, doc="how often a void trial is tried again at most")
+    skin_return: float = quantity("K", low=0.05, high=10.0, default=0.5, doc="how near the baseline the skin must be")
+    skin_wait: float = quantity("s", low=0.0, high=3600.0, default=120.0, doc="how long it is waited for at most")
+    ready_wait: float = quantity("s", low=0.1, high=600.0, default=30.0, doc="how long the plate is waited for at most")
+    reach: float = quantity("s", low=0.1, high=600.0, default=15.0, doc="from the signal to the touch at most")
+    pause: float = quantity("s", low=0.0, high=3600.0, default=20.0, doc="from the answer to the next trial")
+
+
+@dataclass(frozen=True, slots=True)
+class Blind:
+    """What keeps the condition from participant and operator."""
+
+    TAG: ClassVar[str] = "blind"
+    equalise: bool = flag(default=True, doc="the signal comes after the same time for every condition")
+    approach: float = quantity("s", low=0.1, high=120.0, default=8.0, doc="that time: longer than any plate needs")
+    noise: bool = flag(default=False, doc="masking noise from the approach to the release")
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,6 +194,7 @@ class Study:
     order: Order = child(Order, default=Order())
     practice: Practice | None = child(Practice, default=None)
     breaks: Breaks | None = child(Breaks, default=None)
+    blind: Blind | None = child(Blind, default=None)
     factors: tuple[Factor, ...] = children(Factor)
     excluded: tuple[Exclude, ...] = children(Exclude)
     staircases: tuple[Adaptive, ...] = children(Adaptive)

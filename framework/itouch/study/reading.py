@@ -66,7 +66,23 @@ class StudyFile:
 
     def scene(self, condition: Condition, catalog: Catalog, more: Sequence[Edit] = ()) -> tuple[Scene, list[Problem]]:
         """Return the scene of a condition (and ``more`` edits), with what is wrong with it."""
-        return read_scene(self.scene_path, catalog, edits=[*self.edits(condition), *more])
+        edits = [*self.edits(condition), *more]
+        scene, problems = read_scene(self.scene_path, catalog, edits=edits)
+        equal = self._equalised(scene)
+        return read_scene(self.scene_path, catalog, edits=[*edits, *equal]) if equal else (scene, problems)
+
+    def _equalised(self, scene: Scene) -> list[Edit]:
+        """Return what asks the modalities that can for the same time before every touch: ``<blind>``'s."""
+        blind = self.study.blind
+        if blind is None or not blind.equalise:
+            return []
+        place = self.places.of(blind) or Place(self.path, 1, 1)
+        values = {"equalise": "yes", "preset_time": f"{blind.approach:g} s"}
+        return [
+            Edit(f"{part.name}.{name.replace('_', '-')}", Attribute(value, place))
+            for part in scene.modalities if hasattr(part.params, "equalise")
+            for name, value in values.items() if hasattr(part.params, name)
+        ]  # fmt: skip
 
     def model(self, condition: Condition, catalog: Catalog, more: Sequence[Edit] = ()) -> Model:
         """Return the compiled scene of a condition (and ``more`` edits).

@@ -6,15 +6,13 @@ import multiprocessing
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from itouch.plugin.discovery import Catalog
 from itouch.schema import SceneError
 from itouch.study import orders
-from itouch.study.adaptive import Running
-from itouch.study.elements import Adaptive
+from itouch.study.course import Course, Due
 from itouch.study.observers import (
     CombinedObserver,
     Felt,
@@ -26,8 +24,9 @@ from itouch.study.observers import (
 )
 from itouch.study.reading import StudyFile, load_study
 from itouch.study.store import Row, Store
-from itouch.study.touches import Presented, Toucher
-from itouch.study.trials import Trial, trials_of
+from itouch.study.tasks import is_right
+from itouch.study.touches import Toucher, figures
+from itouch.study.trials import Trial
 
 OBSERVERS: Mapping[str, type[Observer]] = {
     "flux": FluxObserver, "combined": CombinedObserver, "receptors": ReceptorObserver, "naive": NaiveObserver,
@@ -70,56 +69,41 @@ class Simulation:
 
     def rows(self, done: Sequence[Row]) -> Iterator[Row]:
         """Yield the trials that are still to be made, one by one; take ``done`` as those that are."""
-        rows = list(done)
-        planned = trials_of(self._file, self._code)
-        while (trial := _next(planned, rows, self._study.contact.repeats)) is not None:
-            row = self._trial(trial[0], rows, trial[1])
-            if row is None:  # the staircase needs no more
-                planned = [each for each in planned if each.place != trial[0].place]
-                continue
-            rows.append(row)
+        course = Course(self._file, self._code, done)
+        while (due := course.next()) is not None:
+            row = self._trial(due, course.rows)
+            course.made(row)
             yield row
 
-    def _trial(self, trial: Trial, rows: Sequence[Row], repeats: int | None) -> Row | None:
-        shown, level = trial.shown, None
-        if trial.staircase:
-            rule = next(one for one in self._study.staircases if one.name == trial.staircase)
-            running = Running.begin(rule.rule(), _told(rows, rule.name))
-            if running.finished:
-                return None
-            level = running.level()
-            shown = _stepped(trial, rule, level)
-        place = len(rows)
-        seeds = self._rng("touch", str(place)).integers(2**31, size=len(shown))
-        touches = [self._toucher.touch(condition, int(seed)) for condition, seed in zip(shown, seeds, strict=True)]
+    def _trial(self, due: Due, rows: Sequence[Row]) -> Row:
+        trial, place = due.trial, due.place
+        seeds = self._rng("touch", str(place)).integers(2**31, size=len(due.shown))
+        touches = [self._toucher.touch(condition, int(seed)) for condition, seed in zip(due.shown, seeds, strict=True)]
         void = next((touch.void for touch in touches if touch.void), "")
         rng = self._rng("answer", str(place))
         answer, right = ("", None) if void else self._answer(trial, [touch.felt for touch in touches], rng)
         begun = rows[-1].ended_s if rows else 0.0
         lasted = sum(len(touch.felt.flux) * touch.felt.period for touch in touches)
         return Row(
-            self._code, place, trial.block, self._study.task.kind, trial.condition, list(shown), begun,
-            round(begun + lasted, 6), SIMULATED, "", repeats=repeats, staircase=trial.staircase or None, level=level,
-            answer=None if void else answer, right=right, void=void, felt=[_figures(touch) for touch in touches],
+            self._code, place, trial.block, self._study.task.kind, trial.condition, list(due.shown), begun,
+            round(begun + lasted, 6), SIMULATED, "", repeats=due.repeats, staircase=trial.staircase or None,
+            level=due.level, answer=None if void else answer, right=right, void=void,
+            felt=[figures(touch) for touch in touches],
         )  # fmt: skip
 
     def _answer(self, trial: Trial, felt: list[Felt], rng: np.random.Generator) -> tuple[str, int | None]:
         task = self._study.task
         if task.kind == "identify":
             answer = self.observer.identify(felt[0], self._prototypes(trial.condition), rng)
-            return answer, int(answer == trial.condition[task.factor])
-        if task.kind == "colder":
-            picked = self.observer.colder(felt, rng)
-            coldest = int(np.argmax([one.mean_flux() for one in felt]))
-            return str(picked), int(picked == coldest)
-        if task.kind == "odd":
-            picked = self.observer.odd(felt, rng)
-            return str(picked), int(picked == trial.target)
-        if task.kind == "same":
-            same = self.observer.same(felt, rng)
-            really = trial.condition[task.factor] == task.standard
-            return ("same" if same else "different"), int(same == really)
-        return f"{self.observer.coldness(felt[0], rng):.4f}", None
+        elif task.kind == "colder":
+            answer = str(self.observer.colder(felt, rng))
+        elif task.kind == "odd":
+            answer = str(self.observer.odd(felt, rng))
+        elif task.kind == "same":
+            answer = "same" if self.observer.same(felt, rng) else "different"
+        else:
+            answer = f"{self.observer.coldness(felt[0], rng):.4f}"
+        return answer, is_right(task, trial, answer, [one.mean_flux() for one in felt])
 
     def _prototypes(self, condition: Mapping[str, str]) -> dict[str, Felt]:
         """Return what each answer feels like, learnt before the study with the other factors as they are."""
@@ -131,55 +115,6 @@ class Simulation:
                 level: self._toucher.touch({**condition, asked: level}, 0).felt for level in self._levels()
             }
         return self._known[key]
-
-
-def _next(planned: Sequence[Trial], rows: Sequence[Row], repeats: int) -> tuple[Trial, int | None] | None:
-    """Return the next trial, and the place of the void one that it repeats; None: all is done."""
-    taken = len([row for row in rows if row.repeats is None])
-    if taken < len(planned):
-        return planned[taken], None
-    tries: dict[int, int] = {}
-    valid: set[int] = set()
-    for row in rows:
-        first = row.place if row.repeats is None else row.repeats
-        tries[first] = tries.get(first, 0) + 1
-        if not row.void:
-            valid.add(first)
-    firsts = [row for row in rows if row.repeats is None]
-    for index, row in enumerate(firsts):
-        if row.place not in valid and row.block != "practice" and tries[row.place] <= repeats:
-            return planned[index], row.place
-    return None
-
-
-def _told(rows: Sequence[Row], staircase: str) -> list[tuple[float, int]]:
-    return [
-        (row.level, row.right) for row in rows
-        if row.staircase == staircase and not row.void and row.block != "practice"
-        and row.level is not None and row.right is not None
-    ]  # fmt: skip
-
-
-def _stepped(trial: Trial, rule: Adaptive, level: float) -> tuple[dict[str, str], ...]:
-    """Return the conditions of the intervals: the level in one, the standard in the other."""
-    return tuple(
-        {**trial.condition, rule.name: f"{level if index == trial.target else rule.standard:.9g}"}
-        for index in range(len(trial.shown))
-    )
-
-
-def _figures(touch: Presented) -> dict[str, Any]:
-    """Return what is kept of a touch: what was felt, and how well it was rendered."""
-    felt, entry = touch.felt, touch.figures
-    kept = {
-        "mean_flux_W_m2": round(felt.mean_flux(), 6),
-        "skin_begin_degC": round(float(felt.skin[0]) - 273.15, 6) if len(felt.skin) else None,
-        "skin_drop_K": round(float(felt.skin[0] - felt.skin[-1]), 6) if len(felt.skin) else None,
-    }
-    for name in ("peak_force_N", "flux_error_rms", "plate_ready", "plate_limited"):
-        if name in entry:
-            kept[name] = entry[name]
-    return kept
 
 
 def _simulate_one(work: tuple[str, str, Panel, str]) -> tuple[str, int]:

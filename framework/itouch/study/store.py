@@ -17,7 +17,7 @@ from typing import Any
 from itouch.schema import ItouchError
 
 #: Number in ``PRAGMA user_version``: raised when the schema changes.
-VERSION = 1
+VERSION = 2
 SCHEMA = """
 CREATE TABLE study (                -- one row: what was frozen before the first participant
     id INTEGER PRIMARY KEY CHECK (id = 1),
@@ -55,6 +55,17 @@ CREATE TABLE deviations (           -- what was changed after the study was froz
     what TEXT NOT NULL
 ) STRICT;
 """
+#: What format 2 has beside format 1: where a participant's session stands after the last trial.
+SCHEMA_2 = """
+CREATE TABLE standing (             -- one row a participant, replaced in the transaction of each trial
+    participant TEXT PRIMARY KEY,
+    place INTEGER NOT NULL,         -- of the last trial
+    condition TEXT NOT NULL,        -- JSON: of the scene that ran at its end
+    layout TEXT NOT NULL,           -- SHA-256 of the State's fields
+    state BLOB NOT NULL             -- State at its end: twins go on from there
+) STRICT;
+"""
+SCHEMA += SCHEMA_2
 PERSONAL_SCHEMA = """
 CREATE TABLE participants (
     code TEXT PRIMARY KEY,
@@ -96,6 +107,16 @@ class Row:
     felt: Any = None
 
 
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """Where a participant's session stood at the end of the last trial; see `SCHEMA_2`."""
+
+    place: int
+    condition: Mapping[str, str]
+    layout: str
+    state: bytes
+
+
 class Store:
     """A study's folder: ``trials.sqlite`` and, apart from it, ``participants.sqlite``."""
 
@@ -129,8 +150,13 @@ class Store:
         finally:
             connection.close()
 
-    def freeze(self, *, name: str, seed: int, digest: str, program: str, frozen: str) -> None:
+    def freeze(self, *, name: str, seed: int, digest: str, program: str, frozen: str, deviation: str = "") -> None:
         """Note what study this is; once only.
+
+        Parameters
+        ----------
+        deviation
+            Why another study than the frozen one may go on here: noted with both digests, and shown in the report.
 
         Raises
         ------
@@ -138,15 +164,25 @@ class Store:
             If another study was frozen here, or it cannot be written.
         """
         there = self.frozen()
-        if there is not None:
-            if there["digest"] != digest or there["seed"] != seed:
-                raise StoreError(
-                    f"'{self.folder}' holds the data of study '{there['name']}' as frozen {there['frozen']}, and this "
-                    f"one differs; change the files back, note the deviation, or begin in another folder"
-                )
+        if there is None:
+            values = (name, seed, digest, program, frozen)
+            with _sentences(self.folder / "trials.sqlite"), self._trials:
+                self._trials.execute("INSERT INTO study VALUES (1, ?, ?, ?, ?, ?)", values)
             return
-        with _sentences(self.folder / "trials.sqlite"), self._trials:
-            self._trials.execute("INSERT INTO study VALUES (1, ?, ?, ?, ?, ?)", (name, seed, digest, program, frozen))
+        if there["seed"] != seed:
+            raise StoreError(
+                f"'{self.folder}' holds the data of study '{there['name']}' with seed {there['seed']}, and this one "
+                f"differs: it has seed {seed}; other orders need another folder"
+            )
+        if there["digest"] == digest or any(digest in what for _, what in self.deviations()):
+            return
+        if not deviation:
+            raise StoreError(
+                f"'{self.folder}' holds the data of study '{there['name']}' as frozen {there['frozen']}, and this "
+                f"one differs; change the files back, note the deviation with --deviation WORDS in `study run`, or "
+                f"begin in another folder"
+            )
+        self.deviate(f"{deviation} (study {there['digest'][:12]} became {digest})", frozen)
 
     def frozen(self) -> dict[str, Any] | None:
         """Return what was frozen, or None."""
@@ -164,8 +200,8 @@ class Store:
         with _sentences(self.folder / "trials.sqlite"):
             return list(self._trials.execute("SELECT at, what FROM deviations ORDER BY id"))
 
-    def add(self, row: Row) -> None:
-        """Add a trial; when this returns it is on the disk.
+    def add(self, row: Row, standing: Standing | None = None) -> None:
+        """Add a trial, and where the session stands after it; when this returns both are on the disk, or neither.
 
         Raises
         ------
@@ -179,6 +215,17 @@ class Store:
         names = ", ".join(f'"{name}"' for name in _COLUMNS)
         with _sentences(self.folder / "trials.sqlite"), self._trials:
             self._trials.execute(f"INSERT INTO trials ({names}) VALUES ({marks})", values)
+            if standing is not None:
+                condition = json.dumps(dict(standing.condition), sort_keys=True)
+                stood = (row.participant, standing.place, condition, standing.layout, standing.state)
+                self._trials.execute("INSERT OR REPLACE INTO standing VALUES (?, ?, ?, ?, ?)", stood)
+
+    def standing(self, participant: str) -> Standing | None:
+        """Return where a participant's session stood at the end of the last trial; None: nothing says it."""
+        query = "SELECT place, condition, layout, state FROM standing WHERE participant = ?"
+        with _sentences(self.folder / "trials.sqlite"):
+            row = self._trials.execute(query, (participant,)).fetchone()
+        return None if row is None else Standing(row[0], json.loads(row[1]), row[2], row[3])
 
     def rows(self, participant: str | None = None) -> list[Row]:
         """Return the trials of one participant or of all, by code and place: a person's in the order they were made."""
@@ -246,6 +293,9 @@ def _connect(path: Path, schema: str) -> sqlite3.Connection:
             raise StoreError(f"'{path}' was written by a newer program (format {version}, this one reads {VERSION})")
         if version == 0:
             connection.executescript(f"BEGIN IMMEDIATE;{schema}PRAGMA user_version = {VERSION};COMMIT;")
+        elif version == 1:
+            more = SCHEMA_2 if schema is SCHEMA else ""
+            connection.executescript(f"BEGIN IMMEDIATE;{more}PRAGMA user_version = {VERSION};COMMIT;")
         problem = connection.execute("PRAGMA quick_check").fetchone()[0]
         if problem != "ok":
             raise sqlite3.DatabaseError(problem)

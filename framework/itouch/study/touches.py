@@ -21,6 +21,7 @@ from itouch.scene.source import Attribute
 from itouch.schema import ItouchError, Place
 from itouch.session import Session
 from itouch.study.elements import Touching
+from itouch.study.machine import Machine, Phase, Rules, Sensed
 from itouch.study.observers import DEPTH, Felt
 from itouch.study.reading import StudyFile
 from itouch.world import Model
@@ -82,29 +83,93 @@ class Toucher:
             If the scene has no twin that feels heat, or a device is no twin.
         """
         model = self.model(condition)
-        truth = _truth(model)
+        feeling = Feeling(model, self._file.study.contact, felt_by(model))
         session = Session(model, seed=seed, catalog=self._catalog)
         session.records = False
-        rules = self._file.study.contact
-        index = next(i for i, each in enumerate(model.scene.world.objects) if each.name == rules.object_)
-        samples: list[tuple[int, float, float]] = []
-        every = max(1, round(SAMPLING / model.period))
-        flux, skin = (session.state[name] for name in truth)
-        current = session.state[f"{model.probes[0].name}.contact.object"]
+        feeling.listen(session)
+        machine = Machine(Rules(feeling.index))
+        fault = ""
+        try:
+            session.run(until=lambda: machine.step(feeling.sensed(session)) in (Phase.JUDGE, Phase.PAUSE))
+        except DeviceFaultError as error:
+            fault = f"fault: {error}"
+        made = feeling.presented(session, fault or machine.void)
+        session.close()
+        return made
+
+
+class Feeling:
+    """What is noted of one interval, and what a trial's machine is told of it, tick by tick."""
+
+    def __init__(self, model: Model, rules: Touching, truth: tuple[str, str] | None) -> None:
+        self._rules, self._truth, self._model = rules, truth, model
+        self.index = next(i for i, each in enumerate(model.scene.world.objects) if each.name == rules.object_)
+        self._every = max(1, round(SAMPLING / model.period))
+        self._samples: list[tuple[int, float, float]] = []
+        self._skin = _measured_skin(model)
+        self._ready = ""
+
+    @property
+    def measures_skin(self) -> bool:
+        """Whether anything measures the skin's temperature."""
+        return self._skin is not None
+
+    def listen(self, session: Session) -> None:
+        """Note what the twin's finger feels from now on."""
+        state, probe = session.state, session.model.probes[0].name
+        self._current = state[f"{probe}.contact.object"]
+        names = session.state.dtype.names or ()
+        self._ready = next((name for name in names if name.endswith(".plate_ready")), "")
+        if self._truth is None:
+            return
+        flux, skin = (state[name] for name in self._truth)
+        samples, every, current = self._samples, self._every, self._current
 
         def sample(tick: int) -> None:
             if tick % every == 0:
                 samples.append((int(current), float(flux), float(skin)))
 
         session.taps.append(sample)
-        fault = ""
-        try:
-            session.run()
-        except DeviceFaultError as error:
-            fault = f"fault: {error}"
+
+    def sensed(self, session: Session) -> Sensed:
+        """Return what the machine is told of the tick that is over."""
+        state, skin = session.state, None
+        if self._skin is not None:
+            value, valid = self._skin
+            skin = state[value].item() if not valid or bool(state[valid].item()) else None
+        ready = not self._ready or bool(state[self._ready])
+        return Sensed(session.seconds, skin, ready, self._current.item(), session.done)
+
+    def presented(self, session: Session, void: str) -> Presented:
+        """Return the touch that has ended, and why it does not count."""
         report = session.report()
-        session.close()
-        return _presented(samples, index, report, rules, every * model.period, fault)
+        return _presented(
+            self._samples, self.index, report, self._rules, self._every * session.model.period, void
+        )  # fmt: skip
+
+
+def _measured_skin(model: Model) -> tuple[str, str] | None:
+    """Return the readings that are the skin's temperature [K] and whether it is valid; None: nothing measures it."""
+    for device in model.devices.values():
+        channel, valid = device.reading(Role.SKIN_TEMPERATURE), device.reading(Role.SKIN_VALID)
+        if channel is not None:
+            return f"{device.name}.{channel.name}", "" if valid is None else f"{device.name}.{valid.name}"
+    return None
+
+
+def figures(touch: Presented) -> dict[str, Any]:
+    """Return what is kept of a touch: what was felt, and how well it was rendered."""
+    felt, entry = touch.felt, touch.figures
+    known = len(felt.flux) > 0 or not entry
+    kept = {
+        "mean_flux_W_m2": round(felt.mean_flux(), 6) if known else entry.get("mean_flux_W_m2"),
+        "skin_begin_degC": round(float(felt.skin[0]) - 273.15, 6) if len(felt.skin) else None,
+        "skin_drop_K": round(float(felt.skin[0] - felt.skin[-1]), 6) if len(felt.skin) else entry.get("skin_drop_K"),
+    }
+    for name in ("peak_force_N", "flux_error_rms", "plate_ready", "plate_limited"):
+        if name in entry:
+            kept[name] = entry[name]
+    return kept
 
 
 def _skin(file: StudyFile, temperature: float) -> Edit:
@@ -112,7 +177,7 @@ def _skin(file: StudyFile, temperature: float) -> Edit:
     return Edit("operator.skin-temperature", Attribute(f"{temperature:.3f} K", Place(file.path, 1, 1)))
 
 
-def _truth(model: Model) -> tuple[str, str]:
+def felt_by(model: Model) -> tuple[str, str]:
     """Return the fields of State that hold the true flux out of the finger and its skin's true temperature."""
     found: dict[Role, str] = {}
     for name, device in model.devices.items():
@@ -132,8 +197,11 @@ def _presented(
 ) -> Presented:  # fmt: skip
     touched = [k for k, (current, _, _) in enumerate(samples) if current == index]
     entries = [entry for entry in report["contacts"] if entry["object"] == rules.object_]
-    if not touched or not entries:
-        return Presented(Felt(np.zeros(0), np.zeros(0), np.zeros(0), period), {}, fault or "nothing was touched")
+    nothing = Felt(np.zeros(0), np.zeros(0), np.zeros(0), period)
+    if not entries or (samples and not touched):
+        return Presented(nothing, {}, fault or "nothing was touched")
+    if not samples:  # nothing says what was truly felt: the report's figures stand for it
+        return Presented(nothing, entries[0], fault or _broken(entries[0], rules))
     first, last = touched[0], touched[-1]
     flux = np.array([s[1] for s in samples[first : last + 1]])
     skin = np.array([s[2] for s in samples[max(0, first - 1) : last + 1]])[: len(flux)]

@@ -140,6 +140,7 @@ class Heat(Modality):
     Params = HeatParams
     Material: ClassVar[type | None] = ThermalMaterial
     hears = frozenset({ContactKind.BEGIN, ContactKind.END})
+    goes_on = ("finger", "skin_ring", "skin_count")
 
     def compile(self, name: str, params: HeatParams, world: World) -> HeatModel:
         """Build the modes of finger and objects."""

@@ -1,0 +1,83 @@
+"""``itouch-py study run``: a participant's session at the terminal, from a script, or in windows."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from itouch.study.answers import Answers
+    from itouch.study.reading import StudyFile
+
+
+def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the command's options."""
+    run = commands.add_parser("run", help="run a participant's trials; goes on where the participant stopped")
+    run.add_argument("study", metavar="STUDY.xml")
+    run.add_argument("-o", "--output", metavar="FOLDER", help="the study's data; default: NAME.data beside the file")
+    run.add_argument("--participant", metavar="CODE", required=True, help="the participant's code, as P07")
+    run.add_argument("--answers", metavar="FILE", help="a script, ANSWER [SECONDS] a line; - reads it from the input")
+    run.add_argument("--pace", choices=("real", "fast"), help="default: real for a person, fast for a script")
+    run.add_argument("--deviation", metavar="WORDS", help="note what was changed after the study was frozen, and why")
+    run.add_argument("--window", action="store_true", help="the participant's window, answered by mouse and keys")
+
+
+def folder_of(options: argparse.Namespace) -> Path:
+    """Return where the study's data are."""
+    if options.output:
+        return Path(options.output)
+    path = Path(options.study)
+    return path.with_name(f"{path.stem}.data")
+
+
+def run(file: StudyFile, options: argparse.Namespace) -> int:
+    """Make the trials that are left, and say what was made; 3: the session was ended before the last trial."""
+    from itouch.loop import DeviceFaultError, VirtualClock
+    from itouch.loop.clock import WallClock
+    from itouch.plugin.discovery import Catalog
+    from itouch.study.answers import Stopped
+    from itouch.study.run import Run
+    from itouch.study.store import Store
+
+    answers, shows = _answers(file, options)
+    real = (options.pace or ("fast" if options.answers else "real")) == "real"
+    with Store.open(folder_of(options)) as store:
+        session = Run(
+            file, options.participant, store, answers, Catalog(), clock=WallClock() if real else VirtualClock(),
+            show=shows,
+        )  # fmt: skip
+        before = len(session.course.rows)
+        print(f"{options.participant}: {before} trials are kept, {session.course.left} of the order are left")
+        made = 0
+        try:
+            for row in session.trials():
+                made += 1
+                told = "void, comes again" if row.void else "kept"
+                print(f"trial {row.place + 1}: {told}", flush=True)
+        except Stopped:
+            print(f"stopped after {made} new trials; the same command goes on from here")
+            return 3
+        except KeyboardInterrupt:
+            print(f"\nstopped after {made} new trials; the same command goes on from here")
+            return 130
+        except DeviceFaultError as error:
+            print(f"{error}\nthe trial was not kept; the same command goes on from it", file=sys.stderr)
+            return 1
+    print(f"all done: {made} new trials")
+    return 0
+
+
+def _answers(file: StudyFile, options: argparse.Namespace) -> tuple[Answers, None]:
+    from itouch.schema import ItouchError
+    from itouch.study.answers import Script, Typed
+
+    if options.answers == "-":
+        return Script(sys.stdin), None
+    if options.answers:
+        try:
+            return Script(Path(options.answers).read_text(encoding="utf-8").splitlines()), None
+        except (OSError, UnicodeDecodeError) as error:
+            raise ItouchError(f"cannot read '{options.answers}': {getattr(error, 'strerror', error)}") from error
+    return Typed(sys.stdin, lambda words: print(words, flush=True)), None

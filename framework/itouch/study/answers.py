@@ -1,0 +1,132 @@
+"""Where answers come from: a person at a terminal, a window, or a written script of a session."""
+
+from __future__ import annotations
+
+import queue
+import threading
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Protocol, TextIO
+
+from itouch.schema import ItouchError
+
+
+class AnswerError(ItouchError):
+    """An answer that can't be used, where nobody can be asked again."""
+
+
+class Stopped(Exception):  # noqa: N818  - no error: the participant goes on another time
+    """Whoever answers wants to end the session after the last whole trial."""
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """What is asked: ``place`` of the trial, the words, the choices as they are shown (none: a number)."""
+
+    place: int
+    words: str
+    choices: tuple[str, ...]
+
+
+class Answers(Protocol):
+    """A source of answers.  Everything is called between two ticks and returns at once."""
+
+    def ask(self, question: Question) -> None:
+        """Put a question; answers from before it do not count."""
+
+    def poll(self, waited: float) -> str | None:
+        """Return the answer, or None as long as there is none; ``waited`` [s] is the time since the question.
+
+        Raises
+        ------
+        Stopped
+            If the session shall end here.
+        """
+
+    def tell(self, words: str) -> None:
+        """Tell the participant something."""
+
+
+class Script:
+    """Answers that were written before: a line a trial, ``ANSWER [SECONDS]``; what follows ``#`` does not count.
+
+    Line n answers trial n, so that a session that was stopped goes on with the same answers.  The session ends with
+    the last line.
+    """
+
+    def __init__(self, lines: Iterable[str]) -> None:
+        written = (line.split("#")[0].strip() for line in lines)
+        self._lines = [_parsed(number, line) for number, line in enumerate((w for w in written if w), 1)]
+        self._now: tuple[str, float] = ("", 0.0)
+
+    def ask(self, question: Question) -> None:
+        """Find the line of this trial."""
+        if question.place >= len(self._lines):
+            raise Stopped
+        self._now = self._lines[question.place]
+
+    def poll(self, waited: float) -> str | None:
+        """Return the line's answer when its time has come."""
+        answer, after = self._now
+        return answer if waited >= after else None
+
+    def tell(self, words: str) -> None:
+        """Nobody reads."""
+
+
+def _parsed(number: int, line: str) -> tuple[str, float]:
+    words, _, last = line.rpartition(" ")
+    try:
+        seconds = float(last)
+    except ValueError:
+        return line, 0.5
+    if not words:  # a number alone is an answer
+        return line, 0.5
+    if not 0.0 <= seconds < 3600.0:
+        raise AnswerError(f"answer {number}: '{line}' must be ANSWER [SECONDS], with 0 to 3600 s")
+    return words.strip(), seconds
+
+
+class Typed:
+    """Answers that a person types, a line each; ``stop`` or the end of the input ends the session.
+
+    Parameters
+    ----------
+    stream
+        Where lines come from, read by a thread.
+    say
+        Prints a line.
+    """
+
+    def __init__(self, stream: TextIO, say: Callable[[str], None]) -> None:
+        self._lines: queue.SimpleQueue[str | None] = queue.SimpleQueue()
+        self._say, self._stream = say, stream
+        threading.Thread(target=self._read, daemon=True).start()
+
+    def _read(self) -> None:
+        for line in self._stream:
+            self._lines.put(line.strip())
+        self._lines.put(None)
+
+    def ask(self, question: Question) -> None:
+        """Print the question; what was typed before is dropped."""
+        self._say(question.words)
+        for number, choice in enumerate(question.choices, 1):
+            self._say(f"  {number}  {choice}")
+        while not self._lines.empty():
+            if self._lines.get() is None:
+                self._lines.put(None)
+                return
+
+    def poll(self, waited: float) -> str | None:
+        """Return the line that was typed."""
+        if self._lines.empty():
+            return None
+        line = self._lines.get()
+        if line is None or line.casefold() in ("stop", "quit"):
+            raise Stopped
+        return line or None
+
+    def tell(self, words: str) -> None:
+        """Print it."""
+        self._say(words)

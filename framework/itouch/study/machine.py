@@ -1,0 +1,163 @@
+"""One trial as a state machine on the servo's clock: it is stepped once a tick, and knows no engine, screen or person.
+
+``skin`` -> ``approach`` -> ``go`` -> ``contact`` -> ``judge``, once for each interval, then ``answer`` -> ``pause`` ->
+``end``.  What drives it presents the next interval's scene when it stands in ``skin`` anew, judges a touch in
+``judge`` and hands the answer over in ``answer``.  A trial that broke a rule goes to ``pause`` without an answer.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from enum import Enum
+
+
+class Phase(Enum):
+    """Where a trial stands; the value is what data and tests call it."""
+
+    SKIN = "skin"
+    APPROACH = "approach"
+    GO = "go"
+    CONTACT = "contact"
+    JUDGE = "judge"
+    ANSWER = "answer"
+    PAUSE = "pause"
+    END = "end"
+
+
+@dataclass(frozen=True, slots=True)
+class Sensed:
+    """What the machine is told of one tick.
+
+    ``seconds`` of the servo's clock; ``skin`` [K] as measured, None where nothing measures it now; whether the plate
+    is ``ready``; which ``object`` is touched, -1: none; and whether the scripted hand of a twin has gone its way.
+    """
+
+    seconds: float
+    skin: float | None = None
+    ready: bool = True
+    object: int = -1
+    over: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """What a trial waits for, in SI units; see ``<contact>``, ``<blind>`` and ``<pauses>`` of the study language.
+
+    ``equal``: the go signal comes ``approach`` seconds after the skin is back, whatever the plate does; else as soon
+    as it is ready, after ``approach`` at the earliest.
+    """
+
+    object: int
+    intervals: int = 1
+    baseline: float | None = None
+    skin_return: float = 0.5
+    skin_wait: float = math.inf
+    approach: float = 0.0
+    equal: bool = True
+    ready_wait: float = math.inf
+    reach: float = math.inf
+    answer_wait: float = math.inf
+    pause: float = 0.0
+
+
+@dataclass(slots=True)
+class Machine:
+    """A trial under way.  ``void`` is why it does not count; empty: it does."""
+
+    rules: Rules
+    phase: Phase = Phase.SKIN
+    interval: int = 0
+    void: str = ""
+    #: Seconds of the servo's clock at which each phase of the last interval began.
+    times: dict[Phase, float] = field(default_factory=dict)
+    #: How often the skin was not back in time.
+    waited_out: int = 0
+    _now: float = math.nan
+
+    def step(self, sensed: Sensed) -> Phase:
+        """Take one tick, and return the phase after it."""
+        self._now = sensed.seconds
+        if not self.times:
+            self.times[Phase.SKIN] = sensed.seconds
+        {
+            Phase.SKIN: self._skin, Phase.APPROACH: self._approach, Phase.GO: self._go, Phase.CONTACT: self._contact,
+            Phase.ANSWER: self._answer, Phase.PAUSE: self._pause,
+        }.get(self.phase, self._wait)(sensed)  # fmt: skip
+        return self.phase
+
+    def since(self, phase: Phase | None = None) -> float:
+        """Return the seconds since a phase began; default: the present one."""
+        return self._now - self.times.get(phase or self.phase, self._now)
+
+    def judged(self, void: str) -> None:
+        """Take what is said of the touch that has ended; the next interval begins, or the question."""
+        if self.phase is not Phase.JUDGE:
+            raise ValueError(f"a touch is judged when it has ended, not in '{self.phase.value}'")
+        self.void = self.void or void
+        if self.void:
+            self._enter(Phase.PAUSE)
+        elif self.interval + 1 < self.rules.intervals:
+            self.interval += 1
+            self._enter(Phase.SKIN)
+        else:
+            self._enter(Phase.ANSWER)
+
+    def answered(self) -> None:
+        """Note that the answer was given in this tick."""
+        if self.phase is not Phase.ANSWER:
+            raise ValueError(f"an answer is taken when it is asked for, not in '{self.phase.value}'")
+        self._enter(Phase.PAUSE)
+
+    def fail(self, why: str) -> None:
+        """Make the trial void because something failed."""
+        self.void = self.void or why
+        self._enter(Phase.PAUSE)
+
+    def _enter(self, phase: Phase) -> None:
+        self.phase = phase
+        self.times[phase] = self._now
+
+    def _wait(self, sensed: Sensed) -> None:
+        """Wait for what drives the machine."""
+
+    def _skin(self, sensed: Sensed) -> None:
+        rules, skin = self.rules, sensed.skin
+        known = skin is not None and rules.baseline is not None and math.isfinite(skin)
+        back = not known or abs((skin or 0.0) - (rules.baseline or 0.0)) <= rules.skin_return
+        if not back and self.since() < rules.skin_wait:
+            return
+        self.waited_out += not back
+        self._enter(Phase.APPROACH)
+
+    def _approach(self, sensed: Sensed) -> None:
+        rules = self.rules
+        if sensed.object >= 0:
+            self.fail("touched before the signal")
+        elif self.since() >= rules.approach and (rules.equal or sensed.ready):
+            self._enter(Phase.GO)
+        elif self.since() >= rules.ready_wait:
+            self.fail("the plate was not ready in time")
+
+    def _go(self, sensed: Sensed) -> None:
+        if sensed.object == self.rules.object:
+            self._enter(Phase.CONTACT)
+        elif sensed.object >= 0:
+            self.fail("something else was touched")
+        elif sensed.over or self.since() >= self.rules.reach:
+            self.fail("nothing was touched")
+
+    def _contact(self, sensed: Sensed) -> None:
+        if sensed.object >= 0 and sensed.object != self.rules.object:
+            self.void = self.void or "the material changed in contact"
+            self._enter(Phase.JUDGE)
+        elif sensed.object < 0 or sensed.over:
+            self._enter(Phase.JUDGE)
+
+    def _answer(self, sensed: Sensed) -> None:
+        if self.since() >= self.rules.answer_wait:
+            self.fail("no answer in time")
+
+    def _pause(self, sensed: Sensed) -> None:
+        if self.since() >= self.rules.pause:
+            self._enter(Phase.END)

@@ -1,0 +1,277 @@
+"""A participant's session: trial after trial on the twins, each committed before the next begins."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+
+from itouch.loop import Clock, DeviceFaultError
+from itouch.plugin.discovery import Catalog
+from itouch.study import orders
+from itouch.study.answers import Answers, Question
+from itouch.study.course import Course, Due
+from itouch.study.machine import Machine, Phase, Rules
+from itouch.study.reading import StudyFile
+from itouch.study.room import Room
+from itouch.study.store import Row, Store
+from itouch.study.tasks import choices_of, is_right, question_of, taken_answer
+from itouch.study.touches import Presented, figures
+
+#: Seconds over which the skin is averaged for the participant's baseline.
+BASELINE = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """What participant and operator are shown of a session; nothing of it depends on the condition.
+
+    ``cue`` is what to do now (a phase's name, ``lift``, ``break`` or ``done``), ``left`` [s] of it if that is known,
+    ``force`` and ``window`` [N] of the touch if the study asks for one, ``trial`` of ``trials``, and how many were
+    void.
+    """
+
+    cue: str
+    question: str = ""
+    choices: tuple[str, ...] = ()
+    left: float | None = None
+    force: float | None = None
+    window: tuple[float, float] | None = None
+    trial: int = 0
+    trials: int = 0
+    void: int = 0
+    message: str = ""
+
+
+Show = Callable[[Shown], None]
+
+
+class Run:
+    """One participant's way through a study, with a person's or a script's answers.
+
+    Parameters
+    ----------
+    file, code
+        The study and the participant.
+    store
+        The study's data.
+    answers
+        Who answers.
+    clock
+        Of the loop; default: as fast as it computes.
+    show
+        Called between ticks, at most some thirty times a second of the servo's clock, with what is shown.
+    """
+
+    def __init__(
+        self, file: StudyFile, code: str, store: Store, answers: Answers, catalog: Catalog, *,
+        clock: Clock | None = None, show: Show | None = None,
+    ) -> None:  # fmt: skip
+        self._file, self._code, self._store, self._answers = file, code, store, answers
+        self._study, self._show = file.study, show
+        self.course = Course(file, code, store.rows(code))
+        seed = int(orders.generator(file.study.seed, code, "twins").integers(2**31))
+        self.room = Room(file, catalog, seed=seed, clock=clock)
+        self._baseline: float | None = None
+        self._total = len(self.course.planned)
+        self._said = ""
+        self._shown_at = -1.0
+        #: Which session of this participant it is: what stands in the rows.
+        self.name = f"{code}-{1 + len({row.session for row in self.course.rows})}"
+
+    def trials(self) -> Iterator[Row]:
+        """Make the trials that are left, and yield each when it is on the disk.
+
+        Raises
+        ------
+        StoreError
+            If a trial can't be kept: it is made again another time.
+        SessionError, SceneError
+            If the scene can't be presented.
+        """
+        try:
+            due = self.course.next()
+            if due is not None:
+                self._begin(due)
+            while due is not None:
+                row = self._trial(due)
+                self._store.add(row, self.room.standing(row.place))
+                self.course.made(row)
+                self._feed_back(row)
+                yield row
+                due = self.course.next()
+                if due is not None:
+                    self._rest(due)
+            self._tell(self._progress("done"))
+        finally:
+            self.room.close()
+
+    def _begin(self, due: Due) -> None:
+        """Go on from where the last trial ended, or begin; find the baseline of the skin."""
+        stood = self._store.standing(self._code)
+        if stood is None or stood.place != due.place - 1 or not self.room.take_up(stood):
+            self.room.present(due.shown[0])
+        else:
+            self._rest(due)
+        kept = self._store.described(self._code).get("skin_baseline_K")
+        if kept is not None:
+            self._baseline = float(kept)
+        if kept is not None or not self.room.feeling.measures_skin:
+            return
+        values: list[float] = []
+        end = self.room.session.seconds + BASELINE
+
+        def until() -> bool:
+            sensed = self.room.sensed()
+            if sensed.skin is not None:
+                values.append(sensed.skin)
+            return sensed.seconds >= end
+
+        self.room.run(until)
+        if values:
+            self._baseline = sum(values) / len(values)
+            described = self._store.described(self._code)
+            self._store.describe(self._code, {**described, "skin_baseline_K": round(self._baseline, 3)})
+
+    def _rules(self, index: int, intervals: int) -> Rules:
+        contact, blind = self._study.contact, self._study.blind
+        equal = blind is not None and blind.equalise
+        return Rules(
+            index, intervals, self._baseline, contact.skin_return, contact.skin_wait,
+            blind.approach if blind is not None and equal else 0.0, equal, contact.ready_wait, contact.reach,
+            pause=contact.pause,
+        )  # fmt: skip
+
+    def _trial(self, due: Due) -> Row:
+        feeling = self.room.present(due.shown[0])
+        machine = Machine(self._rules(feeling.index, len(due.shown)))
+        begun = self.room.session.seconds
+        touches: list[Presented] = []
+        answer, reaction = None, None
+        self._said = ""
+        while machine.phase is not Phase.END:
+            phase = self._phase(machine)
+            if phase is Phase.GO:
+                self.room.go()
+            elif phase is Phase.JUDGE:
+                touches.append(self.room.felt(machine.void))
+                machine.judged(touches[-1].void)
+                if machine.phase is Phase.SKIN:
+                    self.room.present(due.shown[machine.interval])
+            if machine.phase is Phase.ANSWER:
+                answer, reaction = self._asked(machine, due)
+        if machine.void and not touches:
+            touches.append(self.room.felt(machine.void))
+        return self._row(due, machine.void, touches, answer, reaction, begun)
+
+    def _phase(self, machine: Machine) -> Phase:
+        """Run until the machine is in another phase, and return it."""
+        before = machine.phase
+
+        def until() -> bool:
+            machine.step(self.room.sensed())
+            self._display(machine)
+            return machine.phase is not before
+
+        try:
+            self.room.run(until)
+        except DeviceFaultError as error:
+            machine.fail(f"fault: {error}")
+            raise
+        return machine.phase
+
+    def _asked(self, machine: Machine, due: Due) -> tuple[str | None, float | None]:
+        """Ask, and run until there is an answer; return it as it is kept, and the reaction time [s]."""
+        choices = tuple(shown for _, shown in choices_of(self._study))
+        self._answers.ask(Question(due.place, question_of(self._study), choices))
+        found: list[str] = []
+
+        def until() -> bool:
+            machine.step(self.room.sensed())
+            self._display(machine)
+            if machine.phase is not Phase.ANSWER:
+                return True
+            written = self._answers.poll(machine.since())
+            if written is not None:
+                taken = taken_answer(self._study, written)
+                if taken is None:
+                    self._said = f"'{written}' is no answer: choose one of {', '.join(choices) or 'the numbers'}"
+                    self._answers.tell(self._said)
+                else:
+                    found.append(taken)
+            return bool(found)
+
+        self.room.run(until)
+        if not found:
+            return None, None
+        reaction = machine.since()
+        machine.answered()
+        return found[0], round(reaction, 6)
+
+    def _row(
+        self, due: Due, void: str, touches: list[Presented], answer: str | None, reaction: float | None, begun: float
+    ) -> Row:  # fmt: skip
+        felt = [figures(touch) for touch in touches]
+        fluxes = [float(one["mean_flux_W_m2"] or 0.0) for one in felt]
+        task, trial = self._study.task, due.trial
+        right = None if void or answer is None else is_right(task, trial, answer, fluxes)
+        return Row(
+            self._code, due.place, trial.block, task.kind, trial.condition, list(due.shown), round(begun, 6),
+            round(self.room.session.seconds, 6), self.name, datetime.now(UTC).isoformat(timespec="seconds"),
+            repeats=due.repeats, staircase=trial.staircase or None, level=due.level, answer=None if void else answer,
+            right=right, reaction_s=reaction, void=void, felt=felt,
+        )  # fmt: skip
+
+    def _feed_back(self, row: Row) -> None:
+        practice = self._study.practice
+        if row.block == "practice" and practice is not None and practice.feedback and row.right is not None:
+            self._said = "right" if row.right else "wrong"
+            self._answers.tell(self._said)
+
+    def _rest(self, due: Due) -> None:
+        """Rest where the study has a break before this trial."""
+        breaks = self._study.breaks
+        if breaks is None or due.place == 0 or due.place % breaks.every:
+            return
+        self._answers.tell(f"a break of {breaks.duration:.0f} s")
+        end = self.room.session.seconds + breaks.duration
+
+        def until() -> bool:
+            left = end - self.room.session.seconds
+            self._tell(replace(self._progress("break"), left=max(0.0, left)))
+            return left <= 0.0
+
+        self.room.run(until)
+
+    def _progress(self, cue: str) -> Shown:
+        rows, void = self.course.rows, sum(bool(row.void) for row in self.course.rows)
+        return Shown(cue, trial=len(rows) + 1, trials=max(self._total, len(rows)), void=void, message=self._said)
+
+    def _display(self, machine: Machine) -> None:
+        now = self.room.session.seconds
+        if self._show is None or 0.0 <= now - self._shown_at < 1.0 / 30.0:
+            return
+        self._shown_at = now
+        self._tell(self._face(machine))
+
+    def _tell(self, shown: Shown) -> None:
+        if self._show is not None:
+            self._show(shown)
+
+    def _face(self, machine: Machine) -> Shown:
+        contact, phase = self._study.contact, machine.phase
+        cue, force, window, left = phase.value, None, None, None
+        if phase is Phase.CONTACT:
+            left = max(0.0, contact.duration - machine.since())
+            cue = "lift" if left <= 0.0 else cue
+            if contact.force is not None:
+                probe = self.room.session.model.probes[0].name
+                force = float(self.room.session.state[f"{probe}.total_force"])
+                window = (contact.force - contact.tolerance, contact.force + contact.tolerance)
+        elif phase is Phase.PAUSE:
+            left = max(0.0, machine.rules.pause - machine.since())
+        shown = self._progress(cue)
+        if phase is Phase.ANSWER:
+            choices = tuple(words for _, words in choices_of(self._study))
+            shown = replace(shown, question=question_of(self._study), choices=choices)
+        return replace(shown, left=left, force=force, window=window)

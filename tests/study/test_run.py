@@ -1,0 +1,273 @@
+"""A participant's session: through the command, from a script, killed at any instant."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from run_scene import write_study
+
+from itouch.cli import main
+from itouch.plugin.discovery import Catalog
+from itouch.study.answers import AnswerError, Question, Script, Stopped
+from itouch.study.course import Course
+from itouch.study.reading import load_study
+from itouch.study.run import Run, Shown
+from itouch.study.store import Row, Store
+from itouch.study.tasks import taken_answer
+
+CATALOG = Catalog()
+ANSWERS = ["wood 0.31", "steel", "cork 0.2  # said slowly", "2", "steel 0.05"]
+
+
+def scripted(folder: Path, count: int = 60) -> Path:
+    path = folder / "answers.txt"
+    path.write_text("\n".join((ANSWERS * count)[:count]) + "\n")
+    return path
+
+
+def kept(folder: Path, code: str | None = None) -> list[Row]:
+    """Return the rows without what is the host's clock and the number of the session."""
+    with Store.open(folder) as store:
+        return [replace(row, ended_at="", session="") for row in store.rows(code)]
+
+
+def run(path: Path, folder: Path, *more: str, code: str = "P07") -> int:
+    return main(["study", "run", str(path), "-o", str(folder), "--participant", code, *more])
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, list[Row]]:
+    """A study that was run from the first to the last trial without a stop: its file, answers, and rows."""
+    folder = tmp_path_factory.mktemp("whole")
+    path = write_study(folder, more='<practice trials="2"/><breaks every="5" duration="0.2 s"/>')
+    answers = scripted(folder)
+    assert run(path, folder / "data", "--answers", str(answers)) == 0
+    return path, answers, kept(folder / "data")
+
+
+def test_a_session_keeps_every_trial(whole: tuple[Path, Path, list[Row]]) -> None:
+    path, _, rows = whole
+    file = load_study(path, CATALOG)
+    planned = Course(file, "P07").planned
+    assert [row.condition for row in rows] == [trial.condition for trial in planned]
+    assert [row.place for row in rows] == list(range(11))
+    assert Counter(row.condition["material"] for row in rows if row.block != "practice") == dict.fromkeys(
+        ("wood", "steel", "cork"), 3
+    )
+    assert [row.answer for row in rows[:5]] == ["wood", "steel", "cork", "steel", "steel"]
+    assert [row.right for row in rows] == [int(row.answer == row.condition["material"]) for row in rows]
+    assert rows[0].reaction_s == pytest.approx(0.31, abs=0.002)  # on the servo's clock
+    assert all(row.ended_s > row.begun_s for row in rows)
+    assert all(a.ended_s <= b.begun_s for a, b in zip(rows, rows[1:], strict=False))
+    assert rows[5].begun_s - rows[4].ended_s == pytest.approx(0.2, abs=0.005)  # the break
+    assert all(0.3 < row.felt[0]["peak_force_N"] < 2.0 for row in rows)
+    # the scene changed between trials, under the same arm
+    forces = {row.condition["material"]: row.felt[0]["peak_force_N"] for row in rows}
+    assert forces["steel"] > forces["cork"]
+
+
+def test_a_session_that_is_stopped_goes_on_to_the_same_rows(
+    whole: tuple[Path, Path, list[Row]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, answers, rows = whole
+    lines = answers.read_text().splitlines()
+    for end in (1, 4, 5, 9):
+        (tmp_path / "some.txt").write_text("\n".join(lines[:end]) + "\n")
+        assert run(path, tmp_path / "data", "--answers", str(tmp_path / "some.txt")) == 3
+        assert "the same command goes on from here" in capsys.readouterr().out
+        assert kept(tmp_path / "data") == rows[:end]
+    assert run(path, tmp_path / "data", "--answers", str(answers)) == 0
+    assert kept(tmp_path / "data") == rows
+    assert run(path, tmp_path / "data", "--answers", str(answers)) == 0  # nothing is left, nothing is made
+    assert "0 new trials" in capsys.readouterr().out
+    assert kept(tmp_path / "data") == rows
+
+
+_KILLED = """
+import os, signal, sys
+from itouch.cli import main
+from itouch.study.store import Store
+when, number, argv = sys.argv[1], int(sys.argv[2]), sys.argv[3:]
+made = 0
+add = Store.add
+def killing(self, row, standing=None):
+    global made
+    made += 1
+    if when == "before" and made == number:
+        os.kill(os.getpid(), signal.SIGKILL)
+    if when == "within" and made == number:
+        self._trials.set_trace_callback(lambda words: os.kill(os.getpid(), signal.SIGKILL) if "standing" in words else None)
+    add(self, row, standing)
+    if when == "after" and made == number:
+        os.kill(os.getpid(), signal.SIGKILL)
+Store.add = killing
+sys.exit(main(argv))
+"""
+
+
+def killed(path: Path, folder: Path, answers: Path, when: str, number: int) -> int:
+    argv = ["study", "run", str(path), "-o", str(folder), "--participant", "P07", "--answers", str(answers)]
+    command = [sys.executable, "-c", _KILLED, when, str(number), *argv]
+    return subprocess.run(command, capture_output=True, check=False, timeout=300).returncode
+
+
+def test_killed_at_a_write_nothing_is_lost_or_doubled(whole: tuple[Path, Path, list[Row]], tmp_path: Path) -> None:
+    path, answers, rows = whole
+    made = 0
+    for when, number, gains in (("before", 2, 1), ("within", 3, 2), ("after", 2, 2)):
+        assert killed(path, tmp_path, answers, when, number) == -signal.SIGKILL
+        made += gains
+        assert kept(tmp_path) == rows[:made], when
+    assert run(path, tmp_path, "--answers", str(answers)) == 0
+    assert kept(tmp_path) == rows
+
+
+@pytest.mark.long
+def test_killed_at_500_random_instants_and_at_each_write(whole: tuple[Path, Path, list[Row]], tmp_path: Path) -> None:
+    path, answers, rows = whole
+    for index, _ in enumerate(rows):
+        for when in ("before", "within", "after"):
+            folder = tmp_path / f"{when}{index}"
+            assert killed(path, folder, answers, when, index + 1) == -signal.SIGKILL
+            assert run(path, folder, "--answers", str(answers)) == 0
+            assert kept(folder) == rows
+    rng, kills = random.Random(500), 0
+    argv = [sys.executable, "-m", "itouch.cli", "study", "run", str(path), "--participant", "P07", "--answers",
+            str(answers), "-o"]  # fmt: skip
+    begin = time.monotonic()
+    subprocess.run([*argv, str(tmp_path / "timed")], capture_output=True, check=True)
+    lasts, turn = time.monotonic() - begin, 0
+    while kills < 500:
+        folder = tmp_path / f"random{turn}"
+        turn += 1
+        for _ in range(200):
+            process = subprocess.Popen([*argv, str(folder)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            time.sleep(rng.uniform(0.0, lasts))
+            ended = process.poll() is not None
+            if not ended:
+                os.kill(process.pid, signal.SIGKILL)
+                kills += 1
+            process.wait()
+            there = kept(folder) if (folder / "trials.sqlite").exists() else []
+            assert there == rows[: len(there)]
+            if ended:
+                break
+        assert run(path, folder, "--answers", str(answers)) == 0
+        assert kept(folder) == rows
+
+
+def test_a_staircase_is_rebuilt_from_its_rows(tmp_path: Path) -> None:
+    path = write_study(tmp_path)
+    text = path.read_text().replace(
+        '<factor name="material" levels="wood steel cork" set="block.material"/>',
+        '<staircase name="hard" procedure="up-down" set="wood/contact.stiffness" unit="N/mm" low="0.5" high="2" '
+        'start="1.5" standard="0.6" step="0.1" trials="5"/>',
+    ).replace('kind="identify" factor="material"', 'kind="colder" factor="hard" standard="0.6"')  # fmt: skip
+    path.write_text(text)
+    (tmp_path / "all.txt").write_text("\n".join(["1", "2", "1", "1", "2"] * 4))
+    assert run(path, tmp_path / "a", "--answers", str(tmp_path / "all.txt")) == 0
+    rows = kept(tmp_path / "a")
+    assert len(rows) == 5
+    assert len({row.level for row in rows}) > 2
+    for end in range(1, 6):
+        (tmp_path / "some.txt").write_text("\n".join((["1", "2", "1", "1", "2"] * 4)[:end]))
+        assert run(path, tmp_path / "b", "--answers", str(tmp_path / "some.txt")) in (0, 3)
+        assert kept(tmp_path / "b") == rows[:end]
+
+
+def test_a_void_trial_is_marked_and_comes_again(tmp_path: Path) -> None:
+    path = write_study(tmp_path, repetitions=1, contact='force="5 N" repeats="2"')
+    assert run(path, tmp_path / "data", "--answers", str(scripted(tmp_path))) == 0
+    rows = kept(tmp_path / "data")
+    assert all("was out of the window" in row.void for row in rows)
+    assert all(row.answer is None for row in rows)
+    assert Counter(row.repeats if row.repeats is not None else row.place for row in rows) == {0: 3, 1: 3, 2: 3}
+
+
+def test_deviations_are_refused_or_noted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, answers = write_study(tmp_path, repetitions=1), scripted(tmp_path, 1)
+    folder = tmp_path / "data"
+    assert run(path, folder, "--answers", str(answers)) == 3
+    scene = tmp_path / "scene.xml"
+    scene.write_text(scene.read_text().replace("0.6 N/mm", "0.7 N/mm"))
+    assert run(path, folder, "--answers", str(answers)) == 2
+    assert "this one differs" in capsys.readouterr().err
+    assert run(path, folder, "--answers", str(answers), "--deviation", "cork was replaced") == 3
+    assert run(path, folder, "--answers", str(answers)) == 3  # it stands now
+    assert main(["study", "report", str(path), str(folder)]) == 0
+    assert "cork was replaced" in (folder / "report.html").read_text()
+    path.write_text(path.read_text().replace('seed="5"', 'seed="6"'))
+    assert run(path, folder, "--answers", str(answers), "--deviation", "another seed") == 2
+    assert "other orders need another folder" in capsys.readouterr().err
+
+
+def test_a_person_is_forgotten_by_one_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, folder = write_study(tmp_path, repetitions=1), tmp_path / "data"
+    assert run(path, folder, "--answers", str(scripted(tmp_path, 2))) == 3
+    with Store.open(folder) as store:
+        store.describe("P07", {"handedness": "left-handed-for-sure"})
+    assert main(["study", "report", str(path), str(folder)]) == 0
+    before = json.loads((folder / "report.json").read_text())
+    assert main(["study", "forget", str(folder), "--participant", "P07"]) == 0
+    assert "are deleted" in capsys.readouterr().out
+    assert not any(b"left-handed-for-sure" in each.read_bytes() for each in folder.iterdir())
+    assert main(["study", "report", str(path), str(folder)]) == 0
+    assert json.loads((folder / "report.json").read_text()) == before
+    assert main(["study", "forget", str(tmp_path / "none"), "--participant", "P07"]) == 2
+
+
+@pytest.mark.parametrize("code", ["", "../P07", "P 07", "x" * 33, "P07\n"])
+def test_a_code_is_a_word(tmp_path: Path, code: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(write_study(tmp_path), tmp_path / "data", code=code) == 2
+    assert "a code has letters, digits" in capsys.readouterr().err
+    assert not (tmp_path / "data").exists()
+
+
+def test_what_is_shown_never_says_the_condition(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Two orders of conditions, one and the same picture for picture: only the answers' choices name materials."""
+    shown: dict[str, list[Shown]] = {}
+    for material in ("wood", "cork"):
+        folder = tmp_path / material
+        path = write_study(folder, repetitions=1)
+        path.write_text(path.read_text().replace('set="block.material"', f'set="block.material" values="{material};{material};{material}"'))  # fmt: skip
+        file = load_study(path, CATALOG)
+        faces: list[Shown] = shown.setdefault(material, [])
+        with Store.open(folder, create=True) as store:
+            list(Run(file, "P1", store, Script(["steel"] * 9), CATALOG, show=faces.append).trials())
+    said = [[(face.cue, face.question, face.choices, face.trial, face.void) for face in faces] for faces in shown.values()]  # fmt: skip
+    once = [list(dict.fromkeys(faces)) for faces in said]
+    assert once[0] == once[1]
+    assert {face[0] for face in once[0]} >= {"approach", "contact", "answer", "done"}
+    out = capsys.readouterr().out
+    assert not any(name in out for name in ("wood", "cork", "steel"))
+
+
+def test_a_typed_answer(tmp_path: Path) -> None:
+    study = load_study(write_study(tmp_path), CATALOG).study
+    assert taken_answer(study, " Wood ") == "wood"
+    assert taken_answer(study, "3") == "cork"
+    assert taken_answer(study, "4") is None
+    assert taken_answer(study, "oak") is None
+    assert taken_answer(study, "") is None
+
+
+def test_a_script_says_what_is_wrong_with_it() -> None:
+    with pytest.raises(AnswerError, match="answer 2"):
+        Script(["wood 1", "wood -3"])
+    script = Script(["# heading", "", "wood 2", "7"])
+    script.ask(Question(0, "?", ()))
+    assert (script.poll(1.9), script.poll(2.0)) == (None, "wood")
+    script.ask(Question(1, "?", ()))
+    assert script.poll(0.5) == "7"
+    with pytest.raises(Stopped):
+        script.ask(Question(2, "?", ()))
