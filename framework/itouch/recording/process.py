@@ -60,11 +60,12 @@ def _settle() -> None:
 
 
 def _write(ring: Ring, sink: Sink) -> None:
-    spec = Spec.load(_first(ring))
+    parent = Ended(0)
+    spec = Spec.load(_first(ring, parent))
     scribe = Scribe(ring, spec, sink, np.dtype(_tuples(spec.session["layout"])))
     scribe.begin()
     ring.say(Phase.RECORDING)
-    written, parent = time.monotonic(), Ended(0)
+    written = time.monotonic()
     while not ring.words[Word.CLOSING]:
         if parent.wait(0.01 if _waiting(ring) > ring.shape.rows // 4 else 0.02):
             break
@@ -74,10 +75,10 @@ def _write(ring: Ring, sink: Sink) -> None:
     scribe.drain()
 
 
-def _first(ring: Ring) -> bytes:
+def _first(ring: Ring, parent: Ended) -> bytes:
     until = time.monotonic() + _PATIENCE
     while (letter := ring.take()) is None:
-        if time.monotonic() > until or _parent_gone(0.005):
+        if time.monotonic() > until or parent.wait(0.005):
             raise OSError(0, "nothing came to be written")
     if letter[0] != SPEC:
         raise ValueError("the first letter is not a specification")
