@@ -118,7 +118,40 @@ def test_bids_has_a_sidecar_with_every_unit(kept: Path, tmp_path: Path) -> None:
     events = Path(f"{stem}_events.tsv").read_text(encoding="utf-8").splitlines()
     assert events[0].split("\t") == ["onset", "duration", "trial_type", "value"]
     assert any(line.split("\t")[2:] == ["contact", "block"] for line in events)
-    assert (tmp_path / "dataset_description.json").is_file()
+    described = json.loads((tmp_path / "dataset_description.json").read_text(encoding="utf-8"))
+    assert described["Authors"] and (tmp_path / "README").is_file()
+    packed = Path(f"{stem}_recording-arm_physio.tsv.gz").read_bytes()
+    assert packed[3] == 0  # no flag says that a file's name follows
+
+
+def test_bids_has_the_poses_as_motion(kept: Path, tmp_path: Path) -> None:
+    words = ["--bids", str(tmp_path), "--task", "touch", "--author", "A. Lab", "--author", "B. Lab"]
+    assert main(["export", str(kept / "r.mcap"), *words]) == 0
+    described = json.loads((tmp_path / "dataset_description.json").read_text(encoding="utf-8"))
+    assert described["Authors"] == ["A. Lab", "B. Lab"]
+    stem = str(tmp_path / "sub-01" / "motion" / "sub-01_task-touch_tracksys-arm")
+    channels = [line.split("\t") for line in Path(f"{stem}_channels.tsv").read_text(encoding="utf-8").splitlines()]
+    assert channels[0][:5] == ["name", "component", "type", "tracked_point", "units"]
+    assert [row[1] for row in channels[1:8]] == ["x", "y", "z", "quat_w", "quat_x", "quat_y", "quat_z"]
+    rows = np.loadtxt(f"{stem}_motion.tsv", delimiter="\t")
+    assert np.array_equal(rows[:, :7], itouch.read(kept / "r.mcap")["arm.pose"])
+    sidecar = json.loads(Path(f"{stem}_motion.json").read_text(encoding="utf-8"))
+    assert (
+        sidecar["SamplingFrequency"] == 1000.0 and sidecar["MotionChannelCount"] == len(channels) - 1 == rows.shape[1]
+    )
+
+
+@pytest.mark.long
+def test_the_official_validator_of_bids_has_nothing_to_say(kept: Path, tmp_path: Path) -> None:
+    pytest.importorskip("bids_validator_deno", reason="pip install -e '.[bids]'")
+    import subprocess
+    import sys
+
+    assert main(["export", str(kept / "r.mcap"), "--bids", str(tmp_path)]) == 0
+    program = Path(sys.executable).with_name("bids-validator-deno")
+    done = subprocess.run([str(program), str(tmp_path), "--json"], capture_output=True, text=True, check=False)
+    found = json.loads(done.stdout)["issues"]["issues"]
+    assert [issue["code"] for issue in found] == []
 
 
 @pytest.mark.parametrize(

@@ -33,9 +33,11 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--csv", nargs="?", const="", metavar="FILE.csv|DIR",
                         help="one table at servo rate, or a table a track; default: FILE-csv")  # fmt: skip
     parser.add_argument("--parquet", nargs="?", const="", metavar="FILE.parquet|DIR", help="the same as Parquet")
-    parser.add_argument("--bids", metavar="DIR", help="a BIDS-like folder: tables with JSON sidecars")
+    parser.add_argument("--bids", metavar="DIR", help="a BIDS folder: tables with JSON sidecars")
     parser.add_argument("--subject", default="01", metavar="LABEL", help="subject of --bids (default 01)")
     parser.add_argument("--task", default="", metavar="LABEL", help="task of --bids (default: the scene's name)")
+    parser.add_argument("--author", action="append", default=[], metavar="NAME",
+                        help="who made the data, for --bids; may be given again")  # fmt: skip
     parser.add_argument("--hjif", metavar="FILE.hjif", help="temperature and force as a haptic file of MPEG")
     return parser
 
@@ -76,7 +78,8 @@ def _recording(options: argparse.Namespace) -> list[str]:
     if options.parquet is not None:
         written += export_parquet(recording, options.parquet or f"{stem}-parquet")
     if options.bids:
-        written += export_bids(recording, options.bids, subject=options.subject, task=options.task)
+        named = {"subject": options.subject, "task": options.task}
+        written += export_bids(recording, options.bids, authors=options.author, **named)
     if options.hjif:
         from itouch.recording.hjif import export_hjif
 

@@ -1,26 +1,52 @@
-"""A recording as a BIDS-like folder: tables with JSON sidecars that say every column's unit.
+"""A recording as a folder after the Brain Imaging Data Structure: tables with JSON sidecars that say every unit.
 
-After the Brain Imaging Data Structure's continuous recordings (``_physio``) and events: gzipped tables without a
-header whose columns the sidecar names, and one table of events.
+Continuous recordings (``_physio``) are gzipped tables without a header whose columns the sidecar names; poses stand
+once more as ``_motion``, with a table of their channels; events are one table.
 """
 
 from __future__ import annotations
 
 import gzip
+import io
 import json
 import os
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from itouch.recording.contacts import contacts_of
 from itouch.recording.recording import Recording
 from itouch.recording.tables import columns_of, lines, meanings_of, safe_name
+from itouch.recording.tracks import Column, Track
 
-VERSION = "1.10.0"
+#: Of the specification, and of the tags of events that it knows, of which none is used.
+VERSION, HED = "1.10.0", "8.3.0"
+#: Who is named where nobody was: a data set has people behind it, and readers ask for them.
+UNNAMED = ("the laboratory (export names it with --author)", "itouch-py")
+#: Kinds of motion channel that are not written.
+_UNUSED = ("ACCEL", "ANGACCEL", "GYRO", "JNTANG", "LATENCY", "MAGN", "MISC", "VEL")
+#: What only the laboratory knows, and where terms for tasks are found.
+_TASK = {
+    "TaskDescription": "touch of virtual objects", "Instructions": "n/a", "InstitutionName": "n/a",
+    "InstitutionAddress": "n/a", "InstitutionalDepartmentName": "n/a",
+    "CogAtlasID": "https://www.cognitiveatlas.org/", "CogPOID": "http://www.cogpo.org/",
+}  # fmt: skip
+_README = """# {task}
+
+Touch recorded with itouch-py: positions, forces, temperatures and what devices were told, of scene {scene}.
+Continuous tables (`_physio`) and their sidecars say of each column its unit and what it is; `_motion` holds the poses
+once more; `_events` holds contacts, marks and faults. Time counts from the begin of the session, in seconds.
+"""
+#: Components of a pose as BIDS names them: kind and unit of each.
+_COMPONENTS = (
+    *((part, "POS", "m") for part in "xyz"), *((f"quat_{part}", "ORNT", "n/a") for part in "wxyz"),
+)  # fmt: skip
 
 
-def export_bids(recording: Recording, target: str, *, subject: str = "01", task: str = "") -> list[str]:
+def export_bids(
+    recording: Recording, target: str, *, subject: str = "01", task: str = "", authors: Sequence[str] = ()
+) -> list[str]:
     """Write the folder and return its files.
 
     Parameters
@@ -31,6 +57,8 @@ def export_bids(recording: Recording, target: str, *, subject: str = "01", task:
         The folder; it may be there already, with other subjects.
     subject, task
         Labels of letters and digits; default for the task: the scene's name.
+    authors
+        Names of those who made the data.
 
     Raises
     ------
@@ -48,12 +76,28 @@ def export_bids(recording: Recording, target: str, *, subject: str = "01", task:
     os.makedirs(folder, exist_ok=True)
     stem = os.path.join(folder, f"sub-{subject}_task-{label}")
     description = os.path.join(target, "dataset_description.json")
-    _json(description, {"Name": label, "BIDSVersion": VERSION, "GeneratedBy": [{"Name": "itouch-py"}]})
-    written = [description]
+    made = [{"Name": "itouch-py", "Description": "export of a recorded session"}]
+    named = list(authors) or list(UNNAMED)
+    _json(description, {"Name": label, "BIDSVersion": VERSION, "HEDVersion": HED, "DatasetType": "raw",
+                        "License": "n/a", "Authors": named, "GeneratedBy": made,
+                        "SourceDatasets": [{"URL": f"urn:itouch:recording:{label}"}]})  # fmt: skip
+    readme = os.path.join(target, "README")
+    Path(readme).write_text(_README.format(task=label, scene=Path(source).name or "of its own"), encoding="utf-8")
+    written = [description, readme]
     for track in recording.tracks.values():
         name = f"{stem}_recording-{re.sub('[^A-Za-z0-9]', '', safe_name(track.name))}_physio"
-        written += _continuous(recording, track.name, name)
-    return [*written, *_events(recording, f"{stem}_events")]
+        written += _continuous(recording, track.name, name, label)
+    moved = os.path.join(target, f"sub-{subject}", "motion")
+    for track in recording.tracks.values():
+        poses = [column for column in track.columns if track.replay and column.unit == "m" and column.size in (3, 7)]
+        if poses:
+            system = re.sub("[^A-Za-z0-9]", "", safe_name(track.name))
+            os.makedirs(moved, exist_ok=True)
+            name = os.path.join(moved, f"sub-{subject}_task-{label}_tracksys-{system}")
+            written += _motion(recording, track, poses, name, label)
+    if os.path.isdir(moved):
+        written += _events(recording, os.path.join(moved, f"sub-{subject}_task-{label}_events"), label)
+    return [*written, *_events(recording, f"{stem}_events", label)]
 
 
 def _json(path: str, content: dict[str, Any]) -> None:
@@ -62,7 +106,7 @@ def _json(path: str, content: dict[str, Any]) -> None:
         stream.write("\n")
 
 
-def _continuous(recording: Recording, track: str, stem: str) -> list[str]:
+def _continuous(recording: Recording, track: str, stem: str, task: str) -> list[str]:
     described = recording.tracks[track]
     columns = columns_of(recording, described, celsius=True)
     meanings = meanings_of(described)
@@ -71,18 +115,53 @@ def _continuous(recording: Recording, track: str, stem: str) -> list[str]:
         "SamplingFrequency": 1.0 / (described.every * recording.period),
         "StartTime": begin,
         "Columns": list(columns),
+        "TaskName": task,
+        "PhysioType": "generic",
+        "Description": f"what {track} read and was told, and how it stood, in every period that was recorded",
     }
     for name, (unit, _) in columns.items():
         said = {"Description": meanings[name]} if name in meanings else {}
         sidecar[name] = {"Units": unit or "1", **said}
     _json(stem + ".json", sidecar)
-    with gzip.GzipFile(stem + ".tsv.gz", "wb", mtime=0) as stream:
-        for line in lines(columns, "\t"):
-            stream.write(line.encode())
+    with (
+        open(stem + ".tsv.gz", "wb") as file,
+        gzip.GzipFile("", "wb", mtime=0, fileobj=file) as packed,  # no name in its head: it may tell whose disk it was
+        io.TextIOWrapper(packed, encoding="utf-8", newline="") as stream,
+    ):
+        stream.writelines(lines(columns, "\t"))
     return [stem + ".json", stem + ".tsv.gz"]
 
 
-def _events(recording: Recording, stem: str) -> list[str]:
+def _motion(recording: Recording, track: Track, poses: list[Column], stem: str, task: str) -> list[str]:
+    """Write the poses of a track, and what its channels are; return the files."""
+    rows, rate = recording[track.name], 1.0 / (track.every * recording.period)
+    channels, numbers = ["name\tcomponent\ttype\ttracked_point\tunits\tsampling_frequency\tdescription"], []
+    for column in poses:
+        for place, (component, kind, unit) in enumerate(_COMPONENTS[: column.size]):
+            said = (column.doc or f"{column.name} of {track.name}").replace("\t", " ").replace("\n", " ")
+            label = f"{column.name}_{component}".replace(".", "_")
+            channels.append(f"{label}\t{component}\t{kind}\t{track.name}\t{unit}\t{rate!r}\t{said}")
+            numbers.append(rows[column.name][:, place].tolist())
+    _json(stem + "_motion.json", {
+        "SamplingFrequency": rate, "TaskName": task, **_TASK, "TrackedPointsCount": len(poses),
+        "MotionChannelCount": len(numbers),
+        "POSChannelCount": sum(min(3, column.size) for column in poses),
+        "ORNTChannelCount": sum(max(0, column.size - 3) for column in poses),
+        "RecordingDuration": len(rows) / rate, "RecordingType": "continuous", "MissingValues": "n/a",
+        "SamplingFrequencyEffective": rate, "SubjectArtefactDescription": "n/a", "SpatialAxes": "RAS",
+        "TrackingSystemName": track.name, "Manufacturer": "n/a", "ManufacturersModelName": "n/a",
+        "SoftwareVersions": "n/a", "DeviceSerialNumber": "n/a", "RotationRule": "right-hand",
+        **{f"{kind}ChannelCount": 0 for kind in _UNUSED},
+        "Description": f"poses of {track.name} in its own axes", "EpochLength": 0,
+    })  # fmt: skip
+    with open(stem + "_motion.tsv", "w", encoding="utf-8", newline="") as stream:
+        stream.writelines("\t".join(map(repr, row)) + "\n" for row in zip(*numbers, strict=True))
+    with open(stem + "_channels.tsv", "w", encoding="utf-8", newline="") as stream:
+        stream.writelines(line + "\n" for line in channels)
+    return [f"{stem}_motion.json", f"{stem}_motion.tsv", f"{stem}_channels.tsv"]
+
+
+def _events(recording: Recording, stem: str, task: str) -> list[str]:
     rows: list[tuple[float, float | None, str, str]] = []
     for contact in contacts_of(recording):
         duration = None if contact.end is None else contact.end - contact.begin
@@ -97,6 +176,10 @@ def _events(recording: Recording, stem: str) -> list[str]:
     _json(
         stem + ".json",
         {
+            "TaskName": task,
+            **_TASK,
+            "StimulusPresentation": {"SoftwareName": "itouch-py"},
+            "Description": "contacts, marks and faults of the session",
             "onset": {"Units": "s", "Description": "session time"},
             "duration": {"Units": "s", "Description": "of a contact; n/a if it was still open"},
             "trial_type": {"Levels": {"contact": "a touch", "mark": "a mark or trial marker", "fault": "a fault"}},

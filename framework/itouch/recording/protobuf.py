@@ -30,17 +30,20 @@ def varint(number: int) -> bytes:
     return bytes([*out, number])
 
 
-def _tag(number: int, wire: int) -> bytes:
-    return varint(number << 3 | wire)
+def tag(field: int, wire: int) -> bytes:
+    """Return the head of a field."""
+    return varint(field << 3 | wire)
 
 
-def _text(number: int, text: str | bytes) -> bytes:
-    data = text.encode() if isinstance(text, str) else text
-    return _tag(number, _LENGTH) + varint(len(data)) + data
+def text(field: int, content: str | bytes) -> bytes:
+    """Return a field of bytes, or of a text."""
+    data = content.encode() if isinstance(content, str) else content
+    return tag(field, _LENGTH) + varint(len(data)) + data
 
 
-def _number(number: int, value: int) -> bytes:
-    return _tag(number, 0) + varint(value)
+def number(field: int, value: int) -> bytes:
+    """Return a field of a whole number, at least 0."""
+    return tag(field, 0) + varint(value)
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +62,7 @@ def template(track: Track) -> tuple[bytes, list[Slot]]:
     out, slots = bytearray(), []
 
     def one(number: int, column: str, component: int, kind: str) -> None:
-        out.extend(_tag(number, _FIXED64))
+        out.extend(tag(number, _FIXED64))
         slots.append(Slot(column, component, 1, len(out), kind))
         out.extend(bytes(8))
 
@@ -69,11 +72,11 @@ def template(track: Track) -> tuple[bytes, list[Slot]]:
         if column.size == 0:
             one(number, column.name, 0, column.kind)
         elif column.parts:
-            out.extend(_tag(number, _LENGTH) + varint(9 * column.size))
+            out.extend(tag(number, _LENGTH) + varint(9 * column.size))
             for component in range(column.size):
                 one(component + 1, column.name, component, column.kind)
         else:
-            out.extend(_tag(number, _LENGTH) + varint(8 * column.size))
+            out.extend(tag(number, _LENGTH) + varint(8 * column.size))
             slots.append(Slot(column.name, 0, column.size, len(out), column.kind))
             out.extend(bytes(8 * column.size))
     return bytes(out), slots
@@ -90,11 +93,11 @@ def descriptor(track: Track) -> bytes:
     fields = [_field(names[0], 1, _SFIXED, _OPTIONAL), _field(names[1], 2, _DOUBLE, _OPTIONAL)]
     for number, (name, column) in enumerate(zip(names[2:], track.columns, strict=True), start=3):
         fields.append(_column(name, number, column))
-    own = _text(1, schema_name(track).removeprefix(_PACKAGE + ".")) + b"".join(_text(2, f) for f in fields)
+    own = text(1, schema_name(track).removeprefix(_PACKAGE + ".")) + b"".join(text(2, f) for f in fields)
     shared = [_shared(size) for size in sorted({c.size for c in track.columns if c.parts})]
-    messages = b"".join(_text(4, message) for message in [own, *shared])
-    file = _text(1, f"{schema_name(track)}.proto") + _text(2, _PACKAGE) + messages + _text(12, "proto3")
-    return _text(1, file)
+    messages = b"".join(text(4, message) for message in [own, *shared])
+    file = text(1, f"{schema_name(track)}.proto") + text(2, _PACKAGE) + messages + text(12, "proto3")
+    return text(1, file)
 
 
 def _column(name: str, number: int, column: Column) -> bytes:
@@ -103,14 +106,14 @@ def _column(name: str, number: int, column: Column) -> bytes:
     return _field(name, number, _TYPES[column.kind], _OPTIONAL if column.size == 0 else _REPEATED)
 
 
-def _field(name: str, number: int, kind: int, label: int, message: str = "") -> bytes:
-    body = _text(1, name) + _number(3, number) + _number(4, label) + _number(5, kind)
-    return body + (_text(6, message) if message else b"")
+def _field(name: str, place: int, kind: int, label: int, message: str = "") -> bytes:
+    body = text(1, name) + number(3, place) + number(4, label) + number(5, kind)
+    return body + (text(6, message) if message else b"")
 
 
 def _shared(size: int) -> bytes:
-    return _text(1, _NAMES[size]) + b"".join(
-        _text(2, _field(part, number, _DOUBLE, _OPTIONAL)) for number, part in enumerate(PARTS[size], start=1)
+    return text(1, _NAMES[size]) + b"".join(
+        text(2, _field(part, number, _DOUBLE, _OPTIONAL)) for number, part in enumerate(PARTS[size], start=1)
     )
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from itouch.recording.ring import Ring, Word
 from itouch.recording.spec import Spec
+from itouch.recording.views import Drawing
 from itouch.recording.writer import McapWriter, Output
 
 #: Kinds of letter: the specification, a JSON message of a topic, a whole State.
@@ -35,6 +36,7 @@ class Scribe:
         self._picks = {track.name: spec.row_dtype(track, ring.shape.row) for track in spec.tracks}
         self._status_of: dict[str, int] = {}
         self._output = output
+        self._drawing = Drawing(spec.view, spec.places, period=spec.period, start_ns=spec.start_ns)
 
     def begin(self) -> None:
         """Write the head of the file, with the first State, which is posted right behind the specification."""
@@ -48,6 +50,7 @@ class Scribe:
         ticks, rows = self._rows(most)
         tables = {track.name: self._table(track.name, ticks, rows) for track in self.spec.tracks}
         letters += self._lifecycle(ticks, rows)
+        letters += self._drawing.messages(ticks, rows)
         if len(ticks) or letters:
             self.writer.chunk(tables, letters)
             self._tell()

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from itouch.recording.tracks import Track, load_track
+from itouch.recording.views import View
 
 #: Version of the recording format.
 FORMAT = "1.0"
@@ -21,7 +22,7 @@ class Spec:
     """A recording before its first row.
 
     ``places`` says where each field of State begins in a row of the ring; ``session`` is what a replay needs:
-    manifest, layout, scene and bases, as plain data.
+    manifest, layout, scene and bases, as plain data; ``view`` what 3-D viewers draw.
     """
 
     tracks: tuple[Track, ...]
@@ -31,6 +32,7 @@ class Spec:
     start_ns: int
     session: Mapping[str, Any]
     attachments: Mapping[str, tuple[str, bytes]]
+    view: View = View()
 
     def dump(self) -> bytes:
         """Return it as JSON."""
@@ -43,6 +45,7 @@ class Spec:
                 "start_ns": self.start_ns,
                 "session": dict(self.session),
                 "attachments": {n: [k, base64.b64encode(d).decode()] for n, (k, d) in self.attachments.items()},
+                "view": self.view.dump(),
             }
         ).encode()
 
@@ -58,6 +61,7 @@ class Spec:
             found["start_ns"],
             found["session"],
             {name: (kind, base64.b64decode(text)) for name, (kind, text) in found["attachments"].items()},
+            View.load(found["view"]),
         )
 
     def row_dtype(self, track: Track, size: int) -> np.dtype[Any]:

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from itouch.recording.codec import Codec
 from itouch.recording.protobuf import descriptor, header, schema_name
 from itouch.recording.tracks import Track
+from itouch.recording.views import TOPICS, schema
 
 MAGIC = b"\x89MCAP0\r\n"
 PROFILE, LIBRARY = "itouch", "itouch-py"
@@ -63,9 +64,9 @@ class McapWriter:
     def __init__(self, output: Output, tracks: Sequence[Track], *, start_ns: int, period: float) -> None:
         self.output, self.start_ns, self.period = output, start_ns, period
         self.codecs = {track.name: Codec(track, index) for index, track in enumerate(tracks, start=1)}
-        self.letters = {topic: len(tracks) + index for index, topic in enumerate(LETTERS, start=1)}
+        self.letters = {topic: len(tracks) + index for index, topic in enumerate((*LETTERS, *TOPICS), start=1)}
         self.rows = dict.fromkeys(self.codecs, 0)
-        self._said = dict.fromkeys(LETTERS, 0)
+        self._said = dict.fromkeys(self.letters, 0)
         self._schemas, self._channels = _catalogue(tracks, self.letters)
         self._chunks: list[records.ChunkIndex] = []
         self._attachments: list[records.AttachmentIndex] = []
@@ -100,7 +101,7 @@ class McapWriter:
         return self.start_ns + max(0, round(tick * self.period * 1e9))
 
     def chunk(self, rows: Mapping[str, NDArray[Any]], letters: Sequence[tuple[str, int, bytes]]) -> None:
-        """Write rows (of each track's dtype) and letters (topic, tick, JSON) as one chunk.
+        """Write rows (of each track's dtype) and letters (topic, tick, bytes) as one chunk.
 
         Raises
         ------
@@ -251,6 +252,11 @@ def _catalogue(
         metadata["meanings"] = json.dumps({column.name: column.doc for column in track.columns if column.doc})
         channels.append(records.Channel(number, track.topic, "protobuf", metadata, number))
     for topic, number in letters.items():
+        if topic in TOPICS:
+            name, described = schema(topic)
+            schemas.append(records.Schema(number, described, "protobuf", name))
+            channels.append(records.Channel(number, topic, "protobuf", {}, number))
+            continue
         name = "itouch." + topic.removeprefix("/log/")
         schemas.append(records.Schema(number, json_schema(name, LETTERS[topic]), "jsonschema", name))
         channels.append(records.Channel(number, topic, "json", {}, number))

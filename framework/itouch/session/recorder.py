@@ -24,6 +24,7 @@ from itouch.recording.spec import Spec
 from itouch.recording.tracks import Track
 from itouch.scene import write
 from itouch.session.arrays import pack_bases
+from itouch.session.drawn import view_of
 from itouch.session.paths import without_folders
 from itouch.session.rows import Rows
 from itouch.world.state import EVENTS
@@ -49,7 +50,8 @@ class Recorder:
     def __init__(self, session: Session, path: str, tracks: Sequence[Track]) -> None:
         self.session, self.path, self.tracks = session, path, tuple(tracks)
         self.failure = ""
-        self._rows = Rows(session.state, tracks)
+        self._view = view_of(session.model, session.state)
+        self._rows = Rows(session.state, tracks, self._view.fields)
         spec = self._spec()
         room = LETTERS + 8 * session.state.nbytes + len(spec)
         self._ring = Ring.create(Shape(ROWS, self._rows.size, 1 << (room - 1).bit_length()))
@@ -83,7 +85,7 @@ class Recorder:
         start = time.time_ns() - round(int(session.state["tick"]) * period * 1e9)
         attached = {"scene.xml": ("application/xml", scene.encode())}
         attached |= {f"files/{name}": ("application/octet-stream", data) for name, data in snapshot.files.items()}
-        return Spec(self.tracks, places, statuses, period, start, described, attached).dump()
+        return Spec(self.tracks, places, statuses, period, start, described, attached, self._view).dump()
 
     def _start(self) -> subprocess.Popen[bytes]:
         shape, memory = self._ring.shape, self._ring.shared

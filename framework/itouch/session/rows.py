@@ -92,11 +92,12 @@ def _column(state: Record, known: Mapping[str, Field], field: str, name: str) ->
 
 
 class Rows:
-    """Which bytes of State make a row, and where each field stands in it."""
+    """Which bytes of State make a row, of tracks and of some fields more, and where each field stands in it."""
 
-    def __init__(self, state: Record, tracks: Iterable[Track]) -> None:
+    def __init__(self, state: Record, tracks: Iterable[Track], more: Iterable[str] = ()) -> None:
         table: Mapping[str, Any] = state.dtype.fields or {}
-        fields = sorted({column.field for track in tracks for column in track.columns}, key=lambda f: table[f][1])
+        wanted = {column.field for track in tracks for column in track.columns} | set(more)
+        fields = sorted(wanted, key=lambda f: table[f][1])
         ranges: list[list[int]] = []
         for field in fields:
             kind, offset = table[field][:2]

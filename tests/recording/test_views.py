@@ -1,0 +1,148 @@
+"""What 3-D viewers see of a recording, decoded by the library of Protocol Buffers from the schemas in the file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+from mcap.reader import make_reader
+from numpy.typing import NDArray
+
+import itouch
+from itouch.plugin import poses
+from itouch.recording import read
+from itouch.session.keeping import Keep, keeping
+
+SCENES = Path(__file__).resolve().parents[2] / "scenes"
+EVERY = 33
+
+
+def decoded(path: Path) -> Iterator[tuple[str, int, Any]]:
+    """Yield topic, time and message; the file brings the schemas."""
+    classes: dict[str, Any] = {}
+    with path.open("rb") as stream:
+        for schema, channel, message in make_reader(stream, validate_crcs=True).iter_messages():
+            if not channel.topic.startswith("/view/"):
+                continue
+            assert schema is not None and schema.encoding == channel.message_encoding == "protobuf"
+            if schema.name not in classes:
+                files = descriptor_pb2.FileDescriptorSet()
+                files.ParseFromString(schema.data)
+                pool = descriptor_pool.DescriptorPool()
+                for file in files.file:
+                    pool.Add(file)
+                classes[schema.name] = message_factory.GetMessageClass(pool.FindMessageTypeByName(schema.name))
+            found = classes[schema.name]()
+            found.ParseFromString(message.data)
+            yield channel.topic, message.log_time, found
+
+
+def placed(transforms: Any) -> dict[str, NDArray[np.float64]]:
+    """Return the pose (7,) in the world of every frame of a message."""
+    own = {t.child_frame_id: t for t in transforms}
+
+    def world(name: str) -> NDArray[np.float64]:
+        t = own[name]
+        pose = np.array([t.translation.x, t.translation.y, t.translation.z,
+                         t.rotation.w, t.rotation.x, t.rotation.y, t.rotation.z])  # fmt: skip
+        return pose if t.parent_frame_id == "world" else poses.compose(world(t.parent_frame_id), pose)
+
+    return {name: world(name) for name in own}
+
+
+@pytest.fixture(scope="module", params=["four_materials.xml", "moving.xml", "two_fingers.xml"])
+def session(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Any:
+    path = tmp_path_factory.mktemp("view") / "a.mcap"
+    engine, states = itouch.build(SCENES / request.param), {}
+    engine.taps.append(lambda tick: states.update({tick: engine.state.tobytes()}) if tick % EVERY == 0 else None)
+    with keeping(engine, Keep(str(path), True, "", 0.0, False)):
+        engine.run(8.5)
+    engine.close()
+    return engine, states, path
+
+
+def test_frames_are_where_the_state_says(session: Any) -> None:
+    engine, states, path = session
+    start, compared, state = read(path).session["start_ns"], 0, engine.state.copy()
+    for topic, time, message in decoded(path):
+        tick = round((time - start) / 1e9 / engine.model.period)
+        if topic != "/view/transforms" or tick not in states:
+            continue
+        state.raw.data[:] = states[tick]
+        found = placed(message.transforms)
+        for index, name in enumerate(engine.model.objects):
+            assert np.abs(found[f"object/{name}"] - state["objects.pose"][index]).max() < 1e-6
+        for probe in engine.model.probes:
+            for part in ("hip", "proxy"):
+                assert np.abs(found[f"{probe.name}/{part}"][:3] - state[f"{probe.name}.{part}"]).max() < 1e-6
+        compared += 1
+    assert compared > 150
+
+
+def test_plates_are_where_the_window_draws_them(session: Any) -> None:
+    from itouch.viewer.stage import Stage
+
+    engine, states, path = session
+    stage, state, compared = Stage(engine.model), engine.state.copy(), 0
+    start = read(path).session["start_ns"]
+    for topic, time, message in decoded(path):
+        tick = round((time - start) / 1e9 / engine.model.period)
+        if topic == "/view/transforms" and tick in states:
+            state.raw.data[:] = states[tick]
+            found = placed(message.transforms)
+            for device in engine.model.devices.values():
+                matrix = stage.place(state, device)
+                pose = found[f"device/{device.name}"]
+                assert np.abs(poses.matrix(pose[3:]) - matrix[:3, :3]).max() < 1e-6
+                assert np.abs(pose[:3] - matrix[:3, 3]).max() < 1e-6
+                compared += 1
+    assert compared > 150
+
+
+def test_every_object_is_drawn_once_and_forces_come_and_go(session: Any) -> None:
+    engine, states, path = session
+    state, start = engine.state.copy(), read(path).session["start_ns"]
+    drawn: list[str] = []
+    arrows = 0
+    shown: set[str] = set()
+    for topic, time, message in decoded(path):
+        if topic != "/view/scene":
+            continue
+        shown -= {deletion.id for deletion in message.deletions}
+        tick = round((time - start) / 1e9 / engine.model.period)
+        for entity in message.entities:
+            drawn.append(entity.id)
+            assert entity.frame_locked and entity.frame_id
+            if not entity.arrows:
+                continue
+            shown.add(entity.id)
+            if tick in states:
+                state.raw.data[:] = states[tick]
+                force = state[entity.id.replace("/force", ".contact_force")]
+                q = entity.arrows[0].pose.orientation
+                points = poses.rotate(np.array([q.w, q.x, q.y, q.z]), np.array([1.0, 0.0, 0.0]))
+                assert points == pytest.approx(force / np.linalg.norm(force), abs=1e-6)
+                arrows += 1
+    for name in engine.model.objects:
+        assert sum(word.split("/")[:2] == ["object", name] for word in drawn) >= 1
+    assert arrows > 10
+    state.raw.data[:] = states[max(states)]
+    touching = {p.name for p in engine.model.probes if np.linalg.norm(state[f"{p.name}.contact_force"]) >= 0.01}
+    assert shown == {f"{name}/force" for name in touching}
+
+
+def test_a_mesh_keeps_its_corners_and_a_huge_one_becomes_a_box() -> None:
+    from itouch.session.drawn import view_of
+
+    engine = itouch.build(SCENES / "mesh.xml")
+    view = view_of(engine.model, engine.state)
+    kinds = {solid.name: solid for solid in view.solids}
+    meshes = [shape for shape in engine.model.shapes if hasattr(shape, "surface")]
+    skins = [solid for solid in kinds.values() if solid.kind == "skin"]
+    assert len(skins) == len([m for m in meshes if len(m.surface.vertices) <= 60_000]) > 0
+    assert type(view).load(view.dump()) == view
+    engine.close()
