@@ -10,6 +10,7 @@ import pytest
 
 import itouch
 from itouch.plugin.discovery import Catalog
+from itouch.session.manifest import FORMAT
 from itouch.session.open import read_session
 
 GOLDEN = Path(__file__).parent / "golden"
@@ -26,6 +27,28 @@ def test_a_session_is_read_with_the_same_numbers(name: str) -> None:
     assert hashlib.sha256(snapshot.state.tobytes()).hexdigest() == DIGESTS[name]
     assert snapshot.manifest["format"] in name
     assert snapshot.scene.devices
+
+
+def test_every_format_of_sessions_has_a_golden_file() -> None:
+    major, minor = (int(part) for part in FORMAT.split("."))
+    for version in (f"{major}.{number}" for number in range(minor + 1)):
+        assert any(version in name for name in SESSIONS), version
+
+
+@pytest.mark.parametrize(
+    ("name", "device", "limit", "value"),
+    [
+        ("plain-1.2.itouch", "table", "speed", 0.1),
+        ("first_touch-1.2.itouch", "arm", "force", 1.5),
+        ("first_touch-1.2.xml", "arm", "force", 1.5),
+    ],
+)
+def test_the_limits_that_were_in_force_are_read_with_who_has_set_them(
+    name: str, device: str, limit: str, value: float
+) -> None:
+    stored = read_session(SESSIONS[name], Catalog()).manifest["limits"]["devices"][device][limit]
+    assert stored[0] == value
+    assert stored[1] != "the default" and ".xml:" in stored[1]
 
 
 @pytest.mark.parametrize("name", SESSIONS)
