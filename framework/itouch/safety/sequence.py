@@ -31,6 +31,8 @@ RETREAT, AT_END = 0.003, 0.001
 WRONG_WAY = 0.0015
 #: How long [s] it is then held before what the force sensor says counts.
 SETTLE = 0.05
+#: How old [s] the answer of a device may be that is believed: one behind a wire does not answer in every tick.
+ANSWER = 0.1
 #: How far [m] it is then driven back at least.
 CLEAR = 0.008
 
@@ -58,6 +60,7 @@ class SafeSequence:
         self._ways = [(s, s.stopped) for s in supervisors if s.stopped is not None and _retracts(s)]
         self._retracting = [s for s, _ in self._ways]
         self._mute: set[str] = set()
+        self._answered: dict[str, int] = {}
         self._held_for: dict[str, int] = {}
         self._begun: dict[str, list[float]] = {}
         self._passed = 0
@@ -73,6 +76,7 @@ class SafeSequence:
                 supervisor.disable()
         self._held_for.clear()
         self._begun.clear()
+        self._answered.clear()
         heights = {s.model.name: _height(s) for s in self._retracting}
         for supervisor in self._carried:
             supervisor.keeping = supervisor.model.name != fault.device
@@ -118,8 +122,12 @@ class SafeSequence:
                 supervisor.fault(second.trip, tick)
         self._move()
         self._tick[...] = tick + 1
-        self._mute = {s.model.name for s in self._supervisors if not s.glance(tick)}
         self._passed += 1
+        for supervisor in self._supervisors:
+            if supervisor.glance(tick):
+                self._answered[supervisor.model.name] = self._passed
+        oldest = self._passed - ANSWER / self._period
+        self._mute = {s.model.name for s in self._supervisors if self._answered.get(s.model.name, -1) <= max(0, oldest)}
         if not self._begun:
             self._begun.update({s.model.name: s.panel.values for s in self._retracting})
 

@@ -11,7 +11,7 @@ import pytest
 from served import ServedService
 
 from itouch.cli import main
-from itouch.cli.lockstep import EveryNth
+from itouch.exchange import EveryNth
 from itouch.loop import DeviceFaultError
 from itouch.plugin import read_trace
 from itouch.session import Session, build, load_scene

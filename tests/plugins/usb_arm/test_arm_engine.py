@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from itouch.cli.lockstep import EveryNth
+from itouch.exchange import EveryNth
 from itouch.loop import DeviceFaultError
 from itouch.session import Session, build, load_scene
 from itouch_usb_arm import Falcon, UsbArm, UsbArmParams, boot

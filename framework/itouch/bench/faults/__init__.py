@@ -19,16 +19,45 @@ def main(argv: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog="itouch-py bench faults", description=main.__doc__)
     parser.add_argument("scene", nargs="?", metavar="SCENE", help="default: the four-material scene")
     parser.add_argument("--pairs", action="store_true", help="all pairs of faults, in contact")
+    parser.add_argument(
+        "--exchange",
+        type=int,
+        metavar="MS",
+        help="through the entrance of hardware: a display exchanged with every so many milliseconds",
+    )
+    parser.add_argument(
+        "--threads", action="store_true", help="with --exchange: in threads, in real time, instead of in step"
+    )
+    parser.add_argument("--part", type=int, default=1, metavar="N", help="with --exchange: every Nth cell only")
     parser.add_argument("--all", action="store_true", help="print every cell, not only the sums and what is wrong")
     parser.add_argument("--random", type=int, metavar="N", help="so many random rigs instead, with random names")
     parser.add_argument("--seed", type=int, default=0, help="of the random rigs")
     options = parser.parse_args(argv)
     if options.random is not None:
         return 1 if campaign(options.random, options.seed) else 0
+    if options.exchange is not None:
+        return _exchanged(options)
     session = prepared(options.scene or shipped_scene(), slots=2 if options.pairs else 1)
     stored = phases(session)
     cells = pairs(session, "contact", stored["contact"]) if options.pairs else single(session, stored)
     return _tell(cells, every=options.all)
+
+
+def _exchanged(options: argparse.Namespace) -> int:
+    from itouch.bench.faults.wired import Pair, cells, stored
+
+    scene = options.scene or shipped_scene()
+    pair = Pair(scene, options.exchange, threads=False, slots=1 + options.pairs)
+    phases = stored(pair)
+    if options.threads:  # the phases are found in step; what follows is in real time
+        pair.close()
+        pair = Pair(scene, options.exchange, threads=True, slots=1 + options.pairs)
+    try:
+        wrong = _tell(cells(pair, phases, both=options.pairs, every=options.part), every=options.all)
+    finally:
+        pair.close()
+    print(f"heat was checked {pair.checks / pair.watched:.0f} times a second")
+    return wrong
 
 
 def shipped_scene() -> Path:

@@ -35,7 +35,7 @@ def phases(session: Session) -> dict[str, bytes]:
     ValueError
         If there is no contact from begin to end in the scene's script.
     """
-    start, period = session.state.tobytes(), session.model.period
+    start = session.state.tobytes()
     stored: dict[int, bytes] = {}
 
     def store() -> None:
@@ -43,19 +43,30 @@ def phases(session: Session) -> dict[str, bytes]:
 
     if session.scripted:
         session.run(None, each=store, every=_STEP, until=lambda: bool(session.ledger.contacts) or session.done)
+    ticks = np.array(sorted(stored))
+    wanted = moments(session, _ready(stored, session))
+    found = {name: stored[int(ticks[np.abs(ticks - moment).argmin()])] for name, moment in wanted.items()}
+    return {"closed-open": start, **found}
+
+
+def moments(session: Session, ready: int) -> dict[str, float]:
+    """Return when each phase is [ticks], of a session that has run through its first contact.
+
+    Raises
+    ------
+    ValueError
+        If there was none.
+    """
     if not session.ledger.contacts:
         raise ValueError("the scene's script has no whole contact")
     contact: dict[str, Any] = session.ledger.contacts[0]
-    begin, end = contact["begin_s"], contact["end_s"]
-    moments = {
-        "idle": _ready(stored, session) + 0.5 / period,
+    begin, end, period = contact["begin_s"], contact["end_s"], session.model.period
+    return {
+        "idle": ready + 0.5 / period,
         "approach": (begin - BEFORE) / period,
         "contact": min(begin + INTO, 0.5 * (begin + end)) / period,
         "release": (end - UNTIL) / period,
     }
-    ticks = np.array(sorted(stored))
-    found = {name: stored[int(ticks[np.abs(ticks - moment).argmin()])] for name, moment in moments.items()}
-    return {"closed-open": start, **found}
 
 
 def _ready(stored: dict[int, bytes], session: Session) -> int:

@@ -1,0 +1,66 @@
+"""A blocking device taken into the tick: it exchanges every so many ticks, whatever that takes on the wall."""
+
+from __future__ import annotations
+
+from itouch.plugin import Device, Field, Record
+from itouch.plugin.stamps import Stamped
+
+#: Drivers in step wait so much longer [s] than on hardware: the world stands still meanwhile.
+PATIENCE = 30.0
+
+
+class EveryNth(Device, Stamped):
+    """A blocking device that exchanges in the tick itself, as its wire and thread would.
+
+    An exchange takes ``every`` ticks.  After it, the device waits up to ``waits`` ticks for a command that differs
+    from the last one.
+    """
+
+    def __init__(self, device: Device, every: int, waits: int = 0) -> None:
+        super().__init__(device.params)
+        self.device, self._every, self._waits = device, every, waits
+        self._since, self._command, self._sent = every + waits, b"", b""
+        reads, self._commands = type(device).channels(device.params)
+        self._record = Record.of(Field.of(channel) for channel in self._commands)
+        self._told = True
+
+    def open(self) -> None:
+        """Open the device."""
+        self.device.trace, self.device.patience = self.trace, PATIENCE
+        self._since, self._command, self._sent = self._every + self._waits, b"", b""
+        self._told = True  # what was sent before it was opened anew is told of by nobody
+        self.device.open()
+
+    def close(self) -> None:
+        """Send what was left, and close it."""
+        try:
+            self._send()
+        finally:
+            self.device.close()
+
+    def read(self, reading: Record) -> bool | None:
+        """Exchange if it is time."""
+        since, self._since = self._since, self._since + 1
+        if since < self._every + (self._waits if self._command == self._sent else 0):
+            return False
+        self._since = 1
+        self._send()
+        return self.device.read(reading)
+
+    def write(self, command: Record) -> None:
+        """Keep the command for the next exchange."""
+        self._command = command.tobytes()
+
+    def departed(self, state: Record, tick: int, command: Record) -> int | None:
+        """Say which command has left in this tick."""
+        if self._told:
+            return None
+        self._told = True
+        command.raw.data[:] = self._sent
+        return tick
+
+    def _send(self) -> None:
+        if self._command:
+            self._record.raw.data[:] = self._command
+            self.device.write(self._record)
+            self._told, self._sent = False, self._command

@@ -1,0 +1,74 @@
+"""The matrix of faults through the entrance that hardware uses: devices behind exchanges, in step and in threads."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import campaign
+import pytest
+from shipped import SCENES
+
+from itouch.bench.faults import KINDS
+from itouch.bench.faults.wired import Pair, cells, run, stored
+from itouch.faults import Kind
+
+#: The whole matrix has 180 cells; the short form takes one in 30, of every device and every phase.
+EVERY = 31
+
+
+@pytest.fixture(scope="module")
+def found() -> Iterator[tuple[Pair, dict[str, tuple[bytes, bytes]]]]:
+    """Return a host and its world, with the display exchanged with every 20 ms, in step."""
+    pair = Pair(SCENES / "four_materials.xml", 20, threads=False)
+    yield pair, stored(pair)
+    pair.close()
+
+
+def test_no_fault_passes_an_absolute_limit_through_exchanges(
+    found: tuple[Pair, dict[str, tuple[bytes, bytes]]],
+) -> None:
+    pair, phases = found
+    every = EVERY if not campaign.FULL else 1
+    done = list(cells(pair, phases, every=every))
+    assert len(done) == -(-180 // every)
+    assert [cell for cell in done if not cell.good] == []
+    assert pair.checks / pair.watched > 90.0  # on a clock of its own, whatever the exchanges do
+    campaign.tell(f"{len(done)} cells at 20 ms in step, {pair.checks / pair.watched:.0f} checks of heat a second")
+
+
+def test_a_device_behind_a_wire_is_verified_though_it_answers_in_few_ticks(
+    found: tuple[Pair, dict[str, tuple[bytes, bytes]]],
+) -> None:
+    """The arm fails; table and display, whose readings hardly ever come in one tick, are seen to be safe."""
+    pair, phases = found
+    cell = run(pair, "contact", phases["contact"], [("arm", Kind.NAN, 0)])
+    (fault,) = pair.host.report()["faults"]
+    assert cell.good and fault["trip"] == "not-a-number"
+    seen = fault["safe"]["devices"]
+    assert seen["table"].startswith("retracted") and seen["peltier"].startswith("current off")
+
+
+def test_a_display_that_is_lost_is_said_not_to_be_verified_and_makes_itself_safe(
+    found: tuple[Pair, dict[str, tuple[bytes, bytes]]],
+) -> None:
+    pair, phases = found
+    cell = run(pair, "contact", phases["contact"], [("peltier", Kind.DISCONNECT, 0)])
+    (fault,) = pair.host.report()["faults"]
+    assert cell.good and fault["trip"] == "device-error"
+    assert not fault["safe"]["reached"]
+    assert fault["safe"]["devices"]["peltier"].startswith("can't be verified")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("ticks", [20, 23])
+def test_the_whole_matrix_through_threads(ticks: int) -> None:
+    """In real time: on a busy machine cells end early, because a device was silent; nothing may pass a limit then."""
+    scene = SCENES / "four_materials.xml"
+    pair = Pair(scene, ticks, threads=False)
+    phases = stored(pair)
+    pair.close()
+    pair = Pair(scene, ticks, threads=True)
+    done = list(cells(pair, phases))
+    pair.close()
+    assert len(done) == len(KINDS) * 3 * 5
+    assert [cell for cell in done if not cell.good] == []
