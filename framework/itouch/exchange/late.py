@@ -15,7 +15,8 @@ class LateTwin(Twin, Stamped):
     """Puts a wire between the loop and another twin.
 
     An exchange begins every ``period`` of the device, or as `course` has it: it takes the command of that moment and
-    measures.  After ``delay`` the command acts and the reading is there.
+    measures.  After ``delay`` the command acts and the reading is there.  Until the first one acts the device does what
+    is safe.
     """
 
     def __init__(self, twin: Twin, device: type[Device], servo_period: float) -> None:
@@ -77,7 +78,7 @@ class LateTwin(Twin, Stamped):
         inner = self._look(state)
         if not state["line.begun"].item():
             state["line.begun"] = 1
-            _put(state["line.acting"], command)
+            self._rest(state["line.acting"], command)
         left, due = state["line.left"].item(), state["line.due"].item()
         state["line.since"] = state["line.since"].item() + 1
         state["line.gone"] = state["line.gone"].item() + 1
@@ -101,6 +102,15 @@ class LateTwin(Twin, Stamped):
                 left = -1
         state["line.left"] = left - 1 if left > 0 else left
         state["line.due"] = due - 1
+
+    def _rest(self, acting: NDArray[np.float64], command: Record) -> None:
+        """Fill what the device does until it has been told anything: what is safe, or nothing new."""
+        _put(acting, command)
+        at = 0
+        for channel in self._commands:
+            if isinstance(channel.safe, tuple):
+                acting[at : at + channel.size] = channel.safe
+            at += channel.size
 
     @staticmethod
     def _end(state: Record) -> None:

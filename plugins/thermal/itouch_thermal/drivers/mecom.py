@@ -12,8 +12,9 @@ from collections.abc import Sequence
 from itouch.plugin import DeviceError, Trace
 from itouch_thermal.drivers.serialport import SerialLine
 
-#: How long [s] an answer may take, and how often a request is sent.
-PATIENCE, TRIES = 0.06, 3
+#: How long [s] an answer may take, and how often a request is sent; after how long the first one is sent again where a
+#: lost answer would hold up a loop.  (Both have one number: whichever answer comes first counts, the other is late.)
+PATIENCE, TRIES, QUICK = 0.06, 3, 0.02
 ERRORS = {
     1: "command not available", 2: "device is busy", 3: "general communication error", 4: "format error",
     5: "no such parameter", 6: "parameter is read only", 7: "value out of range", 8: "no such instance",
@@ -51,7 +52,9 @@ class MecomClient:
         self, port: str, baud: int = 57600, address: int = 2, *, patience: float = 1.0, trace: Trace | None = None
     ) -> None:
         self._line = SerialLine(port, baud, end=b"\r", trace=trace, patience=max(1.0, patience))
-        self._address, self._sequence, self._patience = address, 0, PATIENCE * patience
+        self._address, self._sequence, self._patience = address, 0, patience
+        #: Whether a loop waits for the answers.
+        self.hurry = False
 
     def close(self) -> None:
         """Let go of the line."""
@@ -122,10 +125,10 @@ class MecomClient:
         crc = crc16(body)
         request = body + b"%04X\r" % crc
         refusal: MecomRefusal | None = None
-        for _ in range(TRIES):
+        for turn in range(TRIES):
             self._line.clear()
             self._line.send(request)
-            answer = self._answer(crc)
+            answer = self._answer(crc, self._patience * (QUICK if self.hurry and turn == 0 else PATIENCE))
             if answer is None:
                 continue
             if not answer.startswith("+"):
@@ -136,10 +139,10 @@ class MecomClient:
                 break
         raise refusal or MecomError(f"the TEC controller on {self._line.port} did not answer {TRIES} times")
 
-    def _answer(self, sent: int) -> str | None:
-        """Return the payload of the next good answer to this request, or None."""
+    def _answer(self, sent: int, wait: float) -> str | None:
+        """Return the payload of the next good answer to this request within ``wait`` seconds, or None."""
         while True:
-            message = self._line.receive(self._patience)
+            message = self._line.receive(wait)
             if message is None:
                 return None
             start = message.rfind(b"!")

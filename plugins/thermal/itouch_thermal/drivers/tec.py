@@ -90,6 +90,7 @@ class TecDriver:
         self._open_voltage()
         client.write_int(LIVE_ENABLE, 1, instance)
         self._sink = client.read_float(SINK_TEMPERATURE, instance) + KELVIN
+        client.hurry = True  # from now on a loop waits
 
     def _open_voltage(self) -> None:
         """Allow the live voltage its limit: it is 0 V after a start, and then no current flows."""

@@ -15,15 +15,15 @@ from itouch_thermal.flux import observer as at
 
 #: A row of the past: what the flux sensor would have read and its derivatives, the film's, and the parameters then.
 FILM, PARAMETERS, ROW = 1 + at.COUNT, 2 * (1 + at.COUNT), 2 * (1 + at.COUNT) + at.COUNT
-#: What is kept beside it: the next row, and how many hold what still counts.
-NEXT, VALID = 0, 1
+#: What is kept beside it: the next row, how many hold what still counts, and whether the plate is disturbed.
+NEXT, VALID, DISTURBED, KEPT = 0, 1, 2, 3
 
 
 @kernel
 def remember(x: Any, theta: Any, memory: Any, past: Any, kept: Any, column: int) -> None:
     """Keep what would be read now; ``column`` is where the readings stand in a row of ``x``.
 
-    While the plate is disturbed only the last row counts: the column follows its sensor then, not its model.
+    A plate that begins to be disturbed, or is so no longer, begins anew: what was expected before says nothing now.
     """
     row = past[int(kept[NEXT])]
     for k in range(1 + at.COUNT):
@@ -31,8 +31,9 @@ def remember(x: Any, theta: Any, memory: Any, past: Any, kept: Any, column: int)
         row[FILM + k] = x[k, column + at.X_FILM]
     row[PARAMETERS:] = theta
     kept[NEXT] = (kept[NEXT] + 1.0) % past.shape[0]
-    disturbed = memory[at.M_TOUCHING] == 0.0 and memory[at.M_QUIET] > 0.0
-    kept[VALID] = 1.0 if disturbed else min(kept[VALID] + 1.0, past.shape[0])
+    disturbed = 1.0 if memory[at.M_TOUCHING] == 0.0 and memory[at.M_QUIET] > 0.0 else 0.0
+    kept[VALID] = min(kept[VALID] + 1.0, past.shape[0]) if disturbed == kept[DISTURBED] else 1.0
+    kept[DISTURBED] = disturbed
 
 
 @kernel
@@ -47,14 +48,14 @@ def expected(theta: Any, past: Any, kept: Any, back: int, first: int) -> Any:
 
 @kernel
 def recall(
-    c: Any, x: Any, theta: Any, cover: Any, gain: Any, memory: Any, past: Any, kept: Any, press: float,
+    c: Any, plate: Any, x: Any, theta: Any, cover: Any, gain: Any, memory: Any, past: Any, kept: Any, press: float,
     flux_back: int, flux: float, film_back: int, film: float, sink: float, since: float, column: int,
 ) -> None:  # fmt: skip
     """Take in readings that were measured so many periods ago; what is too old, or NaN, is left out.
 
     Parameters
     ----------
-    c, x, theta, cover, gain, memory
+    c, plate, x, theta, cover, gain, memory
         Of the estimator, as it is now.
     past, kept
         What was expected, see `remember`.
@@ -69,24 +70,36 @@ def recall(
     """
     if sink == sink:
         memory[at.M_SINK] += min(1.0, at.SINK_RATE * since) * (sink - memory[at.M_SINK_SEEN])
-    if flux_back < kept[VALID]:
-        row, seen = expected(theta, past, kept, flux_back, 0)
-        if memory[at.M_TOUCHING] == 0.0:
-            if abs(flux - seen) > 6.0 * c[at.O_FLUX_NOISE] + 0.3 * abs(seen):
-                memory[at.M_QUIET] = at.QUIET
-            if memory[at.M_QUIET] > 0.0:
-                return
-        if abs(flux) < c[at.O_CEILING] and abs(seen) < c[at.O_CEILING]:
-            doubt = at.DOUBT * math.sqrt(min(1.0, press)) * abs(x[0, column + at.X_FLUX])
-            cover[at.RESISTANCE, at.RESISTANCE] += (
-                at.DRIFT_PRESS * at.DRIFT_PRESS * math.sqrt(min(1.0, press)) * min(since, at.QUIET)
-            )
-            noise = math.sqrt(c[at.O_FLUX_NOISE] ** 2 + doubt * doubt)
-            at.correct(x, theta, cover, gain, row[1:FILM], -1, flux - seen, noise)
-    if film == film and film_back < kept[VALID] and not (memory[at.M_TOUCHING] == 0.0 and memory[at.M_QUIET] > 0.0):
+    row, seen = expected(theta, past, kept, flux_back, 0)
+    counts = flux_back < kept[VALID]
+    if memory[at.M_TOUCHING] == 0.0:
+        if counts and abs(flux - seen) > 6.0 * c[at.O_FLUX_NOISE] + 0.3 * abs(seen):
+            memory[at.M_QUIET] = at.QUIET
+        if memory[at.M_QUIET] > 0.0:
+            _follow(c, plate, x, theta, memory, past, kept, film_back, film, column)
+            return
+    if counts and abs(flux) < c[at.O_CEILING] and abs(seen) < c[at.O_CEILING]:
+        doubt = at.DOUBT * math.sqrt(min(1.0, press)) * abs(x[0, column + at.X_FLUX])
+        noise = math.sqrt(c[at.O_FLUX_NOISE] ** 2 + doubt * doubt)
+        at.correct(x, theta, cover, gain, row[1:FILM], -1, flux - seen, noise)
+    if film == film and film_back < kept[VALID]:
         row, seen = expected(theta, past, kept, film_back, FILM)
         slopes = row[FILM + 1 : PARAMETERS]
         at.correct(x, theta, cover, gain, slopes, at.OFFSET, film - seen - theta[at.OFFSET], c[at.O_PLATE_NOISE])
+
+
+@kernel
+def _follow(
+    c: Any, plate: Any, x: Any, theta: Any, memory: Any, past: Any, kept: Any, back: int, film: float, column: int
+) -> None:
+    """Move a disturbed plate towards a late reading of its film, and with it what has been expected since."""
+    if not (film == film and kept[DISTURBED] > 0.0 and back < kept[VALID]):
+        return
+    row = past[(int(kept[NEXT]) - 1 - back) % past.shape[0]]
+    for k in range(1 + at.COUNT):
+        miss = at.missed(k, film, theta, row[FILM + k])
+        past[:, FILM + k] += at.follow(c, plate, x[k], memory[at.M_UNSEEN], miss, column)
+    memory[at.M_UNSEEN] = 0.0
 
 
 @kernel

@@ -72,7 +72,7 @@ _MEANINGS = {
     "trace": ("K", "the plate's face in the last half second"),
     "span": ("K", "lowest and highest face that is allowed at the ends of the plan's steps"),
     "past": ("mixed", "what was expected to be read in the last periods, with its derivatives"),
-    "kept": ("1", "the next row of `past`, and how many rows count"),
+    "kept": ("1", "the next row of `past`, how many rows count, and whether the plate is disturbed"),
 }
 
 
@@ -124,7 +124,7 @@ def _track(
 def _pass(
     c: Any, tissue: Any, plate: Any, x: Any, theta: Any, cover: Any, gain: Any, memory: Any, line: Any, slots: Any,
     trace: Any, past: Any, kept: Any, size: int, count: int, before: float, after: float, change: int, scale: float,
-    press: float, film: float,
+    press: float,
 ) -> None:  # fmt: skip
     """Let ``count`` periods pass without readings; in period ``change``, counted from 0, another current has left.
 
@@ -137,7 +137,7 @@ def _pass(
         sent = before if i < change else after
         _track(
             c, tissue, plate, x, theta, cover, gain, memory, line, slots, trace, past, kept, size, sent, scale, press,
-            math.nan, film, math.nan,
+            math.nan, math.nan, math.nan,
         )  # fmt: skip
 
 
@@ -295,12 +295,12 @@ class ModelLaw:
             "response": (planner.HATS, self.steps), "knots": planner.HATS,
             "work": wide + planner.HATS * (planner.HATS + 1), "future": self.ahead + 1,
             "trace": round(RATE_OVER / self.step), "span": (2, self.steps), "past": (1 + self.longest, late.ROW),
-            "kept": 2,
+            "kept": late.KEPT,
         }  # fmt: skip
-        low = {"slots": (0.0, float(self.delay)), "kept": (0.0, 0.0)}
+        low = {"slots": (0.0, float(self.delay)), "kept": (0.0, 0.0, 0.0)}
         high = {
             "slots": (max(0.0, self.delay - 1.0), float(self.delay)),
-            "kept": (float(self.longest), 1.0 + self.longest),
+            "kept": (float(self.longest), 1.0 + self.longest, 1.0),
         }
         return tuple(
             Field(self.prefix + name, "f8", size[name], low.get(name, -math.inf), high.get(name, math.inf), unit=unit,
@@ -340,7 +340,7 @@ class ModelLaw:
 
     def pass_by(
         self, state: Record, count: int, before: float, after: float, change: int, scale: float = 1.0,
-        film: float = math.nan,
+        press: float = -1.0,
     ) -> None:  # fmt: skip
         """Let ``count`` periods pass without readings, in which the current [A] that has left changed once.
 
@@ -350,7 +350,7 @@ class ModelLaw:
         _pass(
             self.constants, self.fine.tissue, self.fine.plate, s[p + "x"], s[p + "theta"], s[p + "cover"],
             s[p + "gain"], s[p + "memory"], s[p + "line"], s[p + "slots"], s[p + "trace"], s[p + "past"], s[p + "kept"],
-            self.coarse_ticks, count, before, after, change, scale, max(0.0, scale - 1.0), film,
+            self.coarse_ticks, count, before, after, change, scale, press if press >= 0.0 else max(0.0, scale - 1.0),
         )  # fmt: skip
 
     def recall(
@@ -363,8 +363,8 @@ class ModelLaw:
         """
         s, p = state, self.prefix
         late.recall(
-            self.constants, s[p + "x"], s[p + "theta"], s[p + "cover"], s[p + "gain"], s[p + "memory"], s[p + "past"],
-            s[p + "kept"], press, flux_back, flux, film_back, film, sink, since,
+            self.constants, self.fine.plate, s[p + "x"], s[p + "theta"], s[p + "cover"], s[p + "gain"], s[p + "memory"],
+            s[p + "past"], s[p + "kept"], press, flux_back, flux, film_back, film, sink, since,
             self.fine.tissue.shape[1] + self.fine.plate.shape[1],
         )  # fmt: skip
 

@@ -38,7 +38,7 @@ DOUBT = 0.3
 #: Random walk of the logarithm of the resistance during a press [per root second].
 DRIFT_PRESS = 1.0
 #: Numbers behind the modes in each row of the column's memory.
-X_FLUX, X_BACK, X_FACE, X_SEEN, X_FILM, X_TAIL = range(6)
+X_FLUX, X_BACK, X_FACE, X_SEEN, X_FILM, X_DRIFT, X_TAIL = range(7)
 #: Constants.
 (
     O_PERIOD, O_REST, O_REFERENCE, O_CONTACT, O_SEEBECK, O_RESISTANCE, O_CONDUCTANCE, O_AREA, O_FLUX_LAG, O_PLATE_LAG,
@@ -46,7 +46,7 @@ X_FLUX, X_BACK, X_FACE, X_SEEN, X_FILM, X_TAIL = range(6)
     O_DRIFT_FLUX, O_DRIFT_OFFSET, O_CEILING, O_CONSTANTS,
 ) = range(23)  # fmt: skip
 #: Numbers of the scalar memory.
-M_TOUCHING, M_SINK, M_SINK_SEEN, M_CONTACT, M_TICKS, M_QUIET, M_AGE, M_TAIL = range(8)
+M_TOUCHING, M_SINK, M_SINK_SEEN, M_CONTACT, M_TICKS, M_QUIET, M_AGE, M_UNSEEN, M_TAIL = range(9)
 #: Seconds without corrections after a flux that air cannot explain: something touches the plate that should not.
 QUIET = 0.2
 #: Rates [1/s] at which the sink follows its sensor, and a disturbed plate its own.
@@ -83,10 +83,11 @@ def advance(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, cu
     contact = c[O_CONTACT] * math.exp(theta[RESISTANCE]) * (1.0 + pressing)
     cover = c[O_COVER] if touching else 0.0
     cold, hot, face = x[0, o + X_BACK], memory[M_SINK], x[0, o + X_FACE]
-    pump = (seebeck * cold * current - 0.5 * current * current * ohmic - legs * (hot - cold)) / c[O_AREA] + theta[FLUX]
+    pumped = seebeck * cold * current - 0.5 * current * current * ohmic - legs * (hot - cold)
+    pump = pumped / c[O_AREA] + theta[FLUX] + x[0, o + X_DRIFT]
     slope = (seebeck * current + legs) / c[O_AREA]
     electric = seebeck * (hot - cold) * current + current * current * ohmic
-    heat = (pump - theta[FLUX]) * c[O_AREA] + electric - (hot - c[O_AMBIENT]) / c[O_SINK_RESISTANCE]
+    heat = pumped + electric - (hot - c[O_AMBIENT]) / c[O_SINK_RESISTANCE]
     memory[M_SINK] += dt / c[O_SINK_CAPACITY] * heat
     memory[M_SINK_SEEN] += dt / (c[O_SINK_LAG] + dt) * (memory[M_SINK] - memory[M_SINK_SEEN])
 
@@ -113,7 +114,7 @@ def advance(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, cu
             du = pump
         else:
             air = -c[O_AIR] * r[o + X_FACE]
-            du = slope * r[o + X_BACK]
+            du = slope * r[o + X_BACK] + r[o + X_DRIFT]
             if k - 1 == SEEBECK:
                 du += c[O_SEEBECK] * cold * current / c[O_AREA]
             elif k - 1 == LEGS:
@@ -227,15 +228,17 @@ def observe(
         memory[M_SINK] += min(1.0, SINK_RATE * c[O_PERIOD]) * (sink - memory[M_SINK_SEEN])
     o = tissue.shape[1] + plate.shape[1]
     if memory[M_TOUCHING] == 0.0 and _disturbed(c, x, memory, flux, o):
-        _resume(c, plate, x, theta, film, tissue.shape[1])
+        _resume(c, plate, x, theta, memory, film, o)
         return
+    memory[M_UNSEEN] = 0.0
+    x[:, o + X_DRIFT] = 0.0
     cover[FLUX, FLUX] += c[O_DRIFT_FLUX]
     cover[OFFSET, OFFSET] += c[O_DRIFT_OFFSET]
+    cover[RESISTANCE, RESISTANCE] += DRIFT_PRESS * DRIFT_PRESS * math.sqrt(min(1.0, press)) * c[O_PERIOD]
     # A reading at the end of the scale says nothing but that.
     if abs(flux) < c[O_CEILING] and abs(x[0, o + X_SEEN]) < c[O_CEILING]:
         # While the finger is being pressed on, the law of the press is not believed to the last watt.
         doubt = DOUBT * math.sqrt(min(1.0, press)) * abs(x[0, o + X_FLUX])
-        cover[RESISTANCE, RESISTANCE] += DRIFT_PRESS * DRIFT_PRESS * math.sqrt(min(1.0, press)) * c[O_PERIOD]
         noise = math.sqrt(c[O_FLUX_NOISE] ** 2 + doubt * doubt)
         correct(x, theta, cover, gain, x[1:, o + X_SEEN], -1, flux - x[0, o + X_SEEN], noise)
     if film == film:
@@ -255,19 +258,47 @@ def _disturbed(c: Any, x: Any, memory: Any, flux: float, o: int) -> bool:
 
 
 @kernel
-def _resume(c: Any, plate: Any, x: Any, theta: Any, film: float, n: int) -> None:
-    """Follow the readings without learning from them; what the parameters had to do with the state is forgotten."""
+def _resume(c: Any, plate: Any, x: Any, theta: Any, memory: Any, film: float, o: int) -> None:
+    """Follow the readings without learning from them.
+
+    A reading is compared with what is expected in its own period, and counts for all periods since the one before.
+    """
+    memory[M_UNSEEN] += 1.0
+    if film == film:
+        for k in range(COUNT + 1):
+            follow(c, plate, x[k], memory[M_UNSEEN], missed(k, film, theta, x[k, o + X_FILM]), o)
+        memory[M_UNSEEN] = 0.0
+
+
+@kernel
+def missed(k: int, film: float, theta: Any, expected: float) -> float:
+    """Return by how much a reading of the film misses what is expected in row ``k``: the column, or a derivative."""
+    if k == 0:
+        return float(film - theta[OFFSET] - expected)
+    return -expected - (1.0 if k - 1 == OFFSET else 0.0)
+
+
+@kernel
+def follow(c: Any, plate: Any, row: Any, periods: float, miss: float, o: int) -> float:
+    """Move the plate of a row towards a reading that it misses by ``miss``, and its drift, too; return by how much.
+
+    The drift is the flux [W/m2] that makes the plate go another way than it should, of whatever cause: without it
+    the plate would stay behind its sensor by as much as it goes astray in the time of following.
+    """
     m = plate.shape[1]
-    o = n + m
-    square = 0.0
+    n, time, square, rise = o - m, c[O_PERIOD] * periods, 0.0, 0.0
+    if time <= 0.0:
+        return 0.0
     for i in range(m):
         square += plate[P_MEAN, i] * plate[P_MEAN, i]
-    x[1:, :] = 0.0
-    if film == film:
-        shift = min(1.0, PLATE_RATE * c[O_PERIOD]) * (film - theta[OFFSET] - x[0, o + X_FILM])
-        for i in range(m):
-            x[0, n + i] += shift * plate[P_MEAN, i] / square
-        x[0, o + X_FILM] += shift
+        rise += plate[P_MEAN, i] * plate[P_PUMP, i] / c[O_PERIOD]
+    part = min(1.0, PLATE_RATE * time)
+    shift = part * miss
+    row[o + X_DRIFT] -= part * part / (2.0 - part) * miss / (time * rise)
+    for i in range(m):
+        row[n + i] += shift * plate[P_MEAN, i] / square
+    row[o + X_FILM] += shift
+    return float(shift)
 
 
 @kernel

@@ -8,7 +8,7 @@ from dataclasses import replace
 from itouch.plugin import Field, Record
 from itouch_thermal.flux import approach, wires
 from itouch_thermal.flux.law import ModelLaw
-from itouch_thermal.flux.observer import M_QUIET, advance
+from itouch_thermal.flux.observer import advance
 from itouch_thermal.flux.preview import Preview, look_ahead, rising, run_ahead
 from itouch_thermal.flux.setting import FluxModel
 from itouch_thermal.laws import press_factor
@@ -146,18 +146,15 @@ def _want(model: FluxModel, law: ModelLaw, state: Record, ticks: int, wait: int)
         state[names.wanted] = curve.at((ticks + offsets + 1) * model.period)
 
 
-def _pass(model: FluxModel, law: ModelLaw, state: Record, tick: int, scale: float) -> None:
+def _pass(model: FluxModel, law: ModelLaw, state: Record, tick: int, scale: float, press: float = 0.0) -> None:
     """Let the periods before this one pass in which nothing was taken in, as far as they matter."""
     names = model.names
     if model.wire:
         wires.pass_by(model, law, state, tick - 1, scale)
         return
     sent, passed = state[names.sent].item(), min(wires.MISSED, tick - 1 - state[names.tracked].item())
-    # While it learns nothing, the law only follows the plate's sensor, in every period as if it were read.
-    quiet = state[names.memory][M_QUIET].item() > passed * model.period
-    film = state[names.plate_temperature].item() if quiet else math.nan
     for _ in range(passed):
-        law.track(state, sent, math.nan, film, math.nan, scale)
+        law.track(state, sent, math.nan, math.nan, math.nan, scale, press)
     state[names.tracked] = tick - 1
 
 
@@ -170,12 +167,12 @@ def _take(
         wires.take(model, law, state, hovering, tick, scale, press)
         return
     if state[names.tracked].item() != tick - 1:
-        _pass(model, law, state, tick, scale)
+        _pass(model, law, state, tick, scale, press)
     if model.display.command == "temperature":
         _correct(model, law, state)
     sent = state[names.sent].item()
     if state[names.age].item() or hovering:
-        law.track(state, sent, math.nan, math.nan, math.nan, scale)
+        law.track(state, sent, math.nan, math.nan, math.nan, scale, press)
     else:
         law.track(
             state, sent, state[names.heat_flux].item(), state[names.plate_temperature].item(),
@@ -216,7 +213,8 @@ def _press(model: FluxModel, state: Record, scale: float) -> float:
         followed = now + PRESS_FILTER / PRESSING
     else:
         followed = state[before].item()
-        followed += min(1.0, model.hold * model.period / PRESS_FILTER) * (now - followed)
+        time = model.hold * model.period
+        followed += time / (PRESS_FILTER + time) * (now - followed)  # behind a steady change by one PRESS_FILTER
     state[before] = followed
     return max(0.0, PRESSING / PRESS_FILTER * abs(now - followed) - STILL)
 

@@ -7,11 +7,8 @@ how long that takes, and for how long it will stand then, is learnt from the las
 
 from __future__ import annotations
 
-import math
-
 from itouch.plugin import Field, Record
 from itouch_thermal.flux.law import Coming, ModelLaw
-from itouch_thermal.flux.observer import M_QUIET
 from itouch_thermal.flux.setting import FluxModel
 
 #: Servo periods without news that are caught up with; after more the plate is where its sensors say.
@@ -56,7 +53,7 @@ def take(model: FluxModel, law: ModelLaw, state: Record, hovering: bool, tick: i
     """Go on to this tick, and take in a reading that has come; one of a finger that hovers is unclear."""
     names = model.names
     state[names.sent_log][(tick - 1) % LOG] = state[names.sent].item()  # what was sent in the tick before
-    pass_by(model, law, state, tick, scale)
+    pass_by(model, law, state, tick, scale, press)
     if state[names.sequence].item() == state[names.taken].item():
         return
     state[names.taken] = state[names.sequence].item()
@@ -71,7 +68,7 @@ def take(model: FluxModel, law: ModelLaw, state: Record, hovering: bool, tick: i
         )  # fmt: skip
 
 
-def pass_by(model: FluxModel, law: ModelLaw, state: Record, tick: int, scale: float) -> None:
+def pass_by(model: FluxModel, law: ModelLaw, state: Record, tick: int, scale: float, press: float = 0.0) -> None:
     """Let the periods pass up to a tick, under the currents that had left by then."""
     names = model.names
     tracked, left = state[names.tracked].item(), state[names.left].item()
@@ -83,10 +80,7 @@ def pass_by(model: FluxModel, law: ModelLaw, state: Record, tick: int, scale: fl
         state[names.before] = state[names.acting].item()
         state[names.acting], state[names.departed] = state[names.out].item(), left
         change = left - first
-    # While it learns nothing, the law only follows the plate's sensor, in every period as if it were read.
-    quiet = state[names.memory][M_QUIET].item() > count * model.period
-    film = state[names.plate_temperature].item() if quiet else math.nan
-    law.pass_by(state, count, state[names.before].item(), state[names.acting].item(), change, scale, film)
+    law.pass_by(state, count, state[names.before].item(), state[names.acting].item(), change, scale, press)
     state[names.tracked] = max(tick, tracked)
 
 
