@@ -59,7 +59,7 @@ def true_error(rows: np.ndarray, since: float = 0.1) -> float:  # type: ignore[t
 
 @pytest.mark.long
 def test_a_touch_on_the_simulated_chip_is_felt_as_it_should_be(tmp_path: Path) -> None:
-    report, rows, _ = run(scene(tmp_path / "one", 3.4, 1.2))
+    report, rows, _ = run(scene(tmp_path / "one", 6.0, 1.2))
     assert report["faults"] == []
     (contact,) = report["contacts"]
     assert contact["object"] == "pyrex"

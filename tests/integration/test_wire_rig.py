@@ -24,7 +24,7 @@ def scene(tmp_path: Path) -> Path:
     """The wire scene at addresses of its own, with a touch of aluminium as soon as touch-off is done."""
     text = (SCENES / "four_materials_wire.xml").read_text()
     begin, end = text.index("<motion>"), text.index("</motion>")
-    motion = '<to pos="-33 0 40 mm" in="0.8 s" hold="6 s"/><to pos="-33 0 16 mm" in="0.7 s" hold="0.7 s"/>'
+    motion = '<to pos="-33 0 40 mm" in="0.5 s" hold="6 s"/><to pos="-33 0 16 mm" in="0.5 s" hold="0.7 s"/>'
     (tmp_path / "scene.xml").write_text(text[:begin] + "<motion>" + motion + text[end:])
     (tmp_path / "materials.xml").write_text((SCENES / "materials.xml").read_text())
     rig = (SCENES / "rigs/wire.xml").read_text()
@@ -69,6 +69,20 @@ def test_contacts_on_the_wires_are_those_on_twins(scene: Path, tmp_path: Path) -
     assert {entry.device for entry in entries} == {"arm", "table", "peltier"}
     assert entries[-1].device in ("arm", "table", "peltier")
     assert not (tmp_path / "table").exists()
+
+
+def test_two_rigs_in_step_run_at_once() -> None:
+    """Their scene names fixed ports; each rig has its own."""
+    scene = str(SCENES / "four_materials_wire.xml")
+    rigs = [Lockstep(scene) for _ in range(2)]
+    with rigs[0].serving(), rigs[1].serving():
+        for both in rigs:
+            both.host.enable()
+            both.host.run(0.02)
+            assert int(both.host.state["tick"]) == 20
+            assert both.host.fault is None
+            both.host.close()
+            both.world.close()
 
 
 def test_a_taken_address_and_wrong_options_are_told(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:

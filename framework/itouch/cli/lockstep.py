@@ -9,9 +9,13 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+import os
 import select
+import shutil
 import sys
+import tempfile
 import threading
+import weakref
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -30,23 +34,34 @@ LONGEST = 600.0
 
 
 class Lockstep:
-    """A host's session and the virtual rig that it runs on."""
+    """A host's session and the virtual rig that it runs on, at places of their own: others may run beside it."""
 
     def __init__(self, scene: str, *, rig: str | None = None, seed: int = 0, trace: TextIO | None = None) -> None:
         from itouch.servo.prepare import prepare
 
         self.world = prepare(scene, seed=seed, twin="all", rig=rig)
         self.host = prepare(scene, seed=seed, twin="none", rig=rig)
-        self.rig = VirtualRig(self.world, speed=SPEED)
+        self._folder = tempfile.mkdtemp(prefix="itouch-")
+        self._tidy = weakref.finalize(self, shutil.rmtree, self._folder, True)
+        places = {runner.model.name: self._place(runner) for runner in self.world.runners}
+        self.rig = VirtualRig(self.world, speed=SPEED, places=places)
         self._lock = threading.Lock()
         self._truth = {runner.model.name: runner.twin_state for runner in self.world.runners}
         for runner in self.host.runners:
-            self._take_in(runner, trace)
+            self._take_in(runner, places[runner.model.name], trace)
         self.host.taps.append(self._tick)
 
-    def _take_in(self, runner: Runner, trace: TextIO | None) -> None:
-        """Put a device into the tick that would be exchanged with in a thread."""
+    def _place(self, runner: Runner) -> Any:
+        """Return a device's parameters, with an address that no other virtual rig has."""
+        emulator, folder = runner.model.cls.Emulator, f"{self._folder}/{runner.model.name}"
+        os.mkdir(folder)
+        return runner.model.params if emulator is None else emulator.elsewhere(runner.model.params, folder)
+
+    def _take_in(self, runner: Runner, params: Any, trace: TextIO | None) -> None:
+        """Put a device into the tick that would be exchanged with in a thread, and tell it where its emulator is."""
         device = runner.device
+        if device is not None:
+            (device.device if isinstance(device, ThreadedDevice) else device).params = params
         if isinstance(device, ThreadedDevice):
             inner, period = device.device, self.host.model.period
             every, waits = max(1, round(inner.takes(inner.params) / period)), round(type(inner).waits / period)
@@ -100,6 +115,7 @@ class Lockstep:
             finally:
                 self.host.close()
                 self.world.close()
+                self._tidy()
         return self.host.report()
 
 

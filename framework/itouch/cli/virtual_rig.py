@@ -10,8 +10,8 @@ import argparse
 import signal
 import sys
 import time
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 from itouch.cli.arguments import output_file, seconds
 from itouch.exchange import ServedEmulator
@@ -68,9 +68,12 @@ def main(argv: Sequence[str]) -> int:
 
 
 class VirtualRig:
-    """The twins of a session behind their emulators, whose timers run ``speed`` times as fast as the host's."""
+    """The twins of a session behind their emulators, whose timers run ``speed`` times as fast as the host's.
 
-    def __init__(self, session: Engine, *, speed: float = 1.0) -> None:
+    ``places`` are the parameters of those devices, by name, that are somewhere else than their scene says.
+    """
+
+    def __init__(self, session: Engine, *, speed: float = 1.0, places: Mapping[str, Any] | None = None) -> None:
         self._session = session
         self._period = session.model.period
         self._lines: list[tuple[Runner, Emulator]] = []
@@ -78,7 +81,7 @@ class VirtualRig:
             cls = runner.model.cls.Emulator
             if cls is None:
                 raise ItouchError(f"device '{runner.model.name}': plugin '{runner.model.plugin}' has no emulator")
-            emulator = cls(runner.model.params)
+            emulator = cls((places or {}).get(runner.model.name, runner.model.params))
             emulator.speed = speed
             self._lines.append((runner, emulator))
         #: Whether a host drives a device: then the operator's motion goes on.

@@ -32,6 +32,14 @@ class Emulator(ABC):
         return params
 
     @classmethod
+    def elsewhere(cls, params: Any, folder: str) -> Any:
+        """Return the parameters with a place of its own: a file in ``folder``, or a free port of this machine.
+
+        Asked where driver and emulator are in one process: whatever address is named, nobody else comes there.
+        """
+        return cls.somewhere(params)
+
+    @classmethod
     def reachable(cls, params: Any) -> tuple[float, float, float]:
         """Return a position [m] in the device's frame, with some room around it, that the real device can take.
 

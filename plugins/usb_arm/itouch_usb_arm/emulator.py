@@ -45,8 +45,11 @@ class ArmEmulator(Emulator):
     @classmethod
     def somewhere(cls, params: Any) -> Any:
         """Name a free port of this machine if no address is named."""
-        if params.usbip:
-            return params
+        return params if params.usbip else cls.elsewhere(params, "")
+
+    @classmethod
+    def elsewhere(cls, params: Any, folder: str) -> Any:
+        """Name a free port of this machine."""
         with socket.create_server(("127.0.0.1", 0)) as free:
             return replace(params, usbip=f"127.0.0.1:{free.getsockname()[1]}")
 

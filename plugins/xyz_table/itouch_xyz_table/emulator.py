@@ -29,6 +29,11 @@ class TableEmulator(Emulator):
         """Name a serial port of our own if none is named."""
         return params if params.port else replace(params, port=f"{tempfile.gettempdir()}/itouch-table-{os.getpid()}")
 
+    @classmethod
+    def elsewhere(cls, params: Any, folder: str) -> Any:
+        """Name a serial port in a folder."""
+        return replace(params, port=f"{folder}/table")
+
     def open(self) -> str:
         """Make the serial port that the parameters name."""
         self._terminal = Terminal(self.params.port)

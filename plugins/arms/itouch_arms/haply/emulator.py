@@ -33,8 +33,11 @@ class HaplyEmulator(Emulator):
     @classmethod
     def somewhere(cls, params: Any) -> Any:
         """Name a free port of this machine if no service is named."""
-        if params.service:
-            return params
+        return params if params.service else cls.elsewhere(params, "")
+
+    @classmethod
+    def elsewhere(cls, params: Any, folder: str) -> Any:
+        """Name a free port of this machine."""
         with socket.create_server(("127.0.0.1", 0)) as free:
             return replace(params, service=f"127.0.0.1:{free.getsockname()[1]}")
 

@@ -108,10 +108,20 @@ class DisplayEmulator(Emulator):
         if params.mecom is not None or params.line is not None:
             return params
         mecom = Mecom(port=f"{tempfile.gettempdir()}/itouch-tec-{os.getpid()}")
-        with socket.create_server(("127.0.0.1", 0)) as free:
-            host = f"127.0.0.1:{free.getsockname()[1]}"
-        sensors = LabJack(host=host, flux_sensor=FluxSensor(sensitivity=1e-6), infrared=Infrared())
+        sensors = LabJack(host=_free_port(), flux_sensor=FluxSensor(sensitivity=1e-6), infrared=Infrared())
         return replace(params, mecom=mecom, labjack=sensors)
+
+    @classmethod
+    def elsewhere(cls, params: Any, folder: str) -> Any:
+        """Name serial ports in a folder and a free port of this machine for the instruments that are named."""
+        moved: dict[str, Any] = {}
+        for name in ("mecom", "line"):
+            named = getattr(params, name)
+            if named is not None:
+                moved[name] = replace(named, port=f"{folder}/{name}")
+        if params.labjack is not None:
+            moved["labjack"] = replace(params.labjack, host=_free_port())
+        return replace(params, **moved)
 
     def open(self) -> str:
         """Make the serial port and the server that the parameters name."""
@@ -185,3 +195,9 @@ class DisplayEmulator(Emulator):
             self.t7.volts[flux.channel] = flux.voltage(self.plate.flux, self.plate.plate)
         if infrared is not None:
             self.t7.volts[infrared.channel] = (self.plate.skin - infrared.zero) / infrared.slope if valid else 0.0
+
+
+def _free_port() -> str:
+    """Return an address of this machine that nobody uses now."""
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        return f"127.0.0.1:{free.getsockname()[1]}"
