@@ -29,7 +29,10 @@ from typing import Any
 
 HERE = Path(__file__).resolve().parent
 TREE = HERE.parent
-SAFETY = ("guard", "readings", "heat", "carrier", "finger", "monitors", "supervisor", "hold_connect", "sequence")
+SAFETY = (
+    "guard", "readings", "heat", "carrier", "finger", "monitors", "supervisor", "hold_connect", "sequence",
+    "joined_steps",
+)  # fmt: skip
 #: Room -> the folder of its modules and the tests that answer for it, if they are not those in the folder of its name.
 ROOMS: dict[str, tuple[str, tuple[str, ...]]] = {
     "safety": ("framework/itouch/safety", tuple(f"safety/test_{name}.py" for name in SAFETY)),

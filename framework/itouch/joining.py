@@ -5,8 +5,9 @@ computes: looking up its type and taking its arrays apart.  Here the arrays are 
 the calls one after the other, by their addresses.
 
 What passes from one call to the next stands in the arrays.  A function returns 0, or another number to say that
-Python is wanted: the chain stops there, and can go on behind it.  The same function with the same arguments can be
-called from Python alone, and is then called so: there is one implementation.
+Python is wanted: the chain stops there, and can go on behind it.  Several calls can be one step: ``SKIP`` says that
+nothing more is to be done of it.  The same function with the same arguments can be called from Python alone, and is
+then called so: there is one implementation.
 """
 
 from __future__ import annotations
@@ -32,6 +33,12 @@ from numpy.typing import NDArray
 from itouch.compiling import kernel, nogil_kernel
 
 _SIGNATURE = int64(int64)
+#: What a call returns to leave out the others of its step.
+SKIP = 1 << 40
+#: What arrays may hold.
+_KINDS = (
+    np.float64, np.float32, np.int64, np.int32, np.int16, np.int8, np.uint64, np.uint32, np.uint16, np.uint8,
+)  # fmt: skip
 #: The entries of this process, by function, body and the named tuples in it.
 _made: dict[tuple[Any, ...], Any] = {}
 _untyped: Any = numba  # what it exports is not typed
@@ -75,33 +82,43 @@ def _read_clock(typing: Any, address: Any, which: Any, memory: Any) -> Any:
 
 
 @nogil_kernel
-def _run(entries: Any, words: Any, begin: int) -> int:
+def _run(entries: Any, words: Any, ends: Any, begin: int) -> int:
     """Run the calls from ``begin`` on; return -1, or where one wants Python and what it says: index * 2**32 + code."""
-    for i in range(begin, entries.shape[0]):
+    i = begin
+    while i < entries.shape[0]:
         code: int = _call(entries[i], words[i])
-        if code != 0:
+        if code != 0 and code != SKIP:
             return (i << 32) | code
+        i = i + 1 if code == 0 else ends[i]
     return -1
 
 
 @nogil_kernel
-def _run_timed(entries: Any, words: Any, begin: int, stamps: Any, first: int, clock: int, memory: Any) -> int:
-    """Do what ``_run`` does, and write the host time [s] after call i to ``stamps[first + i]``."""
-    for i in range(begin, entries.shape[0]):
+def _run_timed(
+    entries: Any, words: Any, ends: Any, steps: Any, begin: int, stamps: Any, first: int, clock: int, memory: Any
+) -> int:  # fmt: skip
+    """Do what ``_run`` does, and write the host time [s] after step i to ``stamps[first + i]``."""
+    i = begin
+    while i < entries.shape[0]:
         code: int = _call(entries[i], words[i])
-        _read_clock(clock, 1, memory.ctypes.data)
-        stamps[first + i] = memory[0] + 1e-9 * memory[1]
-        if code != 0:
+        if code != 0 or i + 1 == ends[i]:
+            _read_clock(clock, 1, memory.ctypes.data)
+            stamps[first + steps[i]] = memory[0] + 1e-9 * memory[1]
+        if code != 0 and code != SKIP:
             return (i << 32) | code
+        i = i + 1 if code == 0 else ends[i]
     return -1
 
 
 @nogil_kernel
-def _repeat(entries: Any, words: Any, rounds: int) -> None:
-    """Run all calls again and again, whatever they return."""
+def _repeat(entries: Any, words: Any, ends: Any, tick: Any, rounds: int) -> None:
+    """Run all calls again and again, each time a tick later; what one leaves to Python is left out with its step."""
     for _ in range(rounds):
-        for i in range(entries.shape[0]):
-            _call(entries[i], words[i])
+        tick[0] += 1
+        i = 0
+        while i < entries.shape[0]:
+            code: int = _call(entries[i], words[i])
+            i = i + 1 if code == 0 else ends[i]
 
 
 class Call(Protocol):
@@ -117,10 +134,19 @@ class Call(Protocol):
 
 
 class Chain:
-    """Calls that run one after the other; of no use where compiling is switched off."""
+    """Calls that run one after the other; of no use where compiling is switched off.
 
-    def __init__(self, calls: Sequence[Call]) -> None:
+    ``sizes`` says of how many calls each step consists; default: each call is one.
+    """
+
+    def __init__(self, calls: Sequence[Call], sizes: Sequence[int] = ()) -> None:
         self.calls = tuple(calls)
+        counts = tuple(sizes) or (1,) * len(self.calls)
+        if sum(counts) != len(self.calls) or min(counts, default=1) < 1:
+            raise ValueError(f"steps of {counts} calls are not {len(self.calls)} calls")
+        #: The step of each call, and the first call after that step.
+        self.steps = np.repeat(np.arange(len(counts)), counts)
+        self.ends = np.repeat(np.cumsum(counts, dtype=np.int64), counts)
         self._words = [np.array(_words(call.arguments), np.int64) for call in calls]
         self._entries = np.array([_entry(call) for call in calls], np.int64)
         self._blocks = np.array([words.ctypes.data for words in self._words], np.int64)
@@ -128,20 +154,24 @@ class Chain:
 
     def run(self, begin: int = 0) -> int:
         """Run the calls from ``begin`` on; return -1, or where one wants Python: its index * 2**32 + its code."""
-        return _run(self._entries, self._blocks, begin)
+        return _run(self._entries, self._blocks, self.ends, begin)
 
     def rehearse(self) -> None:
         """Compile, or load, what runs the calls; none of them is run."""
         self.run(len(self.calls))
         self.run_timed(np.zeros(1), 0, len(self.calls))
 
-    def repeat(self, rounds: int) -> None:
-        """Run all calls so many times in one compiled loop, whatever they return: for measurements."""
-        _repeat(self._entries, self._blocks, rounds)
+    def repeat(self, rounds: int, tick: NDArray[np.int64]) -> None:
+        """Run all calls so many times in one compiled loop, whatever they return: for measurements.
+
+        ``tick`` (1,) goes on by one before each time.
+        """
+        _repeat(self._entries, self._blocks, self.ends, tick, rounds)
 
     def run_timed(self, stamps: NDArray[np.float64], first: int, begin: int = 0) -> int:
-        """Do what ``run`` does, and write the host time [s] after call i to ``stamps[first + i]``."""
-        return _run_timed(self._entries, self._blocks, begin, stamps, first, self._clock, self._memory)
+        """Do what ``run`` does, and write the host time [s] after step i to ``stamps[first + i]``."""
+        ends, steps = self.ends, self.steps
+        return _run_timed(self._entries, self._blocks, ends, steps, begin, stamps, first, self._clock, self._memory)
 
 
 def can_join() -> bool:
@@ -151,6 +181,33 @@ def can_join() -> bool:
         and _clock_address() != 0
         and time.get_clock_info("perf_counter").implementation == ("clock_gettime(CLOCK_MONOTONIC)")
     )
+
+
+def runner(calls: Sequence[Call]) -> Callable[[], int]:
+    """Return what runs calls one after the other from Python, as one of which nothing but the joined form is compiled.
+
+    It returns -1, or where one wanted Python, as ``Chain.run`` does; compiling is done here.
+    """
+    if can_join():
+        chain = Chain(calls)
+        chain.rehearse()
+        return chain.run
+
+    def run() -> int:
+        for index, call in enumerate(calls):
+            code = call.function(*call.arguments)
+            if code:
+                return (index << 32) | code
+        return -1
+
+    return run
+
+
+def is_newest(cls: type, joined: str, alone: str) -> bool:
+    """Tell whether no heir has replaced the method ``alone`` of the class whose method ``joined`` would run."""
+    ancestry = cls.__mro__
+    owners = [next(i for i, base in enumerate(ancestry) if name in vars(base)) for name in (joined, alone)]
+    return owners[0] <= owners[1]
 
 
 @cache
@@ -169,6 +226,8 @@ def _words(arguments: Sequence[Any]) -> list[int]:
             words += [argument.ctypes.data, *argument.shape]
         elif isinstance(argument, tuple):
             words += _words(argument)
+        elif argument is None:
+            continue
         elif isinstance(argument, float):
             words.append(int(np.float64(argument).view(np.int64)))
         else:
@@ -193,8 +252,8 @@ def _compiled(function: Callable[..., int], body: str, classes: dict[str, type])
     inner: Any = getattr(function, "py_func", function)
     name = f"{inner.__name__}_{hashlib.sha256(body.encode()).hexdigest()[:12]}"
     names = {
-        "carray": carray, "pointer": _pointer, "function": function, "int64": np.int64, "float64": np.float64,
-        "uint64": np.uint64, "int32": np.int32, "uint8": np.uint8, "__name__": inner.__module__, **classes,
+        "carray": carray, "pointer": _pointer, "function": function, "__name__": inner.__module__,
+        **{kind.__name__: kind for kind in _KINDS}, **classes,
     }  # fmt: skip
     exec(compile(f"def {name}(words):\n    {body}\n", inspect.getfile(inner), "exec"), names)
     made: Any = kernel(names[name])
@@ -223,6 +282,8 @@ class _Writer:
             self.classes[kind.__name__] = kind
             inner = ", ".join(self.write(item) for item in argument)
             return f"{kind.__name__}({inner})" if hasattr(kind, "_fields") else f"({inner},)"
+        if argument is None:
+            return "None"
         if isinstance(argument, bool):
             return f"({self._next()} != 0)"
         if isinstance(argument, float):

@@ -16,7 +16,7 @@ def test_the_command_prints_its_figures(capsys: pytest.CaptureFixture[str]) -> N
     assert main(["bench", "tick", "--ticks", "60", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert 0.0 < found["compiled_us"] < found["tick_us"]["p50"] <= found["tick_us"]["p99"]
-    assert 0 < found["joined_steps"] < found["steps"]
+    assert 0 < found["joined_steps"] == found["steps"]  # nothing of it is Python
     assert main(["bench", "tick", "--ticks", "30"]) == 0
     assert "compiled steps" in capsys.readouterr().out
 

@@ -165,8 +165,8 @@ def render_effects(
     memory: Floats,
     result: Floats,
     extra: Floats,
-) -> None:
-    """Render the effects of one probe for one tick.
+) -> int:
+    """Render the effects of one probe for one tick; return 0.
 
     Parameters
     ----------
@@ -197,3 +197,4 @@ def render_effects(
         pull = -table[near, MAGNET_FORCE] * (1.0 - gap * gap) ** 2
         force = along(force, pull, vector(result, at.RESULT_NEAREST_NORMAL))
     put(extra, 0, force)
+    return 0

@@ -178,8 +178,8 @@ def step(
     near: float,
     memory: Floats,
     result: Floats,
-) -> None:
-    """Move one probe by one step.
+) -> int:
+    """Move one probe by one step; return 0.
 
     Parameters
     ----------
@@ -218,6 +218,7 @@ def step(
         borrowed(result),
     )
     own_site[0, 0] = own_last.size  # a last use: the scratch must live until here
+    return 0
 
 
 @entry

@@ -82,6 +82,7 @@ class Engine:
             self._events,
             self._operating.hold,
             views,
+            self.ledger.tracking.bins,
         )
         self.times = self.ledger.times = Timing(self.plan.names)
         self.fault: DeviceFaultError | None = None

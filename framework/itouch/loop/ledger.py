@@ -3,12 +3,32 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from itouch.compiling import kernel
 from itouch.loop.timing import Timing, merged
+
+
+class Counts(NamedTuple):
+    """Bins of equal width (n,), and of shape (1,): how many were counted, the greatest, and how many bins one is."""
+
+    counts: NDArray[np.uint32]
+    total: NDArray[np.int64]
+    greatest: NDArray[np.float64]
+    per_unit: NDArray[np.float64]
+
+
+@kernel
+def counted(bins: Any, value: float) -> None:
+    """Count one number; what is beyond the last bin, or no number, counts in it."""
+    if value > bins.greatest[0]:
+        bins.greatest[0] = value
+    place, last = value * bins.per_unit[0], bins.counts.shape[0] - 1
+    bins.counts[int(place) if place < last else last] += 1
+    bins.total[0] += 1
 
 
 class Histogram:
@@ -18,18 +38,29 @@ class Histogram:
 
     def __init__(self, width: float) -> None:
         self.width = width
-        self._per_unit = 1.0 / width
-        self.counts = np.zeros(self._BINS, np.uint32)
-        self.total = 0
-        self.greatest = 0.0
+        #: What compiled code counts in; it stays the same.
+        self.bins = Counts(
+            np.zeros(self._BINS, np.uint32), np.zeros(1, np.int64), np.zeros(1), np.array([1.0 / width])
+        )  # fmt: skip
+
+    @property
+    def counts(self) -> NDArray[np.uint32]:
+        """How many numbers each bin has."""
+        return self.bins.counts
+
+    @property
+    def total(self) -> int:
+        """How many numbers were counted."""
+        return int(self.bins.total[0])
+
+    @property
+    def greatest(self) -> float:
+        """The greatest of them, 0 before the first."""
+        return float(self.bins.greatest[0])
 
     def add(self, value: float) -> None:
         """Count one number; what is beyond the last bin counts in it."""
-        if value > self.greatest:
-            self.greatest = value
-        index = int(value * self._per_unit)
-        self.counts[index if index < self._BINS else -1] += 1
-        self.total += 1
+        counted(self.bins, float(value))
 
     def percentile(self, percent: float) -> float | None:
         """Return the upper edge of the bin that holds the percentile, or None if nothing was counted."""
@@ -66,7 +97,8 @@ class Histogram:
             if not 0 <= int(count) < 1 << 32:
                 raise ValueError(f"histogram bin {index} can't hold {count}")
             counts[int(index)] = int(count)
-        self.counts, self.total, self.greatest = counts, int(data["total"]), float(data["greatest"])
+        self.counts[:] = counts
+        self.bins.total[0], self.bins.greatest[0] = int(data["total"]), float(data["greatest"])
 
 
 @dataclass

@@ -18,6 +18,7 @@ from itouch.loop.clock import now
 from itouch.loop.events import Events
 from itouch.loop.fence import Fence
 from itouch.loop.fingers import fingers
+from itouch.loop.ledger import Counts
 from itouch.loop.objects import Objects
 from itouch.loop.rig import ProbeRig
 from itouch.loop.runner import Runner
@@ -84,7 +85,8 @@ class _Joined:
 
     def __init__(self, listed: Sequence[Step], first: int) -> None:
         self.steps, self._mark = tuple(listed), 1 + first
-        self.chain = Chain([step.bound for step in listed if step.bound is not None])
+        self.chain = Chain([bound for step in listed for bound in step.bounds], [len(step.bounds) for step in listed])
+        self._owners, self._ends = self.chain.steps.tolist(), self.chain.ends.tolist()
         self.chain.rehearse()
         self._run = self.chain.run
         self._answers = [step.answer for step in listed]
@@ -100,16 +102,17 @@ class _Joined:
         found = self.chain.run_timed(stamps, self._mark)
         while found >= 0:
             begin = self._answered(found, tick, ready)
-            stamps[self._mark + begin - 1] = now()
+            stamps[self._mark + self._owners[found >> 32]] = now()
             found = self.chain.run_timed(stamps, self._mark, begin)
 
     def _answered(self, found: int, tick: int, ready: bool) -> int:
-        """Do what a step has left to Python, and return the index of the next one."""
-        index, code = found >> 32, found & 0xFFFFFFFF
-        answer = self._answers[index]
+        """Do what a step has left to Python, and return the first call of the next one."""
+        call = found >> 32
+        answer = self._answers[self._owners[call]]
         if answer is not None:
-            answer(code, tick, ready)
-        return index + 1
+            answer(found & 0xFFFFFFFF, tick, ready)
+        end: int = self._ends[call]
+        return end
 
 
 def _pieces(listed: Sequence[Step]) -> Iterator[_Alone | _Joined]:
@@ -117,7 +120,7 @@ def _pieces(listed: Sequence[Step]) -> Iterator[_Alone | _Joined]:
     join, index = can_join(), 0
     while index < len(listed):
         last = index
-        while join and last < len(listed) and listed[last].bound is not None:
+        while join and last < len(listed) and listed[last].bounds:
             last += 1
         if last > index:
             yield _Joined(listed[index:last], index)
@@ -143,20 +146,22 @@ def _writers(listed: Sequence[Step], commands: Sequence[str]) -> Iterator[tuple[
             yield command, step.name
 
 
-def _supervision(runners: Mapping[str, Runner], rigs: Sequence[ProbeRig]) -> Iterator[Step]:
+def _supervision(
+    model: Model, state: Record, runners: Mapping[str, Runner], rigs: Sequence[ProbeRig], tracking: Counts
+) -> Iterator[Step]:  # fmt: skip
     """Yield what checks devices where the finger is, then what acts on one finger together."""
     for runner in runners.values():
         if any(monitor.placed for monitor in runner.model.monitors):
             mine = [rig for rig in rigs if runner in (rig.arm, rig.table)]
             carried = [one for one in runners.values() if one.model.carrier == runner.model.name]
-            yield steps.supervise(runner, mine, carried)
+            yield steps.supervise(runner, mine, carried, state, tracking)
     for finger, devices in fingers(runners, rigs):
-        yield steps.share(finger, devices)
+        yield steps.share(finger, devices, state, model.period)
 
 
 def build(
     model: Model, state: Record, runners: Mapping[str, Runner], rigs: Sequence[ProbeRig], objects: Objects,
-    events: Events, hold: Hold, views: Mapping[str, Record],
+    events: Events, hold: Hold, views: Mapping[str, Record], tracking: Counts,
 ) -> Plan:  # fmt: skip
     """Return the plan of a scene: read, contact, supervision, events, modalities, write; then the twins move on.
 
@@ -170,7 +175,7 @@ def build(
     listed += [steps.contact(rig, model) for rig in rigs]
     listed += [steps.surface(rig) for rig in rigs if rig.table is not None]
     listed += [steps.force(rig) for rig in rigs]
-    listed += _supervision(runners, rigs)
+    listed += _supervision(model, state, runners, rigs, tracking)
     if rigs:
         listed.append(steps.tell(model, events, rigs))
     if model.modalities:

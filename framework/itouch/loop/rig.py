@@ -5,14 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from itouch.loop import render
+import numpy as np
+
+from itouch.loop import carrying, render
 from itouch.loop.contactlog import ContactLog
 from itouch.loop.frames import Frame, Vector
 from itouch.loop.ledger import Ledger
 from itouch.loop.runner import Runner
 from itouch.loop.touch import Toucher
-from itouch.loop.touchoff import TouchOff
-from itouch.plugin import Record, Role
+from itouch.loop.touchoff import Stage, TouchOff
+from itouch.monitors import Surface
+from itouch.monitors.carried import size
+from itouch.plugin import Bound, Record, Role
+from itouch.safety.lifecycle import ENABLED
 from itouch.twin.coupling import Coupling
 from itouch.twin.hand import Hand
 from itouch.world import Model, ProbeModel
@@ -46,7 +51,8 @@ class ProbeRig:
         self.feels_for_real = bool(measured)
         self._felt = self.table.read_as(Role.CONTACT_FORCE) if self.table is not None and measured else None
         self._placed: dict[int, Frame] = {}
-        self._fixed = False
+        #: 1 while frames stay where they are, shape (1,).
+        self._fixed = np.zeros(1, np.int64)
         self._moves = any(runner.model.carrier for _, runner in self._stands)
 
     def _plate_offset(self) -> Vector:
@@ -98,7 +104,7 @@ class ProbeRig:
         """Tell the arm's twin where the finger is, from State; frames are found anew."""
         self.coupling.place()
         self._placed.clear()
-        self._fixed = False
+        self._fixed[0] = 0
 
     @property
     def ready(self) -> bool:
@@ -119,14 +125,32 @@ class ProbeRig:
 
     def contact(self, tick: int, ready: bool) -> None:
         """Find what the finger touches, from this tick's readings."""
-        if not self._fixed:  # a calibration, or what carries a device, may move frames
-            self._fixed = ready and not self._moves
+        if not self._fixed[0]:  # a calibration, or what carries a device, may move frames
+            self._fixed[0] = ready and not self._moves
             for which, runner in self._stands:
                 frame = self.frame_of(runner)
                 if self._placed.get(which) is not frame:
                     self._placed[which] = frame
                     self.toucher.place(which, frame)
-        self.toucher.update(tick)
+        self.toucher.update()
+
+    @property
+    def bound_contact(self) -> tuple[Bound, ...]:
+        """What ``contact`` is as compiled calls, which leave it to Python while frames may move."""
+        return (Bound(carrying.placed, self._fixed), *self.toucher.finds)
+
+    def bound_surface(self) -> tuple[Bound, ...]:
+        """Return ``surface`` as compiled calls, which leave a touch-off and a withdrawal to it; none: it is Python."""
+        table, done = self.table, np.array([int(Stage.DONE)])
+        post = table.panel.surface if table is not None else None
+        if table is None or post is None or not isinstance(post.monitor, Surface):
+            return ()
+        stage = self.touch_off.stage if self.touch_off is not None else done
+        led = Bound(carrying.led, stage, int(Stage.DONE), table.gate, ENABLED, post.state["withdrawn"])
+        closing = Bound(
+            carrying.close_in, self._figures, self._radius, *post.monitor.paces, table.moving.closing, table.clamped
+        )
+        return (led, *self.toucher.carries, closing)
 
     def force(self, tick: int, ready: bool) -> None:
         """Command the arm's part of the force."""
@@ -137,7 +161,7 @@ class ProbeRig:
 
         A touch-off that is not done takes the table over.
         """
-        self.toucher.carry(tick)
+        self.toucher.carry()
         table = self.table
         if table is None or table.panel.surface is None:
             return
@@ -195,7 +219,7 @@ class ProbeRig:
         """Tell the monitors of an arm or a table where the finger is, and how fast."""
         figures, moment = self._figures, runner.panel.moment
         if runner is self.arm:
-            moment.speed = math.hypot(*figures[render.VELOCITY : render.VELOCITY + 3].tolist())
+            moment.speed = size(figures[render.VELOCITY : render.VELOCITY + 3])
         if runner is self.table:
             moment.strayed = distance = figures[render.TRACKING].item()
             if counting:

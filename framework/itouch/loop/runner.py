@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.faults import FaultyTwin
+from itouch.joining import is_newest
 from itouch.loop.frames import Frame, frame
-from itouch.loop.step import is_newest
 from itouch.plugin import Bound, Channel, Record, Role, Touch
 from itouch.plugin.quantity import SIZES
 from itouch.safety import DeviceFaultError, Status, Supervisor, Trip

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
+from itouch.joining import SKIP
 from itouch.plugin import Bound
 
 #: What a step calls: the number of the tick, and whether the rig is calibrated so that scripts go on.
@@ -24,8 +25,8 @@ class Step:
     ``reads`` and ``writes`` name fields of State; a name that ends, or begins, in ``*`` stands for all that begin, or
     end, so, and ``reads`` is None where a plugin does not say.  ``every``: in how many ticks it runs once.
 
-    A step with a ``bound`` call joins the steps beside it that have one: together they are one call from Python.  What
-    it leaves to Python, ``answer`` does.
+    A step with ``bounds`` joins the steps beside it that have some: together they are one call from Python.  What it
+    leaves to Python, ``answer`` does; what has not been run of its bounds then is left out.
     """
 
     name: str
@@ -34,8 +35,13 @@ class Step:
     writes: tuple[str, ...] = ()
     every: int = 1
     code: str = PYTHON
-    bound: Bound | None = None
+    bounds: tuple[Bound, ...] = ()
     answer: Answer | None = None
+
+    @property
+    def bound(self) -> Bound | None:
+        """The call of a step that is a single one."""
+        return self.bounds[0] if len(self.bounds) == 1 else None
 
     def fitted(self, fields: Iterable[str]) -> Step:
         """Return the step with only those names that stand for any of the fields that there are."""
@@ -48,24 +54,24 @@ class Step:
         return matching(self.writes, fields)
 
 
-def is_newest(cls: type, joined: str, alone: str) -> bool:
-    """Tell whether no heir has replaced the method ``alone`` of the class whose method ``joined`` would run."""
-    ancestry = cls.__mro__
-    owners = [next(i for i, base in enumerate(ancestry) if name in vars(base)) for name in (joined, alone)]
-    return owners[0] <= owners[1]
-
-
 def joinable(
-    name: str, bound: Bound, reads: tuple[str, ...] | None, writes: tuple[str, ...], answer: Answer | None = None
-) -> Step:
+    name: str, bound: Bound | Sequence[Bound], reads: tuple[str, ...] | None, writes: tuple[str, ...],
+    answer: Answer | None = None,
+) -> Step:  # fmt: skip
     """Return a step that is compiled; ``work`` does the same where nothing can be joined."""
+    bounds = (bound,) if isinstance(bound, Bound) else tuple(bound)
 
     def work(tick: int, ready: bool) -> None:
-        code = bound()
-        if code and answer is not None:
-            answer(code, tick, ready)
+        for one in bounds:
+            code = one()
+            if code == SKIP:
+                return
+            if code:
+                if answer is not None:
+                    answer(code, tick, ready)
+                return
 
-    return Step(name, work, reads, writes, 1, COMPILED, bound, answer)
+    return Step(name, work, reads, writes, 1, COMPILED, bounds, answer)
 
 
 def _fitting(patterns: tuple[str, ...], fields: tuple[str, ...]) -> tuple[str, ...]:

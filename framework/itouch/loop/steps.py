@@ -7,16 +7,22 @@ test holds it against what a step is seen to change.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
+from itouch.joining import is_newest
+from itouch.loop import carrying
 from itouch.loop.blame import foreign_write, modality_fault
 from itouch.loop.events import Events
 from itouch.loop.fence import Fence
+from itouch.loop.ledger import Counts
 from itouch.loop.objects import Objects
+from itouch.loop.placing import bound_supervision, bound_together
 from itouch.loop.rig import ProbeRig
 from itouch.loop.runner import Runner
-from itouch.loop.step import CALLS_KERNELS, Step, is_newest, joinable
-from itouch.plugin import Record
+from itouch.loop.step import CALLS_KERNELS, Step, joinable
+from itouch.plugin import Bound, Record
 from itouch.safety import Finger, Hold
+from itouch.safety.watching import LOOK
 from itouch.world import ModalityModel, Model
 from itouch.world.failing import failing
 
@@ -42,7 +48,10 @@ def read(runner: Runner) -> Step:
     """Take the newest reading of a device or its twin."""
     name = runner.model.name
     written = (*_readings(runner), *_of(name, "age", "measured", "left", "out.*", "twin.*", "watchdog.*", *_TRIPPED))
-    return Step(f"read {name}", lambda tick, ready: runner.take(tick), _of(name, "status", "twin.*"), written)
+    reads, bounds = _of(name, "status", "twin.*"), runner.bound_take()
+    if bounds:
+        return joinable(f"read {name}", bounds, reads, written, lambda code, tick, ready: runner.take(tick))
+    return Step(f"read {name}", lambda tick, ready: runner.take(tick), reads, written)
 
 
 def watch(runner: Runner) -> Step:
@@ -50,7 +59,17 @@ def watch(runner: Runner) -> Step:
     name = runner.model.name
     written = (*_readings(runner), *_of(name, "age", "sequence", *_watched(runner), *_TRIPPED))
     reads = (*_readings(runner), *_of(name, "status", "age", "sent.*", "touched", "felt", *_watched(runner)))
-    return Step(f"watch {name}", lambda tick, ready: runner.watch_reading(tick), reads, written)
+    bound = runner.bound_watch()
+    if bound is None:
+        return Step(f"watch {name}", lambda tick, ready: runner.watch_reading(tick), reads, written)
+
+    def answer(code: int, tick: int, ready: bool) -> None:
+        if code == LOOK:
+            runner.look(tick)
+        else:
+            runner.watch_reading(tick)
+
+    return joinable(f"watch {name}", bound, reads, written, answer)
 
 
 def move_objects(model: Model, objects: Objects) -> Step:
@@ -71,7 +90,9 @@ def contact(rig: ProbeRig, model: Model) -> Step:
     )  # fmt: skip
     figures += _of(name, "felt_force") if rig.table is None else ()
     reads = (f"{rig.tracker.model.name}.pose", "*.calibration", "objects.pose", "objects.twist", *figures)
-    return Step(f"contact {name}", rig.contact, reads, figures, 1, CALLS_KERNELS)
+    return joinable(
+        f"contact {name}", rig.bound_contact, reads, figures, lambda code, tick, ready: rig.contact(tick, ready)
+    )
 
 
 def surface(rig: ProbeRig) -> Step:
@@ -82,8 +103,13 @@ def surface(rig: ProbeRig) -> Step:
     reads = (*figures, *_of(name, "normal_force", "hip", "normal", "object", "contact.object"))
     reads += _of(table, "pose", "wrench", "sent.pose_target", "touch_off.*", "calibration", "surface.*")
     written = _of(table, "command.pose_target", "touch_off.*", "calibration", "surface.withdrawn", "clamped")
-    hand = _of(name, "hand.offset")
-    return Step(f"surface {name}", rig.surface, (*reads, "objects.pose"), (*figures, *written, *hand), 1, CALLS_KERNELS)
+    reads, written = (*reads, "objects.pose"), (*figures, *written, *_of(name, "hand.offset"))
+    bounds = rig.bound_surface()
+    if bounds:
+        return joinable(
+            f"surface {name}", bounds, reads, written, lambda code, tick, ready: rig.surface(tick, ready)
+        )  # fmt: skip
+    return Step(f"surface {name}", rig.surface, reads, written, 1, CALLS_KERNELS)
 
 
 def force(rig: ProbeRig) -> Step:
@@ -93,7 +119,7 @@ def force(rig: ProbeRig) -> Step:
     reads += (f"{rig.table.model.name}.wrench",) if rig.table is not None else ()
     written = (*_of(name, "surface.share", "surface.cut"),)
     written += (f"{rig.arm.model.name}.command.wrench",) if rig.arm is not None else ()
-    return Step(f"force {name}", rig.force, reads, written, 1, CALLS_KERNELS)
+    return joinable(f"force {name}", rig.toucher.pushes, reads, written)
 
 
 def tell(model: Model, events: Events, rigs: Sequence[ProbeRig]) -> Step:
@@ -102,7 +128,10 @@ def tell(model: Model, events: Events, rigs: Sequence[ProbeRig]) -> Step:
     noted = tuple(f"{name}.{field}" for name in probes for field in ("near_object", "contact.*"))
     heard = tuple(f"{one.name}.*" for one in model.modalities if one.instance.hears)
     reads = tuple(f"{name}.*" for name in probes)
-    return Step("events", events.update, (*reads, *heard, "objects.*"), (*noted, *heard, "events.*"))
+    return joinable(
+        "events", [rig.toucher.quiet(events.moves) for rig in rigs], (*reads, *heard, "objects.*"),
+        (*noted, *heard, "events.*"), lambda code, tick, ready: events.update(tick, ready),
+    )  # fmt: skip
 
 
 def modality(model: Model, one: ModalityModel, state: Record, around: Fence) -> Step:
@@ -125,36 +154,36 @@ def modality(model: Model, one: ModalityModel, state: Record, around: Fence) -> 
 
     commands = tuple(".command.".join(command.split(".", 1)) for command in one.commands)
     own, reads = (f"{one.name}.*", *commands), one.instance.reads(compiled)
-    bound = None
-    if every == 1 and is_newest(type(one.instance), "bound_update", "update"):
+    bound: Bound | tuple[Bound, ...] | None = None
+    if (every == 1 or not one.attends) and is_newest(type(one.instance), "bound_update", "update"):
         with failing(f"modality '{one.name}'", "bound_update", model.place_of(one.name)):
             bound = one.instance.bound_update(compiled, state, period)
-    if bound is not None:
-        return joinable(one.name, bound, reads, own, lambda code, tick, ready: run(tick, ready))
+    calls = (bound,) if isinstance(bound, Bound) else bound or ()
+    if calls:
+        bounds = calls if every == 1 else (Bound(carrying.turn, state["tick"], every), *calls)
+        return replace(
+            joinable(one.name, bounds, reads, own, lambda code, tick, ready: run(tick, ready)), every=every
+        )  # fmt: skip
     return Step(one.name, run, reads, own, 1 if one.attends else every)
 
 
 def fence(model: Model, around: Fence) -> Step:
     """Remember what modalities may not write: compiled code could, whatever it was given."""
-
-    def run(tick: int, ready: bool) -> None:
-        around.take()
-
-    return Step("fence", run, ("*",))
+    return joinable("fence", around.keep, ("*",), ())
 
 
 def mend(model: Model, around: Fence) -> Step:
     """Put back what modalities may not write, before anything is checked or sent; it is a fault."""
 
-    def run(tick: int, ready: bool) -> None:
-        changed = around.mend()
-        if changed:
-            raise foreign_write(model, model.modalities, changed, tick)
+    def answer(code: int, tick: int, ready: bool) -> None:
+        raise foreign_write(model, model.modalities, around.mend(), tick)
 
-    return Step("mend", run, ("*",))
+    return joinable("mend", around.look, ("*",), (), answer)
 
 
-def supervise(runner: Runner, rigs: Sequence[ProbeRig], carried: Sequence[Runner]) -> Step:
+def supervise(
+    runner: Runner, rigs: Sequence[ProbeRig], carried: Sequence[Runner], state: Record, tracking: Counts
+) -> Step:  # fmt: skip
     """Let the monitors of a device look that need to know where the finger is."""
     name = runner.model.name
     present = [rig.present for rig in rigs if runner in (rig.arm, rig.table)]
@@ -173,16 +202,25 @@ def supervise(runner: Runner, rigs: Sequence[ProbeRig], carried: Sequence[Runner
     written = _of(name, "arm.*", "surface.*", "touched", "felt")
     for one in carried:
         written += _of(one.model.name, "touched", "felt")
+    mine = [rig for rig in rigs if runner in (rig.arm, rig.table)]
+    bounds = bound_supervision(runner, mine[0], carried, state, tracking) if len(mine) == 1 else ()
+    if bounds:
+        return joinable(f"supervise {name}", bounds, reads, written, lambda code, tick, ready: run(tick, ready))
     return Step(f"supervise {name}", run, reads, written)
 
 
-def share(finger: Finger, devices: Sequence[Runner]) -> Step:
+def share(finger: Finger, devices: Sequence[Runner], state: Record, period: float) -> Step:
     """Limit together what acts on one finger."""
     names = [runner.model.name for runner in devices]
     reads = tuple(
         f"{name}.{field}" for name in names for field in ("heat.*", "sent.*", "touched", "status", "surface.*")
     )
     written = tuple(f"{name}.surface.*" for name in names)
+    bound = bound_together(finger, state, period)
+    if bound is not None:
+        return joinable(
+            f"together {finger.name}", bound, reads, written, lambda code, tick, ready: finger.check(tick)
+        )  # fmt: skip
     return Step(f"together {finger.name}", lambda tick, ready: finger.check(tick), reads, written)
 
 
@@ -204,6 +242,9 @@ def guard(runner: Runner) -> Step:
         *(f"{one.name}.share" for one in runner.model.monitors),
     )
     written = _of(name, "sent.*", "clamped", "dropped", *_TRIPPED)
+    bounds = runner.bound_guard()
+    if bounds:
+        return joinable(f"guard {name}", bounds, reads, written, lambda code, tick, ready: runner.guard(tick))
     return Step(f"guard {name}", lambda tick, ready: runner.guard(tick), reads, written)
 
 
@@ -246,7 +287,8 @@ def twin(runner: Runner) -> Step:
     name, own = runner.model.name, _of(runner.model.name, "twin.*")
     bound, reads = runner.bound_twin(), (*own, *_of(name, "sent.*"))
     if bound is not None:
-        return joinable(f"twin {name}", bound, reads, own, lambda code, tick, ready: runner.step_twin(tick))
+        bounds = (Bound(carrying.original, runner.replaced), bound)
+        return joinable(f"twin {name}", bounds, reads, own, lambda code, tick, ready: runner.step_twin(tick))
     return Step(f"twin {name}", lambda tick, ready: runner.step_twin(tick), reads, own)
 
 

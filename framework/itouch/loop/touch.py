@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
@@ -16,10 +15,11 @@ from itouch.contact import layout as at
 from itouch.contact.effects import render_effects
 from itouch.contact.step import step
 from itouch.contact.surfaces import effects_table
-from itouch.loop import render, surface
+from itouch.joining import runner
+from itouch.loop import carrying, render, surface
 from itouch.loop.frames import Frame
 from itouch.loop.runner import Runner
-from itouch.plugin import Contact, ContactEvent, Record, Role
+from itouch.plugin import Bound, Contact, ContactEvent, Record, Role
 from itouch.world import Model, ProbeModel
 from itouch.world import limits as default
 
@@ -52,65 +52,60 @@ class Toucher:
         self.plate, self.below = state[f"{name}.plate"], state[f"{name}.below"]
         self.current, self.separated = state[f"{name}.contact.object"], state[f"{name}.contact.separated"]
         self.begin = state[f"{name}.contact.begin"]
-        self._afresh = False
-        self._nearest = -1
+        #: The nearest object, -1: none; and 1 while the tracker's next place is taken without a velocity; shape (1,).
+        self._nearest, self._afresh = np.full(1, -1, np.int64), np.zeros(1, np.int64)
         self._patience = round(SEPARATION_TIME / model.period)
         self._constants = _constants(model, probe, arm, table, offset)
         self._bind(model, probe, state, tracker, arm, table)
-        self._warm_up()
+        self._found, self._carried = runner(self.finds), runner(self.carries)
+        self._pushed = runner((self.pushes,))
 
     def _bind(
         self, model: Model, probe: ProbeModel, state: Record, tracker: Runner, arm: Runner | None, table: Runner | None
     ) -> None:
         """Collect the views that the compiled tick works on."""
         nothing = np.zeros(7)
-        self._carrying, self._felt = table is not None, state[f"{probe.name}.felt_force"]
-        self.load = table.read_as(Role.CONTACT_FORCE) if table is not None else nothing
+        load, tick = table.read_as(Role.CONTACT_FORCE) if table is not None else nothing, state["tick"]
+        self._follows = (self._constants, tracker.read_as(Role.TRACKED_POSE), self.figures, self._afresh, tick)
         world, mesh, poses = model.geometry.world, model.geometry.mesh, state["objects.pose"]
         self._poses, self._twists, self._moving = poses, state["objects.twist"], bool(model.moving)
-        self._follows = (self._constants, tracker.read_as(Role.TRACKED_POSE), self.figures)
         stiffness = np.array([coupling.stiffness for coupling in probe.coupling], np.float64)
-        self._steps = (
-            world, mesh, poses, state["objects.twist"], stiffness, self.figures[:3], probe.scene.radius,
+        found = [Bound(carrying.follow, *self._follows)]
+        steps = Bound(
+            step, world, mesh, poses, state["objects.twist"], stiffness, self.figures[:3], probe.scene.radius,
             probe.scene.near, self.memory, self.result,
         )  # fmt: skip
         damping = np.array([c.damping for c in probe.coupling], np.float64)
-        self._renders = (self._constants, poses, self._twists, damping, self.figures, self.result)
-        self._carries = (
-            self._constants, world, mesh, poses,
+        touched = Bound(
+            carrying.touch, self._constants, poses, self._twists, damping, self.figures, self.result, self.object,
+            self._nearest,
+        )  # fmt: skip
+        carry = Bound(
+            carrying.carry, self._constants, world, mesh, poses,
             table.read_as(Role.TRACKED_POSE) if table is not None else nothing,
             table.sent_as(Role.SURFACE_POSE) if table is not None else nothing,
             self.figures, self.surface, table.commanded(Role.SURFACE_POSE) if table is not None else np.zeros(7),
+            load, self.object, tick, model.period, self.below, self.plate,
         )  # fmt: skip
-        self._pushes = (
-            self._constants,
-            self.figures,
-            self.surface,
-            arm.commanded(Role.FORCE_ON_OPERATOR) if arm is not None else np.zeros(6),
-        )
-        self._effects: tuple[Any, ...] | None = None
-        if (effects := effects_table(probe.effects)) is not None:
+        wrench = arm.commanded(Role.FORCE_ON_OPERATOR) if arm is not None else np.zeros(6)
+        #: What commands the arm's part of the force.
+        self.pushes = Bound(carrying.push, self._constants, self.figures, self.surface, wrench, load, self.object)
+        if model.objects:
+            found.append(steps)
+        if model.objects and (effects := effects_table(probe.effects)) is not None:
             figures = self.figures
-            self._effects = (
-                *effects, world, poses, stiffness, figures[:3], figures[render.VELOCITY : render.VELOCITY + 3],
-                model.period, state[f"{probe.name}.effects"], self.result,
-                figures[render.EFFECT_FORCE : render.EFFECT_FORCE + 3],
+            effect = Bound(
+                render_effects, *effects, world, poses, stiffness, figures[:3],
+                figures[render.VELOCITY : render.VELOCITY + 3], model.period, state[f"{probe.name}.effects"],
+                self.result, figures[render.EFFECT_FORCE : render.EFFECT_FORCE + 3],
             )  # fmt: skip
-
-    def _warm_up(self) -> None:
-        """Compile now, not in the first tick: the same calls on copies."""
-        kernels: list[tuple[Callable[..., Any], tuple[Any, ...]]] = [
-            (render.follow, (*self._follows, True)),
-            (surface.share, (*self._pushes, 0.0, False)),
-        ]
-        if self._carrying:
-            kernels.append((surface.carry, (*self._carries, 0.0, False, 0.0)))
-        if self.model.objects:
-            kernels += [(step, self._steps), (render.touch, self._renders)]
-        if self._effects is not None:
-            kernels.append((render_effects, self._effects))
-        for kernel, arguments in kernels:
-            kernel(*(v.copy() if isinstance(v, np.ndarray) and v.flags.writeable else v for v in arguments))
+            found.append(effect)
+        if model.objects:
+            found.append(touched)
+        if table is None:  # nothing but the virtual force can be felt
+            found.append(Bound(carrying.only_virtual, self.figures, state[f"{probe.name}.felt_force"]))
+        #: What follows the tracker and finds what it touches; what carries the surface, if there is one.
+        self.finds, self.carries = tuple(found), (carry,) if table is not None else ()
 
     def reset(self) -> None:
         """Begin without contact."""
@@ -121,7 +116,8 @@ class Toucher:
 
     def restart(self) -> None:
         """Forget how the tracker moved before: it stands where it reads now."""
-        render.follow(*self._follows, True)
+        self._afresh[0] = 1
+        carrying.follow(*self._follows)
         self.figures[render.VELOCITY : render.VELOCITY + 3] = 0.0
 
     def place(self, which: int, frame: Frame) -> None:
@@ -131,34 +127,29 @@ class Toucher:
     def settle(self) -> None:
         """Take the tracker's next place without a velocity: hardware may have moved while nothing ran."""
         self.figures[render.VELOCITY : render.VELOCITY + 3] = 0.0
-        self._afresh = True
+        self._afresh[0] = 1
 
-    def update(self, tick: int) -> None:
+    def update(self) -> None:
         """Follow the tracker, and find what it touches."""
-        render.follow(*self._follows, tick == 0 or self._afresh)
-        self._afresh = False
-        if self.model.objects:
-            step(*self._steps)
-            if self._effects is not None:
-                render_effects(*self._effects)
-            primary, self._nearest = render.touch(*self._renders)
-            self.object[...] = primary
-        if not self._carrying:  # nothing but the virtual force can be felt
-            self._felt[...] = self.figures[render.NORMAL_FORCE]
+        self._found()
 
-    def carry(self, tick: int) -> None:
+    def carry(self) -> None:
         """Find the surface below the finger, command the table to it, and say whether it renders the contact."""
-        touching, time = self.object.item() >= 0, tick * self.model.period
-        self.below[...] = surface.carry(*self._carries, self.load[2], touching, time)
-        self.plate[...] = int(self.surface[surface.PRESENT].item())
+        self._carried()
 
     def push(self) -> None:
         """Command the arm's part of the force."""
-        surface.share(*self._pushes, self.load[2], self.object.item() >= 0)
+        self._pushed()
+
+    def quiet(self, moves: bool) -> Bound:
+        """Return what tells that there is no event in a tick."""
+        return Bound(
+            carrying.quiet, self._nearest, self.near_object, self.current, self.object, self.separated, moves
+        )  # fmt: skip
 
     def events(self, tick: int, tell: Listener, moves: bool) -> None:
         """Emit the events of this tick: NEAR, then END and BEGIN, or MOVE if anybody hears it."""
-        nearest = self._nearest
+        nearest = self._nearest[0].item()
         if nearest != self.near_object.item():
             self.near_object[...] = nearest
             if nearest >= 0:

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
-from typing import ClassVar
+from functools import cached_property
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from itouch.monitors import limits as default
 from itouch.monitors.trips import Trip
 from itouch.plugin import Field, Moment, Monitor, Record, Role, Rule, Watched
+
+if TYPE_CHECKING:
+    from itouch.monitors import pushed
 
 #: Room for rounding in a force that was limited.
 _ROUNDING = 1e-9
@@ -44,17 +50,21 @@ class Arm(Monitor):
 
     def check(self, state: Record, reading: Record, sent: Record, moment: Moment) -> float:
         """Return the part of the force that the finger's speed leaves: all of it up to 0.8 m/s, none at 1.2 m/s."""
-        force = math.hypot(*sent[self._wrench.name][:3].tolist())
-        if force > self._force * (1.0 + _ROUNDING):  # nothing that was limited can be more
-            state["figure"][...] = force
-            return -float(Trip.FINGER_FORCE)
-        speed = moment.speed
-        if speed <= default.ARM_SPEED:
-            return 1.0
-        if not speed <= default.ARM_SPEED_TRIP:
-            state["figure"][...] = speed
-            return -float(Trip.SPEED)
-        return (default.ARM_SPEED_TRIP - speed) / (default.ARM_SPEED_TRIP - default.ARM_SPEED)
+        from itouch.monitors.pushed import check  # the compiler is loaded when a device runs
+
+        return check(self.pushing, self.sent_of(sent), float(moment.speed), state["figure"].reshape(1))
+
+    @cached_property
+    def pushing(self) -> pushed.Pushing:
+        """Its limits as compiled code takes them."""
+        from itouch.monitors.pushed import Pushing
+
+        slow, fast = default.ARM_SPEED, default.ARM_SPEED_TRIP
+        return Pushing(self._force * (1.0 + _ROUNDING), slow, fast, int(Trip.FINGER_FORCE), int(Trip.SPEED))
+
+    def sent_of(self, sent: Record) -> NDArray[np.float64]:
+        """Return the force of what was sent."""
+        return sent[self._wrench.name]
 
     def sentence(self, code: int, state: Record, reading: Record, moment: Moment) -> str:
         """Say how fast, or how strong."""

@@ -7,11 +7,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import ClassVar
+from functools import cached_property
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
 
 from itouch.monitors import limits as default
 from itouch.monitors.trips import Trip
 from itouch.plugin import Channel, Field, Moment, Monitor, Record, Role, Rule, Watched
+
+if TYPE_CHECKING:
+    from itouch.monitors import believing
 
 #: T8: greatest change of a temperature between two readings [K], and range of any temperature [K].
 TEMPERATURE_JUMP, TEMPERATURE_RANGE = 20.0, (263.15, 353.15)
@@ -51,13 +57,7 @@ class Readings(Monitor):
             low += least
             high += most
             speeds += _change(channel, device.commands)
-        self._low, self._high = low, high
-        rows = enumerate(zip(low, high, speeds, strict=True))
-        self._checked = [
-            (i, least, most, speed, room)
-            for i, (least, most, (speed, room)) in rows
-            if most < _MOST or speed + room < _MOST
-        ]
+        self._low, self._high, self._speeds = low, high, speeds
         self._sane = [bounds for channel in device.reads for bounds in _sane(channel)]
         self._pairs = pairs(device)
 
@@ -95,39 +95,37 @@ class Readings(Monitor):
         values: Floats = reading.numbers.tolist()
         return all(low <= value <= high for value, (low, high) in zip(values, self._sane, strict=True))
 
+    def memory(self, state: Record) -> believing.Memory:
+        """Return what it remembers as compiled code takes it."""
+        from itouch.monitors.believing import Memory
+
+        return Memory(state["believed"], state["known"].reshape(1), state["figure"])
+
+    @cached_property
+    def able(self) -> believing.Believable:
+        """What readings can be, as compiled code takes it."""
+        from itouch.monitors.believing import Believable
+
+        checked = [
+            index
+            for index, (most, (speed, room)) in enumerate(zip(self._high, self._speeds, strict=True))
+            if most < _MOST or speed + room < _MOST
+        ]
+        speeds = np.array(self._speeds, np.float64).reshape(-1, 2)
+        trips = [int(_TRIPS.get(channel.role, Trip.SENSOR_RANGE)) for channel in self._channels]
+        return Believable(
+            np.array(self._low), np.array(self._high), np.array(trips, np.int64), np.array(checked, np.int64),
+            speeds[:, 0].copy(), speeds[:, 1].copy(), np.array([one for one, _ in self._pairs], np.int64),
+            np.array([other for _, other in self._pairs], np.int64), np.array([DISAGREEMENT]),
+            np.array([int(Trip.SENSOR_DISAGREE)]), np.array([int(Trip.SENSOR_JUMP)]),
+            np.array([int(Trip.NOT_A_NUMBER)]),
+        )  # fmt: skip
+
     def check(self, state: Record, reading: Record, sent: Record, moment: Moment) -> float:
         """Check the newest reading; ``moment.seconds`` is the time since the reading before."""
-        raw = reading.numbers
-        values: Floats = raw.tolist()
-        total = sum(values)
-        if total - total != 0.0:  # something is not a number, or infinite
-            return self._found(state, values)
-        last: Floats = state["believed"].tolist() if state["known"].item() else values
-        seconds = moment.seconds
-        for index, low, high, speed, room in self._checked:
-            value = values[index]
-            if not low <= value <= high:
-                return self._found(state, values)
-            if abs(value - last[index]) > speed * seconds + room:
-                state["figure"][:] = (index, 0.0)
-                return -float(Trip.SENSOR_JUMP)
-        for first, second in self._pairs:
-            if abs(values[first] - values[second]) > DISAGREEMENT:
-                state["figure"][:] = (first, abs(values[first] - values[second]))
-                return -float(Trip.SENSOR_DISAGREE)
-        state["believed"][:] = raw
-        state["known"][...] = 1
-        return 1.0
+        from itouch.monitors.believing import check  # the compiler is loaded when a device runs
 
-    def _found(self, state: Record, values: Floats) -> float:
-        """Note which number is out of range or none at all, and return its trip."""
-        for index, value in enumerate(values):
-            if not math.isfinite(value) or not self._low[index] <= value <= self._high[index]:
-                state["figure"][:] = (index, 0.0)
-                trip = _TRIPS.get(self._channels[index].role, Trip.SENSOR_RANGE)
-                return -float(trip if math.isfinite(value) else Trip.NOT_A_NUMBER)
-        state["figure"][:] = (-1.0, 0.0)
-        return -float(Trip.NOT_A_NUMBER)
+        return check(self.able, self.memory(state), reading.numbers, float(moment.seconds))
 
     def sentence(self, code: int, state: Record, reading: Record, moment: Moment) -> str:
         """Name the reading and its value."""

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from itouch.monitors import limits as default
 from itouch.monitors.trips import Trip
 from itouch.plugin import Field, Moment, Monitor, Record, Role, Rule, Watched
+
+if TYPE_CHECKING:
+    from itouch.monitors import carried
 
 #: Force [N] that counts as a touch of the plate; gap [m] that does, too, once the height is known.
 TOUCH_FORCE, TOUCH_GAP = 0.03, 2e-4
@@ -92,11 +95,16 @@ class Surface(Monitor):
         state["near_since"][...] = state["looked"][...] = math.nan
         state["places"][...] = 0
 
+    @property
+    def paces(self) -> tuple[float, float, float, float]:
+        """The distance [m] from its command that stops it, that at which a finger is near, and its speeds [m/s]."""
+        return default.TRACKING, default.NEAR, self._near, self._speed
+
     def closing(self, gap: float, strayed: float) -> float:
         """Return how fast [m/s] the surface may approach the finger now (K5); not while it is astray (K6)."""
-        if strayed > default.TRACKING:
-            return 0.0
-        return self._near if gap < default.NEAR else self._speed
+        from itouch.monitors.carried import pace  # the compiler is loaded when a device runs
+
+        return pace(gap, strayed, *self.paces)
 
     def follow(self, state: Record, target: float, lifted: bool) -> float:
         """Return the height [m] to command: the bottom of the travel while it is withdrawn (T4).
@@ -158,12 +166,23 @@ class Surface(Monitor):
             state["withdrawn"][...] = 1
         return 1.0
 
+    def load(self, reading: Record) -> carried.Load:
+        """Return what its sensor reads of the force on it, as compiled code takes it."""
+        from itouch.monitors.carried import Load
+
+        sensed = reading[self._load] if self._load else np.zeros(0)
+        return Load(sensed, np.array(self._torques if self._load else (), np.int64), np.array([LEVER]))
+
     def felt(self, reading: Record) -> float:
         """Return the force [N] on the surface in whatever direction; a torque counts as a force, too."""
-        if not self._load:
-            return 0.0
-        load = reading[self._load].tolist()
-        return max(math.hypot(*load[:3]), math.hypot(*(load[axis] for axis in self._torques)) / LEVER)
+        from itouch.monitors.carried import felt
+
+        return felt(self.load(reading))
+
+    @property
+    def most(self) -> tuple[float, float, float]:
+        """The distance [m] and force [N] beyond which more than a glance is needed, and the time [s] between looks."""
+        return default.TRACKING_TRIP, float(self._force_trip), _DUE
 
     def _astray(self, state: Record, moment: Moment) -> bool:
         """Tell whether the surface has been away from its command for too long (K6)."""

@@ -8,6 +8,28 @@ from typing import Any
 import numpy as np
 
 
+def _rows(value: Any) -> Any:
+    """Return an argument with each scalar of State as an array of one number, also inside tuples."""
+    if isinstance(value, np.ndarray):
+        return value.reshape(1) if value.ndim == 0 else value
+    if isinstance(value, tuple):
+        inner = [_rows(item) for item in value]
+        kind: Any = type(value)
+        return kind._make(inner) if hasattr(kind, "_fields") else tuple(inner)
+    return value
+
+
+def _copied(value: Any) -> Any:
+    """Return an argument whose arrays are copies."""
+    if isinstance(value, np.ndarray):
+        return value.copy()
+    if isinstance(value, tuple):
+        inner = [_copied(item) for item in value]
+        kind: Any = type(value)
+        return kind._make(inner) if hasattr(kind, "_fields") else tuple(inner)
+    return value
+
+
 class Bound:
     """A call whose arguments stay the same: views of State, constants, numbers.
 
@@ -16,24 +38,35 @@ class Bound:
     Parameters
     ----------
     function
-        Compiled by ``itouch.plugin.kernels.kernel``; returns 0, or another number if Python is wanted.
+        Compiled by ``itouch.plugin.kernels.kernel``; returns 0, or a number from 1 to 2**32 - 1 if Python is wanted.
     arguments
         Contiguous arrays (a scalar of State is one of one number), named tuples of arrays, and numbers.  What changes
         must stand in an array.
     """
 
-    __slots__ = ("arguments", "function")
+    __slots__ = ("_joined", "arguments", "function")
 
     def __init__(self, function: Callable[..., int], *arguments: Any) -> None:
         self.function = function
-        self.arguments = tuple(
-            value.reshape(1) if isinstance(value, np.ndarray) and value.ndim == 0 else value for value in arguments
-        )
+        self.arguments = tuple(_rows(value) for value in arguments)
+        self._joined: Callable[[], int] | None = None
 
     def __call__(self) -> int:
         """Call the function from Python, alone."""
         return self.function(*self.arguments)
 
+    def run(self) -> int:
+        """Call the function from Python in the form in which it joins: no other form of it is compiled then.
+
+        The first call of a `Bound` costs more than an ordinary one, the others cost less.
+        """
+        if self._joined is None:
+            from itouch.joining import runner
+
+            self._joined = runner((self,))
+        found = self._joined()
+        return found & 0xFFFFFFFF if found >= 0 else 0
+
     def rehearse(self) -> None:
         """Call the function on copies, so that it is compiled before the first tick."""
-        self.function(*(value.copy() if isinstance(value, np.ndarray) else value for value in self.arguments))
+        self.function(*(_copied(value) for value in self.arguments))

@@ -110,6 +110,14 @@ class Twin(ABC):
     def read(self, state: Record, reading: Record) -> bool | None:
         """Fill every field of the reading; return False if there is nothing new."""
 
+    def bound_read(self, state: Record, reading: Record) -> Bound | None:
+        """Return what ``read`` does with these, which stay the same, as one compiled call; None: it is Python.
+
+        It returns 0 for a new reading.  A call that returns another number has changed nothing, and leaves this tick
+        to ``read``.
+        """
+        return None
+
 
 class Device(Grouped, ABC):
     """A device plugin: three declarations and four methods; lifecycle, limits, threads and NaN belong to the framework.

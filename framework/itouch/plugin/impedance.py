@@ -22,8 +22,6 @@ from itouch.plugin.record import Field, Record
 Vector = tuple[float, float, float]
 
 _REST = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
-#: Adding and subtracting it rounds a number to an integer, and leaves NaN what it is.
-_TO_INTEGER = 1.5 * 2.0**52
 
 
 class ArmDriver(Protocol):
@@ -75,17 +73,16 @@ class FingerTwin(Twin):
         if touch.finger_attached:
             state["pose"] = touch.finger_pose
 
+    def bound_read(self, state: Record, reading: Record) -> Bound:
+        """Return the reading of these views as one compiled call."""
+        from itouch.plugin.kernels import encoded
+
+        switch = reading[self.switch] if self.switch in reading else np.zeros(0)
+        return Bound(encoded, state["pose"], float(self.params.resolution), self.turns, reading[self.pose], switch)
+
     def read(self, state: Record, reading: Record) -> bool | None:
         """Give the pose in steps of the encoders; the operator of a twin holds the switch."""
-        values: list[float] = state["pose"].tolist()
-        step = self.params.resolution
-        if step > 0.0:
-            values[:3] = [(part / step + _TO_INTEGER - _TO_INTEGER) * step for part in values[:3]]
-        if not self.turns:
-            values[3:] = _REST[3:]
-        reading[self.pose] = values
-        if self.switch in reading:
-            reading[self.switch] = 1.0
+        self.bound_read(state, reading)()
         return True
 
 

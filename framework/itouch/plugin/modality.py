@@ -197,11 +197,11 @@ class Modality(ABC):
         Nothing that is rendered may depend on it.
         """
 
-    def bound_update(self, model: Any, state: Record, period: float) -> Bound | None:
+    def bound_update(self, model: Any, state: Record, period: float) -> Bound | tuple[Bound, ...] | None:
         """Return what ``update`` does with these, which stay the same, as one compiled call; None: it is Python.
 
-        One that is updated in every tick then runs joined with the steps beside it.  A call that returns another
-        number than 0 has changed nothing, and leaves this tick to ``update``.
+        It then runs joined with the steps beside it.  A call that returns another number than 0 has changed nothing,
+        and leaves this tick to ``update``.  Several calls are run one after the other; the first one decides.
         """
         return None
 

@@ -25,15 +25,16 @@ class Finger:
 
     def __init__(self, name: str, devices: Sequence[Supervisor]) -> None:
         self.name = name
-        self._arms = [one for one in devices if any(c.role is Role.FORCE_ON_OPERATOR for c in one.model.commands)]
-        self._tables = [one for one in devices if one.panel.surface is not None]
+        #: What pushes on it, and what carries a surface to it.
+        self.arms_of = [one for one in devices if any(c.role is Role.FORCE_ON_OPERATOR for c in one.model.commands)]
+        self.tables = [one for one in devices if one.panel.surface is not None]
         self._heats = [(one, post) for one in devices for post in one.heats]
-        limits = [one.model.limits for one in (*self._arms, *self._tables)]
+        limits = [one.model.limits for one in (*self.arms_of, *self.tables)]
         #: Greatest force [N] of all that pushes on the finger together.
         self.force = min((one.finger_force for one in limits), default=0.0)
-        self._trip = max((one.model.limits.plate_force_trip for one in self._tables), default=0.0)
+        self._trip = max((one.model.limits.plate_force_trip for one in self.tables), default=0.0)
         self._wrenches = [
-            [one.sent[c.name] for c in one.model.commands if c.role is Role.FORCE_ON_OPERATOR] for one in self._arms
+            [one.sent[c.name] for c in one.model.commands if c.role is Role.FORCE_ON_OPERATOR] for one in self.arms_of
         ]
         if len(self._heats) > 1:
             for one in {id(one): one for one, _ in self._heats}.values():
@@ -42,12 +43,17 @@ class Finger:
     @property
     def alone(self) -> bool:
         """Whether there is nothing that acts together on the finger."""
-        return len(self._arms) + len(self._tables) < 2 and len(self._heats) < 2 and not self._tables
+        return len(self.arms_of) + len(self.tables) < 2 and len(self._heats) < 2 and not self.tables
+
+    @property
+    def simple(self) -> bool:
+        """Whether at most one device of each kind acts on the finger, and one carries a surface to it."""
+        return len(self.tables) == 1 and len(self.arms_of) < 2 and len(self._heats) < 2
 
     def pressed(self, but: Supervisor | None = None) -> float:
         """Return the force [N] with which surfaces press on the finger, as they feel it; leave one away."""
         total = 0.0
-        for table in self._tables:
+        for table in self.tables:
             felt = _felt(table) if table is not but else 0.0
             total += felt if felt > TOUCH_FORCE else 0.0
         return total
@@ -60,32 +66,32 @@ class Finger:
         DeviceFaultError
             If all together do more than one may.
         """
-        pressed = self.pressed() if self._tables else 0.0
-        if len(self._tables) > 1 and pressed > self._trip:
-            most = max(self._tables, key=_felt)
+        pressed = self.pressed() if self.tables else 0.0
+        if len(self.tables) > 1 and pressed > self._trip:
+            most = max(self.tables, key=_felt)
             what = f"presses with others on the finger of '{self.name}' with {pressed:.1f} N"
             raise DeviceFaultError(most.model.name, tick, Trip.FINGER_FORCE, what)
-        for arm in self._arms:
-            arm.room = max(0.0, self.force - pressed)
-        if self._tables:
+        for arm in self.arms_of:
+            arm.moving.room[0] = max(0.0, self.force - pressed)
+        if self.tables:
             self._touch(tick)
         if len(self._heats) > 1:
             self._doses(tick)
 
     def leave(self, arm: Supervisor) -> None:
         """Leave an arm what the other arms have not taken either, just before it is sent its force."""
-        others = sum(_size(views) for one, views in zip(self._arms, self._wrenches, strict=True) if one is not arm)
-        arm.room = max(0.0, self.force - self.pressed() - others)
+        others = sum(_size(views) for one, views in zip(self.arms_of, self._wrenches, strict=True) if one is not arm)
+        arm.moving.room[0] = max(0.0, self.force - self.pressed() - others)
 
     @property
     def arms(self) -> Sequence[Supervisor]:
         """The arms, if there are several."""
-        return self._arms if len(self._arms) > 1 else ()
+        return self.arms_of if len(self.arms_of) > 1 else ()
 
     def _touch(self, tick: int) -> None:
         """Run the clock of T4 of every surface while the finger touches any."""
-        touched = any(table.panel.touched for table in self._tables if table.enabled)
-        for table in self._tables:
+        touched = any(table.panel.touched for table in self.tables if table.enabled)
+        for table in self.tables:
             table.panel.count_contact(tick, touched)
 
     def _doses(self, tick: int) -> None:

@@ -46,7 +46,9 @@ class Lifecycle(ABC):
         self, model: DeviceModel, state: Record, period: float, *, device: Device | None, twin: Twin | None
     ) -> None:
         self.model, self._period = model, period
-        self.device, self.twin = device, twin
+        self.device, self._twin = device, twin
+        #: 1 once the twin was replaced by another one: what was compiled for the first does not count, shape (1,).
+        self.replaced = np.zeros(1, np.int64)
         name = model.name
         self.reading = _part(state, f"{name}.", model.reads)
         self.command = _part(state, f"{name}.command.", model.commands)
@@ -64,7 +66,9 @@ class Lifecycle(ABC):
         self._every = max(1, round(model.cls.period / period)) if self._left is None else 1
         pose = next((channel for channel in model.reads if channel.role is Role.TRACKED_POSE), None)
         self._pose = pose.name if pose is not None else None
-        self._rearmed = state[f"{name}.rearmed"]
+        self._rearmed, self._tick = state[f"{name}.rearmed"], state["tick"]
+        #: What it may do now, as compiled code sees it, shape (1,).
+        self.gate = self._status.reshape(1)
         #: The monitors in force.
         self.panel = Panel(model, state, self.reading, self.sent, period)
         #: Those of its plates.
@@ -79,6 +83,16 @@ class Lifecycle(ABC):
     @abstractmethod
     def _send_safe(self) -> None:
         """Send the safe command of every channel."""
+
+    @property
+    def twin(self) -> Twin | None:
+        """The twin that stands for the device, if one does."""
+        return self._twin
+
+    @twin.setter
+    def twin(self, other: Twin | None) -> None:
+        self._twin = other
+        self.replaced[0] = 1
 
     @property
     def enabled(self) -> bool:

@@ -9,6 +9,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from itouch.monitors import OWN, DeviceFaultError, Ordinary, Readings, Surface, Trip, TripError
 from itouch.plugin import Moment, Monitor, Record
 from itouch.world import DeviceModel
@@ -49,7 +52,8 @@ class Panel:
         self._name = name = model.name
         self.moment = Moment()
         self._clamped = state[f"{name}.clamped"]
-        self._missed, self._heard = state[f"{name}.missed"], state[f"{name}.heard"]
+        self._missed, self._heard = self.clocks = state[f"{name}.missed"], state[f"{name}.heard"]
+        self._state = state
         self._measured = state[f"{name}.measured"]
         self._touched, self._felt = state[f"{name}.touched"], state[f"{name}.felt"]
         posts = [Post(monitor, state, name) for monitor in model.monitors]
@@ -62,10 +66,12 @@ class Panel:
         self.posts: Sequence[Post] = posts
         self._timed = [post for post in others if not post.monitor.placed]
         self._placed = [post for post in others if post.monitor.placed]
-        self._clock = max(1, round(CLOCK / period))
-        self._apart = max(1, round(APART / period))
-        self._due = -1
-        self._share = 1.0
+        self.clock = max(1, round(CLOCK / period))
+        self.apart = max(1, round(APART / period))
+        #: The time whose reading is to be looked at at once, in ticks, shape (1,).
+        self.due = np.full(1, -1, np.int64)
+        #: The part of force, current or speed that all monitors leave, shape (1,).
+        self.left = np.ones(1)
 
     def reset(self) -> None:
         """Begin a session: nothing remembered, everything let through; without a rig a touch must be assumed."""
@@ -102,10 +108,11 @@ class Panel:
     @property
     def share(self) -> float:
         """The part of force, current or speed that all monitors leave."""
-        return self._share
+        found: float = self.left[0].item()
+        return found
 
     def _gather(self) -> None:
-        self._share = min((post.share.item() for post in self.posts), default=1.0)
+        self.left[0] = min((post.share.item() for post in self.posts), default=1.0)
 
     @property
     def values(self) -> list[float]:
@@ -133,10 +140,10 @@ class Panel:
             If it cannot be believed.
         """
         now = tick + self._missed.item()
-        since = now - self._heard.item() if self._heard.item() >= 0 else self._apart
+        since = now - self._heard.item() if self._heard.item() >= 0 else self.apart
         self._heard[...] = now
-        if since >= self._apart:
-            self._due = now
+        if since >= self.apart:
+            self.due[0] = now
         if self.readings is not None:
             self._ask(self.readings, self._reading, now, seconds)
         self._seen[:] = self._read
@@ -144,6 +151,14 @@ class Panel:
     def leave_out(self, ticks: int) -> None:
         """Let time go on for so many ticks that were not run."""
         self._missed += ticks
+
+    def turns(self) -> tuple[NDArray[np.int64], NDArray[np.int64]] | None:
+        """Return State as whole numbers, and where in it the timed monitors note when they looked; None: nowhere."""
+        begin = self._state.raw.ctypes.data
+        places = [post.checked.ctypes.data - begin for post in self._timed]
+        if any(place % 8 for place in places) or begin % 8 or self._state.nbytes % 8:
+            return None
+        return self._state.raw.view(np.int64), np.array(places, np.int64) // 8
 
     def take(self, tick: int) -> None:
         """Take a reading over that only tells how a stopped device is: budgets run on."""
@@ -175,7 +190,7 @@ class Panel:
         now = tick + self._missed.item()
         for post in self._timed:
             checked = post.checked.item()
-            if checked < 0 or now - checked >= self._clock or self._due == now:
+            if checked < 0 or now - checked >= self.clock or self.due[0] == now:
                 self.moment.age = age
                 self.moment.touched, self.moment.force = bool(self._touched.item()), self._felt.item()
                 self._ask(post, self.seen, now, None)

@@ -6,13 +6,18 @@ import contextlib
 import math
 from collections.abc import Callable
 
-from itouch.monitors import LOSSES, DeviceFaultError, Trip, TripError
-from itouch.plugin import Device, DeviceError, Record, Twin
+import numpy as np
+
+from itouch.joining import is_newest
+from itouch.monitors import LOSSES, DeviceFaultError, Readings, Trip, TripError
+from itouch.plugin import Bound, Device, DeviceError, Record, Twin
 from itouch.plugin.stamps import Stamped
+from itouch.safety import limiting, watching
 from itouch.safety.guard import Guard
 from itouch.safety.lifecycle import BACKWARDS, CLOSED, ENABLED, FAULT, HELD, Lifecycle
 from itouch.world import DeviceModel
 from itouch.world import limits as default
+from itouch.world.failing import failing
 
 
 class Supervisor(Lifecycle):
@@ -23,22 +28,34 @@ class Supervisor(Lifecycle):
         twin: Twin | None = None,
     ) -> None:  # fmt: skip
         super().__init__(model, state, period, device=device, twin=twin)
-        self._clamped, self._dropped = state[f"{model.name}.clamped"], state[f"{model.name}.dropped"]
+        #: How many limits were applied, and how many locked components dropped, shape (1,).
+        self.clamped, self.dropped = (state[f"{model.name}.{field}"].reshape(1) for field in ("clamped", "dropped"))
         self.guards = [(channel.name, Guard(channel, model.limits)) for channel in model.commands]
-        self._lanes = [(self.command[name], self.sent[name], guard) for name, guard in self.guards]
+        #: What is chosen anew in each tick: share, closing speed, room.
+        self.moving = limiting.Moving(np.ones(1), np.zeros(1), np.full(1, math.inf))
+        self._lanes = [
+            (guard, guard.bound(self.moving, self.command[name], self.sent[name], self.clamped, self.dropped, period))
+            for name, guard in self.guards
+        ]
         self._growth = period / (model.limits.ramp or default.RAMP)
-        #: Greatest speed [m/s] at which a surface may approach the finger in this tick.
-        self.closing = 0.0
-        #: Force [N] that what else pushes on the finger leaves in this tick.
-        self.room = math.inf
         #: Leaves this arm what the others on the same finger have not taken, just before it is sent its force.
         self.leave_room: Callable[[], None] | None = None
         #: Keep the last command instead of the safe one: a plate that is on its way from the finger stays as it is.
         self.keeping = False
         #: Whether a new reading was taken that nobody has checked yet.
-        self._taken = False
+        self._taken = np.zeros(1, np.int64)
         #: Told of the loss of an optional device, without which the session goes on; None: its loss stops everything.
         self.on_loss: Callable[[DeviceFaultError], None] | None = None
+
+    @property
+    def closing(self) -> float:
+        """Greatest speed [m/s] at which a surface may approach the finger in this tick."""
+        found: float = self.moving.closing[0].item()
+        return found
+
+    @closing.setter
+    def closing(self, speed: float) -> None:
+        self.moving.closing[0] = speed
 
     def read(self, tick: int) -> None:
         """Take the newest reading and check it.
@@ -60,13 +77,14 @@ class Supervisor(Lifecycle):
             If the device failed, or was silent for too long.
         """
         status = self._status.item()
-        self._taken = False
+        self._taken[0] = 0
         if status == CLOSED or (tick % self._every and self._sequence.item()):
             return
         try:
-            self._taken = self._take() is not False
-            self._stamp(tick, self._taken)
-            if not self._taken:
+            new = self._take() is not False
+            self._taken[0] = new
+            self._stamp(tick, new)
+            if not new:
                 self._wait(tick, status)
         except TripError as error:
             self._disbelieve(tick, error)
@@ -83,12 +101,54 @@ class Supervisor(Lifecycle):
         if status == CLOSED:
             return
         try:
-            if self._taken:
-                self._taken = False
+            if self._taken[0]:
+                self._taken[0] = 0
                 self._believe(tick, status)
             self.panel.look(tick, self._age.item() * self._period)
         except TripError as error:
             self._disbelieve(tick, error)
+
+    def look(self, tick: int) -> None:
+        """Let the monitors look whose turn it is.
+
+        Raises
+        ------
+        DeviceFaultError
+            If the device reads what may not be.
+        """
+        try:
+            self.panel.look(tick, self._age.item() * self._period)
+        except TripError as error:
+            self._disbelieve(tick, error)
+
+    def bound_take(self) -> tuple[Bound, ...]:
+        """Return ``take`` as compiled calls, which leave a twin that has nothing new to it; none: it is Python."""
+        twin = self.twin
+        if twin is None or isinstance(twin, Stamped) or not is_newest(type(twin), "bound_read", "read"):
+            return ()
+        with failing(f"device '{self.model.name}'", "the reading of its twin", None):
+            sensed = twin.bound_read(self.twin_state, self.reading)
+        if sensed is None:
+            return ()
+        due = Bound(
+            watching.due, self._status, self._sequence, self._tick, self._taken, self.replaced, CLOSED, self._every
+        )
+        return due, sensed, Bound(watching.came, self._tick, self._measured, self._taken)
+
+    def bound_watch(self) -> Bound | None:
+        """Return ``watch_reading`` as a compiled call, which leaves what is unusual to it; None: it is Python."""
+        panel, post = self.panel, self.panel.readings
+        turns = panel.turns()
+        if post is None or not isinstance(post.monitor, Readings) or turns is None:
+            return None
+        words, places = turns
+        watched = watching.Watched(
+            self._status, self._taken, self._age, self._sequence, *panel.clocks, post.checked, post.share, panel.due,
+            self.reading.numbers, panel.seen.numbers, words, places,
+        )  # fmt: skip
+        rhythm = watching.Rhythm(self._every, panel.apart, panel.clock, self._period)
+        memory = post.monitor.memory(post.state)
+        return Bound(watching.watch, watched, post.monitor.able, memory, rhythm, self._tick, CLOSED, FAULT)
 
     def _believe(self, tick: int, status: int) -> None:
         age = self._age.item()
@@ -212,15 +272,23 @@ class Supervisor(Lifecycle):
         if share < 1.0:
             share = min(1.0, share + self._growth)
             self._ramp[...] = share
-        share *= self.panel.share
+        self.moving.share[0] = share * self.panel.share
         if self.leave_room is not None:
             self.leave_room()
-        for wanted, sent, guard in self._lanes:
-            clamped, dropped = guard.limit(wanted, sent, share, self._period, self.closing, self.room)
-            if clamped:
-                self._clamped += clamped
-            if dropped:
-                self._dropped += dropped
+        for guard, lane in self._lanes:
+            if lane():
+                raise guard.refusal(self.command[guard.channel.name])
+
+    def bound_guard(self) -> tuple[Bound, ...]:
+        """Return ``guard`` as compiled calls, which leave a device that is not enabled to it; none: it is Python."""
+        if self.leave_room is not None:
+            return ()
+        sizes = [channel.size for channel in self.model.commands]
+        begin = Bound(
+            limiting.begin, self._status, ENABLED, CLOSED, self.command.numbers, np.cumsum(sizes, dtype=np.int64),
+            self._ramp, self.panel.left, self.moving.share, self._growth,
+        )  # fmt: skip
+        return (begin, *(lane for _, lane in self._lanes))
 
     def _send_safe(self) -> None:
         self._rest()

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
 
-from itouch.joining import Chain, can_join
+from itouch.joining import Chain, can_join, is_newest
 from itouch.loop import Engine
-from itouch.loop.step import is_newest
 from itouch.plugin import Bound, Record
 from itouch.testing.checks import CheckError, NotApplicableError, check
 from itouch.testing.situation import ModalitySubject
@@ -18,13 +17,13 @@ from itouch.testing.subject import PERIOD, DeviceSubject
 _ADVICE = "let the Python method be a call of what is bound, or compute both in the same order"
 
 
-def _runner(bound: Bound | None, alone: Callable[[], None]) -> Callable[[], None]:
+def _runner(bounds: Sequence[Bound], alone: Callable[[], None]) -> Callable[[], None]:
     """Return how a bound call is run in a chain; what it leaves to Python is done alone."""
-    if bound is None:
+    if not bounds:
         raise NotApplicableError("it is plain Python: it does not join")
     if not can_join():
         raise NotApplicableError("nothing can be joined here: compiling is switched off, or there is no clock for it")
-    chain = Chain([bound])
+    chain = Chain(bounds, [len(bounds)])
 
     def run() -> None:
         if chain.run() >= 0:
@@ -41,7 +40,8 @@ def twin(subject: DeviceSubject) -> str:
         raise NotApplicableError("it is plain Python, or its step is newer than what would join")
     other.drive()  # a finger is attached
     alone = partial(other.twin.step, other.state, other.command, other.touch, PERIOD)
-    run = _runner(other.twin.bound_step(other.state, other.command, other.touch, PERIOD), alone)
+    bound = other.twin.bound_step(other.state, other.command, other.touch, PERIOD)
+    run = _runner([bound] if bound is not None else [], alone)
     rng, ticks = np.random.default_rng(11), 1500
     for tick in range(ticks):
         one.tick = other.tick = tick
@@ -63,11 +63,11 @@ def modality(subject: ModalitySubject) -> str:
     looked = 0
     for one in subject.own(engine):
         step = next(step for step in engine.plan.steps if step.name == one.name)
-        if step.bound is None:
+        if not step.bounds:
             raise NotApplicableError("it is plain Python, or not updated in every tick: it does not join")
         period = engine.model.period
         alone = partial(one.instance.update, one.model, engine.state, period)
-        run = _runner(step.bound, alone)
+        run = _runner(step.bounds, alone)
         for _ in range(round(subject.seconds / period)):
             engine.tick()
             _both(engine, alone, run)

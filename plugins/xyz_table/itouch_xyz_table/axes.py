@@ -86,3 +86,13 @@ def move(
         sensed[3 + i] = wrench[i]
     sensed[5] += parameters[NOISE] * _gaussian(words)
     return 0
+
+
+@kernel
+def sense(sensed: Floats, pose: Floats, wrench: Floats) -> int:
+    """Show pose (7,) and wrench (6,) of what the sensors read, shape (6,); return 0."""
+    for i in range(3):
+        pose[i], wrench[i] = sensed[i], sensed[3 + i]
+        pose[4 + i] = wrench[3 + i] = 0.0
+    pose[3] = 1.0
+    return 0

@@ -24,7 +24,7 @@ class XyzTableTwin(Twin):
         ends = (-x / 2, -y / 2, 0.0, x / 2, y / 2, z)
         rows = (omega, params.speed, params.acceleration, params.mass, drag, *ends, params.force_noise)
         self._parameters = np.array(rows)
-        self._move = axes.move
+        self._move, self._sense = axes.move, axes.sense
         words = np.zeros(1, np.uint64)  # compiled now, not in the first tick
         axes.move(self._parameters, np.zeros(7), np.zeros((3, 3)), np.zeros(6), words, np.zeros(6), 1e-3)
 
@@ -64,9 +64,11 @@ class XyzTableTwin(Twin):
         """Move the axes by one period."""
         self.bound_step(state, command, touch, period)()
 
+    def bound_read(self, state: Record, reading: Record) -> Bound:
+        """Return the reading of these views as one compiled call."""
+        return Bound(self._sense, state["sensed"], reading["pose"], reading["wrench"])
+
     def read(self, state: Record, reading: Record) -> bool | None:
         """Give the encoders' position and the force sensor's noisy reading."""
-        x, y, z, fx, fy, fz = state["sensed"].tolist()
-        reading["pose"] = (x, y, z, 1.0, 0.0, 0.0, 0.0)
-        reading["wrench"] = (fx, fy, fz, 0.0, 0.0, 0.0)
+        self.bound_read(state, reading)()
         return True

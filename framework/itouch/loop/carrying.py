@@ -1,0 +1,115 @@
+"""A probe's way through a tick beside the contact search, as calls that join: each does what its step is and returns 0.
+
+The arithmetic is in ``render`` and ``surface``.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.compiling import kernel
+from itouch.joining import SKIP
+from itouch.loop import render, surface
+from itouch.monitors.carried import pace
+
+Floats = NDArray[np.float64]
+
+#: Leaves the step to Python.
+PYTHON = 1
+
+
+@kernel
+def placed(fixed: Any) -> int:
+    """Ask for Python while frames may move; ``fixed`` has shape (1,)."""
+    return 0 if fixed[0] != 0 else PYTHON
+
+
+@kernel
+def follow(c: Floats, tracker: Floats, figures: Floats, afresh: Any, tick: Any) -> int:
+    """Take the tracker's place as the HIP; ``afresh`` (1,): without a velocity, once."""
+    render.follow(c, tracker, figures, tick[0] == 0 or afresh[0] != 0)
+    afresh[0] = 0
+    return 0
+
+
+@kernel
+def touch(
+    c: Floats, poses: Floats, twists: Floats, damping: Floats, figures: Floats, result: Floats, primary: Any,
+    nearest: Any,
+) -> int:  # fmt: skip
+    """Make the contact force of what was found; ``primary`` and ``nearest`` have shape (1,), written."""
+    primary[0], nearest[0] = render.touch(c, poses, twists, damping, figures, result)
+    return 0
+
+
+@kernel
+def only_virtual(figures: Floats, felt: Floats) -> int:
+    """Say with what force (1,) the contact is felt where nothing but the virtual one can be."""
+    felt[0] = figures[render.NORMAL_FORCE]
+    return 0
+
+
+@kernel
+def led(stage: Any, done: int, status: Any, enabled: int, withdrawn: Any) -> int:
+    """Ask for Python while something else leads the surface: a touch-off that is not done, or T4."""
+    if withdrawn[0] != 0:
+        return PYTHON
+    return PYTHON if stage[0] != done and status[0] == enabled else 0
+
+
+@kernel
+def carry(
+    c: Floats, world: Floats, mesh: Any, poses: Floats, table: Floats, sent: Floats, figures: Floats, memory: Floats,
+    goal: Floats, load: Floats, primary: Any, tick: Any, period: float, below: Any, plate: Any,
+) -> int:  # fmt: skip
+    """Carry the surface; what is below the finger, and whether the surface renders it, have shape (1,), written."""
+    below[0] = surface.carry(
+        c, world, mesh, poses, table, sent, figures, memory, goal, load[2], primary[0] >= 0, tick[0] * period
+    )
+    plate[0] = int(memory[surface.PRESENT])
+    return 0
+
+
+@kernel
+def close_in(
+    figures: Floats, radius: float, tracking: float, near: float, close: float, far: float, closing: Floats,
+    clamped: Any,
+) -> int:  # fmt: skip
+    """Choose how fast the surface may approach the finger [m/s]; where it may not, that is counted as a limit."""
+    gap = figures[render.HIP + 2] - radius - figures[render.PLATE_TOP]
+    closing[0] = pace(gap, figures[render.TRACKING], tracking, near, close, far)
+    if closing[0] == 0.0:
+        clamped[0] += 1
+    return 0
+
+
+@kernel
+def push(c: Floats, figures: Floats, memory: Floats, wrench: Floats, load: Floats, primary: Any) -> int:
+    """Command the arm's part of the force."""
+    surface.share(c, figures, memory, wrench, load[2], primary[0] >= 0)
+    return 0
+
+
+@kernel
+def quiet(nearest: Any, near: Any, current: Any, primary: Any, separated: Any, moves: bool) -> int:
+    """Ask for Python if there is an event to tell, or a contact that is about to end; all arrays have shape (1,)."""
+    if nearest[0] != near[0]:
+        return PYTHON
+    if current[0] < 0:
+        return PYTHON if primary[0] >= 0 else 0
+    return PYTHON if moves or primary[0] != current[0] or separated[0] != 0 else 0
+
+
+@kernel
+def original(replaced: Any) -> int:
+    """Ask for Python where another twin has taken the place of the one that is compiled; shape (1,)."""
+    return PYTHON if replaced[0] != 0 else 0
+
+
+@kernel
+def turn(tick: Any, every: int) -> int:
+    """Leave out what is done in every so many ticks only; ``tick`` has shape (1,)."""
+    return 0 if tick[0] % every == 0 else SKIP

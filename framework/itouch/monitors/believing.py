@@ -1,0 +1,94 @@
+"""Whether a reading can be believed, compiled: the arithmetic of `Readings`."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.compiling import kernel
+
+Floats = NDArray[np.float64]
+Numbers = NDArray[np.int64]
+
+
+class Believable(NamedTuple):
+    """What the n numbers of a reading can be.
+
+    ``low``, ``high`` (n,): their range; ``trips`` (n,): the trip of a number that is out of it; ``checked``: those that
+    are looked at in every reading, with ``speed`` and ``room`` (n,): how far one can be from that before, by seconds
+    and at once; ``first``, ``second``: numbers that measure the same, and differ by ``apart`` (1,) at most;
+    ``disagree``, ``jump``, ``odd`` (1,): the trips of two that differ, of a number too far off, and of none at all.
+    """
+
+    low: Floats
+    high: Floats
+    trips: Numbers
+    checked: Numbers
+    speed: Floats
+    room: Floats
+    first: Numbers
+    second: Numbers
+    apart: Floats
+    disagree: Numbers
+    jump: Numbers
+    odd: Numbers
+
+
+class Memory(NamedTuple):
+    """What is remembered: the last reading that was believed (n,), whether it counts (1,), and a trip's figures."""
+
+    believed: Floats
+    known: Numbers
+    figure: Floats
+
+
+@kernel
+def _found(able: Any, memory: Any, values: Floats) -> float:
+    """Note which number is out of range or none at all, and return its trip."""
+    for i in range(values.shape[0]):
+        finite = math.isfinite(values[i])
+        if not finite or not able.low[i] <= values[i] <= able.high[i]:
+            memory.figure[0], memory.figure[1] = i, 0.0
+            return -float(able.trips[i] if finite else able.odd[0])
+    memory.figure[0], memory.figure[1] = -1.0, 0.0
+    return -float(able.odd[0])
+
+
+@kernel
+def doubt(able: Any, memory: Any, values: Floats, seconds: float) -> float:
+    """Return 1, or minus the trip of a reading (n,) that cannot be believed, so many seconds after the one before."""
+    total = 0.0
+    for i in range(values.shape[0]):
+        total += float(values[i])
+    if not math.isfinite(total):  # something is not a number, or infinite
+        return float(_found(able, memory, values))
+    known = memory.known[0] != 0
+    for k in range(able.checked.shape[0]):
+        i = able.checked[k]
+        value = values[i]
+        if not able.low[i] <= value <= able.high[i]:
+            return float(_found(able, memory, values))
+        last = memory.believed[i] if known else value
+        if abs(value - last) > able.speed[i] * seconds + able.room[i]:
+            memory.figure[0], memory.figure[1] = i, 0.0
+            return -float(able.jump[0])
+    for k in range(able.first.shape[0]):
+        apart = abs(values[able.first[k]] - values[able.second[k]])
+        if apart > able.apart[0]:
+            memory.figure[0], memory.figure[1] = able.first[k], apart
+            return -float(able.disagree[0])
+    return 1.0
+
+
+@kernel
+def check(able: Any, memory: Any, values: Floats, seconds: float) -> float:
+    """Do what ``doubt`` does, and remember a reading that is believed."""
+    found = float(doubt(able, memory, values, seconds))
+    if found == 1.0:
+        for i in range(values.shape[0]):
+            memory.believed[i] = values[i]
+        memory.known[0] = 1
+    return found

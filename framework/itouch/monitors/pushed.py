@@ -1,0 +1,38 @@
+"""What an arm may do to a finger, compiled: the arithmetic of `Arm`."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.compiling import kernel
+
+Floats = NDArray[np.float64]
+
+
+class Pushing(NamedTuple):
+    """Greatest force [N] that can have been sent; speeds [m/s] from which forces fade, and that trips; both trips."""
+
+    force: float
+    slow: float
+    fast: float
+    finger_force: int
+    speed: int
+
+
+@kernel
+def check(pushing: Any, wrench: Floats, speed: float, figure: Floats) -> float:
+    """Return the part of the force that the finger's speed [m/s] leaves, or minus a trip and its figure (1,)."""
+    force = math.sqrt(wrench[0] * wrench[0] + wrench[1] * wrench[1] + wrench[2] * wrench[2])
+    if force > pushing.force:  # nothing that was limited can be more
+        figure[0] = force
+        return -float(pushing.finger_force)
+    if speed <= pushing.slow:
+        return 1.0
+    if not speed <= pushing.fast:
+        figure[0] = speed
+        return -float(pushing.speed)
+    return float((pushing.fast - speed) / (pushing.fast - pushing.slow))

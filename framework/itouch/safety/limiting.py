@@ -1,0 +1,229 @@
+"""The limits of one command channel, compiled: what `Guard` lets through.
+
+First the hardware's ceiling, then the limits in force, then ramp and slew.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.compiling import kernel
+from itouch.joining import SKIP
+
+Floats = NDArray[np.float64]
+
+#: What a channel is, which says how it is limited.
+PLAIN, WRENCH, POSE, DRIVE, TEMPERATURE = range(5)
+#: Part of its speed that a surface has at least while it ramps in.
+LEAST_RAMP = 0.05
+#: Asks Python to do the step: the device is not enabled, or a command is no number.
+PYTHON = 1
+
+
+class Bounds(NamedTuple):
+    """The limits of one channel of n components; arrays of no number where there is no such limit.
+
+    ``locked`` and ``resting``: the components that a locked degree of freedom shuts, and where they rest;
+    ``low`` and ``high`` (n,): the range; ``ceilings`` (2, n): of a drive, downwards and upwards, infinite: none;
+    ``torques`` (n,): of a wrench; ``slew`` (n,); ``figures`` (4,): force, speed, and the range of a temperature.
+    """
+
+    kind: NDArray[np.int64]
+    locked: NDArray[np.int64]
+    resting: Floats
+    low: Floats
+    high: Floats
+    ceilings: Floats
+    torques: Floats
+    slew: Floats
+    figures: Floats
+    free: NDArray[np.int64]
+
+
+class Moving(NamedTuple):
+    """What is between devices and not a limit of a channel, each of shape (1,).
+
+    ``share``: the part of force, current or speed that is let through; ``closing`` [m/s]: how fast a surface may
+    approach the finger; ``room`` [N]: what else pushes on the finger leaves.
+    """
+
+    share: Floats
+    closing: Floats
+    room: Floats
+
+
+@kernel
+def _into_box(bounds: Any, values: Floats) -> int:
+    clamped = 0
+    for i in range(bounds.high.shape[0]):
+        if values[i] > bounds.high[i]:
+            values[i], clamped = bounds.high[i], 1
+        elif values[i] < bounds.low[i]:
+            values[i], clamped = bounds.low[i], 1
+    return clamped
+
+
+@kernel
+def _slew(bounds: Any, values: Floats, last: Floats, period: float) -> int:
+    clamped = 0
+    for i in range(bounds.slew.shape[0]):
+        step = values[i] - last[i]
+        if abs(step) > bounds.slew[i] * period:
+            values[i], clamped = last[i] + math.copysign(bounds.slew[i] * period, step), 1
+    return clamped
+
+
+@kernel
+def _wrench(bounds: Any, values: Floats, last: Floats, share: float, growth: float, room: float) -> int:
+    size = math.sqrt(values[0] * values[0] + values[1] * values[1] + values[2] * values[2])
+    grown = math.sqrt(last[0] * last[0] + last[1] * last[1] + last[2] * last[2]) + growth
+    allowed = bounds.figures[0] * share
+    if grown < allowed:
+        allowed = grown
+    if room < allowed:
+        allowed = room
+    clamped = 0
+    if size > allowed:
+        scale = allowed / size
+        for i in range(3):
+            values[i] *= scale
+        clamped = 1
+    for k in range(bounds.free.shape[0]):
+        i = bounds.free[k]
+        top = bounds.torques[i] * share
+        if abs(values[i]) > top:
+            values[i], clamped = math.copysign(top, values[i]), 1
+    return clamped
+
+
+@kernel
+def _pose(bounds: Any, values: Floats, last: Floats, share: float, period: float, closing: float) -> int:
+    clamped = _into_box(bounds, values)
+    if share < 1.0:
+        period *= max(share, LEAST_RAMP)
+    dx, dy, dz = values[0] - last[0], values[1] - last[1], values[2] - last[2]
+    rise, reach = closing * period, bounds.figures[1] * period
+    if dz > rise:
+        dz, clamped = rise, 1
+    square = dx * dx + dy * dy + dz * dz
+    if square > reach * reach:
+        scale = reach / math.sqrt(square)
+        dx, dy, dz, clamped = dx * scale, dy * scale, dz * scale, 1
+    values[0], values[1], values[2] = last[0] + dx, last[1] + dy, last[2] + dz
+    return clamped
+
+
+@kernel
+def _drive(bounds: Any, values: Floats, last: Floats, share: float, period: float) -> int:
+    """Limit a drive: its ceiling, the scene's limit, and the part that the monitors leave of it."""
+    clamped = _into_box(bounds, values)
+    for i in range(values.shape[0]):
+        value = values[i]
+        ceiling = bounds.ceilings[1 if value > 0.0 else 0, i]
+        top = (ceiling if math.isfinite(ceiling) else abs(value)) * share
+        if abs(value) > top:
+            values[i], clamped = math.copysign(top, value), 1
+    return clamped | _slew(bounds, values, last, period)
+
+
+@kernel
+def _temperature(bounds: Any, values: Floats, last: Floats, share: float, period: float) -> int:
+    clamped = _into_box(bounds, values)
+    low, high = bounds.figures[2], bounds.figures[3]
+    if share < 1.0:  # nearer to the middle of what is allowed
+        middle, half = 0.5 * (low + high), 0.5 * (high - low) * share
+        low, high = middle - half, middle + half
+    for i in range(values.shape[0]):
+        kept = min(max(values[i], low), high)
+        if kept != values[i]:
+            values[i], clamped = kept, 1
+    return clamped | _slew(bounds, values, last, period)
+
+
+@kernel
+def finite(values: Floats) -> bool:
+    """Tell whether numbers, and their sum, are finite."""
+    total = 0.0
+    for i in range(values.shape[0]):
+        total += float(values[i])
+    return math.isfinite(total)
+
+
+@kernel
+def limit(
+    bounds: Any, moving: Any, wanted: Floats, sent: Floats, clamped: Any, dropped: Any, period: float, growth: float
+) -> int:  # fmt: skip
+    """Write what may be sent of a channel.
+
+    Parameters
+    ----------
+    bounds, moving
+        See ``Bounds`` and ``Moving``.
+    wanted, sent
+        The command asked for, and the one sent last, which is overwritten, shape (n,).
+    clamped, dropped
+        How many limits were applied, and how many locked components were dropped; counted on, shape (1,).
+    period, growth
+        Seconds since the last command, and what a force may grow meanwhile [N].
+
+    Returns
+    -------
+    int
+        0, or PYTHON if the command is not a number: nothing has been written then.
+    """
+    if not finite(wanted):
+        return PYTHON
+    values = np.empty(wanted.shape[0])
+    for i in range(wanted.shape[0]):
+        values[i] = wanted[i]
+    for k in range(bounds.locked.shape[0]):
+        i = bounds.locked[k]
+        if values[i] != bounds.resting[k]:
+            values[i] = bounds.resting[k]
+            dropped[0] += 1
+    kind, share = bounds.kind[0], moving.share[0]
+    if kind == WRENCH:
+        found = _wrench(bounds, values, sent, share, growth, moving.room[0])
+    elif kind == POSE:
+        found = _pose(bounds, values, sent, share, period, moving.closing[0])
+    elif kind == DRIVE:
+        found = _drive(bounds, values, sent, share, period)
+    elif kind == TEMPERATURE:
+        found = _temperature(bounds, values, sent, share, period)
+    else:
+        found = _into_box(bounds, values) | _slew(bounds, values, sent, period)
+    for i in range(values.shape[0]):
+        sent[i] = values[i]
+    clamped[0] += found
+    return 0
+
+
+@kernel
+def begin(
+    status: Any, enabled: int, closed: int, wanted: Floats, ends: Any, ramp: Floats, left: Floats, share: Floats,
+    growth: float,
+) -> int:  # fmt: skip
+    """Say what part of commands is let through in this tick: the ramp's, times what all monitors leave.
+
+    All but ``wanted``, all commands, and ``ends``, where each channel of them ends, have shape (1,) or are numbers.
+    Returns 0, SKIP if the device is closed, or PYTHON if it is not enabled, or any command is no number.
+    """
+    if status[0] == closed:
+        return SKIP
+    if status[0] != enabled:
+        return PYTHON
+    first = 0
+    for k in range(ends.shape[0]):
+        if not finite(wanted[first : ends[k]]):
+            return PYTHON
+        first = ends[k]
+    part = ramp[0]
+    if part < 1.0:
+        part = min(1.0, part + growth)
+        ramp[0] = part
+    share[0] = part * left[0]
+    return 0

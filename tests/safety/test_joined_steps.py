@@ -1,0 +1,226 @@
+"""What joins a tick of a device's supervision does what its Python does: the same bytes from the same State."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pytest
+from parts import ARM, PERIOD, PLATE, TABLE, Channels, Fake, FakeTwin, Slow, model, state
+
+from itouch.compiling import kernel
+from itouch.joining import SKIP
+from itouch.monitors import DeviceFaultError, Surface
+from itouch.plugin import Bound, Record, current, plate_temperature, temperature_target, wrench
+from itouch.plugin.stamps import Stamped
+from itouch.safety import Finger, Supervisor
+from itouch.safety.watching import LOOK
+from itouch.world.rig import DeviceModel
+
+#: A heater that is held at a temperature, and a force that may turn: every kind of channel.
+HOLDER: Channels = ((plate_temperature(),), (temperature_target(),))
+TURNING: Channels = (ARM[0], (wrench(force=8.0, torque=0.5, locked=()),))
+
+
+@kernel
+def _copy(source: np.ndarray, target: np.ndarray) -> int:
+    if source[0] == 99.0:
+        return 1  # nothing new
+    for i in range(target.shape[0]):
+        target[i] = source[1 + i]
+    return 0
+
+
+class Bench:
+    """Two supervisors of twins that read the same; one is run by its Python, one by what joins."""
+
+    def __init__(self, channels: Channels, cls: type[Fake] = Fake) -> None:
+        self.source = np.zeros(40)
+        self.one, self.other = (self._make(channels, cls) for _ in range(2))
+
+    def _make(self, channels: Channels, cls: type[Fake]) -> tuple[DeviceModel, Record, Supervisor]:
+        made = model(channels, twin=True, cls=cls)
+        memory, twin = state(made), Reading(self.source)
+        found = Supervisor(made, memory, PERIOD, twin=twin)
+        found.reset()
+        found.open()
+        return made, memory, found
+
+    def say(self, numbers: Sequence[float]) -> None:
+        """Let both read these numbers next."""
+        self.source[0] = 0.0
+        self.source[1 : 1 + len(numbers)] = numbers
+
+    def both(self, act: Callable[[Supervisor], None]) -> None:
+        """Do something with both."""
+        for _, _, one in (self.one, self.other):
+            act(one)
+
+    def tick(self, tick: int) -> str:
+        """Run a tick of both; return what fault it was, and check that both have become the same."""
+        for _, memory, _ in (self.one, self.other):
+            memory["tick"] = tick
+        said = [
+            _told(lambda: (self.one[2].read(tick), self.one[2].guard(tick))),
+            _told(lambda: _joined(self.other[2], tick)),
+        ]
+        assert said[0] == said[1]
+        for name, view in self.one[1].items():
+            assert view.tobytes() == self.other[1][name].tobytes(), (name, view, self.other[1][name])
+        assert self.one[2].panel.share == self.other[2].panel.share
+        assert self.one[2].panel.seen == self.other[2].panel.seen
+        return said[0]
+
+
+class Reading(FakeTwin):
+    """A twin that reads an array behind its first number; 99 there: nothing new."""
+
+    def __init__(self, source: np.ndarray) -> None:
+        super().__init__()
+        self.source = source
+
+    def bound_read(self, state: Record, reading: Record) -> Bound:
+        return Bound(_copy, self.source, reading.numbers)
+
+    def read(self, state: Record, reading: Record) -> bool | None:
+        return not self.bound_read(state, reading)()
+
+
+def _told(act: Callable[[], object]) -> str:
+    try:
+        act()
+    except DeviceFaultError as error:
+        return str(error)
+    return ""
+
+
+def _run(bounds: Sequence[Bound], answer: Callable[[int], None]) -> None:
+    for bound in bounds:
+        code = bound()
+        if code == SKIP:
+            return
+        if code:
+            answer(code)
+            return
+
+
+def _joined(supervisor: Supervisor, tick: int) -> None:
+    take, watch, guard = supervisor.bound_take(), supervisor.bound_watch(), supervisor.bound_guard()
+    assert take
+    assert watch is not None
+    assert guard
+    _run(take, lambda code: supervisor.take(tick))
+    _run(
+        [watch], lambda code: supervisor.look(tick) if code == LOOK else supervisor.watch_reading(tick)
+    )  # fmt: skip
+    _run(guard, lambda code: supervisor.guard(tick))
+
+
+def _numbers(channels: Channels, rng: np.random.Generator) -> list[float]:
+    """Return what such a device may read: near the last reading most of the time."""
+    found: list[float] = []
+    for channel in channels[0]:
+        rest, most = {"K": (300.0, 8.0), "m": (0.02, 0.3)}.get(channel.unit, (0.0, 0.3))
+        wild = most if rng.random() < 0.1 else 0.0
+        found += (rest + rng.normal(0.0, 1e-4 + wild, channel.size)).tolist()
+        if channel.size == 7:
+            found[-4:] = [1.0, 0.0, 0.0, 0.0]
+    return found
+
+
+@pytest.mark.parametrize("cls", [Fake, Slow])
+@pytest.mark.parametrize(
+    "channels", [ARM, TABLE, PLATE, HOLDER, TURNING], ids=["arm", "table", "plate", "holder", "turning"]
+)
+def test_a_device_goes_the_same_way_joined(channels: Channels, cls: type[Fake]) -> None:
+    rng = np.random.default_rng(3)
+    bench, faults = Bench(channels, cls), 0
+    bench.say(_numbers(channels, rng))
+    bench.both(lambda one: one.enable())
+    for tick in range(400):
+        if rng.random() < 0.1:
+            bench.source[0] = 99.0
+        else:
+            bench.say(_numbers(channels, rng))
+        wanted = np.concatenate([rng.normal(0.0, 3.0, channel.size) for channel in channels[1]])
+        if tick % 97 == 96:
+            wanted[0] = math.nan
+        bench.both(lambda one: one.command.numbers.__setitem__(slice(None), wanted))  # noqa: B023
+        bench.both(lambda one: setattr(one, "closing", 0.05))
+        if tick % 31 == 30:
+            bench.both(lambda one: one.leave_out(3))
+        if bench.tick(tick):
+            faults += 1
+            bench.both(lambda one: one.fault(one.trip, tick))  # noqa: B023
+            bench.tick(tick)  # a reading that only tells how a stopped device is
+            bench.both(lambda one: one.close())
+            bench.tick(tick)  # nothing is taken of a closed one
+            bench.both(lambda one: one._trip.__setitem__(..., 0))
+            bench.both(lambda one: one.open())
+            bench.tick(tick)  # open, not enabled
+            bench.both(lambda one: one.enable())
+            bench.both(lambda one: one.ramp_in())
+    assert faults
+
+
+def test_a_twin_behind_a_wire_or_in_python_is_read_by_python() -> None:
+    made = model(ARM, twin=True)
+
+    class Late(Reading, Stamped):
+        pass
+
+    class Plain(Reading):
+        def read(self, state: Record, reading: Record) -> bool | None:
+            return True
+
+    class Unsure(Reading):
+        def bound_read(self, state: Record, reading: Record) -> Bound | None:  # type: ignore[override]
+            return None
+
+    for twin in (Late(np.zeros(40)), Plain(np.zeros(40)), Unsure(np.zeros(40)), FakeTwin(), None):
+        assert Supervisor(made, state(made), PERIOD, twin=twin).bound_take() == ()
+
+
+def test_a_device_that_reads_nothing_is_watched_by_python() -> None:
+    made = model(((), (current(limit=1.0),)), twin=True)
+    assert Supervisor(made, state(made), PERIOD, twin=FakeTwin()).bound_watch() is None
+
+
+def test_an_arm_that_shares_a_finger_with_others_is_limited_by_python() -> None:
+    made = model(ARM, twin=True)
+    supervisor = Supervisor(made, state(made), PERIOD, twin=FakeTwin())
+    assert supervisor.bound_guard()
+    supervisor.leave_room = lambda: None
+    assert supervisor.bound_guard() == ()
+
+
+def test_a_state_of_odd_bytes_is_watched_by_python() -> None:
+    made = model(PLATE, twin=True)
+    whole = state(made)
+    odd = Record(np.dtype([("odd", "u1"), *whole.dtype.descr]))
+    assert Supervisor(made, whole, PERIOD, twin=FakeTwin()).bound_watch() is not None
+    assert Supervisor(made, odd, PERIOD, twin=FakeTwin()).bound_watch() is None
+
+
+def test_what_is_looked_at_together_is_simple_with_one_surface() -> None:
+    models = [
+        model(channels, name=name, twin=True) for name, channels in (("arm", ARM), ("one", TABLE), ("two", TABLE))
+    ]
+    memory = state(*models)
+    arm, one, two = (Supervisor(made, memory, PERIOD, twin=FakeTwin()) for made in models)
+    assert Finger("finger", [arm, one]).simple
+    assert not Finger("finger", [arm, one, two]).simple
+    assert not Finger("finger", [arm]).simple
+    post = one.panel.surface
+    assert post is not None and isinstance(post.monitor, Surface)
+    assert post.monitor.most == (0.005, 5.0, pytest.approx(0.01, abs=1e-6))
+
+
+def test_a_twin_that_is_replaced_in_a_run_is_read_by_python() -> None:
+    bench = Bench(ARM)
+    bench.say([0.1] * 7)
+    bench.tick(0)
+    bench.both(lambda one: setattr(one, "twin", Reading(np.full(40, 0.2))))
+    bench.tick(1)
+    assert bench.one[2].reading["pose"].tolist() == [0.2] * 7
