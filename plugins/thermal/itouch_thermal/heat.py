@@ -7,20 +7,22 @@ temperature is added, so that each touch starts from the finger as it is (what t
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from itouch.plugin import Bound, ContactEvent, Field, Modality, Record, Role, World, schema
 from itouch.plugin import Contact as ContactKind
-from itouch.plugin import ContactEvent, Field, Modality, Record, Role, World, schema
-from itouch_thermal.laws import KINDS, ForceLaw, check_laws, law_of, press_factor
+from itouch_thermal.laws import KINDS, ForceLaw, check_laws, law_of
 from itouch_thermal.played import Playing, played_curves
 from itouch_thermal.solver.layers import FINGER_FILM, Back, Film, Initial, Layer, Side
-from itouch_thermal.solver.resistance import ResistanceLaw, contact_area
+from itouch_thermal.solver.resistance import SPREAD, ResistanceLaw
+
+if TYPE_CHECKING:
+    from itouch_thermal.exchange import Given, Kept, Skin
 
 Array = NDArray[np.float64]
 
@@ -126,7 +128,8 @@ class HeatModel:
     body_starts: tuple[Array | None, ...]
     widest: int
     law: ResistanceLaw
-    area: Callable[[float], float]
+    table: Array
+    area: tuple[float, float]
     press: float
     skin_from: str
     valid_from: str
@@ -166,7 +169,8 @@ class Heat(Modality):
             body_starts=tuple(starts),
             widest=max((len(start) for start in starts if start is not None), default=1),
             law=params.law(),
-            area=params.laws[0].area if params.laws else contact_area,
+            table=table_of(bodies),
+            area=params.laws[0].spread if params.laws else SPREAD,
             press=params.press,
             skin_from=skin_from,
             valid_from=valid,
@@ -240,48 +244,55 @@ class Heat(Modality):
         model.live.shift_surface(model.finger, finger, change)
         state[f"{model.name}.skin_count"] = 0
 
+    def bound_update(self, model: HeatModel, state: Record, period: float) -> Bound:
+        """Return the update of these views as one compiled call, which leaves a curve that is played to Python."""
+        from itouch_thermal import exchange
+
+        given, kept, skin = _views(model, state, period)
+        return Bound(exchange.exchange, given, kept, skin, state[model.names.felt_force])
+
     def update(self, model: HeatModel, state: Record, period: float) -> None:
         """Advance the finger and every object that was touched."""
-        names, live = model.names, model.live
-        finger, objects = state[names.finger], state[names.objects]
-        index = state[names.object].item()
-        force = state[names.felt_force].item() if index >= 0 else 0.0
-        flux, resistance = 0.0, self._resistance(model, state, force, period) if force > 0.0 else np.inf
-        played = model.playing.plays(index)
-        body = model.bodies[index] if math.isfinite(resistance) and not played else None
-        if played and force > 0.0:
-            flux = model.playing.step(model.finger, finger, index, state[names.since].item())
-        elif body is not None:
-            flux = live.contact_step(model.finger, finger, body, objects[index], resistance)
-        else:
-            live.air_step(model.finger, finger)
-            self._watch_skin(model, state)
-        for other, touched in enumerate(state[names.touched].tolist()):
-            cooling = model.bodies[other] if touched else None
-            if cooling is not None and not (body is not None and other == index):
-                live.air_step(cooling, objects[other])
-        state[names.desired][...] = flux
-        state[names.resistance][...] = resistance
-        if force > 0.0:
-            state[names.contact_area][...] = model.area(force)
-        state[names.skin_temperature][...] = live.surface_temperature(model.finger, finger)
+        if self.bound_update(model, state, period).run():
+            self._play(model, state, period)
 
-    def _resistance(self, model: HeatModel, state: Record, force: float, period: float) -> float:
-        """Return the contact resistance at the end of this period [K m2/W] under a force [N]."""
-        resistance = model.law.at(force)
-        since = state[model.names.since].item() + 1
-        state[model.names.since] = since
-        if model.press > 0.0:
-            resistance *= press_factor(since * period, model.press)
-        return resistance
+    def _play(self, model: HeatModel, state: Record, period: float) -> None:
+        """Advance the finger under a curve that is played, and every object that was touched."""
+        from itouch_thermal import exchange
 
-    def _watch_skin(self, model: HeatModel, state: Record) -> None:
-        if not model.skin_from or (model.valid_from and state[model.valid_from].item() < 0.5):
-            return
-        ring, count = state[model.names.skin_ring], state[model.names.skin_count]
-        seen = count.item()
-        ring[seen % model.window] = state[model.skin_from].item()
-        count[...] = seen + 1
+        names = model.names
+        given, kept, _ = Bound(exchange.exchange, *_views(model, state, period)).arguments
+        index, force = state[names.object].item(), state[names.felt_force].item()
+        resistance = exchange.resist(given, kept, force)
+        flux = model.playing.step(model.finger, state[names.finger], index, state[names.since].item())
+        exchange.settle(given, kept, -1, force, flux, resistance)
+
+
+def _views(model: HeatModel, state: Record, period: float) -> tuple[Given, Kept, Skin]:
+    """Return what a tick needs of model and State, as compiled code takes it."""
+    from itouch_thermal.exchange import Given, Kept, Skin
+
+    names, nothing = model.names, np.zeros(0)
+    given = Given(
+        model.finger, model.table, np.array([body is not None for body in model.bodies], np.int64),
+        np.array([model.playing.plays(index) for index in range(len(model.bodies))], np.int64),
+        np.array(model.law.numbers), np.array(model.area), np.array((model.press, period)),
+    )  # fmt: skip
+    kept = Kept(*(state[getattr(names, field)] for field in Kept._fields))
+    skin = Skin(
+        state[names.skin_ring], state[names.skin_count], state[model.skin_from] if model.skin_from else nothing,
+        state[model.valid_from] if model.valid_from else nothing,
+    )  # fmt: skip
+    return given, kept, skin
+
+
+def table_of(bodies: Sequence[Array | None]) -> Array:
+    """Return packed models as rows of one table, shape (n, widest); one that is missing is a row of zeros."""
+    table = np.zeros((max(1, len(bodies)), max((len(body) for body in bodies if body is not None), default=1)))
+    for row, body in zip(table, bodies, strict=False):
+        if body is not None:
+            row[: len(body)] = body
+    return table
 
 
 def _skin_source(params: HeatParams, world: World) -> tuple[str, str]:

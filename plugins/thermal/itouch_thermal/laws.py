@@ -11,11 +11,11 @@ from itouch_thermal.solver.resistance import (
     AREA_AT_1N,
     AREA_EXPONENT,
     DEFAULT_RESISTANCE,
+    SPREAD,
     ConstantResistance,
     PressureResistance,
     ResistanceLaw,
     TableResistance,
-    contact_area,
 )
 
 __all__ = ["ConstantLaw", "ForceLaw", "ForcePoint", "PressureLaw", "TableLaw", "law_of", "press_factor"]
@@ -40,9 +40,10 @@ class ConstantLaw:
         """Return the law."""
         return ConstantResistance(self.resistance)
 
-    def area(self, force: float) -> float:
-        """Return the contact area [m2] at a force [N]."""
-        return contact_area(force)
+    @property
+    def spread(self) -> tuple[float, float]:
+        """Contact area at 1 N [m2], and exponent of the force in it."""
+        return SPREAD
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,9 +75,10 @@ class PressureLaw:
         """Return the law."""
         return PressureResistance(self.base, self.slope, self.exponent, self.contact_area, self.area_exponent)
 
-    def area(self, force: float) -> float:
-        """Return the contact area [m2] at a force [N]."""
-        return contact_area(force, at_1n=self.contact_area, exponent=self.area_exponent)
+    @property
+    def spread(self) -> tuple[float, float]:
+        """Contact area at 1 N [m2], and exponent of the force in it."""
+        return self.contact_area, self.area_exponent
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,9 +119,10 @@ class TableLaw:
             tuple(point.force for point in self.points), tuple(point.resistance for point in self.points)
         )
 
-    def area(self, force: float) -> float:
-        """Return the contact area [m2] at a force [N]."""
-        return contact_area(force)
+    @property
+    def spread(self) -> tuple[float, float]:
+        """Contact area at 1 N [m2], and exponent of the force in it."""
+        return SPREAD
 
 
 ForceLaw = ConstantLaw | PressureLaw | TableLaw

@@ -159,16 +159,17 @@ class DisplayTwin(Twin):
         """Return the true contact resistance [K m2/W] at a force [N] on the plate; infinite without force."""
         return plant.contact_resistance(self._law, self._finger, force)
 
+    def bound_read(self, state: Record, reading: Record) -> Bound:
+        """Return the reading of these views as one compiled call."""
+        current = reading["actual_current"] if self.params.command == "temperature" else np.zeros(0)
+        return Bound(
+            plant.sense, state["memory"], reading["skin_temperature"], reading["skin_valid"],
+            reading["plate_temperature"], reading["sink_temperature"], reading["heat_flux"], current,
+        )  # fmt: skip
+
     def read(self, state: Record, reading: Record) -> bool | None:
         """Give what the sensors say."""
-        memory = state["memory"].tolist()
-        reading["skin_temperature"][0] = memory[plant.READ_SKIN]
-        reading["skin_valid"][0] = memory[plant.READ_VALID]
-        reading["plate_temperature"][0] = memory[plant.READ_PLATE]
-        reading["sink_temperature"][0] = memory[plant.READ_SINK]
-        reading["heat_flux"][0] = memory[plant.READ_FLUX]
-        if self.params.command == "temperature":
-            reading["actual_current"][0] = memory[plant.CURRENT]
+        self.bound_read(state, reading)()
         return True
 
 

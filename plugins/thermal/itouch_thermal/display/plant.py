@@ -260,3 +260,13 @@ def _sense(c: Any, memory: Any, words: Any, seen: float, film: float, skin: floa
     if gap > c[C_CLEAR]:
         memory[READ_VALID] = 1.0
         memory[READ_SKIN] = _counted(skin + noise, c[C_SKIN_STEP])
+
+
+@kernel
+def sense(memory: Any, skin: Any, valid: Any, plate: Any, sink: Any, flux: Any, current: Any) -> int:
+    """Show what the sensors read, each of shape (1,), and the current that flows where it is read; return 0."""
+    skin[0], valid[0] = memory[READ_SKIN], memory[READ_VALID]
+    plate[0], sink[0], flux[0] = memory[READ_PLATE], memory[READ_SINK], memory[READ_FLUX]
+    for i in range(current.shape[0]):
+        current[i] = memory[CURRENT]
+    return 0

@@ -7,9 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from itouch.plugin import Field, Measured, Record
-
-#: Seconds after the begin from which the flux error counts, and the least flux [W/m2] it is relative to.
-SCORED_FROM, FLOOR = 0.1, 50.0
+from itouch_thermal.flux.usual import FLOOR, SCORED_FROM, enter
 
 #: The numbers of the account, in their order.
 _RENDERED, _READY, _TICKS, _SUM, _PEAK, _SKIN_BEGIN, _SKIN_EXTREME, _SQUARES, _SCORED = range(9)
@@ -65,17 +63,7 @@ def render(state: Record, name: str, ready: bool, skin: float) -> bool:
 
 def add(state: Record, name: str, flux: float, desired: float, skin: float, period: float) -> None:
     """Take in one tick: obtained and desired flux [W/m2] and skin temperature [K] (NaN: unknown)."""
-    view = state[f"{name}.account"]
-    rendered, ready, ticks, total, peak, first, extreme, squares, scored = view.tolist()
-    if abs(flux) > abs(peak):
-        peak = flux
-    if abs(skin - first) > abs(extreme - first):
-        extreme = skin
-    if ticks * period >= SCORED_FROM:
-        error = (flux - desired) / max(abs(desired), FLOOR)
-        squares += error * error
-        scored += 1.0
-    view[:] = (rendered, ready, ticks + 1.0, total + flux, peak, first, extreme, squares, scored)
+    enter(state[f"{name}.account"], flux, desired, skin, period)
 
 
 def scored(state: Record, name: str, period: float) -> bool:

@@ -8,13 +8,7 @@ from __future__ import annotations
 
 from itouch.plugin import Record
 from itouch_thermal.flux.setting import FluxModel
-from itouch_thermal.flux.start import within
-
-#: Over how long the infrared readings of the skin are averaged while the rig is calibrated [s], and how much
-#: warmer the plate is then [K]: covered skin no longer loses heat to the air, and warms up.
-AVERAGED, WARMER = 0.5, 0.02
-#: The plate is ready within this of its start temperature [K].
-READY = 0.1
+from itouch_thermal.flux.usual import AVERAGED, READY, WARMER, aim_at, judged
 
 
 def coming(model: FluxModel, state: Record) -> int:
@@ -67,17 +61,15 @@ def _wanted(model: FluxModel, state: Record, index: int) -> float | None:
 
 def _set(model: FluxModel, state: Record, wanted: float) -> None:
     names, (low, high) = model.names, model.band
-    state[names.start_temperature] = within(model.band, wanted)
-    state[names.plate_limited] = int(not low <= wanted <= high)
+    aim_at(state[names.start_temperature].reshape(1), state[names.plate_limited].reshape(1), wanted, low, high)
 
 
 def judge(model: FluxModel, state: Record, error: float, tick: int) -> None:
     """Say how ready a plate is that differs from its start temperature by an error [K]."""
     names = model.names
-    readiness = max(0.0, min(1.0, 2.0 - abs(error) / READY))
+    passed = 1.0
     if model.preset_time > 0.0:
         passed = (tick - state[names.preset_begun].item()) * model.period / model.preset_time
-        if passed < 1.0:
-            readiness = max(0.0, passed)
+    readiness = judged(error, passed)
     state[names.readiness] = readiness
     state[names.plate_ready] = int(readiness >= 1.0)

@@ -10,8 +10,8 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from itouch.plugin import Contact, ContactEvent, Field, Modality, Record, World
-from itouch_thermal.flux import account, approach, command, condensation, predictive, published, telling
+from itouch.plugin import Bound, Contact, ContactEvent, Field, Modality, Record, World
+from itouch_thermal.flux import account, approach, command, condensation, joined, predictive, published, telling
 from itouch_thermal.flux.params import FluxControlParams
 from itouch_thermal.flux.setting import FluxModel, setting
 from itouch_thermal.flux.start import within
@@ -187,6 +187,12 @@ class FluxControl(Modality):
         if model.law is not None and model.estimates:
             state[names.obtained] = model.law.estimate(state)[0]
         command.issue(model, state, current, model.hold)
+
+    def bound_update(self, model: FluxModel, state: Record, period: float) -> tuple[Bound, ...]:
+        """Return the update of these views as compiled calls, which leave to Python what begins or ends."""
+        if model.law is None or model.preview is None or not joined.joins(model, state):
+            return ()
+        return joined.bounds(model, model.law, model.preview, state)
 
     def _look(self, model: FluxModel, state: Record, tick: int, period: float) -> None:
         """Between touches: see what is near, and whether water may condense."""

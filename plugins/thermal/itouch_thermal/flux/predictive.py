@@ -11,17 +11,9 @@ from itouch_thermal.flux.law import ModelLaw
 from itouch_thermal.flux.observer import advance
 from itouch_thermal.flux.preview import Preview, look_ahead, rising, run_ahead
 from itouch_thermal.flux.setting import FluxModel
-from itouch_thermal.laws import press_factor
+from itouch_thermal.flux.usual import PRESS_FILTER, PRESSING, STRIDE, TOUCHED, press_on, scale_of
 from itouch_thermal.solver.live import state_size
 
-#: Force [N] on the plate that means a finger.
-TOUCHED = 0.03
-#: How far the contact resistance that the force explains may be from the expected one, as a multiple of it.
-SCALE = (0.02, 50.0)
-#: Time constant of a press [s] that is as doubtful as its scale is above 1; filter of its rate [s]; what is noise.
-PRESSING, PRESS_FILTER, STILL = 0.05, 0.02, 0.1
-#: Steps of the preview that are computed anew in a tick while the resistance changes.
-STRIDE = 16
 #: Most servo periods that a touch may have begun before the force was seen.
 LATE = 6
 
@@ -202,21 +194,23 @@ def _scale(model: FluxModel, state: Record, ticks: int) -> float:
     """
     sensor = model.force_from
     force = abs(state[sensor][2].item()) if sensor else state[model.names.normal_force].item()
-    found = model.resistance.at(force) / model.expected * press_factor((ticks + 1) * model.period, model.press)
-    return min(SCALE[1], max(SCALE[0], found))
+    time = (ticks + 1) * model.period
+    return scale_of(model.numbers, force, model.expected, time, model.press)
 
 
 def _press(model: FluxModel, state: Record, scale: float) -> float:
     """Return how much the finger is being pressed on, by how fast the resistance changes that the force explains."""
-    now, before = math.log(scale), model.names.scale_before
+    now, before = math.log(scale), state[model.names.scale_before].reshape(1)
     if state[model.names.fresh].item():  # a finger that has just come is being pressed on
-        followed = now + PRESS_FILTER / PRESSING
-    else:
-        followed = state[before].item()
-        time = model.hold * model.period
-        followed += time / (PRESS_FILTER + time) * (now - followed)  # behind a steady change by one PRESS_FILTER
-    state[before] = followed
-    return max(0.0, PRESSING / PRESS_FILTER * abs(now - followed) - STILL)
+        before[0] = now + PRESS_FILTER / PRESSING
+        return press_on(before, now, 0.0)
+    return press_on(before, now, part(model))
+
+
+def part(model: FluxModel) -> float:
+    """Return what part of its way the filter of a press goes in an update: PRESS_FILTER behind a steady change."""
+    time = model.hold * model.period
+    return time / (PRESS_FILTER + time)
 
 
 def _begin(model: FluxModel, law: ModelLaw, course: Preview, state: Record, ticks: int) -> None:

@@ -6,7 +6,10 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from itouch.plugin import ParameterError, Record, World, WorldDevice
+from itouch_thermal.display.column import Array
 from itouch_thermal.display.params import DisplayParams
 from itouch_thermal.flux.condensation import dew_of, driest
 from itouch_thermal.flux.curve import Curve
@@ -85,6 +88,11 @@ class FluxModel:
     again: int
     law: ModelLaw | None
     preview: Preview | None
+
+    @property
+    def numbers(self) -> Array:
+        """The law from force to contact resistance, as compiled code takes it."""
+        return np.array(self.resistance.numbers)
 
     @property
     def estimates(self) -> bool:

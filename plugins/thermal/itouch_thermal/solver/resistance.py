@@ -18,6 +18,7 @@ DEFAULT_RESISTANCE = 2e-3
 #: Fingertip pad: area at 1 N [m2] and exponent of the force; about 1 cm2 under a light press.
 AREA_AT_1N = 1.1e-4
 AREA_EXPONENT = 1.0 / 3.0
+SPREAD = AREA_AT_1N, AREA_EXPONENT
 
 
 #: The kinds of law, as the first of their numbers.
@@ -140,8 +141,11 @@ class TableResistance:
 ResistanceLaw = ConstantResistance | PressureResistance | TableResistance
 
 
-def contact_area(force: float, *, at_1n: float = AREA_AT_1N, exponent: float = AREA_EXPONENT) -> float:
-    """Return the area [m2] of a fingertip on a flat under a normal force [N]; Hertz' exponent by default."""
+def contact_area(force: float, at_1n: float = AREA_AT_1N, exponent: float = AREA_EXPONENT) -> float:
+    """Return the area [m2] of a fingertip on a flat under a normal force [N]; Hertz' exponent by default.
+
+    (It is compiled, too.)
+    """
     return float(at_1n * max(force, 0.0) ** exponent)
 
 

@@ -1,0 +1,118 @@
+"""A tick of `heat`, compiled: the model finger on the object that it feels, and what was touched before in air."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.plugin.kernels import kernel
+from itouch_thermal.laws import press_factor
+from itouch_thermal.solver.live import air_step, contact_step, surface_temperature
+from itouch_thermal.solver.resistance import contact_area, resistance_at
+
+Floats = NDArray[np.float64]
+Numbers = NDArray[np.int64]
+
+#: Leaves the tick to Python: a recorded curve is played.
+PYTHON = 1
+
+
+class Given(NamedTuple):
+    """What never changes.
+
+    The model finger; the n objects, packed, one a row, which of them are ``known``, and of which a recorded curve is
+    ``played`` (n,); the law from force to resistance; contact area at 1 N [m2] and exponent of the force in it (2,);
+    time constant of a press and period [s] (2,).
+    """
+
+    finger: Floats
+    bodies: Floats
+    known: Numbers
+    played: Numbers
+    law: Floats
+    area: Floats
+    times: Floats
+
+
+class Skin(NamedTuple):
+    """The infrared readings of the skin: ring, how many, the newest one (1,) or none (0,), and whether it is valid."""
+
+    ring: Floats
+    seen: Numbers
+    reading: Floats
+    valid: Floats
+
+
+class Kept(NamedTuple):
+    """The State of the modality, scalars as (1,).
+
+    Modes of the finger, of the objects (n, widest), and which of them were touched (n,); the object that is touched,
+    and the time since then [ticks]; then what is written.
+    """
+
+    finger: Floats
+    objects: Floats
+    touched: Numbers
+    object: Numbers
+    since: Numbers
+    desired: Floats
+    resistance: Floats
+    contact_area: Floats
+    skin_temperature: Floats
+
+
+_resistance_at, _press_factor, _contact_area = kernel(resistance_at), kernel(press_factor), kernel(contact_area)
+
+
+@kernel
+def watch(skin: Skin) -> None:
+    """Take a valid infrared reading into the ring."""
+    if skin.reading.shape[0] == 0 or (skin.valid.shape[0] > 0 and skin.valid[0] < 0.5):
+        return
+    skin.ring[skin.seen[0] % skin.ring.shape[0]] = skin.reading[0]
+    skin.seen[0] += 1
+
+
+@kernel
+def resist(given: Given, kept: Kept, force: float) -> float:
+    """Return the contact resistance at the end of this period [K m2/W] under a force [N]."""
+    law: Any = given.law
+    found = _resistance_at(law, force)
+    kept.since[0] += 1
+    if given.times[0] > 0.0:
+        found *= _press_factor(kept.since[0] * given.times[1], given.times[0])
+    return float(found)
+
+
+@kernel
+def settle(given: Given, kept: Kept, beside: int, force: float, flux: float, resistance: float) -> None:
+    """Let the objects cool that were touched, all but ``beside``, and write what came of the tick."""
+    for other in range(given.known.shape[0]):
+        if kept.touched[other] != 0 and given.known[other] != 0 and other != beside:
+            air_step(given.bodies[other], kept.objects[other])
+    kept.desired[0], kept.resistance[0] = flux, resistance
+    if force > 0.0:
+        kept.contact_area[0] = _contact_area(force, given.area[0], given.area[1])
+    kept.skin_temperature[0] = surface_temperature(given.finger, kept.finger)
+
+
+@kernel
+def exchange(given: Given, kept: Kept, skin: Skin, felt: Floats) -> int:
+    """Advance the finger and every object that was touched by a period; ``felt`` (1,): the force on the finger [N]."""
+    index = kept.object[0]
+    force = felt[0] if index >= 0 else 0.0
+    if index >= 0 and force > 0.0 and given.played[index] != 0:
+        return PYTHON
+    flux, resistance = 0.0, resist(given, kept, force) if force > 0.0 else math.inf
+    beside = -1
+    if index >= 0 and given.known[index] != 0 and given.played[index] == 0 and math.isfinite(resistance):
+        beside = index
+        flux = contact_step(given.finger, kept.finger, given.bodies[index], kept.objects[index], resistance)
+    else:
+        air_step(given.finger, kept.finger)
+        watch(skin)
+    settle(given, kept, beside, force, flux, resistance)
+    return 0

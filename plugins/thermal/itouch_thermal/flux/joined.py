@@ -1,0 +1,79 @@
+"""What a tick of the controller `model` needs of scene and State, as compiled code takes it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from itouch.plugin import Bound, Record
+from itouch_thermal.flux import usual
+from itouch_thermal.flux.law import DEADBEAT, ModelLaw
+from itouch_thermal.flux.predictive import part
+from itouch_thermal.flux.preview import Preview
+from itouch_thermal.flux.setting import FluxModel
+from itouch_thermal.heat import table_of
+
+#: Nothing is on its way over a wire.
+_NOTHING = (0.0, 0.0, 0.0)
+
+
+def joins(model: FluxModel, state: Record) -> bool:
+    """Tell whether ticks of a scene can join: the model at every tick, a current without a wire, and what is true."""
+    known = model.law is not None and model.preview is not None and bool(model.heat)
+    plain = not model.wire and model.hold == 1 and model.display.command == "current"
+    return known and plain and model.truth and model.names.true_flux in state
+
+
+def bounds(model: FluxModel, law: ModelLaw, course: Preview, state: Record) -> tuple[Bound, ...]:
+    """Return an update on these views as compiled calls, of which the first leaves to Python what is unusual."""
+    scene, own, memory = _scene(model, state), _own(model, state), _memory(law, state)
+    given, figures = _given(model, law, course), _figures(model, law, course)
+    taken = usual.Taken(np.ones(1), np.zeros(1))
+    return (
+        Bound(usual.prepare, scene, own, given, figures, taken),
+        Bound(usual.track, scene, given, memory, taken, law.coarse_ticks),
+        Bound(usual.command, scene, own, given, figures, memory, _NOTHING),
+    )
+
+
+def _scene(model: FluxModel, state: Record) -> usual.Scene:
+    names, nothing = model.names, np.zeros(0)
+    views: dict[str, Any] = {
+        "tick": state["tick"], "ready": state["ready"],
+        "load": state[model.force_from] if model.force_from else nothing,
+        "skin": state[model.skin_from] if model.skin_from else nothing,
+        "skin_valid": state[model.skin_valid] if model.skin_valid else nothing,
+    }  # fmt: skip
+    return usual.Scene(*(views[n] if n in views else state[getattr(names, n)] for n in usual.Scene._fields))
+
+
+def _own(model: FluxModel, state: Record) -> usual.Own:
+    return usual.Own(*(state[f"{model.name}.{name}"] for name in usual.Own._fields))
+
+
+def _memory(law: ModelLaw, state: Record) -> usual.Memory:
+    """Return the law's State; of the currents on their way those that are no whole coarse step, and the others."""
+    single, queue = law.delay % law.coarse_ticks, law.delay // law.coarse_ticks
+    views = {name: state[law.prefix + name] for name in usual.Memory._fields}
+    return usual.Memory(**{**views, "single": views["single"][:single], "queue": views["queue"][:queue]})
+
+
+def _given(model: FluxModel, law: ModelLaw, course: Preview) -> usual.Given:
+    known = np.array([body is not None for body in course.bodies], np.int64)
+    starts = np.array([start is not None for start in model.starts], np.int64)
+    played = np.array([curve is not None for curve in model.curves], np.int64)
+    return usual.Given(
+        law.constants, law.fine.tissue, law.fine.plate, law.coarse.tissue, law.coarse.plate, law.hats, law.band,
+        law.offsets, course.finger, table_of(course.bodies), known, starts, played, model.numbers,
+    )  # fmt: skip
+
+
+def _figures(model: FluxModel, law: ModelLaw, course: Preview) -> usual.Figures:
+    low, high = model.band
+    return usual.Figures(
+        law.coarse_ticks, law.delay, law.ahead, model.again, model.steady, bool(model.heat), float(model.expected),
+        float(course.resistance), float(model.press), float(model.period), float(model.dew), float(model.skin),
+        float(model.preset_time), float(low), float(high), float(law.display.flux_limit), float(law.ceiling),
+        float(law.capacity), max(DEADBEAT, 1.5 * model.period), float(part(model)),
+    )  # fmt: skip

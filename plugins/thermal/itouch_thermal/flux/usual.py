@@ -1,0 +1,394 @@
+"""A tick of the controller `model`, compiled: three calls that leave to Python what begins, ends or is unusual.
+
+``prepare`` says what the law takes in, ``track`` lets it, ``command`` asks it for the next current.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.plugin.kernels import kernel
+from itouch_thermal.flux import law as laws
+from itouch_thermal.flux import observer
+from itouch_thermal.flux.preview import look_ahead, run_ahead
+from itouch_thermal.flux.start import MARGIN
+from itouch_thermal.laws import press_factor
+from itouch_thermal.solver.resistance import resistance_at
+
+Floats = NDArray[np.float64]
+Numbers = NDArray[np.int64]
+
+#: Leaves the tick to Python.
+PYTHON = 1
+#: Force [N] on the plate that means a finger.
+TOUCHED = 0.03
+#: Over how long the infrared readings of the skin are averaged while the rig is calibrated [s], and how much
+#: warmer the plate is then [K]: covered skin no longer loses heat to the air, and warms up.
+AVERAGED, WARMER = 0.5, 0.02
+#: The plate is ready within this of its start temperature [K].
+READY = 0.1
+#: How far the contact resistance that the force explains may be from the expected one, as a multiple of it.
+SCALE = (0.02, 50.0)
+#: Steps of the preview that are computed anew in a tick while the resistance changes.
+STRIDE = 16
+#: Time constant of a press [s] that is as doubtful as its scale is above 1; filter of its rate [s]; what is noise.
+PRESSING, PRESS_FILTER, STILL = 0.05, 0.02, 0.1
+#: Seconds after the begin from which the flux error counts, and the least flux [W/m2] it is relative to.
+SCORED_FROM, FLOOR = 0.1, 50.0
+
+_resistance_at, _press_factor = kernel(resistance_at), kernel(press_factor)
+
+
+class Scene(NamedTuple):
+    """What of State is the scene's, scalars as (1,); ``load``: the wrench on the plate, or nothing measures it (0,)."""
+
+    tick: Numbers
+    ready: Numbers
+    near_object: Numbers
+    below: Numbers
+    met: Numbers
+    plate: Numbers
+    normal_force: Floats
+    felt_force: Floats
+    load: Floats
+    age: Numbers
+    heat_flux: Floats
+    plate_temperature: Floats
+    sink: Floats
+    skin: Floats
+    skin_valid: Floats
+    true_flux: Floats
+    true_skin: Floats
+    heat_desired: Floats
+    resistance: Floats
+    finger: Floats
+    bodies: Floats
+    sent: Floats
+    command: Floats
+
+
+class Own(NamedTuple):
+    """What of State is the modality's, scalars as (1,)."""
+
+    open: Numbers
+    touching: Numbers
+    object: Numbers
+    begun: Numbers
+    fresh: Numbers
+    pressing: Numbers
+    on_plate: Numbers
+    tracked: Numbers
+    approached: Numbers
+    calm: Floats
+    start_temperature: Floats
+    plate_limited: Numbers
+    preset_begun: Numbers
+    readiness: Floats
+    plate_ready: Numbers
+    desired: Floats
+    obtained: Floats
+    flux: Floats
+    condensation_time: Floats
+    force_before: Floats
+    scale_before: Floats
+    account: Floats
+    preview_finger: Floats
+    preview_object: Floats
+    preview_index: Numbers
+    reached: Numbers
+
+
+class Memory(NamedTuple):
+    """The law's State; see `ModelLaw`."""
+
+    x: Floats
+    theta: Floats
+    cover: Floats
+    gain: Floats
+    memory: Floats
+    line: Floats
+    slots: Floats
+    wanted: Floats
+    response: Floats
+    knots: Floats
+    work: Floats
+    trace: Floats
+    span: Floats
+    past: Floats
+    kept: Floats
+    future: Floats
+    single: Floats
+    queue: Floats
+
+
+class Given(NamedTuple):
+    """What never changes: constants of law and preview, and per object whether it has a start and plays a curve."""
+
+    c: Floats
+    tissue: Floats
+    plate: Floats
+    far_tissue: Floats
+    far_plate: Floats
+    hats: Floats
+    band: Floats
+    offsets: Numbers
+    finger: Floats
+    bodies: Floats
+    known: Numbers
+    starts: Numbers
+    played: Numbers
+    law: Floats
+
+
+class Figures(NamedTuple):
+    """Numbers that never change: sizes in periods, limits, and what is known of skin and room, SI."""
+
+    size: int
+    delay: int
+    ahead: int
+    again: int
+    steady: bool
+    heat: bool
+    expected: float
+    alone: float
+    press: float
+    period: float
+    dew: float
+    rest: float
+    preset_time: float
+    low: float
+    high: float
+    flux_limit: float
+    ceiling: float
+    capacity: float
+    within: float
+    part: float
+
+
+class Taken(NamedTuple):
+    """What ``prepare`` has found for the law: how the resistance is, and how much is pressed on, each of shape (1,)."""
+
+    scale: Floats
+    press: Floats
+
+
+@kernel
+def pressed(scene: Any, heat: bool) -> bool:
+    """Tell whether the finger is on the plate: by the measured force, else as the virtual contact says."""
+    if scene.load.shape[0] > 0:
+        return bool(abs(scene.load[2]) > TOUCHED)
+    return bool(in_contact(scene, heat))
+
+
+@kernel
+def in_contact(scene: Any, heat: bool) -> bool:
+    """Tell whether the finger presses on a virtual object now."""
+    return math.isfinite(scene.resistance[0]) if heat else bool(scene.normal_force[0] > 0.0)
+
+
+@kernel
+def scale_of(law: Any, force: float, expected: float, time: float, press: float) -> float:
+    """Return the contact resistance at a force [N], so long [s] after the begin, as a multiple of the expected."""
+    found = _resistance_at(law, force) / expected * _press_factor(time, press)
+    return float(min(SCALE[1], max(SCALE[0], found)))
+
+
+@kernel
+def judged(error: float, passed: float) -> float:
+    """Return how ready a plate is that differs from its start temperature by an error [K]: 0 to 1.
+
+    ``passed`` is the part that is over of the time that every approach takes; 1 or more if there is none.
+    """
+    return max(0.0, passed) if passed < 1.0 else max(0.0, min(1.0, 2.0 - abs(error) / READY))
+
+
+@kernel
+def enter(account: Floats, flux: float, desired: float, skin: float, period: float) -> None:
+    """Take one tick into the account (9,): obtained and desired flux [W/m2], skin temperature [K] (NaN: unknown)."""
+    ticks, first = account[2], account[5]
+    if abs(flux) > abs(account[4]):
+        account[4] = flux
+    if abs(skin - first) > abs(account[6] - first):
+        account[6] = skin
+    if ticks * period >= SCORED_FROM:
+        error = (flux - desired) / max(abs(desired), FLOOR)
+        account[7] += error * error
+        account[8] += 1.0
+    account[2] = ticks + 1.0
+    account[3] += flux
+
+
+@kernel
+def _equal(scene: Any, own: Any, figures: Any) -> None:
+    """Aim for the skin's temperature during calibration: a plate that is felt then does not cool the finger."""
+    known = own.calm[0]
+    skin = known if known != 0.0 else figures.rest
+    if scene.skin.shape[0] > 0 and (scene.skin_valid.shape[0] == 0 or scene.skin_valid[0] >= 0.5):
+        measured = scene.skin[0]
+        skin = known + min(1.0, figures.period / AVERAGED) * (measured - known) if known != 0.0 else measured
+        own.calm[0] = skin
+    own.approached[0] = -1
+    aim_at(own.start_temperature, own.plate_limited, skin + WARMER, figures.low, figures.high)
+
+
+@kernel
+def aim_at(start: Floats, limited: Any, wanted: float, low: float, high: float) -> None:
+    """Take a start temperature [K], as far as the plate's band goes."""
+    start[0] = min(high - MARGIN, max(low + MARGIN, wanted))
+    limited[0] = int(not low <= wanted <= high)
+
+
+@kernel
+def _unusual(scene: Any, own: Any, given: Any, figures: Any) -> bool:
+    """Tell whether this tick is Python's: something begins, ends or is chosen anew."""
+    tick, index = scene.tick[0], own.object[0]
+    if own.tracked[0] != tick - 1 or own.fresh[0] != 0 or scene.age[0] != 0:
+        return True
+    touching = own.touching[0] != 0
+    if own.open[0] != 0 and given.starts[index] != 0 and scene.met[0] >= 0 and touching != (scene.plate[0] != 0):
+        return True
+    if touching:
+        body = own.preview_index[0]
+        if given.played[index] != 0 or body < 0 or given.known[body] == 0:
+            return True
+        return own.on_plate[0] == 0 or not pressed(scene, figures.heat)
+    if own.on_plate[0] != 0:
+        return True
+    if scene.ready[0] == 0:
+        return False
+    near = scene.near_object[0]
+    if near >= 0 and scene.below[0] >= 0:
+        near = scene.below[0]
+    return bool(near >= 0 and (near != own.approached[0] or tick % figures.again == 0))
+
+
+@kernel
+def prepare(
+    scene: Scene, own: Own, given: Given, figures: Figures, taken: Taken
+) -> int:  # fmt: skip
+    """Note what was obtained, and say what the law takes in."""
+    if _unusual(scene, own, given, figures):
+        return PYTHON
+    taken.scale[0], taken.press[0] = 1.0, 0.0
+    if own.touching[0] != 0:
+        contact = in_contact(scene, figures.heat)
+        if contact and own.pressing[0] != 0:
+            enter(own.account, own.obtained[0], own.desired[0], scene.true_skin[0], figures.period)
+        own.obtained[0], own.pressing[0] = scene.true_flux[0], int(contact)
+        own.desired[0] = scene.heat_desired[0]
+        if not figures.steady:
+            scale = _scale(scene, own, given, figures, 0)
+            taken.scale[0] = scale
+            taken.press[0] = press_on(own.scale_before, math.log(scale), figures.part)
+    else:
+        if scene.ready[0] == 0:
+            _equal(scene, own, figures)
+        if own.desired[0] != 0.0:
+            own.desired[0] = 0.0
+        if scene.plate_temperature[0] < figures.dew:
+            own.condensation_time[0] += figures.period
+    own.tracked[0] = scene.tick[0]
+    return 0
+
+
+@kernel
+def press_on(before: Floats, now: float, part: float) -> float:
+    """Return how much the finger is being pressed on, by how fast the logarithm of the resistance changes.
+
+    ``before`` (1,) is that logarithm, filtered; ``part`` of the way to what it is now is gone in a tick.
+    """
+    followed = before[0] + part * (now - before[0])
+    before[0] = followed
+    return float(max(0.0, PRESSING / PRESS_FILTER * abs(now - followed) - STILL))
+
+
+@kernel
+def _scale(scene: Any, own: Any, given: Any, figures: Any, later: int) -> float:
+    """Return the resistance that the force explains so many periods from now, as a multiple of the expected one."""
+    force = abs(scene.load[2]) if scene.load.shape[0] > 0 else scene.normal_force[0]
+    time = (scene.tick[0] - own.begun[0] + later + 1) * figures.period
+    return float(scale_of(given.law, force, figures.expected, time, figures.press))
+
+
+@kernel
+def track(scene: Scene, given: Given, memory: Memory, taken: Taken, size: int) -> int:
+    """Let the law take in what was sent and read."""
+    laws._track(  # noqa: SLF001
+        given.c, given.tissue, given.plate, memory.x, memory.theta, memory.cover, memory.gain, memory.memory,
+        memory.line, memory.slots, memory.trace, memory.past, memory.kept, size, scene.sent[0], taken.scale[0],
+        taken.press[0], scene.heat_flux[0], scene.plate_temperature[0], scene.sink[0],
+    )  # fmt: skip
+    return 0
+
+
+@kernel
+def _advance(scene: Any, own: Any, given: Any, figures: Any, future: Floats, count: int) -> None:
+    """Run the contact ahead by so many steps more."""
+    resistance = figures.alone if figures.steady else _resistance_at(given.law, scene.felt_force[0])
+    if not math.isfinite(resistance):
+        return
+    reached = own.reached[0]
+    run_ahead(
+        given.finger, own.preview_finger, given.bodies[own.preview_index[0]], own.preview_object, resistance,
+        figures.press / figures.period, future, reached + 1, count,
+    )  # fmt: skip
+    own.reached[0] = reached + count
+
+
+@kernel
+def _continue(scene: Any, own: Any, given: Any, figures: Any, future: Floats, ticks: int) -> None:
+    """Keep the preview a horizon ahead; while the resistance changes, begin it anew again and again."""
+    reached, wanted = own.reached[0], ticks + figures.ahead
+    if figures.steady:
+        _advance(scene, own, given, figures, future, wanted - reached)
+    elif reached >= wanted - 1 or reached < ticks:
+        for i in range(own.preview_finger.shape[0]):
+            own.preview_finger[i] = scene.finger[i]
+        for i in range(own.preview_object.shape[0]):
+            own.preview_object[i] = scene.bodies[own.preview_index[0], i]
+        future[ticks % future.shape[0]] = own.desired[0]
+        own.reached[0] = ticks
+        _advance(scene, own, given, figures, future, min(figures.ahead, STRIDE))
+    else:
+        _advance(scene, own, given, figures, future, min(wanted - reached, STRIDE))
+
+
+@kernel
+def command(scene: Scene, own: Own, given: Given, figures: Figures, memory: Memory, out: Any) -> int:
+    """Ask the law for the current [A] that follows the plan, or brings the plate to its start temperature.
+
+    ``out``: what is on its way over a wire, see `Coming`.
+    """
+    if own.touching[0] != 0:
+        ticks, scale = scene.tick[0] - own.begun[0], 1.0
+        _continue(scene, own, given, figures, memory.future, ticks)
+        look_ahead(memory.future, ticks, given.offsets, own.desired[0], memory.wanted)
+        if not figures.steady:
+            scale = _scale(scene, own, given, figures, figures.delay)
+        current, flux = laws._follow(  # noqa: SLF001
+            given.c, given.tissue, given.plate, given.far_tissue, given.far_plate, memory.x, memory.theta,
+            memory.memory, scale, memory.line, memory.slots, memory.single, memory.queue, memory.wanted,
+            memory.response, given.hats, memory.knots, memory.work, memory.trace, memory.span, figures.flux_limit,
+            figures.ceiling, given.band, figures.capacity, memory.cover[observer.RESISTANCE, observer.RESISTANCE],
+            figures.size, 1, 1, out, 0,
+        )  # fmt: skip
+    else:
+        if pressed(scene, figures.heat):
+            memory.memory[observer.M_QUIET] = observer.QUIET
+        if scene.load.shape[0] > 0:
+            own.force_before[0] = abs(scene.load[2])
+        current, flux, error = laws._approach(  # noqa: SLF001
+            given.c, given.tissue, given.plate, memory.x, memory.theta, memory.memory, memory.line, memory.slots, out,
+            0, own.start_temperature[0], figures.capacity, figures.flux_limit, figures.ceiling, figures.within,
+        )  # fmt: skip
+        passed = 1.0
+        if figures.preset_time > 0.0:
+            passed = (scene.tick[0] - own.preset_begun[0]) * figures.period / figures.preset_time
+        own.readiness[0] = judged(error, passed)
+        own.plate_ready[0] = int(own.readiness[0] >= 1.0)
+    own.flux[0], scene.command[0] = flux, current
+    return 0
