@@ -59,6 +59,17 @@ def test_a_display_that_is_lost_is_said_not_to_be_verified_and_makes_itself_safe
     assert fault["safe"]["devices"]["peltier"].startswith("can't be verified")
 
 
+def test_a_surface_whose_place_is_not_believed_retracts_all_the_same(
+    found: tuple[Pair, dict[str, tuple[bytes, bytes]]],
+) -> None:
+    """Jumps of its sensor were once taken for a plate that comes nearer: it was held where it was."""
+    pair, phases = found
+    cell = run(pair, "idle", phases["idle"], [("table", Kind.SPIKE, 0)])
+    (fault,) = pair.host.report()["faults"]
+    assert cell.good and fault["trip"] == "sensor-jump"
+    assert pair.truly_safe(fault["time_s"])
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("ticks", [20, 23])
 def test_the_whole_matrix_through_threads(ticks: int) -> None:

@@ -157,6 +157,8 @@ class SafeSequence:
         """Hold a surface that comes nearer when it is told to retract; if it still presses then, drive it back."""
         for supervisor, stopped in self._ways:
             name = supervisor.model.name
+            if supervisor.twin is None and not self._believed(supervisor):
+                continue  # a place that is not believed says nothing of a direction
             gone = heights[name] - _height(supervisor)
             if stopped.item() == 0 and gone < -WRONG_WAY:
                 stopped[...], self._held_for[name] = HELD, 0

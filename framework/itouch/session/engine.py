@@ -20,6 +20,7 @@ from itouch.scene import Scene
 from itouch.session import layout, limits, marks, wishes
 from itouch.session.document import to_xml
 from itouch.session.errors import SessionError
+from itouch.session.participants import Participant
 from itouch.session.plausible import check_plausible
 from itouch.session.recorder import Recorder
 from itouch.session.saving import Saving
@@ -58,6 +59,7 @@ class Session(Engine):
         self.fault_hooks: list[Callable[[DeviceFaultError], None]] = []
         with keeping(self._bases):
             super().__init__(model, seed=seed, clock=clock)
+        self._participant = Participant(self, model.scene) if model.scene.safety.participant else None
 
     @classmethod
     def of(cls, scene: Scene, *, catalog: Catalog, seed: int = 0, clock: Clock | None = None) -> Session:
@@ -125,10 +127,22 @@ class Session(Engine):
         RecordingError
             If the recording that the scene asks for can't begin.
         """
+        if self._participant is not None:
+            self._carry_in()
+            self._participant.begin()
         element = self.model.scene.record
         if element is not None and self.records and self.recorder is None:
             self.record(wishes.file_name(element.to, self.model.scene.source, int(self.state["seed"])))
         super().run(seconds, until=until, each=each, every=every)
+
+    def _carry_in(self) -> None:
+        """Let the participant's earlier sessions count before anything acts."""
+        if self._participant is not None:
+            before = self.state.tobytes()
+            told = self._participant.carry_in()
+            if self.state.tobytes() != before:
+                self.note_outside("participant")
+            self._notes += tuple(text for text in told if text not in self._notes)
 
     def record(self, path: Path) -> Recorder:
         """Record from now on into a file, until ``close``.
@@ -194,6 +208,7 @@ class Session(Engine):
         """
         if self._enabled and all(device.twin and not device.remote for device in self.model.devices.values()):
             return
+        self._carry_in()
         super().enable()
         self.settle()
         self.note_outside("enable")
@@ -206,6 +221,7 @@ class Session(Engine):
 
     def rearm(self) -> None:
         """Re-arm as ``Engine.rearm`` says; a recording notes the State after it."""
+        self._carry_in()
         super().rearm()
         self.note_outside("rearm")
 
@@ -275,6 +291,8 @@ class Session(Engine):
             If the recording could not be finished.
         """
         super().close()
+        if self._participant is not None:
+            self._participant.end()
         recorder, self.recorder = self.recorder, None
         if recorder is not None:
             self._let_go(recorder)

@@ -48,6 +48,9 @@ class Safety:
     )
     servo_overrun: str = choice("stop", "warn", default="warn", doc="what happens when the loop falls behind real time")
     watchdog: float | None = quantity("s", positive=True, default=None, doc="greatest age of a device's reading")
+    participant: str = text(
+        default="", doc="code of who is touched: thermal dose and time in the cold then go on over all their sessions"
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,229 @@
+"""Budgets of a participant that outlast a session: thermal dose, and time on cold plates.
+
+The program keeps a file for each participant that a scene names, in two copies.  What was used goes into every later
+session, whatever its devices are called; of two figures the larger one counts.  Budgets begin anew a day after the last
+use.  The files guard against a new process, a crash or an older session file, and tell of an edit; they are no lock
+against somebody who is set on deceiving the program.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+import queue
+import re
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from itouch.schema import Problem, SceneError
+from itouch.session.durable import write_whole
+from itouch.session.errors import SessionError
+
+if TYPE_CHECKING:
+    from itouch.scene import Scene
+    from itouch.session.engine import Session
+
+FORMAT = "itouch-py participant 1"
+#: Time [s] after the last use from which budgets begin anew: the project's choice, a day.
+LASTS = 86_400.0
+#: How often [s of the session] what was used is written, at most; most that is read of a file [bytes].
+EVERY, MOST = 1.0, 1 << 16
+#: What a participant may be called: it becomes the name of a file.
+CODE = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
+#: What is kept, by the name that it has in every monitor of heat.
+BUDGETS = ("dose", "cold_time")
+
+
+@dataclass(frozen=True, slots=True)
+class Used:
+    """What a participant has used of the budgets [s], and when [s since 1970] that was written last."""
+
+    dose: float = 0.0
+    cold_time: float = 0.0
+    at: float = 0.0
+
+    def larger(self, other: Used) -> Used:
+        """Return the larger use of each budget."""
+        return Used(*(max(a, b) for a, b in zip(self.values, other.values, strict=True)))
+
+    @property
+    def values(self) -> tuple[float, float, float]:
+        """Its numbers in order."""
+        return self.dose, self.cold_time, self.at
+
+
+def folder() -> Path:
+    """Return where the files of participants are: ``XDG_STATE_HOME`` or ``~/.local/state``."""
+    return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "itouch-py" / "participants"
+
+
+def read(code: str, now: float | None = None) -> tuple[Used, tuple[str, ...]]:
+    """Return what a participant has used, and what must be told of the files.
+
+    Raises
+    ------
+    SessionError
+        If neither copy can be understood: nobody knows what was used then.
+    """
+    found, told, bad = [], [], []
+    for path in _paths(code):
+        try:
+            used, edited = _read(path, code)
+        except FileNotFoundError:
+            continue
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            bad.append(f"'{path}': {error}")
+            continue
+        found.append(used)
+        if edited:
+            told.append(f"participant '{code}': '{path}' was edited by somebody; the larger use counts")
+    if bad and not found:
+        advice = "find out what happened to it; who is sure that nothing was used may remove it"
+        raise SessionError(f"what participant '{code}' has used can't be read: {'; '.join(bad)}: {advice}")
+    told += [f"participant '{code}': {text}; the other copy counts" for text in bad]
+    if len({used.values[:2] for used in found}) > 1 and not told:
+        told.append(f"participant '{code}': the two copies of what was used differ; the larger use counts")
+    whole = Used()
+    for used in found:
+        whole = whole.larger(used)
+    if (time.time() if now is None else now) - whole.at > LASTS:
+        return Used(), ()
+    return whole, tuple(told)
+
+
+def write(code: str, used: Used) -> None:
+    """Note what a participant has used, if it is more than what is noted; both copies, one after the other.
+
+    Raises
+    ------
+    SessionError
+        If it can't be written.
+    """
+    whole, _ = read(code, used.at)
+    used = used.larger(whole)
+    body = {"format": FORMAT, "participant": code, "dose_s": used.dose, "cold_s": used.cold_time, "at": used.at}
+    data = json.dumps({**body, "digest": _digest(body)}, indent=1, allow_nan=False).encode() + b"\n"
+    for path in _paths(code):
+        try:
+            write_whole(str(path), data)
+        except OSError as error:
+            raise SessionError(f"what participant '{code}' has used can't be kept: '{path}': {error}") from error
+
+
+def _paths(code: str) -> tuple[Path, Path]:
+    return folder() / f"{code}.json", folder() / f".{code}.copy.json"
+
+
+def _digest(body: dict[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(body, sort_keys=True).encode()).hexdigest()
+
+
+def _read(path: Path, code: str) -> tuple[Used, bool]:
+    """Return what a file says, and whether somebody has edited it."""
+    if not path.is_file() and path.exists():
+        raise ValueError("it is no file")
+    with path.open("rb") as stream:
+        data = json.loads(stream.read(MOST))
+    digest = data.pop("digest", "")
+    if data["format"] != FORMAT or data["participant"] != code:
+        raise ValueError(f"it is no record of '{code}' in the format '{FORMAT}'")
+    used = Used(*(float(data[name]) for name in ("dose_s", "cold_s", "at")))
+    if not all(math.isfinite(value) and value >= 0.0 for value in used.values):
+        raise ValueError("it holds what is no time")
+    return used, digest != _digest(data)
+
+
+class Participant:
+    """Carries the budgets of one participant into a session, and what it uses out of it."""
+
+    def __init__(self, session: Session, scene: Scene, *, clock: Callable[[], float] = time.time) -> None:
+        self.code, self._session, self._clock = scene.safety.participant, session, clock
+        if not CODE.fullmatch(self.code):
+            sentence = f"participant = '{self.code}' is no code: 1 to 64 letters, digits, '-' and '_'"
+            raise SceneError([Problem("bad-value", sentence, scene.places.of(scene.safety, "participant"))])
+        self._views = {
+            name: [post.state[name] for runner in session.runners for post in runner.heats] for name in BUDGETS
+        }
+        self._ticks = max(1, round(EVERY / session.model.period))
+        self._noted = Used()
+        self._work: queue.Queue[Used | None] = queue.Queue(1)
+        self._thread: threading.Thread | None = None
+        self._failure = ""
+
+    def carry_in(self) -> tuple[str, ...]:
+        """Raise every plate's budgets to what was used before; return what must be told.
+
+        Raises
+        ------
+        SessionError
+            If nobody knows what was used.
+        """
+        used, told = read(self.code, self._clock())
+        self._noted = used
+        for name, value in zip(BUDGETS, used.values, strict=False):
+            for view in self._views[name]:
+                view[...] = max(view.item(), value)
+        return told
+
+    def begin(self) -> None:
+        """Begin to note what is used, while the session runs."""
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._write, name="participant", daemon=True)
+            self._thread.start()
+            self._session.taps.append(self._tap)
+
+    def used(self) -> Used:
+        """Return what has been used by now."""
+        dose, cold = (self._most(name) for name in BUDGETS)
+        return Used(dose, cold, self._clock())
+
+    def _most(self, name: str) -> float:
+        return max((view.item() for view in self._views[name]), default=0.0)
+
+    def end(self) -> None:
+        """Note the last of it, and wait until that is on the disk.
+
+        Raises
+        ------
+        SessionError
+            If it can't be kept.
+        """
+        thread, self._thread = self._thread, None
+        if thread is None:
+            return
+        self._session.taps.remove(self._tap)
+        self._work.put(None)
+        thread.join()
+        if self._grown(self.used()):
+            write(self.code, self.used())
+
+    def _grown(self, used: Used) -> bool:
+        return used.dose > self._noted.dose or used.cold_time > self._noted.cold_time
+
+    def _tap(self, tick: int) -> None:
+        if self._failure:
+            said, self._failure = self._failure, ""
+            self._session.note_fault("saving", said)
+        if (tick + 1) % self._ticks:
+            return
+        used = self.used()
+        if not self._grown(used):
+            return
+        try:
+            self._work.put(used, block=self._session.clock.pace != "real")
+        except queue.Full:  # the disk has not taken the last one yet
+            return
+        self._noted = used
+
+    def _write(self) -> None:
+        while (used := self._work.get()) is not None:
+            try:
+                write(self.code, used)
+            except SessionError as error:
+                self._failure = str(error)

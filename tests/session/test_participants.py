@@ -1,0 +1,144 @@
+"""A participant's budgets outlast sessions, processes, crashes and older files; edits are told, the larger use counts."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import itouch
+from itouch.session import participants
+from itouch.session.participants import LASTS, Used, read, write
+
+SCENE = """<itouch version="1.0">
+  <devices><device name="NAME" plugin="thermal"/></devices>
+  <safety participant="P01" dose="20 s"/>
+</itouch>
+"""
+
+
+@pytest.fixture(autouse=True)
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    return tmp_path / "state" / "itouch-py" / "participants"
+
+
+def scene(folder: Path, name: str = "pad") -> Path:
+    path = folder / f"{name}.xml"
+    path.write_text(SCENE.replace("NAME", name), encoding="utf-8")
+    return path
+
+
+def used(session: itouch.Session) -> tuple[float, float]:
+    (runner,) = session.runners
+    (post,) = runner.heats
+    return post.state["dose"].item(), post.state["cold_time"].item()
+
+
+def use(session: itouch.Session, dose: float, cold: float = 0.0) -> None:
+    (post,) = session.runners[0].heats
+    post.state["dose"][...], post.state["cold_time"][...] = dose, cold
+
+
+def test_what_was_used_goes_into_the_next_session_whatever_its_devices_are_called(tmp_path: Path, home: Path) -> None:
+    first = itouch.build(scene(tmp_path))
+    first.run(0.1)
+    use(first, 7.5, 12.0)
+    first.run(0.05)
+    first.close()
+    assert sorted(path.name for path in home.iterdir()) == [".P01.copy.json", "P01.json"]
+    second = itouch.build(scene(tmp_path, "renamed"))
+    assert used(second) == (0.0, 0.0)
+    second.run(0.002)
+    assert used(second) == (pytest.approx(7.5), pytest.approx(12.0))
+    second.close()
+
+
+def test_a_used_up_dose_acts_in_no_later_session(tmp_path: Path) -> None:
+    write("P01", Used(20.1, 0.0, participants.time.time()))
+    session = itouch.build(scene(tmp_path))
+    with pytest.raises(itouch.ItouchError, match="thermal dose"):
+        session.run(1.0)
+
+
+def test_an_older_session_file_does_not_give_a_budget_back(tmp_path: Path) -> None:
+    session = itouch.build(scene(tmp_path))
+    session.run(0.01)
+    session.save(tmp_path / "old.itouch")
+    use(session, 9.0)
+    session.close()
+    restored = itouch.restore(tmp_path / "old.itouch")
+    assert used(restored)[0] == 0.0
+    restored.run(0.002)
+    assert used(restored)[0] == pytest.approx(9.0)
+    restored.close()
+    fresh = itouch.build(scene(tmp_path))
+    use(fresh, 11.0)  # what a session brings with it may be more
+    fresh.run(0.002)
+    assert used(fresh)[0] == pytest.approx(11.0)
+    fresh.close()
+    assert read("P01")[0].dose == pytest.approx(11.0)
+
+
+def test_a_process_that_is_killed_has_noted_what_was_used(tmp_path: Path) -> None:
+    code = f"""
+import itouch, os, signal
+session = itouch.build({str(scene(tmp_path))!r})
+session.run(0.01)
+(post,) = session.runners[0].heats
+post.state["dose"][...] = 5.0
+session.run(3.0)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+    subprocess.run([sys.executable, "-c", code], check=False, timeout=300)
+    assert read("P01")[0].dose == pytest.approx(5.0)
+
+
+def test_an_edit_is_told_and_the_larger_use_counts(tmp_path: Path, home: Path) -> None:
+    now = participants.time.time()
+    write("P01", Used(8.0, 3.0, now))
+    path = home / "P01.json"
+    data = json.loads(path.read_text())
+    path.write_text(json.dumps({**data, "dose_s": 0.0}))
+    assert read("P01")[0].dose == 8.0
+    session = itouch.build(scene(tmp_path))
+    session.run(0.002)
+    assert used(session)[0] == 8.0
+    assert any("was edited by somebody" in notice for notice in session.notices)
+    session.close()
+    path.unlink()
+    assert read("P01")[0].dose == 8.0
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", '{"format": "other"}', '{"dose_s": "NaN"}'])
+def test_what_nobody_can_read_is_refused(tmp_path: Path, home: Path, text: str) -> None:
+    home.mkdir(parents=True)
+    for name in ("P01.json", ".P01.copy.json"):
+        (home / name).write_text(text)
+    with pytest.raises(itouch.SessionError, match="what participant 'P01' has used can't be read"):
+        itouch.build(scene(tmp_path)).run(0.01)
+    (home / "P01.json").unlink()
+    (home / ".P01.copy.json").unlink()
+    write("P01", Used(4.0, 0.0, participants.time.time()))
+    (home / "P01.json").write_text(text)
+    found, told = read("P01")
+    assert found.dose == 4.0 and "the other copy counts" in told[0]
+
+
+def test_budgets_begin_anew_a_day_after_the_last_use_and_never_shrink_before() -> None:
+    write("P01", Used(4.0, 2.0, 1000.0))
+    write("P01", Used(1.0, 5.0, 900.0))
+    assert read("P01", now=1000.0 + LASTS)[0].values == (4.0, 5.0, 1000.0)
+    assert read("P01", now=1001.0 + LASTS)[0] == Used()
+
+
+@pytest.mark.parametrize("code", ["../P01", "a b", ".hidden", "x" * 65, "é"])
+def test_a_code_that_is_no_name_of_a_file_is_refused_at_its_place(tmp_path: Path, code: str) -> None:
+    path = scene(tmp_path)
+    path.write_text(path.read_text().replace("P01", code), encoding="utf-8")
+    with pytest.raises(itouch.SceneError, match=r"is no code[\s\S]*pad\.xml:3:\d+") as caught:
+        itouch.build(path)
+    assert caught.value.problems[0].code == "bad-value"
