@@ -1,0 +1,129 @@
+"""``itouch-py bench wire``: a scene on its devices' real protocols, scored by what the twins behind the emulators know.
+
+Every row is a run of ``itouch-py virtual-rig SCENE --run``, whose plant differs from what the controller is told.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+SPACE = "{urn:itouch:plugin:thermal}"
+#: Most true error of the finger's flux, rms from 0.1 s to lift-off: of what is written, and in the corners.
+BOUND, CORNER = 0.03, 0.06
+#: The corners: by how much the plant may differ, in both directions.
+WIDE = {"contact-resistance": 0.2, "seebeck": 0.1, "delay": 5e-3, "sensor-lag": 0.3}
+#: The program that is installed with this one.
+PROGRAM = "from itouch.cli import main; raise SystemExit(main())"
+#: A plant that differs much, and for long.
+DIFFERS = {"contact-resistance": 0.2, "seebeck": -0.1}
+
+Mismatch = Mapping[str, float]
+
+
+def main(argv: Sequence[str]) -> int:
+    """Print the true error of the finger's flux per material, each beside its bound; 1 if one is passed."""
+    parser = argparse.ArgumentParser(prog="itouch-py bench wire", description=main.__doc__)
+    parser.add_argument("scene", nargs="?", type=Path, default=Path("scenes/four_materials_wire.xml"), metavar="SCENE")
+    parser.add_argument("--corners", action="store_true",
+                        help="the corners, too: resistance, Seebeck, delay, lag of the sensors")  # fmt: skip
+    parser.add_argument("--for", dest="duration", metavar="60s", help="end every run after this time")
+    parser.add_argument("--bound", type=float, default=100.0 * BOUND, metavar="PERCENT",
+                        help=f"most error; twice that in the corners (default {100.0 * BOUND:g})")  # fmt: skip
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the rows to this file too")
+    options = parser.parse_args(list(argv))
+    if not options.scene.is_file():
+        print(
+            f"error: there is no scene '{options.scene}'; run this where the repository's scenes/ is", file=sys.stderr
+        )
+        return 2
+    rows, names = [], list[str]()
+    for name, mismatch, times in plants(corners=options.corners):
+        try:
+            row = run(options.scene, mismatch, options.duration)
+        except RuntimeError as error:
+            print(f"error: {name}: {error}", file=sys.stderr)
+            return 2
+        if not names:
+            names = list(row)
+            print("| plant | " + " | ".join(names) + " | at most |\n" + "|---" * (len(names) + 2) + "|")
+        bound = 0.01 * options.bound * times
+        holds = all(error is not None and error <= bound for error in row.values()) and list(row) == names
+        cells = " | ".join("-" if row.get(key) is None else f"{100.0 * row[key]:.1f} %" for key in names)
+        print(f"| {name} | {cells} | {100.0 * bound:g} %{'' if holds else ' MISSED'} |", flush=True)
+        rows.append({"plant": name, "mismatch": dict(mismatch), "true_error": row, "bound": bound, "holds": holds})
+    if options.json is not None:
+        options.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    return 0 if all(row["holds"] for row in rows) else 1
+
+
+def plants(*, corners: bool) -> Iterator[tuple[str, Mismatch, float]]:
+    """Yield name, difference and how many times the bound is allowed, of every plant that is tried."""
+    yield "as written", {}, 1.0
+    yield "resistance +20 %, Seebeck -10 %", DIFFERS, 1.0
+    for signs in product((1.0, -1.0), repeat=len(WIDE)) if corners else ():
+        corner = {key: sign * much for sign, (key, much) in zip(signs, WIDE.items(), strict=True)}
+        words = (
+            f"{key} {1e3 * much:+g} ms" if key == "delay" else f"{key} {100.0 * much:+g} %"
+            for key, much in corner.items()
+        )
+        yield ", ".join(words), corner, CORNER / BOUND
+
+
+def run(scene: Path, mismatch: Mismatch, duration: str | None = None) -> dict[str, float | None]:
+    """Return the true error [1] of each contact's flux by object, in a run of a scene whose plant differs.
+
+    Raises
+    ------
+    RuntimeError
+        If the run ends in a fault; with its last words.
+    """
+    with tempfile.TemporaryDirectory(prefix="itouch-wire-") as name:
+        folder = Path(name) / "scenes"
+        shutil.copytree(scene.resolve().parent, folder)
+        if mismatch and not sum(differ(path, mismatch) for path in sorted(folder.rglob("*.xml"))):
+            raise RuntimeError("no display behind a wire was found in the scene's folder")
+        report = Path(name) / "report.json"
+        command = [
+            sys.executable,
+            "-c",
+            PROGRAM,
+            "virtual-rig",
+            str(folder / scene.name),
+            "--run",
+            "--report",
+            str(report),
+        ]
+        command += ["--for", duration] if duration else []
+        done = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+        if done.returncode or not report.is_file():
+            raise RuntimeError(done.stderr.strip().rpartition("\n")[2] or f"ended with {done.returncode}")
+        found: dict[str, Any] = json.loads(report.read_text(encoding="utf-8"))
+    return {contact["object"]: contact.get("true_error_rms") for contact in found["contacts"]}
+
+
+def differ(path: Path, mismatch: Mismatch) -> int:
+    """Add a difference to that of the displays behind a wire in a file; return how many there are."""
+    tree = ElementTree.parse(path)
+    wired = [device for device in tree.iter("device") if device.get("twin") == "no"]
+    found = [hardware for device in wired for hardware in device.findall(f"{SPACE}hardware")]
+    for hardware in found:
+        there = hardware.find(f"{SPACE}mismatch")
+        if there is None:
+            there = ElementTree.SubElement(hardware, f"{SPACE}mismatch")
+        for key, much in mismatch.items():
+            before, _, unit = (there.get(key) or "0").partition(" ")
+            number = float(before) * {"%": 0.01, "ms": 1e-3}.get(unit, 1.0) + much
+            there.set(key, f"{1e3 * number:g} ms" if key == "delay" else f"{number:g}")
+    if found:
+        tree.write(path, encoding="utf-8", xml_declaration=True)
+    return len(found)

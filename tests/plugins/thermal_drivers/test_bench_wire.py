@@ -1,0 +1,57 @@
+"""``itouch-py bench wire``: what differs is written into the scene, and each figure stands beside its bound."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from itouch.session import load_scene
+from itouch_thermal import bench_wire
+from itouch_thermal.bench_wire import WIDE, differ, main, plants
+
+
+def mismatch(scene: Path) -> dict[str, float]:
+    """Return how the display's plant differs in a scene."""
+    (device,) = [device for device in load_scene(scene, twin="all").devices if device.name == "peltier"]
+    (part,) = device.parts
+    return {key: getattr(part.params.mismatch, key.replace("-", "_")) for key in WIDE}
+
+
+@pytest.mark.parametrize(("name", "before"), [("wire", 0.0), ("diy", -4e-3)])
+def test_a_difference_is_written_beside_what_stands_there(scenes: Path, name: str, before: float) -> None:
+    corner = {"contact-resistance": -0.2, "seebeck": 0.1, "delay": 5e-3, "sensor-lag": -0.3}
+    assert differ(scenes / "rigs" / f"{name}.xml", corner) == 1
+    found = mismatch(scenes / f"four_materials_{name}.xml")
+    assert found == pytest.approx(corner | {"delay": before + 5e-3})
+    assert differ(scenes / "rigs" / "twin.xml", corner) == 0  # not behind a wire
+
+
+def test_all_corners_are_tried_once() -> None:
+    corners = [frozenset(mismatch.items()) for _, mismatch, times in plants(corners=True) if times > 1.0]
+    assert len(set(corners)) == 2 ** len(WIDE)
+    assert [times for _, _, times in plants(corners=False)] == [1.0, 1.0]
+
+
+@pytest.mark.parametrize(("error", "code"), [(0.031, 1), (0.029, 0), (None, 1)])
+def test_each_figure_is_held_against_its_bound(
+    scenes: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], error: float | None, code: int
+) -> None:
+    monkeypatch.setattr(bench_wire, "run", lambda scene, mismatch, duration: {"wood": 0.004, "foam": error})
+    table = scenes / "rows.json"
+    assert main([str(scenes / "four_materials_wire.xml"), "--json", str(table)]) == code
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "| plant | wood | foam | at most |"
+    assert sum("MISSED" in line for line in lines) == 2 * code
+    assert [row["holds"] for row in json.loads(table.read_text())] == [not code] * 2
+
+
+def test_a_run_that_fails_and_a_scene_that_is_not_there_are_told(
+    scenes: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([str(scenes / "nowhere.xml")]) == 2
+    assert "there is no scene" in capsys.readouterr().err
+    monkeypatch.setattr(bench_wire, "PROGRAM", "import sys; sys.exit('fault: the table is gone')")
+    assert main([str(scenes / "four_materials_wire.xml")]) == 2
+    assert "error: as written: fault: the table is gone" in capsys.readouterr().err
