@@ -18,10 +18,6 @@ FILM, PARAMETERS, ROW = 1 + at.COUNT, 2 * (1 + at.COUNT), 2 * (1 + at.COUNT) + a
 #: What is kept beside it: the next row, how many hold what still counts, and whether the plate is disturbed.
 NEXT, VALID, DISTURBED, KEPT = 0, 1, 2, 3
 
-#: Part by which a sensor at the end of a wire may lag otherwise than its data say: what filters and converts is no
-#: simple lag.  It counts while the reading is still on its way to the flux.
-LAGS = 0.1
-
 
 @kernel
 def remember(x: Any, theta: Any, memory: Any, past: Any, kept: Any, column: int) -> None:
@@ -84,7 +80,7 @@ def recall(
             return
     if counts and abs(flux) < c[at.O_CEILING] and abs(seen) < c[at.O_CEILING]:
         doubt = at.DOUBT * math.sqrt(min(1.0, press)) * abs(x[0, column + at.X_FLUX])
-        way = LAGS * (x[0, column + at.X_FLUX] - seen) if memory[at.M_TOUCHING] > 0.0 else 0.0
+        way = c[at.O_LAGS] * (x[0, column + at.X_FLUX] - seen) if memory[at.M_TOUCHING] > 0.0 else 0.0
         noise = math.sqrt(c[at.O_FLUX_NOISE] ** 2 + doubt * doubt + way * way)
         at.correct(x, theta, cover, gain, row[1:FILM], -1, flux - seen, noise)
     if film == film and film_back < kept[VALID]:

@@ -38,6 +38,9 @@ COARSE = 5e-3
 PRIOR = (0.25, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.05, 20.0, 0.7)
 #: Random walk of the unexplained flux [W/m2 per root second] and of the plate sensor's offset [K per root second].
 DRIFT_FLUX, DRIFT_OFFSET = 3.0, 1e-3
+#: Part by which the flux sensor of a rig that somebody has built may lag otherwise than its data say: what filters and
+#: converts there is no simple lag.  It counts while the reading is still on its way to the flux.
+LAGS = 0.1
 #: Part of the squared response below which a change of the plan is not worth its noise.
 SMOOTH = 1e-5
 #: Time [s] in which an error of the plate's heat is made good before a touch.
@@ -444,5 +447,6 @@ def _constants(p: DisplayParams, rest: float, resistance: float, ambient: float,
     c[at.O_SEEN], c[at.O_AMBIENT] = min(1.0, p.contact_area / p.sensor_area), ambient
     c[at.O_DRIFT_FLUX], c[at.O_DRIFT_OFFSET] = DRIFT_FLUX**2 * period, DRIFT_OFFSET**2 * period
     c[at.O_CEILING] = 0.98 * p.full_scale
+    c[at.O_LAGS] = LAGS if p.line is not None else 0.0
     c.setflags(write=False)
     return c

@@ -43,8 +43,8 @@ X_FLUX, X_BACK, X_FACE, X_SEEN, X_FILM, X_DRIFT, X_TAIL = range(7)
 (
     O_PERIOD, O_REST, O_REFERENCE, O_CONTACT, O_SEEBECK, O_RESISTANCE, O_CONDUCTANCE, O_AREA, O_FLUX_LAG, O_PLATE_LAG,
     O_FLUX_NOISE, O_PLATE_NOISE, O_SINK_CAPACITY, O_SINK_RESISTANCE, O_SINK_LAG, O_AIR, O_COVER, O_SEEN, O_AMBIENT,
-    O_DRIFT_FLUX, O_DRIFT_OFFSET, O_CEILING, O_CONSTANTS,
-) = range(23)  # fmt: skip
+    O_DRIFT_FLUX, O_DRIFT_OFFSET, O_CEILING, O_LAGS, O_CONSTANTS,
+) = range(24)  # fmt: skip
 #: Numbers of the scalar memory.
 M_TOUCHING, M_SINK, M_SINK_SEEN, M_CONTACT, M_TICKS, M_QUIET, M_AGE, M_UNSEEN, M_TAIL = range(9)
 #: Seconds without corrections after a flux that air cannot explain: something touches the plate that should not.
