@@ -58,12 +58,16 @@ def main(argv: Sequence[str]) -> int:
             print("| plant | " + " | ".join(names) + " | at most |\n" + "|---" * (len(names) + 2) + "|")
         bound = 0.01 * options.bound * times
         holds = all(error is not None and error <= bound for error in row.values()) and list(row) == names
-        cells = " | ".join("-" if row.get(key) is None else f"{100.0 * row[key]:.1f} %" for key in names)
+        cells = " | ".join(_percent(row.get(key)) for key in names)
         print(f"| {name} | {cells} | {100.0 * bound:g} %{'' if holds else ' MISSED'} |", flush=True)
         rows.append({"plant": name, "mismatch": dict(mismatch), "true_error": row, "bound": bound, "holds": holds})
     if options.json is not None:
         options.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
     return 0 if all(row["holds"] for row in rows) else 1
+
+
+def _percent(error: float | None) -> str:
+    return "-" if error is None else f"{100.0 * error:.1f} %"
 
 
 def plants(*, corners: bool) -> Iterator[tuple[str, Mismatch, float]]:
