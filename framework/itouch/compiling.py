@@ -86,6 +86,8 @@ class KernelCache(FunctionCache):
     """Numba's store for one function, with the fingerprint of what it is made of in its keys."""
 
     _impl_class = _Impl
+    #: How many kernels this process did not find, and compiles.
+    missed = 0
 
     def __init__(self, py_func: Any) -> None:
         of_numba: Any = super().__init__
@@ -104,6 +106,8 @@ class KernelCache(FunctionCache):
         found = of_numba(sig, target_context)
         if found is None and self._enabled and not self._making and shipped.fits():
             found = self._load_shipped(sig, target_context)
+        if found is None:
+            KernelCache.missed += 1
         return found
 
     def _load_shipped(self, sig: Any, target_context: Any) -> Any:

@@ -6,6 +6,7 @@ import contextlib
 import errno
 import os
 import sys
+import time
 from collections.abc import Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING
@@ -47,6 +48,7 @@ Touch rendering with kinesthetic and thermal feedback.
 commands:
 {commands}
 
+{common}
 `itouch-py COMMAND --help` tells the options of a command, `itouch-py run --help` those of running a scene.
 """
 
@@ -54,44 +56,66 @@ commands:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return the exit code: 0 done, 1 a fault while running, 2 wrong input."""
     words = list(sys.argv[1:] if argv is None else argv)
-    if not words or words[0] in ("-h", "--help", "help"):
-        print(_USAGE.format(commands=_listed()))
-        return 0 if words else 2
-    if words[0] in ("-V", "--version"):
-        from importlib.metadata import version
-
-        print(f"itouch-py {version('itouch-py')}")
-        return 0
+    from itouch.cli import manners
+    from itouch.schema.diagnostics import ItouchError
     from itouch.schema.terminal import escaped
 
     _need_streams()
-    with escaped():
+    try:
+        words, common = manners.taken(words)
+    except ItouchError as error:
+        print(error, file=sys.stderr)
+        return 2
+    with manners.speaking(common), escaped():
         return _guarded(words)
 
 
 def _guarded(words: list[str]) -> int:
     """Dispatch; what a user or a device can cause becomes a message, never a traceback."""
-    from itouch.schema import ItouchError
+    from itouch.cli import progress
+    from itouch.cli.ending import stop_writing
+    from itouch.schema.diagnostics import ItouchError
+    from itouch.schema.terminal import detail
+    from itouch.schema.waits import shown_by
 
+    begun = time.perf_counter()
     try:
-        code = _dispatch(words)
+        with shown_by(progress.shown):
+            code = _dispatch(words)
         sys.stdout.flush()
+        detail(f"{words[0] if words else 'itouch-py'}: {time.perf_counter() - begun:.2f} s")
         return code
     except ItouchError as error:
-        print(error, file=sys.stderr)
-        return 2
+        return _told(error)
     except BrokenPipeError:
-        _stop_writing()
+        stop_writing()
         return 141
     except OSError as error:
         if error.errno != errno.ENOSPC:  # a full disk behind the terminal's output; any other is a mistake of ours
             raise
-        _stop_writing()
+        stop_writing()
         print(f"cannot write: {error.strerror}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return 130
+    except SystemExit:  # of a parser: what it has printed must go out here, where a reader may be gone
+        with contextlib.suppress(BrokenPipeError):
+            sys.stdout.flush()
+            raise
+        stop_writing()
+        return 141
+
+
+def _told(error: Exception) -> int:
+    """Say what is wrong; a reader that has gone does not hear it."""
+    from itouch.cli.ending import stop_writing
+
+    try:
+        print(error, file=sys.stderr, flush=True)
+    except BrokenPipeError:
+        stop_writing()
+    return 2
 
 
 def _need_streams() -> None:
@@ -102,14 +126,15 @@ def _need_streams() -> None:
         sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
 
 
-def _stop_writing() -> None:
-    """Let what is still buffered go nowhere: at its end the interpreter would complain about it once more."""
-    with contextlib.suppress(OSError, ValueError):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
 def _dispatch(words: list[str]) -> int:
+    if not words or words[0] in ("-h", "--help", "help"):
+        return _help(words)
     name = words[0]
+    if name in ("-V", "--version"):
+        from importlib.metadata import version
+
+        print(f"itouch-py {version('itouch-py')}")
+        return 0
     if name in COMMANDS:
         return int(import_module(COMMANDS[name][0]).main(words[1:]))
     plugin = _plugin_commands().get(name)
@@ -118,6 +143,15 @@ def _dispatch(words: list[str]) -> int:
     if _looks_like_a_command(name):
         return _unknown(name)
     return int(import_module("itouch.cli.run").main(words))
+
+
+def _help(words: list[str]) -> int:
+    if len(words) > 1 and not words[1].startswith("-"):  # `itouch-py help check`
+        return _dispatch([words[1], "--help"])
+    from itouch.cli.manners import HELP
+
+    print(_USAGE.format(commands=_listed(), common=HELP))
+    return 0 if words else 2
 
 
 def _looks_like_a_command(name: str) -> bool:
@@ -139,10 +173,20 @@ def _plugin_commands() -> dict[str, Found]:
     return find(GROUP)
 
 
-def _listed() -> str:
+def listed() -> dict[str, str]:
+    """Return each command with its line of help, those of plugins too; nothing of a plugin is imported."""
     from importlib.metadata import entry_points
+
+    from itouch.cli.synopsis import synopsis
 
     lines = {name: text for name, (_, text) in COMMANDS.items()}
     for entry in entry_points(group="itouch.commands"):
-        lines.setdefault(entry.name, f"command of {entry.dist.name if entry.dist else 'a plugin'}")
-    return "\n".join(f"  {name:<12} {text}" for name, text in sorted(lines.items()))
+        if entry.name not in lines:
+            lines[entry.name] = synopsis(entry) or f"command of {entry.dist.name if entry.dist else 'a plugin'}"
+    return dict(sorted(lines.items()))
+
+
+def _listed() -> str:
+    lines = listed()
+    width = max(map(len, lines))
+    return "\n".join(f"  {name:<{width}}  {text}" for name, text in lines.items())

@@ -1,12 +1,33 @@
-"""Arguments that several commands take."""
+"""Arguments that several commands take: what they mean is said once."""
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import tempfile
+from typing import Any
 
+from itouch.cli.manners import HELP
 from itouch.schema.quantities import QuantityError, parse_quantity
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser whose help also tells the options that every command has."""
+
+    def format_help(self) -> str:
+        """Return the help."""
+        return super().format_help() + "\n" + HELP
+
+
+def add_json(parser: argparse.ArgumentParser) -> None:
+    """Declare ``--json``: the result as one JSON document on the screen, in place of words."""
+    parser.add_argument("--json", action="store_true", help="the result as one JSON document")
+
+
+def as_json(result: Any) -> str:
+    """Return a result as the text of one JSON document."""
+    return json.dumps(result, indent=1, ensure_ascii=False, allow_nan=False, default=str)
 
 
 def seconds(text: str) -> float:
@@ -35,6 +56,20 @@ def picture_file(text: str) -> str:
     if not text.lower().endswith(".png"):
         raise argparse.ArgumentTypeError(f"'{text}': a picture's name ends in .png")
     return output_file(text)
+
+
+def output_folder(text: str) -> str:
+    """Check that a folder can be made, or written into, where it is asked for, before anything runs."""
+    if os.path.exists(text) and not os.path.isdir(text):
+        raise argparse.ArgumentTypeError(f"'{text}' is a file; name a folder")
+    there = text
+    while there and not os.path.isdir(there):
+        there = os.path.dirname(there.rstrip(os.sep))
+    try:
+        with tempfile.TemporaryFile(dir=there or "."):
+            return text
+    except OSError as error:
+        raise argparse.ArgumentTypeError(f"'{text}' cannot be written: {error.strerror or error}") from None
 
 
 def output_file(text: str) -> str:

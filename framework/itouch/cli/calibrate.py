@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from itouch.cli.arguments import Parser
 from itouch.plugin import Fit, Role, poses
 from itouch.schema import ItouchError
 from itouch.session import calibration
@@ -52,7 +53,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="itouch-py calibrate", description=main.__doc__)
+    parser = Parser(prog="itouch-py calibrate", description=main.__doc__)
     parser.add_argument("scene", metavar="SCENE.xml")
     parser.add_argument("--device", metavar="NAME", help="the device; default: the only one that has this calibration")
     parser.add_argument("--kind", metavar="KIND", help="touch-off, mount-fit, or one that the device offers")

@@ -3,31 +3,57 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from itouch.cli.arguments import Parser, add_json, as_json, output_file
+from itouch.schema import ItouchError
+from itouch.schema.terminal import MANNER, did, note
+
+if TYPE_CHECKING:
+    from itouch.schema import Problem
+    from itouch.world import Model
 
 
 def main(argv: Sequence[str]) -> int:
     """Print every problem of scene files."""
-    parser = argparse.ArgumentParser(prog="itouch-py check", description=main.__doc__)
+    options = _parser().parse_args(argv)
+    if options.json and options.sarif:
+        raise ItouchError("--json and --sarif are two forms of the result: choose one")
+    results = {path: examined(path, options.rig, options.twin) for path in options.scenes}
+    bad = {path: _bad(*found, strict=options.strict) for path, found in results.items()}
+    if options.sarif or options.json or options.output:
+        _write(options, results, bad)
+    else:
+        for path, (model, problems) in results.items():
+            _say(path, model, problems, failed=bad[path])
+    return 2 if any(bad.values()) else 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = Parser(prog="itouch-py check", description=main.__doc__)
     parser.add_argument("scenes", nargs="+", metavar="SCENE", help="a scene file")
     parser.add_argument("--rig", metavar="FILE", help="check with another rig under the scene")
     parser.add_argument("--twin", metavar="all|none|NAME", help="check with these devices as twins")
-    options = parser.parse_args(argv)
-    results = [_check(path, options.rig, options.twin) for path in options.scenes]
-    return 0 if all(results) else 2
+    parser.add_argument("--strict", action="store_true", help="what is legal but odd counts as wrong, too")
+    add_json(parser)
+    parser.add_argument("--sarif", action="store_true", help="the result as SARIF, which annotates lines in reviews")
+    parser.add_argument("-o", "--output", type=output_file, metavar="FILE",
+                        help="write JSON, or SARIF if the name ends in .sarif, to this file")  # fmt: skip
+    return parser
 
 
-def _check(path: str, rig: str | None, twin: str | None) -> bool:
-    """Check one scene; tell whether it is right."""
-    import sys
-
+def examined(path: str, rig: str | None, twin: str | None) -> tuple[Model | None, list[Problem]]:
+    """Return the compiled scene, None if it can't be, and all that was found, in the order of the file."""
     from itouch.plugin.discovery import Catalog
-    from itouch.report.limits import limit_lines
     from itouch.scene.loader import in_file_order, read_scene
-    from itouch.schema.diagnostics import SceneError, render
+    from itouch.schema.diagnostics import SceneError
     from itouch.session import choose_twins
     from itouch.session.wishes import recording_problems
     from itouch.world import compile_scene
+    from itouch.world.sense import odd
 
     catalog = Catalog()
     scene, problems = read_scene(path, catalog, rig=rig)
@@ -38,16 +64,81 @@ def _check(path: str, rig: str | None, twin: str | None) -> bool:
     broken = any(problem.severity == "error" for problem in problems)
     model, more = (None, []) if broken else compile_scene(scene, catalog)
     unrecordable = recording_problems(model) if model is not None else []
-    found = in_file_order([*problems, *more, *unrecordable])
-    if found:
-        print(render(found), file=sys.stderr)
-    if model is None or unrecordable:
-        return False
+    if model is not None and not unrecordable:
+        more = [*more, *odd(model)]
+        model = replace(model, notices=tuple(notice for notice in model.notices if not _told(notice, more)))
+    return (None if unrecordable else model), in_file_order([*problems, *more, *unrecordable])
+
+
+def _told(notice: str, problems: Sequence[Problem]) -> bool:
+    """Whether a notice of a run is told as a problem, with its place."""
+    return any(
+        notice.startswith(problem.sentence) or (problem.code == "clipped-stiffness" and " with stiffness " in notice
+                                                and notice.startswith(problem.sentence.partition(" asks ")[0]))
+        for problem in problems
+    )  # fmt: skip
+
+
+def _bad(model: Model | None, problems: Sequence[Problem], *, strict: bool) -> bool:
+    return model is None or any(problem.severity == "error" or strict for problem in problems)
+
+
+def _say(path: str, model: Model | None, problems: Sequence[Problem], *, failed: bool) -> None:
+    """Say what was found of one scene."""
+    from itouch.report.limits import limit_lines
+    from itouch.schema.diagnostics import render
+
+    if problems:
+        print(render(problems), file=sys.stderr, flush=True)
+    if model is None:
+        return
     for notice in model.notices:
-        print(f"note: {notice}")
+        note(notice)
+    if failed:
+        did(f"{path}: legal, but odd")
+        return
     counts = f"{len(model.objects)} objects, {len(model.devices)} devices, {len(model.modalities)} modalities"
     print(f"{path}: ok ({counts})")
+    if MANNER.quiet:
+        return
     for device in model.devices.values():
         for line in limit_lines(device):
             print(f"  {line}")
-    return True
+
+
+def _write(
+    options: argparse.Namespace, results: dict[str, tuple[Model | None, list[Problem]]], bad: dict[str, bool]
+) -> None:
+    """Write the result for a program."""
+    from importlib.metadata import version
+
+    from itouch.report.findings import as_sarif
+
+    sarif = options.sarif or (options.output or "").lower().endswith(".sarif")
+    if sarif:
+        content: Any = as_sarif({path: problems for path, (_, problems) in results.items()},
+                                version=version("itouch-py"))  # fmt: skip
+    else:
+        content = {"scenes": [_entry(path, *results[path], good=not bad[path]) for path in results]}
+    if options.output is None:
+        print(as_json(content))
+        return
+    with open(options.output, "w", encoding="utf-8") as stream:
+        stream.write(as_json(content) + "\n")
+    did(f"wrote {options.output}")
+
+
+def _entry(path: str, model: Model | None, problems: Sequence[Problem], *, good: bool) -> dict[str, Any]:
+    from itouch.report.findings import as_entries
+    from itouch.report.limits import limit_rows
+
+    entry: dict[str, Any] = {"scene": path, "ok": good, "problems": as_entries(problems)}
+    if model is not None:
+        entry |= {
+            "notices": list(model.notices),
+            "objects": list(model.objects),
+            "devices": list(model.devices),
+            "modalities": [modality.name for modality in model.modalities],
+            "limits": [row._asdict() for device in model.devices.values() for row in limit_rows(device)],
+        }
+    return entry

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import argparse
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
-import itouch
+from itouch.cli.arguments import Parser, output_folder
+from itouch.scene import shipping
 from itouch.schema import ItouchError
 
 
@@ -19,23 +19,28 @@ def scenes_folder() -> Path:
     ItouchError
         If they are not there.
     """
-    package = Path(itouch.__file__).parent
-    for folder in (package / "scenes", package.parents[1] / "scenes"):
-        if (folder / "four_materials.xml").is_file():
-            return folder
+    folder = shipping.folder()
+    if folder is not None:
+        return folder
     raise ItouchError("the shipped scenes are missing from this installation; install itouch-py again")
 
 
 def main(argv: Sequence[str]) -> int:
     """Run a scene that comes with the program (default: the four materials), or write all of them into a folder."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="itouch-py demo",
         description=main.__doc__,
         allow_abbrev=False,
         epilog="Other options are those of `itouch-py run`.",
     )
     parser.add_argument("name", nargs="?", default="four_materials", metavar="NAME", help="such as first_touch, mesh")
-    parser.add_argument("--scenes", metavar="FOLDER", help="write the scenes into a folder that is not there yet")
+    parser.add_argument(
+        "-o",
+        "--scenes",
+        type=output_folder,
+        metavar="FOLDER",
+        help="write the scenes into a folder that is not there yet",
+    )
     named = bool(argv) and not argv[0].startswith("-")
     options, rest = parser.parse_known_args(argv if named else ["four_materials", *argv])
     if options.scenes:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import argparse
 import math
 from collections.abc import Sequence
+from typing import Any
 
+from itouch.cli.arguments import Parser, add_json, as_json
 from itouch.plugin import Channel, Device, Safe
 from itouch.plugin.discovery import Catalog
 from itouch.schema.fields import REQUIRED, default_of, specs
@@ -13,11 +14,15 @@ from itouch.schema.fields import REQUIRED, default_of, specs
 
 def main(argv: Sequence[str]) -> int:
     """List the device plugins that are installed."""
-    parser = argparse.ArgumentParser(prog="itouch-py devices", description=main.__doc__)
+    parser = Parser(prog="itouch-py devices", description=main.__doc__)
     parser.add_argument("--probe", action="store_true",
                         help="look for what is attached, and say why it cannot be used")  # fmt: skip
+    add_json(parser)
     options = parser.parse_args(argv)
     catalog = Catalog()
+    if options.json:
+        print(as_json({"devices": [_entry(catalog, name, probe=options.probe) for name in catalog.device_names]}))
+        return 0
     for name in catalog.device_names:
         print("\n".join(_describe(catalog, name)))
         cls = catalog.device(name) if options.probe else None
@@ -39,6 +44,28 @@ def _probe(cls: type[Device]) -> list[str]:
     if not found:
         return ["    attached: none"]
     return [f"    attached: {one.where}: {'usable' if one.usable else 'NOT USABLE'}: {one.note}" for one in found]
+
+
+def _entry(catalog: Catalog, name: str, *, probe: bool) -> dict[str, Any]:
+    """Return a device plugin as plain data; bounds that are endless are null."""
+    found, cls = catalog.found(name), catalog.device(name)
+    entry: dict[str, Any] = {"name": name, "distribution": found.distribution, "version": found.version}
+    if cls is None:
+        return entry | {"failed": catalog.failures[name].cause}
+    reads, commands = _channels(cls)
+    entry |= {"twin_only": cls.twin_only, "reads": [*map(_data, reads)], "commands": [*map(_data, commands)]}
+    return entry | ({"attached": [line.strip() for line in _probe(cls)]} if probe else {})
+
+
+def _data(channel: Channel) -> dict[str, Any]:
+    def bounds(values: Sequence[float]) -> list[float | None]:
+        return [float(value) if math.isfinite(value) else None for value in values]
+
+    return {
+        "name": channel.name, "size": channel.size, "unit": channel.unit, "role": channel.role.name.lower(),
+        "doc": channel.doc, "low": bounds(channel.low), "high": bounds(channel.high),
+        "locked": list(channel.locked),
+    }  # fmt: skip
 
 
 def _describe(catalog: Catalog, name: str) -> list[str]:

@@ -2,16 +2,34 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 import signal
 import sys
 import threading
 import time
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, ParamSpec
 
 from itouch.platforms import signals
 from itouch.schema import ItouchError
+from itouch.schema.terminal import PlainStream
+
+Words = ParamSpec("Words")
+
+
+def stop_writing() -> None:
+    """Let what is still buffered go nowhere: at its end the interpreter would complain about it once more."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+            gone = isinstance(stream, PlainStream) and stream.closed_terminal
+        except (OSError, ValueError):
+            gone = True
+        if gone:
+            with contextlib.suppress(OSError, ValueError):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 class Interrupted(KeyboardInterrupt):
@@ -53,10 +71,24 @@ class Stopping:
             raise Interrupted(number)
         self._stop()
 
+    def listened(self, show: Callable[Words, None]) -> Callable[Words, None]:
+        """Return what shows something; when nobody reads it any more, it asks the run to end, as a signal does."""
+
+        def shown(*words: Words.args, **named: Words.kwargs) -> None:
+            try:
+                show(*words, **named)
+            except BrokenPipeError:
+                stop_writing()
+                if self._stop is not None and not self._signal:
+                    self._note(signal.SIGPIPE, None)
+
+        return shown
+
     def code(self, otherwise: int) -> int:
         """Return the exit code: of the signal that ended the run, which is said, or the other."""
         if not self._signal:
             return otherwise
+        stop_writing()  # a terminal that was closed hears nothing
         print(f"stopped by {signal.Signals(self._signal).name}; the devices are safe", file=sys.stderr)
         return 128 + self._signal
 

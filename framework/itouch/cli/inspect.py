@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from itouch.cli.arguments import picture_file
+from itouch.cli.arguments import Parser, add_json, picture_file
 from itouch.cli.plan import plan_facts, plan_text
 from itouch.schema import ItouchError
 
@@ -16,9 +15,9 @@ Facts = dict[str, Any]
 
 def main(argv: Sequence[str]) -> int:
     """Say what a scene, a session or a recording holds."""
-    parser = argparse.ArgumentParser(prog="itouch-py inspect", description=main.__doc__)
+    parser = Parser(prog="itouch-py inspect", description=main.__doc__)
     parser.add_argument("file", metavar="FILE", help="a scene (.xml), a session (.itouch) or a recording (.mcap)")
-    parser.add_argument("--json", action="store_true", help="as JSON")
+    add_json(parser)
     parser.add_argument("--picture", type=picture_file, metavar="FILE.png", help="draw a scene before anything runs")
     parser.add_argument("--plan", action="store_true", help="the steps of a tick of a scene, and what they cost here")
     options = parser.parse_args(argv)

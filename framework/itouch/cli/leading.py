@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-import sys
 import time
 from typing import TYPE_CHECKING
 
 from itouch.schema import ItouchError
+from itouch.schema.terminal import note
 
 if TYPE_CHECKING:
     from itouch.arms.pad import Pad
@@ -75,5 +75,5 @@ def without_window(model: Model, *, real: bool) -> Leader | None:
         if operator is None or not (operator.motion.targets or operator.motion.file):
             advice = f"open a window, or give probe '{probe.name}' an <operator> with a <motion> to follow"
             raise ItouchError(f"nobody leads the finger on arm '{arm.name}' ({reason})\n  = help: {advice}")
-        print(f"note: arm '{arm.name}': {reason}; the finger follows its <operator>", file=sys.stderr)
+        note(f"arm '{arm.name}': {reason}; the finger follows its <operator>")
     return None

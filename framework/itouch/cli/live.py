@@ -11,6 +11,8 @@ from itouch.cli import deprecations
 from itouch.cli.ending import Stopping, write_report
 from itouch.loop.faultwords import told
 from itouch.schema import ItouchError
+from itouch.schema.terminal import did, note
+from itouch.schema.waits import waiting
 
 if TYPE_CHECKING:
     from itouch.cli.leading import Leader
@@ -34,17 +36,19 @@ def needed(session: Session) -> bool:
 
 def run(options: argparse.Namespace, stop: Stopping, *, window: bool = False, leader: Leader | None = None) -> int:
     """Run in real time, in a window if that is asked for, or led by a gamepad, and return the exit code."""
-    from itouch.cli import keeping, leading
+    from itouch.cli import keeping, leading, windows
     from itouch.servo import ServoError, launch
 
     for option in ("screenshot", "film", "wav"):
         if getattr(options, option, None):
             named = option.replace("_", "-")
             raise ItouchError(f"--{named} needs --pace fast: in real time a window or an attached process does that")
-    handle = launch(
-        options.scene, seed=options.seed, twin=options.twin, rig=options.rig, seconds=options.duration,
-        save=options.save, enable=not window, linger=window, keep=keeping.wanted(options),
-    )  # fmt: skip
+    with waiting(f"starting {options.scene}"):
+        handle = launch(
+            options.scene, seed=options.seed, twin=options.twin, rig=options.rig, seconds=options.duration,
+            save=options.save, enable=not window, linger=window, keep=keeping.wanted(options),
+        )  # fmt: skip
+    windows.tell(options, opened=window)
     stop.bind(handle.request_stop)
     with handle:
         try:
@@ -59,7 +63,7 @@ def run(options: argparse.Namespace, stop: Stopping, *, window: bool = False, le
             if leader is not None:
                 leader.close()
     if options.save:
-        print(f"saved {options.save}")
+        did(f"saved {options.save}")
     return code
 
 
@@ -71,28 +75,29 @@ def _follow(handle: Handle, stop: Stopping, *, window: bool, mute: bool, leader:
     from itouch.report.screen import Screen
 
     for notice in handle.notices:
-        print(f"note: {notice}", file=sys.stderr)
+        note(notice)
     shown = Shown(handle)
     deprecations.warn(shown.model)
     screen = Screen(shown, sys.stdout)
-    waiting = Waiting(handle, shown.model) if not window else None
+    held = Waiting(handle, shown.model) if not window else None
     losses = Losses(handle, screen)
+    show = stop.listened(screen.show)
     code = 0
     try:
         if window:
             windows.show(handle, screen, losses, mute=mute)
         while not handle.wait(_EVERY if leader is None else _LOOK):
-            screen.show()
+            show()
             losses.look()
-            if waiting is not None:
-                waiting.look()
+            if held is not None:
+                held.look()
             if handle.faults:  # nobody can see it any more and re-arm
                 handle.request_stop()
             if leader is not None:
                 leader.lead(handle)
     except DeviceFaultError:
         code = 1
-    screen.finish(handle.report())
+    stop.listened(screen.finish)(handle.report())
     return stop.code(code)
 
 

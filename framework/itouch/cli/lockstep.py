@@ -23,6 +23,7 @@ from itouch.cli.virtual_rig import VirtualRig
 from itouch.exchange import EveryNth, ThreadedDevice
 from itouch.loop import DeviceFaultError
 from itouch.plugin import Trace
+from itouch.schema.waits import waiting
 
 if TYPE_CHECKING:
     from itouch.loop.runner import Runner
@@ -126,7 +127,9 @@ def main(options: argparse.Namespace) -> int:
     with contextlib.ExitStack() as stack:
         trace = stack.enter_context(open(options.trace, "w", encoding="utf-8")) if options.trace else None
         both = Lockstep(options.scene, rig=options.rig, seed=options.seed, trace=trace)
-        report = both.run(options.duration)
+        with waiting(f"running {options.scene} on its wires") as wait:
+            both.host.taps.append(lambda tick: wait.part(None, f"{tick * both.host.model.period:.1f} s simulated"))
+            report = both.run(options.duration)
     Screen(both.host, sys.stdout).finish(report)
     if options.report:
         with open(options.report, "w", encoding="utf-8") as stream:

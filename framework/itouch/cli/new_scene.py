@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-import argparse
 import os
 from collections.abc import Sequence
+
+from itouch.cli.arguments import Parser, output_folder
 
 
 def main(argv: Sequence[str]) -> int:
     """Write a folder NAME with NAME.xml and the schema for editors."""
-    parser = argparse.ArgumentParser(prog="itouch-py new-scene", description=main.__doc__)
+    parser = Parser(prog="itouch-py new-scene", description=main.__doc__)
     parser.add_argument("name", metavar="NAME", help="small letters, digits, dashes: my-blocks")
-    parser.add_argument("--folder", default=".", metavar="FOLDER", help="where to put it (default: here)")
+    parser.add_argument(
+        "-o", "--folder", type=output_folder, default=".", metavar="FOLDER", help="where to put it (default: here)"
+    )
     options = parser.parse_args(argv)
     from itouch.plugin.discovery import Catalog
     from itouch.scaffold.scene import make_scene

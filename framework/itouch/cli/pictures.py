@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from itouch.cli.arguments import output_file, picture_file, picture_size, seconds
 from itouch.schema import ItouchError
+from itouch.schema.extras import need
 
 if TYPE_CHECKING:
     from itouch.session import Session
@@ -35,6 +36,8 @@ def taking(session: Session, options: argparse.Namespace) -> Iterator[None]:
     """
     if options.at is not None and not options.screenshot:
         raise ItouchError("--at says when the picture is taken: give --screenshot FILE.png too")
+    if options.film:
+        need("film", "--film")
     if not (options.screenshot or options.film):
         yield
         return

@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from pathlib import Path
+
+from itouch.cli.arguments import Parser, output_file
 
 
 def main(argv: Sequence[str]) -> int:
     """Write the longest valid prefix of a recording as a whole one, and say what is missing."""
-    parser = argparse.ArgumentParser(prog="itouch-py recover", description=main.__doc__)
+    parser = Parser(prog="itouch-py recover", description=main.__doc__)
     parser.add_argument("recording", metavar="FILE.mcap", help="a recording that was cut or damaged")
-    parser.add_argument("--to", metavar="FILE.mcap", help="where to write; default: FILE-recovered.mcap")
+    parser.add_argument(
+        "-o",
+        "--output",
+        "--to",
+        dest="to",
+        type=output_file,
+        metavar="FILE.mcap",
+        help="where to write; default: FILE-recovered.mcap",
+    )
     options = parser.parse_args(argv)
     from itouch.recording.recover import recover
 

@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 import argparse
-import sys
 import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from itouch.cli import pictures, sounds
+from itouch.cli.arguments import Parser
 from itouch.schema import ItouchError
+from itouch.schema.terminal import note
+from itouch.schema.waits import waiting
 
 if TYPE_CHECKING:
     from itouch.recording import Recording
     from itouch.session.replay import Outcome
 
+#: Ticks between two looks at how far it is.
+_TOLD = 500
+
 
 def main(argv: Sequence[str]) -> int:
     """Feed a recording to the engine and compare every command; exit code 1 if one differs."""
-    parser = argparse.ArgumentParser(prog="itouch-py replay", description=main.__doc__)
+    parser = Parser(prog="itouch-py replay", description=main.__doc__)
     parser.add_argument("recording", metavar="FILE.mcap", help="a recording")
     parser.add_argument("--view", action="store_true",
                         help="play it in a window with a time line; nothing is compared then")  # fmt: skip
@@ -33,7 +38,7 @@ def main(argv: Sequence[str]) -> int:
         _need_display()
     recording = read(options.recording)
     for loss in recording.losses:
-        print(f"note: {loss}", file=sys.stderr)
+        note(loss)
     return _view(recording) if options.view else _compare(recording, options)
 
 
@@ -59,7 +64,7 @@ def _compare(recording: Recording, options: argparse.Namespace) -> int:
     outcome = _replay(recording, options)
     spent = time.perf_counter() - begin
     if outcome.skipped:
-        print(f"note: {outcome.skipped} ticks after gaps could not be replayed", file=sys.stderr)
+        note(f"{outcome.skipped} ticks after gaps could not be replayed")
     seconds = outcome.ticks * recording.period
     print(f"{recording.path}: {outcome.ticks} ticks ({seconds:.3f} s) replayed in {spent:.1f} s, "
           f"{outcome.compared} commands compared, {outcome.mismatches} mismatches")  # fmt: skip
@@ -73,7 +78,9 @@ def _replay(recording: Recording, options: argparse.Namespace) -> Outcome:
     from itouch.session.replay import Replay
 
     work = Replay(recording)
-    with pictures.taking(work.session, options), sounds.keeping(work.session, options):
+    session, what = work.session, f"replaying {recording.path}"
+    with pictures.taking(session, options), sounds.keeping(session, options), waiting(what) as wait:
         while work.step():
-            pass
+            if work.feed.at % _TOLD == 0:
+                wait.part(work.feed.at / len(work.feed.ticks))
     return work.outcome()

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import argparse
 import os
-import sys
 from collections.abc import Sequence
 
-from itouch.cli.arguments import output_file
+from itouch.cli.arguments import Parser, output_file
 from itouch.schema import ItouchError
+from itouch.schema.extras import need
+from itouch.schema.terminal import did
+from itouch.schema.waits import waiting
 
 
 def main(argv: Sequence[str]) -> int:
     """Write one self-contained page of a recording (.mcap) or a snapshot (.itouch)."""
-    parser = argparse.ArgumentParser(prog="itouch-py report", description=main.__doc__)
+    parser = Parser(prog="itouch-py report", description=main.__doc__)
     parser.add_argument("session", metavar="SESSION.mcap|.itouch", help="a recording or a snapshot")
     parser.add_argument("-o", "--output", type=output_file, required=True, metavar="FILE.html", help="the page")
     parser.add_argument("--no-picture", action="store_true", help="leave the picture of the scene out")
@@ -21,20 +22,19 @@ def main(argv: Sequence[str]) -> int:
     given, target = options.session, options.output
     if os.path.exists(given) and os.path.exists(target) and os.path.samefile(given, target):
         raise ItouchError(f"'{target}' is the session itself; name another file for the page")
+    need("report")
     from itouch.report.collect import collect
     from itouch.report.page import page, scene_picture
 
-    findings = collect(options.session, progress=_shown if sys.stderr.isatty() else None)
-    text = page(findings, picture=None if options.no_picture else scene_picture(findings))
+    with waiting(f"reading {given}") as wait:
+        findings = collect(given, progress=wait.part)
+        wait.part(None, "drawing the page")
+        text = page(findings, picture=None if options.no_picture else scene_picture(findings))
     try:
         with open(options.output, "w", encoding="utf-8") as stream:
             stream.write(text)
     except OSError as error:
         raise ItouchError(f"cannot write '{options.output}': {error.strerror or error}") from error
     size = os.path.getsize(options.output) / 1e6
-    print(f"wrote {options.output}: {findings.kind}, {len(findings.contacts)} contacts, {size:.1f} MB")
+    did(f"wrote {options.output}: {findings.kind}, {len(findings.contacts)} contacts, {size:.1f} MB")
     return 0
-
-
-def _shown(part: float) -> None:
-    print(f"\rreplaying: {100 * part:.0f} %", end="\r" if part < 1.0 else "\n", file=sys.stderr, flush=True)

@@ -5,14 +5,16 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from itouch.cli import deprecations, keeping, leading, live, pictures, sounds, windows
-from itouch.cli.arguments import output_file, seconds
+from itouch.cli.arguments import Parser, output_file, seconds
 from itouch.cli.ending import Interrupted, Stopping, unstarted, write_report
 from itouch.plugin import trace
 from itouch.schema import ItouchError
+from itouch.schema.terminal import did, note
+from itouch.schema.waits import waiting
 
 if TYPE_CHECKING:
     from itouch.session import Session
@@ -37,7 +39,8 @@ def _start(options: argparse.Namespace, stop: Stopping) -> int:
     window = windows.wanted(options)
     if options.pace == "real" or window:
         return live.run(options, stop, window=window)
-    session = _prepare(options)
+    with waiting(f"preparing {options.scene}"):
+        session = _prepare(options)
     if options.pace is None and live.needed(session):
         return live.run(options, stop)
     _refuse_hardware(session)
@@ -48,14 +51,15 @@ def _start(options: argparse.Namespace, stop: Stopping) -> int:
     from itouch.report.screen import Screen
 
     for notice in session.notices:
-        print(f"note: {notice}", file=sys.stderr)
+        note(notice)
     deprecations.warn(session.model)
+    windows.tell(options, opened=False)
     screen = Screen(session, sys.stdout)
     session.loss_hooks.append(lambda loss: screen.interrupt(told(loss)))
     with pictures.taking(session, options), sounds.keeping(session, options), keeping.keeping(session, options):
-        code = _run(session, options, screen, stop)
+        code = _run(session, options, stop.listened(screen.show), stop)
     report = session.report()
-    screen.finish(report)
+    stop.listened(screen.finish)(report)
     _write(session, options, report)
     return code
 
@@ -73,7 +77,7 @@ def _drawn(options: argparse.Namespace) -> bool:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="itouch-py run", description=main.__doc__)
+    parser = Parser(prog="itouch-py run", description=main.__doc__)
     parser.add_argument("scene", metavar="SCENE|SESSION", help="a scene (.xml) or a saved session (.itouch)")
     parser.add_argument("--headless", action="store_true", help="no window; chosen by itself where there is no display")
     parser.add_argument("--mute", action="store_true", help="without sound")
@@ -111,7 +115,7 @@ def _prepare(options: argparse.Namespace) -> Session:
     return prepare(options.scene, seed=options.seed, twin=options.twin, rig=options.rig)
 
 
-def _run(session: Session, options: argparse.Namespace, screen: Any, stop: Stopping) -> int:
+def _run(session: Session, options: argparse.Namespace, show: Callable[[], None], stop: Stopping) -> int:
     from itouch.loop import DeviceFaultError
 
     stop.bind(session.stop)
@@ -119,7 +123,7 @@ def _run(session: Session, options: argparse.Namespace, screen: Any, stop: Stopp
         if options.duration is None and not session.scripted:
             raise ItouchError("the scene has no scripted motion: say for how long to run, with --for 30s")
         session.enable()
-        session.run(options.duration, each=screen.show, every=50)
+        session.run(options.duration, each=show, every=50)
     except DeviceFaultError:
         return 1
     finally:
@@ -131,4 +135,4 @@ def _write(session: Session, options: argparse.Namespace, report: dict[str, Any]
     write_report(options.report, lambda: report)
     if options.save:
         session.save(options.save)
-        print(f"saved {options.save}")
+        did(f"saved {options.save}")

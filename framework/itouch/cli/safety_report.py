@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import argparse
 import datetime
-import sys
 from collections.abc import Sequence
 from importlib import metadata
 from typing import TYPE_CHECKING
 
-from itouch.cli.arguments import output_file
+from itouch.cli.arguments import Parser, output_file
 from itouch.schema import ItouchError
+from itouch.schema.terminal import did, note
+from itouch.schema.waits import waiting
 
 if TYPE_CHECKING:
     from itouch.report.safety import Tested
@@ -30,10 +31,12 @@ def main(argv: Sequence[str]) -> int:
     worst, fault = None, ""
     tested: list[Tested] = []
     if not options.no_run and all(device.twin for device in model.devices.values()):
-        worst, fault = run(build(scene))
-        tested = _tested(scene, every=options.all)
+        with waiting(f"running {options.scene}") as wait:
+            worst, fault = run(build(scene))
+            wait.part(None, "injecting faults")
+            tested = _tested(scene, every=options.all)
     elif not options.no_run:
-        print("note: hardware in the rig: nothing is run; --twin all runs the script on the twins", file=sys.stderr)
+        note("hardware in the rig: nothing is run; --twin all runs the script on the twins")
     made = datetime.datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z")
     program = f"itouch-py {metadata.version('itouch-py')}"
     blocks = list(document(model, worst, fault, tested, made=made, program=program))
@@ -43,7 +46,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="itouch-py safety-report", description=main.__doc__)
+    parser = Parser(prog="itouch-py safety-report", description=main.__doc__)
     parser.add_argument("scene", metavar="SCENE", help="a scene file")
     parser.add_argument("-o", "--output", type=output_file, metavar="FILE.md|.html",
                         help="write to this file, as Markdown or HTML; default: Markdown on the screen")  # fmt: skip
@@ -88,4 +91,4 @@ def _write(path: str | None, text: str) -> None:
             stream.write(text)
     except OSError as error:
         raise ItouchError(f"cannot write '{path}': {error.strerror or error}") from error
-    print(f"wrote {path}")
+    did(f"wrote {path}")

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-import argparse
 import os
 from collections.abc import Sequence
 
+from itouch.cli.arguments import Parser, output_folder
 from itouch.schema import ItouchError
+from itouch.schema.terminal import did
 
 
 def main(argv: Sequence[str]) -> int:
     """Write itouch.xsd and one document for each installed plugin."""
-    parser = argparse.ArgumentParser(prog="itouch-py schema", description=main.__doc__)
-    parser.add_argument("folder", metavar="FOLDER", help="made if it is missing")
+    parser = Parser(prog="itouch-py schema", description=main.__doc__)
+    parser.add_argument("folder", type=output_folder, metavar="FOLDER", help="made if it is missing")
     options = parser.parse_args(argv)
     for path in write_schemas(options.folder):
-        print(f"wrote {path}")
+        did(f"wrote {path}")
     return 0
 
 

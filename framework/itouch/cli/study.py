@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from itouch.cli import study_run
+from itouch.cli.arguments import Parser, output_file, output_folder
+from itouch.schema.terminal import did
 
 if TYPE_CHECKING:
     from itouch.study.reading import StudyFile
@@ -20,14 +22,21 @@ BETWEEN = 25.0
 
 def main(argv: Sequence[str]) -> int:
     """Check, freeze, run, simulate or report a study."""
-    parser = argparse.ArgumentParser(prog="itouch-py study", description=main.__doc__)
+    parser = Parser(prog="itouch-py study", description=main.__doc__)
     commands = parser.add_subparsers(dest="command", required=True, metavar="check|freeze|run|simulate|report|forget")
     check = commands.add_parser("check", help="print every problem, the number of trials, and how long they take")
     check.add_argument("study", metavar="STUDY.xml")
     check.add_argument("--participant", metavar="CODE", help="print the order of this participant too")
     simulate = commands.add_parser("simulate", help="run the trials on twins, answered by simulated observers")
     simulate.add_argument("study", metavar="STUDY.xml")
-    simulate.add_argument("-o", "--output", metavar="FOLDER", required=True, help="the study's data; goes on with them")
+    simulate.add_argument(
+        "-o",
+        "--output",
+        type=output_folder,
+        metavar="FOLDER",
+        required=True,
+        help="the study's data; goes on with them",
+    )
     simulate.add_argument("--observers", type=int, default=8, metavar="N", help="how many (default: 8)")
     simulate.add_argument("--model", default="flux", metavar="NAME", help="flux, combined, receptors or naive")
     simulate.add_argument("--same-skin", action="store_true", help="all have the scene's skin temperature")
@@ -35,7 +44,9 @@ def main(argv: Sequence[str]) -> int:
     report = commands.add_parser("report", help="write page, JSON and table of a study's data")
     report.add_argument("study", metavar="STUDY.xml")
     report.add_argument("folder", metavar="FOLDER", help="the study's data")
-    report.add_argument("-o", "--output", metavar="FILE.html", help="default: report.html in the folder")
+    report.add_argument(
+        "-o", "--output", type=output_file, metavar="FILE.html", help="default: report.html in the folder"
+    )
     freeze = commands.add_parser("freeze", help="stamp study, scene and program before the first participant")
     freeze.add_argument("study", metavar="STUDY.xml")
     freeze.add_argument("folder", metavar="FOLDER")
@@ -221,5 +232,5 @@ def _report(options: argparse.Namespace) -> int:
     correct = result.get("correct")
     if correct is not None and correct["proportion"] is not None:
         print(f"{correct['right']} of {correct['trials']} right ({100.0 * correct['proportion']:.0f} %)")
-    print(f"wrote {target}, {target.with_suffix('.json').name} and {target.with_suffix('.tsv').name}")
+    did(f"wrote {target}, {target.with_suffix('.json').name} and {target.with_suffix('.tsv').name}")
     return 0

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import io
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from itouch.cli.arguments import Parser, add_json, as_json
 from itouch.schema import ItouchError
 
 if TYPE_CHECKING:
@@ -16,12 +19,35 @@ if TYPE_CHECKING:
 
 def main(argv: Sequence[str]) -> int:
     """Examine an installed plugin; exit code 1 if it lacks something."""
-    parser = argparse.ArgumentParser(prog="itouch-py test-plugin", description=main.__doc__)
+    parser = Parser(prog="itouch-py test-plugin", description=main.__doc__)
     parser.add_argument("name", metavar="NAME", help="a device plugin, a modality PLUGIN.LOCAL, or a plugin with both")
     parser.add_argument("--scene", metavar="FILE", help="a scene that uses it: its parameters are taken from there")
     parser.add_argument("--hardware", action="store_true", help="open the device, too; it is commanded what is safe")
     parser.add_argument("--emulator", action="store_true", help="run the driver on the plugin's emulator, too")
+    add_json(parser)
     options = parser.parse_args(argv)
+    with cards(options.json):
+        return _examine(options)
+
+
+@contextlib.contextmanager
+def cards(json: bool) -> Iterator[None]:
+    """Let score cards be written as they come; with ``json`` their findings at the end, as one document."""
+    from itouch.testing.card import Card
+
+    if not json:
+        yield
+        return
+    Card.kept = []
+    try:
+        with contextlib.redirect_stdout(io.StringIO()):
+            yield
+        print(as_json({"cards": Card.kept, "passed": not any(card["failed"] for card in Card.kept)}))
+    finally:
+        Card.kept = None
+
+
+def _examine(options: argparse.Namespace) -> int:
     from itouch.plugin.discovery import Catalog
 
     catalog = Catalog()

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time
 from collections.abc import Sequence
 
+from itouch.cli.arguments import Parser
 from itouch.schema import ItouchError
 
 
 def main(argv: Sequence[str]) -> int:
     """Open a window on a running session."""
-    parser = argparse.ArgumentParser(prog="itouch-py view", description=__doc__)
+    parser = Parser(prog="itouch-py view", description=__doc__)
     parser.add_argument("session", nargs="?", metavar="NAME", help="name or process id; not needed if only one runs")
     parser.add_argument("--list", action="store_true", help="list the sessions that run, and open nothing")
     parser.add_argument("--mute", action="store_true", help="without sound")

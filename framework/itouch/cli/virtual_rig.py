@@ -6,17 +6,16 @@ the same operator and the same finger as in a run on twins; another ``itouch-py`
 
 from __future__ import annotations
 
-import argparse
 import signal
-import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from itouch.cli.arguments import output_file, seconds
+from itouch.cli.arguments import Parser, output_file, seconds
 from itouch.exchange import ServedEmulator
 from itouch.plugin import Emulator
 from itouch.schema import ItouchError
+from itouch.schema.terminal import note
 
 if TYPE_CHECKING:
     from itouch.loop import Engine
@@ -29,7 +28,7 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 def main(argv: Sequence[str]) -> int:
     """Serve a scene's devices until Ctrl-C, or for a time."""
-    parser = argparse.ArgumentParser(prog="itouch-py virtual-rig", description=main.__doc__)
+    parser = Parser(prog="itouch-py virtual-rig", description=main.__doc__)
     parser.add_argument("scene", metavar="SCENE.xml", help="the scene that another itouch-py will run")
     parser.add_argument("--rig", metavar="FILE", help="put another rig with the same device names under the scene")
     parser.add_argument("--for", dest="duration", type=seconds, metavar="60s", help="end after this time")
@@ -122,7 +121,7 @@ class VirtualRig:
             for _, wire in served:
                 wire.close()
         if late:
-            print(f"note: the simulation was {late:.1f} s too slow in all", file=sys.stderr)
+            note(f"the simulation was {late:.1f} s too slow in all")
 
     def _simulate(self, served: list[tuple[Runner, ServedEmulator]]) -> None:
         """Do what the hosts have asked for last, for one period, and show them how it went."""

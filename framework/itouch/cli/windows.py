@@ -8,6 +8,8 @@ import sys
 import time
 from typing import TYPE_CHECKING
 
+from itouch.schema.terminal import note
+
 if TYPE_CHECKING:
     from itouch.cli.live import Losses
     from itouch.report.screen import Screen
@@ -15,15 +17,20 @@ if TYPE_CHECKING:
 
 
 def wanted(options: argparse.Namespace) -> bool:
-    """Tell whether to open a window; where there is no display, say so in one line and go on without."""
-    if options.headless or options.pace == "fast" or options.screenshot or options.film or options.wav:
-        return False
+    """Tell whether to open a window: unless something else is asked for, or there is no display."""
     from itouch.viewer.offscreen import has_display
 
-    if has_display():
-        return True
-    print("no display: running without a window, as with --headless", file=sys.stderr)
-    return False
+    return _asked(options) and has_display()
+
+
+def tell(options: argparse.Namespace, *, opened: bool) -> None:
+    """Say in one line, once something runs, that there is no display for the window."""
+    if _asked(options) and not opened:
+        note("no display: running without a window, as with --headless")
+
+
+def _asked(options: argparse.Namespace) -> bool:
+    return not (options.headless or options.pace == "fast" or options.screenshot or options.film or options.wav)
 
 
 def show(handle: Handle, screen: Screen, losses: Losses, *, mute: bool) -> None:

@@ -40,7 +40,9 @@ from itouch.plugin.stamps import Stamps
 from itouch.plugin.terminal import Terminal
 from itouch.plugin.trace import Trace, read_trace
 from itouch.schema import ItouchError
+from itouch.schema.extras import need
 from itouch.schema.quantities import QuantityError, parse_quantity
+from itouch.schema.waits import waiting
 
 __all__ = [
     "HOLD",
@@ -96,6 +98,7 @@ __all__ = [
     "kept",
     "line_through",
     "measured_wrench",
+    "need",
     "parse_quantity",
     "plate_temperature",
     "pose",
@@ -108,5 +111,6 @@ __all__ = [
     "temperature",
     "temperature_target",
     "twist",
+    "waiting",
     "wrench",
 ]

@@ -59,6 +59,15 @@ def joined(recording: Recording, *, celsius: bool) -> Columns:
     return found
 
 
+def left_out(recording: Recording) -> list[str]:
+    """Return the channels that a table at servo rate has not, as they were recorded at other rates."""
+    return [
+        f"{track.name}.{label}"
+        for track in recording.tracks.values() if not track.replay
+        for column in track.columns for label in column.labels
+    ]  # fmt: skip
+
+
 def lines(columns: Columns, separator: str) -> Iterator[str]:
     """Yield the rows of a table as text."""
     arrays = [values for _, values in columns.values()]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 import time
 from typing import TYPE_CHECKING, Any, Protocol, TextIO
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TextIO
 from itouch.loop.faultwords import outcome, what
 from itouch.loop.missing import missed_plates
 from itouch.report import columns
-from itouch.schema.terminal import control, plain
+from itouch.schema.terminal import MANNER, colours, control, is_terminal, plain
 
 if TYPE_CHECKING:
     from itouch.loop.timing import Timing
@@ -47,7 +48,7 @@ class Screen:
 
     def __init__(self, engine: Followed, stream: TextIO) -> None:
         self._engine, self._stream = engine, stream
-        self._live = stream.isatty()
+        self._live = is_terminal(stream) and not MANNER.quiet
         self._next = 0.0
         self._told = len(engine.ledger.contacts)
         self._missed = missed_plates(engine.model, engine.state)
@@ -56,13 +57,14 @@ class Screen:
         """Show progress; called every now and then."""
         self._tell_missed()
         if not self._live:
-            self._new_contacts()
+            if not MANNER.quiet:
+                self._new_contacts()
             return
         now = time.monotonic()
         if now >= self._next:
             self._next = now + _EVERY
             control(self._stream, "\r\x1b[2K")
-            self._stream.write(self._line())
+            self._stream.write(fitted(self._parts(), shutil.get_terminal_size().columns - 1))
             self._stream.flush()
 
     def _tell_missed(self) -> None:
@@ -78,7 +80,8 @@ class Screen:
             self._stream.flush()
         print(sentence, file=sys.stderr, flush=True)
 
-    def _line(self) -> str:
+    def _parts(self) -> list[str]:
+        """Return the parts of the live line, what matters most first."""
         engine = self._engine
         parts = [f"{engine.seconds:7.2f} s"]
         for probe in engine.model.probes:
@@ -88,6 +91,8 @@ class Screen:
             if index < 0 <= near:
                 where = f"near {engine.model.objects[near]}"
             parts.append(f"{probe.name} {where:<18}")
+        if not engine.state["ready"]:
+            parts.append("calibrating")
         told = (m.instance.status(m.model, engine.state) for m in engine.model.modalities)
         parts += [words for words in told if words]
         times = engine.times.summary()
@@ -96,9 +101,7 @@ class Screen:
         if engine.clock.pace == "real":
             late = engine.times.lateness()["p99"] or 0.0
             parts.append(f"late p99 {late:.0f} us, {engine.times.overruns} overruns")
-        if not engine.state["ready"]:
-            parts.append("calibrating")
-        return "  ".join(parts)
+        return parts
 
     def _new_contacts(self) -> None:
         contacts = self._engine.ledger.contacts
@@ -118,7 +121,8 @@ class Screen:
             control(self._stream, "\r\x1b[2K")
             _rich_table(rows, self._stream)
         else:
-            self._new_contacts()
+            if not MANNER.quiet:
+                self._new_contacts()
             _plain_table(rows, self._stream)
         for entry in report["contacts"]:
             for line in columns.remarks(self._engine.model, entry):
@@ -130,6 +134,18 @@ class Screen:
         for fault in report["faults"]:
             self._stream.write(_fault(fault) + "\n")
         self._stream.flush()
+
+
+def fitted(parts: list[str], width: int) -> str:
+    """Return as many parts as one line of so many columns holds; the last one is cut, so that nothing wraps.
+
+    >>> fitted(["1.00 s", "finger on wood", "plate 30.1 degC"], 30)
+    '1.00 s  finger on wood  plate…'
+    """
+    from rich.cells import cell_len, set_cell_size
+
+    line = "  ".join(part.rstrip() for part in parts)
+    return line if cell_len(line) <= width else set_cell_size(line, max(width - 1, 0)).rstrip() + "…"
 
 
 def _wire(name: str, figures: dict[str, float]) -> str:
@@ -157,7 +173,7 @@ def _rich_table(rows: list[list[str]], stream: TextIO) -> None:
         table.add_column(Text(plain(column)), justify="left" if index < 2 else "right")
     for row in rows[1:]:
         table.add_row(*(Text(plain(cell)) for cell in row))
-    Console(file=getattr(stream, "inner", stream)).print(table)
+    Console(file=getattr(stream, "inner", stream), no_color=not colours(stream)).print(table)
 
 
 def _closing(report: dict[str, Any]) -> str:

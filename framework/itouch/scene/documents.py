@@ -6,6 +6,7 @@ import os
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from itouch.scene import shipping
 from itouch.scene.elements import VERSION
 from itouch.scene.source import Attribute, Node, SourceError, parse, read_bytes
 from itouch.schema.diagnostics import Place, Problem, did_you_mean
@@ -37,6 +38,8 @@ class DocumentReader:
     problems: list[Problem]
     root_folder: Path = field(default_factory=Path)
     documents: list[Document] = field(default_factory=list)
+    #: Whether a file could not be read: what it would have defined is unknown, and not missing.
+    incomplete: bool = False
     _top: str = ""
     _open: list[tuple[Path, Place | None]] = field(default_factory=list)
     _read: dict[tuple[Path, str], Place | None] = field(default_factory=dict)
@@ -75,6 +78,7 @@ class DocumentReader:
         try:
             return self._parse(read_bytes(path, shown), shown, prefix)
         except SourceError as error:
+            self.incomplete = True
             self.problems.append(self._at_include(error.problem, place))
             return None
         finally:
@@ -83,7 +87,11 @@ class DocumentReader:
     def _at_include(self, problem: Problem, place: Place | None) -> Problem:
         if place is None or problem.code != "no-such-file":
             return problem
-        return Problem(problem.code, problem.sentence, place, "paths are relative to the file that names them")
+        advice = "paths are relative to the file that names them"
+        named = [name for name in shipping.names() if problem.sentence.endswith(f"{name}': No such file or directory")]
+        if named:
+            advice += f'; the program brings one: file="{shipping.SCHEME}{named[-1]}"'
+        return Problem(problem.code, problem.sentence, place, advice)
 
     def _cycle(self, path: Path, shown: str, place: Place | None) -> Problem:
         chain = [spot for other, spot in self._open if spot is not None]
@@ -94,9 +102,11 @@ class DocumentReader:
         try:
             root = parse(data, shown)
         except SourceError as error:
+            self.incomplete = True
             self.problems.append(error.problem)
             return None
         if not self._check_root(root):
+            self.incomplete = True
             return None
         folder = os.path.relpath(os.path.dirname(shown) or ".", self._top)
         document = Document(shown, root, prefix, folder)
@@ -170,14 +180,43 @@ class DocumentReader:
                 self.problems.append(Problem("missing-attribute", "<include> needs the attribute 'file'", node.place))
             return
         prefix = document.prefix + (node.attributes["prefix"].value if "prefix" in node.attributes else "")
+        if file.value.startswith(shipping.SCHEME) or document.shown.startswith(shipping.SCHEME):
+            self._include_shipped(document, file, prefix)
+            return
         shown = os.path.normpath(os.path.join(os.path.dirname(document.shown), file.value))
         target = Path(os.path.realpath(shown))
         if not target.is_relative_to(self.root_folder):
+            self.incomplete = True
             sentence = f"'{file.value}' lies outside the scene's folder"
             advice = "copy it into the folder of the scene, or below it"
             self.problems.append(Problem("outside-folder", sentence, file.place, advice))
             return
-        included = self._document(target, shown, prefix, file.place)
+        self._take_in(document, target, shown, prefix, file.place)
+
+    def _include_shipped(self, document: Document, file: Attribute, prefix: str) -> None:
+        """Include a file that comes with the program: ``itouch:rigs/twin.xml``, or one beside such a file."""
+        named = file.value
+        if not named.startswith(shipping.SCHEME):
+            beside = os.path.dirname(document.shown.removeprefix(shipping.SCHEME))
+            named = shipping.SCHEME + os.path.join(beside, named)
+        inner, folder = os.path.normpath(named.removeprefix(shipping.SCHEME)), shipping.folder()
+        known = shipping.names()
+        if folder is None or inner.replace(os.sep, "/") not in known:
+            self.incomplete = True
+            sentence = f"'{named}' does not come with the program"
+            self.problems.append(
+                Problem(
+                    "no-such-file",
+                    sentence,
+                    file.place,
+                    did_you_mean(named, [shipping.SCHEME + name for name in known], "there are"),
+                )
+            )
+            return
+        self._take_in(document, folder / inner, shipping.SCHEME + inner, prefix, file.place)
+
+    def _take_in(self, document: Document, target: Path, shown: str, prefix: str, place: Place) -> None:
+        included = self._document(target, shown, prefix, place)
         if included is not None:
             for tag, attributes in included.defaults.items():
                 document.defaults.setdefault(tag, {}).update(attributes)

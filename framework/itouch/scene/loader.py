@@ -74,7 +74,8 @@ def read_scene(
     reader = DocumentReader(problems)
     documents = reader.read(path)
     problems += apply_edits(documents, edits)
-    assembly = _Assembly(extensions, problems, root=os.fspath(reader.root_folder)).add(documents)
+    assembly = _Assembly(extensions, problems, root=os.fspath(reader.root_folder), incomplete=reader.incomplete)
+    assembly.add(documents)
     if rig is not None:
         assembly.replace_devices(rig)
     scene = replace(assembly.scene(os.fspath(path)), folder=os.fspath(reader.root_folder))
@@ -106,7 +107,7 @@ def loads(
     problems: list[Problem] = []
     reader = DocumentReader(problems)
     documents = reader.read_text(data, shown)
-    scene = _Assembly(extensions, problems).add(documents).scene(shown)
+    scene = _Assembly(extensions, problems, incomplete=reader.incomplete).add(documents).scene(shown)
     scene = replace(scene, folder=os.fspath(reader.root_folder), files=files)
     if any(problem.severity == "error" for problem in problems):
         raise SceneError(in_file_order(problems))
@@ -144,6 +145,7 @@ class _Assembly:
     single: dict[str, Any] = field(default_factory=dict)
     names: Names = field(default_factory=Names)
     root: str = "."
+    incomplete: bool = False
 
     def add(self, documents: list[Document]) -> _Assembly:
         bases = _Bases(documents, self.problems)
@@ -242,7 +244,7 @@ class _Assembly:
             swapped=self.swapped,
             places=self.places,
         )
-        self.problems += self.names.problems()
+        self.problems += self.names.problems(whole=not self.incomplete)
         self.problems += _mount_cycles(scene)
         return scene
 

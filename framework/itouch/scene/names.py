@@ -53,11 +53,13 @@ class Names:
         """Return the names of both."""
         return Names(self.defined + other.defined, self.wanted + other.wanted)
 
-    def problems(self) -> Iterator[Problem]:
-        """Find names given twice and references to nothing."""
+    def problems(self, *, whole: bool = True) -> Iterator[Problem]:
+        """Find names given twice and, if all files could be read (``whole``), references to nothing."""
         materials = [entry for entry in self.defined if entry.kind == "material"]
         yield from _duplicates(materials)
         yield from _duplicates([entry for entry in self.defined if entry.kind != "material"])
+        if not whole:
+            return
         known: dict[str, dict[str, None]] = {}
         for entry in self.defined:
             known.setdefault(entry.kind, {})[entry.name] = None

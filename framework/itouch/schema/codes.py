@@ -149,6 +149,18 @@ RUNNING = (
     Code("injected", "not a trip: a `<fault>` of the scene took effect", "remove it when you have seen enough"),
 )  # fmt: skip
 
+#: What `check` says of a scene that is legal; with ``--strict`` it counts as wrong.
+ODD = (
+    Code("metres", "a large length of an object without a unit: it is in metres", "write the unit"),
+    Code("overlap", "solids of different materials overlap", "move one of them, or make it smaller"),
+    Code("clipped-stiffness", "a material is stiffer than what the arm can render stably",
+         "write the stiffness that is rendered, or lower the damping"),
+    Code("out-of-band", "an object's temperature is outside what the plate may have",
+         "give it a temperature that the plate can have"),
+    Code("untouched", "the scripted operator never comes near any object", "lower a `<to>` of its motion"),
+    Code("two-heights", "the finger rests over two tops, and the plate has one height", "move it over one of them"),
+)  # fmt: skip
+
 #: All of them by heading.
 HEADINGS: dict[str, tuple[Code, ...]] = {
     "Files and XML": FILES,
@@ -157,6 +169,7 @@ HEADINGS: dict[str, tuple[Code, ...]] = {
     "Devices and limits": DEVICES,
     "Modalities, recordings, surfaces, motion": SCENE,
     "Mesh files": MESHES,
+    "Legal, but odd": ODD,
     "While running": RUNNING,
 }
 #: All of them by name.

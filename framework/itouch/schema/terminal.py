@@ -1,4 +1,4 @@
-r"""The one escape for text from a file or a device on its way to a terminal.
+r"""What is printed: the one escape for text from a file or a device, the manner of speaking, and its colours.
 
 What would move the cursor, change colours or a title, ring, hide text or turn its direction round is written as its
 code, such as ``\x1b``.
@@ -9,11 +9,16 @@ code, such as ``\x1b``.
 
 from __future__ import annotations
 
+import errno
+import os
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any, TextIO
+
+from itouch.schema.palette import coloured
 
 #: Control characters but for the ends of lines and tabs, marks that turn the direction of writing, what can't be seen,
 #: and halves of characters.
@@ -21,6 +26,56 @@ _UNSAFE = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb\ud800-\udfff"
     "\U000e0000-\U000e007f]"
 )
+
+
+@dataclass(slots=True)
+class Manner:
+    """How the program speaks: ``quiet`` says results and errors only, ``verbose`` also what took how long.
+
+    ``color`` is "auto" (on a terminal, unless ``NO_COLOR`` is set), "always" or "never".
+    """
+
+    quiet: bool = False
+    verbose: bool = False
+    color: str = "auto"
+
+
+#: The manner of this process; the command line sets it.
+MANNER = Manner()
+
+
+def note(words: str) -> None:
+    """Say what the person should know, and can do without, on the stream of errors."""
+    if not MANNER.quiet:
+        print(f"note: {words}", file=sys.stderr, flush=True)
+
+
+def did(words: str) -> None:
+    """Say what was done, such as which file was written."""
+    if not MANNER.quiet:
+        print(words)
+
+
+def detail(words: str) -> None:
+    """Say what only ``--verbose`` asks for, on the stream of errors."""
+    if MANNER.verbose and not MANNER.quiet:
+        print(words, file=sys.stderr, flush=True)
+
+
+def colours(stream: TextIO) -> bool:
+    """Tell whether colours are written to a stream."""
+    if MANNER.color != "auto":
+        return MANNER.color == "always"
+    inner: TextIO = getattr(stream, "inner", stream)
+    return not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb" and is_terminal(inner)
+
+
+def is_terminal(stream: TextIO) -> bool:
+    """Tell whether a stream is a terminal; a closed one is none."""
+    try:
+        return stream.isatty()
+    except (ValueError, OSError):
+        return False
 
 
 def plain(text: str) -> str:
@@ -34,15 +89,46 @@ def _code(match: re.Match[str]) -> str:
 
 
 class PlainStream:
-    """A stream that escapes all that is written to it; ``inner`` is the terminal itself, for what is our own."""
+    """A stream that escapes all that is written to it; ``inner`` is the terminal itself, for what is our own.
+
+    A terminal that was closed is told as a reader that has gone: ``BrokenPipeError``.
+    """
+
+    #: Called before anything is written: what moves on the terminal makes room.
+    before: Callable[[], None] | None = None
 
     def __init__(self, inner: TextIO) -> None:
         self.inner = inner
+        self._terminal, self._colours = is_terminal(inner), colours(inner)
 
     def write(self, text: str) -> int:
         """Write a text, escaped."""
-        self.inner.write(plain(text))
+        if PlainStream.before is not None:
+            PlainStream.before()
+        safe = plain(text)
+        with self.reached():
+            self.inner.write(coloured(safe) if self._colours else safe)
         return len(text)
+
+    def flush(self) -> None:
+        """Let what was written appear."""
+        with self.reached():
+            self.inner.flush()
+
+    @property
+    def closed_terminal(self) -> bool:
+        """Whether it was a terminal, and that is gone."""
+        return self._terminal and not is_terminal(self.inner)
+
+    @contextmanager
+    def reached(self) -> Iterator[None]:
+        """Write to the terminal itself; that it was closed is told as a reader that has gone."""
+        try:
+            yield
+        except OSError as error:
+            if self._terminal and error.errno in (errno.EIO, errno.ENXIO):
+                raise BrokenPipeError(errno.EPIPE, "the terminal was closed") from None
+            raise
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.inner, name)
@@ -50,8 +136,11 @@ class PlainStream:
 
 def control(stream: TextIO, sequence: str) -> None:
     """Write a sequence of the program's own that is to act on the terminal."""
-    inner: TextIO = getattr(stream, "inner", stream)
-    inner.write(sequence)
+    if isinstance(stream, PlainStream):
+        with stream.reached():
+            stream.inner.write(sequence)
+    else:
+        stream.write(sequence)
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""Building the engine for a run.  On a first start the kernels are compiled by two processes, and that is said."""
+"""Building the engine for a run.  What must be compiled is compiled by two processes, and that is said."""
 
 from __future__ import annotations
 
@@ -10,11 +10,13 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from itouch.schema.terminal import MANNER
+
 if TYPE_CHECKING:
     from itouch.session import Session
 
-#: A start that has not ended after this time [s] is a first one: later ones load what is compiled.
-_PATIENCE = 1.6
+#: A start that has not ended after this time [s], and has not found a kernel on disk, is helped; how often is looked.
+_PATIENCE, _LOOK = 1.6, 0.3
 _LONGEST = 120.0
 
 
@@ -24,17 +26,29 @@ class _Companion:
     def __init__(self, words: list[str]) -> None:
         self._words = words
         self._process: subprocess.Popen[bytes] | None = None
-        self._timer = threading.Timer(_PATIENCE, self._start)
-        self._timer.daemon = True
+        self._over = threading.Event()
+        self._watch = threading.Thread(target=self._look, name="itouch-companion", daemon=True)
+
+    def _look(self) -> None:
+        """Wait until something is compiled for long; a start that only loads is not helped, however long it takes."""
+        wait = _PATIENCE
+        while not self._over.wait(wait):
+            compiling = sys.modules.get("itouch.compiling")
+            if compiling is not None and compiling.KernelCache.missed:
+                self._start()
+                return
+            wait = _LOOK
 
     def _start(self) -> None:
-        print("preparing: the first start compiles the kernels, later ones load them ...", file=sys.stderr, flush=True)
+        if not MANNER.quiet:
+            print("preparing: compiling the kernels that this needs for the first time, later starts load them ...",
+                  file=sys.stderr, flush=True)  # fmt: skip
         command = [sys.executable, "-m", "itouch.servo.warm", *self._words, "--parent", str(os.getpid())]
         nothing = subprocess.DEVNULL
         self._process = subprocess.Popen(command, stdin=nothing, stdout=nothing, stderr=nothing)
 
     def __enter__(self) -> _Companion:
-        self._timer.start()
+        self._watch.start()
         return self
 
     @property
@@ -44,15 +58,19 @@ class _Companion:
 
     def wait(self) -> None:
         """Wait until the companion has compiled its part; whatever became of it, this process compiles the rest."""
-        self._timer.cancel()
+        self._end()
         if self._process is not None:
             try:
                 self._process.wait(_LONGEST)
             except subprocess.TimeoutExpired:
                 self._process.kill()
 
+    def _end(self) -> None:
+        self._over.set()
+        self._watch.join()  # so that no process is started after this
+
     def __exit__(self, *exception: object) -> None:
-        self._timer.cancel()
+        self._end()
         if self._process is not None and self._process.poll() is None:
             self._process.kill()
             self._process.wait()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterable, Sequence
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 from itouch.testing.checks import Finding
 
@@ -27,8 +27,11 @@ class Stream(Protocol):
 class Card:
     """A score card that is written line by line, while the checks run."""
 
+    #: Where cards are kept as plain data, if somebody asks for that.
+    kept: ClassVar[list[dict[str, Any]] | None] = None
+
     def __init__(self, title: str, stream: Stream) -> None:
-        self._stream = stream
+        self._stream, self._title = stream, title
         stream.write(f"{title}\n\n")
 
     def write(self, findings: Iterable[Finding]) -> bool:
@@ -47,6 +50,8 @@ class Card:
         if failed:
             told += textwrap.wrap(f"failed: {', '.join(failed)}", _WIDTH)
         self._stream.write("\n" + "\n".join(told) + "\n\n")
+        if Card.kept is not None:
+            Card.kept.append({"title": self._title, "failed": failed, "findings": [_data(one) for one in seen]})
         return not failed
 
     def _left_out(self, findings: Sequence[Finding]) -> None:
@@ -67,6 +72,13 @@ class Card:
             for line in finding.note.splitlines():
                 label = line.strip()[:14] if line.startswith("  ") else ""
                 self._stream.write(_wrapped(line.strip(), " " * 8, " " * (8 + len(label))) + "\n")
+
+
+def _data(finding: Finding) -> dict[str, Any]:
+    return {
+        "name": finding.check.name, "title": finding.check.title, "outcome": finding.outcome, "note": finding.note,
+        "seconds": round(finding.seconds, 3),
+    }  # fmt: skip
 
 
 def _wrapped(text: str, head: str, further: str = "") -> str:

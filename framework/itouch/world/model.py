@@ -21,6 +21,7 @@ from itouch.world.coupling import Coupling, couplings, on_bodies, stable_effects
 from itouch.world.files import SceneFile, SceneFiles
 from itouch.world.leading import hand_of
 from itouch.world.limits import check_safety
+from itouch.world.metres import large
 from itouch.world.modalities import ModalityModel, build_modalities, notices_of
 from itouch.world.motion import NO_MOTIONS, Motions, build_motions
 from itouch.world.overlap import overlaps
@@ -106,6 +107,7 @@ def compile_scene(scene: Scene, catalog: Catalog) -> tuple[Model | None, list[Pr
     built = build_shapes(scene, reader, problems)
     notices += built.notices
     problems += check_reach(scene, devices, built.boxes)
+    problems += large(scene)
     notices += overlaps(scene, built.boxes)
     shapes, surfaces = built.shapes, build_friction(scene, problems)
     effects = build_effects(scene, reader, problems, notices)

@@ -20,7 +20,13 @@ MOST = 200
 
 
 def overlaps(scene: Scene, boxes: Mapping[str, Any]) -> Iterator[str]:
-    """Return a sentence for each pair of resting boxes and spheres of different materials that overlap.
+    """Yield the sentences of ``overlapping``."""
+    for _, _, sentence in overlapping(scene, boxes):
+        yield f"{sentence}; move them apart"
+
+
+def overlapping(scene: Scene, boxes: Mapping[str, Any]) -> Iterator[tuple[Any, Any, str]]:
+    """Yield two elements and a sentence for each pair of resting boxes and spheres of different materials that overlap.
 
     Of other shapes nothing is said: what holds them may overlap where they do not.  ``boxes`` is as for ``extent``.
     """
@@ -28,10 +34,11 @@ def overlaps(scene: Scene, boxes: Mapping[str, Any]) -> Iterator[str]:
     for (one, first), (other, second) in combinations(solids[:MOST], 2):
         if one.material == other.material or _apart(one, first, other, second):
             continue
-        yield (
+        sentence = (
             f"objects '{one.name}' ({one.material}) and '{other.name}' ({other.material}) overlap: where they do, "
-            "the finger meets whichever surface comes first; move them apart"
+            "the finger meets whichever surface comes first"
         )
+        yield one, other, sentence
 
 
 def _solid(element: Any, boxes: Mapping[str, Any]) -> tuple[Any, Any] | None:

@@ -7,19 +7,24 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from itouch.plugin import need, waiting
+
 
 def main(argv: Sequence[str]) -> int:
     """Draw the paper's figures and check its claims."""
     parser = argparse.ArgumentParser(prog="itouch-py reproduce", description=__doc__)
-    parser.add_argument("--out", default="reproduced", metavar="DIR", help="where to write; default: reproduced")
+    parser.add_argument("-o", "--out", default="reproduced", metavar="DIR", help="where to write; default: reproduced")
     options = parser.parse_args(list(argv))
+    need("plot", "reproduce")
+    need("bench", "reproduce")
     from itouch_thermal.rendering.claims import page
     from itouch_thermal.rendering.figures import draw
 
     out = Path(options.out)
     try:
         out.mkdir(parents=True, exist_ok=True)
-        text = page(draw(out))
+        with waiting("drawing figures and checking claims"):
+            text = page(draw(out))
         (out / "claims.md").write_text(text, encoding="utf-8")
     except (ValueError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)

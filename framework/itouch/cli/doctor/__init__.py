@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 from collections.abc import Sequence
 from dataclasses import asdict
 
-from itouch.cli.arguments import seconds
+from itouch.cli.arguments import Parser, seconds
 
 _MARKS = {"ok": "ok    ", "lack": "LACK  ", "note": "note  "}
 
 
 def main(argv: Sequence[str]) -> int:
     """Say what this machine can do, and what to do about each lack."""
-    parser = argparse.ArgumentParser(prog="itouch-py doctor", description=main.__doc__)
+    parser = Parser(prog="itouch-py doctor", description=main.__doc__)
     parser.add_argument("--measure", type=seconds, metavar="10s",
                         help="run the loop for this long, idle and then beside a load, and judge by that")  # fmt: skip
     parser.add_argument("--rates", nargs="?", const="", metavar="SCENE",

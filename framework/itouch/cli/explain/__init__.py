@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
+
+from itouch.cli.arguments import Parser
 
 if TYPE_CHECKING:
     from itouch.cli.explain.example import Example
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
 
 def main(argv: Sequence[str]) -> int:
     """Explain the code of a message, such as error[unknown-name]; without one, list all codes."""
-    parser = argparse.ArgumentParser(prog="itouch-py explain", description=main.__doc__)
+    parser = Parser(prog="itouch-py explain", description=main.__doc__)
     parser.add_argument("code", nargs="?", metavar="CODE", help="what stands in the brackets of the message")
     code = parser.parse_args(argv).code
     return _list() if code is None else _explain(code.strip("[]").rpartition("[")[2])
@@ -23,10 +24,11 @@ def examples() -> dict[str, Example]:
     """Return an example of each code."""
     from itouch.cli.explain.devices import BINDINGS, DEVICES
     from itouch.cli.explain.meshes import MESHES
+    from itouch.cli.explain.odd import ODD
     from itouch.cli.explain.problems import FILES, NAMES, VALUES
     from itouch.cli.explain.trips import trips
 
-    return {**FILES, **NAMES, **VALUES, **DEVICES, **BINDINGS, **MESHES, **trips()}
+    return {**FILES, **NAMES, **VALUES, **DEVICES, **BINDINGS, **MESHES, **ODD, **trips()}
 
 
 def _list() -> int:

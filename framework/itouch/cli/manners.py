@@ -1,0 +1,63 @@
+"""The options that mean the same in all commands: how much is said, and in colours or not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from itouch.schema import ItouchError
+from itouch.schema.terminal import MANNER
+
+COLORS = ("auto", "always", "never")
+#: For the help of the program and of each command.
+HELP = """\
+options of every command:
+  -q, --quiet     results and errors only
+  -v, --verbose   also what took how long
+  --color WHEN    auto (the default; NO_COLOR is obeyed), always or never
+"""
+
+
+def taken(words: list[str]) -> tuple[list[str], dict[str, object]]:
+    """Take the common options out of the words of a command line, wherever they stand before ``--``.
+
+    Raises
+    ------
+    ItouchError
+        If ``--color`` is neither of its words.
+    """
+    left: list[str] = []
+    found: dict[str, object] = {}
+    rest = iter(words)
+    for word in rest:
+        if word == "--":
+            left += [word, *rest]
+        elif word in ("-q", "--quiet"):
+            found["quiet"] = True
+        elif word in ("-v", "--verbose"):
+            found["verbose"] = True
+        elif word in ("--color", "--colour"):
+            found["color"] = _color(next(rest, ""))
+        elif word.startswith(("--color=", "--colour=")):
+            found["color"] = _color(word.partition("=")[2])
+        else:
+            left.append(word)
+    return left, found
+
+
+def _color(word: str) -> str:
+    if word not in COLORS:
+        raise ItouchError(f"error: --color is {', '.join(COLORS[:-1])} or {COLORS[-1]}, not '{word}'")
+    return word
+
+
+@contextmanager
+def speaking(found: dict[str, object]) -> Iterator[None]:
+    """Speak in a manner while the context lasts."""
+    before = MANNER.quiet, MANNER.verbose, MANNER.color
+    MANNER.quiet, MANNER.verbose = bool(found.get("quiet")), bool(found.get("verbose"))
+    MANNER.color = str(found.get("color", "auto"))
+    try:
+        yield
+    finally:
+        MANNER.quiet, MANNER.verbose, MANNER.color = before

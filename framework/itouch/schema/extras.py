@@ -1,0 +1,49 @@
+"""Packages that only some commands need: looked for before the work begins, with the line that installs them."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+
+from itouch.schema.diagnostics import ItouchError
+
+#: Name of an extra -> what it is for, and the modules that it brings.
+EXTRAS: dict[str, tuple[str, tuple[str, ...]]] = {
+    "report": ("the page", ("plotly",)),
+    "film": ("films", ("av", "PIL")),
+    "tables": ("tables of this kind", ("pyarrow",)),
+    "plot": ("figures", ("matplotlib",)),
+    "bench": ("this", ("scipy",)),
+    "study": ("studies", ("scipy", "SweetSpot", "statsmodels")),
+    "lsl": ("Lab Streaming Layer", ("pylsl",)),
+}
+
+
+def need(extra: str, what: str = "") -> None:
+    """Make sure that what an extra brings is installed; nothing is imported.
+
+    Parameters
+    ----------
+    extra
+        Its name in ``pip install 'itouch-py[NAME]'``.
+    what
+        What needs it, in the message.
+
+    Raises
+    ------
+    ItouchError
+        With the packages that are missing, and the line that installs them.
+    """
+    usual, modules = EXTRAS[extra]
+    missing = [name for name in modules if not _there(name)]
+    if missing:
+        noun = "a package" if len(missing) == 1 else "packages"
+        raise ItouchError(
+            f"{what or usual}: {noun} missing ({', '.join(missing)})\n  = help: pip install 'itouch-py[{extra}]'"
+        )
+
+
+def _there(name: str) -> bool:
+    try:
+        return find_spec(name) is not None
+    except (ImportError, ValueError):  # blocked, or half installed
+        return False

@@ -1,0 +1,153 @@
+"""What is legal in a scene, but odd: with its line and what to do; ``check`` looks for it, ``run`` does not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.plugin import Role
+from itouch.scene.elements import Operator, Plane
+from itouch.schema import Problem
+from itouch.world.bindings import extent
+from itouch.world.model import Model, ProbeModel
+from itouch.world.overlap import overlapping
+from itouch.world.surfaces import contact_of
+
+Points = NDArray[np.float64]
+
+#: Distance [m] between two points of a scripted path that are looked at.
+STEP = 2e-3
+#: Heights that differ by less [m] are one.
+FLAT = 5e-4
+
+
+def odd(model: Model) -> Iterator[Problem]:
+    """Yield a note for each oddity of a compiled scene."""
+    boxes = _boxes(model)
+    yield from _overlaps(model, boxes)
+    yield from _clipped(model)
+    yield from _outside_band(model)
+    if not model.moving:
+        for probe in model.probes:
+            yield from _touches(model, probe, boxes)
+
+
+def _boxes(model: Model) -> dict[str, Any]:
+    """Return the corners of each mesh's box in its own frame, by object."""
+    found = {}
+    for name, shape in zip(model.objects, model.shapes, strict=True):
+        surface = getattr(shape, "surface", None)
+        if surface is not None:
+            vertices = np.asarray(surface.vertices)
+            found[name] = (vertices.min(0), vertices.max(0))
+    return found
+
+
+def _overlaps(model: Model, boxes: dict[str, Any]) -> Iterator[Problem]:
+    places = model.scene.places
+    for one, other, sentence in overlapping(model.scene, boxes):
+        first = places.of(one)
+        related = ((first, "the other"),) if first is not None else ()
+        yield Problem("overlap", sentence, places.of(other), "move one of them, or make it smaller", related, "note")
+
+
+def _clipped(model: Model) -> Iterator[Problem]:
+    """Find materials that are rendered softer than they say."""
+    told = set()
+    for probe in model.probes:
+        for element, coupling in zip(model.scene.objects, probe.coupling, strict=True):
+            contact = contact_of(model.scene, element, [])
+            if coupling.stiffness < contact.stiffness * (1.0 - 1e-9) and element.material not in told:
+                told.add(element.material)
+                arm = probe.scene.force_to
+                sentence = (
+                    f"material '{element.material}' asks for {contact.stiffness / 1e3:g} N/mm; {probe.name} feels "
+                    f"{coupling.stiffness / 1e3:.3g} N/mm, what '{arm}' can render stably"
+                )
+                advice = f'write stiffness="{np.floor(coupling.stiffness / 10.0) / 100.0:g} N/mm", or lower the damping'
+                yield Problem("clipped-stiffness", sentence, model.scene.places.of(contact, "stiffness"), advice,
+                              severity="note")  # fmt: skip
+
+
+def _outside_band(model: Model) -> Iterator[Problem]:
+    """Find objects whose temperature no plate under the fingers can have."""
+    for device in model.devices.values():
+        band = device.limits.temperature
+        if device.reading(Role.SKIN_CONTACT_TEMPERATURE) is None or band is None:
+            continue
+        low, high = band
+        for element in model.scene.objects:
+            kelvin = model.scene.world.temperature if element.temperature is None else element.temperature
+            if low - 1e-6 <= kelvin <= high + 1e-6:
+                continue
+            sentence = (
+                f"object '{element.name}' is at {kelvin - 273.15:.4g} degC, and '{device.name}' renders with "
+                f"{low - 273.15:.4g} to {high - 273.15:.4g} degC: what would need more is clipped, and felt less"
+            )
+            place = model.scene.places.of(element, "temperature")
+            advice = "give it a temperature that the plate can have, or take the difference into account"
+            yield Problem("out-of-band", sentence, place, advice, severity="note")
+
+
+def _touches(model: Model, probe: ProbeModel, boxes: dict[str, Any]) -> Iterator[Problem]:
+    """Find an operator that never touches anything, and fingers that lie on two heights."""
+    operator, radius = probe.operator, probe.scene.radius
+    if operator is None or not operator.motion.targets or probe.recorded is not None or not model.objects:
+        return
+    if any(isinstance(element, Plane) for element in model.scene.objects):
+        return
+    path, ends = _path(operator)
+    found = [(element, box) for element in model.scene.objects if (box := extent(element, boxes)) is not None]
+    near = [(element, low, high, _distance(path, low, high)) for element, (low, high) in found]
+    if near and all(distance.min() > radius for *_, distance in near):
+        element, _, _, distance = min(near, key=lambda one: float(one[3].min()))
+        gap = float(distance.min()) - radius
+        sentence = (
+            f"the operator of '{probe.name}' never touches anything: it comes within {gap * 1e3:.3g} mm of "
+            f"'{element.name}'"
+        )
+        advice = "lower a <to> of its motion below the top of an object, plus the radius of the finger"
+        yield Problem("untouched", sentence, model.scene.places.of(operator), advice, severity="note")
+    if probe.scene.surface_to:
+        yield from _two_heights(model, probe, near, ends)
+
+
+def _two_heights(model: Model, probe: ProbeModel, near: list[Any], ends: Points) -> Iterator[Problem]:
+    """Find places where the finger rests over two tops: the flat plate can have one height only."""
+    operator, radius = probe.operator, probe.scene.radius
+    for key, end in zip(operator.motion.targets if operator else (), ends, strict=True):
+        tops = [(float(high[2]), element) for element, low, high, _ in near if _aside(end, low, high) < 0.5 * radius]
+        tops.sort(key=lambda one: -one[0])
+        if len(tops) < 2 or end[2] - radius > tops[0][0] or not FLAT < tops[0][0] - tops[1][0] < radius:
+            continue
+        (first, one), (second, other) = tops[:2]
+        sentence = (
+            f"'{probe.name}' rests over '{one.name}' and '{other.name}', whose tops are at {first * 1e3:.4g} and "
+            f"{second * 1e3:.4g} mm: the plate under it has one height"
+        )
+        place = model.scene.places.of(key, "pos")
+        yield Problem("two-heights", sentence, place, "move it over one of them, or level them", severity="note")
+
+
+def _path(operator: Operator) -> tuple[Points, Points]:
+    """Return points (n, 3) along the straight lines between an operator's targets, and the targets (m, 3)."""
+    ends = np.array([key.pos for key in operator.motion.targets], np.float64)
+    pieces = [ends[:1]]
+    for start, end in zip(ends[:-1], ends[1:], strict=True):
+        count = min(2000, max(2, int(np.linalg.norm(end - start) / STEP) + 1))
+        pieces.append(start + np.linspace(0.0, 1.0, count)[1:, None] * (end - start))
+    return np.vstack(pieces), ends
+
+
+def _distance(points: Points, low: Any, high: Any) -> Points:
+    """Return the distance (n,) of points to a box, 0 inside."""
+    outside = np.maximum(np.maximum(low - points, points - high), 0.0)
+    return np.asarray(np.linalg.norm(outside, axis=1), np.float64)
+
+
+def _aside(point: Points, low: Any, high: Any) -> float:
+    """Return how far aside of a box a point is, in the plane."""
+    return float(np.linalg.norm(np.maximum(np.maximum(low[:2] - point[:2], point[:2] - high[:2]), 0.0)))

@@ -1,0 +1,125 @@
+"""What is legal in a scene but odd is noted with its line; one cause is one problem; includes name shipped rigs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from program import program as run
+from shipped import SCENES
+
+import itouch
+from itouch.cli.check import examined
+
+HEAD = '<itouch version="1.0">\n  <include file="itouch:materials.xml"/>\n  <include file="itouch:rigs/twin.xml"/>\n'
+FINGER = '<probe name="finger" radius="8 mm" pose-from="arm" force-to="arm" surface-to="table"/>'
+
+
+def scene(folder: Path, world: str, *, motion: str = "", probe: str = FINGER) -> str:
+    """Write a scene of its own on the shipped twin, and return its path."""
+    operator = f'\n    <operator probe="finger"><motion>{motion}</motion></operator>' if motion else ""
+    path = folder / "own.xml"
+    path.write_text(f"{HEAD}  <world>\n    {world}\n  </world>\n  <interaction>\n    {probe}{operator}\n"
+                    "  </interaction>\n</itouch>\n")  # fmt: skip
+    return str(path)
+
+
+def codes(path: str) -> list[tuple[str, int]]:
+    model, problems = examined(path, None, None)
+    assert model is not None, problems
+    return [(problem.code, problem.place.line if problem.place else 0) for problem in problems]
+
+
+def to(*points: str) -> str:
+    return "".join(f'<to pos="{point}" in="0.5 s"/>' for point in points)
+
+
+BLOCK = '<box name="block" size="20 20 20 mm" pos="0 0 10 mm" material="wood"/>'
+DOWN = to("0 0 50 mm", "0 0 26 mm")
+
+
+@pytest.mark.parametrize(
+    ("world", "motion", "expected"),
+    [
+        (BLOCK, DOWN, []),
+        (BLOCK.replace('20 20 20 mm"', '20 20 20"'), "", ["metres"]),
+        (BLOCK.replace('20 20 20 mm"', '20 20 20 m"'), "", []),  # somebody who writes metres means them
+        (BLOCK.replace('20 20 20 mm"', '0.02 0.02 0.02"'), DOWN, []),
+        (BLOCK.replace('"0 0 10 mm"', '"0 0 -10"'), "", ["metres"]),
+        ('<sphere name="b" radius="2e1" material="wood"/>', "", ["metres"]),
+        (BLOCK + BLOCK.replace("block", "other").replace('"wood"', '"pyrex"').replace('"0 0', '"9 0'), "", ["overlap"]),
+        (BLOCK.replace('material="wood"', 'material="wood" temperature="5 degC"'), "", ["out-of-band"]),
+        (BLOCK.replace('material="wood"', 'material="wood" temperature="39 degC"'), "", []),
+        (BLOCK, to("0 0 60 mm", "0 0 30 mm"), ["untouched"]),
+        (BLOCK, to("-60 0 24 mm", "60 0 24 mm"), []),  # it passes through on its way
+        (
+            BLOCK.replace('"0 0', '"-11 0')
+            + BLOCK.replace("block", "high").replace("20 20 20", "20 20 24").replace('"0 0 10', '"11 0 12'),
+            to("0 0 50 mm", "0 0 30 mm"),
+            ["two-heights"],
+        ),
+    ],
+)
+def test_what_is_odd_is_noted(tmp_path: Path, world: str, motion: str, expected: list[str]) -> None:
+    found = [code for code, line in codes(scene(tmp_path, world, motion=motion)) if code != "out-of-reach"]
+    assert found == expected
+    assert all(line in (5, 9) for code, line in codes(str(tmp_path / "own.xml")) if code != "out-of-reach")
+
+
+def test_strict_counts_what_is_odd_as_wrong(tmp_path: Path) -> None:
+    path = scene(tmp_path, BLOCK, motion=to("0 0 60 mm", "0 0 30 mm"))
+    relaxed, strict = run("check", path), run("check", path, "--strict")
+    assert (relaxed.returncode, strict.returncode) == (0, 2)
+    assert "note[untouched]" in relaxed.stderr and "within 2 mm of 'block'" in strict.stderr
+    assert ": ok (" in relaxed.stdout and ": ok (" not in strict.stdout
+
+
+def test_a_clipped_stiffness_is_told_once_with_its_line(tmp_path: Path) -> None:
+    (tmp_path / "own.xml").write_text(
+        HEAD + '  <materials>\n    <material name="steel"><contact stiffness="600 N/mm"/></material>\n  </materials>\n'
+        f"  <world>\n    {BLOCK.replace('wood', 'steel')}\n  </world>\n  <interaction>{FINGER}</interaction>\n</itouch>"
+    )
+    done = run("check", str(tmp_path / "own.xml"))
+    assert done.stderr.count("600 N/mm;") == 1 and "own.xml:5:" in done.stderr
+    assert "'steel' with stiffness" not in done.stderr + done.stdout
+
+
+@pytest.mark.parametrize(
+    "path",
+    [path for path in sorted(SCENES.glob("*.xml")) if "<interaction>" in path.read_text()],
+    ids=lambda path: path.stem,
+)
+def test_no_shipped_scene_has_lengths_overlaps_or_motions_that_are_odd(path: Path) -> None:
+    found = {code for code, _ in codes(str(path))}
+    assert not found & {"metres", "overlap", "untouched", "two-heights"}
+
+
+@pytest.mark.parametrize("name", ["rigs/none.xml", "itouch:rigs/none.xml", "itouch:../pyproject.toml", "/etc/passwd"])
+def test_a_failed_include_is_one_problem(tmp_path: Path, name: str) -> None:
+    path = scene(tmp_path, BLOCK, motion=DOWN)
+    text = Path(path).read_text().replace("itouch:rigs/twin.xml", name)
+    Path(path).write_text(text)
+    done = run("check", path)
+    assert done.returncode == 2 and "1 problem; nothing was started." in done.stderr
+    assert ":3:12" in done.stderr
+
+
+def test_other_faults_are_told_beside_a_failed_include(tmp_path: Path) -> None:
+    path = scene(tmp_path, BLOCK.replace("size", "sze"))
+    Path(path).write_text(Path(path).read_text().replace("itouch:rigs/twin.xml", "twin.xml"))
+    said = run("check", path).stderr
+    assert "no-such-file" in said and "unknown-attribute" in said and "unknown-name" not in said
+
+
+def test_a_missing_copy_of_a_shipped_rig_is_told_where_it_is(tmp_path: Path) -> None:
+    path = scene(tmp_path, BLOCK)
+    Path(path).write_text(Path(path).read_text().replace("itouch:rigs/twin.xml", "rigs/twin.xml"))
+    assert 'file="itouch:rigs/twin.xml"' in run("check", path).stderr
+
+
+def test_a_scene_on_a_shipped_rig_runs_is_saved_and_restored(tmp_path: Path) -> None:
+    session = itouch.build(scene(tmp_path, BLOCK, motion=DOWN))
+    session.run(0.05)
+    session.save(tmp_path / "s.itouch")
+    again = itouch.restore(tmp_path / "s.itouch")
+    assert again.state.tobytes() == session.state.tobytes()
