@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 COMMANDS = {
     "run": ("itouch.cli.run", "run a scene, or go on with a saved session (the default command)"),
     "check": ("itouch.cli.check", "print every problem of scene files"),
+    "watch": ("itouch.cli.watch", "check a scene at each save"),
+    "completion": ("itouch.cli.completion", "write the script with which Tab completes, for bash, zsh or fish"),
     "explain": ("itouch.cli.explain", "say what the code of a message means, with an example"),
     "devices": ("itouch.cli.devices", "list the device plugins that are installed"),
     "demo": ("itouch.cli.demo", "run the four-material scene that comes with the program"),

@@ -79,6 +79,14 @@ def _told(notice: str, problems: Sequence[Problem]) -> bool:
     )  # fmt: skip
 
 
+def say(path: str, rig: str | None, twin: str | None, *, strict: bool = False) -> bool:
+    """Check one scene and say what was found; tell whether it is right."""
+    model, problems = examined(path, rig, twin)
+    failed = _bad(model, problems, strict=strict)
+    _say(path, model, problems, failed=failed)
+    return not failed
+
+
 def _bad(model: Model | None, problems: Sequence[Problem], *, strict: bool) -> bool:
     return model is None or any(problem.severity == "error" or strict for problem in problems)
 

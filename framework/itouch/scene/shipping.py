@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-
 #: What an include begins with that names a file of the program.
 SCHEME = "itouch:"
 
