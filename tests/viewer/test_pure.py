@@ -7,7 +7,7 @@ import pytest
 from shipped import SCENES
 
 import itouch
-from itouch.viewer import colours, overlay, solids
+from itouch.viewer import colours, drawing, overlay, solids
 from itouch.viewer.camera import VIEWS, Camera
 from itouch.viewer.overlay import Situation
 from itouch.viewer.signals import Ring
@@ -189,3 +189,80 @@ def test_properties_of_objects_and_devices(session):
     millimetres = " ".join(f"{1e3 * value:.4g}" for value in place)
     words = [line for line, _ in overlay.properties(session.model, session.state, "table").lines]
     assert any(line.startswith(f"pose: {millimetres} mm") for line in words)
+
+
+def test_curves_are_of_the_last_ten_seconds_however_few_pictures_there_are(session):
+    """A window that draws once in some seconds has samples far apart: what is too old is left out, and cut."""
+    ring, state = Ring(session.model), session.state.copy()
+    name = "flux-control.desired"
+    for second in (0, 4, 8, 12, 13, 30, 33, 41):
+        state["tick"], state[name] = second * 1000, float(second)
+        ring.add(state)
+        chart = ring.charts[1]
+        times, values = ring.curves(chart)
+        assert times[-1] == second and times[0] >= second - 10.0
+        assert values.shape == (len(chart.signals), len(times)) and (np.diff(times) > 0).all()
+    desired = values[[signal.label for signal in chart.signals].index("desired")]
+    assert times.tolist() == [31.0, 33.0, 41.0]
+    assert desired == pytest.approx([31.0, 33.0, 41.0])  # the first is on the line between 30 and 33
+
+
+def test_a_skin_that_cannot_be_measured_is_shown_as_held(session):
+    ring = Ring(session.model)
+    (chart,) = [chart for chart in ring.charts if chart.unit == "degC"]
+    labels = [signal.label for signal in chart.signals]
+    own = next(label for label in labels if f"{label}, held" in labels)
+    free, held = (chart.signals[labels.index(label)] for label in (own, f"{own}, held"))
+    state = session.state.copy()
+    state["peltier.skin_temperature"] = 305.15
+    for valid, shown, other in ((1.0, free, held), (0.0, held, free)):
+        state["peltier.skin_valid"] = valid
+        assert shown.read(state) == pytest.approx(32.0) and np.isnan(other.read(state))
+    assert held.dashed and free.colour == held.colour and "last value" in held.doc
+
+
+def test_the_first_line_says_what_is_felt(session):
+    state = session.state.copy()
+    state["finger.object"] = session.model.objects.index("wood")
+    state["finger.total_force"], state["finger.force"] = 0.9, (0.0, 0.0, 1.85)
+    state["peltier.heat_flux"], state["flux-control.desired"] = 827.0, 826.0
+    assert overlay.headline(session.model, state) == "finger on wood, 0.9 N felt, 827 of 826 W/m2"
+    words = "\n".join(line for line, _ in overlay.status(session.model, state, Situation()).lines)
+    assert "touches wood, 0.90 N felt (1.85 N in the virtual world)" in words
+    state["finger.object"], state["finger.near_object"], state["finger.near_distance"] = -1, 0, 0.0123
+    assert overlay.headline(session.model, state) == f"finger 12 mm from {session.model.objects[0]}"
+    state["finger.near_object"] = -1
+    assert overlay.headline(session.model, state) == "finger free"
+
+
+def test_the_plate_is_seen_through_while_something_is_touched(session):
+    state = session.state.copy()
+    for touched, opaque in ((-1, True), (1, False)):
+        state["finger.object"] = touched
+        plates = [draw for draw in Stage(session.model).draws(state) if draw.owner == "peltier"]
+        assert plates and all((draw.opacity == 1.0) == opaque for draw in plates)
+
+
+def test_the_keys_fit_beside_the_scene():
+    for width in (40, 55, 120):
+        lines = [line for line, _ in overlay.help_words(width=width).lines]
+        assert max(map(len, lines)) <= width
+    assert all(any(line.startswith(key) for line in lines) for key in overlay.KEYS)
+
+
+def contrast(one, other):
+    def light(colour):
+        parts = [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in colour[:3]]
+        return 0.2126 * parts[0] + 0.7152 * parts[1] + 0.0722 * parts[2]
+
+    low, high = sorted((light(one), light(other)))
+    return (high + 0.05) / (low + 0.05)
+
+
+@pytest.mark.parametrize("shown", [drawing.DARK, drawing.LIGHT], ids=["dark", "light"])
+def test_words_and_curves_are_read_on_light_and_on_dark_ground(shown):
+    """Contrasts of WCAG 2.1: words 4.5, lines 3 (yellow on white, made darker, among them)."""
+    for weight in ("plain", "quiet", "good", "warn", "bad"):
+        assert contrast(shown.tint(weight), shown.panel) >= 4.5, weight
+    for colour in colours.CURVES:
+        assert contrast(shown.drawn(colour), shown.panel) >= 3.0, colour

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from itouch.cli.arguments import Parser, add_json, as_json, output_file
 from itouch.schema import ItouchError
-from itouch.schema.terminal import MANNER, did, note
+from itouch.schema.terminal import MANNER, did
 
 if TYPE_CHECKING:
     from itouch.schema import Problem
@@ -100,8 +100,8 @@ def _say(path: str, model: Model | None, problems: Sequence[Problem], *, failed:
         print(render(problems), file=sys.stderr, flush=True)
     if model is None:
         return
-    for notice in model.notices:
-        note(notice)
+    for notice in model.notices if not MANNER.quiet else ():
+        print(f"note: {notice}")
     if failed:
         did(f"{path}: legal, but odd")
         return

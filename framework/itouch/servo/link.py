@@ -141,6 +141,24 @@ class Link:
         copy_timing(self._segment, record.raw)
         return Timing(self._parts, record)
 
+    def skim(self, after: int, every: int, record: Record) -> Iterator[int]:
+        """Copy every so manieth State that was published after one, oldest first, into a record.
+
+        Parameters
+        ----------
+        after
+            Number of the publication after which to begin: the last one that this returned.
+        every
+            How many publications lie between two that are copied.
+        record
+            Takes each State, before its number is yielded.
+        """
+        head, slots = self._ring.head, self._ring.slots
+        first = max(after + 1, head - slots + slots // 8 + 2, 1)
+        for sequence in range(first + -first % every, head + 1, every):
+            if self._ring.copy(sequence, record.raw) is not None:
+                yield sequence
+
     def follow(self) -> Follower:
         """Return a reader that takes every State from the next one on, and counts what it was too slow for."""
         return Follower(self._ring)

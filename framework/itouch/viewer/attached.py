@@ -17,6 +17,8 @@ from itouch.world import Model
 
 #: Seconds without a tick after which a session is paused: by this window or by another.
 STILL = 0.25
+#: Time between two samples of the curves [s].
+SAMPLE = 0.01
 
 
 class Attached:
@@ -38,12 +40,18 @@ class Attached:
         self.state: Record = link.state
         self.situation = Situation(pace="real")
         self._refused = 0
+        #: Curves are sampled where the session ran, not where pictures were drawn: the last State that they have.
+        self._seen, self._every = 0, max(1, round(SAMPLE / self.model.period))
+        self._passing = Record(link.dtype)
         self._holding = Holding(link)
         self._still = 0.0
 
     def advance(self, seconds: float, ring: Curves) -> None:
         """Copy the newest State; say so when the session has ended or hangs."""
         before = int(self.state["tick"])
+        for number in self._link.skim(self._seen, self._every, self._passing):
+            self._seen = number
+            ring.add(self._passing)
         self._link.refresh(self.state)
         ring.add(self.state)
         self._holding.beat()

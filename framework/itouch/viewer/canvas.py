@@ -12,7 +12,7 @@ from itouch.plugin import Record, Role
 from itouch.viewer import colours, shaders, solids
 from itouch.viewer.buffers import Frame, Paint, Program, ShadowMap, Triangles
 from itouch.viewer.camera import Camera
-from itouch.viewer.drawing import rectangle
+from itouch.viewer.drawing import look, rectangle
 from itouch.viewer.stage import Draw, Stage, from_pose
 
 Matrix = NDArray[np.float64]
@@ -47,7 +47,7 @@ class Canvas:
         gl.glEnable(gl.GL_BLEND)
         gl.glBlendFunc(gl.GL_SRC_ALPHA, gl.GL_ONE_MINUS_SRC_ALPHA)
         gl.glDisable(gl.GL_DEPTH_TEST)
-        whole = rectangle((-1.0, -1.0, 2.0, 2.0), (*colours.GROUND, 1.0), (*colours.SKY, 1.0))
+        whole = rectangle((-1.0, -1.0, 2.0, 2.0), (*look().ground, 1.0), (*look().sky, 1.0))
         self.paint.draw(gl.GL_TRIANGLES, whole, np.eye(4))
         gl.glEnable(gl.GL_DEPTH_TEST)
         seen = camera.projection(frame.width / frame.height) @ camera.view()
@@ -57,7 +57,7 @@ class Canvas:
         self._lit([draw for draw in draws if draw.opacity == 1.0 and not draw.through], seen, lit, camera)
         self._ghosts(hidden, seen)
         self._lit(hidden, seen, lit, camera)
-        self._lit([draw for draw in draws if draw.opacity < 1.0], seen, lit, camera)
+        self._lit([draw for draw in draws if draw.opacity < 1.0 and not draw.through], seen, lit, camera)
 
     def _cast(self, draws: list[Draw], lit: Matrix) -> None:
         self._shadows.begin()
@@ -116,7 +116,7 @@ class Canvas:
     def _aids(self, state: Record, seen: Matrix, floor: float, width: float) -> None:
         step = 10.0 ** math.floor(math.log10(max(width, 1e-3) / 4.0))
         lines = solids.grid(max(1.5 * width, 4 * step), step) + np.array([0, 0, floor - 2e-4], np.float32)
-        self.paint.draw(gl.GL_LINES, tinted(lines, (*colours.GRID, 0.8)), seen)
+        self.paint.draw(gl.GL_LINES, tinted(lines, (*look().grid, 0.8)), seen)
         for device in self._stage.tables:
             target = device.command(Role.SURFACE_POSE)
             if target is None or not target.low or not np.isfinite((*target.low[:3], *target.high[:3])).all():

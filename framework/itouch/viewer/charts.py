@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +12,8 @@ from pyglet import gl
 
 from itouch.viewer import colours
 from itouch.viewer.buffers import Paint
-from itouch.viewer.drawing import AXIS, FINE, PANEL, QUIET, WORDS, Rectangle, line, rectangle, ribbon, triangle
-from itouch.viewer.signals import WINDOW, Chart, Curves
+from itouch.viewer.drawing import Rectangle, line, look, rectangle, ribbon, triangle
+from itouch.viewer.signals import WINDOW, Chart, Curves, Signal
 from itouch.viewer.words import Text
 
 Values = NDArray[np.float64]
@@ -38,20 +40,20 @@ def _chart(
     foot: float,
 ) -> None:  # fmt: skip
     left, bottom, width, height = area
-    paint.draw(gl.GL_TRIANGLES, rectangle(area, PANEL), seen)
-    text.put(f"{chart.title} [{chart.unit}]", left + 0.9 * size, bottom + height - 1.8 * size, WORDS, size=size)
+    paint.draw(gl.GL_TRIANGLES, rectangle(area, look().panel), seen)
+    text.put(f"{chart.title} [{chart.unit}]", left + 0.9 * size, bottom + height - 1.8 * size, look().words, size=size)
     head, foot = 4.3 * size, foot + 0.9 * size
     if height < head + foot + 3.0 * size:
         return
     x0, y0, w, h = left + 5.0 * size, bottom + foot, width - 6.4 * size, height - foot - head
     times, values = ring.curves(chart)
-    _keys(chart, values, paint, text, (left + 0.9 * size, bottom + height - 3.5 * size, width, size), seen)
+    _keys(chart, values, paint, text, (left + 0.9 * size, bottom + height - 3.5 * size, width - 1.8 * size, size), seen)
     low, high = span(values, chart.least)
     lines = []
     for value in ticks(low, high, round(h / (2.0 * size))):
         y = y0 + h * (value - low) / (high - low)
-        lines.append(line((x0, y), (x0 + w, y), FINE if value else AXIS))
-        text.put(f"{value:g}", x0 - 0.5 * size, y - 0.35 * size, QUIET, size=0.85 * size, anchor="right")
+        lines.append(line((x0, y), (x0 + w, y), look().fine if value else look().axis))
+        text.put(f"{value:g}", x0 - 0.5 * size, y - 0.35 * size, look().quiet, size=0.85 * size, anchor="right")
     end = float(times[-1]) if len(times) else 0.0
     lines += _time_axis(text, (x0, y0, w, h), size, words=foot > 2.0 * size)
     paint.draw(gl.GL_LINES, np.vstack(lines), seen)
@@ -60,8 +62,20 @@ def _chart(
         x = x0 + w * (1.0 + (times - end) / WINDOW)
         y = y0 + h * (np.clip(row, low, high) - low) / (high - low)
         drawn = np.floor(times[1:] / _DASH) % 2 == 0 if signal.dashed else None
-        curves.append(ribbon(x, y, (*signal.colour, 1.0), 0.12 * size, drawn=drawn))
-    paint.draw(gl.GL_TRIANGLES, np.vstack(curves), seen)
+        curves.append(ribbon(x, y, (*look().drawn(signal.colour), 1.0), 0.12 * size, drawn=drawn))
+    with clipped((x0, y0, w, h)):
+        paint.draw(gl.GL_TRIANGLES, np.vstack(curves), seen)
+
+
+@contextlib.contextmanager
+def clipped(area: Rectangle) -> Iterator[None]:
+    """Draw nothing outside of an area of the picture [pixels] while the context lasts."""
+    gl.glEnable(gl.GL_SCISSOR_TEST)
+    gl.glScissor(*(max(0, round(value)) for value in area))
+    try:
+        yield
+    finally:
+        gl.glDisable(gl.GL_SCISSOR_TEST)
 
 
 def _time_axis(text: Text, area: Rectangle, size: float, *, words: bool) -> list[NDArray[np.float32]]:
@@ -70,10 +84,10 @@ def _time_axis(text: Text, area: Rectangle, size: float, *, words: bool) -> list
     lines = []
     for seconds in np.arange(-WINDOW, 0.5 * STEP, STEP):
         x = x0 + w * (1.0 + seconds / WINDOW)
-        lines.append(line((x, y0), (x, y0 + h), FINE))
+        lines.append(line((x, y0), (x, y0 + h), look().fine))
         if words:
             said = f"{seconds:g}" if seconds else "now"
-            text.put(said + (" s" if seconds == -WINDOW else ""), x, y0 - 1.9 * size, QUIET, size=0.85 * size,
+            text.put(said + (" s" if seconds == -WINDOW else ""), x, y0 - 1.9 * size, look().quiet, size=0.85 * size,
                      anchor="center")  # fmt: skip
     return lines
 
@@ -83,17 +97,24 @@ def _keys(chart: Chart, values: Values, paint: Paint, text: Text, place: Rectang
     left, y, width, size = place
     x, small = left, 0.9 * size
     letter = text.width(small)
-    said = [f"{signal.label} {_last(row, chart.digits)}" for row, signal in zip(values, chart.signals, strict=True)]
+    shown = [(row, s) for row, s in zip(values, chart.signals, strict=True) if not _silent(row, s)]
+    signals = [signal for _, signal in shown]
+    said = [f"{signal.label} {_last(row, chart.digits)}" for row, signal in shown]
     if sum(2.3 * size + (len(words) + 1.6) * letter for words in said) > width:
-        said = [signal.label for signal in chart.signals]
-    for words, signal in zip(said, chart.signals, strict=True):
+        said = [signal.label for signal in signals]
+    for words, signal in zip(said, signals, strict=True):
         if x + 2.3 * size + len(words) * letter > left + width:
             return
         for begin, end in ((0.0, 0.7), (1.1, 1.8)) if signal.dashed else ((0.0, 1.8),):
             piece = (x + begin * size, y + 0.3 * size, (end - begin) * size, 0.28 * size)
-            paint.draw(gl.GL_TRIANGLES, rectangle(piece, (*signal.colour, 1.0)), seen)
-        text.put(words, x + 2.3 * size, y, signal.colour, size=small)
+            paint.draw(gl.GL_TRIANGLES, rectangle(piece, (*look().drawn(signal.colour), 1.0)), seen)
+        text.put(words, x + 2.3 * size, y, look().drawn(signal.colour), size=small)
         x += 2.3 * size + (len(words) + 1.6) * letter
+
+
+def _silent(row: Values, signal: Signal) -> bool:
+    """Whether a curve is that one of two forms of a reading, measured or held, that is not the one of now."""
+    return signal.held is not None and not (len(row) and math.isfinite(row[-1]))
 
 
 def _last(row: Values, digits: str) -> str:
@@ -131,25 +152,25 @@ def scale(
     width, height, parts = 24 * size, 1.0 * size, 64
     panel = (left, bottom, width + 3 * size, (8.6 if title else 2.9) * size)
     x0, y0 = left + 1.5 * size, bottom + 4.6 * size
-    rows = [rectangle(panel, PANEL)]
+    rows = [rectangle(panel, look().panel)]
     for index in range(parts if title else 0):
         kelvin = colours.COLD + (colours.WARM - colours.COLD) * (index + 0.5) / parts
         part = (x0 + width * index / parts, y0, width / parts + 0.5, height)
         rows.append(rectangle(part, (*colours.of_temperature(kelvin), 1.0)))
     for kelvin in marks.values():
-        rows.append(triangle(_along(kelvin, x0, width), y0 + 0.7 * size, 0.5 * size, (*WORDS, 1.0)))
+        rows.append(triangle(_along(kelvin, x0, width), y0 + 0.7 * size, 0.5 * size, (*look().words, 1.0)))
     x = x0
     for words, colour in (("HIP", colours.HIP), ("proxy", skin), ("force", colours.FORCE)):
         rows.append(rectangle((x, bottom + 1.0 * size, 0.9 * size, 0.9 * size), (*colour, 1.0)))
-        text.put(words, x + 1.4 * size, bottom + 1.0 * size, QUIET, size=0.85 * size)
+        text.put(words, x + 1.4 * size, bottom + 1.0 * size, look().quiet, size=0.85 * size)
         x += 8.0 * size
     paint.draw(gl.GL_TRIANGLES, np.vstack(rows), seen)
     if not title:
         return
-    text.put(title, x0, y0 + 2.0 * size, WORDS, size=0.9 * size)
+    text.put(title, x0, y0 + 2.0 * size, look().words, size=0.9 * size)
     for celsius in (15, 20, 25, 30, 35, 40):
         at = _along(celsius + 273.15, x0, width)
-        text.put(f"{celsius}", at, y0 - 1.9 * size, QUIET, size=0.85 * size, anchor="center")
+        text.put(f"{celsius}", at, y0 - 1.9 * size, look().quiet, size=0.85 * size, anchor="center")
 
 
 def _along(kelvin: float, left: float, width: float) -> float:

@@ -14,7 +14,7 @@ from itouch.plugin import Channel, Record, Role
 from itouch.plugin.quantity import PLAIN
 from itouch.viewer.scales import scale_of
 from itouch.viewer.stage import plate_temperature
-from itouch.world import Model
+from itouch.world import Model, declared
 
 if TYPE_CHECKING:
     from itouch.viewer.timeline import Timeline
@@ -30,6 +30,8 @@ KEYS = {
     "G": "show or hide grid and workspace",
     "C": "show or hide the curves",
     "N": "show or hide the names of objects",
+    "L": "light or dark",
+    "+ -": "larger, smaller words (100 to 250 %)",
     "1 .. 5": "views: operator, front, side, top, corner",
     "F": "frame everything",
     "M": "move the finger with the mouse or the arrow keys (simulated sessions)",
@@ -74,16 +76,54 @@ PLAYBACK_KEYS = {
     "Up, Down": "play faster, slower",
     "Page up, down": "the contact, mark or fault before, the next one",
     "Home, End": "the begin, the end",
-    **{key: KEYS[key] for key in ("T", "G", "C", "N", "1 .. 5", "F")},
+    **{key: KEYS[key] for key in ("T", "G", "C", "N", "L", "+ -", "1 .. 5", "F")},
     "Time line": "click or drag: wind",
     **{key: KEYS[key] for key in ("Drag", "Wheel", "Click")},
     "Esc": "close",
 }
 
 
+def headline(model: Model, state: Record) -> str:
+    """Return the one line that says what is felt: on what the finger is, how strongly, and which heat flows."""
+    for probe in model.probes:
+        index = int(state[f"{probe.name}.object"])
+        if index < 0:
+            continue
+        parts = [f"{probe.name} on {model.objects[index]}", f"{_felt(state, probe.name):.1f} N felt"]
+        return ", ".join([*parts, *_flux(model, state)])
+    near = [
+        (float(state[f"{p.name}.near_distance"]), p) for p in model.probes if int(state[f"{p.name}.near_object"]) >= 0
+    ]
+    if near:
+        distance, probe = min(near, key=lambda pair: pair[0])
+        name = model.objects[int(state[f"{probe.name}.near_object"])]
+        return f"{probe.name} {distance * 1e3:.0f} mm from {name}"
+    return ", ".join(f"{probe.name} free" for probe in model.probes[:2])
+
+
+def _felt(state: Record, probe: str) -> float:
+    """Return the force on a finger [N]: of arm and plate together."""
+    return float(np.ravel(state[f"{probe}.total_force"])[0])
+
+
+def _flux(model: Model, state: Record) -> list[str]:
+    """Return the heat flux that is obtained, of the one that is wanted, if a device and a modality say so."""
+    wanted = [
+        name for name, field in declared(model).items()
+        if field.unit == "W/m^2" and field.show.startswith("wish") and name in state
+        and name.partition(".")[0] in {modality.name for modality in model.modalities}
+    ]  # fmt: skip
+    obtained = [name for device in model.devices.values() if (name := device.field(Role.HEAT_FLUX))]
+    if not wanted or not obtained:
+        return []
+    flux, wish = (float(np.ravel(state[names[-1]])[0]) for names in (obtained, wanted))
+    return [f"{flux:.0f} of {wish:.0f} W/m2"] if np.isfinite(flux) and np.isfinite(wish) else []
+
+
 def status(model: Model, state: Record, now: Situation) -> Words:
     """Return the lines of the status corner."""
-    lines = [(line, "plain") for line in _clock(model, state, now)]
+    late = "plain" if now.overruns is None else "warn" if now.overruns else "good"  # the light of punctuality
+    lines = [(line, late if index else "plain") for index, line in enumerate(_clock(model, state, now))]
     for device in model.devices.values():
         lines.append(_device(device.name, device.twin, state))
     for probe in model.probes:
@@ -140,8 +180,9 @@ def _device(name: str, twin: bool, state: Record) -> tuple[str, str]:
 def _probe(model: Model, name: str, state: Record) -> str:
     index, near = int(state[f"{name}.object"]), int(state[f"{name}.near_object"])
     if index >= 0:
-        force = float(np.linalg.norm(state[f"{name}.force"]))
-        return f"{name}: touches {model.objects[index]}, {force:.2f} N"
+        virtual, felt = float(np.linalg.norm(state[f"{name}.force"])), _felt(state, name)
+        said = f"{name}: touches {model.objects[index]}, {felt:.2f} N felt"
+        return said if abs(virtual - felt) < 0.05 else f"{said} ({virtual:.2f} N in the virtual world)"
     if near >= 0:
         return f"{name}: {float(state[f'{name}.near_distance']) * 1e3:.1f} mm from {model.objects[near]}"
     return f"{name}: free"
@@ -196,8 +237,12 @@ def _object(model: Model, state: Record, name: str) -> list[str]:
     return lines
 
 
-def help_words(*, playback: bool = False) -> Words:
-    """Return the list of keys."""
+def help_words(*, playback: bool = False, width: int = 200) -> Words:
+    """Return the list of keys, in lines of so many letters."""
     keys = PLAYBACK_KEYS if playback else KEYS
-    width = max(len(key) for key in keys) + 2
-    return Words(tuple((f"{key:<{width}}{what}", "plain") for key, what in keys.items()))
+    column = max(len(key) for key in keys) + 2
+    lines = []
+    for key, meaning in keys.items():
+        parts = textwrap.wrap(meaning, max(20, width - column))
+        lines += [f"{key if index == 0 else '':<{column}}{part}" for index, part in enumerate(parts)]
+    return Words(tuple((line, "plain") for line in lines))

@@ -13,21 +13,13 @@ from itouch.viewer import charts, colours, overlay, timebar
 from itouch.viewer.buffers import Frame
 from itouch.viewer.camera import Camera
 from itouch.viewer.canvas import Canvas
-from itouch.viewer.drawing import PANEL, WORDS, Rectangle, Tint, border, pixels, rectangle
+from itouch.viewer.drawing import DARK, LIGHT, Rectangle, Tint, border, draw_in, look, pixels, rectangle
 from itouch.viewer.overlay import Situation, Words
 from itouch.viewer.signals import Curves, Ring
 from itouch.viewer.stage import Stage, plate_temperature, skin_temperature
 from itouch.viewer.words import Text
 from itouch.world import Model
 
-_TINTS = {
-    "plain": (0.88, 0.90, 0.93),
-    "good": (0.45, 0.85, 0.65),
-    "warn": (0.95, 0.80, 0.35),
-    "bad": (1.00, 0.62, 0.48),
-}
-_HELP: Tint = (0.045, 0.052, 0.068, 0.97)
-_ALARM: Tint = (0.30, 0.06, 0.04, 0.94)
 _ALARM_EDGE: Tint = (1.00, 0.45, 0.30, 1.0)
 #: Most objects whose names are written.
 _NAMED = 16
@@ -43,6 +35,9 @@ class Choices:
     help: bool = False
     names: bool = True
     words: bool = True
+    light: bool = False
+    #: How much larger than usual words are, 1 to 2.5.
+    larger: float = 1.0
 
 
 class Picture:
@@ -62,8 +57,10 @@ class Picture:
 
     def draw(self, state: Record, frame: Frame, now: Situation) -> None:
         """Draw a State into a frame, which stays bound."""
-        chosen, size = self.choices, max(7.0, 8.0 * self.scale)
-        beside = min(0.30 * frame.width, 46 * size) if chosen.curves and self.ring.charts else 0.0
+        chosen, size = self.choices, max(7.0, 8.0 * self.scale) * self.choices.larger
+        draw_in(LIGHT if chosen.light else DARK)
+        docked = chosen.help or (chosen.curves and self.ring.charts)
+        beside = min(0.30 * frame.width, 46 * size) if docked else 0.0
         self.camera.aside = beside / frame.width
         if not self._framed:
             self.reframe(state, frame)
@@ -74,17 +71,20 @@ class Picture:
         foot = self._foot(frame, now, beside, seen, size)
         if chosen.names:
             self._names(state, frame, foot, frame.width - beside, size)
+        upper = frame.height - size
         if chosen.words:
-            self._corner(overlay.status(self.model, state, now), frame, size, upper=frame.height - size)
+            upper = self._headline(overlay.headline(self.model, state), frame.width - beside, upper, seen, size)
+            words = overlay.status(self.model, state, now)
+            self._corner(words, frame, size, upper=upper)
             self._scale(state, foot, seen, size)
-        if beside:
+        if beside and not chosen.help:
             area = (frame.width - beside - size, size, beside, frame.height - 2 * size)
             charts.draw(self.ring, self.canvas.paint, self.text, area, seen, size)
         if now.picked:
             words = overlay.properties(self.model, state, now.picked)
             self._corner(words, frame, size, upper=foot + 10.0 * size + 2.0 * size * (len(words.lines) + 0.4))
         if chosen.help:
-            self._middle(overlay.help_words(playback=now.timeline is not None), frame, size)
+            self._help(now, (frame.width - beside - size, size, beside, frame.height - 2 * size), frame, size)
         self.text.draw()
 
     def _foot(self, frame: Frame, now: Situation, beside: float, seen: NDArray[np.float64], size: float) -> float:
@@ -100,11 +100,11 @@ class Picture:
         words = overlay.alarm(now, int((width - 5 * size) / self.text.width(large)))
         if words is not None:
             area = (size, foot, width, 2.0 * large * (len(words.lines) + 0.6))
-            self.canvas.paint.draw(gl.GL_TRIANGLES, rectangle(area, _ALARM), seen)
+            self.canvas.paint.draw(gl.GL_TRIANGLES, rectangle(area, look().alarm), seen)
             self.canvas.paint.draw(gl.GL_TRIANGLES, border(area, 0.25 * size, _ALARM_EDGE), seen)
             for index, (line, weight) in enumerate(words.lines):
                 y = foot + area[3] - 2.0 * large * (index + 1.1) + 0.3 * size
-                self.text.put(line, 2.5 * size, y, _TINTS[weight], size=large)
+                self.text.put(line, 2.5 * size, y, look().tint(weight), size=large)
             foot += area[3] + size
         return foot
 
@@ -136,7 +136,7 @@ class Picture:
             free = all(abs(y - v) > 1.5 * size or abs(x - u) > (wide + w) / 2 + size for u, v, w in written)
             if free and right - left > wide and y > low and x + wide / 2 < room:
                 written.append((x, y, wide))
-                self.text.put(name, x, y, WORDS, size=0.9 * size, anchor="center")
+                self.text.put(name, x, y, look().words, size=0.9 * size, anchor="center")
 
     def reframe(self, state: Record, frame: Frame) -> None:
         """Put everything in the picture, with room for the arrow of a force."""
@@ -148,20 +148,32 @@ class Picture:
     def _corner(self, words: Words, frame: Frame, size: float, *, upper: float) -> None:
         self._panel(size, upper, words, frame, size)
         for index, (line, weight) in enumerate(words.lines):
-            self.text.put(line, 2 * size, upper - 2.0 * size * (index + 1) + 0.1 * size, _TINTS[weight], size=size)
+            self.text.put(line, 2 * size, upper - 2.0 * size * (index + 1) + 0.1 * size, look().tint(weight), size=size)
 
-    def _middle(self, words: Words, frame: Frame, size: float) -> None:
-        longest = max(len(line) for line, _ in words.lines) * self.text.width(size) + 2 * size
-        left = max(size, (frame.width - longest) / 2)
-        upper = (frame.height + 2.0 * size * len(words.lines)) / 2
-        self._panel(left, upper, words, frame, size, ground=_HELP)
+    def _headline(self, words: str, room: float, upper: float, seen: NDArray[np.float64], size: float) -> float:
+        """Write the one large line across the top; return where what stands below begins [pixels]."""
+        width = room - 2 * size
+        large = min(1.9 * size, 1.9 * size * (width - 2 * size) / max(1.0, len(words) * self.text.width(1.9 * size)))
+        height = 2.0 * large + 0.8 * size
+        area = (size, upper - height, width, height)
+        self.canvas.paint.draw(gl.GL_TRIANGLES, rectangle(area, look().panel), seen)
+        self.text.put(words, 2 * size, upper - height + 0.55 * height - 0.45 * large, look().words, size=large)
+        return upper - height - size
+
+    def _help(self, now: Situation, area: Rectangle, frame: Frame, size: float) -> None:
+        """Write the keys where the curves are, beside finger and scene."""
+        left, bottom, width, height = area
+        letters = int((width - 2 * size) / self.text.width(size))
+        words = overlay.help_words(playback=now.timeline is not None, width=letters)
+        seen = pixels(frame.width, frame.height)
+        self.canvas.paint.draw(gl.GL_TRIANGLES, rectangle(area, look().help), seen)
         for index, (line, weight) in enumerate(words.lines):
-            self.text.put(line, left + size, upper - 2.0 * size * (index + 1), _TINTS[weight], size=size)
+            y = bottom + height - 2.0 * size * (index + 1)
+            if y > bottom:
+                self.text.put(line, left + size, y, look().tint(weight), size=size)
 
-    def _panel(
-        self, left: float, upper: float, words: Words, frame: Frame, size: float, *, ground: Tint = PANEL
-    ) -> None:
+    def _panel(self, left: float, upper: float, words: Words, frame: Frame, size: float) -> None:
         width = max(len(line) for line, _ in words.lines) * self.text.width(size) + 2 * size
         height = 2.0 * size * (len(words.lines) + 0.4)
         area = (left, upper - height, width, height)
-        self.canvas.paint.draw(gl.GL_TRIANGLES, rectangle(area, ground), pixels(frame.width, frame.height))
+        self.canvas.paint.draw(gl.GL_TRIANGLES, rectangle(area, look().panel), pixels(frame.width, frame.height))

@@ -6,6 +6,7 @@ A chart has the curves of one title and one unit.  What is plotted, and where, i
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
 from typing import Protocol
@@ -39,6 +40,8 @@ class Signal:
     #: A wish, not a measurement.
     dashed: bool = False
     doc: str = ""
+    #: Of a reading that is measured at times only: whether this curve is what is held meanwhile.
+    held: bool | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +77,8 @@ class _Drawn:
     field: Field
     title: str
     wish: bool
+    #: The flag of State that says whether it is measured now, or held.
+    valid: str = ""
 
 
 def charts(model: Model, *, page: bool = False) -> tuple[Chart, ...]:
@@ -97,6 +102,7 @@ def _drawn(model: Model, page: bool) -> Iterator[_Drawn]:
     read = {f"{d.name}.{c.name}" for d in model.devices.values() for c in d.reads}
     sent = {f"{d.name}.sent.{c.name}" for d in model.devices.values() for c in d.commands}
     everything = declared(model)
+    valid = {d.name: d.field(Role.SKIN_VALID) for d in model.devices.values()}
     for owner in owners:
         for name, field in everything.items():
             if not name.startswith(f"{owner}.") or field.show == "no" or np.dtype(field.dtype).kind not in "fiu":
@@ -108,7 +114,9 @@ def _drawn(model: Model, page: bool) -> Iterator[_Drawn]:
             asked = bool(field.show) or (channel and field.role not in _SILENT and _count(field) <= _MOST)
             alone = any(name.startswith(prefix) for prefix in plugins) and _count(field) == 1 and bool(field.shown_unit)
             if (asked or alone) and field.unit:
-                yield _Drawn(owner, field, title.strip() if colon else field.show, word == "wish" and bool(colon))
+                flag = valid.get(owner, "") if field.role is Role.SKIN_TEMPERATURE and channel else ""
+                shown = title.strip() if colon else field.show
+                yield _Drawn(owner, field, shown, word == "wish" and bool(colon), flag)
 
 
 def _order(first: _Drawn) -> tuple[bool, int]:
@@ -137,8 +145,21 @@ def _signals(title: str, scale: Scale, found: list[_Drawn]) -> Iterator[Signal]:
         if not label or labels.count(label) > 1:
             label = f"{drawn.owner} {label}".strip()
         for part, read in _readers(drawn.field, scale):
-            yield Signal(f"{label} {part}".strip(), CURVES[index % len(CURVES)], read, drawn.wish, drawn.field.doc)
+            colour, words = CURVES[index % len(CURVES)], f"{label} {part}".strip()
+            if drawn.valid:
+                yield Signal(words, colour, _while(drawn.valid, True, read), drawn.wish, drawn.field.doc, held=False)
+                held = f"{drawn.field.doc}: the last value that was measured, as it can't be measured now"
+                yield Signal(
+                    f"{words}, held", colour, _while(drawn.valid, False, read), dashed=True, doc=held, held=True
+                )
+            else:
+                yield Signal(words, colour, read, drawn.wish, drawn.field.doc)
             index += 1
+
+
+def _while(valid: str, holds: bool, read: Callable[[Record], float]) -> Callable[[Record], float]:
+    """Return a reader that reads only while a flag of State is set, or is not."""
+    return lambda state: read(state) if bool(np.ravel(state[valid])[0]) is holds else math.nan
 
 
 def _label(title: str, drawn: _Drawn) -> str:
@@ -202,4 +223,21 @@ class Ring:
         kept = min(self._count, size)
         order = (self._count - kept + np.arange(kept)) % size
         times = np.asarray(self._ticks[order] * self._period, np.float64)
-        return times, self._values[rows_of(self.charts, chart)][:, order]
+        return recent(times, self._values[rows_of(self.charts, chart)][:, order])
+
+
+def recent(times: NDArray[np.float64], values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the samples of the last ``WINDOW`` seconds; of a piece that begins before it, the part within.
+
+    Parameters
+    ----------
+    times, values
+        As ``Curves.curves`` returns them.
+    """
+    if not len(times) or times[0] >= times[-1] - WINDOW:
+        return times, values
+    edge = times[-1] - WINDOW
+    first = int(np.searchsorted(times, edge))
+    part = (edge - times[first - 1]) / (times[first] - times[first - 1])
+    cut = values[:, first - 1] + part * (values[:, first] - values[:, first - 1])
+    return np.append(edge, times[first:]), np.column_stack([cut, values[:, first:]])

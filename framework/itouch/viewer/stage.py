@@ -22,6 +22,8 @@ Matrix = NDArray[np.float64]
 
 #: Thickness [m] of what is drawn for a plate, and half side of one whose face is not stated.
 PLATE_THICKNESS, PLATE_HALF = 4e-3, 0.03
+#: Opacity of a plate while something is touched: the object under it is seen.
+SEEN_THROUGH = 0.45
 #: Length [m] of the force arrow a newton, and its greatest length: in a scene of usual size, and at least.
 ARROW_PER_NEWTON, ARROW_MAX, ARROW_LEAST = 0.02, 0.08, 0.02
 #: Half side [m] of the square that stands for an endless plane.
@@ -111,6 +113,8 @@ class Stage:
             yield Draw(f"object {element.name}", from_pose(state["objects.pose"][index]), colour, owner=element.name)
 
     def _plates(self, state: Record) -> Iterator[Draw]:
+        touched = any(int(state[f"{probe.name}.object"]) >= 0 for probe in self.model.probes)
+        glass = SEEN_THROUGH if touched else 1.0  # what is touched shines through the plate that it is felt with
         for name in (*self.faces, *self._bare):
             half = self.faces.get(name, (PLATE_HALF, PLATE_HALF))
             place = self.place(state, self.model.devices[name])
@@ -120,10 +124,10 @@ class Stage:
             kelvin = plate_temperature(state, self.model.devices[name])
             colour = _UNPAINTED if kelvin is None else colours.of_temperature(kelvin)
             yield Draw("unit box", place @ shift((0, 0, -PLATE_THICKNESS / 2)) @ scale((2 * half[0], 2 * half[1],
-                       PLATE_THICKNESS)), colour, 1.0, name, gloss=0.5, through=True)  # fmt: skip
+                       PLATE_THICKNESS)), colour, glass, name, gloss=0.5, through=True)  # fmt: skip
             carrier = (0.35, 0.37, 0.42)
             size = (2 * half[0] + 0.012, 2 * half[1] + 0.012, 0.008)
-            yield Draw("unit box", place @ shift((0, 0, -PLATE_THICKNESS - 0.004)) @ scale(size), carrier, 1.0, name)
+            yield Draw("unit box", place @ shift((0, 0, -PLATE_THICKNESS - 0.004)) @ scale(size), carrier, glass, name)
 
     def place(self, state: Record, device: DeviceModel) -> Matrix:
         """Return the matrix (4, 4) of a device's frame in the world as mount, calibration and carrier say."""

@@ -8,7 +8,7 @@ from pyglet import gl
 
 from itouch.viewer import colours
 from itouch.viewer.buffers import Paint
-from itouch.viewer.drawing import PANEL, QUIET, WORDS, Rectangle, diamond, rectangle
+from itouch.viewer.drawing import Rectangle, diamond, look, rectangle
 from itouch.viewer.timeline import Timeline
 from itouch.viewer.words import Text
 
@@ -30,11 +30,11 @@ def time_at(line: Timeline, place: Rectangle, x: float) -> float:
 
 def draw(line: Timeline, paint: Paint, text: Text, area: Rectangle, seen: NDArray[np.float64], size: float) -> None:
     """Draw a time line into an area: left, bottom, width, height [pixels]."""
-    paint.draw(gl.GL_TRIANGLES, rectangle(area, PANEL), seen)
+    paint.draw(gl.GL_TRIANGLES, rectangle(area, look().panel), seen)
     left, bottom, width, height = place = bar(area, size)
     upper = area[1] + area[3] - 1.9 * size
-    text.put(line.words(), area[0] + 1.2 * size, upper, WORDS, size=size)
-    text.put(_HELP, area[0] + area[2] - 1.2 * size, upper, QUIET,
+    text.put(line.words(), area[0] + 1.2 * size, upper, look().words, size=size)
+    text.put(_HELP, area[0] + area[2] - 1.2 * size, upper, look().quiet,
              size=0.85 * size, anchor="right")  # fmt: skip
     parts = [rectangle(place, _TRACK)]
     each = width / len(line.known)
@@ -67,5 +67,5 @@ def _names(line: Timeline, text: Text, place: Rectangle, size: float) -> None:
     for seconds, name in sorted((*line.marks, *line.faults)):
         x = left + width * line.share(seconds) + 0.6 * size
         if x >= free and x + len(name) * letter < left + width:
-            text.put(name, x, bottom + height + 0.15 * size, WORDS, size=0.8 * size)
+            text.put(name, x, bottom + height + 0.15 * size, look().words, size=0.8 * size)
             free = x + (len(name) + 1) * letter

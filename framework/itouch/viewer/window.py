@@ -27,6 +27,9 @@ SAID = 4.0
 LISTEN = 0.02
 _NUMBERS = {key._1: "operator", key._2: "front", key._3: "side", key._4: "top", key._5: "corner"}  # noqa: SLF001
 
+#: Keys that make words larger and smaller, and by how much.
+_LARGER = {key.PLUS: 0.25, key.EQUAL: 0.25, key.NUM_ADD: 0.25, key.MINUS: -0.25, key.NUM_SUBTRACT: -0.25}
+
 
 class Window(pyglet.window.Window):
     """Shows a session and hands the person's wishes to it; ``frame`` draws one picture, ``show`` does it until closed.
@@ -134,6 +137,10 @@ class Window(pyglet.window.Window):
             chosen.curves = not chosen.curves
         elif symbol == key.N:
             chosen.names = not chosen.names
+        elif symbol == key.L:
+            chosen.light = not chosen.light
+        elif symbol in _LARGER:
+            chosen.larger = min(2.5, max(1.0, chosen.larger + _LARGER[symbol]))
         elif symbol == key.F:
             self.picture.reframe(source.state, self._target)
         elif symbol in _NUMBERS:
