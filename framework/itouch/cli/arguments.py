@@ -20,6 +20,11 @@ class Parser(argparse.ArgumentParser):
         return super().format_help() + "\n" + HELP
 
 
+def parser_of(program: str, description: str | None) -> argparse.ArgumentParser:
+    """Return a parser of this kind, to which others add sub-commands."""
+    return Parser(prog=program, description=description)
+
+
 def add_json(parser: argparse.ArgumentParser) -> None:
     """Declare ``--json``: the result as one JSON document on the screen, in place of words."""
     parser.add_argument("--json", action="store_true", help="the result as one JSON document")

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from itouch.cli import study_run
-from itouch.cli.arguments import Parser, output_file, output_folder
+from itouch.cli.arguments import output_file, output_folder, parser_of
 from itouch.schema.terminal import did
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ BETWEEN = 25.0
 
 def main(argv: Sequence[str]) -> int:
     """Check, freeze, run, simulate or report a study."""
-    parser = Parser(prog="itouch-py study", description=main.__doc__)
+    parser = parser_of("itouch-py study", main.__doc__)
     commands = parser.add_subparsers(dest="command", required=True, metavar="check|freeze|run|simulate|report|forget")
     check = commands.add_parser("check", help="print every problem, the number of trials, and how long they take")
     check.add_argument("study", metavar="STUDY.xml")
