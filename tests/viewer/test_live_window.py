@@ -9,6 +9,7 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 from shipped import SCENES
 from test_pictures import without_display
@@ -190,3 +191,31 @@ def test_run_opens_a_window_that_sigterm_ends_safely(screen, tmp_path: Path):
     assert run.returncode == 128 + signal.SIGTERM, said
     assert "stopped by SIGTERM" in said and "Traceback" not in said
     assert report.exists()
+
+
+def test_curves_are_those_of_the_loop_at_any_rate_of_pictures() -> None:
+    """One picture in a second shows the samples that sixty show: those of the loop, none twice, none out of order."""
+    from itouch.servo import launch
+    from itouch.viewer.attached import Attached
+    from itouch.viewer.signals import Ring
+
+    with launch(SCENES / "first_touch.xml", twin="all", seconds=600.0) as handle:
+        slow, quick = Attached(handle.link), Attached(handle.link)
+        rings = Ring(slow.model), Ring(slow.model)
+        until = time.monotonic() + 60.0
+        begin = last = handle.link.seconds
+        while handle.link.seconds < begin + 2.4 and time.monotonic() < until:
+            quick.advance(0.02, rings[1])
+            if handle.link.seconds - last > 0.8:
+                slow.advance(0.8, rings[0])
+                last = handle.link.seconds
+            time.sleep(0.01)
+        slow.advance(0.8, rings[0])
+        quick.advance(0.02, rings[1])
+        handle.request_stop()
+        handle.wait(30)
+    for ring in rings:
+        times, values = ring.curves(ring.charts[0])
+        assert len(times) > 50 and (np.diff(times) > 0).all()
+        assert np.median(np.diff(times)) < 0.0125  # as often as the loop is sampled, not as pictures are drawn
+        assert values.shape[1] == len(times)

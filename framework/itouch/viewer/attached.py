@@ -49,9 +49,12 @@ class Attached:
     def advance(self, seconds: float, ring: Curves) -> None:
         """Copy the newest State; say so when the session has ended or hangs."""
         before = int(self.state["tick"])
+        self._holding.beat()
         for number in self._link.skim(self._seen, self._every, self._passing):
             self._seen = number
-            ring.add(self._passing)
+            if int(self._passing["tick"]) > before:  # what was shown last is in the curves already
+                ring.add(self._passing)
+            self._holding.beat()  # catching up takes its time on a busy machine
         self._link.refresh(self.state)
         ring.add(self.state)
         self._holding.beat()
