@@ -127,7 +127,7 @@ def _summary(
         "duration": f"{seconds:.3f} s",
         "contacts": str(len(contacts)),
         "faults": str(len(faults)),
-        "greatest force": f"{max(forces):.2f} N" if forces else None,
+        "greatest force felt": f"{max(forces):.2f} N" if forces else None,
         "greatest plate gap": f"{max(gaps):.3f} mm" if gaps else None,
         "table within (p99)": f"{tracking:.2f} mm" if _finite(tracking) else None,
     }

@@ -40,8 +40,8 @@ def page(findings: Findings, *, picture: bytes | None = None) -> str:
     """
     data = _data(findings)
     parts = [
-        sections.head(findings), sections.summary(findings), sections.faults(findings), sections.contacts(findings),
-        _curves(findings), sections.meanings(findings), sections.picture(picture),
+        sections.head(findings), sections.answer(findings), sections.summary(findings), sections.picture(picture),
+        sections.faults(findings), sections.contacts(findings), _curves(findings), sections.meanings(findings),
         sections.timing(findings, len(data["histograms"])),
         sections.marks(findings), sections.parameters(findings),
     ]  # fmt: skip
@@ -54,12 +54,20 @@ def page(findings: Findings, *, picture: bytes | None = None) -> str:
         f'<meta http-equiv="Content-Security-Policy" content="{_policy(scripts)}">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         '<link rel="icon" href="data:,">\n'
-        f"<title>{text(findings.title)}</title>\n<style>\n{style}</style>\n</head>\n<body>\n<main>\n"
+        f"<title>{text(_title(findings))}</title>\n<style>\n{style}</style>\n</head>\n<body>\n<main>\n"
         + "\n".join(part for part in parts if part)
         + f'\n</main>\n<script id="data" type="application/json">{packed}</script>\n'
         + "\n".join(f"<script>{script}</script>" for script in scripts)
         + "\n</body>\n</html>\n"
     )
+
+
+def _title(findings: Findings) -> str:
+    """Return what a tab of a browser shows: what it is of, then the file."""
+    source = os.path.basename(str(findings.provenance.get("scene") or "")).removesuffix(".xml")
+    count = len(findings.contacts)
+    said = f"{count} contact" if count == 1 else f"{count} contacts"
+    return f"{source}: {said} ({findings.title})" if source else f"{said} ({findings.title})"
 
 
 def _plotly() -> str:

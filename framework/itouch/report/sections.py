@@ -15,7 +15,7 @@ from itouch.report.markup import flattened, number, table, text
 _CONTACTS = (
     ("probe", "probe", "", 1.0), ("object", "object", "", 1.0), ("material", "material", "", 1.0),
     ("begin_s", "begin [s]", ".3f", 1.0), ("end_s", "end [s]", ".3f", 1.0),
-    ("impact_speed_m_s", "impact [mm/s]", ".0f", 1e3), ("peak_force_N", "peak force [N]", ".2f", 1.0),
+    ("impact_speed_m_s", "impact [mm/s]", ".0f", 1e3), ("peak_force_N", "peak force felt [N]", ".2f", 1.0),
     ("plate_gap_mm", "plate gap [mm]", ".3f", 1.0), ("plate_lead_ms", "plate lead [ms]", ".0f", 1.0),
 )  # fmt: skip
 _TEXTS = ("probe", "object", "material")
@@ -31,6 +31,22 @@ def head(findings: Findings) -> str:
         f'<header><h1>{text(findings.title)}</h1><p class="soft">{text(", ".join(t for t in told if t))}</p>'
         '<div class="controls"><button id="print" type="button">Print or save as PDF</button></div></header>'
     )
+
+
+def answer(findings: Findings) -> str:
+    """Return one sentence: what was touched, how strongly it was felt, and what went wrong."""
+    touched = list(dict.fromkeys(str(contact["object"]) for contact in findings.contacts))
+    if touched:
+        named = ", ".join(touched[:6]) + (f" and {len(touched) - 6} more" if len(touched) > 6 else "")
+        parts = [f"touched: {named}"]
+    else:
+        parts = ["nothing was touched"]
+    said = [f"{name}: {value}" for name, value in findings.summary.items() if name == "greatest force felt"]
+    wrong = f"{len(findings.faults)} faults, told below" if findings.faults else "no fault"
+    missed = sum(bool(contact.get("plate_missed")) for contact in findings.contacts)
+    lost = ["not all of it was kept"] if findings.losses else []
+    plate = [f"the plate was missed in {missed}"] if missed else []
+    return f'<p class="answer">{text("; ".join([*parts, *said, wrong, *plate, *lost]))}</p>'
 
 
 def summary(findings: Findings) -> str:
