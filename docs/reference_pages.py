@@ -29,7 +29,13 @@ def write_pages() -> None:
 
 
 def _pages() -> dict[str, Callable[[], str]]:
-    return {"scene.md": _scene, "channels.md": channels.page, "units.md": units_page.page, **python_api.pages()}
+    return {
+        "scene.md": _scene,
+        "sweep-language.md": _sweeps,
+        "channels.md": channels.page,
+        "units.md": units_page.page,
+        **python_api.pages(),
+    }
 
 
 def _scene() -> str:
@@ -37,6 +43,14 @@ def _scene() -> str:
     from itouch.scene.grammar import reference
 
     return reference(Catalog())
+
+
+def _sweeps() -> str:
+    from itouch.scene.grammar import elements_of
+    from itouch.sweeps.elements import Sweep
+
+    head = "# Elements of sweeps\n\nGenerated from the classes that read the files, as are those of scenes.\n"
+    return head + elements_of(Sweep, "outermost")
 
 
 def _digest() -> str:

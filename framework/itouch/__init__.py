@@ -49,6 +49,7 @@ _HOMES = {
     "read": "itouch.recording",
     "replay": "itouch.session.replay",
     "restore": "itouch.session",
+    "sweep": "itouch.sweeps.client",
     "write": "itouch.scene",
 }
 
@@ -77,6 +78,7 @@ __all__ = [
     "read",
     "replay",
     "restore",
+    "sweep",
     "write",
 ]
 

@@ -13,7 +13,7 @@ from itouch.plugin.discovery import Catalog
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 #: Pages that the program writes itself when the site is built: their listings are what it prints.
-GENERATED = ("scene.md", "command-line.md", "errors.md", "channels.md", "units.md")
+GENERATED = ("scene.md", "sweep-language.md", "command-line.md", "errors.md", "channels.md", "units.md")
 
 #: Pages that another test follows from their first line to their last, and that test.
 WALKED = {"docs/tutorials/plugin-in-a-day.md": "tests/scaffold/test_tutorial.py"}

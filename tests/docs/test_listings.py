@@ -27,7 +27,7 @@ COMMAND_LINES = ("sh", "bash", "console")
 #: First words of lines that are not ours.
 FOREIGN = {
     ".", "pip", "cd", "pytest", "groupadd", "usermod", "printf", "python", "npm", "node", "cpupower", "apt", "pro", "python3",
-    "pactl", "rm", "make",
+    "pactl", "rm", "make", "dask", "srun",
 }  # fmt: skip
 #: Directives that bring no listing of their own.
 STRUCTURE = ("{toctree}", "{figure}", "{include}", "{admonition}", "{note}", "{warning}", "{image}")

@@ -28,7 +28,7 @@ def _compute(rounds: int) -> int:
     return total
 
 
-def _computed(workers: int, rounds: int) -> float:
+def computed(workers: int, rounds: int) -> float:
     """Return how many loops a second as many processes run."""
     with multiprocessing.get_context("fork").Pool(workers) as pool:
         pool.map(_compute, [1000] * workers)  # they are there
@@ -52,8 +52,8 @@ def _run(model: Model, count: int, seconds: float | None, workers: int) -> tuple
 def measure(model: Model, sessions: int, seconds: float | None, rounds: int = 3_000_000) -> dict[str, Any]:
     """Return sessions a second with one worker and with one a core, and the gains."""
     count = cores()
-    one, loop_one = _run(model, sessions, seconds, 1), _computed(1, rounds)
-    many, loop_many = _run(model, sessions * count, seconds, count), _computed(count, rounds)
+    one, loop_one = _run(model, sessions, seconds, 1), computed(1, rounds)
+    many, loop_many = _run(model, sessions * count, seconds, count), computed(count, rounds)
     return {
         "scene": model.scene.source,
         "cores": count,

@@ -38,6 +38,7 @@ COMMANDS = {
     "replay": ("itouch.cli.replay", "feed a recording to the engine and compare every command"),
     "safety-report": ("itouch.cli.safety_report", "write limits, trips, worst case and tests of a scene, for a board"),
     "study": ("itouch.cli.study", "psychophysical studies: check, simulate, freeze, report"),
+    "sweep": ("itouch.cli.sweep", "very many runs with parameters by path, on this machine or a cluster"),
     "recover": ("itouch.cli.recover", "make a damaged recording whole: its longest valid prefix"),
 }
 

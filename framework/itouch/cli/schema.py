@@ -11,7 +11,7 @@ from itouch.schema.terminal import did
 
 
 def main(argv: Sequence[str]) -> int:
-    """Write itouch.xsd and one document for each installed plugin."""
+    """Write itouch.xsd, one document for each installed plugin, and sweep.xsd for sweeps."""
     parser = Parser(prog="itouch-py schema", description=main.__doc__)
     parser.add_argument("folder", type=output_folder, metavar="FOLDER", help="made if it is missing")
     options = parser.parse_args(argv)
@@ -29,12 +29,13 @@ def write_schemas(folder: str) -> list[str]:
         If they can't be written.
     """
     from itouch.plugin.discovery import Catalog
-    from itouch.scene.xsd import schemas
+    from itouch.scene.xsd import schemas, standalone
+    from itouch.sweeps.elements import Sweep
 
     written = []
     try:
         os.makedirs(folder, exist_ok=True)
-        for name, text in schemas(Catalog()).items():
+        for name, text in {**schemas(Catalog()), "sweep.xsd": standalone(Sweep)}.items():
             path = os.path.join(folder, name)
             with open(path, "w", encoding="utf-8") as stream:
                 stream.write(text)

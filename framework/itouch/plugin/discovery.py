@@ -86,6 +86,15 @@ class Catalog:
         """Return where a device plugin comes from."""
         return self._devices[name]
 
+    def offered(self, plugin: str) -> Sequence[Found]:
+        """Return where the devices and modalities of a plugin come from."""
+        every = {**self._modalities, **self._devices}
+        return [found for name, found in sorted(every.items()) if _plugin_of(name) == plugin]
+
+    def offered_monitors(self) -> Sequence[Found]:
+        """Return where the monitors come from."""
+        return [found for _, found in sorted(self._monitors.items())]
+
     def version(self, plugin: str) -> str:
         """Return the version of the distribution that offers a plugin, or an empty string."""
         every = {**self._modalities, **self._devices}

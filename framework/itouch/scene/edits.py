@@ -7,14 +7,15 @@ from dataclasses import dataclass
 
 from itouch.scene.documents import Document
 from itouch.scene.source import Attribute, Node
-from itouch.schema.diagnostics import Problem, did_you_mean
+from itouch.schema.diagnostics import Place, Problem, did_you_mean
 
 
 @dataclass(frozen=True, slots=True)
 class Edit:
     """One attribute and its new value.
 
-    ``path`` is ``NAME.attribute`` or ``NAME/child.attribute``: NAME is that of an object, device, probe, material or
+    ``path`` is ``NAME.attribute`` or ``NAME/child.attribute``, also deeper: ``NAME/child/child.attribute``; of several
+    children of one kind ``child[1]`` is the second.  NAME is that of an object, device, probe, material or
     modality (a modality without a name has that of its element), a section of the scene
     such as ``world``, or an element of the interaction without a name such as ``operator``.
     """
@@ -38,15 +39,27 @@ def apply_edits(documents: Sequence[Document], edits: Iterable[Edit]) -> Iterato
             advice = did_you_mean(name, known, "the scene has")
             yield Problem("unknown-name", f"the scene has nothing named '{name}'", edit.value.place, advice)
             continue
-        if child:
-            inner = [node for node in found[0].children if child in (node.tag, node.written)]
-            if not inner:
-                tags = [node.tag for node in found[0].children]
-                advice = did_you_mean(child, tags, "its elements are") or "write the element into the scene first"
-                yield Problem("unknown-element", f"'{name}' has no element <{child}>", edit.value.place, advice)
-                continue
-            found = inner
-        found[0].attributes[attribute] = edit.value
+        node, problem = _inner(name, found[0], child.split("/") if child else [], edit.value.place)
+        if problem is not None:
+            yield problem
+            continue
+        node.attributes[attribute] = edit.value
+
+
+def _inner(name: str, node: Node, steps: list[str], place: Place) -> tuple[Node, Problem | None]:
+    """Return the element that lies so far inside, or what is wrong with the way to it."""
+    for step in steps:
+        tag, _, number = step.removesuffix("]").partition("[")
+        inner = [one for one in node.children if tag in (one.tag, one.written)]
+        index = int(number) if number.isdecimal() else 0
+        if index >= len(inner) or (number and not number.isdecimal()):
+            tags = [one.tag for one in node.children]
+            advice = did_you_mean(tag, tags, "its elements are") or "write the element into the scene first"
+            if inner:
+                advice = f"it has {len(inner)} of <{tag}>: the first is {tag}[0]"
+            return node, Problem("unknown-element", f"'{name}' has no element <{step}>", place, advice)
+        node, name = inner[index], f"{name}/{step}"
+    return node, None
 
 
 def _all(document: Document) -> Iterator[tuple[str, Node]]:

@@ -34,6 +34,11 @@ def reference(extensions: Extensions) -> str:
     return "\n".join(lines) + "\n"
 
 
+def elements_of(cls: type, where: str) -> str:
+    """Return the reference of one element and all that may stand in it."""
+    return "\n".join(_element(cls, tag_of(cls), where, set())) + "\n"
+
+
 _HEAD = """# Scene elements
 
 Generated from the classes that read the files. A number may carry one unit at its end; without one it is in SI.

@@ -47,6 +47,13 @@ def schemas(extensions: Extensions) -> dict[str, str]:
     return found
 
 
+def standalone(cls: type) -> str:
+    """Return the document of a language of its own, such as that of sweeps, by the class of its outermost element."""
+    lines = [_HEAD, '<xs:schema xmlns:xs="http://www.w3.org/2001/XMLSchema" elementFormDefault="qualified">']
+    lines += _Writer({}).element(tag_of(cls), cls, 2)
+    return "\n".join([*lines, "</xs:schema>", ""])
+
+
 def _offers(extensions: Extensions, plugin: str, host: str) -> list[tuple[str, type]]:
     listed = ((local, extensions.element_class(plugin, host, local)) for local in extensions.locals(plugin, host))
     return [(local, cls) for local, cls in listed if cls is not None]

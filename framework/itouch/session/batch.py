@@ -20,16 +20,28 @@ Result = TypeVar("Result")
 Until = float | Callable[[Session], bool] | None
 
 
-class _Job:
-    """What every session of a batch is given; worker processes inherit it when they are forked."""
+class Job:
+    """What every session of a batch is given; worker processes inherit it when they are forked.
 
-    def __init__(self, model: Model, catalog: Catalog, until: Until, collect: Callable[[Session], Any]) -> None:
-        self._model, self._catalog, self._until, self._collect = model, catalog, until, collect
+    ``begin`` is called with each session before its first tick.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        catalog: Catalog,
+        until: Until,
+        collect: Callable[[Session], Any],
+        begin: Callable[[Session], None] | None = None,
+    ) -> None:
+        self._model, self._catalog, self._until, self._collect, self._begin = model, catalog, until, collect, begin
 
     def run(self, seed: int) -> Any:
         """Run the session with this seed, and return what is collected of it."""
         session = Session(self._model, seed=seed, catalog=self._catalog)
         session.records = False
+        if self._begin is not None:
+            self._begin(session)
         until = self._until
         try:
             if callable(until):
@@ -44,7 +56,7 @@ class _Job:
 
 
 #: The batch that this process was forked for.
-_job: list[_Job] = []
+_job: list[Job] = []
 
 
 def _work(seed: int) -> Any:
@@ -52,7 +64,7 @@ def _work(seed: int) -> Any:
 
 
 @contextmanager
-def _current(job: _Job) -> Iterator[None]:
+def _current(job: Job) -> Iterator[None]:
     _job.append(job)
     try:
         yield
@@ -107,14 +119,14 @@ def batch(
     hardware = [device.name for device in model.devices.values() if not device.twin]
     if hardware:
         raise ValueError(f"a batch runs on twins; '{hardware[0]}' is real: build the scene with twin='all'")
-    job, wanted = _Job(model, catalog, until, collect), [int(seed) for seed in seeds]
+    job, wanted = Job(model, catalog, until, collect), [int(seed) for seed in seeds]
     count = min(len(wanted), workers or cores())
     if count <= 1 or "fork" not in multiprocessing.get_all_start_methods():
         return [job.run(seed) for seed in wanted]
     return _forked(job, model, catalog, wanted, count)
 
 
-def _forked(job: _Job, model: Model, catalog: Catalog, seeds: Sequence[int], count: int) -> list[Any]:
+def _forked(job: Job, model: Model, catalog: Catalog, seeds: Sequence[int], count: int) -> list[Any]:
     """Run the sessions in processes that are forked from this one when everything is compiled."""
     Session(model, catalog=catalog).close()
     with _current(job), multiprocessing.get_context("fork").Pool(count) as pool:
