@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from itouch.cli import study_run
+from itouch.cli import study_numbers, study_run
 from itouch.cli.arguments import output_file, output_folder, parser_of
 from itouch.schema.terminal import did
 
@@ -23,7 +23,7 @@ BETWEEN = 25.0
 def main(argv: Sequence[str]) -> int:
     """Check, freeze, run, simulate or report a study."""
     parser = parser_of("itouch-py study", main.__doc__)
-    commands = parser.add_subparsers(dest="command", required=True, metavar="check|freeze|run|simulate|report|forget")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="check|freeze|run|simulate|report|...")
     check = commands.add_parser("check", help="print every problem, the number of trials, and how long they take")
     check.add_argument("study", metavar="STUDY.xml")
     check.add_argument("--participant", metavar="CODE", help="print the order of this participant too")
@@ -51,6 +51,7 @@ def main(argv: Sequence[str]) -> int:
     freeze.add_argument("study", metavar="STUDY.xml")
     freeze.add_argument("folder", metavar="FOLDER")
     study_run.add_parser(commands)
+    study_numbers.add_parsers(commands)
     forget = commands.add_parser("forget", help="delete a participant's personal data for good; the trials stay")
     forget.add_argument("folder", metavar="FOLDER")
     forget.add_argument("--participant", metavar="CODE", required=True)
@@ -62,7 +63,23 @@ def main(argv: Sequence[str]) -> int:
     chosen = {
         "check": _check, "simulate": _simulate, "report": _report, "freeze": _freeze, "run": _run, "forget": _forget,
     }  # fmt: skip
-    return chosen[options.command](options)
+    if options.command in chosen:
+        return chosen[options.command](options)
+    from itouch.schema import ItouchError
+
+    try:
+        return _numbers(options)
+    except ItouchError as error:
+        return _store_error(error)
+
+
+def _numbers(options: argparse.Namespace) -> int:
+    if options.command == "coverage":
+        return study_numbers.coverage(options)
+    if options.command == "export":
+        return study_numbers.export(options)
+    file = _load(options.study)
+    return 2 if file is None else study_numbers.power(file, options)
 
 
 def _missing() -> str:

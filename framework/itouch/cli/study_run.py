@@ -8,8 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from itouch.study.answers import Answers
     from itouch.study.reading import StudyFile
+    from itouch.study.run import Shown
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -22,6 +25,8 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     run.add_argument("--pace", choices=("real", "fast"), help="default: real for a person, fast for a script")
     run.add_argument("--deviation", metavar="WORDS", help="note what was changed after the study was frozen, and why")
     run.add_argument("--window", action="store_true", help="the participant's window, answered by mouse and keys")
+    run.add_argument("--light", action="store_true", help="dark letters on light ground")
+    run.add_argument("--full-screen", action="store_true", help="the window fills the screen")
 
 
 def folder_of(options: argparse.Namespace) -> Path:
@@ -69,10 +74,19 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
     return 0
 
 
-def _answers(file: StudyFile, options: argparse.Namespace) -> tuple[Answers, None]:
+def _answers(file: StudyFile, options: argparse.Namespace) -> tuple[Answers, Callable[[Shown], None] | None]:
+    """Return who answers, and who is told what to show."""
     from itouch.schema import ItouchError
     from itouch.study.answers import Script, Typed
 
+    if options.answers and options.window:
+        raise ItouchError("--answers and --window exclude one another: a script needs no window")
+    if options.window:
+        from itouch.cli.study_window import WindowAnswers
+
+        page = file.instructions()
+        window = WindowAnswers(page, light=options.light, fullscreen=options.full_screen)
+        return window, window.show
     if options.answers == "-":
         return Script(sys.stdin), None
     if options.answers:
@@ -80,4 +94,6 @@ def _answers(file: StudyFile, options: argparse.Namespace) -> tuple[Answers, Non
             return Script(Path(options.answers).read_text(encoding="utf-8").splitlines()), None
         except (OSError, UnicodeDecodeError) as error:
             raise ItouchError(f"cannot read '{options.answers}': {getattr(error, 'strerror', error)}") from error
+    for line in file.instructions():
+        print(line)
     return Typed(sys.stdin, lambda words: print(words, flush=True)), None

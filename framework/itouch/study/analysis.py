@@ -5,6 +5,7 @@ Small panels, one participant, empty cells or only right answers give an answer 
 
 from __future__ import annotations
 
+import importlib.util
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -49,6 +50,7 @@ def analyse(file: StudyFile, rows: Sequence[Row], *, draws: int = DRAWS) -> dict
         result["staircases"] = [_staircase(file, counted, one.name) for one in study.staircases]
     if len(study.factors) > 1 and study.task.kind != "rate":
         result["differences"] = _differences(file, counted)
+        result["model"] = _model(file, counted)
     return dict(_plain(result))
 
 
@@ -228,6 +230,24 @@ def _differences(file: StudyFile, rows: Sequence[Row]) -> list[dict[str, Any]]:
                 })  # fmt: skip
     adjusted = stats.holm([float(entry["p_equivalence"]) for entry in found]).tolist()
     return [{**entry, "p_holm": p} for entry, p in zip(found, adjusted, strict=True)]
+
+
+def _model(file: StudyFile, rows: Sequence[Row]) -> list[dict[str, Any]]:
+    """Return the logistic model of right answers by all factors, trials nested in participants."""
+    judged = [row for row in rows if row.right is not None]
+    factors = {
+        factor.name: sorted({row.condition[factor.name] for row in judged}, key=factor.names.index)
+        for factor in file.study.factors
+    }  # fmt: skip
+    shown = {name: [row.condition[name] for row in judged] for name, levels in factors.items() if len(levels) > 1}
+    if importlib.util.find_spec("statsmodels") is None or not judged:
+        return []
+    people = [row.participant for row in judged]
+    terms = stats.logistic_gee([row.right or 0 for row in judged], shown, people, levels=factors)
+    return [
+        {"term": term.name, "log_odds": term.estimate, "interval_95": [term.low, term.high], "p": term.p}
+        for term in terms
+    ]  # fmt: skip
 
 
 def _felt(file: StudyFile, rows: Sequence[Row]) -> list[dict[str, Any]]:

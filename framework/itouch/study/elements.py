@@ -140,6 +140,14 @@ class Touching:
 
 
 @dataclass(frozen=True, slots=True)
+class Instructions:
+    """What the participant reads before the first trial."""
+
+    TAG: ClassVar[str] = "instructions"
+    file: str = text(doc="Markdown in any language, relative to this file: headings, paragraphs, lists")
+
+
+@dataclass(frozen=True, slots=True)
 class Blind:
     """What keeps the condition from participant and operator."""
 
@@ -195,6 +203,7 @@ class Study:
     practice: Practice | None = child(Practice, default=None)
     breaks: Breaks | None = child(Breaks, default=None)
     blind: Blind | None = child(Blind, default=None)
+    instructions: Instructions | None = child(Instructions, default=None)
     factors: tuple[Factor, ...] = children(Factor)
     excluded: tuple[Exclude, ...] = children(Exclude)
     staircases: tuple[Adaptive, ...] = children(Adaptive)

@@ -131,6 +131,12 @@ def _sections(result: dict[str, Any]) -> list[str]:
         ]  # fmt: skip
         head = ("levels", "difference", "90 %", "p that it is 10 % or more", "after Holm")
         parts.append("<h2>Equivalence</h2>" + _table(head, rows))
+    if result.get("model"):
+        rows = [
+            (m["term"], _number(m["log_odds"]), _interval(m["interval_95"], percent=False).strip(), _number(m["p"], 4))
+            for m in result["model"]
+        ]
+        parts.append("<h2>Logistic model</h2>" + _table(("term", "log-odds", "95 %", "p"), rows))
     parts.append("<h2>What was rendered</h2>" + _felt(result["felt"]))
     return parts
 

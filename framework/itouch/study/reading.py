@@ -47,6 +47,20 @@ class StudyFile:
             if not any(all(condition.get(f) == v for f, v in one.pairs.items()) for one in self.study.excluded)
         ]  # fmt: skip
 
+    def instructions(self) -> list[str]:
+        """Return the lines that the participant reads first; none: there is no such element.
+
+        Raises
+        ------
+        OSError
+            If they can't be read.
+        """
+        element = self.study.instructions
+        if element is None:
+            return []
+        path = Path(os.path.dirname(self.path)) / element.file
+        return path.read_text(encoding="utf-8").splitlines()
+
     def edits(self, condition: Condition) -> list[Edit]:
         """Return what a condition sets in the scene."""
         edits: list[Edit] = []
@@ -179,6 +193,12 @@ def _contradictions(file: StudyFile) -> Iterator[Problem]:
                     did_you_mean(level, levels.get(factor, ()), "its levels are") or f"factors: {', '.join(levels)}"
                 )
                 yield Problem("unknown-name", sentence, places.of(one, "where"), advice)
+    try:
+        file.instructions()
+    except (OSError, UnicodeDecodeError) as error:
+        why = getattr(error, "strerror", None) or "it is no UTF-8 text"
+        sentence = f"cannot read the instructions: {why}"
+        yield Problem("bad-value", sentence, places.of(study.instructions, "file") if study.instructions else None)
     if study.staircases and study.task.kind != "colder":
         sentence = f"a staircase needs <task kind=\"colder\">, not '{study.task.kind}'"
         yield Problem("bad-value", sentence, places.of(study.task, "kind"))

@@ -35,6 +35,7 @@ from itouch.study.statistics.psychometric import (
     fit_psychometric,
     profile_interval,
 )
+from itouch.study.statistics.regression import Term, logistic_gee
 from itouch.study.statistics.resampling import participant_interval
 
 __all__ = [
@@ -43,6 +44,7 @@ __all__ = [
     "Information",
     "Outcome",
     "Psychometric",
+    "Term",
     "beta_binomial_log_pmf",
     "binomial_tail",
     "choice_model",
@@ -60,6 +62,7 @@ __all__ = [
     "information_transfer",
     "kappa",
     "log_linear",
+    "logistic_gee",
     "mcnemar",
     "participant_interval",
     "profile_interval",

@@ -19,6 +19,9 @@ def participant_interval(
 ) -> tuple[float, float]:  # fmt: skip
     """Return the bias-corrected and accelerated bootstrap interval of a statistic over participants (Efron 1987).
 
+    Its quantiles are widened for small panels: Student's for the normal ones and n - 1 for n (Hesterberg 2015, The
+    American Statistician 69:371), without which 16 participants cover the truth in 91 to 92 % instead of 95.
+
     Parameters
     ----------
     participants
@@ -60,7 +63,9 @@ def _corrected_levels(
     spread = float((off**2).sum())
     speed = float((off**3).sum()) / (6.0 * spread**1.5) if spread > 0.0 and np.isfinite(spread) else 0.0
     ends = []
-    for part in (0.5 - level / 2.0, 0.5 + level / 2.0):
-        z = bias + float(stats.norm.ppf(part))
+    count = len(left)
+    reach = math.sqrt(count / (count - 1)) * float(stats.t.ppf(0.5 + level / 2.0, count - 1))
+    for part in (-reach, reach):
+        z = bias + part
         ends.append(float(stats.norm.cdf(bias + z / (1.0 - speed * z))))
     return ends[0], ends[1]

@@ -1,0 +1,193 @@
+"""Power, campaigns, the logistic model and exports of a study."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from run_scene import write_study
+
+from itouch.cli import main
+from itouch.plugin.discovery import Catalog
+from itouch.schema import ItouchError
+from itouch.study import statistics as s
+from itouch.study.campaign import coverage, difference_errors, equivalence_errors, regression_errors
+from itouch.study.exports import table_of, write_bids, write_parquet
+from itouch.study.observers import Felt
+from itouch.study.power import FINGERS, TOUCHES, PowerError, library, power
+from itouch.study.reading import StudyFile, load_study
+from itouch.study.store import Row, Store
+from itouch.study.touches import Presented
+
+CATALOG = Catalog()
+ROWS = [
+    Row("P-01", 0, "main", "identify", {"material": "wood"}, [{"material": "wood"}], 1.0, 2.0, "P-01-1", "now",
+        answer="cork", right=0, reaction_s=0.75, felt=[{"mean_flux_W_m2": 830.5, "plate_ready": True}]),
+    Row("P-01", 1, "main", "identify", {"material": "cork"}, [{"material": "cork"}], 3.0, 4.0, "P-01-1", "now",
+        void="released\tearly", felt=[{"mean_flux_W_m2": None}]),
+    Row("P2", 0, "practice", "identify", {"material": "wood"}, [{"material": "wood"}], 1.0, 2.0, "P2-1", "now",
+        answer="wood", right=1, reaction_s=0.5, felt=[{"mean_flux_W_m2": 800.0, "plate_ready": False}]),
+]  # fmt: skip
+
+
+def test_the_logistic_model_against_one_written_here() -> None:
+    """Against Newton's method and the sandwich of Mancl and DeRouen, by matrices, for independent trials."""
+    rng = np.random.default_rng(7)
+    people, each = 12, 1  # one trial a person: exchangeable correlation is none
+    codes = [f"P{n}" for n in range(people * 4) for _ in range(each)]
+    source = ["a", "b"] * (len(codes) // 2)
+    right = (rng.random(len(codes)) < np.where(np.array(source) == "a", 0.4, 0.7)).astype(int)
+    found = s.logistic_gee(right.tolist(), {"source": source}, codes)
+    x = np.column_stack([np.ones(len(codes)), np.array(source) == "b"]).astype(float)
+    beta = np.zeros(2)
+    for _ in range(30):
+        mu = 1.0 / (1.0 + np.exp(-x @ beta))
+        bread = np.linalg.inv(x.T @ (x * (mu * (1 - mu))[:, None]))
+        beta += bread @ x.T @ (right - mu)
+    leverage = np.einsum("ij,jk,ik->i", x, bread, x) * mu * (1 - mu)
+    score = x * ((right - mu) / (1.0 - leverage))[:, None]
+    errors = np.sqrt(np.diag(bread @ score.T @ score @ bread))
+    assert [term.name for term in found] == ["intercept", "source=b"]
+    assert [term.estimate for term in found] == pytest.approx(beta, abs=1e-6)
+    assert [term.error for term in found] == pytest.approx(errors, rel=1e-4)
+    assert found[1].low < found[1].estimate < found[1].high
+    backwards = s.logistic_gee(right.tolist(), {"source": source}, codes, levels={"source": ("b", "a")})
+    assert backwards[1].estimate == pytest.approx(-found[1].estimate)
+
+
+@pytest.mark.parametrize(
+    ("right", "source", "codes"),
+    [([], [], []), ([1], ["a"], ["P1"]), ([1, 0] * 4, ["a", "b"] * 4, ["P1"] * 8),
+     ([1] * 12, ["a", "b"] * 6, [f"P{n}" for n in range(12)])],
+)  # fmt: skip
+def test_a_model_that_is_not_defined_is_an_answer(right: list[int], source: list[str], codes: list[str]) -> None:
+    found = s.logistic_gee(right, {"source": source}, codes)
+    assert found[0].name == "intercept"
+    assert all(math.isnan(term.p) for term in found)
+
+
+def test_a_short_campaign_keeps_its_promises() -> None:
+    assert coverage(120, 16, draws=400).kept
+    assert equivalence_errors(300, 16).kept
+    assert difference_errors(300, 40).kept
+    assert regression_errors(60, 16).high > 0.04
+
+
+def test_a_promise_can_be_broken(monkeypatch: pytest.MonkeyPatch) -> None:
+    def narrow(panel: list[float], statistic: object, *, seed: int, draws: int) -> tuple[float, float]:
+        mean, error = float(np.mean(panel)), float(np.std(panel)) / math.sqrt(len(panel))
+        return mean - 1.2 * error, mean + 1.2 * error
+
+    monkeypatch.setattr(s, "participant_interval", narrow)
+    assert not coverage(120, 16).kept
+
+
+def test_the_campaign_is_a_command(capsys: pytest.CaptureFixture[str]) -> None:
+    main(["study", "coverage", "--studies", "20", "--null", "40"])
+    out = capsys.readouterr().out
+    assert out.count("participants") == 11
+    assert main(["study", "coverage", "--studies", "1"]) == 2
+
+
+class Hands:
+    """Touches without a scene: flux by the material, and by the source for one of them."""
+
+    FLUX = {"wood": 1500.0, "steel": 2200.0, "cork": 900.0}
+
+    def __init__(self, kelvin: float, gain: float) -> None:
+        self.gain, self.skin = gain, kelvin
+
+    def touch(self, condition: dict[str, str], seed: int) -> Presented:
+        apart = self.gain if condition.get("source") == "rendered" else 1.0
+        flux = np.full(100, 1500.0 * (self.FLUX[condition["material"]] / 1500.0) ** apart * (self.skin - 290.0) / 12.0)
+        skin = np.full(100, self.skin)
+        return Presented(Felt(flux, skin, skin, 0.01), {}, "")
+
+
+def crossed(folder: Path) -> StudyFile:
+    path = write_study(folder)
+    more = '<factor name="source" levels="real rendered" values="0.4;0.5" set="wood/contact.static-friction"/>'
+    path.write_text(path.read_text().replace("  <task", f"  {more}\n  <task"))
+    return load_study(path, CATALOG)
+
+
+def test_power_grows_with_the_panel_and_falls_with_the_difference(tmp_path: Path) -> None:
+    file = crossed(tmp_path)
+    found = {}
+    for gain in (1.0, 0.3):
+        felt = library(file, lambda kelvin, gain=gain: Hands(kelvin, gain))  # type: ignore[misc]
+        assert len(felt) == len(FINGERS)
+        assert all(len(each) == TOUCHES for each in felt[0].values())
+        found[gain] = power(file, felt, (4, 12, 40), repetitions=(6,), pool=40, studies=40)
+        assert found[gain] == power(file, felt, (4, 12, 40), repetitions=(6,), pool=40, studies=40)
+    name = "source: real, rendered"
+    same, other = ([one.equivalence[name] for one in found[gain]] for gain in (1.0, 0.3))
+    assert same[0] < same[1] < same[2]
+    assert other[2] < 0.2 < 0.6 < same[2]
+    widths = [one.half_width for one in found[1.0]]
+    assert widths[0] > widths[1] > widths[2]
+    assert widths[0] / widths[2] == pytest.approx(math.sqrt(10) * 3.18 / 2.02, rel=0.25)  # Student's, and root of n
+
+
+def test_power_of_what_has_no_right_answer_is_refused(tmp_path: Path) -> None:
+    path = write_study(tmp_path)
+    path.write_text(path.read_text().replace('kind="identify"', 'kind="rate"'))
+    with pytest.raises(PowerError, match="right answers"):
+        power(load_study(path, CATALOG), [], (8,))
+
+
+@pytest.mark.parametrize("panel", ["x", "0..4", "9..8", "8..", "1,,2"])
+def test_panel_sizes_are_checked(panel: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        main(["study", "power", str(write_study(tmp_path)), "--panel", panel])
+    assert stopped.value.code == 2
+    assert panel in capsys.readouterr().err
+
+
+def test_parquet_holds_numbers_as_numbers(tmp_path: Path) -> None:
+    pq = pytest.importorskip("pyarrow.parquet")
+    write_parquet(ROWS, tmp_path / "trials.parquet")
+    table = pq.read_table(tmp_path / "trials.parquet").to_pydict()
+    assert table["place"] == [0, 1, 0]
+    assert table["mean_flux_W_m2_1"] == [830.5, None, 800.0]
+    assert table["right"] == [0, None, 1]
+    assert table["void"] == [None, "released\tearly", None]
+    assert [path.name for path in tmp_path.iterdir()] == ["trials.parquet"]
+
+
+def test_bids_tables_describe_every_column(tmp_path: Path) -> None:
+    write_bids(ROWS, tmp_path, name="four materials")
+    assert json.loads((tmp_path / "dataset_description.json").read_text())["BIDSVersion"]
+    people = (tmp_path / "participants.tsv").read_text().splitlines()
+    assert people == ["participant_id", "sub-P01", "sub-P2"]
+    for subject in ("P01", "P2"):
+        stem = tmp_path / f"sub-{subject}" / "beh" / f"sub-{subject}_task-fourmaterials_beh"
+        sidecar = json.loads(stem.with_suffix(".json").read_text())
+        with stem.with_suffix(".tsv").open() as stream:
+            rows = list(csv.DictReader(stream, delimiter="\t"))
+        assert rows
+        assert set(rows[0]) == set(sidecar) - {"TaskName"}
+        assert all(each["Description"] for name, each in sidecar.items() if name != "TaskName")
+    assert sidecar["mean_flux_W_m2_1"]["Units"] == "W/m^2"
+    assert "material" in sidecar
+    with pytest.raises(ItouchError, match="same BIDS label"):
+        write_bids([*ROWS, ROWS[0].__class__("P2-", *[getattr(ROWS[0], n) for n in ROWS[0].__slots__[1:]])], tmp_path, name="x")  # fmt: skip
+
+
+def test_a_study_is_exported_by_a_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with Store.open(tmp_path, create=True) as store:
+        for row in ROWS:
+            store.add(row)
+    assert (
+        main(["study", "export", str(tmp_path), "--tsv", str(tmp_path / "t.tsv"), "--bids", str(tmp_path / "b")]) == 0
+    )
+    assert (tmp_path / "b" / "sub-P01").is_dir()
+    assert len((tmp_path / "t.tsv").read_text().splitlines()) == 4
+    assert main(["study", "export", str(tmp_path)]) == 2
+    assert main(["study", "export", str(tmp_path / "none"), "--tsv", "x"]) == 2
+    assert "holds no study" in capsys.readouterr().err
+    assert table_of(ROWS, tmp_path)[1]["answer"] == "n/a"
