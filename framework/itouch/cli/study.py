@@ -79,7 +79,9 @@ def _numbers(options: argparse.Namespace) -> int:
     if options.command == "export":
         return study_numbers.export(options)
     file = _load(options.study)
-    return 2 if file is None else study_numbers.power(file, options)
+    if file is None:
+        return 2
+    return study_numbers.audit(file, options) if options.command == "audit" else study_numbers.power(file, options)
 
 
 def _missing() -> str:

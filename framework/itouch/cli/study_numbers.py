@@ -1,4 +1,4 @@
-"""``itouch-py study power|coverage|export``: what a study can find, whether statistics hold, its data elsewhere."""
+"""``itouch-py study power|audit|coverage|export``: what a study finds, whether it is sound, its data elsewhere."""
 
 from __future__ import annotations
 
@@ -23,6 +23,11 @@ def add_parsers(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
     power.add_argument("--studies", type=int, default=400, metavar="N", help="panels drawn for each (default: 400)")
     power.add_argument("--seed", type=int, default=1, metavar="N", help="of people and panels (default: 1)")
     power.add_argument("--json", metavar="FILE", help="write the numbers too")
+    audit = commands.add_parser("audit", help="let a classifier guess the condition from all but heat and force")
+    audit.add_argument("study", metavar="STUDY.xml")
+    audit.add_argument("--trials", type=int, default=1000, metavar="N", help="on the twins (default: 1000)")
+    audit.add_argument("--seed", type=int, default=1, metavar="N", help="of order, noise and folds (default: 1)")
+    audit.add_argument("--without", action="store_true", help="as if the study had no <blind>")
     coverage = commands.add_parser("coverage", help="check intervals and tests against synthetic studies")
     coverage.add_argument("--studies", type=int, default=500, metavar="N", help="for coverage (default: 500)")
     coverage.add_argument("--null", type=int, default=2000, metavar="N", help="for errors of tests (default: 2000)")
@@ -75,6 +80,31 @@ def power(file: StudyFile, options: argparse.Namespace) -> int:
     if options.json:
         Path(options.json).write_text(json.dumps([asdict(one) for one in found], indent=1) + "\n", encoding="utf-8")
     return 0
+
+
+def audit(file: StudyFile, options: argparse.Namespace) -> int:
+    """Print how often the condition was guessed; 1: the upper bound is more than 5 points above chance."""
+    from itouch.plugin.discovery import Catalog
+    from itouch.study.audit import judged, observe, without_blind
+
+    if options.trials < 20 or file.study.staircases:
+        print("an audit has 20 trials or more, of a study with conditions", file=sys.stderr)
+        return 2
+    tried = without_blind(file) if options.without else file
+
+    def told(count: int) -> None:
+        if not count % 50:
+            print(f"{count} trials", file=sys.stderr, flush=True)
+
+    labels, table = observe(tried, Catalog(), options.trials, seed=options.seed, told=told)
+    guesses = judged(labels, table, seed=options.seed)
+    for one in guesses:
+        words = "blind" if one.blind else "LEAKS" if one.leaks else "not shown to be blind"
+        print(
+            f"{one.features:7s} {100.0 * one.accuracy:5.1f} % [{100.0 * one.low:.1f}, {100.0 * one.high:.1f}] of "
+            f"{one.trials} guessed, chance {100.0 * one.chance:.1f} %: {words}"
+        )
+    return 0 if guesses[0].blind else 1
 
 
 def coverage(options: argparse.Namespace) -> int:

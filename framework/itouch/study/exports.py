@@ -139,8 +139,8 @@ def _sidecar(columns: Sequence[str]) -> dict[str, Any]:
             unit, words = _FELT[felt]
             found[column] = {"Description": f"{words}, interval {interval}", **({"Units": unit} if unit else {})}
         elif column in _DESCRIBED:
-            unit = {"Units": "s"} if column.endswith("_s") else {}
-            found[column] = {"Description": _DESCRIBED[column], **unit}
+            seconds = {"Units": "s"} if column.endswith("_s") else {}
+            found[column] = {"Description": _DESCRIBED[column], **seconds}
         else:
             found[column] = {"Description": f"level of the factor {column}"}
     return found

@@ -88,7 +88,7 @@ class Machine:
 
     def since(self, phase: Phase | None = None) -> float:
         """Return the seconds since a phase began; default: the present one."""
-        return self._now - self.times.get(phase or self.phase, self._now)
+        return round(self._now - self.times.get(phase or self.phase, self._now), 9)  # so that ticks count exactly
 
     def judged(self, void: str) -> None:
         """Take what is said of the touch that has ended; the next interval begins, or the question."""

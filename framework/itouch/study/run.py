@@ -11,6 +11,7 @@ from itouch.plugin.discovery import Catalog
 from itouch.study import orders
 from itouch.study.answers import Answers, Question
 from itouch.study.course import Course, Due
+from itouch.study.elements import Study
 from itouch.study.machine import Machine, Phase, Rules
 from itouch.study.reading import StudyFile
 from itouch.study.room import Room
@@ -133,18 +134,9 @@ class Run:
             described = self._store.described(self._code)
             self._store.describe(self._code, {**described, "skin_baseline_K": round(self._baseline, 3)})
 
-    def _rules(self, index: int, intervals: int) -> Rules:
-        contact, blind = self._study.contact, self._study.blind
-        equal = blind is not None and blind.equalise
-        return Rules(
-            index, intervals, self._baseline, contact.skin_return, contact.skin_wait,
-            blind.approach if blind is not None and equal else 0.0, equal, contact.ready_wait, contact.reach,
-            pause=contact.pause,
-        )  # fmt: skip
-
     def _trial(self, due: Due) -> Row:
         feeling = self.room.present(due.shown[0])
-        machine = Machine(self._rules(feeling.index, len(due.shown)))
+        machine = Machine(rules_of(self._study, feeling.index, len(due.shown), self._baseline))
         begun = self.room.session.seconds
         touches: list[Presented] = []
         answer, reaction = None, None
@@ -275,3 +267,14 @@ class Run:
             choices = tuple(words for _, words in choices_of(self._study))
             shown = replace(shown, question=question_of(self._study), choices=choices)
         return replace(shown, left=left, force=force, window=window)
+
+
+def rules_of(study: Study, index: int, intervals: int, baseline: float | None) -> Rules:
+    """Return the rules of a study's trials: of the object with this number, and a skin's baseline [K]."""
+    contact, blind = study.contact, study.blind
+    equal = blind is not None and blind.equalise
+    return Rules(
+        index, intervals, baseline, contact.skin_return, contact.skin_wait,
+        blind.approach if blind is not None and equal else 0.0, equal, contact.ready_wait, contact.reach,
+        pause=contact.pause,
+    )  # fmt: skip
