@@ -16,7 +16,7 @@ LARGE = 16
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class Kept:
     """How often something was so: ``share`` of ``studies``, with Wilson's interval; ``promised`` from low to high."""
 
     what: str
@@ -43,7 +43,7 @@ def panels(rng: np.random.Generator, people: int, mean: float, conditions: int =
     return rng.binomial(TRIALS, np.broadcast_to(own, (people, conditions)))
 
 
-def coverage(studies: int, people: int, *, seed: int = 1, draws: int = 1000) -> Finding:
+def coverage(studies: int, people: int, *, seed: int = 1, draws: int = 1000) -> Kept:
     """Return how often the 95 % interval over participants covers the truth."""
     rng = np.random.default_rng([seed, people])
     hits = 0
@@ -64,7 +64,7 @@ def _mean(values: Sequence[float]) -> float:
     return sum(values) / len(values)
 
 
-def equivalence_errors(studies: int, people: int, *, seed: int = 2) -> Finding:
+def equivalence_errors(studies: int, people: int, *, seed: int = 2) -> Kept:
     """Return how often TOST calls two conditions equivalent that differ by exactly the margin."""
     rng = np.random.default_rng([seed, people])
     hits, margin = 0, 0.7 - (0.1 + 0.6 * 6.0 / 7.0)  # between the means of `own` and `other`
@@ -82,7 +82,7 @@ def equivalence_errors(studies: int, people: int, *, seed: int = 2) -> Finding:
     )
 
 
-def difference_errors(studies: int, people: int, *, seed: int = 3) -> Finding:
+def difference_errors(studies: int, people: int, *, seed: int = 3) -> Kept:
     """Return how often Cochran's Q finds a difference between three equal conditions."""
     rng = np.random.default_rng([seed, people])
     hits = 0
@@ -93,7 +93,7 @@ def difference_errors(studies: int, people: int, *, seed: int = 3) -> Finding:
     return _found("Cochran's Q finds a difference where there is none", people, studies, hits, (0.04, 0.06))
 
 
-def regression_errors(studies: int, people: int, *, seed: int = 4) -> Finding:
+def regression_errors(studies: int, people: int, *, seed: int = 4) -> Kept:
     """Return how often the GEE logistic model finds an effect of a factor that has none."""
     rng = np.random.default_rng([seed, people])
     hits = 0
@@ -106,12 +106,12 @@ def regression_errors(studies: int, people: int, *, seed: int = 4) -> Finding:
     return _found("the GEE model finds an effect where there is none", people, studies, hits, (0.04, 0.06))
 
 
-def _found(what: str, people: int, studies: int, hits: int, promised: tuple[float, float]) -> Finding:
+def _found(what: str, people: int, studies: int, hits: int, promised: tuple[float, float]) -> Kept:
     low, high = stats.wilson(int(hits), studies)
-    return Finding(what, people, studies, hits / studies, low, high, promised)
+    return Kept(what, people, studies, hits / studies, low, high, promised)
 
 
-def campaign(studies: int = 500, null: int = 2000) -> Iterator[Finding]:
+def campaign(studies: int = 500, null: int = 2000) -> Iterator[Kept]:
     """Yield what is promised of intervals and tests beside what synthetic studies showed."""
     for people in (8, 12, 16, 24):
         yield coverage(studies, people)
