@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import argparse
 import os
 from collections.abc import Sequence
+
+from itouch.cli.arguments import parser_of
 
 
 def main(argv: Sequence[str]) -> int:
     """Write a folder NAME with NAME.xml, its scene and what the participant reads."""
-    parser = argparse.ArgumentParser(prog="itouch-py new-study", description=main.__doc__)
+    parser = parser_of("itouch-py new-study", main.__doc__)
     parser.add_argument("name", metavar="NAME", help="small letters, digits, dashes: three-materials")
     parser.add_argument("--folder", default=".", metavar="FOLDER", help="where to put it (default: here)")
     options = parser.parse_args(argv)
