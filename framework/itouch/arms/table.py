@@ -10,9 +10,10 @@ import re
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.plugin import ParameterError
+from itouch.plugin import ParameterError, Role
 from itouch.recording.errors import RecordingError
 from itouch.recording.reader import parse
+from itouch.recording.tracks import Track
 from itouch.schema.diagnostics import did_you_mean
 
 Motion = tuple[list[float], NDArray[np.float64]]
@@ -20,6 +21,11 @@ Motion = tuple[list[float], NDArray[np.float64]]
 MOST_ROWS = 4_000_000
 _PLACE, _TURN = ("x", "y", "z"), ("qw", "qx", "qy", "qz")
 _SCALES = {"": 1.0, "m": 1.0, "mm": 1e-3, "cm": 1e-2, "um": 1e-6, "s": 1.0, "ms": 1e-3}
+_LENGTHS = ("m", "mm", "cm", "um")
+#: What the framework puts before the name of a command, and of what is true of a twin.
+_TOLD = {"command", "sent", "out", "twin"}
+#: Where a recorded probe was: the framework's own name for it.
+_HIP = "hip"
 _LABEL = re.compile(r"^(?P<name>[^\[]*?)\s*(?:\[(?P<unit>[^\]]*)\])?$")
 
 
@@ -50,7 +56,8 @@ def from_recording(name: str, data: bytes, track: str) -> Motion:
         content = parse(name, data, len(data))
     except RecordingError as error:
         raise ParameterError("file", str(error)) from error
-    columns = {key: _column(table.dtype.names or ()) for key, table in content.rows.items() if len(table)}
+    poses = {key: _named_by(content.tracks[key], Role.TRACKED_POSE) for key, rows in content.rows.items() if len(rows)}
+    columns = {key: pose or (_HIP if _HIP in (content.rows[key].dtype.names or ()) else "") for key, pose in poses.items()}
     known = sorted(key for key, column in columns.items() if column)
     if not known:
         raise ParameterError("file", f"'{name}' has recorded no pose of a device or place of a probe")
@@ -58,7 +65,7 @@ def from_recording(name: str, data: bytes, track: str) -> Motion:
         advice = did_you_mean(track, known, "it has")
         raise ParameterError("track", f"'{name}' has recorded no pose of '{track}'; {advice}")
     if not track:
-        posed = [key for key in known if columns[key] == "pose"] or known
+        posed = [key for key in known if poses[key]] or known
         if len(posed) > 1:
             raise ParameterError(
                 "track", f"'{name}' has several poses ({', '.join(posed)}): write track=\"{posed[0]}\""
@@ -69,16 +76,16 @@ def from_recording(name: str, data: bytes, track: str) -> Motion:
     return checked(np.asarray(rows["time"], np.float64), values)
 
 
-def _column(names: tuple[str, ...]) -> str:
-    return "pose" if "pose" in names else "hip" if "hip" in names else ""
+def _named_by(track: Track, role: Role) -> str:
+    return next((column.name for column in track.columns if column.role is role), "")
 
 
 def from_csv(data: bytes) -> Motion:
     """Return the poses of a table of text.
 
-    Columns are found by their names, as ``itouch-py export`` writes them (``time [s]``, ``pose.x [m]`` ...
-    ``pose.qz``, or ``hip.x [m]`` ...), or ``t, x, y, z`` and perhaps ``qw, qx, qy, qz``; without names they stand in
-    this order.
+    Columns are found as ``itouch-py export`` writes them: ``time [s]``, and the one quantity that has the parts
+    ``.x [m]``, ``.y [m]``, ``.z [m]`` and perhaps ``.qw`` ... ``.qz``, commands and the like left out; or
+    ``t, x, y, z`` and perhaps ``qw, qx, qy, qz``; without names they stand in this order.
 
     Raises
     ------
@@ -113,12 +120,14 @@ def from_csv(data: bytes) -> Motion:
 def _named(header: list[str]) -> list[tuple[int, float]]:
     """Return index and scale of time, position and, if they are there, of the quaternion's parts."""
     found: dict[str, tuple[int, float]] = {}
-    for index, label in enumerate(header):
-        match = _LABEL.match(label.strip())
+    labels = [_LABEL.match(label.strip()) for label in header]
+    placed = _placed([(match["name"], match["unit"] or "") for match in labels if match is not None])
+    for index, (label, match) in enumerate(zip(header, labels, strict=True)):
         if match is None:
             continue
         name, unit = match["name"], match["unit"] or ""
-        short = {"time": "t"}.get(name, name.rsplit(".", 1)[-1] if re.search(r"(^|\.)(pose|hip)\.\w+$", name) else name)
+        owner, _, part = name.rpartition(".")
+        short = {"time": "t"}.get(name, part if owner in placed else name)
         if short in ("t", *_PLACE, *_TURN):
             if unit not in _SCALES:
                 raise ValueError(f"the unit of column '{label}' is not known: write m, mm, s or ms")
@@ -134,6 +143,18 @@ def _named(header: list[str]) -> list[tuple[int, float]]:
     if turns and len(turns) < 4:
         raise ValueError(f"of a quaternion it has only {', '.join(turns)}")
     return [found[name] for name in ("t", *_PLACE, *turns)]
+
+
+def _placed(columns: list[tuple[str, str]]) -> set[str]:
+    """Return the quantities that have a place in a unit of length, of what was read or is true of a probe."""
+    parts: dict[str, dict[str, str]] = {}
+    for name, unit in columns:
+        owner, _, part = name.rpartition(".")
+        if owner and not _TOLD & set(owner.split(".")):
+            parts.setdefault(owner, {})[part] = unit
+    whole = {owner: units for owner, units in parts.items() if set(_PLACE) <= units.keys()}
+    lengths = {owner for owner, units in whole.items() if all(units[one] in _LENGTHS for one in _PLACE)}
+    return lengths or {owner for owner, units in whole.items() if not any(units[one] for one in _PLACE)}
 
 
 def _numbers(row: list[str], columns: list[tuple[int, float]], index: int) -> list[float]:

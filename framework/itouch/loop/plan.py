@@ -184,7 +184,7 @@ def build(
         listed += [steps.modality(model, one, views[one.name], around) for one in model.modalities]
         listed.append(steps.mend(model, around))
     if hold.required:
-        listed.append(steps.hold(hold))
+        listed.append(steps.hold(hold, runners.values()))
     for runner in runners.values():
         if runner.model.commands:
             listed.append(steps.guard(runner))

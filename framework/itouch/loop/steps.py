@@ -6,7 +6,7 @@ test holds it against what a step is seen to change.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 from itouch.joining import is_newest
@@ -20,7 +20,7 @@ from itouch.loop.placing import bound_supervision, bound_together
 from itouch.loop.rig import ProbeRig
 from itouch.loop.runner import Runner
 from itouch.loop.step import CALLS_KERNELS, Step, joinable
-from itouch.plugin import Bound, Record
+from itouch.plugin import Bound, Record, Role
 from itouch.safety import Finger, Hold
 from itouch.safety.watching import LOOK
 from itouch.world import ModalityModel, Model
@@ -32,6 +32,11 @@ _TRIPPED = ("status", "trip", "tripped", "ramp")
 
 def _of(name: str, *fields: str) -> tuple[str, ...]:
     return tuple(f"{name}.{field}" for field in fields)
+
+
+def _roles(runner: Runner | None, *roles: Role, kind: str = "") -> tuple[str, ...]:
+    """Return the fields of a device's readings of these roles, or of what is commanded or sent of them."""
+    return () if runner is None else tuple(f for role in roles if (f := runner.model.field(role, kind)))
 
 
 def _readings(runner: Runner) -> tuple[str, ...]:
@@ -75,10 +80,9 @@ def watch(runner: Runner) -> Step:
 def move_objects(model: Model, objects: Objects) -> Step:
     """Move the objects that have a script or are carried."""
     written = ("objects.pose", "objects.twist", "objects.ticks")
-    carried = {carried.device for carried in model.motions.carried}
-    return Step(
-        "move objects", objects.update, (*written, *(f"{name}.pose" for name in carried)), written, 1, CALLS_KERNELS
-    )
+    carriers = {carried.device for carried in model.motions.carried}
+    poses = (model.devices[name].field(Role.TRACKED_POSE) for name in carriers)
+    return Step("move objects", objects.update, (*written, *poses), written, 1, CALLS_KERNELS)
 
 
 def contact(rig: ProbeRig, model: Model) -> Step:
@@ -89,7 +93,8 @@ def contact(rig: ProbeRig, model: Model) -> Step:
         "time_to_contact", "contact_force", "effect_force", "area", "memory", "result", "effects", "object",
     )  # fmt: skip
     figures += _of(name, "felt_force") if rig.table is None else ()
-    reads = (f"{rig.tracker.model.name}.pose", "*.calibration", "objects.pose", "objects.twist", *figures)
+    tracked = _roles(rig.tracker, Role.TRACKED_POSE)
+    reads = (*tracked, "*.calibration", "objects.pose", "objects.twist", *figures)
     return joinable(
         f"contact {name}", rig.bound_contact, reads, figures, lambda code, tick, ready: rig.contact(tick, ready)
     )
@@ -101,8 +106,11 @@ def surface(rig: ProbeRig) -> Step:
     figures = _of(name, "plate_gap", "surface_height", "plate_yield", "plate_top", "tracking", "plate", "below")
     figures += _of(name, "surface.*", "felt_force")
     reads = (*figures, *_of(name, "normal_force", "hip", "normal", "object", "contact.object"))
-    reads += _of(table, "pose", "wrench", "sent.pose_target", "touch_off.*", "calibration", "surface.*")
-    written = _of(table, "command.pose_target", "touch_off.*", "calibration", "surface.withdrawn", "clamped")
+    reads += _of(table, "touch_off.*", "calibration", "surface.*")
+    reads += _roles(rig.table, Role.TRACKED_POSE, Role.CONTACT_FORCE)
+    reads += _roles(rig.table, Role.SURFACE_POSE, kind="sent")
+    written = _of(table, "touch_off.*", "calibration", "surface.withdrawn", "clamped")
+    written += _roles(rig.table, Role.SURFACE_POSE, kind="command")
     reads, written = (*reads, "objects.pose"), (*figures, *written, *_of(name, "hand.offset"))
     bounds = rig.bound_surface()
     if bounds:
@@ -116,9 +124,9 @@ def force(rig: ProbeRig) -> Step:
     """Command the force on the finger: all of it, or what no surface gives."""
     name = rig.probe.name
     reads = _of(name, "contact_force", "normal", "plate_gap", "plate", "velocity", "object", "surface.*")
-    reads += (f"{rig.table.model.name}.wrench",) if rig.table is not None else ()
+    reads += _roles(rig.table, Role.CONTACT_FORCE)
     written = (*_of(name, "surface.share", "surface.cut"),)
-    written += (f"{rig.arm.model.name}.command.wrench",) if rig.arm is not None else ()
+    written += _roles(rig.arm, Role.FORCE_ON_OPERATOR, kind="command")
     return joinable(f"force {name}", rig.toucher.pushes, reads, written)
 
 
@@ -224,9 +232,10 @@ def share(finger: Finger, devices: Sequence[Runner], state: Record, period: floa
     return Step(f"together {finger.name}", lambda tick, ready: finger.check(tick), reads, written)
 
 
-def hold(switch: Hold) -> Step:
+def hold(switch: Hold, runners: Iterable[Runner]) -> Step:
     """Stop what acts if nobody holds the dead-man's switch."""
-    return Step("hold", lambda tick, ready: switch.check(tick), ("hold", "*.deadman", "*.status"))
+    switches = [field for runner in runners for field in _roles(runner, Role.DEADMAN)]
+    return Step("hold", lambda tick, ready: switch.check(tick), ("hold", *switches, "*.status"))
 
 
 def guard(runner: Runner) -> Step:
@@ -268,10 +277,12 @@ def finger(rig: ProbeRig, state: Record) -> Iterator[Step]:
         else:
             yield joinable(f"hand {name}", along, reads, moved, lambda code, tick, ready: rig.lead(ready))
     written = _of(name, "plate_force", "plate_true_top", "plate_distance", "plate_touched", "total_force", "hand.*")
-    reads = (*written, *_of(name, "hip"), "tick", "*.sent.wrench", "*.twin.axes")
+    pushed = _roles(rig.arm, Role.FORCE_ON_OPERATOR, kind="sent")
+    carried = _of(rig.table.model.name, "twin.*") if rig.table is not None else ()
+    reads = (*written, *_of(name, "hip"), "tick", *pushed, *carried)
     yield joinable(f"finger {name}", coupling.bound, reads, written)
     if rig.feels_for_real:
-        reads = ("*.wrench", "*.sent.wrench")
+        reads = (*_roles(rig.table, Role.CONTACT_FORCE), *pushed)
         yield Step(f"measured {name}", lambda tick, ready: rig.measure(), reads, _of(name, "total_force"))
 
 

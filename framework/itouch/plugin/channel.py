@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from itouch.plugin.quantity import Quantity, Role
@@ -77,6 +78,11 @@ class Channel(Quantity):
     def with_locked(self, *locked: int) -> Channel:
         """Return the same channel with these degrees of freedom locked."""
         return replace(self, locked=tuple(sorted(set(locked))))
+
+
+def of_role(channels: Iterable[Channel], role: Role, unit: str = "") -> Channel | None:
+    """Return the first channel of a role, in a unit if one is given, or None."""
+    return next((one for one in channels if one.role is role and unit in ("", one.unit)), None)
 
 
 def pose(*, locked: tuple[int, ...] = ()) -> Channel:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import enum
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 from itouch.plugin.bound import Bound
-from itouch.plugin.channel import Channel
+from itouch.plugin.channel import Channel, of_role
 from itouch.plugin.measured import Measured
+from itouch.plugin.quantity import Role
 from itouch.plugin.record import Field, Record
 
 Vector = tuple[float, float, float]
@@ -66,6 +67,8 @@ class WorldDevice:
     """A device as a modality sees it: its plugin's name, parameters, channels and limits in force (name -> SI).
 
     ``wire`` tells whether something between it and the loop takes time: then State has its ``out`` and ``left``.
+    ``twin_fields`` are what the State of its twin consists of, whether it runs on that twin or not.  A modality finds
+    what it needs by role and unit, so that a device works with it whatever its author calls things.
     """
 
     name: str
@@ -76,6 +79,24 @@ class WorldDevice:
     limits: Mapping[str, float | tuple[float, float]]
     twin: bool
     wire: bool = False
+    twin_fields: Callable[[], Sequence[Field]] = tuple
+
+    def reading(self, role: Role, unit: str = "") -> Channel | None:
+        """Return the first reading of a role, in a unit if one is given, or None."""
+        return of_role(self.reads, role, unit)
+
+    def command(self, role: Role, unit: str = "") -> Channel | None:
+        """Return the first command of a role, in a unit if one is given, or None."""
+        return of_role(self.commands, role, unit)
+
+    def read_field(self, role: Role, unit: str = "") -> str:
+        """Return the field of State that holds the first reading of a role; empty: it has none."""
+        channel = self.reading(role, unit)
+        return f"{self.name}.{channel.name}" if channel is not None else ""
+
+    def truth(self, role: Role) -> str:
+        """Return the field, of those of its twin, that holds what is true of a role beside the sensors; or nothing."""
+        return next((field.name for field in self.twin_fields() if field.role is role), "")
 
 
 def no_file(file: str, most: int) -> bytes:

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from itouch.schema.roles import Role
+
 #: Kinds of number that a column may hold.
 KINDS = ("f8", "i8", "u8")
 #: Components by their count: position and quaternion, force and torque (or velocities), vectors.
@@ -18,13 +20,15 @@ PARTS = {
     7: ("x", "y", "z", "qw", "qx", "qy", "qz"),
 }
 _MOST_COLUMNS, _MOST_NUMBERS = 4096, 1 << 16
+#: What a pose is called in recordings of versions that did not write roles.
+OLD_ROLES = {"pose": Role.TRACKED_POSE.value}
 #: Most letters of a column's sentence that are kept.
 MOST_DOC = 1000
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A field of State in a track: ``size`` numbers (0: a scalar), with their unit and what they are."""
+    """A field of State in a track: ``size`` numbers (0: a scalar), with unit, what they are and what they are for."""
 
     field: str
     name: str
@@ -32,6 +36,7 @@ class Column:
     size: int
     unit: str
     doc: str = ""
+    role: Role = Role.SIGNAL
 
     @property
     def parts(self) -> tuple[str, ...]:
@@ -81,7 +86,9 @@ class Track:
         """Return it as plain data."""
         columns = [[c.field, c.name, c.kind, c.size, c.unit] for c in self.columns]
         docs = {c.name: c.doc for c in self.columns if c.doc}
-        return {"name": self.name, "every": self.every, "replay": self.replay, "columns": columns, "docs": docs}
+        roles = {c.name: c.role.value for c in self.columns if c.role is not Role.SIGNAL}
+        told = {"columns": columns, "docs": docs, "roles": roles}
+        return {"name": self.name, "every": self.every, "replay": self.replay, **told}
 
 
 def load_track(data: Mapping[str, Any]) -> Track:
@@ -92,9 +99,9 @@ def load_track(data: Mapping[str, Any]) -> Track:
     ValueError
         If it can't be one.
     """
-    docs = dict(data.get("docs", {}))
+    docs, roles = dict(data.get("docs", {})), dict(data.get("roles", OLD_ROLES))
     columns = tuple(
-        Column(str(f), str(n), str(k), int(s), str(u), str(docs.get(n, ""))[:MOST_DOC])
+        Column(str(f), str(n), str(k), int(s), str(u), str(docs.get(n, ""))[:MOST_DOC], _role(roles.get(n)))
         for f, n, k, s, u in data["columns"]
     )
     track = Track(str(data["name"]), int(data["every"]), bool(data["replay"]), columns)
@@ -107,6 +114,10 @@ def load_track(data: Mapping[str, Any]) -> Track:
     if {"tick", "time"} & set(names):
         raise ValueError(f"track '{track.name[:40]}' has a column of its own named tick or time")
     return track
+
+
+def _role(word: object) -> Role:
+    return next((role for role in Role if role.value == word), Role.SIGNAL)
 
 
 def identifier(text: str) -> str:

@@ -88,7 +88,8 @@ def recordable(state: Record, name: str) -> bool:
 
 def _column(state: Record, known: Mapping[str, Field], field: str, name: str) -> Column:
     view, said = state[field], known[field]
-    return Column(field, name, view.dtype.str[1:], view.size if view.ndim else 0, said.shown_unit, said.doc)
+    size = view.size if view.ndim else 0
+    return Column(field, name, view.dtype.str[1:], size, said.shown_unit, said.doc, said.role)
 
 
 class Rows:

@@ -193,8 +193,7 @@ def _heat(model: Model, state: Record) -> list[str]:
     for device in model.devices.values():
         channel, kelvin = device.reading(Role.SKIN_CONTACT_TEMPERATURE), plate_temperature(state, device)
         if channel is not None and kelvin is not None:
-            name = " ".join(word for word in channel.name.split("_") if word != "temperature")
-            lines.append(f"{device.name}: {name} {kelvin - 273.15:.2f} degC")
+            lines.append(f"{device.name}: {channel.name.replace('_', ' ')} {kelvin - 273.15:.2f} degC")
     for modality in model.modalities:
         if words := modality.instance.status(modality.model, state):
             lines.append(f"{modality.name}: {words}")

@@ -113,9 +113,11 @@ def _world(scene: Scene, devices: Mapping[str, DeviceModel], reader: SceneFiles,
     return World(
         objects=(),
         devices={
-            d.name: WorldDevice(d.name, d.plugin, d.params, d.reads, d.commands, d.limits.table(), d.twin, d.wire)
+            d.name: WorldDevice(
+                d.name, d.plugin, d.params, d.reads, d.commands, d.limits.table(), d.twin, d.wire, d.twin_fields
+            )
             for d in devices.values()
-        },
+        },  # fmt: skip
         probes={probe.name: probe.radius for probe in scene.probes},
         modalities={part.name: part.params for part in scene.modalities},
         period=period,

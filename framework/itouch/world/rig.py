@@ -8,7 +8,7 @@ from typing import Any
 from itouch.contact.meshfile.faults import MeshError
 from itouch.exchange import LateTwin, ThreadedDevice
 from itouch.faults import FaultyTwin, Injection
-from itouch.plugin import Channel, Device, IdealTwin, Monitor, ParameterError, Role, Twin, poses, trace
+from itouch.plugin import Channel, Device, Field, IdealTwin, Monitor, ParameterError, Role, Twin, poses, trace
 from itouch.plugin.discovery import Catalog
 from itouch.plugin.quantity import SIZES
 from itouch.scene import Scene
@@ -88,10 +88,17 @@ class DeviceModel:
             return ""
         return f"{self.name}.{kind}.{channel.name}" if kind else f"{self.name}.{channel.name}"
 
+    def twin_fields(self) -> tuple[Field, ...]:
+        """Return what the State of its own twin consists of, without wire and faults."""
+        return tuple(self._bare_twin().fields())
+
+    def _bare_twin(self) -> Twin:
+        cls = self.cls.Twin
+        return IdealTwin(self.params, self.cls) if cls is None else cls(self.bound)
+
     def make_twin(self) -> Twin:
         """Return the twin that the plugin brings, or the ideal one."""
-        cls = self.cls.Twin
-        twin: Twin = IdealTwin(self.params, self.cls) if cls is None else cls(self.bound)
+        twin = self._bare_twin()
         twin.stand(self.ambient, self.skin_temperature)
         if self.late:
             twin = LateTwin(twin, self.cls, self.servo_period)

@@ -68,7 +68,7 @@ class HeatParams:
     )
     arterial: float = schema.temperature(low=283.15, high=315.15, default=310.15, doc="of the blood, and of the core")
     object_depth: float = schema.quantity("m", low=1e-4, high=1.0, default=0.02, doc="depth of the virtual objects")
-    skin_from: str = schema.ref("device", reads=("skin_temperature",), default="", doc="device that measures the skin")
+    skin_from: str = schema.ref("device", reads=(Role.SKIN_TEMPERATURE,), default="", doc="device that measures the skin")
     press: float = schema.quantity(
         "s", low=0.0, high=10.0, default=0.0, doc="time constant with which R / (1 - exp(-t / press)) falls; 0: at once"
     )
@@ -298,10 +298,8 @@ def table_of(bodies: Sequence[Array | None]) -> Array:
 def _skin_source(params: HeatParams, world: World) -> tuple[str, str]:
     """Return the State fields of the infrared reading and of its validity."""
     for device in world.devices.values():
-        names = [channel.name for channel in device.reads]
-        if "skin_temperature" in names and params.skin_from in ("", device.name):
-            valid = f"{device.name}.skin_valid" if "skin_valid" in names else ""
-            return f"{device.name}.skin_temperature", valid
+        if params.skin_from in ("", device.name) and (skin := device.read_field(Role.SKIN_TEMPERATURE)):
+            return skin, device.read_field(Role.SKIN_VALID)
     return "", ""
 
 

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from itouch.bench.faults.plants import Evil, PlateKind, arm, plate, table
+from itouch.bench.faults.plants import FELT, Evil, PlateKind, arm, plate, table
 from itouch.monitors import limits
 from itouch.monitors.heat import DOSE_FROM, DOSE_UNIT
-from itouch.plugin import DeviceError, ItouchError
+from itouch.plugin import DeviceError, ItouchError, Role
 from itouch.plugin.discovery import Catalog, Found
 from itouch.scene import loads
 from itouch.session import Session, build
@@ -123,7 +123,7 @@ def _foreign(rng: random.Random, plates: list[PlateKind], tapped: bool) -> tuple
     name = plates[0].device
     wanted = [(f"{name}.{plates[0].reads}", 300.0), (f"{name}.heat.dose", 0.0), (f"{name}.status", 2.0)]
     wanted += [(f"{name}.sent.{plates[0].obeys}", 2.0), ("hold", 2.0**62), (f"{name}.heat.share", 1.0)]
-    wanted += [("lift.wrench", 0.0), ("lift.surface.contact_time", 0.0)] if tapped else []
+    wanted += [(f"lift.{FELT.name}", 0.0), ("lift.surface.contact_time", 0.0)] if tapped else []
     return (rng.choice(wanted),)
 
 
@@ -138,7 +138,9 @@ class Truth:
         """Look after each tick of a session."""
         plates = [session.state[f"{kind.device}.twin.true"] for kind in self.case.plates]
         period = session.model.period
-        tapped = self.case.tapped
+        devices, tapped = session.model.devices, self.case.tapped
+        felt_by = devices["lift"].field(Role.CONTACT_FORCE) if tapped else ""
+        pushed_by = devices["hand"].field(Role.FORCE_ON_OPERATOR, "sent") if tapped else ""
 
         def note(tick: int) -> None:
             for view in plates:
@@ -149,9 +151,9 @@ class Truth:
                 self.cold += period * (true < limits.COLD_FROM - 1e-2)
             if tapped:
                 state = session.state
-                felt = float(np.linalg.norm(state["lift.wrench"][:3]))
+                felt = float(np.linalg.norm(state[felt_by][:3]))
                 self.touch = max(0.0, self.touch + (period if felt > 0.03 else -period))
-                self.push = max(self.push, float(np.linalg.norm(state["hand.sent.wrench"][:3])) + felt)
+                self.push = max(self.push, float(np.linalg.norm(state[pushed_by][:3])) + felt)
 
         session.taps.append(note)
 

@@ -84,7 +84,7 @@ def plate(kind: PlateKind) -> type[Device]:
 
 
 #: Channels of the arm and of the table.
-_POSE, _FELT = pose(), measured_wrench(force=50.0)
+_POSE, FELT = pose(), measured_wrench(force=50.0)
 _TARGET = pose_target(low=(-0.1, -0.1, 0.0), high=(0.1, 0.1, 0.04), speed=0.25)
 
 
@@ -122,14 +122,14 @@ class _Table(Twin):
         on, off, force = self.tapping
         pressed = force if math.fmod(state["time"].item(), on + off) < on else 0.0
         reading[_POSE.name] = (*state["place"].tolist(), 1.0, 0.0, 0.0, 0.0)
-        reading[_FELT.name] = (0.0, 0.0, -pressed if state["place"][2] > 0.001 else 0.0, 0.0, 0.0, 0.0)
+        reading[FELT.name] = (0.0, 0.0, -pressed if state["place"][2] > 0.001 else 0.0, 0.0, 0.0, 0.0)
         return True
 
 
 def table(tapping: tuple[float, float, float], period: float) -> type[Device]:
     """Return the class of a table that is tapped."""
     target = _TARGET
-    reads = (pose(locked=(3, 4, 5)), _FELT)
+    reads = (pose(locked=(3, 4, 5)), FELT)
     return _device(type("TableTwin", (_Table,), {"tapping": tapping}), reads, (target,), period)
 
 

@@ -24,18 +24,22 @@ class Truth:
     finger_speed: float = 0.0
     surface_speed: float = 0.0
     _views: dict[str, np.ndarray] = field(default_factory=dict)
+    _surfaces: list[np.ndarray] = field(default_factory=list)
+    _before: list[np.ndarray] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         state = self.session.state
         for name, device in self.session.model.devices.items():
-            if device.command(Role.FORCE_ON_OPERATOR) is not None:
-                self._views["arm"] = state[f"{name}.twin.fault.received"][:3]
-            if device.command(Role.SURFACE_POSE) is not None:
-                self._views["axes"] = state[f"{name}.twin.axes"]
+            push = device.command(Role.FORCE_ON_OPERATOR)
+            if push is not None:
+                before = sum(channel.size for channel in device.commands[: device.commands.index(push)])
+                self._views["arm"] = state[f"{name}.twin.fault.received"][before : before + 3]
             if device.reading(Role.SKIN_CONTACT_TEMPERATURE) is not None:
                 self._views["plate"] = state[truth(self.session.model, name, Role.SKIN_CONTACT_TEMPERATURE)]
                 if sink := truth(self.session.model, name, Role.HEAT_SINK_TEMPERATURE):
                     self._views["sink"] = state[sink]
+        surfaces = [one for one in self.session.runners if one.model.command(Role.SURFACE_POSE) is not None]
+        self._surfaces = [place for one in surfaces if (place := one.true_position()) is not None]
         probe = self.session.model.probes[0].name
         self._views["press"], self._views["finger"] = state[f"{probe}.plate_force"], state[f"{probe}.hand.velocity"]
 
@@ -43,6 +47,7 @@ class Truth:
         """Begin a cell."""
         self.plate, self.sink = (math.inf, -math.inf), -math.inf
         self.force = self.plate_force = self.finger_speed = self.surface_speed = 0.0
+        self._before = [place.copy() for place in self._surfaces]
 
     def note(self, tick: int) -> None:
         """Look at the plant after a tick."""
@@ -54,8 +59,10 @@ class Truth:
             self.sink = max(self.sink, views["sink"].item())
         if "arm" in views:
             self.force = max(self.force, math.hypot(*views["arm"].tolist()))
-        if "axes" in views:
-            self.surface_speed = max(self.surface_speed, max(map(abs, views["axes"][1].tolist())))
+        for before, place in zip(self._before, self._surfaces, strict=True):
+            moved = float(np.abs(place - before).max())
+            self.surface_speed = max(self.surface_speed, moved / self.session.model.period)
+            before[:] = place
         self.plate_force = max(self.plate_force, views["press"].item())
         self.finger_speed = max(self.finger_speed, math.hypot(*views["finger"].tolist()))
 

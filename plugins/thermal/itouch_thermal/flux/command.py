@@ -42,10 +42,9 @@ def fields(model: FluxModel) -> tuple[Field, ...]:
 
 def channels(model: FluxModel) -> tuple[str, ...]:
     """Return the command channels of the display that are written."""
-    display = model.params.display
-    if model.display.command == "current":
-        return (f"{display}.current",)
-    return f"{display}.temperature_target", f"{display}.output"
+    names, device = model.names, model.params.display
+    told = (names.command,) if model.display.command == "current" else (names.target, names.output)
+    return tuple(field.replace(f"{device}.command.", f"{device}.", 1) for field in told if field)
 
 
 def reset(model: FluxModel, state: Record) -> None:
@@ -62,13 +61,15 @@ def issue(model: FluxModel, state: Record, current: float, hold: int) -> None:
         state[names.command] = current
         return
     display = model.display
+    flowing = state[names.actual or names.asked].item()  # a driver that reports none is taken at its word
     target, asked = target_for(
-        state[names.driver], state[names.targets], state[names.plate_temperature].item(), state[names.actual].item(),
-        current, display.target_gain, display.target_integral, model.current, model.band[0], model.band[1],
+        state[names.driver], state[names.targets], state[names.plate_temperature].item(), flowing, current,
+        display.target_gain, display.target_integral, model.current, model.band[0], model.band[1],
         model.period, hold,
     )  # fmt: skip
     state[names.target] = target
-    state[names.output] = 1.0
+    if names.output:
+        state[names.output] = 1.0
     state[names.asked] = asked
 
 

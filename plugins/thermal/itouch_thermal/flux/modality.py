@@ -237,15 +237,15 @@ class FluxControl(Modality):
         if model.estimates:
             return state[names.obtained].item(), math.nan
         if model.truth and names.true_flux in state:
-            return state[names.true_flux].item(), state[names.true_skin].item()
+            return state[names.true_flux].item(), state[names.true_skin].item() if names.true_skin else math.nan
         return state[names.heat_flux].item(), math.nan
 
     def witness(self, model: FluxModel, state: Record, twins: Mapping[str, Record]) -> None:
         """Take in what the twin behind the display's emulator knows of the flux."""
         names, twin = model.names, twins.get(model.params.display)
-        if twin is None or "true_flux" not in twin or not state[names.touching].item():
+        if twin is None or names.truth not in twin or not state[names.touching].item():
             return
-        truth = twin["true_flux"].item()
+        truth = twin[names.truth].item()
         if not truth or not model.in_contact(state) or not account.scored(state, model.name, model.period * model.hold):
             return
         curve, tick = model.curves[state[names.object].item()], state["tick"].item() - 1

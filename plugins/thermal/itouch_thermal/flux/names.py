@@ -4,23 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
+from itouch.plugin import Role, WorldDevice
 from itouch_thermal.flux.params import FluxControlParams
 
-#: Fields of the display, and of the finger.
-_DISPLAY = {
-    "sink": "sink_temperature",
-    "age": "age",
-    "heat_flux": "heat_flux",
-    "plate_temperature": "plate_temperature",
-    "sequence": "sequence",
-    "measured": "measured",
-    "left": "left",
-    "actual": "actual_current",
-    "target": "command.temperature_target",
-    "output": "command.output",
-    "true_flux": "twin.true_flux",
-    "true_skin": "twin.true_skin",
+#: What the framework keeps of every device, and of the finger.
+_DEVICE = ("age", "sequence", "measured", "left")
+#: What the display reads and obeys: by role, whatever it calls it.
+_READS = {
+    "sink": Role.HEAT_SINK_TEMPERATURE,
+    "heat_flux": Role.HEAT_FLUX,
+    "plate_temperature": Role.SKIN_CONTACT_TEMPERATURE,
+    "actual": Role.DELIVERED_DRIVE,
 }
+_OBEYS = {"target": Role.TEMPERATURE_TARGET, "output": Role.OUTPUT_SWITCH}
+#: What is true of its twin.
+_TRUTHS = {"true_flux": Role.HEAT_FLUX, "true_skin": Role.SKIN_TEMPERATURE}
 _FINGER = ("near_object", "below", "normal_force", "felt_force", "plate")
 _HEAT = {"heat_desired": "desired", "resistance": "resistance", "finger": "finger", "bodies": "objects"}
 
@@ -30,6 +28,7 @@ class Names:
     """Names of State fields: the modality's own, the display's, the finger's, those of the modality that is followed.
 
     ``sent`` is the current that was sent last: the display's, or where it holds a temperature, what was asked of it.
+    What the display does not have is empty; ``truth`` is ``true_flux`` in the State of the twin alone.
     """
 
     open: str
@@ -88,6 +87,7 @@ class Names:
     output: str
     true_flux: str
     true_skin: str
+    truth: str
     near_object: str
     below: str
     normal_force: str
@@ -101,15 +101,29 @@ class Names:
     command: str
 
     @classmethod
-    def of(cls, name: str, params: FluxControlParams, probe: str, command: str) -> Names:
-        """Return the names for a modality, its finger, and what its display's driver is told."""
-        display, heat = params.display, params.desired_from
+    def of(cls, name: str, params: FluxControlParams, probe: str, display: WorldDevice) -> Names:
+        """Return the names for a modality, its finger, and its display, of which it finds everything by its role."""
+        heat = params.desired_from
         found = {field.name: f"{name}.{field.name}" for field in fields(cls)}
-        found |= {key: f"{display}.{field}" for key, field in _DISPLAY.items()}
+        found |= {key: f"{display.name}.{key}" for key in _DEVICE}
+        found |= {key: display.read_field(role) for key, role in _READS.items()}
+        for key, role in _OBEYS.items():
+            channel = display.command(role)
+            found[key] = f"{display.name}.command.{channel.name}" if channel is not None else ""
+        truths = {key: display.truth(role) for key, role in _TRUTHS.items()}
+        found |= {key: f"{display.name}.twin.{field}" if field else "" for key, field in truths.items()}
+        found["truth"] = truths["true_flux"]
         found |= {key: f"{probe}.{key}" for key in _FINGER}
         found |= {key: f"{heat}.{field}" for key, field in _HEAT.items()}
         found["met"] = f"{probe}.object"
-        found["sent"] = f"{display}.sent.current" if command == "current" else f"{name}.asked"
-        found["out"] = f"{display}.out.current"
-        found["command"] = f"{display}.command.current"
+        drive = driven(display)
+        found["sent"] = f"{display.name}.sent.{drive}" if drive else f"{name}.asked"
+        found["out"] = f"{display.name}.out.{drive}" if drive else ""
+        found["command"] = f"{display.name}.command.{drive}" if drive else ""
         return cls(**found)
+
+
+def driven(display: WorldDevice) -> str:
+    """Return the command by which a display is told a current [A]; empty: it obeys none."""
+    channel = display.command(Role.DRIVE, "A")
+    return channel.name if channel is not None else ""

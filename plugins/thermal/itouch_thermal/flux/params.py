@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from itouch.plugin import schema
+from itouch.plugin import Role, schema
 
-#: What the display must read.
-READS = ("plate_temperature", "sink_temperature", "heat_flux")
+#: What the display must read, whatever it calls it.
+READS = (Role.SKIN_CONTACT_TEMPERATURE, Role.HEAT_SINK_TEMPERATURE, Role.HEAT_FLUX)
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class FluxControlParams:
         "model", "paper", "hold", default="model", doc="ours, the paper's, or its start temperature alone"
     )
     force_from: str = schema.ref(
-        "device", reads=("wrench",), default="", doc="what measures the force on the plate; default: who can"
+        "device", reads=(Role.CONTACT_FORCE,), default="", doc="what measures the force on the plate; default: who can"
     )
     equalise: bool = schema.flag(
         default=False, doc="whether the plate is ready after the same time for every material, so that none is told"

@@ -175,7 +175,7 @@ def _take(
 
 def _correct(model: FluxModel, law: ModelLaw, state: Record) -> None:
     """Put what current a driver of temperature reports in the place of what was asked of it."""
-    if law.delay > 0:
+    if law.delay > 0 and model.names.actual:
         slot = int(state[f"{model.name}.slots"][0])
         state[f"{model.name}.line"][slot] = state[model.names.actual].item()
 

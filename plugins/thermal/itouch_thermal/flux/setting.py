@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from itouch.plugin import ParameterError, Record, World, WorldDevice
+from itouch.plugin import ParameterError, Record, Role, World, WorldDevice
 from itouch_thermal.display.column import Array
 from itouch_thermal.display.params import DisplayParams
 from itouch_thermal.flux.condensation import dew_of, driest
 from itouch_thermal.flux.curve import Curve
 from itouch_thermal.flux.desire import curves_of, start_for_curve
 from itouch_thermal.flux.law import Coming, ModelLaw
-from itouch_thermal.flux.names import Names
+from itouch_thermal.flux.names import Names, driven
 from itouch_thermal.flux.params import FluxControlParams
 from itouch_thermal.flux.preview import SKIN_STEP, Preview, preview
 from itouch_thermal.flux.start import equation_three, outer_effusivity, within
@@ -149,8 +149,7 @@ def setting(name: str, params: FluxControlParams, world: World) -> FluxModel:
         If the display obeys nothing that is known, nothing computes the desired flux, or a curve can't be read.
     """
     device = world.devices[params.display]
-    display = device.params if isinstance(device.params, DisplayParams) else DisplayParams()
-    _check_commands(device, display)
+    display = _display(device)
     heat = _heat(params, world)
     dew = dew_of(display, world.ambient)
     band, ceiling = _limits(device, display)
@@ -161,12 +160,12 @@ def setting(name: str, params: FluxControlParams, world: World) -> FluxModel:
     if params.controller == "model":
         law, course = _model(name, display, heat, world, band, ceiling, _wire(device, display))
     starts = _starts(params, heat, display, world, curves, law, course)
-    reads = [channel.name for channel in device.reads]
+    reads = [channel.role for channel in device.reads]
     wire = law is not None and _wire(device, display)
     hold = 1 if wire else max(1, round(world.period / world.servo_period))
     return FluxModel(
         name=name,
-        names=Names.of(name, params, heat.probe, display.command),
+        names=Names.of(name, params, heat.probe, device),
         params=params,
         display=display,
         probe=heat.probe,
@@ -181,12 +180,12 @@ def setting(name: str, params: FluxControlParams, world: World) -> FluxModel:
         current=ceiling,
         ambient=world.ambient,
         skin=world.skin_temperature,
-        skin_from=f"{params.display}.skin_temperature" if "skin_temperature" in reads else "",
-        skin_valid=f"{params.display}.skin_valid" if "skin_valid" in reads else "",
+        skin_from=device.read_field(Role.SKIN_TEMPERATURE),
+        skin_valid=device.read_field(Role.SKIN_VALID),
         force_from=_force(params, world),
         truth=device.twin,
         wire=wire,
-        at=(reads.index("heat_flux"), reads.index("plate_temperature")) if wire else (0, 0),
+        at=(reads.index(Role.HEAT_FLUX), reads.index(Role.SKIN_CONTACT_TEMPERATURE)) if wire else (0, 0),
         period=world.servo_period,
         hold=hold,
         at_once=Coming(hold),
@@ -206,15 +205,22 @@ def _wire(device: WorldDevice, display: DisplayParams) -> bool:
     return device.wire and display.command == "current"
 
 
-def _check_commands(device: WorldDevice, display: DisplayParams) -> None:
-    """Check that the display obeys what its driver is told."""
-    wanted = ("current",) if display.command == "current" else ("temperature_target", "output")
-    offered = [channel.name for channel in device.commands]
-    missing = next((name for name in wanted if name not in offered), "")
-    if missing:
-        listed = ", ".join(f"'{name}'" for name in offered) or "nothing"
-        sentence = f"display = '{device.name}' obeys no '{missing}'; it obeys {listed}"
-        raise ParameterError("display", sentence)
+def _display(device: WorldDevice) -> DisplayParams:
+    """Return what is known of the display, told by current or by temperature as its commands say.
+
+    Raises
+    ------
+    ParameterError
+        If it obeys neither.
+    """
+    display = device.params if isinstance(device.params, DisplayParams) else DisplayParams()
+    if driven(device):
+        return display if display.command == "current" else replace(display, command="current")
+    if device.command(Role.TEMPERATURE_TARGET) is not None:
+        return display if display.command == "temperature" else replace(display, command="temperature")
+    listed = ", ".join(f"'{channel.name}'" for channel in device.commands) or "nothing"
+    sentence = f"display = '{device.name}' obeys no current (a drive in A) and no temperature target; it obeys {listed}"
+    raise ParameterError("display", sentence)
 
 
 def _heat(params: FluxControlParams, world: World) -> HeatParams:
@@ -240,8 +246,8 @@ def _limits(device: WorldDevice, display: DisplayParams) -> tuple[tuple[float, f
 def _force(params: FluxControlParams, world: World) -> str:
     """Return the State field of the measured force on the plate, empty if nothing measures it."""
     for device in world.devices.values():
-        if params.force_from in ("", device.name) and any(channel.name == "wrench" for channel in device.reads):
-            return f"{device.name}.wrench"
+        if params.force_from in ("", device.name) and (found := device.read_field(Role.CONTACT_FORCE)):
+            return found
     return ""
 
 

@@ -1,0 +1,249 @@
+"""The same plugins under other names: every channel and field is called something else, and nothing else changes.
+
+What acts on meaning does with these exactly what it does with the plugins as they are, and what acts on a name is found.
+Names that the framework gives, and those of devices, probes and objects in the scene, stay.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.plugin.bound import Bound
+from itouch.plugin.channel import Channel
+from itouch.plugin.device import Device, Touch, Twin
+from itouch.plugin.discovery import Catalog, Found
+from itouch.plugin.modality import ContactEvent, Modality, World
+from itouch.plugin.quantity import Quantity
+from itouch.plugin.record import Field, Record
+
+Q = TypeVar("Q", bound=Quantity)
+
+
+class Words:
+    """A random word of letters for each name, always the same one of a seed, and none for two."""
+
+    def __init__(self, seed: int) -> None:
+        self._random = random.Random(seed)
+        self._words: dict[str, str] = {}
+        self._taken: set[str] = set()
+
+    def __call__(self, name: str) -> str:
+        """Return the word for a name."""
+        while name not in self._words:
+            word = "".join(self._random.choices("abcdefghijklmnopqrstuvwxyz", k=self._random.randint(5, 11)))
+            if word not in self._taken:
+                self._taken.add(word)
+                self._words[name] = word
+        return self._words[name]
+
+    def of(self, quantities: Sequence[Q]) -> tuple[Q, ...]:
+        """Return the same quantities under their words."""
+        return tuple(replace(one, name=self(one.name)) for one in quantities)
+
+
+class Relabelled(Record):
+    """The same memory as another record; ``names`` are its own names for fields, by what they are called there."""
+
+    __slots__ = ("whole",)
+
+    def __init__(self, whole: Record, names: Mapping[str, str]) -> None:
+        table: Any = whole.dtype.fields or {}
+        kind = {
+            "names": [names.get(name, name) for name in whole],
+            "formats": [table[name][0] for name in whole],
+            "offsets": [table[name][1] for name in whole],
+            "itemsize": whole.dtype.itemsize,
+        }
+        super().__init__(np.dtype(kind) if table else np.dtype([]), whole.raw)  # type: ignore[call-overload]
+        for name, view in whole.items():  # its views, which may be written where those may
+            dict.__setitem__(self, names.get(name, name), view)
+        self.whole = whole
+
+
+class _Labels:
+    """Makes relabelled records, one for each record that comes again and again."""
+
+    def __init__(self, names: Mapping[str, str]) -> None:
+        self._names = names
+        self._made: list[Relabelled] = []
+
+    def __call__(self, whole: Record) -> Record:
+        for made in self._made:
+            if made.whole is whole:
+                return made
+        if not any(name in self._names for name in whole):
+            return whole
+        del self._made[:-7]
+        self._made.append(Relabelled(whole, self._names))
+        return self._made[-1]
+
+
+def renamed_device(cls: type[Device], words: Words) -> type[Device]:
+    """Return a device class with channels, and a twin with fields, under other names."""
+
+    class Other(cls):  # type: ignore[misc, valid-type]
+        """The same device."""
+
+        reads = words.of(cls.reads)
+        commands = words.of(cls.commands)
+        Twin = None if cls.Twin is None else _renamed_twin(cls.Twin, cls, words)
+
+        def __init__(self, params: Any) -> None:
+            super().__init__(params)
+            self._inner = _Labels({words(c.name): c.name for group in cls.channels(params) for c in group})
+
+        @classmethod
+        def channels(cls_: Any, params: Any) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
+            """Return the channels under their other names."""
+            reads, commands = cls.channels(params)
+            return words.of(reads), words.of(commands)
+
+        def read(self, reading: Record) -> bool | None:
+            """Read."""
+            found: bool | None = super().read(self._inner(reading))
+            return found
+
+        def write(self, command: Record) -> None:
+            """Write."""
+            super().write(self._inner(command))
+
+        def make_safe(self, safe: Record) -> None:
+            """Make it safe."""
+            super().make_safe(self._inner(safe))
+
+    Other.__name__ = Other.__qualname__ = cls.__name__
+    return Other
+
+
+def _renamed_twin(kind: type[Twin], cls: type[Device], words: Words) -> type[Twin]:
+    class Other(Twin):
+        """The same twin, behind other names."""
+
+        def __init__(self, params: Any) -> None:
+            super().__init__(params)
+            self.twin = kind(params)
+            self._command = _Labels({words(c.name): c.name for group in cls.channels(params) for c in group})
+            self._state: _Labels | None = None
+
+        def _own(self, state: Record) -> Record:
+            if self._state is None:
+                self._state = _Labels({words(field.name): field.name for field in self.twin.fields()})
+            return self._state(state)
+
+        def stand(self, ambient: float, skin_temperature: float | None) -> None:
+            """Learn the temperatures."""
+            self.twin.stand(ambient, skin_temperature)
+
+        def fields(self) -> tuple[Field, ...]:
+            """Return the fields under their other names."""
+            return words.of(self.twin.fields())
+
+        def reset(self, state: Record, rng: np.random.Generator) -> None:
+            """Begin."""
+            self.twin.reset(self._own(state), rng)
+
+        def position(self, state: Record) -> NDArray[np.float64] | None:
+            """Return the true position of what it carries."""
+            return self.twin.position(self._own(state))
+
+        def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+            """Advance."""
+            self.twin.step(self._own(state), self._command(command), touch, period)
+
+        def bound_step(self, state: Record, command: Record, touch: Touch, period: float) -> Bound | None:
+            """Return the step as one call."""
+            return self.twin.bound_step(self._own(state), self._command(command), touch, period)
+
+        def read(self, state: Record, reading: Record) -> bool | None:
+            """Read."""
+            return self.twin.read(self._own(state), self._command(reading))
+
+    return Other
+
+
+def renamed_modality(cls: type[Modality], words: Words, known: dict[str, str]) -> type[Modality]:
+    """Return a modality class whose fields have other names; ``known`` is filled with what they are to those inside."""
+    labels = _Labels(known)
+
+    class Other(cls):  # type: ignore[misc, valid-type]
+        """The same modality."""
+
+        def compile(self, name: str, params: Any, world: World) -> Any:
+            """Compile, and keep the name."""
+            self._named = name
+            return super().compile(name, params, world)
+
+        def fields(self, model: Any) -> tuple[Field, ...]:
+            """Return the fields under their other names."""
+            found = super().fields(model)
+            known.update({f"{self._named}.{words(f.name)}": f"{self._named}.{f.name}" for f in found})
+            return words.of(found)
+
+        def reset(self, model: Any, state: Record) -> None:
+            """Begin."""
+            super().reset(model, labels(state))
+
+        def on_contact(self, event: ContactEvent, model: Any, state: Record) -> None:
+            """Hear."""
+            super().on_contact(event, model, labels(state))
+
+        def between(self, model: Any, state: Record) -> None:
+            """Attend."""
+            super().between(model, labels(state))
+
+        def update(self, model: Any, state: Record, period: float) -> None:
+            """Advance."""
+            super().update(model, labels(state), period)
+
+        def witness(self, model: Any, state: Record, twins: Mapping[str, Record]) -> None:
+            """Take note of the truth."""
+            super().witness(model, labels(state), twins)
+
+        def bound_update(self, model: Any, state: Record, period: float) -> Bound | None:
+            """Return the update as one call."""
+            return super().bound_update(model, labels(state), period)
+
+        def measures(self, model: Any, state: Record, probe: str, object_index: int) -> Any:
+            """Measure."""
+            return super().measures(model, labels(state), probe, object_index)
+
+        def status(self, model: Any, state: Record) -> str:
+            """Tell."""
+            return super().status(model, labels(state))
+
+        def report(self, model: Any, state: Record) -> dict[str, Any]:
+            """Report."""
+            return super().report(model, labels(state))
+
+    Other.__name__ = Other.__qualname__ = cls.__name__
+    return Other
+
+
+class RenamedCatalog(Catalog):
+    """A catalog whose plugins have channels and fields of other names."""
+
+    def __init__(self, seed: int, finder: Callable[[str], dict[str, Found]] | None = None) -> None:
+        super().__init__(*(() if finder is None else (finder,)))
+        self.words = Words(seed)
+        self._known: dict[str, str] = {}
+        self._made: dict[type, type] = {}
+
+    def device(self, name: str) -> type[Device] | None:
+        """Return a device class under other names."""
+        cls = super().device(name)
+        if cls is not None and cls not in self._made:
+            self._made[cls] = renamed_device(cls, self.words)
+        return None if cls is None else self._made[cls]
+
+    def modality(self, plugin: str, local: str) -> type[Modality] | None:
+        """Return a modality class under other names."""
+        cls = super().modality(plugin, local)
+        if cls is not None and cls not in self._made:
+            self._made[cls] = renamed_modality(cls, self.words, self._known)
+        return None if cls is None else self._made[cls]
