@@ -57,7 +57,9 @@ def from_recording(name: str, data: bytes, track: str) -> Motion:
     except RecordingError as error:
         raise ParameterError("file", str(error)) from error
     poses = {key: _named_by(content.tracks[key], Role.TRACKED_POSE) for key, rows in content.rows.items() if len(rows)}
-    columns = {key: pose or (_HIP if _HIP in (content.rows[key].dtype.names or ()) else "") for key, pose in poses.items()}
+    columns = {
+        key: pose or (_HIP if _HIP in (content.rows[key].dtype.names or ()) else "") for key, pose in poses.items()
+    }
     known = sorted(key for key, column in columns.items() if column)
     if not known:
         raise ParameterError("file", f"'{name}' has recorded no pose of a device or place of a probe")

@@ -33,6 +33,10 @@ class Measured:
         ``""``: on the terminal and on the page; ``"page"``: on the page only; ``"no"``: in the report's data only.
     worst
         Under what words the summary shows the greatest of all contacts; empty: not there.
+    must
+        Of a yes or no: which of the two it must be, so that a touch counts in a study; None: either.
+    otherwise
+        What is said of a touch where it is the other.
     """
 
     key: str
@@ -44,6 +48,8 @@ class Measured:
     percent: bool = False
     show: str = ""
     worst: str = ""
+    must: bool | None = None
+    otherwise: str = ""
 
     def __post_init__(self) -> None:
         if not self.key or not self.unit or not self.doc.strip():
@@ -53,6 +59,12 @@ class Measured:
             )
         if self.show not in ("", "page", "no"):
             raise ValueError(f"measured '{self.key}': show is '', 'page' or 'no', not '{self.show}'")
+        if (self.must is None) != (not self.otherwise):
+            raise ValueError(f"measured '{self.key}': must says what it has to be, otherwise what is said if it is not")
+
+    def broken(self, value: object) -> bool:
+        """Tell whether a figure is known, and is not what it must be."""
+        return self.must is not None and value is not None and bool(value) is not self.must
 
     @property
     def scale(self) -> float:

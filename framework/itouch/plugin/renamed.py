@@ -1,12 +1,13 @@
 """The same plugins under other names: every channel and field is called something else, and nothing else changes.
 
-What acts on meaning does with these exactly what it does with the plugins as they are, and what acts on a name is found.
+What acts on meaning does with these exactly what it does with the plugins as they are; what acts on a name is found.
 Names that the framework gives, and those of devices, probes and objects in the scene, stay.
 """
 
 from __future__ import annotations
 
 import random
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
@@ -41,6 +42,11 @@ class Words:
                 self._taken.add(word)
                 self._words[name] = word
         return self._words[name]
+
+    def back(self, text: str) -> str:
+        """Return a text with every word put back to the name that it stands for."""
+        names = {word: name for name, word in self._words.items()}
+        return re.sub(r"[a-z]+", lambda found: names.get(found[0], found[0]), text)
 
     def of(self, quantities: Sequence[Q]) -> tuple[Q, ...]:
         """Return the same quantities under their words."""
@@ -84,24 +90,24 @@ class _Labels:
         return self._made[-1]
 
 
-def renamed_device(cls: type[Device], words: Words) -> type[Device]:
+def renamed_device(kind: type[Device], words: Words) -> type[Device]:
     """Return a device class with channels, and a twin with fields, under other names."""
 
-    class Other(cls):  # type: ignore[misc, valid-type]
+    class Other(kind):  # type: ignore[misc, valid-type]
         """The same device."""
 
-        reads = words.of(cls.reads)
-        commands = words.of(cls.commands)
-        Twin = None if cls.Twin is None else _renamed_twin(cls.Twin, cls, words)
+        reads = words.of(kind.reads)
+        commands = words.of(kind.commands)
+        Twin = None if kind.Twin is None else _renamed_twin(kind.Twin, kind, words)
 
         def __init__(self, params: Any) -> None:
             super().__init__(params)
-            self._inner = _Labels({words(c.name): c.name for group in cls.channels(params) for c in group})
+            self._inner = _Labels({words(c.name): c.name for group in kind.channels(params) for c in group})
 
         @classmethod
-        def channels(cls_: Any, params: Any) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
+        def channels(cls, params: Any) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
             """Return the channels under their other names."""
-            reads, commands = cls.channels(params)
+            reads, commands = kind.channels(params)
             return words.of(reads), words.of(commands)
 
         def read(self, reading: Record) -> bool | None:
@@ -117,7 +123,7 @@ def renamed_device(cls: type[Device], words: Words) -> type[Device]:
             """Make it safe."""
             super().make_safe(self._inner(safe))
 
-    Other.__name__ = Other.__qualname__ = cls.__name__
+    _pass_for(Other, kind)
     return Other
 
 
@@ -207,7 +213,8 @@ def renamed_modality(cls: type[Modality], words: Words, known: dict[str, str]) -
 
         def bound_update(self, model: Any, state: Record, period: float) -> Bound | None:
             """Return the update as one call."""
-            return super().bound_update(model, labels(state), period)
+            found: Bound | None = super().bound_update(model, labels(state), period)
+            return found
 
         def measures(self, model: Any, state: Record, probe: str, object_index: int) -> Any:
             """Measure."""
@@ -215,14 +222,22 @@ def renamed_modality(cls: type[Modality], words: Words, known: dict[str, str]) -
 
         def status(self, model: Any, state: Record) -> str:
             """Tell."""
-            return super().status(model, labels(state))
+            found: str = super().status(model, labels(state))
+            return found
 
         def report(self, model: Any, state: Record) -> dict[str, Any]:
             """Report."""
-            return super().report(model, labels(state))
+            found: dict[str, Any] = super().report(model, labels(state))
+            return found
 
-    Other.__name__ = Other.__qualname__ = cls.__name__
+    _pass_for(Other, cls)
     return Other
+
+
+def _pass_for(other: type, cls: type) -> None:
+    """Give a class the name, the place and the sentence of another one."""
+    other.__name__, other.__qualname__ = cls.__name__, cls.__qualname__
+    other.__module__, other.__doc__ = cls.__module__, cls.__doc__
 
 
 class RenamedCatalog(Catalog):

@@ -56,6 +56,10 @@ class Role(enum.Enum):
     #: Switches the output of a device on or off; what it delivers is another command's.
     OUTPUT_SWITCH = "output switch"
 
+    # --- State of modalities ------------------------------------------------------------------------------------
+    #: 1 while a display is ready for the touch that comes next; a study waits for it.
+    READY = "ready for a touch"
+
 
 #: Commands that can hurt by themselves, and may not be called harmless by anybody.
 NEVER_HARMLESS = frozenset({Role.TEMPERATURE_TARGET, Role.ELECTRODE, Role.ULTRASOUND})

@@ -7,14 +7,14 @@ study that was stopped goes on with the same touches, on any number of processes
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from itouch.loop import DeviceFaultError
-from itouch.plugin import Role
+from itouch.plugin import Measured, Role
 from itouch.plugin.discovery import Catalog
 from itouch.scene.edits import Edit
 from itouch.scene.source import Attribute
@@ -24,7 +24,7 @@ from itouch.study.elements import Touching
 from itouch.study.machine import Machine, Phase, Rules, Sensed
 from itouch.study.observers import DEPTH, Felt
 from itouch.study.reading import StudyFile
-from itouch.world import Model
+from itouch.world import Model, declared
 
 #: Thermal diffusivity of skin [m2/s]: 0.37 W/mK over an effusivity of 1167 W s^.5/m2K, squared.
 DIFFUSIVITY = 1.005e-7
@@ -38,11 +38,15 @@ class TouchError(ItouchError):
 
 @dataclass(frozen=True, slots=True)
 class Presented:
-    """A touch that was made: what was felt, the report's entry of it, and why it does not count (empty: it does)."""
+    """A touch that was made: what was felt, the report's entry of it, and why it does not count (empty: it does).
+
+    ``kept`` are the keys of that entry which say how well it was rendered.
+    """
 
     felt: Felt
     figures: Mapping[str, Any]
     void: str
+    kept: tuple[str, ...] = ("peak_force_N",)
 
 
 def deep_temperature(skin: np.ndarray[Any, np.dtype[np.float64]], period: float, depth: float = DEPTH) -> Any:
@@ -118,8 +122,8 @@ class Feeling:
         """Note what the twin's finger feels from now on."""
         state, probe = session.state, session.model.probes[0].name
         self._current = state[f"{probe}.contact.object"]
-        names = session.state.dtype.names or ()
-        self._ready = next((name for name in names if name.endswith(".plate_ready")), "")
+        fields = declared(self._model).values()
+        self._ready = next((field.name for field in fields if field.role is Role.READY), "")
         if self._truth is None:
             return
         flux, skin = (state[name] for name in self._truth)
@@ -143,9 +147,9 @@ class Feeling:
     def presented(self, session: Session, void: str) -> Presented:
         """Return the touch that has ended, and why it does not count."""
         report = session.report()
-        return _presented(
-            self._samples, self.index, report, self._rules, self._every * session.model.period, void
-        )  # fmt: skip
+        measured = [one for modality in session.model.modalities for one in modality.instance.measured]
+        period = self._every * session.model.period
+        return _presented(self._samples, self.index, report, self._rules, measured, period, void)
 
 
 def _measured_skin(model: Model) -> tuple[str, str] | None:
@@ -166,7 +170,7 @@ def figures(touch: Presented) -> dict[str, Any]:
         "skin_begin_degC": round(float(felt.skin[0]) - 273.15, 6) if len(felt.skin) else None,
         "skin_drop_K": round(float(felt.skin[0] - felt.skin[-1]), 6) if len(felt.skin) else entry.get("skin_drop_K"),
     }
-    for name in ("peak_force_N", "flux_error_rms", "plate_ready", "plate_limited"):
+    for name in touch.kept:
         if name in entry:
             kept[name] = entry[name]
     return kept
@@ -192,34 +196,35 @@ def felt_by(model: Model) -> tuple[str, str]:
 
 
 def _presented(
-    samples: list[tuple[int, float, float]], index: int, report: dict[str, Any], rules: Touching, period: float,
-    fault: str,
+    samples: list[tuple[int, float, float]], index: int, report: dict[str, Any], rules: Touching,
+    measured: Sequence[Measured], period: float, fault: str,
 ) -> Presented:  # fmt: skip
     touched = [k for k, (current, _, _) in enumerate(samples) if current == index]
     entries = [entry for entry in report["contacts"] if entry["object"] == rules.object_]
     nothing = Felt(np.zeros(0), np.zeros(0), np.zeros(0), period)
     if not entries or (samples and not touched):
         return Presented(nothing, {}, fault or "nothing was touched")
+    kept = ("peak_force_N", *(one.key for one in measured if one.percent or one.must is not None))
     if not samples:  # nothing says what was truly felt: the report's figures stand for it
-        return Presented(nothing, entries[0], fault or _broken(entries[0], rules))
+        return Presented(nothing, entries[0], fault or _broken(entries[0], rules, measured), kept)
     first, last = touched[0], touched[-1]
     flux = np.array([s[1] for s in samples[first : last + 1]])
     skin = np.array([s[2] for s in samples[max(0, first - 1) : last + 1]])[: len(flux)]
     entry = entries[0]
-    return Presented(Felt(flux, skin, deep_temperature(skin, period), period), entry, fault or _broken(entry, rules))
+    felt = Felt(flux, skin, deep_temperature(skin, period), period)
+    return Presented(felt, entry, fault or _broken(entry, rules, measured), kept)
 
 
-def _broken(entry: Mapping[str, Any], rules: Touching) -> str:
+def _broken(entry: Mapping[str, Any], rules: Touching, measured: Sequence[Measured]) -> str:
     """Say which rule a touch broke; empty: none."""
     end = entry["end_s"]
     if end is None or end - entry["begin_s"] < rules.duration:
         return "released early"
     if rules.force is not None and abs(entry["peak_force_N"] - rules.force) > rules.tolerance:
         return f"force {entry['peak_force_N']:.2f} N was out of the window"
-    if entry.get("plate_ready") is False:
-        return "the plate was not ready"
-    if entry.get("plate_limited"):
-        return "the plate was limited"
+    for one in measured:
+        if one.broken(entry.get(one.key)):
+            return one.otherwise
     error = entry.get("flux_error_rms")
     if error is not None and error > rules.flux_error:
         return f"flux error {100.0 * error:.0f} %"

@@ -68,7 +68,9 @@ class HeatParams:
     )
     arterial: float = schema.temperature(low=283.15, high=315.15, default=310.15, doc="of the blood, and of the core")
     object_depth: float = schema.quantity("m", low=1e-4, high=1.0, default=0.02, doc="depth of the virtual objects")
-    skin_from: str = schema.ref("device", reads=(Role.SKIN_TEMPERATURE,), default="", doc="device that measures the skin")
+    skin_from: str = schema.ref(
+        "device", reads=(Role.SKIN_TEMPERATURE,), default="", doc="device that measures the skin"
+    )
     press: float = schema.quantity(
         "s", low=0.0, high=10.0, default=0.0, doc="time constant with which R / (1 - exp(-t / press)) falls; 0: at once"
     )

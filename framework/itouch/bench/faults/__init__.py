@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import argparse
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import fields
 from pathlib import Path
 
 from itouch.bench.faults.campaign import campaign
 from itouch.bench.faults.matrix import KINDS, Cell, pairs, run_cell, single
 from itouch.bench.faults.phases import PHASES, phases, prepared
+from itouch.plugin.discovery import Catalog
+from itouch.plugin.renamed import RenamedCatalog, Words
 
-__all__ = ["KINDS", "PHASES", "Cell", "main", "pairs", "phases", "prepared", "run_cell", "single"]
+__all__ = ["KINDS", "PHASES", "Cell", "differing", "main", "pairs", "phases", "prepared", "run_cell", "single"]
 
 
 def main(argv: Sequence[str]) -> int:
@@ -32,14 +35,22 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--all", action="store_true", help="print every cell, not only the sums and what is wrong")
     parser.add_argument("--random", type=int, metavar="N", help="so many random rigs instead, with random names")
     parser.add_argument("--seed", type=int, default=0, help="of the random rigs")
+    parser.add_argument(
+        "--renamed",
+        type=int,
+        metavar="SEED",
+        help="run every cell again with random words for the names of all channels and fields, and compare",
+    )
     options = parser.parse_args(argv)
     if options.random is not None:
         return 1 if campaign(options.random, options.seed) else 0
     if options.exchange is not None:
         return _exchanged(options)
-    session = prepared(options.scene or shipped_scene(), slots=2 if options.pairs else 1)
-    stored = phases(session)
-    cells = pairs(session, "contact", stored["contact"]) if options.pairs else single(session, stored)
+    scene = options.scene or shipped_scene()
+    cells = _cells(scene, None, paired=options.pairs)
+    if options.renamed is not None:
+        other = RenamedCatalog(options.renamed)
+        return _compare(cells, _cells(scene, other, paired=options.pairs), other.words)
     return _tell(cells, every=options.all)
 
 
@@ -58,6 +69,34 @@ def _exchanged(options: argparse.Namespace) -> int:
         pair.close()
     print(f"heat was checked {pair.checks / pair.watched:.0f} times a second")
     return wrong
+
+
+def _cells(scene: Path | str, catalog: Catalog | None, *, paired: bool) -> Iterator[Cell]:
+    session = prepared(scene, slots=2 if paired else 1, catalog=catalog)
+    stored = phases(session)
+    yield from pairs(session, "contact", stored["contact"]) if paired else single(session, stored)
+
+
+def differing(one: Cell, other: Cell, words: Words) -> list[str]:
+    """Return in what a cell and the same one under other names differ; names in sentences are put back."""
+    said = words.back(other.cause).replace("_", " ") == one.cause.replace("_", " ")
+    apart = [part.name for part in fields(Cell) if getattr(one, part.name) != getattr(other, part.name)]
+    return [name for name in apart if name != "cause" or not said]
+
+
+def _compare(cells: Iterable[Cell], others: Iterable[Cell], words: Words) -> int:
+    """Print every cell that is another one under other names, and how many there are."""
+    count = wrong = 0
+    for one, other in zip(cells, others, strict=True):
+        count += 1
+        if apart := differing(one, other, words):
+            wrong += 1
+            print(
+                f"{_row(one)}\n{_row(other)}\n  differs in {', '.join(apart)}: {one.cause!r}, {other.cause!r}",
+                flush=True,
+            )
+    print(f"{count} cells under random names, {wrong} with another result")
+    return 1 if wrong else 0
 
 
 def shipped_scene() -> Path:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
 from itouch.scene.elements import Fault
 from itouch.session import Session, build, load_scene
@@ -19,12 +20,14 @@ BEFORE, INTO, UNTIL = 0.25, 1.5, 0.15
 _STEP = 10
 
 
-def prepared(scene: str | os.PathLike[str] | Scene, *, slots: int = 1, seed: int = 0) -> Session:
+def prepared(
+    scene: str | os.PathLike[str] | Scene, *, slots: int = 1, seed: int = 0, catalog: Catalog | None = None
+) -> Session:
     """Build a session whose every device has slots for injected faults, none of which ever begins by itself."""
-    scene = scene if isinstance(scene, Scene) else load_scene(scene)
+    scene = scene if isinstance(scene, Scene) else load_scene(scene, catalog=catalog)
     late = 1e6
     faults = tuple(Fault(device=d.name, kind="freeze", at=late) for d in scene.devices for _ in range(slots))
-    return build(dataclasses.replace(scene, faults=faults), seed=seed)
+    return build(dataclasses.replace(scene, faults=faults), seed=seed, catalog=catalog)
 
 
 def phases(session: Session) -> dict[str, bytes]:

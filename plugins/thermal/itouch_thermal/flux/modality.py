@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from itouch.plugin import Bound, Contact, ContactEvent, Field, Modality, Record, World
+from itouch.plugin import Bound, Contact, ContactEvent, Field, Modality, Record, Role, World
 from itouch_thermal.flux import account, approach, command, condensation, joined, predictive, published, telling
 from itouch_thermal.flux.params import FluxControlParams
 from itouch_thermal.flux.setting import FluxModel, setting
@@ -46,7 +46,7 @@ class FluxControl(Modality):
                 unit="1",
                 doc="1 when the plate is at the start temperature within 0.1 K, falls to 0 at 0.2 K",
             ),
-            Field("plate_ready", "i8", unit="1", doc="1 when `readiness` is"),
+            Field("plate_ready", "i8", unit="1", doc="1 when `readiness` is", role=Role.READY),
             Field(
                 "start_temperature", unit="K", doc="where the plate goes before the touch of the near object", show="no"
             ),
