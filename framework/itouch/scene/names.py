@@ -12,6 +12,8 @@ from itouch.scene.source import Node
 from itouch.schema.diagnostics import Place, Problem, did_you_mean
 
 _KINDS = {"material": "material", "device": "device", "probe": "probe"}
+#: Names before the dot under which State and recordings hold what belongs to no single element.
+KEPT = frozenset({"objects", "events", "marks", "session"})
 _HINT = "names are unique over objects, devices, probes and modalities"
 
 
@@ -57,7 +59,12 @@ class Names:
         """Find names given twice and, if all files could be read (``whole``), references to nothing."""
         materials = [entry for entry in self.defined if entry.kind == "material"]
         yield from _duplicates(materials)
-        yield from _duplicates([entry for entry in self.defined if entry.kind != "material"])
+        owners = [entry for entry in self.defined if entry.kind != "material"]
+        yield from _duplicates(owners)
+        for entry in owners:
+            if entry.name in KEPT:
+                sentence = f"{entry.kind} '{entry.name}' has a name under which every session keeps State of its own"
+                yield Problem("duplicate-name", sentence, entry.place, "give it another name")
         if not whole:
             return
         known: dict[str, dict[str, None]] = {}

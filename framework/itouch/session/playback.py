@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from itouch.plugin import Device, DeviceError, Record, Touch, Twin
 from itouch.plugin.stamps import Stamped
 from itouch.recording import Recording
+from itouch.session.rows import in_track
 
 if TYPE_CHECKING:
     from itouch.session.engine import Session
@@ -89,7 +90,7 @@ class Feed:
     def __init__(self, recording: Recording, session: Session) -> None:
         self._tables = {name: recording[name] for name, t in recording.tracks.items() if t.replay}
         self._readings = {
-            name: [c.name for c in device.reads if c.name in (self._tables[name].dtype.names or ())]
+            name: [c.name for c in device.reads if in_track(c.name) in (self._tables[name].dtype.names or ())]
             for name, device in session.model.devices.items()
             if name in self._tables
         }
@@ -126,8 +127,9 @@ class Feed:
             return False
         changed = bool(table["sequence"][at] != self._sequences[device])
         for name in self._readings[device]:
-            changed = changed or not np.array_equal(reading[name], table[name][at], equal_nan=True)
-            reading[name][...] = table[name][at]
+            found = table[in_track(name)][at]
+            changed = changed or not np.array_equal(reading[name], found, equal_nan=True)
+            reading[name][...] = found
         return changed
 
     def uncounted(self, device: str) -> bool:

@@ -33,7 +33,7 @@ def replay_tracks(model: Model, state: Record) -> list[Track]:
         names += [field for field in _STATUS if f"{name}.{field}" in state]
         if device.wire:  # else a reading is of the tick in which it came, and a command leaves in which it is sent
             names += ["measured", "left", *(f"out.{c.name}" for c in device.commands)]
-        tracks.append(Track(name, 1, True, tuple(_column(state, known, f"{name}.{n}", n) for n in names)))
+        tracks.append(Track(name, 1, True, tuple(_column(state, known, f"{name}.{n}", in_track(n)) for n in names)))
     for probe in model.probes:
         columns = tuple(_column(state, known, f"{probe.name}.{n}", n) for n in _PROBE)
         tracks.append(Track(probe.name, 1, True, columns))
@@ -58,12 +58,16 @@ def chosen_tracks(model: Model, state: Record, wishes: Iterable[Wish]) -> list[T
                 raise ValueError(f"no channel is named '{pattern}'")
             for name in names:
                 owner, _, short = name.partition(".") if "." in name else ("session", "", name)
-                short += "_" if short in ("tick", "time") else ""  # every track has columns of these names
-                found.setdefault((owner, every), {})[name] = _column(state, known, name, short)
+                found.setdefault((owner, every), {})[name] = _column(state, known, name, in_track(short))
     return [
         Track(_track_name(owner, every, model.period), every, False, tuple(columns.values()))
         for (owner, every), columns in found.items()
     ]
+
+
+def in_track(name: str) -> str:
+    """Return what a field is called in a track, which has columns `tick` and `time` of its own."""
+    return f"{name}_" if name in ("tick", "time") else name
 
 
 def _track_name(owner: str, every: int, period: float) -> str:

@@ -20,9 +20,11 @@ from itouch.world.failing import failing
 from itouch.world.files import SceneFiles
 from itouch.world.injection import injections
 from itouch.world.limits import DeviceLimits, resolve
-from itouch.world.supervision import monitors_of, supervision_problems, watched
+from itouch.world.supervision import monitors_of, supervision, supervision_problems, watched
 
 Vector = tuple[float, float, float]
+#: What State has of a device beside channels and supervision: when readings were measured, and when commands left.
+STAMPS = frozenset({"measured", "left"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,6 +155,10 @@ def _build(
             )
             problems.append(Problem("plugin-failed", sentence, place, "tell the plugin's author"))
             return None
+    if clash := _clash(reads):
+        sentence = f"device '{element.name}': plugin '{element.plugin}' {clash}"
+        problems.append(Problem("plugin-failed", sentence, place, "its author must call that channel otherwise"))
+        return None
     limits, found = resolve(scene, element, reads, commands)
     problems += found
     if not element.twin and cls.twin_only:
@@ -175,6 +181,17 @@ def _build(
         element.twin == "remote", injections(scene, element, (*reads, *commands), problems), bound,
         monitors,
     )  # fmt: skip
+
+
+def _clash(reads: tuple[Channel, ...]) -> str:
+    """Say which reading has the name of another one, or of what State keeps of every device; empty: none."""
+    kept = {field.name for field in supervision(())} | STAMPS
+    for index, channel in enumerate(reads):
+        if channel.name in kept:
+            return f"calls a reading '{channel.name}', as State calls what it keeps of every device"
+        if any(channel.name == other.name for other in reads[:index]):
+            return f"has two readings named '{channel.name}'"
+    return ""
 
 
 def _monitors(
