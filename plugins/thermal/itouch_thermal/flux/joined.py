@@ -22,7 +22,8 @@ def joins(model: FluxModel, state: Record) -> bool:
     """Tell whether ticks of a scene can join: the model at every tick, a current without a wire, and what is true."""
     known = model.law is not None and model.preview is not None and bool(model.heat)
     plain = not model.wire and model.hold == 1 and model.display.command == "current"
-    return known and plain and model.truth and model.names.true_flux in state
+    names = model.names
+    return known and plain and model.truth and names.true_flux in state and names.true_skin in state
 
 
 def bounds(model: FluxModel, law: ModelLaw, course: Preview, state: Record) -> tuple[Bound, ...]:
