@@ -41,6 +41,7 @@ MEANT = {
     "scene/loader.py": "an attribute", "scene/rigs.py": "a kind of attribute", "viewer/scales.py": "titles of units",
     "world/limits.py": "limits", "world/limitcheck.py": "limits", "world/limitwords.py": "limits",
     "world/swapped.py": "limits", "recording/tracks.py": "recordings of before",
+    "recording/views.py": "keys of a viewer's schema",
 }  # fmt: skip
 
 
