@@ -41,7 +41,8 @@ MEANT = {
     "scene/loader.py": "an attribute", "scene/rigs.py": "a kind of attribute", "viewer/scales.py": "titles of units",
     "world/limits.py": "limits", "world/limitcheck.py": "limits", "world/limitwords.py": "limits",
     "world/swapped.py": "limits", "recording/tracks.py": "recordings of before",
-    "recording/views.py": "keys of a viewer's schema",
+    "world/sense.py": "an attribute of a scene",
+    "recording/views.py": "keys of a viewer's schema", "recording/wellknown.py": "keys of a viewer's schema",
 }  # fmt: skip
 
 
@@ -66,7 +67,7 @@ def _last(node: ast.expr) -> str:
 
 
 #: Words of every day, by which plugins call a field too.
-PLAIN = {"targets", "reached", "finger", "objects", "open", "line", "memory", "passed", "tracked", "beside"}
+PLAIN = {"targets", "reached", "finger", "objects", "open", "line", "memory", "passed", "tracked", "beside", "driver"}
 #: What the framework declares itself, and may look for; what others declare, and it may not.
 ITS_OWN = declared(FRAMEWORK)
 OTHERS = NAMES | (declared(PLUGINS) - PLAIN - {part for name in ITS_OWN for part in (name, name.rpartition(".")[2])})
