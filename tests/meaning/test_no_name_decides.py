@@ -41,7 +41,9 @@ MEANT = {
     "scene/loader.py": "an attribute", "scene/rigs.py": "a kind of attribute", "viewer/scales.py": "titles of units",
     "world/limits.py": "limits", "world/limitcheck.py": "limits", "world/limitwords.py": "limits",
     "world/swapped.py": "limits", "recording/tracks.py": "recordings of before",
-    "world/sense.py": "an attribute of a scene",
+    "world/sense.py": "an attribute of a scene", "study/exports.py": "columns of a study's own tables",
+    "sweeps/collecting.py": "a kind of figure", "sweeps/elements.py": "a kind of figure",
+    "sweeps/pages.py": "words of a page",
     "recording/views.py": "keys of a viewer's schema", "recording/wellknown.py": "keys of a viewer's schema",
 }  # fmt: skip
 
