@@ -124,6 +124,8 @@ def _check(options: argparse.Namespace) -> int:
         counts[repr(trial.condition)] += 1
     if len(set(counts.values())) > 1:
         print("  unbalanced: " + ", ".join(f"{count} x {name}" for name, count in counts.items()))
+    if file.study.blind is not None and file.study.blind.noise:
+        print("  masking noise is yours to play, from the approach to the release: this program plays none")
     if options.participant:
         for trial in planned:
             words = " | ".join(", ".join(each.values()) or trial.staircase for each in trial.shown)

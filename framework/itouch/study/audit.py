@@ -202,8 +202,7 @@ def _features(file: StudyFile, room: Room, condition: Mapping[str, str], reactio
             machine.judged("")  # what would make it void is the contact's heat and force
     speed, acceleration, current = ear.told()
     timing = [lasted[phase] for phase in (Phase.SKIN, Phase.APPROACH, Phase.GO, Phase.PAUSE)]
-    masked = file.study.blind is not None and file.study.blind.noise
-    sound = [0.0, 0.0] if masked else [_coarse(acceleration), _coarse(current)]
+    sound = [_coarse(acceleration), _coarse(current)]  # masking noise is the laboratory's: it does not count here
     return [*(round(each, 6) for each in timing), _coarse(speed), *sound, float(faces), float(bool(machine.void))]
 
 
