@@ -73,6 +73,10 @@ class Face(Protocol):
         """What was said last."""
 
 
+#: How one goes on from the instructions.
+GO_ON = "Enter: go on"
+
+
 @dataclass(frozen=True, slots=True)
 class Look:
     """Colours of a screen."""
@@ -250,6 +254,7 @@ class Board:
             tint = self.look.ink if not heading else self.look.good[:3]
             self._text.put(line, 0.06 * frame.width, y, tint, size=size * (1.15 if heading else 1.0))
             y -= step
+        self._text.put(GO_ON, 0.06 * frame.width, 0.1 * frame.height, self.look.quiet, size=self._points(frame, 0.04))
 
     def _laid(self, page: Sequence[str], size: float, room: float) -> list[tuple[str, bool]]:
         found: list[tuple[str, bool]] = []

@@ -96,7 +96,10 @@ class AskingWindow(pyglet.window.Window):
             self._typed += text
 
     def on_mouse_press(self, x: int, y: int, button: int, modifiers: int) -> None:
-        """Choose what is under the mouse."""
+        """Choose what is under the mouse, or go on from the instructions."""
+        if self.page:
+            self.page, self._face = (), None
+            return
         ratio = self.get_pixel_ratio()
         index = self.board.hit(x * ratio, y * ratio)
         if index is not None and index < len(self._choices):
