@@ -16,7 +16,7 @@ import sys
 sys.path.insert(0, {here!r})
 import mutation
 mutation.prepare()
-path = mutation.TREE / "framework/itouch/safety/guard.py"
+path = mutation.TREE / "framework/itouch/safety/limiting.py"
 as_it_is = path.read_text(encoding="utf-8")
 tests = ["tests/safety/test_guard.py"]
 assert as_it_is.count({old!r}) >= 1
@@ -27,7 +27,9 @@ print(mutation.survives(control, tests, 100.0), mutation.survives(changed, tests
 
 
 def test_a_guard_that_clamps_the_wrong_way_is_noticed() -> None:
-    code = BY_HAND.format(here=str(HERE), old="min(max(", new="max(min(")
+    code = BY_HAND.format(
+        here=str(HERE), old="kept = min(max(values[i], low), high)", new="kept = max(min(values[i], low), high)"
+    )
     words = [sys.executable, "-c", code]
     done = subprocess.run(words, cwd=REPOSITORY, capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["True", "False"]

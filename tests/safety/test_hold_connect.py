@@ -130,3 +130,12 @@ def test_the_loss_of_an_optional_device_while_it_connects_is_told_by_connect() -
     assert connect(devices, 0) == {"one": "failed: the plug is out"}
     assert told == []
     assert devices[0].on_loss is not None
+
+
+def test_hardware_is_not_opened_where_no_guardian_can_watch(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("itouch.platforms.SERVO_PROCESS", False)
+    _, devices = supervised(("one", ARM), ("two", ARM), twin=False)
+    found = connect(devices, 0)
+    assert set(found) == {"one", "two"} and "hardware needs Linux" in found["one"]
+    assert isinstance(devices[0].device, Fake)
+    assert devices[0].device.calls == []

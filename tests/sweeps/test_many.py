@@ -34,7 +34,7 @@ def test_memory_does_not_grow_with_the_runs(tmp_path: Path) -> None:
     few, more = peak(many(tmp_path / "a", 100), tmp_path / "few"), peak(many(tmp_path / "b", 500), tmp_path / "more")
     found = table(tmp_path / "more")
     assert found.num_rows == len(set(found["digest"].to_pylist())) == 2000
-    assert more < 1.5 * few + 2**19
+    assert (more - few) / 1600 < 2048.0  # bytes a run: what is kept of each is its digest and where its row stands
 
 
 @pytest.mark.long

@@ -149,7 +149,7 @@ def test_pilots_tell_runs_time_size_and_keys_that_nobody_has(tmp_path: Path) -> 
     found = estimate(load_sweep(written(tmp_path / "a", inside), Catalog()), Catalog(), 2)
     assert (found.runs, found.structures) == (8, 4)
     assert dict(found.statuses) == {"done": 2}
-    assert found.seconds > 8 * found.run_s > 0.0
+    assert found.seconds >= 8 * found.run_s > 0.0
     assert 32 < found.row_bytes < 2000
     assert [problem.advice for problem in found.problems] == ["did you mean 'peak_force_N'?"]
 

@@ -163,7 +163,7 @@ def modality(model: Model, one: ModalityModel, state: Record, around: Fence) -> 
     commands = tuple(".command.".join(command.split(".", 1)) for command in one.commands)
     own, reads = (f"{one.name}.*", *commands), one.instance.reads(compiled)
     bound: Bound | tuple[Bound, ...] | None = None
-    if (every == 1 or not one.attends) and is_newest(type(one.instance), "bound_update", "update"):
+    if (every == 1 or not one.attends) and _joins(one):
         with failing(f"modality '{one.name}'", "bound_update", model.place_of(one.name)):
             bound = one.instance.bound_update(compiled, state, period)
     calls = (bound,) if isinstance(bound, Bound) else bound or ()
@@ -173,6 +173,13 @@ def modality(model: Model, one: ModalityModel, state: Record, around: Fence) -> 
             joinable(one.name, bounds, reads, own, lambda code, tick, ready: run(tick, ready)), every=every
         )  # fmt: skip
     return Step(one.name, run, reads, own, 1 if one.attends else every)
+
+
+def _joins(one: ModalityModel) -> bool:
+    """Tell whether the compiled update is what would run: neither an heir nor this one instance has another."""
+    return "update" not in getattr(one.instance, "__dict__", {}) and is_newest(
+        type(one.instance), "bound_update", "update"
+    )
 
 
 def fence(model: Model, around: Fence) -> Step:

@@ -66,11 +66,11 @@ class Toucher:
         """Collect the views that the compiled tick works on."""
         nothing = np.zeros(7)
         load, tick = table.read_as(Role.CONTACT_FORCE) if table is not None else nothing, state["tick"]
-        self._follows = (self._constants, tracker.read_as(Role.TRACKED_POSE), self.figures, self._afresh, tick)
         world, mesh, poses = model.geometry.world, model.geometry.mesh, state["objects.pose"]
         self._poses, self._twists, self._moving = poses, state["objects.twist"], bool(model.moving)
         stiffness = np.array([coupling.stiffness for coupling in probe.coupling], np.float64)
-        found = [Bound(carrying.follow, *self._follows)]
+        pose = tracker.read_as(Role.TRACKED_POSE)
+        found = [Bound(carrying.follow, self._constants, pose, self.figures, self._afresh, tick)]
         steps = Bound(
             step, world, mesh, poses, state["objects.twist"], stiffness, self.figures[:3], probe.scene.radius,
             probe.scene.near, self.memory, self.result,
@@ -117,7 +117,7 @@ class Toucher:
     def restart(self) -> None:
         """Forget how the tracker moved before: it stands where it reads now."""
         self._afresh[0] = 1
-        carrying.follow(*self._follows)
+        self.finds[0].run()
         self.figures[render.VELOCITY : render.VELOCITY + 3] = 0.0
 
     def place(self, which: int, frame: Frame) -> None:

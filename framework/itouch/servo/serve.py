@@ -160,7 +160,8 @@ class Servo:
             self._rest()
         if self.words[at.STOP]:
             return
-        if self._hardware():  # opening and homing may take long; twins, or a restored session of twins, need none of it
+        # opening and homing may take long, and remote twins may be lost; twins here, also restored, need none of it
+        if self._hardware() or self.remotes.addresses:
             self._enable()
         self.outbox.tell("ready", ready)
 

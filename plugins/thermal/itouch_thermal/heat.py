@@ -240,9 +240,9 @@ class Heat(Modality):
         """Bring the model finger to the measured skin temperature."""
         ring, count = state[f"{model.name}.skin_ring"], int(state[f"{model.name}.skin_count"])
         finger, change = state[f"{model.name}.finger"], 0.0
+        now = model.live.surface_temperature(model.finger, finger)  # asked always, so that no tick compiles it
         if count:
-            measured = float(ring[: min(count, len(ring))].mean())
-            change = measured - model.live.surface_temperature(model.finger, finger)
+            change = float(ring[: min(count, len(ring))].mean()) - now
         model.live.shift_surface(model.finger, finger, change)
         state[f"{model.name}.skin_count"] = 0
 

@@ -42,6 +42,7 @@ class Truth:
         self._surfaces = [place for one in surfaces if (place := one.true_position()) is not None]
         probe = self.session.model.probes[0].name
         self._views["press"], self._views["finger"] = state[f"{probe}.plate_force"], state[f"{probe}.hand.velocity"]
+        self.clear()
 
     def clear(self) -> None:
         """Begin a cell."""
