@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ Floats = NDArray[np.float64]
 
 RADIUS = 8.0  # of the finger [mm]
 PAD, PAD_DAMPING = 1e3, 2.0  # of the operator twin's pad [N/m], [N s/m]
+PLATE_FORCE = 2.0  # above which a plate yields (K4) [N]
 
 _SCENE = """<?xml version="1.0" encoding="utf-8"?>
 <itouch version="1.0" xmlns:thermal="urn:itouch:plugin:thermal" xmlns:xyz-table="urn:itouch:plugin:xyz-table"
@@ -124,7 +126,7 @@ class Course:
     touching: NDArray[np.bool_]
     plate: NDArray[np.bool_]
     renders: NDArray[np.bool_]
-    drop: Floats
+    settled: NDArray[np.bool_]
     share: Floats
     virtual: Floats
     normal: Floats
@@ -134,6 +136,7 @@ class Course:
     flux: Floats
     skin: Floats
     report: dict[str, Any]
+    force: float  # what the scene allows [N]
 
     @property
     def total(self) -> Floats:
@@ -150,12 +153,35 @@ class Course:
         on = self.touching[1:] & self.touching[:-1]
         return (np.flatnonzero(on & (self.renders[1:] != self.renders[:-1])) + 1).tolist()
 
-    def after_changes(self, seconds: float = 0.3) -> NDArray[np.bool_]:
-        """Return which ticks are within so many seconds after a change."""
+    def after(self, ticks: Iterable[int], seconds: float) -> NDArray[np.bool_]:
+        """Return which ticks are within so many seconds after any of some."""
         found = np.zeros(len(self.time), bool)
-        for tick in self.changes():
-            found[tick : tick + round(seconds / (self.time[1] - self.time[0]))] = True
+        for tick in ticks:
+            found[max(0, tick - 1) : tick + round(seconds / (self.time[1] - self.time[0]))] = True
         return found
+
+    def begins(self) -> list[int]:
+        """Return the ticks in which the finger meets the virtual surface."""
+        return (np.flatnonzero(self.touching[1:] & ~self.touching[:-1]) + 1).tolist()
+
+    def changing(self) -> NDArray[np.bool_]:
+        """Return the ticks of a contact in and after a change, without first impacts."""
+        return self.touching & self.after(self.changes(), 0.3) & ~self.after(self.begins(), 0.05)
+
+    def rigid(self) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+        """Return what a rigid plate at the virtual height would give, what the plate gives, and where that counts.
+
+        It counts where the plate alone renders the normal force, after a first impact or a change, and where it need
+        not yield.  The arm's reading goes in steps of 30 um: forces [N] are means over 15 ms.
+        """
+        depth = np.where(np.isfinite(self.depth), self.depth, 0.0)  # nothing is below a finger beside a mesh
+        rate = np.r_[0.0, np.diff(depth)] / (self.time[1] - self.time[0])
+        pad = np.where(depth > 0.0, np.maximum(0.0, PAD * depth + PAD_DAMPING * rate), 0.0)
+        there = self.touching & self.plate & self.renders & self.settled
+        there &= ~self.after([*self.begins(), *self.changes()], 0.1) & (pad < min(PLATE_FORCE, self.force - 0.15) - 0.1)
+        window = np.ones(15) / 15.0
+        there &= np.convolve(~there, np.ones(31), "same") < 1
+        return np.convolve(pad, window, "same"), np.convolve(self.pad, window, "same"), there
 
 
 def follow(session: itouch.Session, seconds: float | None = None) -> Course:
@@ -169,7 +195,7 @@ def follow(session: itouch.Session, seconds: float | None = None) -> Course:
         rows.append(
             (
                 session.seconds, int(state["finger.object"]) >= 0, bool(state["finger.plate"]),
-                state["finger.surface.renders"].item() > 0.0, state["finger.surface.drop"].item(),
+                state["finger.surface.renders"].item() > 0.0, state["finger.surface.settled"].item(),
                 state["finger.surface.share"].item(), *state["finger.contact_force"].tolist(),
                 *state["finger.normal"].tolist(), -x, -y, z, state["finger.plate_force"].item(),
                 state["finger.surface_height"].item() - before,
@@ -179,6 +205,6 @@ def follow(session: itouch.Session, seconds: float | None = None) -> Course:
         )  # fmt: skip
     a = np.array(rows)
     return Course(
-        a[:, 0], a[:, 1] > 0, a[:, 2] > 0, a[:, 3] > 0, a[:, 4], a[:, 5], a[:, 6:9], a[:, 9:12], a[:, 12:15],
-        a[:, 15], a[:, 16], a[:, 17], a[:, 18], session.report(),
+        a[:, 0], a[:, 1] > 0, a[:, 2] > 0, a[:, 3] > 0, a[:, 4] > 0, a[:, 5], a[:, 6:9], a[:, 9:12], a[:, 12:15],
+        a[:, 15], a[:, 16], a[:, 17], a[:, 18], session.report(), session.scene.safety.force,
     )  # fmt: skip

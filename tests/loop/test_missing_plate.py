@@ -55,3 +55,23 @@ def test_nothing_is_told_of_a_plate_that_is_felt(folder: Path, touch_off: bool) 
     report = follow(slope.build(folder)).report
     assert not [notice for notice in report["notices"] if "should have been felt" in notice]
     assert [entry["plate_missed"] for entry in report["contacts"]] == [False]
+
+
+@pytest.mark.parametrize("error", [-1.5, -3.0])
+def test_a_plate_that_is_too_high_is_left_away_and_told(folder: Path, error: float) -> None:
+    course = follow(Slope(*ramp(0.0), error=error, warm=True).build(folder))
+    felt = np.flatnonzero(course.pad > 0.0)
+    begin = int(np.flatnonzero(course.touching)[0])
+    assert 0 < felt.size < 150
+    assert felt[-1] < begin  # it is met too early, and is away before the virtual touch
+    assert np.ptp(felt) == felt.size - 1  # once: it does not come back
+    assert np.linalg.norm(course.total, axis=1).max() < 3.0
+    assert not course.flux[course.touching].any()
+    on = course.touching & (np.arange(len(course.time)) > begin + 20)
+    assert np.linalg.norm(course.arm - course.virtual, axis=1)[on].max() < 0.02
+    told = [notice for notice in course.report["notices"] if "should not have been" in notice]
+    assert len(told) == 1
+    assert "'table'" in told[0]
+    assert "touch-off" in told[0]
+    (contact,) = course.report["contacts"]
+    assert (contact["plate"], contact["plate_missed"]) == (False, True)

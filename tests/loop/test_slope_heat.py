@@ -9,9 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
 from program import program
 from shipped import SCENES
 from slope_scenes import RADIUS, Floats, Slope, ramp
+
+from itouch_thermal.boundary import beyond
 
 BALL = 30.0
 
@@ -134,3 +138,52 @@ def test_a_slide_onto_another_material_is_judged_anew_and_told(folder: Path) -> 
     assert report["modalities"]["flux-control"]["contacts_before_ready"] == 1
     ended = program("run", folder / "slope.xml", "--pace", "fast")
     assert ended.stdout.count("began before the plate was ready") == 1
+
+
+def crossing(angle: float, speed: float, first: str, second: str) -> tuple[str, str]:
+    """Return two blocks that meet at x = 0, and a slide over their boundary at an angle [rad] and a speed [mm/s]."""
+    x, y = 12.0 * math.cos(angle), 12.0 * math.sin(angle)
+    return (
+        f'<box name="first" pos="-30 0 -5 mm" size="60 120 10 mm" material="{first}"/>'
+        f'<box name="second" pos="30 0 -5 mm" size="60 120 10 mm" material="{second}"/>'
+    ), (
+        f'<to pos="{-x} {-y} 25 mm" in="0.1 s" hold="0.3 s"/><to pos="{-x} {-y} 4 mm" in="0.4 s" hold="0.3 s"/>'
+        f'<to pos="{x} {y} 4 mm" in="{24.0 / speed} s" hold="0.15 s"/><to pos="{x} {y} 25 mm" in="0.3 s"/>'
+    )
+
+
+@settings(
+    max_examples=4, derandomize=True, deadline=None, phases=(Phase.explicit, Phase.generate),
+    suppress_health_check=list(HealthCheck),
+)  # fmt: skip
+@given(
+    angle=st.floats(-0.9, 0.9), speed=st.floats(30.0, 100.0), pressed=st.booleans(),
+    pair=st.sampled_from([("aluminium", "polystyrene"), ("polystyrene", "aluminium"), ("pyrex", "polystyrene")]),
+)  # fmt: skip
+def test_the_desired_flux_does_not_jump_at_a_boundary(
+    folder: Path, angle: float, speed: float, pressed: bool, pair: tuple[str, str]
+) -> None:
+    # Within these angles the whole disc is over the boundary in the end, and each pair differs by more than the noise.
+    names = ("heat.desired", "heat.beside_part", "finger.object", "heat.skin_temperature", "heat.resistance")
+    slope = Slope(*crossing(angle, speed, *pair), warm=True, heat=PRESSURE if pressed else "")
+    (desired, part, touched, skin, resistance), report = rows(folder, slope, *names)
+    first, second = report["contacts"]
+    assert (first["object"], second["object"]) == ("first", "second")
+    assert second["begin_s"] == first["end_s"]  # events stay END and BEGIN in one tick
+    assert 0.4 < part.max() <= 1.0
+    begin, end = (int(np.flatnonzero(touched >= 0)[i]) for i in (0, -1))
+    settled = slice(begin + 150, end - 250)
+    assert not part[end - 250 - 20]  # it is on the second one alone in the end
+    change = float(np.ptp(desired[settled]))
+    assert change > 1000.0
+    assert np.abs(np.diff(desired[settled])).max() < 0.04 * change
+    assert np.abs(np.diff(skin[settled])).max() < 0.02
+    assert np.isfinite(resistance[settled]).all()
+
+
+def test_the_part_of_a_disc_beyond_a_line_is_that_of_its_area() -> None:
+    x, y = np.random.default_rng(1).uniform(-1.0, 1.0, (2, 400_000))
+    inside = x * x + y * y < 1.0
+    for distance in (-1.2, -0.7, 0.0, 0.3, 0.9, 1.0):
+        drawn = (x[inside] > distance).mean()
+        assert beyond(distance * 0.005, math.pi * 0.005**2) == pytest.approx(drawn, abs=3e-3)

@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
+from mesh_scenes import KINDS, make
 from shipped import SCENES
-from slope_scenes import Course, Slope, ball, follow, ramp
+from slope_scenes import RADIUS, Course, Floats, Slope, ball, follow, ramp
 
 LIMIT = 25.0
+#: Above this a plate trips that slides past a finger (K5: 0.15 m/s) [mm/s].
+FASTEST = 140.0
 
 
 @pytest.fixture(scope="module")
@@ -22,20 +25,30 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def hold(course: Course, force: float = 3.0, jerk: float = 0.1) -> None:
+def hold(course: Course) -> None:
     """Assert what holds on every surface: no force twice, none missing, none in steps, and the plate away or there."""
     away = course.touching & ~course.plate
     assert course.pad[away].max(initial=0.0) == 0.0
     assert np.abs(course.flux[away]).max(initial=0.0) == 0.0
-    assert np.linalg.norm(course.total, axis=1).max() <= force + 0.05  # one tick of the pad
-    alone = away & (course.share >= 0.999)
+    assert np.linalg.norm(course.total, axis=1).max() <= course.force * (1.0 + 1e-9)
+    assert course.steps[course.changing()].max(initial=0.0) <= 0.1
+    alone = away & (course.share >= 0.999) & ~course.after(course.changes(), 0.3)
     size = np.linalg.norm(course.virtual, axis=1)
-    allowed = course.virtual * np.minimum(1.0, force / np.maximum(size, 1e-9))[:, None]
+    allowed = course.virtual * np.minimum(1.0, course.force / np.maximum(size, 1e-9))[:, None]
     wrong = np.linalg.norm(course.arm - allowed, axis=1)[alone]
-    assert (wrong <= 0.02 * np.maximum(size[alone], 0.25)).all()
-    own = np.r_[0.0, np.linalg.norm(np.diff(course.virtual, axis=0), axis=1)]  # what the surface itself does in a tick
-    late = course.after_changes()
-    assert (course.steps[late] <= np.maximum(jerk, own[late] + 0.02)).all()
+    assert (wrong <= 0.02 * np.maximum(np.minimum(size, course.force)[alone], 0.25)).all()
+    rigid, pad, there = course.rigid()
+    off = np.abs(pad - rigid)[there] / np.maximum(rigid[there], 0.5)
+    assert off.size < 100 or np.percentile(off, 95) <= 0.02
+    aside = course.virtual - _along(course.virtual, course.normal)  # what the arm adds, as far as the limit allows
+    there &= np.linalg.norm(aside, axis=1) + course.pad < course.force - 0.15
+    extra = np.linalg.norm(course.arm - aside, axis=1)[there] / np.maximum(size[there], 0.5)
+    assert extra.size < 100 or np.percentile(extra, 95) <= 0.02
+
+
+def _along(force: Floats, normal: Floats) -> Floats:
+    """Return the part of forces (n, 3) along normals (n, 3)."""
+    return np.sum(force * normal, axis=1)[:, None] * normal
 
 
 @pytest.mark.parametrize("degrees", [0.0, 24.0, 26.0, 35.0, 60.0, 80.0])
@@ -58,11 +71,20 @@ def test_a_steep_ramp_draws_no_heat(folder: Path) -> None:
     hold(course)
 
 
+@pytest.mark.parametrize("degrees", [0.0, 10.0, 20.0, 24.0])
+def test_a_plate_presses_as_a_rigid_surface_at_that_height_would(folder: Path, degrees: float) -> None:
+    course = follow(Slope(*ramp(degrees)).build(folder))
+    rigid, pad, there = course.rigid()
+    assert there.sum() > 300
+    assert rigid[there].max() > 0.8
+    assert (np.abs(pad - rigid) <= 0.02 * np.maximum(rigid, 0.5))[there].all()
+
+
 @pytest.mark.parametrize("each", [0.15, 0.5])
 @pytest.mark.parametrize("friction", [0.0, 0.4])
 def test_a_stroke_over_a_ball_changes_hands_without_a_step(folder: Path, each: float, friction: float) -> None:
-    course = follow(Slope(*ball([20, 40, 60, 40, 20, 0, -30, 0], each), friction=friction).build(folder))
-    assert len(course.changes()) == (4 if friction == 0.0 or each < 0.5 else 2)  # a pad that is held by friction lags
+    course = follow(Slope(*ball([20, 40, 60, 40, 20, 0, -40, 0], each), friction=friction).build(folder))
+    assert len(course.changes()) == 4
     assert course.report["contacts"][0]["plate"] is True
     assert 0.0 < course.report["contacts"][0]["plate_s"] < course.touching.sum() * 1e-3 - 0.2
     hold(course)
@@ -91,19 +113,35 @@ def test_a_mesh_is_felt_without_steps(folder: Path, name: str) -> None:
 LAW = {"deadline": None, "phases": (Phase.explicit, Phase.generate), "suppress_health_check": list(HealthCheck)}
 
 
-@settings(max_examples=6, derandomize=True, **LAW)
+@settings(max_examples=8, derandomize=True, **LAW)
 @given(
-    angles=st.lists(st.floats(-70.0, 70.0), min_size=3, max_size=5), each=st.floats(0.6, 1.2),
+    angles=st.lists(st.floats(-70.0, 70.0), min_size=3, max_size=5), each=st.floats(0.15, 1.2),
     friction=st.sampled_from([0.0, 0.3, 0.8]), stiffness=st.floats(0.4, 1.5), radius=st.floats(20.0, 45.0),
-    seed=st.integers(0, 99),
+    force=st.floats(1.0, 3.0), seed=st.integers(0, 99),
 )  # fmt: skip
 def test_no_stroke_over_a_ball_breaks_the_law(
-    folder: Path, angles: list[float], each: float, friction: float, stiffness: float, radius: float,
+    folder: Path, angles: list[float], each: float, friction: float, stiffness: float, radius: float, force: float,
     seed: int,
 ) -> None:  # fmt: skip
+    longest = np.radians(np.abs(np.diff([0.0, *angles])).max()) * (radius + RADIUS)
+    each = max(each, 1.875 * longest / FASTEST)
     world, motion = ball(angles, each, radius)
-    slope = Slope(world, motion, stiffness=stiffness, friction=friction, seed=seed)
-    hold(follow(slope.build(folder)))
+    hold(follow(Slope(world, motion, stiffness=stiffness, friction=friction, force=force, seed=seed).build(folder)))
+
+
+@settings(max_examples=8, derandomize=True, **LAW)
+@given(
+    kind=st.sampled_from(KINDS), shape=st.integers(0, 10**6), speed=st.floats(20.0, 60.0),
+    friction=st.sampled_from([0.0, 0.3, 0.8]), stiffness=st.floats(0.4, 1.5), force=st.floats(1.0, 3.0),
+)  # fmt: skip
+def test_no_stroke_over_a_mesh_that_nobody_has_seen_breaks_the_law(
+    folder: Path, kind: str, shape: int, speed: float, friction: float, stiffness: float, force: float
+) -> None:
+    hold(
+        follow(
+            make(folder, kind, shape, speed=speed, friction=friction, stiffness=stiffness, force=force).build(folder)
+        )
+    )
 
 
 @pytest.mark.long
@@ -118,5 +156,4 @@ def test_arm_and_plate_together_keep_to_the_scenes_limit(folder: Path, force: fl
     """A hand that presses harder than the scene allows goes in deeper; it is not pushed back harder."""
     course = follow(Slope(*ball([40, -40, 0], 1.0, deep=14.0), friction=0.3, force=force).build(folder))
     assert np.linalg.norm(course.virtual, axis=1).max() > 3.0 * force
-    first = course.time[np.flatnonzero(course.touching)[0]]
-    assert np.linalg.norm(course.total, axis=1)[course.time > first + 0.2].max() <= force + 0.05
+    assert np.linalg.norm(course.total, axis=1).max() <= force * (1.0 + 1e-9)

@@ -11,8 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.compiling import kernel
+from itouch.contact.beside import beside
 from itouch.joining import SKIP
-from itouch.loop import render, surface
+from itouch.loop import render
+from itouch.loop.surface import force, ground, memory, plate
 from itouch.monitors.carried import pace
 
 Floats = NDArray[np.float64]
@@ -46,6 +48,20 @@ def touch(
 
 
 @kernel
+def look_beside(
+    world: Floats, mesh: Any, poses: Floats, primary: Any, point: Floats, normal: Floats, reach: float, found: Any,
+    away: Any,
+) -> int:  # fmt: skip
+    """Find what begins beside the place that is touched, within reach [m]; ``found`` and ``away`` (1,) are written."""
+    found[0], away[0] = -1, np.inf
+    if primary[0] >= 0:
+        other, distance = beside(world, mesh, poses, primary[0], point, normal, reach)
+        if other >= 0:
+            found[0], away[0] = other, distance
+    return 0
+
+
+@kernel
 def only_virtual(figures: Floats, felt: Floats) -> int:
     """Say with what force (1,) the contact is felt where nothing but the virtual one can be."""
     felt[0] = figures[render.NORMAL_FORCE]
@@ -62,14 +78,17 @@ def led(stage: Any, done: int, status: Any, enabled: int, withdrawn: Any) -> int
 
 @kernel
 def carry(
-    c: Floats, world: Floats, mesh: Any, poses: Floats, table: Floats, sent: Floats, figures: Floats, memory: Floats,
-    goal: Floats, load: Floats, primary: Any, tick: Any, period: float, below: Any, plate: Any,
+    c: Floats, world: Floats, mesh: Any, poses: Floats, table: Floats, sent: Floats, figures: Floats, kept: Floats,
+    goal: Floats, load: Floats, primary: Any, ready: Any, tick: Any, period: float, below: Any, present: Any,
 ) -> int:  # fmt: skip
-    """Carry the surface; what is below the finger, and whether the surface renders it, have shape (1,), written."""
-    below[0] = surface.carry(
-        c, world, mesh, poses, table, sent, figures, memory, goal, load[2], primary[0] >= 0, tick[0] * period
-    )
-    plate[0] = int(memory[surface.PRESENT])
+    """Carry the surface, and say what is below the finger, and whether the surface renders it.
+
+    ``kept`` is the surface's memory; ``ready``: the rig is calibrated; ``below`` and ``present`` are written.  Scalars
+    have shape (1,).
+    """
+    below[0] = ground.find(c, world, mesh, poses, figures, kept)
+    plate.carry(c, table, sent, figures, kept, goal, load[2], primary[0] >= 0, ready[0] != 0, tick[0] * period)
+    present[0] = int(kept[memory.PRESENT])
     return 0
 
 
@@ -87,9 +106,9 @@ def close_in(
 
 
 @kernel
-def push(c: Floats, figures: Floats, memory: Floats, wrench: Floats, load: Floats, primary: Any) -> int:
+def push(c: Floats, figures: Floats, kept: Floats, sent: Floats, wrench: Floats, load: Floats, primary: Any) -> int:
     """Command the arm's part of the force."""
-    surface.share(c, figures, memory, wrench, load[2], primary[0] >= 0)
+    force.push(c, figures, kept, sent, wrench, load[2], primary[0] >= 0)
     return 0
 
 

@@ -6,9 +6,10 @@ import math
 from typing import Any
 
 from itouch.compiling import kernel
-from itouch.loop import render, surface
+from itouch.loop import render
 from itouch.loop.ledger import Ledger
 from itouch.loop.runner import Runner
+from itouch.loop.surface.memory import MISSED, RENDERS, SETTLED
 from itouch.loop.touch import Toucher
 from itouch.plugin import Bound, Contact, ContactEvent, Record
 from itouch.plugin.fenced import FencedRecord
@@ -42,9 +43,9 @@ def _note(
     if plate[0] != 0 or push[0] > 0.0:
         was_plate[0] = 1
         lasted[0] += 1
-    if memory[surface.MISSED] > 0.0:
+    if memory[MISSED] > 0.0:
         missed[0] = 1
-    if plate[0] != 0 and memory[surface.RENDERS] > 0.0 and memory[surface.DROP] == 0.0:
+    if plate[0] != 0 and memory[RENDERS] > 0.0 and memory[SETTLED] > 0.0:
         error = abs(figures[render.SURFACE_HEIGHT] - top[0])
         if error > worst[0]:
             worst[0] = error

@@ -7,16 +7,23 @@ from itouch.world import Model
 
 
 def missed_plates(model: Model, state: Record) -> tuple[str, ...]:
-    """Return a sentence for each probe whose plate should have been felt and was not: its first time."""
+    """Return a sentence for each probe whose plate was not felt where it should be: its first time."""
     found = []
     for probe in model.probes:
         name = f"{probe.name}.surface"
         if not probe.scene.surface_to or not state[f"{name}.misses"].item():
             continue
         at, depth, load = (state[f"{name}.{field}"].item() for field in ("missed_at", "missed_depth", "missed_load"))
-        found.append(
-            f"the plate of '{probe.scene.surface_to}' should have been felt by '{probe.name}' at {at:.3f} s and was "
-            f"not: {depth * 1e3:.1f} mm deep in it by its height, pressed with {load:.2f} N; the arm gives its force; "
-            "check the height of its mount, or calibrate it by touch-off"
-        )
+        plate, finger = f"the plate of '{probe.scene.surface_to}'", f"'{probe.name}'"
+        if depth < 0.0:
+            what = (
+                f"{plate} was felt by {finger} at {at:.3f} s and should not have been: {-depth * 1e3:.1f} mm below it "
+                f"by its height, it pressed with {load:.2f} N; it is left away, and the arm gives its force"
+            )
+        else:
+            what = (
+                f"{plate} should have been felt by {finger} at {at:.3f} s and was not: {depth * 1e3:.1f} mm deep in it "
+                f"by its height, pressed with {load:.2f} N; the arm gives its force"
+            )
+        found.append(f"{what}; check the height of its mount, or calibrate it by touch-off")
     return tuple(found)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Iterable, Mapping
 
 from itouch.loop.fence import view_for
@@ -51,6 +52,7 @@ def _rehearse_touches(model: Model, scratch: Record) -> None:
             for kind in (Contact.NEAR, Contact.BEGIN, Contact.MOVE, Contact.END):
                 scratch[f"{probe.name}.near_object"] = index
                 _pretend(model, scratch, probe.name, index if kind in (Contact.BEGIN, Contact.MOVE) else -1)
+                _pretend_beside(model, scratch, probe.name, index if kind is Contact.MOVE else -1)
                 _rehearse_event(model, scratch, views, _event(model, kind, probe.name, index))
 
 
@@ -86,10 +88,18 @@ def _pretend(model: Model, scratch: Record, probe: str, index: int) -> None:
     scratch[f"{probe}.object"] = index
     scratch[f"{probe}.contact.object"] = index
     scratch[f"{probe}.plate"] = touching
-    scratch[f"{probe}.normal_force"] = 1.0 if touching else 0.0
+    scratch[f"{probe}.normal_force"] = scratch[f"{probe}.felt_force"] = 1.0 if touching else 0.0
     for device in model.devices.values():
         if felt := device.field(Role.CONTACT_FORCE):
             scratch[felt][2] = -1.0 if touching else 0.0
+
+
+def _pretend_beside(model: Model, scratch: Record, probe: str, index: int) -> None:
+    """Say that another object begins where this one is touched; -1: none."""
+    count = len(model.objects)
+    lies = index >= 0 and count > 1
+    scratch[f"{probe}.beside"] = (index + 1) % count if lies else -1
+    scratch[f"{probe}.beside_distance"] = 0.0 if lies else math.inf
 
 
 def _event(model: Model, kind: Contact, probe: str, index: int) -> ContactEvent:

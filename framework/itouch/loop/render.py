@@ -34,7 +34,8 @@ RADIUS, NEAR, CLEARANCE, COSINE, PERIOD, SMOOTH, PLATE_LIMIT, PAD = 39, 40, 41, 
 BACK = 47  # cosine of the tilt below which a contact that the plate has left is the plate's again
 FORCE_LIMIT, PAD_STIFFNESS = 48, 49  # on the finger [N]; of its pad [N/m]
 HAS_LOAD, HAS_TABLE = 50, 51  # whether a table reads the force on it; whether there is one
-CONSTANTS = 52
+TABLE_SPEED = 52  # greatest speed of the table [m/s]
+CONSTANTS = 53
 
 
 @kernel

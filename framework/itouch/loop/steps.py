@@ -90,7 +90,8 @@ def contact(rig: ProbeRig, model: Model) -> Step:
     name = rig.probe.name
     figures = _of(
         name, "hip", "velocity", "proxy", "force", "normal", "point", "penetration", "normal_force", "near_distance",
-        "time_to_contact", "contact_force", "effect_force", "area", "memory", "result", "effects", "object",
+        "time_to_contact", "contact_force", "effect_force", "area", "memory", "result", "effects", "object", "beside",
+        "beside_distance",
     )  # fmt: skip
     figures += _of(name, "felt_force") if rig.table is None else ()
     tracked = _roles(rig.tracker, Role.TRACKED_POSE)
@@ -106,12 +107,13 @@ def surface(rig: ProbeRig) -> Step:
     figures = _of(name, "plate_gap", "surface_height", "plate_yield", "plate_top", "tracking", "plate", "below")
     figures += _of(name, "surface.*", "felt_force")
     reads = (*figures, *_of(name, "normal_force", "hip", "normal", "object", "contact.object"))
+    reads += _of(name, "velocity")
     reads += _of(table, "touch_off.*", "calibration", "surface.*")
     reads += _roles(rig.table, Role.TRACKED_POSE, Role.CONTACT_FORCE)
     reads += _roles(rig.table, Role.SURFACE_POSE, kind="sent")
     written = _of(table, "touch_off.*", "calibration", "surface.withdrawn", "clamped")
     written += _roles(rig.table, Role.SURFACE_POSE, kind="command")
-    reads, written = (*reads, "objects.pose"), (*figures, *written, *_of(name, "hand.offset"))
+    reads, written = (*reads, "objects.pose", "ready"), (*figures, *written, *_of(name, "hand.offset"))
     bounds = rig.bound_surface()
     if bounds:
         return joinable(
@@ -124,8 +126,10 @@ def force(rig: ProbeRig) -> Step:
     """Command the force on the finger: all of it, or what no surface gives."""
     name = rig.probe.name
     reads = _of(name, "contact_force", "normal", "plate_gap", "plate", "velocity", "object", "surface.*")
+    reads += _of(name, "hip", "plate_top")
     reads += _roles(rig.table, Role.CONTACT_FORCE)
-    written = (*_of(name, "surface.share", "surface.cut"),)
+    reads += _roles(rig.arm, Role.FORCE_ON_OPERATOR, kind="sent")
+    written = (*_of(name, "surface.share", "surface.cut", "surface.changing", "surface.load"),)
     written += _roles(rig.arm, Role.FORCE_ON_OPERATOR, kind="command")
     return joinable(f"force {name}", rig.toucher.pushes, reads, written)
 

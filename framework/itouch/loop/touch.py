@@ -16,9 +16,10 @@ from itouch.contact.effects import render_effects
 from itouch.contact.step import step
 from itouch.contact.surfaces import effects_table
 from itouch.joining import runner
-from itouch.loop import carrying, render, surface
+from itouch.loop import carrying, render
 from itouch.loop.frames import Frame
 from itouch.loop.runner import Runner
+from itouch.loop.surface import memory
 from itouch.plugin import Bound, Contact, ContactEvent, Record, Role
 from itouch.world import Model, ProbeModel
 from itouch.world import limits as default
@@ -46,9 +47,10 @@ class Toucher:
         self.model, self.probe = model, probe
         name = probe.name
         self.figures = state.flat(f"{name}.hip", f"{name}.tracking")
-        self.surface = state.flat(f"{name}.surface.renders", f"{name}.surface.cut")
+        self.surface = state.flat(f"{name}.surface.renders", f"{name}.surface.off")
         self.memory, self.result = state[f"{name}.memory"], state[f"{name}.result"]
         self.object, self.near_object = state[f"{name}.object"], state[f"{name}.near_object"]
+        self._beside = (state[f"{name}.beside"], state[f"{name}.beside_distance"])
         self.plate, self.below = state[f"{name}.plate"], state[f"{name}.below"]
         self.current, self.separated = state[f"{name}.contact.object"], state[f"{name}.contact.separated"]
         self.begin = state[f"{name}.contact.begin"]
@@ -85,11 +87,14 @@ class Toucher:
             table.read_as(Role.TRACKED_POSE) if table is not None else nothing,
             table.sent_as(Role.SURFACE_POSE) if table is not None else nothing,
             self.figures, self.surface, table.commanded(Role.SURFACE_POSE) if table is not None else np.zeros(7),
-            load, self.object, tick, model.period, self.below, self.plate,
+            load, self.object, state["ready"], tick, model.period, self.below, self.plate,
         )  # fmt: skip
-        wrench = arm.commanded(Role.FORCE_ON_OPERATOR) if arm is not None else np.zeros(6)
         #: What commands the arm's part of the force.
-        self.pushes = Bound(carrying.push, self._constants, self.figures, self.surface, wrench, load, self.object)
+        self.pushes = Bound(
+            carrying.push, self._constants, self.figures, self.surface,
+            arm.sent_as(Role.FORCE_ON_OPERATOR) if arm is not None else np.zeros(6),
+            arm.commanded(Role.FORCE_ON_OPERATOR) if arm is not None else np.zeros(6), load, self.object,
+        )  # fmt: skip
         if model.objects:
             found.append(steps)
         if model.objects and (effects := effects_table(probe.effects)) is not None:
@@ -102,6 +107,11 @@ class Toucher:
             found.append(effect)
         if model.objects:
             found.append(touched)
+        if len(model.objects) > 1:
+            place = (self.figures[render.POINT : render.POINT + 3], self.figures[render.NORMAL : render.NORMAL + 3])
+            found.append(
+                Bound(carrying.look_beside, world, mesh, poses, self.object, *place, probe.scene.radius, *self._beside)
+            )
         if table is None:  # nothing but the virtual force can be felt
             found.append(Bound(carrying.only_virtual, self.figures, state[f"{probe.name}.felt_force"]))
         #: What follows the tracker and finds what it touches; what carries the surface, if there is one.
@@ -109,10 +119,11 @@ class Toucher:
 
     def reset(self) -> None:
         """Begin without contact."""
-        for view in (self.object, self.near_object, self.below, self.current, self.begin):
+        for view in (self.object, self.near_object, self.below, self.current, self.begin, self._beside[0]):
             view[...] = -1
+        self._beside[1][...] = math.inf
         self.figures[render.NEAR_DISTANCE] = self.figures[render.TIME_TO_CONTACT] = math.inf
-        self.surface[surface.RENDERS], self.surface[surface.SHARE] = 1.0, -1.0
+        self.surface[memory.RENDERS], self.surface[memory.SETTLED], self.surface[memory.SHARE] = 1.0, 1.0, -1.0
 
     def restart(self) -> None:
         """Forget how the tracker moved before: it stands where it reads now."""
@@ -231,6 +242,7 @@ def _constants(
         render.PAD_STIFFNESS: operator.pad_stiffness if operator is not None else PAD_STIFFNESS,
         render.HAS_LOAD: float(table is not None and table.model.reading(Role.CONTACT_FORCE) is not None),
         render.HAS_TABLE: float(table is not None),
+        render.TABLE_SPEED: (table.model.limits.speed if table is not None else None) or math.inf,
         render.PAD: math.pi * (0.75 * probe.scene.radius / probe.scene.modulus) ** (2 / 3),
     }
     for index, value in values.items():

@@ -50,7 +50,8 @@ _FIGURES = (
 _SURFACE = (
     Field("surface.renders", unit="1", doc="1: the contact is the plate's to render, 0: the arm's alone"),
     Field("surface.present", unit="1", doc="1: the plate is at the finger in a contact, or still felt"),
-    Field("surface.drop", unit="m", doc="how far below the virtual surface the plate is kept"),
+    Field("surface.settled", unit="1", doc="1: the plate is where the virtual surface is, 0: it comes or goes"),
+    Field("surface.press", unit="m", doc="how far it may be in the finger as it comes or goes; below 0: away from it"),
     Field("surface.share", unit="1", doc="the arm's part of the normal force, -1: no contact"),
     Field("surface.pressed", unit="s", doc="how long there has been a virtual contact"),
     Field("surface.free", unit="s", doc="how long there has been none"),
@@ -58,12 +59,24 @@ _SURFACE = (
     Field("surface.felt_weight", unit="1", doc="weight of the measured force in `felt_force`"),
     Field("felt_force", unit="N", doc="force the contact is felt with: the plate's where it renders, else the virtual"),
     Field("surface.unfelt", unit="s", doc="how long the plate should have been felt and was not"),
-    Field("surface.missed", unit="1", doc="1: the plate was missed, its force is the arm's in this contact"),
+    Field(
+        "surface.missed",
+        unit="1",
+        doc="1: the plate was not felt where it should be, 2: it was felt below that; its force is the arm's",
+    ),
     Field("surface.misses", unit="1", doc="how often the plate was missed"),
     Field("surface.missed_at", unit="s", doc="when it was missed first"),
     Field("surface.missed_depth", unit="m", doc="how far the finger then seemed to be in the plate"),
     Field("surface.missed_load", unit="N", doc="what the plate's force then read"),
-    Field("surface.cut", unit="1", doc="part of the arm's force held back because of the plate's"),
+    Field("surface.cut", unit="N", doc="what the plate takes of the force that the arm may give"),
+    Field("surface.upright", unit="1", doc="cosine of the tilt of the surface below the finger against the plate"),
+    Field("surface.climb", unit="m/s", doc="how fast the height of that surface changes as the finger goes on"),
+    Field("surface.give", unit="m/N", doc="how far the table gives way under a force, as learned"),
+    Field("surface.changing", unit="s", doc="for how long the force is still led over between plate and arm"),
+    Field("surface.load", unit="N", doc="force on the plate a tick ago"),
+    Field("surface.level", unit="m", doc="height of the finger's lowest point, smoothed"),
+    Field("surface.sink", unit="m/s", doc="how fast that rises, smoothed"),
+    Field("surface.off", unit="m", doc="how much deeper it seems to be in the plate than the force explains, smoothed"),
 )
 
 
@@ -89,6 +102,15 @@ def probe_fields(objects: int) -> tuple[Field, ...]:
             unit="1",
             doc="number of the object whose surface a table goes to, -1: none",
         ),  # fmt: skip
+        Field(
+            "beside",
+            "i8",
+            low=-1,
+            high=objects - 1,
+            unit="1",
+            doc="number of the object that begins beside the touched place, within the fingertip's radius, -1: none",
+        ),
+        Field("beside_distance", unit="m", doc="how far that is along the surface, infinite if there is none"),
         Field("plate", "i8", unit="1", doc="1 if the plate renders the contact's normal force"),
         Field("contact.object", "i8", low=-1, high=objects - 1, unit="1", doc="object of the open contact, -1: none"),
         *_CONTACT,

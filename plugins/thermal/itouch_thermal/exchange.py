@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.plugin.kernels import kernel
+from itouch_thermal.boundary import beyond
 from itouch_thermal.laws import press_factor
 from itouch_thermal.solver.live import air_step, contact_step, surface_temperature
 from itouch_thermal.solver.resistance import contact_area, resistance_at
@@ -16,7 +17,7 @@ from itouch_thermal.solver.resistance import contact_area, resistance_at
 Floats = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
-#: Leaves the tick to Python: a recorded curve is played.
+#: Leaves the tick to Python: a recorded curve is played, or the contact disc lies on two objects.
 PYTHON = 1
 
 
@@ -50,7 +51,8 @@ class Kept(NamedTuple):
     """The State of the modality, scalars as (1,).
 
     Modes of the finger, of the objects (n, widest), and which of them were touched (n,); the object that is touched,
-    and the time since then [ticks]; then what is written.
+    and the time since then [ticks]; the time since another one was, too, and its part of the contact disc; then what is
+    written.
     """
 
     finger: Floats
@@ -58,13 +60,42 @@ class Kept(NamedTuple):
     touched: Numbers
     object: Numbers
     since: Numbers
+    since_beside: Numbers
+    beside_part: Floats
     desired: Floats
     resistance: Floats
     contact_area: Floats
     skin_temperature: Floats
 
 
+class Contact(NamedTuple):
+    """How the finger touches, each (1,).
+
+    The force on it [N]; the object that begins beside the touched place, -1: none, and how far away [m].
+    """
+
+    felt: Floats
+    beside: Numbers
+    distance: Floats
+
+
 _resistance_at, _press_factor, _contact_area = kernel(resistance_at), kernel(press_factor), kernel(contact_area)
+_beyond = kernel(beyond)
+
+
+@kernel
+def knows(given: Given, index: int) -> bool:
+    """Tell whether anything is known of an object's heat; -1 is no object."""
+    return bool(index >= 0 and (given.known[index] != 0 or given.played[index] != 0))
+
+
+@kernel
+def overlaps(given: Given, kept: Kept, contact: Contact) -> bool:
+    """Tell whether a part of the contact disc lies on a second object, and heat is known of one of the two."""
+    force, beside = contact.felt[0], contact.beside[0]
+    if not force > 0.0 or beside < 0 or not (knows(given, kept.object[0]) or knows(given, beside)):
+        return False
+    return bool(_beyond(contact.distance[0], _contact_area(force, given.area[0], given.area[1])) > 0.0)
 
 
 @kernel
@@ -88,31 +119,32 @@ def resist(given: Given, kept: Kept, force: float) -> float:
 
 
 @kernel
-def settle(given: Given, kept: Kept, beside: int, force: float, flux: float, resistance: float) -> None:
-    """Let the objects cool that were touched, all but ``beside``, and write what came of the tick."""
+def settle(given: Given, kept: Kept, own: int, force: float, flux: float, resistance: float) -> None:
+    """Let the objects cool that were touched, all but ``own``, and write what came of the tick."""
     for other in range(given.known.shape[0]):
-        if kept.touched[other] != 0 and given.known[other] != 0 and other != beside:
+        if kept.touched[other] != 0 and given.known[other] != 0 and other != own:
             air_step(given.bodies[other], kept.objects[other])
     kept.desired[0], kept.resistance[0] = flux, resistance
+    kept.beside_part[0], kept.since_beside[0] = 0.0, 0
     if force > 0.0:
         kept.contact_area[0] = _contact_area(force, given.area[0], given.area[1])
     kept.skin_temperature[0] = surface_temperature(given.finger, kept.finger)
 
 
 @kernel
-def exchange(given: Given, kept: Kept, skin: Skin, felt: Floats) -> int:
-    """Advance the finger and every object that was touched by a period; ``felt`` (1,): the force on the finger [N]."""
+def exchange(given: Given, kept: Kept, skin: Skin, contact: Contact) -> int:
+    """Advance the finger, what it touches and every object that was touched by a period."""
     index = kept.object[0]
-    force = felt[0] if index >= 0 else 0.0
-    if index >= 0 and force > 0.0 and given.played[index] != 0:
+    force = contact.felt[0] if index >= 0 else 0.0
+    if (index >= 0 and force > 0.0 and given.played[index] != 0) or overlaps(given, kept, contact):
         return PYTHON
     flux, resistance = 0.0, resist(given, kept, force) if force > 0.0 else math.inf
-    beside = -1
+    own = -1
     if index >= 0 and given.known[index] != 0 and given.played[index] == 0 and math.isfinite(resistance):
-        beside = index
+        own = index
         flux = contact_step(given.finger, kept.finger, given.bodies[index], kept.objects[index], resistance)
     else:
         air_step(given.finger, kept.finger)
         watch(skin)
-    settle(given, kept, beside, force, flux, resistance)
+    settle(given, kept, own, force, flux, resistance)
     return 0

@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 
 from itouch.plugin import Bound, ContactEvent, Field, Modality, Record, Role, World, schema
 from itouch.plugin import Contact as ContactKind
-from itouch_thermal.laws import KINDS, ForceLaw, check_laws, law_of
+from itouch_thermal.boundary import Exchange, beyond
+from itouch_thermal.laws import KINDS, ForceLaw, check_laws, law_of, press_factor
 from itouch_thermal.played import Playing, played_curves
 from itouch_thermal.solver.layers import FINGER_FILM, Back, Film, Initial, Layer, Side
-from itouch_thermal.solver.resistance import SPREAD, ResistanceLaw
+from itouch_thermal.solver.resistance import SPREAD, ResistanceLaw, contact_area
 
 if TYPE_CHECKING:
-    from itouch_thermal.exchange import Given, Kept, Skin
+    from itouch_thermal.exchange import Contact, Given, Kept, Skin
 
 Array = NDArray[np.float64]
 
@@ -107,13 +108,23 @@ class Names(NamedTuple):
     skin_ring: str
     skin_count: str
     since: str
+    since_beside: str
     contact_area: str
+    beside_part: str
     felt_force: str
+    beside: str
+    beside_distance: str
+    primary: str
 
     @classmethod
     def of(cls, name: str, probe: str) -> Names:
         """Return the names for a modality and its probe."""
-        return cls._make([*(f"{name}.{field}" for field in cls._fields[:-1]), f"{probe}.felt_force"])
+        own, seen = cls._fields[:-_SEEN], ("felt_force", "beside", "beside_distance", "object")
+        return cls._make([*(f"{name}.{field}" for field in own), *(f"{probe}.{field}" for field in seen)])
+
+
+#: How many of them are the probe's.
+_SEEN = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,6 +148,7 @@ class HeatModel:
     valid_from: str
     window: int
     playing: Playing
+    exchange: Exchange
 
 
 class Heat(Modality):
@@ -160,12 +172,13 @@ class Heat(Modality):
             bodies.append(None if side is None else live.side_model(side, period, finger=False))
             starts.append(None if side is None else live.initial_state(side, period, finger=False))
         skin_from, valid = _skin_source(params, world)
+        packed, playing = live.side_model(finger, period, finger=True), Playing(played_curves(name, world), period)
         return HeatModel(
             name=name,
             names=Names.of(name, params.probe),
             live=live,
             probe=params.probe,
-            finger=live.side_model(finger, period, finger=True),
+            finger=packed,
             finger_start=live.initial_state(finger, period, finger=True),
             bodies=tuple(bodies),
             body_starts=tuple(starts),
@@ -177,7 +190,8 @@ class Heat(Modality):
             skin_from=skin_from,
             valid_from=valid,
             window=max(1, round(SKIN_WINDOW / period)),
-            playing=Playing(played_curves(name, world), period),
+            playing=playing,
+            exchange=Exchange(live, packed, tuple(bodies), playing),
         )
 
     def fields(self, model: HeatModel) -> tuple[Field, ...]:
@@ -202,7 +216,10 @@ class Heat(Modality):
                 show="no",
             ),
             Field("contact_area", unit="m^2", doc="contact area at that force", show="no"),
-            Field("since", "i8", unit="tick", doc="time since BEGIN"),
+            Field("since", "i8", unit="tick", doc="time since the finger touched; a slide onto another object goes on"),
+            Field("since_beside", "i8", unit="tick", doc="for how long it has touched the object beside that one"),
+            Field("left_tick", "i8", low=-1, unit="tick", doc="when the last touch ended"),
+            Field("beside_part", unit="1", doc="part of the contact disc that lies on the object beside", show="no"),
             Field("finger", "f8", len(model.finger_start), unit="K", doc="modes of the model finger"),
             Field("objects", "f8", (count, model.widest), unit="K", doc="modes of each object"),
             Field("touched", "i8", count, unit="1", doc="1 for each object that was touched: its own heat goes on"),
@@ -216,7 +233,7 @@ class Heat(Modality):
         for index, start in enumerate(model.body_starts):
             if start is not None:
                 state[f"{model.name}.objects"][index, : len(start)] = start
-        state[f"{model.name}.object"] = -1
+        state[f"{model.name}.object"] = state[f"{model.name}.left_tick"] = -1
         state[f"{model.name}.resistance"] = np.inf
 
     def on_contact(self, event: ContactEvent, model: HeatModel, state: Record) -> None:
@@ -229,10 +246,14 @@ class Heat(Modality):
             self._start(model, state)
             state[f"{name}.object"] = index
             state[f"{name}.in_contact"] = 1
-            state[f"{name}.since"] = 0
+            slides = state[f"{name}.left_tick"].item() == event.tick
+            before = state[f"{name}.since"].item() if slides else 0
+            state[f"{name}.since"] = state[f"{name}.since_beside"].item() if slides else 0
+            state[f"{name}.since_beside"] = before
             state[f"{name}.touched"][index] = 1
         elif event.kind is ContactKind.END:
             state[f"{name}.object"] = -1
+            state[f"{name}.left_tick"] = event.tick
             state[f"{name}.in_contact"] = 0
             state[f"{name}.contact_area"] = 0.0
 
@@ -247,32 +268,82 @@ class Heat(Modality):
         state[f"{model.name}.skin_count"] = 0
 
     def bound_update(self, model: HeatModel, state: Record, period: float) -> Bound:
-        """Return the update of these views as one compiled call, which leaves a curve that is played to Python."""
+        """Return the update of these views as one compiled call, which leaves a curve, and a boundary, to Python."""
         from itouch_thermal import exchange
 
-        given, kept, skin = _views(model, state, period)
-        return Bound(exchange.exchange, given, kept, skin, state[model.names.felt_force])
+        return Bound(exchange.exchange, *_views(model, state, period))
 
     def update(self, model: HeatModel, state: Record, period: float) -> None:
         """Advance the finger and every object that was touched."""
-        if self.bound_update(model, state, period).run():
-            self._play(model, state, period)
+        if self._unusual(model, state) or self.bound_update(model, state, period).run():
+            self._advance(model, state, period)
 
-    def _play(self, model: HeatModel, state: Record, period: float) -> None:
-        """Advance the finger under a curve that is played, and every object that was touched."""
-        from itouch_thermal import exchange
-
-        names = model.names
-        given, kept, _ = Bound(exchange.exchange, *_views(model, state, period)).arguments
+    def _unusual(self, model: HeatModel, state: Record) -> bool:
+        """Tell that compiled code would leave this tick to Python."""
+        names, knows = model.names, model.exchange.knows
         index, force = state[names.object].item(), state[names.felt_force].item()
-        resistance = exchange.resist(given, kept, force)
-        flux = model.playing.step(model.finger, state[names.finger], index, state[names.since].item())
-        exchange.settle(given, kept, -1, force, flux, resistance)
+        if not force > 0.0 or model.playing.plays(index):
+            return bool(force > 0.0)
+        beside, distance = state[names.beside].item(), state[names.beside_distance].item()
+        known = beside >= 0 and (knows(index) or knows(beside))
+        return known and beyond(distance, contact_area(force, *model.area)) > 0.0
+
+    def _advance(self, model: HeatModel, state: Record, period: float) -> None:
+        """Do it where a curve is played, or two objects are touched at once."""
+        names, live, exchange = model.names, model.live, model.exchange
+        finger, objects = state[names.finger], state[names.objects]
+        index, force = state[names.object].item(), state[names.felt_force].item()
+        beside, part = self._overlap(model, state, index, force)
+        if index < 0 and part == 0.0:
+            force = 0.0
+        resistance = self._resistance(model, state, force, period) if force > 0.0 else np.inf
+        counts = (state[names.since].item(), state[names.since_beside].item())
+        if part > 0.0:
+            flux = exchange.blend(finger, objects, (index, beside), part, resistance, counts)
+            state[names.touched][beside] = 1
+        else:
+            flux = exchange.step(finger, objects, index, resistance, counts[0])
+        touching = (index if force > 0.0 else -1, beside if part > 0.0 else -1)
+        for other, touched in enumerate(state[names.touched].tolist()):
+            cooling = model.bodies[other] if touched else None
+            if cooling is not None and (other not in touching or model.playing.plays(other)):
+                live.air_step(cooling, objects[other])
+        state[names.desired][...], state[names.beside_part][...] = flux, part
+        state[names.resistance][...] = resistance
+        if force > 0.0:
+            state[names.contact_area][...] = contact_area(force, *model.area)
+        state[names.skin_temperature][...] = live.surface_temperature(model.finger, finger)
+
+    def _overlap(self, model: HeatModel, state: Record, index: int, force: float) -> tuple[int, float]:
+        """Return the object beside the one of the contact, and what part of the contact disc lies on it."""
+        names = model.names
+        beside, distance = state[names.beside].item(), state[names.beside_distance].item()
+        known = model.exchange.knows(index) or model.exchange.knows(beside)
+        part = beyond(distance, contact_area(force, *model.area)) if force > 0.0 and beside >= 0 and known else 0.0
+        if part > 0.0 and beside == index:  # it is touched most already, but the contact is still with the other one
+            beside, part = state[names.primary].item(), 1.0 - part
+        if part == 0.0:
+            state[names.since_beside][...] = 0
+            return -1, 0.0
+        if index < 0 and state[names.skin_count].item():  # heat begins with the object beside
+            self._start(model, state)
+            state[names.since][...] = 0
+        state[names.since_beside] += 1
+        return beside, part
+
+    def _resistance(self, model: HeatModel, state: Record, force: float, period: float) -> float:
+        """Return the contact resistance at the end of this period [K m2/W] under a force [N]."""
+        resistance = model.law.at(force)
+        state[model.names.since] += 1
+        since = max(state[model.names.since].item(), state[model.names.since_beside].item())
+        if model.press > 0.0:
+            resistance *= press_factor(since * period, model.press)
+        return resistance
 
 
-def _views(model: HeatModel, state: Record, period: float) -> tuple[Given, Kept, Skin]:
+def _views(model: HeatModel, state: Record, period: float) -> tuple[Given, Kept, Skin, Contact]:
     """Return what a tick needs of model and State, as compiled code takes it."""
-    from itouch_thermal.exchange import Given, Kept, Skin
+    from itouch_thermal.exchange import Contact, Given, Kept, Skin
 
     names, nothing = model.names, np.zeros(0)
     given = Given(
@@ -285,7 +356,8 @@ def _views(model: HeatModel, state: Record, period: float) -> tuple[Given, Kept,
         state[names.skin_ring], state[names.skin_count], state[model.skin_from] if model.skin_from else nothing,
         state[model.valid_from] if model.valid_from else nothing,
     )  # fmt: skip
-    return given, kept, skin
+    contact = Contact(state[names.felt_force], state[names.beside], state[names.beside_distance])
+    return given, kept, skin, contact
 
 
 def table_of(bodies: Sequence[Array | None]) -> Array:

@@ -1,0 +1,161 @@
+"""What the arm gives of a contact's force: where a plate renders the contact, only what the plate does not.
+
+No force is given twice, and arm and plate together never push harder than the scene allows.  Where the contact goes
+over from one to the other, the sum of both changes in small steps: what the plate's force does is seen in its reading,
+and the arm's follows it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.compiling import kernel
+from itouch.loop.render import (
+    ARM,
+    CLEARANCE,
+    CONTACT_FORCE,
+    FORCE_LIMIT,
+    HAS_LOAD,
+    HAS_TABLE,
+    HIP,
+    NORMAL,
+    PERIOD,
+    PLATE_GAP,
+    PLATE_TOP,
+    RADIUS,
+    TABLE,
+)
+from itouch.loop.surface.ground import along_plate
+from itouch.loop.surface.memory import (
+    ABOUT,
+    CHANGING,
+    CUT,
+    HAND_OVER,
+    LOAD,
+    NOTHING,
+    PRESS,
+    RENDERS,
+    SETTLED,
+    SHARE,
+    TOUCH,
+)
+from itouch.twin.turning import turned_in, turned_out
+
+Floats = NDArray[np.float64]
+
+#: Greatest change a tick [N] of the normal force that the arm takes over or gives back.
+HAND_STEP = 0.03
+#: Greatest change a tick [N] of the sum of arm and plate while the contact goes over from one to the other.
+STEP = 0.065
+#: The same just before the plate is felt, for its first force is not seen coming.
+FIRST_STEP = 0.035
+#: For how long [s] it is still led after the plate has come or gone.
+AFTER = 0.05
+#: How near the plate is to the finger when it may be felt in the next tick [m].
+SOON = 1e-4
+#: What that sum stays below the scene's limit [N], because the plate's force is known a tick late.
+SPARE = 0.06
+
+
+@kernel
+def _part(c: Floats, figures: Floats, memory: Floats, normal: float, pressed: float, touching: bool) -> float:
+    """Return the part of the normal force [N] that the arm gives: what the plate does not, and no force twice."""
+    wanted = 1.0
+    if touching and c[HAS_TABLE] > 0.0 and memory[RENDERS] > 0.0:
+        wanted = min(1.0, max(0.0, figures[PLATE_GAP] / HAND_OVER))
+    share = memory[SHARE]
+    if not touching or share < 0.0:
+        share = wanted
+    else:
+        step = HAND_STEP / max(abs(normal), HAND_STEP)
+        share += min(step, max(-step, wanted - share))
+    memory[SHARE] = share if touching else -1.0
+    if touching and normal > 0.0 and share > 0.0:
+        felt = max(0.0, pressed - NOTHING) * along_plate(c, figures[NORMAL : NORMAL + 3])
+        share = min(share, max(0.0, 1.0 - felt / normal))
+    return float(share)
+
+
+@kernel
+def _still_changes(c: Floats, memory: Floats, touching: bool) -> bool:
+    """Tell whether the contact still goes over from one to the other."""
+    left = memory[CHANGING]
+    if left <= 0.0:
+        return False
+    done = memory[SETTLED] > 0.0 if memory[RENDERS] > 0.0 else memory[PRESS] <= -c[CLEARANCE] and memory[SHARE] >= 1.0
+    left -= c[PERIOD]
+    memory[CHANGING] = max(0.0 if done or not touching else AFTER, left)
+    return touching
+
+
+@kernel
+def _within(c: Floats, memory: Floats, force: Floats, most: float) -> None:
+    """Cut a force (3,) to what the plate leaves of the limit; the limit comes back in small steps."""
+    memory[CUT] = max(c[FORCE_LIMIT] - max(0.0, most), memory[CUT] - 2.0 * HAND_STEP, 0.0)
+    _shorten(force, c[FORCE_LIMIT] - memory[CUT])
+
+
+@kernel
+def _shorten(force: Floats, most: float) -> None:
+    """Make a force (3,) no larger than so many newtons."""
+    size = math.sqrt(force[0] ** 2 + force[1] ** 2 + force[2] ** 2)
+    if size > most:
+        for i in range(3):
+            force[i] *= max(0.0, most) / size
+
+
+@kernel
+def _lead(c: Floats, sent: Floats, force: Floats, rise: float, step: float) -> None:
+    """Bring a force (3,) so near to the one sent last that the sum with the plate's, which rises, changes little."""
+    before, change = np.empty(3), np.empty(3)
+    before[0], before[1], before[2] = turned_out(c, ARM, sent[0], sent[1], sent[2])
+    square = 0.0
+    for i in range(3):
+        change[i] = force[i] - before[i] + rise * c[TABLE + 5 + 3 * i]
+        square += change[i] ** 2
+    if square > step * step:
+        scale = step / math.sqrt(square)
+        for i in range(3):
+            force[i] = before[i] + scale * change[i] - rise * c[TABLE + 5 + 3 * i]
+
+
+@kernel
+def push(c: Floats, figures: Floats, memory: Floats, sent: Floats, wrench: Floats, load: float, touching: bool) -> None:
+    """Command the arm: where the plate renders the contact, the normal part only as far as the plate does not give it.
+
+    Parameters
+    ----------
+    c
+        Constants of the probe, shape (CONSTANTS,).
+    figures, memory
+        The probe's part of State, and that of the carried surface.
+    sent, wrench
+        What was sent to the arm last, and its command, shape (6,), in the arm's frame; the command is written.
+    load
+        The table's reading of the force along its z axis [N]; a finger that presses makes it negative.
+    touching
+        Whether there is a virtual contact.
+    """
+    along = 0.0
+    for i in range(3):
+        along += figures[CONTACT_FORCE + i] * figures[NORMAL + i]
+    pressed = max(0.0, -load)
+    rise = pressed - memory[LOAD] if c[HAS_LOAD] > 0.0 else 0.0
+    memory[LOAD] = pressed
+    along *= 1.0 - _part(c, figures, memory, along, pressed, touching)
+    force = np.empty(3)
+    for i in range(3):
+        force[i] = figures[CONTACT_FORCE + i] - along * figures[NORMAL + i]
+    depth = figures[PLATE_TOP] - (figures[HIP + 2] - c[RADIUS])
+    if c[HAS_TABLE] > 0.0 and c[FORCE_LIMIT] < np.inf:
+        near = pressed > TOUCH or depth > -ABOUT
+        spare = max(SPARE, rise + 0.5 * SPARE)
+        _within(c, memory, force, c[FORCE_LIMIT] - (pressed + spare if near else 0.0))
+    if _still_changes(c, memory, touching):
+        step = FIRST_STEP if abs(depth) < SOON and pressed < NOTHING else STEP
+        _lead(c, sent, force, rise, step)
+        _shorten(force, c[FORCE_LIMIT] - memory[CUT])
+    wrench[0], wrench[1], wrench[2] = turned_in(c, ARM, force[0], force[1], force[2])

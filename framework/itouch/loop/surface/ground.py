@@ -1,0 +1,62 @@
+"""The virtual surface below a finger: how high, how steep, and how its height changes as the finger goes on."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.compiling import kernel
+from itouch.contact.cast import sphere_cast
+from itouch.loop.render import HIP, RADIUS, SURFACE_HEIGHT, TABLE, VELOCITY
+from itouch.loop.surface.memory import CLIMB, UPRIGHT
+
+Floats = NDArray[np.float64]
+
+#: How far below the finger a surface is looked for [m].
+REACH = 0.2
+#: Cosine of the steepest slope whose change of height is reckoned with: no plate renders a steeper one.
+STEEPEST = 0.3
+
+
+@kernel
+def find(c: Floats, world: Floats, mesh: Any, poses: Floats, figures: Floats, memory: Floats) -> int:
+    """Find the highest virtual surface below the finger.
+
+    Parameters
+    ----------
+    c
+        Constants of the probe, shape (CONSTANTS,).
+    world, mesh, poses
+        The objects; see ``itouch.contact``.
+    figures, memory
+        The probe's part of State, and that of the carried surface.
+
+    Returns
+    -------
+    int
+        Whose surface it is, -1 for nobody's.
+    """
+    figures[SURFACE_HEIGHT], memory[UPRIGHT], memory[CLIMB] = -np.inf, 1.0, 0.0
+    if world.shape[0] == 0:
+        return -1
+    down, normal = np.zeros(3), np.empty(3)
+    down[2] = -1.0
+    distance, hit = sphere_cast(world, mesh, poses, figures[HIP : HIP + 3], down, c[RADIUS], REACH, normal)
+    if hit < 0:
+        return -1
+    figures[SURFACE_HEIGHT] = figures[HIP + 2] - c[RADIUS] - distance
+    memory[UPRIGHT] = along_plate(c, normal)
+    if normal[2] > STEEPEST:
+        memory[CLIMB] = -(normal[0] * figures[VELOCITY] + normal[1] * figures[VELOCITY + 1]) / normal[2]
+    return int(hit)
+
+
+@kernel
+def along_plate(c: Floats, normal: Floats) -> float:
+    """Return the cosine of the angle between a normal (3,) in the world and the plate's."""
+    cosine = 0.0
+    for i in range(3):
+        cosine += normal[i] * c[TABLE + 3 + 3 * i + 2]
+    return cosine

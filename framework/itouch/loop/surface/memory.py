@@ -1,0 +1,31 @@
+"""What a tick remembers of a carried surface: State fields in this order (see ``itouch.world.fields``)."""
+
+from __future__ import annotations
+
+RENDERS = 0  # 1: the plate's to render, 0: the arm's alone
+PRESENT = 1  # 1: the plate is there, or still felt: what touches the finger is the plate
+SETTLED = 2  # 1: the plate is where the virtual surface is, 0: it comes or goes
+PRESS = 3  # how far it may be in the finger while it comes or goes; below 0: how far it keeps away [m]
+SHARE = 4  # the arm's part of the normal force; -1: no contact
+PRESSED, FREE = 5, 6  # how long the virtual contact has lasted, and how long there has been none [s]
+FELT, FELT_WEIGHT, FELT_FORCE = 7, 8, 9  # felt since the begin; weight of the measured force; their blend [N]
+UNFELT, MISSED = 10, 11  # how long it has not been felt as it should be [s]; LOW or HIGH: its force is the arm's
+MISSES, MISSED_AT, MISSED_DEPTH, MISSED_LOAD = 12, 13, 14, 15  # how often; the first: when [s], depth [m], load [N]
+CUT = 16  # what the plate takes of the force that the arm may give [N]
+UPRIGHT, CLIMB = 17, 18  # cosine of the tilt of the surface below; how fast its height changes under the finger [m/s]
+GIVE = 19  # how far the table gives way under a force, as learned [m/N]
+CHANGING = 20  # for how long the force is still led over from one to the other [s]
+LOAD = 21  # the plate's force a tick ago [N]
+LEVEL, SINK = 22, 23  # height of the lowest point of the finger, and its speed, smoothed [m], [m/s]
+OFF = 24  # how much deeper the finger seems to be in the plate than the force explains, smoothed [m]
+MEMORY = 25
+
+#: What `MISSED` says: the plate is lower than its height says, or higher.
+LOW, HIGH = 1.0, 2.0
+
+#: Force [N] from which on a plate is felt, below which it is left, and what a sensor may read of nothing.
+TOUCH, LEFT, NOTHING = 0.05, 0.02, 0.02
+#: A plate that is so near below the finger is as good as there [m].
+ABOUT = 3e-4
+#: Gap [m] over which the arm takes over the normal force from a plate that is too low.
+HAND_OVER = 1e-3

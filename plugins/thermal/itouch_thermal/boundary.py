@@ -1,0 +1,100 @@
+"""One step of the heat between the model finger and what it touches: one object, or two at a boundary between them.
+
+A finger that slides from one object onto another lies on both for a while.  Each gets its part of the contact disc and
+the finger the mean of what both draw, weighted by these parts: as the finger's equations are linear in the flux, its
+state is the same mean of the states that either alone would leave.  So nothing jumps where one contact ends and the
+other begins.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch_thermal.played import Playing
+from itouch_thermal.solver.packing import HEAT, PHASE, RESISTANCE, SIZE, TAIL
+
+Array = NDArray[np.float64]
+
+
+def beyond(distance: float, area: float) -> float:
+    """Return the part of a disc of an area [m2] that lies beyond a straight line so far from its middle [m], 0 to 1."""
+    radius = math.sqrt(area / math.pi)
+    if distance >= radius:
+        return 0.0
+    if distance <= -radius:
+        return 1.0
+    x = distance / radius
+    return max(0.0, (math.acos(x) - x * math.sqrt(1.0 - x * x)) / math.pi)
+
+
+class Exchange:
+    """The finger and the objects of a scene, as packed models; an object without a thermal material has none."""
+
+    def __init__(self, live: Any, finger: Array, bodies: tuple[Array | None, ...], playing: Playing) -> None:
+        self._live, self._finger, self._bodies, self._playing = live, finger, bodies, playing
+
+    def knows(self, index: int) -> bool:
+        """Tell whether anything is known of an object's heat; -1 is no object."""
+        return index >= 0 and (self._bodies[index] is not None or self._playing.plays(index))
+
+    def step(self, finger: Array, objects: Array, index: int, resistance: float, count: int) -> float:
+        """Advance the finger, and the object that it touches, by one step.
+
+        Parameters
+        ----------
+        finger, objects
+            States of the finger and of the objects, one row each; changed.
+        index, resistance
+            What is touched (-1: nothing of which anything is known), and the contact resistance [K m2/W].
+        count
+            Which step of the touch it is, from 1.
+
+        Returns
+        -------
+        float
+            Flux out of the finger at the end of the step [W/m2].
+        """
+        if math.isfinite(resistance) and self._playing.plays(index):
+            return self._playing.step(self._finger, finger, index, count)
+        body = self._bodies[index] if index >= 0 and math.isfinite(resistance) else None
+        if body is None:
+            self._live.air_step(self._finger, finger)
+            return 0.0
+        flux: float = self._live.contact_step(self._finger, finger, body, objects[index], resistance)
+        return flux
+
+    def blend(
+        self, finger: Array, objects: Array, indices: tuple[int, int], part: float, resistance: float,
+        counts: tuple[int, int],
+    ) -> float:  # fmt: skip
+        """Advance the finger, and two objects of which the second one has a part of the disc, by one step.
+
+        Parameters
+        ----------
+        finger, objects, resistance
+            As in ``step``.
+        indices, counts
+            What is touched and which step of the touch it is, of the one object and of the other.
+        part
+            The part of the disc that lies on the second object, 0 to 1.
+
+        Returns
+        -------
+        float
+            Flux out of the finger at the end of the step [W/m2].
+        """
+        other, (first, second) = finger.copy(), indices
+        tail, size = int(self._finger[TAIL]), int(self._finger[SIZE])
+        body = self._bodies[second] if second >= 0 else None
+        if body is not None and objects[second][int(body[TAIL]) + PHASE] > 0.0:  # as far into its touch as it is
+            for entry in (PHASE, RESISTANCE):
+                other[tail + entry] = objects[second][int(body[TAIL]) + entry]
+        flux = self.step(finger, objects, first, resistance, counts[0])
+        beside = self.step(other, objects, second, resistance, counts[1])
+        finger[:size] = (1.0 - part) * finger[:size] + part * other[:size]
+        finger[tail + HEAT] = (1.0 - part) * finger[tail + HEAT] + part * other[tail + HEAT]
+        return (1.0 - part) * flux + part * beside
