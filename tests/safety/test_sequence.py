@@ -372,3 +372,16 @@ def test_only_what_is_carried_by_what_retracts_keeps_its_drive() -> None:
     data = state(*models)
     both = [Supervisor(one, data, PERIOD, device=Fake()) for one in models]
     assert SafeSequence(both, data, PERIOD, lambda: None)._carried == []
+
+
+@pytest.mark.parametrize(("every", "safe"), [(20, True), (10**9, False)])
+def test_a_display_may_answer_now_and_then_but_must_not_fall_silent(every: int, safe: bool) -> None:
+    """Over a wire a reading comes every 20 ms or so: that one is waited for; one that never comes is not safe."""
+    rig = Rig()
+    assert rig.plate.device is not None
+
+    def say(reading: Record) -> bool:
+        return rig.say_plate(reading) and rig.ticks % every == every - 1
+
+    rig.plate.device.read = say  # type: ignore[method-assign]
+    assert rig.stop("arm", Trip.SPEED).safe is safe
