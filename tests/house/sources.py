@@ -1,0 +1,166 @@
+"""The program's own source files as a graph: which module imports which, and how much code each has.
+
+Everything here reads text; nothing of the program is imported.
+"""
+
+from __future__ import annotations
+
+import ast
+import io
+import re
+import tokenize
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+#: The import packages of the wheel, and where they lie.
+PACKAGES = {
+    "itouch": "framework/itouch",
+    "itouch_thermal": "plugins/thermal/itouch_thermal",
+    "contact_heat": "plugins/thermal/contact_heat",
+    "itouch_xyz_table": "plugins/xyz_table/itouch_xyz_table",
+    "itouch_usb_arm": "plugins/usb_arm/itouch_usb_arm",
+    "itouch_arms": "plugins/arms/itouch_arms",
+}
+_IMPORT = re.compile(r"^[ \t]*((?:from [\w.]+ import (?:\([^)]*\)|[^\n(]+))|import [\w., ]+)", re.MULTILINE)
+_LONG_STRING = re.compile(r'("""|\'\'\').*?\1', re.DOTALL)
+#: Tokens that are no code.
+_NOT_CODE = {
+    tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENCODING,
+    tokenize.ENDMARKER,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Module:
+    """One file: its dotted name, its path and its text."""
+
+    name: str
+    path: Path
+    text: str = field(repr=False)
+
+    @cached_property
+    def tree(self) -> ast.Module:
+        """Return the syntax tree of the file."""
+        return ast.parse(self.text)
+
+    @property
+    def is_package(self) -> bool:
+        return self.path.name == "__init__.py"
+
+    @property
+    def says(self) -> str:
+        """Return the first line of the module's docstring, without its full stop."""
+        return (ast.get_docstring(self.tree) or "").split("\n")[0].rstrip(".:")
+
+    def code_lines(self) -> set[int]:
+        """Return the numbers of the lines that hold code: no docstring, no comment, not blank."""
+        docs: set[int] = set()
+        for node in ast.walk(self.tree):
+            if (
+                isinstance(node, ast.Expr)
+                and isinstance(node.value, ast.Constant)
+                and isinstance(node.value.value, str)
+            ):
+                docs |= set(range(node.lineno, (node.end_lineno or node.lineno) + 1))
+        lines: set[int] = set()
+        for token in tokenize.generate_tokens(io.StringIO(self.text).readline):
+            if token.type not in _NOT_CODE:
+                lines |= set(range(token.start[0], token.end[0] + 1))
+        return lines - docs
+
+    def imported(self, names: Iterable[str], deferred: bool = True) -> set[str]:
+        """Return the modules that this one imports.
+
+        Parameters
+        ----------
+        names
+            All modules of the program: an imported name may be a module of a package, or something in it.
+        deferred
+            Whether imports inside functions count.  Those under ``TYPE_CHECKING`` always do.
+        """
+        known, found = set(names), set[str]()
+        inside = set() if deferred else self._lines_of_functions()
+        for line, statement in self._statements():
+            if line in inside:
+                continue
+            node = ast.parse(statement).body[0]
+            if isinstance(node, ast.Import):
+                found |= {_longest(alias.name, known) for alias in node.names}
+            elif isinstance(node, ast.ImportFrom):
+                base = self._absolute(node)
+                found |= {_longest(f"{base}.{alias.name}", known) for alias in node.names}
+        return found - {"", self.name}
+
+    def _statements(self) -> Iterator[tuple[int, str]]:
+        """Yield line and text of each import: a whole syntax tree of every file would take ten times as long."""
+        text = _LONG_STRING.sub(lambda found: "\n" * found[0].count("\n"), self.text)
+        for found in _IMPORT.finditer(text):
+            yield text.count("\n", 0, found.start(1)) + 1, found[1]
+
+    def _lines_of_functions(self) -> set[int]:
+        lines: set[int] = set()
+        for node in ast.walk(self.tree):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                lines |= set(range(node.lineno, (node.end_lineno or 0) + 1))
+        return lines
+
+    def _absolute(self, node: ast.ImportFrom) -> str:
+        parts = self.name.split(".") if self.is_package else self.name.split(".")[:-1]
+        up = parts[: len(parts) - (node.level - 1)] if node.level else []
+        return ".".join([*up, *([node.module] if node.module else [])])
+
+
+def _longest(name: str, known: set[str]) -> str:
+    """Return the module of the program that a dotted name lies in, or nothing."""
+    while name and name not in known:
+        name = name.rpartition(".")[0]
+    return name
+
+
+def modules(root: Path = ROOT) -> dict[str, Module]:
+    """Return every module of the program by its name."""
+    found = {}
+    for package, folder in PACKAGES.items():
+        for path in sorted((root / folder).rglob("*.py")):
+            parts = path.relative_to(root / folder).with_suffix("").parts
+            if "templates" in parts:  # what a new plugin begins with is text
+                continue
+            name = ".".join((package, *(part for part in parts if part != "__init__")))
+            found[name] = Module(name, path, path.read_text(encoding="utf-8"))
+    return found
+
+
+def imports(every: dict[str, Module], deferred: bool = True) -> dict[str, set[str]]:
+    """Return of each module the modules that it imports."""
+    return {name: module.imported(every, deferred) for name, module in every.items()}
+
+
+def circles(graph: dict[str, set[str]]) -> list[list[str]]:
+    """Return the groups of modules that import one another round about (Tarjan's strongly connected components)."""
+    index: dict[str, int] = {}
+    low: dict[str, int] = {}
+    stack: list[str] = []
+    found: list[list[str]] = []
+
+    def visit(node: str) -> None:
+        index[node] = low[node] = len(index)
+        stack.append(node)
+        for to in sorted(graph.get(node, ())):
+            if to not in index:
+                visit(to)
+                low[node] = min(low[node], low[to])
+            elif to in stack:
+                low[node] = min(low[node], index[to])
+        if low[node] == index[node]:
+            at = stack.index(node)
+            group, stack[at:] = sorted(stack[at:]), []
+            if len(group) > 1:
+                found.append(group)
+
+    for node in sorted(graph):
+        if node not in index:
+            visit(node)
+    return found

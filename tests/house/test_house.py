@@ -1,0 +1,143 @@
+"""What CONTRIBUTING.md, SECURITY.md and the decisions tell of the house is so."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+import rooms
+from counts import counts, longest
+from sources import ROOT, Module, circles
+
+DECISIONS = sorted((ROOT / "docs" / "explanation" / "decisions").glob("*.md"))
+QUIZ = tomllib.loads((Path(__file__).parent / "quiz.toml").read_text(encoding="utf-8"))["change"]
+
+
+def test_the_map_is_drawn_from_the_imports() -> None:
+    assert rooms.kept() == rooms.drawn(), "python tests/house/rooms.py --write"
+
+
+def test_every_room_says_what_it_is() -> None:
+    says, _ = rooms.graph()
+    assert all(len(text.split()) > 3 for text in says.values()), says
+    assert len(set(says.values())) == len(says)
+
+
+def test_files_that_the_pages_name_exist() -> None:
+    rooted = r"`((?:framework|plugins|scenes|docs|tests|\.ci)/[\w./-]+|[A-Z]+\.\w+)`"
+    for page in ("CONTRIBUTING.md", "SECURITY.md"):
+        text = (ROOT / page).read_text(encoding="utf-8")
+        targets = re.findall(rooted, text) + re.findall(r"\]\(([^)#:]+)\)", text)
+        assert len(targets) > 3
+        missing = [name for name in targets if not (ROOT / name).exists()]
+        shipped = ("docs/reference/scene.md", "docs/reference/errors.md")  # made when the site is built
+        assert not [name for name in missing if name not in shipped and name != "tests/ROOM"]
+    # files of the framework that are named from its folder
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    for name in re.findall(r"`((?:cli|elements|bench)/\w+\.py)`", text):
+        folder = "scene/elements" if name.startswith("elements") else name.partition("/")[0]
+        assert (ROOT / "framework" / "itouch" / folder / name.partition("/")[2]).is_file(), name
+
+
+def test_decisions_are_numbered_once() -> None:
+    numbers = [page.name[:4] for page in DECISIONS]
+    assert len(set(numbers)) == len(numbers)
+    for page in DECISIONS:
+        assert page.read_text(encoding="utf-8").startswith(f"# {page.name[:4]} "), page.name
+
+
+def test_what_took_the_place_of_a_decision_is_named() -> None:
+    superseded = [page for page in DECISIONS if "**Status.** Superseded" in page.read_text(encoding="utf-8")]
+    assert superseded
+    for page in superseded:
+        status = page.read_text(encoding="utf-8").split("**Status.**")[1].split("\n\n")[0]
+        later = re.findall(r"\((\d{4}-[\w-]+\.md)\)", status)
+        assert later and all((page.parent / name).is_file() for name in later), page.name
+
+
+def test_changes_are_sorted_by_kind() -> None:
+    """Below each version there are the kinds, each once, in their order, and lists in them."""
+    text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    kinds = ("Added", "Changed", "Deprecated", "Removed", "Fixed", "Security")
+    for version in re.split(r"^## ", text, flags=re.MULTILINE)[1:]:
+        found = re.findall(r"^### (\w+)$", version, flags=re.MULTILINE)
+        assert found == [kind for kind in kinds if kind in found]
+
+
+@pytest.mark.parametrize("change", QUIZ, ids=lambda change: Path(change["file"]).stem)
+def test_a_change_is_made_where_the_quiz_says(change: dict[str, str]) -> None:
+    assert change["says"] in (ROOT / change["file"]).read_text(encoding="utf-8")
+
+
+def test_the_quiz_asks_for_twenty_files() -> None:
+    assert len(QUIZ) == len({change["file"] for change in QUIZ}) == 20
+
+
+SMALL = '''"""A module
+of two lines."""
+
+import json
+
+# a comment
+def longer(a: int) -> int:
+    """Say."""
+    text = """not a docstring
+    """
+    return a  # and the end
+
+
+def short() -> None: ...
+'''
+
+
+def test_code_is_what_is_no_docstring_comment_or_blank() -> None:
+    module = Module("small", Path("small.py"), SMALL)
+    assert module.code_lines() == {4, 7, 9, 10, 11, 14}
+    assert longest({"small": module}, 1) == [(4, "small.longer")]
+
+
+def test_imports_are_found_wherever_they_stand() -> None:
+    names = ["a", "a.b", "a.b.c", "a.d", "e"]
+    text = '''"""import e"""
+from a import b
+if TYPE_CHECKING:
+    from . import (
+        c,
+    )
+def later():
+    import a.d
+    from .. import d as other
+'''
+    module = Module("a.b", Path("a/b/__init__.py"), text)
+    assert module.imported(names) == {"a.b.c", "a.d"}
+    assert module.imported(names, deferred=False) == {"a.b.c"}
+
+
+def test_circles_are_found() -> None:
+    graph = {"a": {"b"}, "b": {"c"}, "c": {"b", "d"}, "d": set[str](), "e": {"e", "a"}}
+    assert circles(graph) == [["b", "c"]]
+
+
+def test_the_counts_of_a_checkout(tmp_path: Path) -> None:
+    """A small house whose figures are known."""
+    files = {
+        "framework/itouch/__init__.py": '"""House."""\n',
+        "framework/itouch/loop/__init__.py": "",
+        "framework/itouch/loop/step.py": "from itouch.loop import plan\nX = 1\n",
+        "framework/itouch/loop/plan.py": "def f():\n    from itouch.loop import step\n    return step\n",
+        "framework/itouch/cli/plan.py": "from itouch.loop.step import X\n\n# no\n",
+    }
+    for name, text in files.items():
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    found = counts(tmp_path)
+    assert (found["lines of code"], found["files"], found["  core: lines of code"]) == (6, 5, 5)
+    assert found["files with one importer"] == 1
+    assert found["file names that occur twice or more"] == 1
+    assert found["  within one package"] == 0
+    assert found["import circles, TYPE_CHECKING included"] == 0
+    assert found["import circles, imports inside functions included"] == 1
+    assert found["longest function 1"] == "3 f (itouch.loop.plan)"
