@@ -156,7 +156,7 @@ def test_the_official_validator_of_bids_has_nothing_to_say(kept: Path, tmp_path:
 
 @pytest.mark.parametrize(
     ("words", "said"),
-    [(["export", "{r}", "--hjif", "x.hjif"], "no HJIF file is written"), (["export", "{r}"], "say what to write"),
+    [(["export", "{r}"], "say what to write"),
      (["export", "{r}", "--xml", "x.xml"], "is not a session"), (["export", "{s}", "--csv"], "say what to write a session as"),
      (["export", "{r}", "--bids", "{d}", "--subject", "0 7"], "letters and digits"),
      (["export", "{r}", "--csv", "/nowhere/at/all.csv"], "cannot write '/nowhere/at/all.csv'"),

@@ -25,7 +25,7 @@ def main(argv: Sequence[str]) -> int:
         with waiting(f"exporting {options.file}"):
             written = _session(options) if options.file.endswith((".itouch", ".xml")) else _recording(options)
     except OSError as error:
-        outputs = (options.xml, options.itouch, options.csv, options.parquet, options.bids, options.hjif)
+        outputs = (options.xml, options.itouch, options.csv, options.parquet, options.bids)
         name = error.filename or next((output for output in outputs if output), options.file)
         raise ItouchError(f"cannot write '{name}': {error.strerror or error}") from error
     except ValueError as error:
@@ -42,7 +42,7 @@ def _chosen(options: argparse.Namespace) -> None:
     """Take ``--output`` for the option that its ending names, and look for what is needed before the work begins."""
     if options.output:
         ending = Path(options.output).suffix.lower().lstrip(".")
-        kinds = ("xml", "itouch", "csv", "parquet", "hjif")
+        kinds = ("xml", "itouch", "csv", "parquet")
         if ending not in kinds:
             endings = ", ".join(f".{kind}" for kind in kinds)
             raise ItouchError(f"-o '{options.output}': its ending says what to write: {endings}; a folder takes --csv, "
@@ -58,7 +58,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = Parser(prog="itouch-py export", description=main.__doc__)
     parser.add_argument("file", metavar="FILE", help="a session (.itouch, or its .xml) or a recording (.mcap)")
     parser.add_argument("-o", "--output", type=output_file, metavar="FILE",
-                        help="write what its ending says: .csv, .parquet, .xml, .itouch, .hjif")  # fmt: skip
+                        help="write what its ending says: .csv, .parquet, .xml, .itouch")  # fmt: skip
     parser.add_argument("--xml", type=output_file, metavar="FILE.xml", help="the whole session as one XML document")
     parser.add_argument("--itouch", type=output_file, metavar="FILE.itouch", help="a session's XML as a snapshot again")
     parser.add_argument("--csv", nargs="?", const="", metavar="FILE.csv|DIR",
@@ -69,9 +69,6 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--task", default="", metavar="LABEL", help="task of --bids (default: the scene's name)")
     parser.add_argument("--author", action="append", default=[], metavar="NAME",
                         help="who made the data, for --bids; may be given again")  # fmt: skip
-    parser.add_argument(
-        "--hjif", type=output_file, metavar="FILE.hjif", help="temperature and force as a haptic file of MPEG"
-    )
     add_json(parser)
     return parser
 
@@ -114,8 +111,8 @@ def _recording(options: argparse.Namespace) -> list[str]:
 
     if options.xml or options.itouch:
         raise ItouchError(f"'{options.file}' is not a session; --xml writes one (.itouch) as XML")
-    if options.csv is None and options.parquet is None and not options.bids and not options.hjif:
-        raise ItouchError("say what to write: --csv, --parquet, --bids DIR or --hjif FILE")
+    if options.csv is None and options.parquet is None and not options.bids:
+        raise ItouchError("say what to write: --csv, --parquet or --bids DIR")
     recording = read(options.file)
     for loss in recording.losses:
         note(loss)
@@ -128,8 +125,4 @@ def _recording(options: argparse.Namespace) -> list[str]:
     if options.bids:
         named = {"subject": options.subject, "task": options.task}
         written += export_bids(recording, options.bids, authors=options.author, **named)
-    if options.hjif:
-        from itouch.recording.hjif import export_hjif
-
-        written += export_hjif(recording, options.hjif)
     return written
