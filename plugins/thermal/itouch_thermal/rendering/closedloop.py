@@ -112,7 +112,7 @@ def simulate(
     display, believed
         The plant, and what the controller thinks it is; default: the plant without its mismatch.
     controller
-        ``hold``, ``paper`` or ``model``.
+        ``hold``, ``paper`` or ``model``; ``free`` brings the plate to its start and then sends no current.
     seed
         Of the noise.
     hold, stream
@@ -197,6 +197,9 @@ class _Brain:
         """Return the current [A]."""
         if self.law is not None:
             return self._predictive(self.law, i, hold)
+        if self.controller == "free" and i >= 0:
+            self.flux = 0.0
+            return 0.0
         flux, plate, sink = self.reading
         if i >= 0 and self.controller == "paper":
             if i == 0:

@@ -1,0 +1,1 @@
+"""The paper's figures and claims, as the paper did them, with our own method beside."""

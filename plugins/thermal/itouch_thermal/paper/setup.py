@@ -1,0 +1,128 @@
+"""The paper's set-up as a preset: what is touched, through which film, and how the display is driven."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from itouch_thermal.display.column import Array
+from itouch_thermal.display.params import ALUMINA, FILM, DisplayParams
+from itouch_thermal.flux.start import equation_three, within
+from itouch_thermal.heat import FINGER, finger_side
+from itouch_thermal.rendering.closedloop import AMBIENT, BAND, CORE, DEPTH, GAINS, PERIOD, press_factor
+from itouch_thermal.rendering.materials import material
+from itouch_thermal.solver.layers import Back, Contact, Initial, Side
+
+#: The paper's materials, from the most to the least conducting.
+MATERIALS = ("aluminium", "pyrex", "wood", "polystyrene")
+SKIN = 306.15
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """A real touch and its replay: the film [m], the contact [K m2/W, s], and the published loop.
+
+    ``film`` is the thickness of the flux sensor on sample and module, 0 for none; ``press`` the time constant with
+    which the finger is pressed on; ``lag`` and ``noise`` [W/m2] are the sensor's; ``plate_effusivity`` is the
+    beta_p of equation 3, which in the paper is the module's ceramic.
+    """
+
+    film: float = FILM.thickness or 0.0
+    resistance: float = 2e-3
+    press: float = 0.05
+    seconds: float = 10.0
+    lag: float = 0.05
+    noise: float = 20.0
+    plate_effusivity: float = ALUMINA.effusivity
+    gains: tuple[float, float] = GAINS
+
+    @property
+    def module(self) -> DisplayParams:
+        """The display: a film on a ceramic plate on a Peltier module."""
+        return DisplayParams(flux_lag=self.lag, flux_noise=self.noise)
+
+    def wanted(self, name: str) -> float:
+        """Return the plate's start temperature [K] for a material by equation 3."""
+        beta = material(name)[1].effusivity
+        return equation_three(beta, self.plate_effusivity, FINGER[0].effusivity, AMBIENT, SKIN)
+
+    def start(self, name: str) -> float:
+        """Return the nearest one [K] that the plate may have."""
+        return within(BAND, self.wanted(name))
+
+
+class Measured(NamedTuple):
+    """A touch of an instrumented sample at the ends of the periods.
+
+    The flux that leaves the finger, the flux at the film's middle, what the sensor reads [W/m2], and the temperature
+    of the sample's face [K].
+    """
+
+    flux: Array
+    film: Array
+    reading: Array
+    face: Array
+
+
+def sample(name: str, film: float = 0.0) -> Side:
+    """Return 20 mm of a material at the room's temperature, with a film [m] on it if that is more than 0."""
+    between = (replace(FILM, thickness=film),) if film > 0.0 else ()
+    return Side(
+        layers=(*between, material(name)[1].layer(DEPTH)),
+        initial=Initial(kind="uniform", temperature=AMBIENT),
+        back=Back(kind="convection", temperature=AMBIENT, coefficient=10.0),
+    )
+
+
+def finger(perfusion: float = 1.0) -> Side:
+    """Return the nominal finger, its perfusion multiplied."""
+    layers = tuple(replace(layer, perfusion=layer.perfusion * perfusion) for layer in FINGER)
+    return finger_side(layers, CORE, SKIN, AMBIENT)
+
+
+def touch(name: str, resistance: float, seconds: float, *, film: float = 0.0, period: float = PERIOD) -> Array:
+    """Return the flux [W/m2] out of a finger that touches a sample at once through a constant resistance."""
+    from itouch_thermal.solver.stepper import Stepper
+
+    stepper = Stepper(Contact(finger=finger(), object=sample(name, film)), period)
+    return stepper.advance(resistance, round(seconds / period))
+
+
+def measure(name: str, setup: Setup, *, films: float = 1.0) -> Measured:
+    """Return a touch of a sample under so many films: the paper's section II-B, simulated."""
+    from itouch_thermal.solver import live
+
+    ours, other = finger(), sample(name, films * setup.film)
+    above, below = live.side_model(ours, PERIOD, finger=True), live.side_model(other, PERIOD, finger=False)
+    skin, body = live.initial_state(ours, PERIOD, finger=True), live.initial_state(other, PERIOD, finger=False)
+    count = round(setup.seconds / PERIOD)
+    flux, face = np.empty(count), np.empty(count)
+    for i in range(count):
+        resistance = setup.resistance * press_factor((i + 1) * PERIOD, setup.press)
+        flux[i] = live.contact_step(above, skin, below, body, resistance)
+        face[i] = live.surface_temperature(below, body)
+    # The film is thin: what its upper half keeps follows from the temperature of its face.
+    kept = 0.5 * films * setup.film * FILM.heat_capacity * np.diff(face, prepend=AMBIENT) / PERIOD
+    film = 0.5 * (flux + np.concatenate(([flux[0]], flux[:-1]))) - kept
+    return Measured(flux, film, lagged(film, setup.lag), face)
+
+
+def lagged(flux: Array, lag: float, period: float = PERIOD) -> Array:
+    """Return what a sensor with a time constant [s] shows."""
+    if lag <= 0.0:
+        return flux.copy()
+    keep, found, value = math.exp(-period / lag), np.empty_like(flux), 0.0
+    for i, now in enumerate(flux.tolist()):
+        value = keep * value + (1.0 - keep) * now
+        found[i] = value
+    return found
+
+
+def halfspaces(times: Array, resistance: float, ours: float, other: float) -> Array:
+    """Return the flux [W/m2] of two half-spaces with these effusivities, for resistance 0 that of equation 2."""
+    from itouch_thermal.solver.splitting import first_flux, first_problem
+
+    return first_flux(first_problem(ours, other, SKIN, AMBIENT, resistance), np.asarray(times))[0]

@@ -1,0 +1,141 @@
+"""The runs that figures and claims are made of: each is made once, when it is first asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, TypeVar, cast
+
+import numpy as np
+
+from itouch.plugin import Field, Record, Touch
+from itouch_thermal.display.column import Array
+from itouch_thermal.display.device import DisplayTwin, ThermalDisplay
+from itouch_thermal.flux.curve import Curve
+from itouch_thermal.paper.setup import Measured, Setup, lagged, measure, sample, touch
+from itouch_thermal.paper.setup import finger as nominal_finger
+from itouch_thermal.rendering.closedloop import AMBIENT, PERIOD, Case, Course, Run, desired_course, simulate
+from itouch_thermal.rendering.materials import material
+from itouch_thermal.solver.layers import Contact
+
+Found = TypeVar("Found")
+
+#: Distance between the rows of a run by the paper's scheme [s], and of its nodes [m]: on metal steps are short.
+COARSE, SPACING, SPACING_METAL, METAL = 0.01, 1e-4, 2e-4, 1e4
+
+
+class Work:
+    """All runs in one set-up; ``curves`` are a lab's own, by material."""
+
+    def __init__(self, setup: Setup | None = None, curves: dict[str, Curve] | None = None) -> None:
+        self.setup = setup or Setup()
+        self.curves = curves or {}
+        self._kept: dict[tuple[Any, ...], Any] = {}
+
+    def _once(self, key: tuple[Any, ...], make: Callable[[], Found]) -> Found:
+        if key not in self._kept:
+            self._kept[key] = make()
+        return cast("Found", self._kept[key])
+
+    def real(self, name: str, films: float = 1.0) -> Measured:
+        """Return the touch of an instrumented sample."""
+        return self._once(("real", name, films), lambda: measure(name, self.setup, films=films))
+
+    def bare(self, name: str, resistance: float, seconds: float = 10.0, period: float = PERIOD) -> Array:
+        """Return the flux of a touch of the sample without a film."""
+        return self._once(
+            ("bare", name, resistance, seconds, period), lambda: touch(name, resistance, seconds, period=period)
+        )
+
+    def filmed(self, name: str, resistance: float, films: float = 1.0, seconds: float = 10.0) -> Array:
+        """Return the flux of a touch at once of the sample under so many films."""
+        film = films * self.setup.film
+        return self._once(
+            ("film", name, resistance, film, seconds), lambda: touch(name, resistance, seconds, film=film)
+        )
+
+    def published(self, name: str, resistance: float | None = None) -> Run:
+        """Return the replay of a recorded touch by equation 3 and the published loop."""
+        return self._once(("published", name, resistance), lambda: self._replay(name, "paper", resistance))
+
+    def open(self, name: str) -> Run:
+        """Return the touch of a plate that is held at the temperature of equation 3."""
+        return self._once(("open", name), lambda: self._replay(name, "hold", None))
+
+    def _replay(self, name: str, controller: str, resistance: float | None) -> Run:
+        setup = self.setup if resistance is None else replace(self.setup, resistance=resistance)
+        wanted = self.real(name) if resistance is None else measure(name, setup)
+        case = Case(
+            material(name)[1], resistance=setup.resistance, press=setup.press, seconds=setup.seconds
+        )  # fmt: skip
+        course = Course(wanted.reading, wanted.face)
+        return simulate(
+            case, course, setup.module, controller, seed=1, gains=setup.gains, start=setup.start(name)
+        )  # fmt: skip
+
+    def free(self, offset: float) -> Run:
+        """Return the touch of a plate that starts so much [K] above the room and is then left alone."""
+        return self._once(("free", offset), lambda: self._free(offset))
+
+    def _free(self, offset: float) -> Run:
+        setup = self.setup
+        case = Case(
+            material("aluminium")[1], resistance=setup.resistance, press=setup.press, seconds=setup.seconds
+        )  # fmt: skip
+        none = np.zeros(round(setup.seconds / PERIOD))
+        return simulate(case, Course(none, none), setup.module, "free", seed=1, start=AMBIENT + offset)
+
+    def ours(self, name: str, resistance: float | None = None) -> Run:
+        """Return our own rendering of the bare object: no film, no recorded curve."""
+        return self._once(("ours", name, resistance), lambda: self._ours(name, resistance))
+
+    def _ours(self, name: str, resistance: float | None) -> Run:
+        setup = self.setup
+        of = setup.resistance if resistance is None else resistance
+        case = Case(material(name)[1], resistance=of, press=setup.press, seconds=setup.seconds)
+        return simulate(case, desired_course(case), setup.module, "model", seed=1)
+
+    def step(self, current: float = 1.0, seconds: float = 20.0, *, touched: bool = False) -> Array:
+        """Return what the sensor on the module reads after a step of current [A] at 1 s, W/m2 a period.
+
+        With ``touched`` it is the true flux out of a resting finger, less that without the current.
+        """
+        return self._once(("step", current, seconds, touched), lambda: _step(self.setup, current, seconds, touched))
+
+    def scheme(self, name: str) -> tuple[Array, Array]:
+        """Return times [s] and the sensor's reading [W/m2] by the paper's equations 4 to 10."""
+        return self._once(("scheme", name), lambda: self._scheme(name))
+
+    def _scheme(self, name: str) -> tuple[Array, Array]:
+        from itouch_thermal.solver.differences import solve_differences
+
+        setup = self.setup
+        times: Array = np.arange(1, round(setup.seconds / COARSE) + 1, dtype=np.float64) * COARSE
+        contact = Contact(finger=nominal_finger(), object=sample(name, setup.film), resistance=setup.resistance)
+        metal = material(name)[1].effusivity > METAL
+        found = solve_differences(contact, times, spacing=SPACING_METAL if metal else SPACING)
+        flux = found.flux_at("object", 0.5 * setup.film) if setup.film > 0.0 else found.flux
+        return times, lagged(flux, setup.lag, COARSE)
+
+
+def _step(setup: Setup, current: float, seconds: float, touched: bool) -> Array:
+    found = []
+    for level in (0.0, current) if touched else (current,):
+        params = replace(setup.module, flux_noise=0.0)
+        twin = DisplayTwin(params)
+        state = Record.of(twin.fields())
+        twin.reset(state, np.random.default_rng(0))
+        reading = Record.of(Field.of(c) for c in ThermalDisplay.channels(params)[0])
+        command = Record.of(Field.of(c) for c in ThermalDisplay.commands)
+        touch = Touch(ambient=AMBIENT, force=1.0, gap=0.0) if touched else Touch(ambient=AMBIENT, force=0.0, gap=1.0)
+        flux = np.empty(round((seconds + 1.0) / PERIOD))
+        for i in range(len(flux)):
+            command["current"] = level if i * PERIOD >= 1.0 else 0.0
+            twin.step(state, command, touch, PERIOD)
+            if touched:
+                flux[i] = state["true_flux"].item()
+            else:
+                twin.read(state, reading)
+                flux[i] = reading["heat_flux"].item()
+        found.append(flux)
+    return np.asarray(found[-1] - found[0] if touched else found[0])
