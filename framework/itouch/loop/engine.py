@@ -18,6 +18,7 @@ from itouch.loop.blame import broken_off, with_writer
 from itouch.loop.clock import Clock, VirtualClock, now
 from itouch.loop.events import Events
 from itouch.loop.fence import view_for
+from itouch.loop.fingers import join_fingers
 from itouch.loop.ledger import Ledger
 from itouch.loop.objects import Objects
 from itouch.loop.operating import LatchedError, Operating
@@ -59,6 +60,7 @@ class Engine:
         self.ledger = Ledger()
         self._runners = {name: Runner(device, self.state, model.period) for name, device in model.devices.items()}
         self._rigs = [ProbeRig(model, probe, self.state, self._runners, self.ledger) for probe in model.probes]
+        join_fingers(self._rigs)
         self._all = list(self._runners.values())
         self._objects = Objects(model, self.state, self._runners, [rig.toucher for rig in self._rigs])
         self._hands = [rig.coupling.hand for rig in self._rigs if rig.coupling.hand is not None]

@@ -28,6 +28,18 @@ def fingers(runners: Mapping[str, Runner], rigs: Sequence[ProbeRig]) -> Iterator
         yield from _finger("", free)
 
 
+def join_fingers(rigs: Sequence[ProbeRig]) -> None:
+    """Let all probes that one device tracks touch one finger: the twin's, where one of them has an operator.
+
+    Surfaces that are brought to one finger share what may press on it.
+    """
+    for rig in rigs:
+        mine = [other for other in rigs if other.tracker is rig.tracker]
+        rig.toucher.share(len({one.table.model.name for one in mine if one.table is not None}))
+        if rig.coupling.hand is not None:
+            rig.coupling.join([other.coupling for other in mine if other is not rig])
+
+
 def _finger(name: str, devices: Sequence[Runner]) -> Iterator[tuple[Finger, list[Runner]]]:
     listed = list({one.model.name: one for one in devices}.values())
     finger = Finger(name, listed)

@@ -131,6 +131,10 @@ class Toucher:
         self.finds[0].run()
         self.figures[render.VELOCITY : render.VELOCITY + 3] = 0.0
 
+    def share(self, surfaces: int) -> None:
+        """Let each of so many surfaces on one finger press with its part of what one alone might."""
+        self._constants[render.PLATE_LIMIT] /= max(1, surfaces)
+
     def place(self, which: int, frame: Frame) -> None:
         """Tell where tracker, arm or table stands in the world."""
         self._constants[which : which + 12] = (frame.x, frame.y, frame.z, *frame.r)

@@ -5,6 +5,7 @@ The finger's twin is mechanical only.  It feels the arm's wrench and the plate's
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
@@ -73,19 +74,42 @@ class Coupling:
         self._end, self._pace = np.zeros(7), np.zeros(6)
         carried = table.true_position() if table is not None else None
         self._carrier: Floats = np.array([0.0, 0.0, -1e3]) if carried is None else carried
-        if arm is not None:
+        if arm is not None and hand is not None:
             self._end, self._pace = arm.touch.finger_pose, arm.touch.finger_twist
-            arm.touch.finger_attached = hand is not None
+            arm.touch.finger_attached = True
+        #: What its plate pushes the finger with, world frame, shape (3,) [N].
+        self.given: Floats = np.zeros(3)
+        #: A period of the finger as one compiled call; the hand's ``advance`` comes before it.
+        self.bound = self._bind(np.zeros((0, 3)))
+
+    def _bind(self, others: Floats) -> Bound:
+        hand, face = self.hand, self._face
         hand_time, hand_offset, motion = (
             (hand.time, hand.offset, hand.motion) if hand is not None else (np.zeros(1), np.zeros(3), np.zeros(9))
         )
-        #: A period of the finger as one compiled call; the hand's ``advance`` comes before it.
-        self.bound = Bound(
+        bound = Bound(
             at.couple_finger, self._constants, self._pieces, hand_time, hand_offset, motion, self._hip, self._push,
             self._carrier, self.figures, self._end, self._pace, self._load, self._tick, self.touched,
-            face.touch.face if face is not None else np.zeros(2),
+            face.touch.face if face is not None else np.zeros(2), others, self.given,
         )  # fmt: skip
-        self.bound.rehearse()
+        bound.rehearse()
+        return bound
+
+    def join(self, others: Sequence[Coupling]) -> None:
+        """Let other probes on the finger of this one's twin touch that very finger, and push it."""
+        if self.hand is None or not others:
+            return
+        pushes = np.zeros((len(others), 3))
+        self.bound = self._bind(pushes)
+        for other, push in zip(others, pushes, strict=True):
+            other._follow(self, push)
+
+    def _follow(self, leader: Coupling, push: Floats) -> None:
+        assert leader.hand is not None
+        person = leader.hand.operator
+        self._constants[at.PAD_STIFFNESS], self._constants[at.PAD_DAMPING] = person.pad_stiffness, person.pad_damping
+        self._hip, self.given = leader.hand.motion[:3], push
+        self.bound = self._bind(np.zeros((0, 3)))
 
     def reset(self) -> None:
         """Begin apart."""

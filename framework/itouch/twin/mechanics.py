@@ -98,17 +98,21 @@ def couple_finger(
     tick: Any,
     touched: Any,
     face: Floats,
+    others: Floats,
+    given: Floats,
 ) -> int:
     """Advance the finger by one period, and tell what touches it; return 0.
 
     Parameters
     ----------
-    constants, pieces, offset, hand, push, table, figures, end, pace, load
+    constants, pieces, offset, hand, push, table, figures, end, pace, load, others
         As in ``step_finger``.
     time
         Where on the path the target is [s], shape (1,).
     hip
-        Where a finger that no twin moves is, shape (3,).
+        Where a finger that is not moved here is, shape (3,).
+    given
+        The plate's force on the finger, world frame, shape (3,); written.
     tick, touched
         The tick, and that at which the plate was touched first (-1: it is not), shape (1,).
     face
@@ -116,7 +120,8 @@ def couple_finger(
     """
     if constants[MASS] == 0.0:
         hand[0], hand[1], hand[2] = hip[0], hip[1], hip[2]
-    gap = step_finger(constants, pieces, time[0], offset, hand, push, table, figures, end, pace, load)
+    gap = step_finger(constants, pieces, time[0], offset, hand, push, table, figures, end, pace, load, others)
+    given[0], given[1], given[2] = turned_out(constants, TABLE, 0.0, 0.0, figures[FORCE])
     if figures[FORCE] <= 0.0:
         touched[0] = -1
     elif touched[0] < 0:
@@ -138,6 +143,7 @@ def step_finger(
     end: Floats,
     pace: Floats,
     load: Floats,
+    others: Floats,
 ) -> float:
     """Advance the finger by one period.
 
@@ -159,6 +165,8 @@ def step_finger(
         The finger's pose and twist in the arm's frame, shapes (7,) and (6,); position and velocity are written.
     load
         The plate's force on the table in the table's frame, shape (3,); written.
+    others
+        What other plates on the same finger push it with, world frame, shape (n, 3).
 
     Returns
     -------
@@ -169,6 +177,8 @@ def step_finger(
     ax, ay, az = turned_out(constants, ARM, push[0], push[1], push[2])
     nx, ny, nz = turned_out(constants, TABLE, 0.0, 0.0, figures[FORCE])
     fx, fy, fz = ax + nx, ay + ny, az + nz
+    for i in range(others.shape[0]):
+        fx, fy, fz = fx + others[i, 0], fy + others[i, 1], fz + others[i, 2]
     figures[TOTAL] = math.sqrt(fx * fx + fy * fy + fz * fz)
     load[0], load[1], load[2] = 0.0, 0.0, -figures[FORCE]
     mass, period = constants[MASS], constants[PERIOD]
