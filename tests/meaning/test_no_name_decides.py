@@ -26,6 +26,10 @@ def names() -> set[str]:
         device = catalog.device(name)
         assert device is not None and issubclass(device, Device)
         found |= {channel.name for channel in (*device.reads, *device.commands)}
+    for plugin in catalog.plugin_names:  # and the figures of a contact that plugins declare
+        for local in catalog.modality_names(plugin):
+            modality = catalog.modality(plugin, local)
+            found |= {one.key for one in modality.measured} if modality is not None else set()
     return found | {"deadman", "temperature_target", "output", "actual_current", "twist"}
 
 
@@ -41,9 +45,8 @@ MEANT = {
     "scene/loader.py": "an attribute", "scene/rigs.py": "a kind of attribute", "viewer/scales.py": "titles of units",
     "world/limits.py": "limits", "world/limitcheck.py": "limits", "world/limitwords.py": "limits",
     "world/swapped.py": "limits", "recording/tracks.py": "recordings of before",
-    "world/sense.py": "an attribute of a scene", "study/exports.py": "columns of a study's own tables",
+    "loop/contactlog.py": "keys that reports of before have", "world/sense.py": "an attribute of a scene",
     "sweeps/collecting.py": "a kind of figure", "sweeps/elements.py": "a kind of figure",
-    "sweeps/pages.py": "words of a page",
     "recording/views.py": "keys of a viewer's schema", "recording/wellknown.py": "keys of a viewer's schema",
 }  # fmt: skip
 
@@ -81,7 +84,7 @@ def _said(tree: ast.AST) -> Iterator[ast.Constant]:
     for node in ast.walk(tree):
         if isinstance(node, ast.Expr):
             apart.add(id(node.value))
-        elif isinstance(node, ast.Call) and _last(node.func) in ("Field", "Channel") and node.args:
+        elif isinstance(node, ast.Call) and _last(node.func) in ("Field", "Channel", "Measured") and node.args:
             apart.add(id(node.args[0]))
     for node in ast.walk(tree):
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in apart:

@@ -12,6 +12,7 @@ import pytest
 from run_scene import write_study
 
 from itouch.cli import main
+from itouch.plugin import Modality
 from itouch.plugin.discovery import Catalog
 from itouch.schema import ItouchError
 from itouch.study import statistics as s
@@ -30,7 +31,7 @@ ROWS = [
     Row("P-01", 1, "main", "identify", {"material": "cork"}, [{"material": "cork"}], 3.0, 4.0, "P-01-1", "now",
         void="released\tearly", felt=[{"mean_flux_W_m2": None}]),
     Row("P2", 0, "practice", "identify", {"material": "wood"}, [{"material": "wood"}], 1.0, 2.0, "P2-1", "now",
-        answer="wood", right=1, reaction_s=0.5, felt=[{"mean_flux_W_m2": 800.0, "plate_ready": False}]),
+        answer="wood", right=1, reaction_s=0.5, felt=[{"mean_flux_W_m2": 800.0, "plate_ready": False, "wobble": 2.0}]),
 ]  # fmt: skip
 
 
@@ -157,6 +158,12 @@ def test_parquet_holds_numbers_as_numbers(tmp_path: Path) -> None:
     assert table["right"] == [0, None, 1]
     assert table["void"] == [None, "released\tearly", None]
     assert [path.name for path in tmp_path.iterdir()] == ["trials.parquet"]
+
+
+def installed() -> list[type[Modality]]:
+    names = [(plugin, local) for plugin in CATALOG.plugin_names for local in CATALOG.modality_names(plugin)]
+    found = (CATALOG.modality(*name) for name in names)
+    return [modality for modality in found if modality is not None]
 
 
 def test_bids_tables_describe_every_column(tmp_path: Path) -> None:

@@ -11,8 +11,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binom
 
+from itouch.cli import main
+from itouch.schema import ItouchError
 from itouch.sweeps import pages
-from itouch.sweeps.pages import bits, choose, confusion, identify, proportion, safety, tuning
+from itouch.sweeps.figures import bits, confusion, proportion
+from itouch.sweeps.pages import maker, names
+
+choose, identify, safety, tuning = (
+    maker(name) for name in ("choose-a-display", "identify-materials", "safety-by-number", "one-tuning")
+)
 
 
 @given(st.integers(1, 400), st.floats(0.0, 1.0))
@@ -95,3 +102,22 @@ def test_what_is_beaten_in_everything_is_not_on_the_front(tmp_path: Path) -> Non
     assert "55.1 ± 0.1 %" in table["good"]
     assert pages._drawn(draw, tmp_path / "figure.png")
     assert (tmp_path / "figure.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_shipped_pages_are_those_of_the_shipped_sweeps() -> None:
+    assert names() == ["choose-a-display", "identify-materials", "one-tuning", "safety-by-number"]
+    with pytest.raises(ItouchError, match="did you mean 'one-tuning'"):
+        maker("one-tunin")
+
+
+def test_a_stranger_makes_a_page_of_words_that_nobody_knows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "mine.py").write_text(
+        "def wobble(rows):\n    return [f\"{sum(r['frob'] for r in rows):g} frobs\"], lambda axes: axes.plot([1, 2])\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(pages, "rows", lambda folder: [{"digest": "b", "frob": 2.0}, {"digest": "a", "frob": 3.0}])
+    monkeypatch.setattr(pages, "table", lambda folder: type("Table", (), {"num_rows": 2}))
+    assert main(["sweep", "page", "mine.py:wobble", ".", "-o", "out"]) == 0
+    assert (tmp_path / "out" / "mine.py-wobble.md").read_text().startswith("5 frobs")
+    assert (tmp_path / "out" / "mine.py-wobble.png").read_bytes().startswith(b"\x89PNG")
+    assert main(["sweep", "page", "mine.py:wibble", "."]) == 2

@@ -192,11 +192,11 @@ def _window(folder: Path, row: str) -> int:
 
 
 def _page(words: list[str]) -> int:
-    """Write figures and numbers of a shipped sweep."""
-    from itouch.sweeps.pages import KINDS, write_page
+    """Write numbers and a figure of a sweep."""
+    from itouch.sweeps.pages import names, write_page
 
     parser = Parser(prog="itouch-py sweep page", description=_page.__doc__)
-    parser.add_argument("kind", metavar="KIND", choices=sorted(KINDS), help=", ".join(sorted(KINDS)))
+    parser.add_argument("kind", metavar="KIND", help=f"{', '.join(names())}; or your own FILE.py:FUNCTION")
     parser.add_argument("folder", metavar="FOLDER", help="of the sweep")
     parser.add_argument("-o", "--output", metavar="FOLDER", help="for page and figure (default: the sweep's)")
     options = parser.parse_args(words)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from itouch.plugin.quantity import Role
+
 _SQUARES = str.maketrans({"2": "²", "3": "³"})
 
 
@@ -37,6 +39,12 @@ class Measured:
         Of a yes or no: which of the two it must be, so that a touch counts in a study; None: either.
     otherwise
         What is said of a touch where it is the other.
+    role
+        What it is for: ``HEAT_FLUX``, the mean flux of the contact; ``SKIN_TEMPERATURE``, by how much the skin fell.  A
+        study takes these where nothing tells what was truly felt.
+    error
+        Whether it is by how much what was rendered differs from what was wanted, as a share: a touch counts in a study
+        only up to the study's ``flux-error``.
     """
 
     key: str
@@ -50,6 +58,8 @@ class Measured:
     worst: str = ""
     must: bool | None = None
     otherwise: str = ""
+    role: Role = Role.SIGNAL
+    error: bool = False
 
     def __post_init__(self) -> None:
         if not self.key or not self.unit or not self.doc.strip():

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from itouch.study import statistics as stats
+from itouch.study.figures import OWN
 from itouch.study.reading import StudyFile
 from itouch.study.store import Row
 
@@ -259,9 +260,14 @@ def _felt(file: StudyFile, rows: Sequence[Row]) -> list[dict[str, Any]]:
             for shown, felt in zip(row.shown, row.felt or [], strict=False) if shown == condition
         ]  # fmt: skip
         entry: dict[str, Any] = {"condition": condition, "touches": len(touches)}
-        for name in ("mean_flux_W_m2", "skin_begin_degC", "skin_drop_K", "peak_force_N", "flux_error_rms"):
-            values = [float(touch[name]) for touch in touches if touch.get(name) is not None]
+        names = dict.fromkeys([*(one.key for one in OWN), *(name for touch in touches for name in touch)])
+        for name in names:
+            values = [float(touch[name]) for touch in touches if _is_number(touch.get(name))]
             if values:
                 entry[name] = {"mean": float(np.mean(values)), "sd": float(np.std(values))}
         found.append(entry)
     return found
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)

@@ -6,11 +6,12 @@ import csv
 import io
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
 from itouch.schema import ItouchError
+from itouch.study.figures import known, meaning
 from itouch.study.store import Row
 from itouch.study.tables import write_table
 
@@ -24,14 +25,6 @@ _DESCRIBED = {
     "right": "1: right, 0: wrong", "reaction_s": "from the end of the contact to the answer",
     "void": "why the trial does not count; n/a: it does", "begun_s": "begin of the trial on the servo's clock",
     "ended_s": "end of the trial on the servo's clock", "session": "session of the participant",
-}  # fmt: skip
-_FELT = {
-    "mean_flux_W_m2": ("W/m^2", "mean heat flux out of the finger in the first second"),
-    "skin_begin_degC": ("degC", "temperature of the skin at the touch"),
-    "skin_drop_K": ("K", "fall of the skin's temperature in the touch"),
-    "peak_force_N": ("N", "greatest force on the finger"), "flux_error_rms": ("1", "rms error of the rendered flux"),
-    "plate_ready": ("", "whether the plate was ready at the touch"),
-    "plate_limited": ("", "whether the plate's temperature was limited"),
 }  # fmt: skip
 
 
@@ -117,6 +110,7 @@ def write_bids(rows: Sequence[Row], folder: Path, *, name: str) -> list[Path]:
         _text(folder / "participants.tsv", "".join(["participant_id\n", *(f"sub-{s}\n" for s in subjects.values())])),
         _json(folder / "participants.json", {"participant_id": {"Description": "code of the participant"}}),
     ]  # fmt: skip
+    figures = {name for row in rows for felt in row.felt or [] for name in felt}
     for code, subject in subjects.items():
         stem = folder / f"sub-{subject}" / "beh" / f"sub-{subject}_task-{label}_beh"
         stem.parent.mkdir(parents=True, exist_ok=True)
@@ -127,20 +121,21 @@ def write_bids(rows: Sequence[Row], folder: Path, *, name: str) -> list[Path]:
         writer.writeheader()
         writer.writerows(table)
         written.append(_text(stem.with_suffix(".tsv"), lines.getvalue()))
-        written.append(_json(stem.with_suffix(".json"), {"TaskName": label, **_sidecar(head)}))
+        written.append(_json(stem.with_suffix(".json"), {"TaskName": label, **_sidecar(head, figures)}))
     return written
 
 
-def _sidecar(columns: Sequence[str]) -> dict[str, Any]:
+def _sidecar(columns: Sequence[str], figures: Collection[str]) -> dict[str, Any]:
     found: dict[str, Any] = {}
+    declared = known()
     for column in columns:
         felt, _, interval = column.rpartition("_")
-        if felt in _FELT:
-            unit, words = _FELT[felt]
-            found[column] = {"Description": f"{words}, interval {interval}", **({"Units": unit} if unit else {})}
-        elif column in _DESCRIBED:
+        if column in _DESCRIBED:
             seconds = {"Units": "s"} if column.endswith("_s") else {}
             found[column] = {"Description": _DESCRIBED[column], **seconds}
+        elif felt in figures and interval.isdigit():
+            unit, words = meaning(felt, declared)
+            found[column] = {"Description": f"{words}, interval {interval}", **({"Units": unit} if unit else {})}
         else:
             found[column] = {"Description": f"level of the factor {column}"}
     return found

@@ -6,6 +6,9 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from typing import Any
 
+from itouch.plugin import Measured
+from itouch.study.figures import known
+
 _STYLE = """
 :root { color-scheme: light dark; --ink: #1c2733; --paper: #fff; --line: #c9d2dc; --fill: #2a78b8; }
 @media (prefers-color-scheme: dark) { :root { --ink: #dfe7ef; --paper: #14191f; --line: #3a4652; --fill: #5aa9e6; } }
@@ -142,15 +145,12 @@ def _sections(result: dict[str, Any]) -> list[str]:
 
 
 def _felt(felt: list[dict[str, Any]]) -> str:
-    units = {
-        "mean_flux_W_m2": ("flux of the first second [W/m²]", 1.0, 0), "skin_begin_degC": ("skin before [°C]", 1.0, 1),
-        "skin_drop_K": ("skin fell by [K]", 1.0, 2), "peak_force_N": ("force [N]", 1.0, 2),
-        "flux_error_rms": ("flux error [%]", 100.0, 1),
-    }  # fmt: skip
-    used = [name for name in units if any(name in one for one in felt)]
+    declared = known()
+    names = dict.fromkeys(name for one in felt for name in one if name not in ("condition", "touches"))
+    used = [declared.get(name) or Measured(name, "1", "not installed") for name in names]
     rows = [
         (_name(one["condition"]), one["touches"],
-         *(f"{one[name]['mean'] * units[name][1]:.{units[name][2]}f}" if name in one else "-" for name in used))
+         *(f"{one[each.key]['mean'] * each.scale:.{each.digits}f}" if each.key in one else "-" for each in used))
         for one in felt
     ]  # fmt: skip
-    return _table(("condition", "touches", *(units[name][0] for name in used)), rows)
+    return _table(("condition", "touches", *(each.page_head for each in used)), rows)

@@ -12,6 +12,7 @@ from itouch.study import orders
 from itouch.study.answers import Answers, Question
 from itouch.study.course import Course, Due
 from itouch.study.elements import Study
+from itouch.study.figures import FLUX
 from itouch.study.machine import Machine, Phase, Rules
 from itouch.study.reading import StudyFile
 from itouch.study.room import Room
@@ -204,7 +205,7 @@ class Run:
         self, due: Due, void: str, touches: list[Presented], answer: str | None, reaction: float | None, begun: float
     ) -> Row:  # fmt: skip
         felt = [figures(touch) for touch in touches]
-        fluxes = [float(one["mean_flux_W_m2"] or 0.0) for one in felt]
+        fluxes = [float(one[FLUX.key] or 0.0) for one in felt]
         task, trial = self._study.task, due.trial
         right = None if void or answer is None else is_right(task, trial, answer, fluxes)
         return Row(

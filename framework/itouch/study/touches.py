@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,7 @@ from itouch.scene.source import Attribute
 from itouch.schema import ItouchError, Place
 from itouch.session import Session
 from itouch.study.elements import Touching
+from itouch.study.figures import DROP, FLUX, FORCE, OWN, SKIN
 from itouch.study.machine import Machine, Phase, Rules, Sensed
 from itouch.study.observers import DEPTH, Felt
 from itouch.study.reading import StudyFile
@@ -40,13 +41,15 @@ class TouchError(ItouchError):
 class Presented:
     """A touch that was made: what was felt, the report's entry of it, and why it does not count (empty: it does).
 
-    ``kept`` are the keys of that entry which say how well it was rendered.
+    ``kept`` are the keys of that entry which say how well it was rendered; ``told`` is what it says of a role, where
+    nothing says what was truly felt.
     """
 
     felt: Felt
     figures: Mapping[str, Any]
     void: str
-    kept: tuple[str, ...] = ("peak_force_N",)
+    kept: tuple[str, ...] = (FORCE.key,)
+    told: Mapping[Role, Any] = field(default_factory=dict)
 
 
 def deep_temperature(skin: np.ndarray[Any, np.dtype[np.float64]], period: float, depth: float = DEPTH) -> Any:
@@ -166,9 +169,11 @@ def figures(touch: Presented) -> dict[str, Any]:
     felt, entry = touch.felt, touch.figures
     known = len(felt.flux) > 0 or not entry
     kept = {
-        "mean_flux_W_m2": round(felt.mean_flux(), 6) if known else entry.get("mean_flux_W_m2"),
-        "skin_begin_degC": round(float(felt.skin[0]) - 273.15, 6) if len(felt.skin) else None,
-        "skin_drop_K": round(float(felt.skin[0] - felt.skin[-1]), 6) if len(felt.skin) else entry.get("skin_drop_K"),
+        FLUX.key: round(felt.mean_flux(), 6) if known else touch.told.get(Role.HEAT_FLUX),
+        SKIN.key: round(float(felt.skin[0]) - 273.15, 6) if len(felt.skin) else None,
+        DROP.key: (
+            round(float(felt.skin[0] - felt.skin[-1]), 6) if len(felt.skin) else touch.told.get(Role.SKIN_TEMPERATURE)
+        ),
     }
     for name in touch.kept:
         if name in entry:
@@ -187,9 +192,9 @@ def felt_by(model: Model) -> tuple[str, str]:
     for name, device in model.devices.items():
         if not device.twin:
             raise TouchError(f"'{name}' is no twin; simulated observers feel what twins' fingers feel")
-        for field in device.make_twin().fields():
-            if field.role in (Role.HEAT_FLUX, Role.SKIN_TEMPERATURE):
-                found.setdefault(field.role, f"{name}.twin.{field.name}")
+        for one in device.make_twin().fields():
+            if one.role in (Role.HEAT_FLUX, Role.SKIN_TEMPERATURE):
+                found.setdefault(one.role, f"{name}.twin.{one.name}")
     if len(found) < 2:
         raise TouchError("no twin of this scene says what a finger feels: none declares a true flux and a true skin")
     return found[Role.HEAT_FLUX], found[Role.SKIN_TEMPERATURE]
@@ -204,9 +209,11 @@ def _presented(
     nothing = Felt(np.zeros(0), np.zeros(0), np.zeros(0), period)
     if not entries or (samples and not touched):
         return Presented(nothing, {}, fault or "nothing was touched")
-    kept = ("peak_force_N", *(one.key for one in measured if one.percent or one.must is not None))
+    own = {one.key for one in OWN}
+    kept = (FORCE.key, *(one.key for one in measured if one.key not in own and _tells(one)))
     if not samples:  # nothing says what was truly felt: the report's figures stand for it
-        return Presented(nothing, entries[0], fault or _broken(entries[0], rules, measured), kept)
+        told = {one.role: entries[0].get(one.key) for one in reversed(measured)}
+        return Presented(nothing, entries[0], fault or _broken(entries[0], rules, measured), kept, told)
     first, last = touched[0], touched[-1]
     flux = np.array([s[1] for s in samples[first : last + 1]])
     skin = np.array([s[2] for s in samples[max(0, first - 1) : last + 1]])[: len(flux)]
@@ -225,7 +232,13 @@ def _broken(entry: Mapping[str, Any], rules: Touching, measured: Sequence[Measur
     for one in measured:
         if one.broken(entry.get(one.key)):
             return one.otherwise
-    error = entry.get("flux_error_rms")
-    if error is not None and error > rules.flux_error:
-        return f"flux error {100.0 * error:.0f} %"
+    for one in measured:
+        error = entry.get(one.key) if one.error else None
+        if error is not None and error > rules.flux_error:
+            return f"{one.title or one.key} {100.0 * error:.0f} %"
     return ""
+
+
+def _tells(one: Measured) -> bool:
+    """Tell whether a figure is kept of each touch: what is shown of a contact, and what decides whether it counts."""
+    return not one.show or one.percent or one.error or one.must is not None

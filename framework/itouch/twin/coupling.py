@@ -102,13 +102,13 @@ class Coupling:
         pushes = np.zeros((len(others), 3))
         self.bound = self._bind(pushes)
         for other, push in zip(others, pushes, strict=True):
-            other._follow(self, push)
+            other.follow(self.hand, push)
 
-    def _follow(self, leader: Coupling, push: Floats) -> None:
-        assert leader.hand is not None
-        person = leader.hand.operator
+    def follow(self, leader: Hand, push: Floats) -> None:
+        """Touch the finger that this hand moves, and write into ``push`` (3,) what the plate pushes it with [N]."""
+        person = leader.operator
         self._constants[at.PAD_STIFFNESS], self._constants[at.PAD_DAMPING] = person.pad_stiffness, person.pad_damping
-        self._hip, self.given = leader.hand.motion[:3], push
+        self._hip, self.given = leader.motion[:3], push
         self.bound = self._bind(np.zeros((0, 3)))
 
     def reset(self) -> None:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from itouch.plugin import Field, Measured, Record
+from itouch.plugin import Field, Measured, Record, Role
 from itouch_thermal.flux.usual import FLOOR, SCORED_FROM, enter
 
 #: The numbers of the account, in their order.
@@ -30,12 +30,17 @@ FIELDS: tuple[Field, ...] = (
 #: What is known of each contact, or null; beside these there is what only some have.
 MEASURED: tuple[Measured, ...] = (
     Measured("flux_source", "1", "where the flux is known from: twin, estimate or sensor", show="no"),
-    Measured("mean_flux_W_m2", "W/m^2", "mean of the obtained flux, > 0 out of the finger", "mean flux", "W/m2", 0),
+    Measured(
+        "mean_flux_W_m2", "W/m^2", "mean of the obtained flux, > 0 out of the finger", "mean flux", "W/m2", 0,
+        role=Role.HEAT_FLUX,
+    ),
     Measured("peak_flux_W_m2", "W/m^2", "extreme of the obtained flux", "peak flux", digits=0, show="page"),
-    Measured("skin_drop_K", "K", "skin temperature at the begin minus its extreme", "skin drop", "skin K"),
+    Measured("skin_drop_K", "K", "skin temperature at the begin minus its extreme", "skin drop", "skin K",
+             role=Role.SKIN_TEMPERATURE),
     Measured(
         "flux_error_rms", "1", "rms of the flux error from 0.1 s on, as a share of the desired flux",
         "flux error rms", "flux err", 1, percent=True, worst="greatest flux error (rms)",
+        error=True,
     ),
     Measured(
         "plate_ready", "1", "whether the plate was at its start temperature when it met the finger", show="no",

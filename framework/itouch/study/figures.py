@@ -1,0 +1,39 @@
+"""What the figures of a touch in a study's data are: its own, and those that the plugins declare (`Measured`)."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Mapping
+
+from itouch.plugin import Measured
+from itouch.plugin.discovery import Catalog, PluginError
+
+#: What a study takes of each touch itself: flux and skin where fields declare them, and the force.
+FLUX, SKIN, DROP, FORCE = OWN = (
+    Measured(
+        "mean_flux_W_m2", "W/m^2", "mean heat flux out of the finger in the first second", "flux of the first second",
+        digits=0,
+    ),
+    Measured("skin_begin_degC", "degC", "temperature of the skin at the touch", "skin before", digits=1),
+    Measured("skin_drop_K", "K", "fall of the skin's temperature in the touch", "skin fell by"),
+    Measured("peak_force_N", "N", "greatest force on the finger", "force"),
+)  # fmt: skip
+
+
+def known(catalog: Catalog | None = None) -> Mapping[str, Measured]:
+    """Return the figures by key: the study's own first, then those of the plugins that are installed."""
+    found = {one.key: one for one in OWN}
+    catalog = catalog or Catalog()
+    for plugin in catalog.plugin_names:
+        for local in catalog.modality_names(plugin):
+            with contextlib.suppress(PluginError):  # one that cannot be loaded says nothing
+                modality = catalog.modality(plugin, local)
+                for one in modality.measured if modality is not None else ():
+                    found.setdefault(one.key, one)
+    return found
+
+
+def meaning(key: str, known: Mapping[str, Measured]) -> tuple[str, str]:
+    """Return the unit, which may be empty, and the sentence of a figure."""
+    one = known.get(key)
+    return (one.unit, one.doc) if one is not None else ("", "figure of a plugin that is not installed")

@@ -1,0 +1,57 @@
+"""Numbers that pages of sweeps are made of: intervals of proportions, and what is mistaken for what."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def proportion(count: int, of: int, level: float = 0.95) -> tuple[float, float]:
+    """Return the Clopper-Pearson interval of a proportion; one-sided where nothing or everything was counted."""
+    from scipy.stats import beta
+
+    tail = (1.0 - level) / 2.0 if 0 < count < of else 1.0 - level
+    low = 0.0 if count == 0 else float(beta.ppf(tail, count, of - count + 1))
+    high = 1.0 if count == of else float(beta.ppf(1.0 - tail, count + 1, of - count))
+    return low, high
+
+
+def confusion(features: NDArray[np.float64], labels: NDArray[np.intp], count: int, noise: float) -> NDArray[np.float64]:
+    """Return how often each was answered: by the nearest mean of the others' touches, in units of the spread.
+
+    Parameters
+    ----------
+    features
+        Cues of each touch, shape (touches, cues).
+    labels
+        What was touched, shape (touches,).
+    count
+        How many there are.
+    noise
+        A person's, added to each cue; 0: none.
+    """
+    rng = np.random.default_rng(0)
+    repeats = 1 if noise == 0.0 else 20
+    within = np.concatenate([features[labels == index] - features[labels == index].mean(0) for index in range(count)])
+    spread = np.cov(within.T, ddof=count).reshape(features.shape[1], -1) + (noise**2 + 1e-12) * np.eye(
+        features.shape[1]
+    )
+    inverse, found = np.linalg.inv(spread), np.zeros((count, count))
+    sums = np.array([features[labels == index].sum(0) for index in range(count)])
+    sizes = np.bincount(labels, minlength=count).astype(float)
+    for touch, label in zip(features, labels, strict=True):
+        means = sums / sizes[:, None]
+        if sizes[label] > 1:  # a touch does not know itself
+            means[label] = (sums[label] - touch) / (sizes[label] - 1.0)
+        for _ in range(repeats):
+            off = touch + noise * rng.standard_normal(len(touch)) - means
+            found[label, int(np.argmin(np.einsum("ij,jk,ik->i", off, inverse, off)))] += 1.0
+    return found
+
+
+def bits(matrix: NDArray[np.float64]) -> float:
+    """Return the information that the answers carry of what was touched [bit]."""
+    joint = matrix / matrix.sum()
+    independent = joint.sum(1, keepdims=True) * joint.sum(0, keepdims=True)
+    known = joint > 0.0
+    return float((joint[known] * np.log2(joint[known] / independent[known])).sum())
