@@ -224,3 +224,24 @@ def test_a_twin_that_is_replaced_in_a_run_is_read_by_python() -> None:
     bench.both(lambda one: setattr(one, "twin", Reading(np.full(40, 0.2))))
     bench.tick(1)
     assert bench.one[2].reading["pose"].tolist() == [0.2] * 7
+
+
+@pytest.mark.parametrize("channels", [ARM, TABLE, PLATE], ids=["arm", "table", "plate"])
+def test_a_quiet_tick_leaves_nothing_to_python(channels: Channels) -> None:
+    """But for the turns of monitors that go by time, every ten milliseconds."""
+    bench = Bench(channels)
+    bench.say(_numbers(channels, np.random.default_rng(1)))
+    bench.both(lambda one: one.enable())
+    bench.tick(0)
+    joined, memory = bench.other[2], bench.other[1]
+    looks = 0
+    for tick in range(1, 101):
+        memory["tick"] = tick
+        for bound in (*joined.bound_take(), *joined.bound_guard()):
+            assert bound() in (0, SKIP)
+        code = joined.bound_watch()()  # type: ignore[misc]
+        assert code in (0, LOOK)
+        if code == LOOK:
+            looks += 1
+            joined.look(tick)
+    assert looks == (10 if channels is PLATE else 0)  # what is placed is looked at where the finger is
