@@ -92,6 +92,29 @@ def test_a_guardian_that_dies_ends_the_session(remote: Path) -> None:
         assert all(time is not None for time in observer.safe_after(0).values())
 
 
+def test_without_a_guardian_nothing_begins_to_obey(tmp_path: Path) -> None:
+    import os
+
+    path = tmp_path / "held.xml"
+    path.write_text(scene(hold=True), encoding="utf-8")
+    with itouch.launch(path) as handle:  # it waits for somebody to hold the switch
+        observer = Observer(handle.name, ("arm", "table", "peltier"))
+        os.kill(handle.guardian_pid, signal.SIGKILL)
+        with pytest.raises(itouch.ServoError, match="nothing is enabled without it"):
+            handle.wait(30)
+        assert observer.wait(30)
+        assert not any(flags & wire.BEGUN for steps in observer.seen.values() for _, flags in steps)
+        assert handle.link.tick == 0
+
+
+def test_what_is_on_its_way_out_holds_its_socket_for_a_while(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A process that ends gives its environment back first, and its sockets when its memory is free."""
+    held = [["a local socket"], ["a local socket"], []]
+    monkeypatch.setattr(starts, "_left", lambda mark: tuple(held.pop(0)) if held else ())
+    starts._await_nothing("nobody-1", ())
+    assert held == []
+
+
 def test_a_second_opener_makes_one_twin_safe_and_the_session_notices(remote: Path) -> None:
     with itouch.launch(remote) as handle:
         line = wire.connect(wire.address(handle.name, "table"), 10.0)

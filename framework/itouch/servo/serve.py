@@ -33,6 +33,8 @@ _IDLE = 1e-3
 GUARDIAN_START = 30.0
 #: Silence [ns] of the guardian that ends a session whose devices obey.
 GUARDIAN_SILENCE = 500_000_000
+_LEFT_ALONE = "the guardian process has died or hangs: the devices have been made safe"
+_NEVER_ALONE = "the guardian process died while the session began: nothing is enabled without it"
 
 
 def build(config: dict[str, Any]) -> Session:
@@ -77,6 +79,8 @@ class Servo:
         self.paused = self._held = self._armed = False
         self._kept = contextlib.ExitStack()
         self._failure: BaseException | None = None
+        #: Whether anything obeys that outlives this process: the guardian must live as long.
+        self._obeyed = bool(self._hardware() or self.remotes.addresses)
         self.enabled = bool(config["enable"]) or not self._hardware()
 
     def _hardware(self) -> list[str]:
@@ -154,6 +158,7 @@ class Servo:
         self.remotes.connect()
         if self._hardware():
             self.session.find_hardware()
+        self._watch_others()
         if self._waits():  # the operator must be able to see before anything may move
             self.outbox.tell("ready", ready)
         while self._waits() and not self.words[at.STOP]:
@@ -161,8 +166,9 @@ class Servo:
         if self.words[at.STOP]:
             return
         # opening and homing may take long, and remote twins may be lost; twins here, also restored, need none of it
-        if self._hardware() or self.remotes.addresses:
+        if self._obeyed:
             self._enable()
+            self._watch_others()  # who has died meanwhile watches over no tick
         self.outbox.tell("ready", ready)
 
     def _enable(self) -> None:
@@ -185,8 +191,7 @@ class Servo:
     def _await_guardian(self) -> None:
         """Devices that obey need the guardian to live before they are enabled."""
         deadline = time.monotonic() + GUARDIAN_START
-        needed = self._hardware() or self.remotes.addresses
-        while needed and not self.words[at.GUARDIAN_BEAT] and not self.words[at.STOP]:
+        while self._obeyed and not self.words[at.GUARDIAN_BEAT] and not self.words[at.STOP]:
             guardian = int(self.words[at.GUARDIAN])
             if time.monotonic() > deadline or (guardian and not lives(guardian)):
                 raise ServoError("the guardian process did not start: nothing is enabled without it")
@@ -259,7 +264,7 @@ class Servo:
         if not self._armed:  # nothing was commanded before the first tick
             self._armed = True
             self.words[at.BEAT] = monotonic()
-            self.words[at.ARMED] = int(bool(self._hardware() or self.remotes.addresses))
+            self.words[at.ARMED] = int(self._obeyed)
         times, stamps = self.session.times, self.session.stamps
         self._publish(times.late, float(stamps[-1] - stamps[0]))
         contacts = self.session.ledger.contacts
@@ -272,13 +277,17 @@ class Servo:
             self._watch_others()
 
     def _watch_others(self) -> None:
-        """End the session if its launcher has gone, or if devices obey and no guardian watches over this process."""
+        """End the session if its launcher has gone, or if no guardian watches over devices that obey, or are about to.
+
+        A guardian that only hangs counts once devices obey: before, both processes are busy with their start.
+        """
         words = self.words
         if gone(self._launcher):
             words[at.STOP] = 1
-        silent = monotonic() - int(words[at.GUARDIAN_BEAT]) > GUARDIAN_SILENCE
-        if words[at.ARMED] and not words[at.STOP] and (silent or self._end_of_guardian.seen()):
-            self._failure = ServoError("the guardian process has died or hangs: the devices have been made safe")
+        armed = bool(words[at.ARMED])
+        silent = armed and monotonic() - int(words[at.GUARDIAN_BEAT]) > GUARDIAN_SILENCE
+        if self._obeyed and not words[at.STOP] and (silent or self._end_of_guardian.seen()):
+            self._failure = ServoError(_LEFT_ALONE if armed else _NEVER_ALONE)
             words[at.STOP] = 1
 
     def _publish(self, late: float, duration: float) -> None:

@@ -97,7 +97,7 @@ def kill(victim: str, after: float, *, running: bool = False) -> Kill:
                 with contextlib.suppress(ProcessLookupError):
                     started[0].terminate()
             began = time.monotonic()
-            _await_nobody(mark, started)
+            _await_nothing(mark, started)
             gone = time.monotonic() - began
             left = (*_left(mark), *_files(Path(folder), {path.name, recording.name}))
             return Kill(victim, after, gone, watched.safe_after(event, victim), left)
@@ -180,9 +180,10 @@ def _come(victim: str, mark: str) -> int:
     raise TimeoutError(f"no {victim} came to be within {_COMES:g} s")
 
 
-def _await_nobody(mark: str, started: Sequence[subprocess.Popen[bytes]]) -> None:
+def _await_nothing(mark: str, started: Sequence[subprocess.Popen[bytes]]) -> None:
+    """Wait until no process lives, and no socket of one that the kernel is still taking apart is listed."""
     end = time.monotonic() + _LOOKS
-    while _marked(mark) and time.monotonic() < end:
+    while any(_left(mark)) and time.monotonic() < end:
         for process in started:
             process.poll()  # what has ended is buried
         time.sleep(0.02)
