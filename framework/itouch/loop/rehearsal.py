@@ -1,4 +1,7 @@
-"""Rehearsal: twins and modalities go through a touch on a scratch copy of State, so that no tick compiles anything."""
+"""Rehearsal: twins, modalities and what watches devices go through a touch on a scratch copy of State.
+
+So no tick compiles anything, or looks for it on disk: what Python calls for the first time costs milliseconds.
+"""
 
 from __future__ import annotations
 
@@ -6,20 +9,24 @@ import contextlib
 import math
 from collections.abc import Iterable, Mapping
 
-from itouch.loop.fence import view_for
+from itouch.loop.fence import Fence, view_for
+from itouch.loop.ledger import Histogram
 from itouch.loop.runner import Runner
 from itouch.plugin import Contact, ContactEvent, DeviceError, Record, Role, Touch
+from itouch.safety import rehearsing
 from itouch.world import Model, make_state
 from itouch.world.failing import failing
 
 
 def rehearse(model: Model, state: Record, runners: Iterable[Runner]) -> None:
-    """Exercise every twin and every modality; ``state`` stays what it is."""
+    """Exercise every twin, every modality and what watches every device; ``state`` stays what it is."""
     scratch = state.copy()
     _rehearse_touches(model, scratch)
+    Histogram(1.0).add(0.0)
     for runner in runners:
         with failing(f"device '{runner.model.name}'", "the step of its twin", model.place_of(runner.model.name)):
             rehearse_twin(runner, scratch, model.period)
+        rehearsing.rehearse(runner.model, scratch, model.period)
 
 
 def rehearse_modalities(model: Model) -> None:
@@ -60,7 +67,9 @@ def _rehearse_event(model: Model, scratch: Record, views: Mapping[str, Record], 
     for modality in model.modalities:
         with failing(f"modality '{modality.name}'", "on_contact", model.place_of(modality.name)):
             if event.kind in modality.instance.hears:
+                around = Fence([modality], scratch)
                 modality.instance.on_contact(event, modality.model, views[modality.name])
+                around.mend()
     for _ in range(2):
         _update(model, views)
     _read_anew(model, scratch, views)

@@ -186,32 +186,37 @@ class Binder:
             for element in spec.elements
         }
         plugin_slot = next((name for name, spec in table.items() if spec.kind == "plugin"), "")
-        values: dict[str, Any] = {name: () for name, spec, _ in slots.values() if spec.kind == "children"}
-        if plugin_slot:
-            values[plugin_slot] = ()
+        values: dict[str, Any] = {}
+        listed: dict[str, list[Any]] = {name: [] for name, spec, _ in slots.values() if spec.kind == "children"}
+        parts: dict[tuple[str, str, str], PluginPart] = {}
         first: dict[str, Node] = {}
         for child in node.children:
             if child.namespace.startswith(PLUGIN_NAMESPACE) and plugin_slot:
-                self._part(node, child, plugin_slot, values)
+                self._part(node, child, parts)
             elif child.tag in slots and self._same_namespace(node, child):
-                self._child(child, slots[child.tag], values, first)
+                self._child(child, slots[child.tag], values, listed, first)
             else:
                 self._unknown_element(node, child, list(slots), bool(plugin_slot))
         if node.text:
             sentence = f"<{node.written}> may not hold the text '{_short(node.text)}'"
             self.problems.append(Problem("unexpected-text", sentence, node.place, "values are attributes"))
-        return values
+        if plugin_slot:
+            values[plugin_slot] = tuple(parts.values())
+        return values | {name: tuple(found) for name, found in listed.items()}
 
     @staticmethod
     def _same_namespace(node: Node, child: Node) -> bool:
         return child.namespace in ("", node.namespace)
 
-    def _child(self, child: Node, slot: tuple[str, Spec, type], values: dict[str, Any], first: dict[str, Node]) -> None:
+    def _child(
+        self, child: Node, slot: tuple[str, Spec, type], values: dict[str, Any], listed: Mapping[str, list[Any]],
+        first: dict[str, Node],
+    ) -> None:  # fmt: skip
         name, spec, element = slot
         bound = self.bind(child, element)
         if spec.kind == "children":
             if bound is not None:
-                values[name] = (*values[name], bound)
+                listed[name].append(bound)
             return
         if child.tag in first:
             sentence = f"<{child.written}> may stand only once here"
@@ -221,21 +226,17 @@ class Binder:
         first[child.tag] = child
         values[name] = BROKEN if bound is None else bound
 
-    def _part(self, host: Node, node: Node, slot: str, values: dict[str, Any]) -> None:
+    def _part(self, host: Node, node: Node, parts: dict[tuple[str, str, str], PluginPart]) -> None:
         part = self.bind_part(host, node)
         if part is None:
             return
-        twin = next(
-            (p for p in values[slot] if (p.plugin, p.local, p.name) == (part.plugin, part.local, part.name)), None
-        )
-        if twin is not None:
+        twin = parts.setdefault((part.plugin, part.local, part.name), part)
+        if twin is not part:
             place = self.places.of(twin)
             related = ((place, "first here"),) if place else ()
             advice = "give one of them another name" if host.tag == "interaction" else "remove one of them"
             sentence = f"<{node.written}> may stand only once here"
             self.problems.append(Problem("duplicate-element", sentence, node.place, advice, related))
-            return
-        values[slot] = (*values[slot], part)
 
     def bind_part(self, host: Node, node: Node) -> PluginPart | None:
         """Bind an element of a plugin's namespace by the plugin's own dataclass."""

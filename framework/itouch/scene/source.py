@@ -63,17 +63,21 @@ class _Text:
         self.file, self.data = file, data
         self._starts = [0] + [match.end() for match in re.finditer(rb"\n", data)]
         self._line, self._text = -1, ""
+        #: Where in that line a place was asked for last: byte in the file, letters before it in the line.
+        self._before = 0, 0
 
     def place(self, offset: int, length: int = 1) -> Place:
         line = bisect.bisect_right(self._starts, offset)
         start = self._starts[line - 1]
         end = self._starts[line] - 1 if line < len(self._starts) else len(self.data)
         if line != self._line:  # a file of one line is asked for it again and again
-            self._line, self._text = line, self.data[start:end].decode("utf-8", "replace")
-        plain = len(self._text) == end - start
-        column = (offset - start if plain else len(self.data[start:offset].decode("utf-8", "replace"))) + 1
+            self._line, self._text = line, self.data[start:end].decode("utf-8", "replace").rstrip("\r")
+            self._before = start, 0
+        last, letters = self._before if self._before[0] <= offset else (start, 0)
+        letters += len(self.data[last:offset].decode("utf-8", "replace"))
+        self._before = offset, letters
         span = len(self.data[offset : min(offset + length, end)].decode("utf-8", "replace").rstrip("\r"))
-        return Place(self.file, line, column, max(1, span), self._text.rstrip("\r"))
+        return Place(self.file, line, letters + 1, max(1, span), self._text)
 
     def element(self, offset: int) -> Place:
         match = _TAG.match(self.data, offset)

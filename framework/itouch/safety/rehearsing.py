@@ -1,0 +1,51 @@
+"""Rehearsal of what is checked and limited: on scratch State, so that no tick loads or compiles anything for it."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator
+
+from itouch.monitors import DeviceFaultError, Trip, TripError
+from itouch.plugin import Record
+from itouch.safety.lifecycle import ENABLED
+from itouch.safety.supervisor import Supervisor
+from itouch.world import DeviceModel
+
+
+def rehearse(model: DeviceModel, scratch: Record, period: float) -> None:
+    """Take all that a device may meet in a tick through its own entrances, out of touch and in touch.
+
+    Whatever trips there trips on scratch State; there is neither a device nor a twin that anything could reach.
+    """
+    _Rehearsed(model, scratch, period).rehearse()
+
+
+class _Rehearsed(Supervisor):
+    """A supervisor without a device."""
+
+    def rehearse(self) -> None:
+        """Go through a reading, every monitor, and every command; then through a fault and the way out of it."""
+        self.reset()
+        for channel in self.model.reads:
+            if channel.unit == "K":
+                self.reading[channel.name][...] = self.model.ambient
+        for touched in (False, True):
+            moment = self.panel.moment
+            moment.gap, moment.calibrated, moment.touched = (-1e-3, True, True) if touched else (1.0, False, False)
+            for act in self._acts(touched):
+                self._status[...] = ENABLED
+                with contextlib.suppress(TripError, DeviceFaultError):
+                    act()
+        self.fault(Trip.DEVICE_ERROR, 0)
+
+    def _acts(self, touched: bool) -> Iterator[Callable[[], object]]:
+        tick = int(touched)
+        yield lambda: self._believe(tick, ENABLED)
+        yield lambda: self.look(tick)
+        yield lambda: self._wait(tick, ENABLED)
+        yield lambda: self.watch_placed(tick)
+        yield lambda: self.panel.count_contact(tick, touched)
+        yield lambda: self.panel.closing(self.panel.moment.gap, 0.0)
+        yield lambda: self.panel.follow(0.0, not touched)
+        yield lambda: self.guard(tick)
+        yield lambda: self.glance(tick)
