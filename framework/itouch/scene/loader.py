@@ -16,7 +16,7 @@ from itouch.scene.extensions import Extensions
 from itouch.scene.names import Names, defined_names
 from itouch.scene.places import Places
 from itouch.scene.source import Node
-from itouch.schema.diagnostics import Problem, SceneError, did_you_mean
+from itouch.schema.diagnostics import Adviser, Problem, SceneError, did_you_mean
 from itouch.schema.fields import tag_of
 
 _SECTION_CLASSES: dict[str, type] = {
@@ -256,6 +256,8 @@ class _Bases:
     documents: list[Document]
     problems: list[Problem]
     _nodes: dict[str, tuple[Node, Document]] = field(default_factory=dict)
+    #: Materials with all that their bases say, by the identity of their nodes.
+    _done: dict[int, Node] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for document in self.documents:
@@ -264,42 +266,61 @@ class _Bases:
                 if node.tag == "material" and "name" in node.attributes:
                     name = document.prefix + node.attributes["name"].value
                     self._nodes.setdefault(name, (node, document))
+        self._adviser = Adviser(self._nodes, "materials are")
 
     def resolved(self, document: Document, section: Node) -> Node:
-        children = [self._material(document, node, ()) for node in section.children]
+        children = [self._material(document, node) for node in section.children]
         return replace(section, children=children)
 
-    def _material(self, document: Document, node: Node, chain: tuple[str, ...]) -> Node:
-        base = node.attributes.get("base")
-        if node.tag != "material" or base is None:
-            return node
-        name = document.prefix + base.value
-        found = self._nodes.get(name) or self._nodes.get(base.value)
-        without = {key: value for key, value in node.attributes.items() if key != "base"}
-        if found is None:
-            advice = did_you_mean(base.value, self._nodes, "materials are")
-            sentence = f"there is no material named '{base.value}'"
-            self.problems.append(Problem("unknown-name", sentence, base.place, advice))
-            return replace(node, attributes=without)
-        if name in chain or found[0] is node:
+    def _material(self, document: Document, node: Node) -> Node:
+        """Follow the bases of a material to the last one, and come back with what each adds."""
+        derived: list[Node] = []
+        while (base := node.attributes.get("base")) is not None and node.tag == "material":
+            if id(node) in self._done:
+                break
+            self._done[id(node)] = _without_base(node)  # what counts if its bases lead back to it
+            found = self._nodes.get(document.prefix + base.value) or self._nodes.get(base.value)
+            if found is None:
+                advice = self._adviser.advise(base.value)
+                sentence = f"there is no material named '{base.value}'"
+                self.problems.append(Problem("unknown-name", sentence, base.place, advice))
+                break
+            derived.append(node)
+            node, document = found
+        if any(one is node for one in derived):
+            self._tell_cycle(derived[next(i for i, one in enumerate(derived) if one is node) :])
+        whole = self._done.get(id(node), node)
+        for node in reversed(derived):
+            children = _merged(whole.children, node.children)
+            self._done[id(node)] = whole = replace(_without_base(node), children=children)
+        return whole
+
+    def _tell_cycle(self, members: list[Node]) -> None:
+        for node in members:
+            base = node.attributes["base"]
             sentence = f"material '{base.value}' is its own base"
             self.problems.append(Problem("base-cycle", sentence, base.place, "remove one of the bases"))
-            return replace(node, attributes=without)
-        parent = self._material(found[1], found[0], (*chain, name))
-        return replace(node, attributes=without, children=_merged(parent.children, node.children))
+
+
+def _without_base(node: Node) -> Node:
+    return replace(node, attributes={key: value for key, value in node.attributes.items() if key != "base"})
 
 
 def _mount_cycles(scene: Scene) -> list[Problem]:
-    carriers = {device.name: device.mount.on for device in scene.devices}
+    mounts = {device.name: device.mount for device in scene.devices}
+    followed: set[str] = set()
     problems = []
     for device in scene.devices:
-        seen, name = {device.name}, device.mount.on
-        while name and name not in seen:
-            seen.add(name)
-            name = carriers.get(name, "")
-        if name == device.name:
-            sentence = f"device '{device.name}' is mounted on itself"
-            problems.append(Problem("mount-cycle", sentence, scene.places.of(device.mount, "on"), "mount it elsewhere"))
+        path: dict[str, int] = {}
+        name = device.name
+        while name in mounts and name not in followed and name not in path:
+            path[name] = len(path)
+            name = mounts[name].on
+        for member in list(path)[path[name] :] if name in path else ():
+            sentence = f"device '{member}' is mounted on itself"
+            place = scene.places.of(mounts[member], "on")
+            problems.append(Problem("mount-cycle", sentence, place, "mount it elsewhere"))
+        followed.update(path)
     return problems
 
 

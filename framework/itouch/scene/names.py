@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from itouch.scene.source import Node
-from itouch.schema.diagnostics import Place, Problem, did_you_mean
+from itouch.schema.diagnostics import Adviser, Place, Problem
 
 _KINDS = {"material": "material", "device": "device", "probe": "probe"}
 #: Names before the dot under which State and recordings hold what belongs to no single element.
@@ -70,9 +70,14 @@ class Names:
         known: dict[str, dict[str, None]] = {}
         for entry in self.defined:
             known.setdefault(entry.kind, {})[entry.name] = None
+        advisers: dict[str, Adviser] = {}
         for entry in self.wanted:
-            if entry.name not in known.get(entry.kind, {}):
-                yield _unknown(entry, list(known.get(entry.kind, {})))
+            kind = entry.kind
+            if entry.name not in known.get(kind, {}):
+                if kind not in advisers:
+                    advisers[kind] = Adviser(list(known.get(kind, {})), f"each {kind} that there is")
+                advice = advisers[kind].advise(entry.name) or f"define a {kind}"
+                yield Problem("unknown-name", f"there is no {kind} named '{entry.name}'", entry.place, advice)
 
 
 def _duplicates(entries: list[Entry]) -> Iterator[Problem]:
@@ -88,11 +93,6 @@ def _duplicates(entries: list[Entry]) -> Iterator[Problem]:
         sentence = f"{entry.kind} '{entry.name}' {what}"
         advice = "rename one of them" if same else _HINT
         yield Problem("duplicate-name", sentence, entry.place, advice, ((other.place, "first defined here"),))
-
-
-def _unknown(entry: Entry, known: list[str]) -> Problem:
-    advice = did_you_mean(entry.name, known, f"each {entry.kind} that there is") or f"define a {entry.kind}"
-    return Problem("unknown-name", f"there is no {entry.kind} named '{entry.name}'", entry.place, advice)
 
 
 def defined_names(root: Node) -> set[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 
@@ -65,11 +65,11 @@ def _span(place: Place, label: str) -> list[str]:
 
 def _window(place: Place, width: int = 160) -> tuple[str, int, int]:
     """Cut a long line to what surrounds the span; tabs become spaces so that the caret stays under it."""
-    text = "".join(c if c.isprintable() else " " for c in place.text)
-    if len(text) <= width:
-        return text, place.column, place.length
-    start = max(0, min(place.column - 1 - width // 3, len(text) - width))
-    return text[start : start + width], place.column - start, min(place.length, width)
+    start = 0
+    if len(place.text) > width:
+        start = max(0, min(place.column - 1 - width // 3, len(place.text) - width))
+    text = "".join(c if c.isprintable() else " " for c in place.text[start : start + width])
+    return text, place.column - start, min(place.length, width) if start or len(place.text) > width else place.length
 
 
 class SceneError(ItouchError):
@@ -110,3 +110,19 @@ def did_you_mean(word: str, known: Iterable[str], what: str = "known") -> str:
         return ""
     shown = ", ".join(f"'{name}'" for name in names[:12])
     return f"{what}: {shown}{', ...' if len(names) > 12 else ''}"
+
+
+class Adviser:
+    """Advises as ``did_you_mean`` does, for many words with the same known ones, until enough was compared."""
+
+    #: How many words may be compared with others: a second's work.
+    ENOUGH = 100_000
+
+    def __init__(self, known: Collection[str], what: str) -> None:
+        self._known, self._what = known, what
+        self._left = max(3, self.ENOUGH // (1 + len(known)))
+
+    def advise(self, word: str) -> str:
+        """Advise the nearest known word, or list the few that there are; nothing once enough was compared."""
+        self._left -= 1
+        return did_you_mean(word, self._known, self._what) if self._left >= 0 else ""
