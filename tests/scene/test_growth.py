@@ -1,0 +1,57 @@
+"""The time of a check grows with the file: counted in what is done, not in seconds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from itouch.plugin.discovery import Catalog
+from itouch.scene.loader import read_scene
+from itouch.schema import diagnostics
+from itouch.schema.diagnostics import Adviser, Place, Problem
+
+_SCENE = '<itouch version="1.0"><materials>{}</materials><world temperature="23 °C">{}</world></itouch>'
+
+
+def _read(tmp_path: Path, materials: str, objects: str = "") -> list[Problem]:
+    path = tmp_path / "scene.xml"
+    path.write_text(_SCENE.format(materials, objects), encoding="utf-8")
+    return read_scene(path, Catalog())[1]
+
+
+def test_a_chain_of_bases_may_be_as_long_as_the_file(tmp_path: Path) -> None:
+    links = [f'<material name="m{i}" base="m{i - 1}"/>' for i in range(1, 2000)]
+    first = '<material name="m0"><contact stiffness="1 N/mm"/></material>'
+    assert _read(tmp_path, "".join([*reversed(links), first])) == []
+
+
+def test_each_base_of_a_cycle_is_told_once(tmp_path: Path) -> None:
+    links = [f'<material name="m{i}" base="m{(i + 1) % 3}"/>' for i in range(3)]
+    found = _read(tmp_path, '<material name="leads there" base="m1"/>' + "".join(links))
+    assert sorted(problem.sentence for problem in found if problem.code == "base-cycle") == [
+        f"material 'm{i}' is its own base" for i in range(3)
+    ]
+
+
+def test_columns_of_a_long_line_are_those_of_its_letters(tmp_path: Path) -> None:
+    wrong = [f'<bok name="°{i}" x="1"/>' for i in range(40)]
+    found = [problem.place for problem in _read(tmp_path, "", "".join(wrong)) if problem.code == "unknown-element"]
+    text = (tmp_path / "scene.xml").read_text(encoding="utf-8")
+    assert [place.column for place in found if place is not None] == [text.index(one) + 1 for one in wrong]
+
+
+def test_only_what_is_shown_of_a_long_line_is_looked_at() -> None:
+    line = "x" * 400 + "\t<bok/>" + "y" * 400
+    shown = Problem("unknown-element", "no", Place("a.xml", 1, 402, 6, line)).render().splitlines()
+    assert shown[3].index("^") == shown[2].index("<bok/>")
+    assert len(shown[2]) < 200 and "\t" not in shown[2]
+
+
+def test_what_is_known_is_compared_with_so_many_words_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    compared = []
+    monkeypatch.setattr(diagnostics, "nearest", lambda word, known: compared.append(word) or "")
+    monkeypatch.setattr(Adviser, "ENOUGH", 40)
+    adviser = Adviser(["wood", "foam"], "there are")
+    advised = [adviser.advise(f"w{i}") for i in range(100)]
+    assert len(compared) == 13 and advised[0] == "there are: 'foam', 'wood'" and advised[13:] == [""] * 87
