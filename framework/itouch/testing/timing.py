@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import statistics
 import threading
 import time
@@ -18,6 +19,10 @@ from itouch.testing.wire import Opened
 _SHARE = 0.5 * PERIOD
 #: Of a thousand calls so many may be held up by something else that this machine does.
 _MISHAPS = 3
+#: So often a driver may show that others run while it waits: one that computes instead never does.
+_BOUTS = 3
+#: What :func:`_pace` gives on a quiet core of a computer of 2020 [s].
+_WORK = 1e-4
 
 
 def _fail(seen: str, cause: str, advice: str) -> CheckError:
@@ -139,6 +144,18 @@ def lets_others_run(subject: DeviceSubject) -> str:
     """Exchange in a thread, and watch how long this one is held up."""
     if not subject.cls.blocking:
         raise NotApplicableError("it does not block")
+    for _ in range(_BOUTS - 1):
+        with contextlib.suppress(CheckError):
+            return _beside(subject)
+    return _beside(subject)
+
+
+def _beside(subject: DeviceSubject) -> str:
+    """Return how often all else stands still while a thread exchanges; refuse one that computes or keeps the GIL.
+
+    What an exchange may compute is asked of the processor as it is now: where others want it too, or where it is slow,
+    the same work takes longer.
+    """
     alone = _gaps(lambda: False)
     with opened(subject) as device:
         device.fresh(5.0)
@@ -149,7 +166,8 @@ def lets_others_run(subject: DeviceSubject) -> str:
     if exchanges.error is not None:
         raise exchanges.error
     often, before = (sum(gap > 4e-3 for gap in gaps) for gaps in (beside, alone))
-    if exchanges.computed > min(3e-3, max(1e-3, 0.2 * exchanges.spent)) or often > max(20, 5 * before):
+    allowed = min(3e-3, max(2e-3, 0.2 * exchanges.spent)) * exchanges.slowness
+    if exchanges.computed > allowed or often > max(20, 5 * before):
         raise _fail(
             f"an exchange takes {1e3 * exchanges.spent:.1f} ms and computes for {1e3 * exchanges.computed:.1f} of it, "
             f"and everything else stands still {often} times",
@@ -168,10 +186,11 @@ class _Exchanges(threading.Thread):
         self.done = threading.Event()
         self.error: Exception | None = None
         self.spent = self.computed = 0.0
+        self.slowness = 1.0
 
     def run(self) -> None:
         """Exchange."""
-        begin, count = time.perf_counter(), 0
+        begin, count, paces = time.perf_counter(), 0, [_pace()]
         try:
             while time.perf_counter() - begin < 0.6:
                 start, computed = time.perf_counter(), time.thread_time()
@@ -179,11 +198,22 @@ class _Exchanges(threading.Thread):
                 self.computed += time.thread_time() - computed
                 self.spent += time.perf_counter() - start
                 count += 1
+                if count % 10 == 0:
+                    paces.append(_pace())
                 time.sleep(1e-3)
         except Exception as error:  # told by whoever waits
             self.error = error
         self.computed, self.spent = self.computed / max(count, 1), self.spent / max(count, 1)
+        self.slowness = max(1.0, statistics.mean(paces) / _WORK)
         self.done.set()
+
+
+def _pace() -> float:
+    """Return how long this thread's processor takes for a little work [s]: :data:`_WORK` where the figures were set."""
+    begin, total = time.thread_time(), 0
+    for number in range(3000):
+        total += number * number
+    return time.thread_time() - begin
 
 
 def _gaps(stop: Callable[[], bool]) -> list[float]:
