@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from importlib.metadata import version as installed
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
-from generated import draw_pictures, write_commands
+from generated import written_by_commands
 from pygments.lexers.special import TextLexer
 from reference_pages import write_pages
 from sphinx.application import Sphinx
@@ -50,9 +52,9 @@ def _reproduce_paper() -> None:
 
 
 write_pages()
-_reproduce_paper()
-draw_pictures()
-write_commands()
+with ThreadPoolExecutor(os.cpu_count()) as beside:  # the longest first
+    for job in [beside.submit(job) for job in (_reproduce_paper, *written_by_commands())]:
+        job.result()
 
 
 def setup(app: Sphinx) -> None:

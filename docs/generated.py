@@ -5,6 +5,8 @@ from __future__ import annotations
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 HERE = Path(__file__).parent
@@ -26,22 +28,30 @@ PICTURES = {
 }
 
 
-def draw_pictures() -> None:
-    """Draw the pictures that are missing, or older than their scene or than what draws them."""
+def written_by_commands() -> list[Callable[[], None]]:
+    """Return what has to be done to have all pictures and pages that commands make; each may run beside the others."""
     out = HERE / "_generated"
     out.mkdir(exist_ok=True)
     drawn = max(path.stat().st_mtime for path in VIEWER.glob("*.py"))
+    jobs: list[Callable[[], None]] = []
     for name, (scene, *words) in PICTURES.items():
         picture = out / f"{name}.png"
-        if picture.exists() and picture.stat().st_mtime > max(drawn, (SCENES / scene).stat().st_mtime):
-            continue
-        _itouch_py("run", str(SCENES / scene), "--screenshot", str(picture), *words)
+        if not picture.exists() or picture.stat().st_mtime <= max(drawn, (SCENES / scene).stat().st_mtime):
+            jobs.append(partial(_itouch_py, "run", str(SCENES / scene), "--screenshot", str(picture), *words))
     replay = out / "replay.png"
     if not replay.exists() or replay.stat().st_mtime < drawn:
-        with tempfile.TemporaryDirectory() as folder:
-            _itouch_py("run", str(SCENES / "four_materials.xml"), "--headless", "--for", "24s",
-                       "--record", f"{folder}/four.mcap")  # fmt: skip
-            _draw_replay(f"{folder}/four.mcap", replay)
+        jobs.append(partial(_draw_replay, replay))
+    return [*jobs, _write_commands]
+
+
+def _draw_replay(picture: Path) -> None:
+    """Record a run and draw the window that plays it, in a process of its own: OpenGL wants its own thread."""
+    with tempfile.TemporaryDirectory() as folder:
+        recording = f"{folder}/four.mcap"
+        _itouch_py("run", str(SCENES / "four_materials.xml"), "--headless", "--for", "24s", "--record", recording)
+        code = f"import sys; sys.path.insert(0, {str(HERE)!r}); import generated, pathlib; "
+        code += f"generated.draw_played({recording!r}, pathlib.Path({str(picture)!r}))"
+        subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def _itouch_py(*words: str) -> None:
@@ -58,7 +68,7 @@ def _itouch_py(*words: str) -> None:
         raise RuntimeError(f"{' '.join(command)}:\n{done.stderr}")
 
 
-def _draw_replay(recording: str, picture: Path) -> None:
+def draw_played(recording: str, picture: Path) -> None:
     """Draw the window that plays a recording, as it stands in the middle of a contact."""
     from itouch.recording import read
     from itouch.viewer.offscreen import Offscreen, write_png
@@ -78,7 +88,7 @@ def _draw_replay(recording: str, picture: Path) -> None:
     shots.close()
 
 
-def write_commands() -> None:
+def _write_commands() -> None:
     """Write the reference of the command line, out of each command's own help."""
     from itouch.cli import COMMANDS, _plugin_commands
 

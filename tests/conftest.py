@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import gc
 import shutil
+import signal
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -24,18 +28,38 @@ from shipped import SCENES
 settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=True)
 settings.load_profile("any machine")
 
+# started in the background by a shell, Ctrl-C is ignored here, and so by every program that a test starts
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
 #: The files that take longest, longest first: a worker that began one of them last would be waited for.
 LONGEST = ("test_matrix", "test_random_meshes", "test_restore", "test_live_window", "test_deaths", "test_device_suite")
 
 
 @pytest.hookimpl(tryfirst=True)  # before the groups are read
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Let a file's tests share a worker, because they share fixtures; begin with the files that take longest."""
+    """Begin with the files that take longest; a file's tests share a worker (pyproject.toml), as they share fixtures."""
     _choose(items)
-    for item in items:
-        item.add_marker(pytest.mark.xdist_group(str(item.path)))
     longest = {name: place for place, name in enumerate(LONGEST)}
     items.sort(key=lambda item: longest.get(item.path.stem, len(longest)))
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Compile what most tests need once, in two processes, before the workers of a whole run would do so each."""
+    config = session.config
+    if config.args_source is not config.ArgsSource.TESTPATHS or not config.getoption("numprocesses", None):
+        return
+    code = "import sys, itouch; session = itouch.build(sys.argv[1]); session.enable(); session.run(float(sys.argv[2]))"
+    scenes = (("four_materials.xml", "9"), ("mesh.xml", "3"))
+    running = [subprocess.Popen([sys.executable, "-c", code, SCENES / name, until]) for name, until in scenes]
+    for process in running:
+        process.wait()
+
+
+def pytest_collection_finish() -> None:
+    """Let the garbage collector pass over thousands of tests: the conformance suite collects after every step."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture

@@ -134,6 +134,7 @@ def test_a_saved_run_goes_on_in_a_new_process_to_the_same_bytes(tmp_path: Path, 
     assert done.stdout == straight.state.tobytes()
 
 
+@pytest.mark.long  # compiles everything; the short form sees in tests/loop that no tick has a first call
 def test_no_tick_compiles(tmp_path: Path) -> None:
     """From an empty cache every kernel is compiled while the engine is built: no tick of a touch compiles any."""
     code = (

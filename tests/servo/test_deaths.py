@@ -26,7 +26,7 @@ from itouch.servo import wire
         ("servo", "kill", 0.9),
         ("servo", "stop", 0.3),
         ("servo", "memory", 1.3),
-        ("viewer", "kill", 0.6),
+        pytest.param("viewer", "kill", 0.6, marks=pytest.mark.long),
         ("viewer", "stop", 1.1),
         ("recorder", "kill", 0.2),
     ],
@@ -45,7 +45,7 @@ def test_the_devices_end_up_safe_and_nothing_is_left(victim: str, manner: str, w
     ("victim", "after"),
     [
         ("launcher", 0.001),
-        ("guardian", 0.3),
+        pytest.param("guardian", 0.3, marks=pytest.mark.long),
         pytest.param("twin", 0.05, marks=pytest.mark.long),
         pytest.param("servo", 0.001, marks=pytest.mark.long),
         pytest.param("recorder", 0.2, marks=pytest.mark.long),

@@ -13,7 +13,14 @@ from itouch.testing.suites import DEVICE_CHECKS
 _ALIKE = ("import", "sigterm")
 
 
-@pytest.mark.parametrize("cls", GOOD, ids=[cls.__name__ for cls in GOOD])
+#: Of these each is the only one to show a way of its own through the suite; the others run in the long form.
+_ALWAYS = ("BuffersTwinDevice", "ThreadedSlider", "HasNoTwin", "Heater", "ConvertsErrors")
+
+
+@pytest.mark.parametrize(
+    "cls",
+    [pytest.param(cls, id=cls.__name__, marks=() if cls.__name__ in _ALWAYS else pytest.mark.long) for cls in GOOD],
+)
 def test_a_good_plugin_is_not_blamed(cls):
     subject = DeviceSubject(cls, "slider", hardware=not cls.twin_only)
     checks = [check for check in DEVICE_CHECKS if check.name not in _ALIKE]
