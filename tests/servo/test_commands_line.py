@@ -114,7 +114,7 @@ def test_the_doctor_says_what_is_there_and_what_to_do() -> None:
 
 
 def test_the_doctor_measures_the_loop_idle_and_busy() -> None:
-    done = run("doctor", "--measure", "0.5s", "--json")
+    done = run("doctor", "--measure", "0.2s", "--json")
     assert done.returncode == 0, done.stderr
     content = json.loads(done.stdout)
     assert [row["load"] for row in content["measured"]] == ["idle", "busy"]

@@ -46,6 +46,8 @@ _INSIST = 8
 #: An arm is, between two frames, less than this many counts from where its last speed would have taken it, plus this
 #: many a second (2 m/s, up and down again); that speed says something for so long [s].
 _JUMP, _JUMP_RATE, _COASTS = 60, 40_000.0, 0.02
+#: A frame that took longer than this [s] may tell of a time as long ago: this machine was held up, not the arm.
+_PROMPT = 5e-3
 _NO_FORCE = (0.0, 0.0, 0.0)
 
 
@@ -104,7 +106,7 @@ class Falcon:
         self._homing = self._resume
         self._last: Reply | None = None
         self._position: kinematics.Vector | None = None
-        self._when = 0.0
+        self._when = self._late = 0.0
         self._speed: tuple[float, ...] = (0.0, 0.0, 0.0)
 
     def __enter__(self) -> Self:
@@ -214,6 +216,7 @@ class Falcon:
             reply = again
         self._note(reply)
         now = self._clock()
+        self._late = max(0.0, now - began - _PROMPT)
         self.timing.add(now, now - began)
         position = np.array(self._position or (math.nan,) * 3)
         position.setflags(write=False)
@@ -330,7 +333,10 @@ class Falcon:
         since = self._clock() - self._when
         ahead = min(since, _COASTS)
         expected = [n + ahead * v for n, v in zip(last.encoders, self._speed, strict=True)]
-        return any(abs(a - b) > _JUMP + _JUMP_RATE * since for a, b in zip(reply.encoders, expected, strict=True))
+        return any(
+            abs(a - b) > _JUMP + _JUMP_RATE * (since + self._late)
+            for a, b in zip(reply.encoders, expected, strict=True)
+        )
 
     def _note(self, reply: Reply) -> None:
         """Take over a reply; its position only if all axes are homed."""
@@ -346,7 +352,7 @@ class Falcon:
             ) from error
         now, before = self._clock(), self._last
         since = now - self._when
-        if before is not None and before.homed == reply.homed and 0.0 < since < _COASTS:
+        if before is not None and before.homed == reply.homed and 0.0 < since < _COASTS and not self._late:
             speed = tuple((a - b) / since for a, b in zip(reply.encoders, before.encoders, strict=True))
             self._speed = speed if max(map(abs, speed)) < _JUMP_RATE else (0.0, 0.0, 0.0)
         else:

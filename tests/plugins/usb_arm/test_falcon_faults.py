@@ -139,6 +139,29 @@ def test_encoders_that_jump_are_believed_only_twice_over() -> None:
         assert falcon.read().encoders == (400, 300, 500)
 
 
+def test_a_frame_that_came_late_is_no_measure_of_the_next() -> None:
+    """It told of a time long ago, because this machine was held up: the arm has moved on since."""
+    time, emulator = VirtualTime(), PlainFalcon(running=True)
+    emulator.encoders = (-200, -200, -200)
+
+    def late(frame: bytes) -> bytes:
+        time.sleep(0.06)
+        return frame
+
+    def moves(frame: bytes) -> bytes:
+        emulator.encoders = tuple(count + 100 for count in emulator.encoders)
+        return frame
+
+    with Falcon(backend=emulator, clock=time.now) as falcon:
+        falcon.home(1.0)
+        falcon.read()
+        emulator.spoil.append(late)
+        assert falcon.read().encoders == (-200, -200, -200)
+        emulator.encoders = (700, 700, 700)  # 15 000 counts a second
+        emulator.spoil.extend([moves] * 3)
+        assert falcon.read().encoders == (700, 700, 700)
+
+
 def test_impossible_encoders_are_no_position() -> None:
     emulator = PlainFalcon(running=True)
     with Falcon(backend=emulator) as falcon:
