@@ -26,6 +26,13 @@ _DECLARES = {
 #: Where heat and surfaces belong: the monitors, and the code of surface and touch-off.
 HOME = re.compile(r"monitors/|loop/(surface|touchoff|render|touch|missing|rig)|safety/(carried|finger)|twin/|bench/")
 
+#: Before meaning was declared: the commit, its lines in all, and by room those of code outside of where they belong, as
+#: this file counts them.
+COMMIT, BEFORE_ALL = "ccd28ae", 625
+BEFORE = {
+    "arms": 0, "bench": 0, "cli": 7, "contact": 10, "exchange": 2, "faults": 0, "loop": 17, "plugin": 8, "recording": 7, "report": 38, "safety": 93, "scaffold": 3, "scene": 1, "schema": 2, "servo": 0, "testing": 2, "twin": 0, "viewer": 43, "world": 57,
+}  # fmt: skip
+
 
 def kinds(source: str) -> dict[int, str]:
     """Return of each line that speaks of heat or plates whether it is said, declared or code."""
@@ -64,7 +71,7 @@ def counted(folder: Path = FRAMEWORK) -> Counter[tuple[str, str]]:
         for kind in kinds(file.read_text(encoding="utf-8")).values():
             found[short.split("/")[0], kind] += 1
             if kind == "code" and not HOME.match(short):
-                found["outside", kind] += 1
+                found["outside", short.split("/")[0]] += 1
     return found
 
 
@@ -73,14 +80,22 @@ def main(folders: list[str]) -> None:
     for folder in folders or [str(FRAMEWORK)]:
         lines = counted(Path(folder))
         rooms = {room for room, _ in lines} - {"outside"}
-        print(f"{'':12}{'code':>6}{'declared':>10}{'said':>6}{'all':>6}   {folder}")
+        outside = {room: lines["outside", room] for room in rooms}
+        print(f"{'':12}{'code':>6}{'declared':>10}{'said':>6}{'all':>6}{'outside':>9}{'before':>8}   {folder}")
         for room in sorted(rooms, key=lambda room: -lines[room, "code"]):
             row = [lines[room, kind] for kind in ("code", "declared", "said")]
-            print(f"{room:12}{row[0]:6}{row[1]:10}{row[2]:6}{sum(row):6}")
+            before = BEFORE.get(room)
+            print(
+                f"{room:12}{row[0]:6}{row[1]:10}{row[2]:6}{sum(row):6}{outside[room]:9}{before if before is not None else '-':>8}"
+            )
         row = [sum(lines[room, kind] for room in rooms) for kind in ("code", "declared", "said")]
-        print(f"{'in all':12}{row[0]:6}{row[1]:10}{row[2]:6}{sum(row):6}")
+        old, new = (sum(n for room, n in outside.items() if (room in BEFORE) is known) for known in (True, False))
+        print(f"{'in all':12}{row[0]:6}{row[1]:10}{row[2]:6}{sum(row):6}{old + new:9}{sum(BEFORE.values()):8}")
         print(
-            f"code outside of the monitors, of surface and touch-off, and of what is measured: {lines['outside', 'code']}"
+            f"at {COMMIT} there were {BEFORE_ALL} lines in all; code outside of the monitors, of surface and touch-off, and"
+        )
+        print(
+            f"of what is measured: {sum(BEFORE.values())} then, {old} now in the rooms that there were, {new} in those that came since"
         )
 
 

@@ -84,6 +84,11 @@ def use(folder: Path, capsys) -> Used:
     command("xml", "export", session, "--xml", str(folder / "half.xml"))
     command("page", "report", recording, "-o", str(folder / "run.html"))
     command("devices", "devices")
+    command("probe", "devices", "--probe")
+    command("calibrate", "calibrate", path)
+    off = scene(OURS).replace("<xyz-table:hardware", '<calibration method="touch-off"/><xyz-table:hardware')
+    (folder / "off.xml").write_text(off)
+    command("touch-off", "calibrate", str(folder / "off.xml"), "--kind", "touch-off", "--device", "table")
     return Used(said, folder)
 
 
@@ -122,7 +127,13 @@ def alike(text: str, used: Used, words: Words | None = None) -> list[str]:
     return re.sub(r"\d+(\.\d+)?|0x\w+|[0-9a-f]{12,}", "N", text).replace("_", " ").split()
 
 
-@pytest.mark.parametrize("name", ["check", "inspect", "safety-report", "session", "replay", "csv", "devices"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "check", "inspect", "plan", "safety-report", "session", "replay", "csv", "devices", "probe", "calibrate",
+        "touch-off",
+    ],
+)  # fmt: skip
 def test_every_command_says_the_same(both, name):
     ours, others, words = both
     assert sorted(alike(others.said[name], others, words)) == sorted(alike(ours.said[name], ours))
@@ -206,3 +217,19 @@ def test_any_words_compile_to_the_same_supervision_and_the_same_charts(seed, tmp
             drawn = [(c.title, c.unit, [s.doc for s in c.signals]) for c in charts(model)]
             told.append((rules, drawn) if words is None else ([(*r[:2], words.back(r[2])) for r in rules], drawn))
     assert str(told[0]).replace("_", " ") == str(told[1]).replace("_", " ")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("plugin", ["xyz-table", "thermal", "thermal.heat"])
+def test_the_conformance_suite_says_the_same(plugin, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    said = []
+    for renames in (False, True):
+        with pytest.MonkeyPatch.context() as patch:
+            words = rename_all(patch, 77) if renames else None
+            assert main(["test-plugin", plugin]) == 0
+            out = capsys.readouterr().out
+            said.append(
+                re.findall(r"^ +(ok|FAILED|-) +([\w-]+)", words.back(out) if words else out, flags=re.MULTILINE)
+            )
+    assert said[0] == said[1] and len(said[0]) > 20

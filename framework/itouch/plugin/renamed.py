@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from itouch.joining import is_newest
 from itouch.plugin.bound import Bound
 from itouch.plugin.channel import Channel
 from itouch.plugin.device import Device, Touch, Twin
@@ -169,6 +170,12 @@ def _renamed_twin(kind: type[Twin], cls: type[Device], words: Words) -> type[Twi
         def read(self, state: Record, reading: Record) -> bool | None:
             """Read."""
             return self.twin.read(self._own(state), self._command(reading))
+
+        def bound_read(self, state: Record, reading: Record) -> Bound | None:
+            """Return the reading as one call."""
+            if not is_newest(type(self.twin), "bound_read", "read"):
+                return None
+            return self.twin.bound_read(self._own(state), self._command(reading))
 
     return Other
 
