@@ -245,3 +245,16 @@ def test_a_quiet_tick_leaves_nothing_to_python(channels: Channels) -> None:
             looks += 1
             joined.look(tick)
     assert looks == (10 if channels is PLATE else 0)  # what is placed is looked at where the finger is
+
+
+def test_what_was_bound_before_a_twin_was_replaced_leaves_every_reading_to_python() -> None:
+    """As a plan does, which binds once."""
+    bench = Bench(PLATE)
+    bench.say(_numbers(PLATE, np.random.default_rng(1)))
+    bench.tick(0)
+    joined, memory = bench.other[2], bench.other[1]
+    due, *_ = joined.bound_take()
+    memory["tick"] = 1
+    assert due() == 0
+    joined.twin = Reading(bench.source)
+    assert due() == 1

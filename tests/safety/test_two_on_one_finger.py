@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 import itouch
@@ -95,3 +96,16 @@ def test_two_displays_on_one_surface_share_what_a_finger_may_have(what, words):
     run.state[f"p2.heat.{what}"] = 42.0
     with pytest.raises(itouch.DeviceFaultError, match=words):
         run.run(0.02)
+
+
+def test_two_arms_on_one_finger_are_both_felt_and_give_no_more_than_one_may():
+    arm = '<device name="arm2" plugin="usb-arm"><mount pos="100 250 0 mm" rpy="0 0 180 deg"/></device>'
+    probe = '<probe name="other" radius="8 mm" pose-from="arm" force-to="arm2"/>'
+    text = SCENE.replace(' surface-to="t1"', "").format(devices=arm, probes=probe, safety='force="0.8 N"')
+    run, sums = build(loads(text.encode(), Catalog())), []
+    arms, total = [run.state[f"{name}.sent.wrench"] for name in ("arm", "arm2")], run.state["finger.total_force"]
+    run.taps.append(lambda tick: sums.append((*(float(np.linalg.norm(arm[:3])) for arm in arms), total.item())))
+    run.run(0.8)
+    assert max(one + other for one, other, _ in sums) == pytest.approx(0.8)
+    assert min(sums[-1][:2]) > 0.2
+    assert sums[-1][2] == pytest.approx(sum(sums[-1][:2]), abs=1e-3)

@@ -37,7 +37,8 @@ def join_fingers(rigs: Sequence[ProbeRig]) -> None:
         mine = [other for other in rigs if other.tracker is rig.tracker]
         rig.toucher.share(len({one.table.model.name for one in mine if one.table is not None}))
         if rig.coupling.hand is not None:
-            rig.coupling.join([other.coupling for other in mine if other is not rig])
+            others = [other for other in mine if other is not rig]
+            rig.coupling.join([(one.coupling, one.arm if one.arm is not rig.tracker else None) for one in others])
 
 
 def _finger(name: str, devices: Sequence[Runner]) -> Iterator[tuple[Finger, list[Runner]]]:

@@ -77,7 +77,7 @@ class Coupling:
         if arm is not None and hand is not None:
             self._end, self._pace = arm.touch.finger_pose, arm.touch.finger_twist
             arm.touch.finger_attached = True
-        #: What its plate pushes the finger with, world frame, shape (3,) [N].
+        #: What its arm and its plate push the finger with, world frame, shape (3,) [N].
         self.given: Floats = np.zeros(3)
         #: A period of the finger as one compiled call; the hand's ``advance`` comes before it.
         self.bound = self._bind(np.zeros((0, 3)))
@@ -95,20 +95,24 @@ class Coupling:
         bound.rehearse()
         return bound
 
-    def join(self, others: Sequence[Coupling]) -> None:
-        """Let other probes on the finger of this one's twin touch that very finger, and push it."""
+    def join(self, others: Sequence[tuple[Coupling, Stand | None]]) -> None:
+        """Let other probes on the finger of this one's twin touch that very finger, and push it: each with its arm."""
         if self.hand is None or not others:
             return
         pushes = np.zeros((len(others), 3))
         self.bound = self._bind(pushes)
-        for other, push in zip(others, pushes, strict=True):
-            other.follow(self.hand, push)
+        for (other, arm), push in zip(others, pushes, strict=True):
+            other.follow(self.hand, arm, push)
 
-    def follow(self, leader: Hand, push: Floats) -> None:
-        """Touch the finger that this hand moves, and write into ``push`` (3,) what the plate pushes it with [N]."""
+    def follow(self, leader: Hand, arm: Stand | None, push: Floats) -> None:
+        """Touch the finger that this hand moves; write into ``push`` (3,) what arm and plate push it with [N]."""
         person = leader.operator
         self._constants[at.PAD_STIFFNESS], self._constants[at.PAD_DAMPING] = person.pad_stiffness, person.pad_damping
-        self._hip, self.given = leader.motion[:3], push
+        self._hip, self.given, self._push = leader.motion[:3], push, np.zeros(3)
+        if arm is not None:
+            self._constants[at.ARM : at.ARM + 3] = arm.true_frame().origin
+            self._constants[at.ARM + 3 : at.ARM + 12] = arm.true_frame().r
+            self._push = arm.sent_as(Role.FORCE_ON_OPERATOR)[:3]
         self.bound = self._bind(np.zeros((0, 3)))
 
     def reset(self) -> None:

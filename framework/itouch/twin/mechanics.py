@@ -105,7 +105,7 @@ def couple_finger(
 
     Parameters
     ----------
-    constants, pieces, offset, hand, push, table, figures, end, pace, load, others
+    constants, pieces, offset, hand, push, table, figures, end, pace, load, others, given
         As in ``step_finger``.
     time
         Where on the path the target is [s], shape (1,).
@@ -120,8 +120,7 @@ def couple_finger(
     """
     if constants[MASS] == 0.0:
         hand[0], hand[1], hand[2] = hip[0], hip[1], hip[2]
-    gap = step_finger(constants, pieces, time[0], offset, hand, push, table, figures, end, pace, load, others)
-    given[0], given[1], given[2] = turned_out(constants, TABLE, 0.0, 0.0, figures[FORCE])
+    gap = step_finger(constants, pieces, time[0], offset, hand, push, table, figures, end, pace, load, others, given)
     if figures[FORCE] <= 0.0:
         touched[0] = -1
     elif touched[0] < 0:
@@ -144,6 +143,7 @@ def step_finger(
     pace: Floats,
     load: Floats,
     others: Floats,
+    given: Floats,
 ) -> float:
     """Advance the finger by one period.
 
@@ -166,7 +166,9 @@ def step_finger(
     load
         The plate's force on the table in the table's frame, shape (3,); written.
     others
-        What other plates on the same finger push it with, world frame, shape (n, 3).
+        What the arms and plates of other probes push the same finger with, world frame, shape (n, 3).
+    given
+        What this arm and this plate push it with, world frame, shape (3,); written.
 
     Returns
     -------
@@ -176,7 +178,7 @@ def step_finger(
     gap = plate_force(constants, hand, table, figures)
     ax, ay, az = turned_out(constants, ARM, push[0], push[1], push[2])
     nx, ny, nz = turned_out(constants, TABLE, 0.0, 0.0, figures[FORCE])
-    fx, fy, fz = ax + nx, ay + ny, az + nz
+    given[0], given[1], given[2] = fx, fy, fz = ax + nx, ay + ny, az + nz
     for i in range(others.shape[0]):
         fx, fy, fz = fx + others[i, 0], fy + others[i, 1], fz + others[i, 2]
     figures[TOTAL] = math.sqrt(fx * fx + fy * fy + fz * fz)
