@@ -38,11 +38,13 @@ suppress_warnings = ["myst.header", "ref.python"]
 
 def _reproduce_paper() -> None:
     """Recompute the paper's figures and claims with `itouch-py reproduce`; again only when the code has changed."""
+    import contact_heat
     import itouch_thermal
 
-    code, out = Path(itouch_thermal.__file__).parent, Path(__file__).parent / "explanation" / "reproduced"
+    code = [Path(package.__file__ or "").parent for package in (contact_heat, itouch_thermal)]
+    out = Path(__file__).parent / "explanation" / "reproduced"
     digest = hashlib.sha256()
-    for path in sorted(code.rglob("*.py")):
+    for path in sorted(path for folder in code for path in folder.rglob("*.py")):
         digest.update(path.read_bytes())
     stamp = out / "code.sha256"
     if stamp.exists() and stamp.read_text(encoding="utf-8") == digest.hexdigest():

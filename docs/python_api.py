@@ -41,8 +41,8 @@ PAGES = {
     "python-thermal.md": Page(
         "Python: heat",
         "The contact-heat solver and the thermal display; [a guide](thermal-solver.md).",
-        ("itouch_thermal", "itouch_thermal.solver.resistance", "itouch_thermal.solver.analytic",
-         "itouch_thermal.solver.energy"),
+        ("itouch_thermal", "contact_heat.resistance", "contact_heat.analytic",
+         "contact_heat.energy"),
     ),
     "python-devices.md": Page(
         "Python: devices", "The drivers of the bundled devices.", ("itouch_usb_arm", "itouch_xyz_table")

@@ -48,7 +48,7 @@ ROOMS: dict[str, tuple[str, tuple[str, ...]]] = {
     "twin": ("framework/itouch/twin", ("loop/test_engine.py", "world/test_coupling.py")),
     "viewer": ("framework/itouch/viewer", ("viewer/test_pure.py", "viewer/test_reel.py")),
     "contact": ("framework/itouch/contact", ("contact",)),
-    "thermal": ("plugins/thermal/itouch_thermal/solver", ("plugins/thermal",)),
+    "thermal": ("plugins/thermal/contact_heat", ("plugins/thermal",)),
     "thermal-display": ("plugins/thermal/itouch_thermal/display", ("plugins/thermal_display",)),
     "thermal-flux": ("plugins/thermal/itouch_thermal/flux", ("plugins/thermal_display",)),
     "thermal-drivers": ("plugins/thermal/itouch_thermal/drivers", ("plugins/thermal_drivers",)),

@@ -1,7 +1,7 @@
 """A fingertip touches wood without contact resistance: the first moments, exact, and on a mesh of 0.1 mm."""
 
 import itouch_thermal as heat
-from itouch_thermal.solver.differences import solve_differences
+from contact_heat.differences import solve_differences
 
 tissue = heat.Layer(name="tissue", thickness=0.02, conductivity=0.4, density=1000.0, specific_heat=3500.0)
 wood = heat.Layer(name="wood", thickness=0.02, conductivity=0.11, density=415.0, specific_heat=2720.0)

@@ -141,3 +141,18 @@ def test_the_counts_of_a_checkout(tmp_path: Path) -> None:
     assert found["import circles, TYPE_CHECKING included"] == 0
     assert found["import circles, imports inside functions included"] == 1
     assert found["longest function 1"] == "3 f (itouch.loop.plan)"
+
+
+def test_other_packages_ask_for_what_the_project_asks_for() -> None:
+    """The conda recipe and the image follow pyproject.toml."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    recipe = (ROOT / ".ci" / "packages" / "recipe.yaml").read_text(encoding="utf-8")
+    asked = re.findall(r"^    - ([\w-]+) ([<>=.,\d]+)$", recipe.split("  run:\n")[1].split("\ntests:")[0], re.MULTILINE)
+    python = ("python", project["requires-python"])
+    assert asked == [python, *(re.fullmatch(r"([\w-]+)(.*)", one).groups() for one in project["dependencies"])]  # type: ignore[union-attr]
+    assert f'version: "{project["version"]}"' in recipe
+    image = (ROOT / ".ci" / "packages" / "Dockerfile").read_text(encoding="utf-8")
+    installed = set(re.findall(r"\b(?:lib|fonts)[\w.-]+", image.split("apt-get install")[1].split("\n")[0]))
+    checked = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    assert installed and all(name in checked for name in installed)
+    assert image.index("USER touch") < image.index("ENTRYPOINT")

@@ -51,6 +51,38 @@ def test_marks_go_out_and_come_in(network: None) -> None:
     assert len(samples[0]) == sum(max(1, c.size) for c in _columns(session))
     taken = [mark for mark in session.marks if mark["name"] == "eeg triggers"]
     assert taken[0]["payload"]["value"] == "stimulus 7"
+    for mark in taken:  # on one machine the clocks are the same one, and what happened did so before it was taken
+        assert abs(mark["payload"]["correction_s"]) < 0.1
+        assert 0 <= mark["payload"]["tick"] <= mark["tick"]
+
+
+def test_a_mark_says_the_tick_at_which_it_happened() -> None:
+    """A mark of another machine, whose clock is 100 s ahead, arrives 40 ms late."""
+
+    class Clock:
+        def local_clock(self) -> float:
+            return 12.500
+
+    class Inlet:
+        left = [(["go"], 112.460)]
+
+        def pull_sample(self, timeout: float) -> object:
+            return self.left.pop() if self.left else (None, None)
+
+        def time_correction(self, timeout: float) -> float:
+            return -100.0
+
+    session = itouch.build(SCENES / "first_touch.xml")
+    session.run(0.1)
+    streams = Streams.__new__(Streams)
+    streams._session, streams._lsl = session, Clock()
+    streams._take("trigger", Inlet())
+    session.run(0.01)
+    (mark,) = session.marks
+    period = session.model.period
+    happened = mark["tick"] - mark["payload"]["tick"]
+    assert mark["name"] == "trigger" and mark["payload"]["correction_s"] == -100.0
+    assert happened == pytest.approx(0.040 / period, abs=1.5)
 
 
 def _columns(session: itouch.Session) -> list[object]:

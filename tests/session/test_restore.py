@@ -145,7 +145,7 @@ def test_a_restored_session_needs_no_further_call(tmp_path: Path) -> None:
 
 
 def test_stored_bases_are_used_and_not_solved_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from itouch_thermal.solver import modes
+    from contact_heat import modes
 
     session = itouch.build(SCENES / "four_materials.xml")
     session.save(tmp_path / "s.itouch")

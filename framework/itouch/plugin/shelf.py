@@ -57,12 +57,18 @@ def key(content: object, make: Callable[..., object]) -> str | None:
 @cache
 def _code(package: str) -> str | None:
     """Return the digest of all sources of a package; None if it has none, or not those that this process runs."""
-    place = getattr(sys.modules.get(package), "__file__", None)
+    module = sys.modules.get(package)
+    place = getattr(module, "__file__", None)
     if place is None:
         return None
     first = Path(place)
     paths = sorted(first.parent.rglob("*.py")) if first.name == "__init__.py" else [first]
     digest = hashlib.sha256()
+    for other in getattr(module, "PACKAGES", ()):  # further packages of the same plugin
+        inner = _code(other)
+        if inner is None:
+            return None
+        digest.update(inner.encode())
     try:
         for path in paths:
             if path.stat().st_ctime > _STARTED:  # upgraded in place, or edited: what is in memory may be older

@@ -14,17 +14,20 @@ from itouch.recording.histograms import histograms_us
 from itouch.recording.reader import Content, read_content
 from itouch.recording.tracks import Track
 from itouch.schema.diagnostics import did_you_mean
+from itouch.schema.notebook import Shown
 
 if TYPE_CHECKING:
     import pandas
 
 
-class Recording(Mapping[str, NDArray[Any]]):
+class Recording(Shown, Mapping[str, NDArray[Any]]):
     """What a recording holds; tracks by name, such as ``recording["arm"]["pose"]``, shape (n, 7).
 
     A track is a structured array with ``tick``, ``time`` [s] and its columns, in SI units.  ``recording["arm.pose"]``
     is one column of it.
     """
+
+    PAGE = "itouch.report.notebook:recording"
 
     def __init__(self, content: Content) -> None:
         self._content = content

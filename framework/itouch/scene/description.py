@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 from itouch.scene.elements import (
     VERSION,
@@ -20,6 +20,7 @@ from itouch.scene.elements import (
     WorldElement,
 )
 from itouch.scene.places import Places
+from itouch.schema.notebook import Shown
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,13 +32,15 @@ class Swapped:
 
 
 @dataclass(frozen=True, slots=True)
-class Scene:
+class Scene(Shown):
     """A scene in SI, with includes, defaults and bases resolved.
 
     Two scenes are equal if they say the same; where they were written does not count. Files that it names (meshes) lie
     in ``folder`` and below, or their content is in ``files`` by name, as for a scene out of a session.  ``swapped``
     is what it said of its own rig if another was put under it: that is asked of the other, too.
     """
+
+    PAGE: ClassVar[str] = "itouch.report.notebook:scene"
 
     world: WorldElement = WorldElement()
     materials: tuple[Material, ...] = ()

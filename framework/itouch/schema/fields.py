@@ -16,6 +16,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import MISSING, dataclass
+from functools import cache
 from typing import Any, ClassVar, Literal
 
 from itouch.schema.roles import Role
@@ -172,8 +173,23 @@ def xml_name(field_name: str) -> str:
 
 
 def specs(cls: type) -> dict[str, Spec]:
-    """Return the grammar of a dataclass: field name -> spec, in declared order."""
-    return {f.name: f.metadata[_KEY] for f in dataclasses.fields(cls) if _KEY in f.metadata}
+    """Return the grammar of a dataclass: field name -> spec, in declared order.
+
+    A class from elsewhere is grammar, too, if the metadata of its fields are the arguments of a ``Spec``: a library
+    need not know this program to declare what its fields hold.
+    """
+    found = {}
+    for field in dataclasses.fields(cls):
+        if _KEY in field.metadata:
+            found[field.name] = field.metadata[_KEY]
+        elif "kind" in field.metadata:
+            found[field.name] = _foreign(field)
+    return found
+
+
+@cache
+def _foreign(field: dataclasses.Field[Any]) -> Spec:
+    return Spec(**field.metadata)
 
 
 def spec_of(cls: type, field_name: str) -> Spec:

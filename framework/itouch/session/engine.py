@@ -17,11 +17,13 @@ from itouch.plugin.discovery import Catalog
 from itouch.recording import RecordingError
 from itouch.safety import connect
 from itouch.scene import Scene
+from itouch.schema.notebook import Shown
 from itouch.session import layout, limits, marks, wishes
 from itouch.session.document import to_xml
 from itouch.session.errors import SessionError
 from itouch.session.participants import Participant
 from itouch.session.plausible import check_plausible
+from itouch.session.progress import told
 from itouch.session.recorder import Recorder
 from itouch.session.saving import Saving
 from itouch.session.snapshot import Snapshot, SnapshotWriter, write_snapshot
@@ -30,8 +32,10 @@ from itouch.world import Model
 Path = str | os.PathLike[str]
 
 
-class Session(Engine):
+class Session(Shown, Engine):
     """An engine that can be saved, and restored to go on as if it had not stopped."""
+
+    PAGE = "itouch.report.notebook:session"
 
     def __init__(
         self,
@@ -119,8 +123,11 @@ class Session(Engine):
         until: Callable[[], bool] | None = None,
         each: Callable[[], None] | None = None,
         every: int = 1,
+        progress: bool = False,
     ) -> None:
         """Run as ``Engine.run`` says; if the scene has a ``<record>``, record from the first run to ``close``.
+
+        With ``progress`` one line of the standard error says how far it is; the State is the same as without.
 
         Raises
         ------
@@ -133,7 +140,18 @@ class Session(Engine):
         element = self.model.scene.record
         if element is not None and self.records and self.recorder is None:
             self.record(wishes.file_name(element.to, self.model.scene.source, int(self.state["seed"])))
-        super().run(seconds, until=until, each=each, every=every)
+        if not progress:
+            super().run(seconds, until=until, each=each, every=every)
+            return
+        with told(lambda: self.seconds, seconds) as tell:
+
+            def both() -> None:
+                tell()
+                if each is not None:
+                    each()
+
+            often = every if each is not None else max(1, round(0.02 / self.model.period))
+            super().run(seconds, until=until, each=both, every=often)
 
     def _carry_in(self) -> None:
         """Let the participant's earlier sessions count before anything acts."""

@@ -23,12 +23,16 @@ RATE = 250.0
 #: Names of the streams of marks: ours, and those that are taken when they are offered by others.
 MARKS, MARKER_TYPE = "itouch marks", "Markers"
 _LOOK = 0.05
+#: How long [s] the offset between two machines' clocks may take to be found.
+_FIRST_LOOK = 2.0
 
 
 class Streams:
     """Offers one stream a device and one of marks, and takes marks from other programs' marker streams.
 
     Marks that come in are set between two ticks, named after their stream; streams of this program are not taken.
+    Their payload says when they happened: ``lsl_time`` by the clock of their own machine, ``correction_s`` what brings
+    it to this one's, and ``tick`` the tick at which that was, which is earlier than the one at which they arrive.
     """
 
     def __init__(self, session: Session, *, rate: float = RATE) -> None:
@@ -90,7 +94,10 @@ class Streams:
             for info in resolver.results():
                 key = str(info.uid())
                 if key not in inlets and not str(info.source_id()).startswith("itouch-"):
-                    inlets[key] = (str(info.name()), self._lsl.StreamInlet(info, recover=False))
+                    inlet = self._lsl.StreamInlet(info, recover=False)
+                    with contextlib.suppress(Exception):  # asked for the first time it takes a while; then it is known
+                        inlet.time_correction(_FIRST_LOOK)
+                    inlets[key] = (str(info.name()), inlet)
             for name, inlet in inlets.values():
                 with contextlib.suppress(Exception):  # a stream may end at any time
                     self._take(name, inlet)
@@ -98,7 +105,14 @@ class Streams:
     def _take(self, name: str, inlet: Any) -> None:
         while (pulled := inlet.pull_sample(timeout=0.0))[0] is not None:
             values, stamp = pulled
-            self._session.post_mark(name[:32] or "lsl", {"value": str(values[0])[:300], "lsl_time": stamp})
+            correction = float(inlet.time_correction(_FIRST_LOOK))
+            when = {"lsl_time": stamp, "correction_s": correction, "tick": self._tick_of(stamp + correction)}
+            self._session.post_mark(name[:32] or "lsl", {"value": str(values[0])[:300], **when})
+
+    def _tick_of(self, stamp: float) -> int:
+        """Return the tick at which it was ``stamp`` [s] by this machine's clock of LSL; at real time's pace only."""
+        age = float(self._lsl.local_clock()) - stamp
+        return max(0, self._session.ticks - round(age / self._session.model.period))
 
 
 def _library() -> Any:

@@ -183,7 +183,14 @@ def _packages(file: SweepFile, model: Model, catalog: Catalog) -> dict[str, tupl
                 found.setdefault(PROGRAM if package.startswith("itouch") and owner == PROGRAM else owner, set()).add(
                     package
                 )
-    return {name: tuple(sorted(packages)) for name, packages in found.items()}
+    return {name: tuple(sorted(_with_parts(packages))) for name, packages in found.items()}
+
+
+def _with_parts(packages: set[str]) -> set[str]:
+    """Return packages with the further ones that they name (``PACKAGES``)."""
+    import sys
+
+    return packages.union(*(getattr(sys.modules.get(package), "PACKAGES", ()) for package in packages))
 
 
 def _shipped(distribution: str, packages: tuple[str, ...]) -> dict[str, bytes]:

@@ -3,15 +3,18 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+import itouch_thermal.hosting  # noqa: F401  - before the solver is imported
+
+# isort: split
+from contact_heat.layers import Back, Contact, Film, Initial, Layer, Probe, Side
 from itouch_thermal.display import ThermalDisplay
 from itouch_thermal.flux import FluxControl
 from itouch_thermal.heat import Heat
-from itouch_thermal.solver.layers import Back, Contact, Film, Initial, Layer, Probe, Side
 
 if TYPE_CHECKING:
-    from itouch_thermal.solver.batch import BatchSolution, LockStep, solve_many
-    from itouch_thermal.solver.exact import ContactSolution, solve
-    from itouch_thermal.solver.stepper import Stepper
+    from contact_heat.batch import BatchSolution, LockStep, solve_many
+    from contact_heat.exact import ContactSolution, solve
+    from contact_heat.stepper import Stepper
 
 __all__ = [
     "Back",
@@ -32,14 +35,17 @@ __all__ = [
     "solve_many",
 ]
 
+#: Further packages of this plugin: their code counts where it matters what has computed a result.
+PACKAGES = ("contact_heat",)
+
 #: Names whose modules compile kernels: imported when they are first used.
 _LAZY = {
-    "BatchSolution": "itouch_thermal.solver.batch",
-    "ContactSolution": "itouch_thermal.solver.exact",
-    "LockStep": "itouch_thermal.solver.batch",
-    "Stepper": "itouch_thermal.solver.stepper",
-    "solve": "itouch_thermal.solver.exact",
-    "solve_many": "itouch_thermal.solver.batch",
+    "BatchSolution": "contact_heat.batch",
+    "ContactSolution": "contact_heat.exact",
+    "LockStep": "contact_heat.batch",
+    "Stepper": "contact_heat.stepper",
+    "solve": "contact_heat.exact",
+    "solve_many": "contact_heat.batch",
 }
 
 

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from itouch_thermal.solver.layers import Contact
-    from itouch_thermal.solver.measure import Row
+    from contact_heat.layers import Contact
+    from contact_heat.measure import Row
 
 
 def main(argv: Sequence[str]) -> int:
@@ -51,8 +51,8 @@ def _printed(options: argparse.Namespace) -> Iterator[Row]:
 
 
 def _rows(options: argparse.Namespace, *, peers: bool) -> Iterator[Row]:
-    from itouch_thermal.solver import measure
-    from itouch_thermal.solver.stated import many_layers, stated_cases
+    from contact_heat import measure
+    from contact_heat.stated import many_layers, stated_cases
 
     cases = _cases(options.case)
     for name, contact in cases.items():
@@ -66,8 +66,8 @@ def _rows(options: argparse.Namespace, *, peers: bool) -> Iterator[Row]:
 
 def _cases(path: str | None) -> dict[str, Contact]:
     """Return the stated cases: the finger in air at 23 degC that touches 20 mm blocks."""
-    from itouch_thermal.solver.casefile import read_case
-    from itouch_thermal.solver.stated import stated_cases
+    from contact_heat.casefile import read_case
+    from contact_heat.stated import stated_cases
 
     return stated_cases() if path is None else {Path(path).stem: read_case(path)}
 

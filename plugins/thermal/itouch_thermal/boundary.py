@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from contact_heat.packing import HEAT, PHASE, RESISTANCE, SIZE, TAIL
 from itouch_thermal.played import Playing
-from itouch_thermal.solver.packing import HEAT, PHASE, RESISTANCE, SIZE, TAIL
 
 Array = NDArray[np.float64]
 

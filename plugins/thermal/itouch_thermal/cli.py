@@ -17,8 +17,8 @@ from itouch_thermal.cli_line import add_display
 _UNITS = {"": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0, "h": 3600.0}
 
 if TYPE_CHECKING:
-    from itouch_thermal.solver.layers import Contact
-    from itouch_thermal.solver.table import Table
+    from contact_heat.layers import Contact
+    from contact_heat.table import Table
 
 
 def main(argv: Sequence[str]) -> int:
@@ -68,8 +68,8 @@ def _parser() -> argparse.ArgumentParser:
 
 def _solve(options: argparse.Namespace) -> None:
     """Solve a contact case; columns t, j, T_skin, T_object, Q and the probes; s, W/m2, degC, J/m2."""
-    from itouch_thermal.solver import table
-    from itouch_thermal.solver.casefile import read_case
+    from contact_heat import table
+    from contact_heat.casefile import read_case
 
     if options.live and options.method == "paper":
         raise ValueError("--live steps the exact model; it does not go with --method paper")
@@ -97,7 +97,7 @@ def _write(found: Table, output: str | None, title: str) -> None:
 
 def _times(options: argparse.Namespace, contact: Contact) -> list[float]:
     """Return the asked times [s], or those of the case."""
-    from itouch_thermal.solver.casefile import check_times
+    from contact_heat.casefile import check_times
 
     if options.times is not None:
         times = _read_times(Path(options.times))
@@ -138,7 +138,7 @@ def _seconds(text: str) -> float:
 
 def _materials(options: argparse.Namespace) -> None:
     """List materials with conductivity, density, specific heat, effusivity (SI) and source."""
-    from itouch_thermal.solver.materials import library
+    from itouch_thermal.library import library
 
     found = library(options.documents)
     print(f"{'material':<22}{'W/(m*K)':>9}{'kg/m^3':>9}{'J/(kg*K)':>10}{'effusivity':>12}  source")

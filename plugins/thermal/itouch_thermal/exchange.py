@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from contact_heat.live import air_step, contact_step, surface_temperature
+from contact_heat.resistance import contact_area, resistance_at
 from itouch.plugin.kernels import kernel
 from itouch_thermal.boundary import beyond
 from itouch_thermal.laws import press_factor
-from itouch_thermal.solver.live import air_step, contact_step, surface_temperature
-from itouch_thermal.solver.resistance import contact_area, resistance_at
 
 Floats = NDArray[np.float64]
 Numbers = NDArray[np.int64]

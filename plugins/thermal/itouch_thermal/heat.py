@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from contact_heat.layers import FINGER_FILM, Back, Film, Initial, Layer, Side
+from contact_heat.resistance import SPREAD, ResistanceLaw, contact_area
 from itouch.plugin import Bound, ContactEvent, Field, Modality, Record, Role, World, schema
 from itouch.plugin import Contact as ContactKind
 from itouch_thermal.boundary import Exchange, beyond
 from itouch_thermal.laws import KINDS, ForceLaw, check_laws, law_of, press_factor
 from itouch_thermal.played import Playing, played_curves
-from itouch_thermal.solver.layers import FINGER_FILM, Back, Film, Initial, Layer, Side
-from itouch_thermal.solver.resistance import SPREAD, ResistanceLaw, contact_area
 
 if TYPE_CHECKING:
     from itouch_thermal.exchange import Contact, Given, Kept, Skin
@@ -161,7 +161,7 @@ class Heat(Modality):
 
     def compile(self, name: str, params: HeatParams, world: World) -> HeatModel:
         """Build the modes of finger and objects."""
-        from itouch_thermal.solver import live
+        from contact_heat import live
 
         finger = finger_side(params.layers or FINGER, params.arterial, world.skin_temperature, world.ambient)
         period = world.period
@@ -379,7 +379,7 @@ def _skin_source(params: HeatParams, world: World) -> tuple[str, str]:
 
 def finger_side(layers: Sequence[Layer], arterial: float, skin: float, ambient: float) -> Side:
     """Return a finger that rests at a skin temperature [K] in air; its film is the one that keeps it there."""
-    from itouch_thermal.solver.steady import initial_profile
+    from contact_heat.steady import initial_profile
 
     start = Initial(kind="steady", surface=skin)
     back = Back(kind="temperature", temperature=arterial)

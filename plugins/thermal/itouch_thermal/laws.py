@@ -6,8 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from itouch.plugin import schema
-from itouch_thermal.solver.resistance import (
+from contact_heat.resistance import (
     AREA_AT_1N,
     AREA_EXPONENT,
     DEFAULT_RESISTANCE,
@@ -17,6 +16,7 @@ from itouch_thermal.solver.resistance import (
     ResistanceLaw,
     TableResistance,
 )
+from itouch.plugin import schema
 
 __all__ = ["ConstantLaw", "ForceLaw", "ForcePoint", "PressureLaw", "TableLaw", "law_of", "press_factor"]
 

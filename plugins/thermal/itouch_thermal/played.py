@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from contact_heat.collocation import STAGES, points, quadrature
+from contact_heat.packing import DECAY, DRIVE, HEAD, HEAT, PERIOD, PHASE, SIZE, TAIL
 from itouch.plugin import World
-from itouch_thermal.solver.collocation import STAGES, points, quadrature
-from itouch_thermal.solver.packing import DECAY, DRIVE, HEAD, HEAT, PERIOD, PHASE, SIZE, TAIL
 
 if TYPE_CHECKING:
     from itouch_thermal.flux.curve import Curve

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from itouch_thermal.solver.table import Table
+from contact_heat.table import Table
 
 
 def plot_table(table: Table, path: Path, title: str) -> None:

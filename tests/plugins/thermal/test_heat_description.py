@@ -5,10 +5,8 @@ import json
 import heat_cases
 import pytest
 
-from itouch_thermal import Back, Contact, Initial, Layer, Side
-from itouch_thermal.solver.casefile import case_data, case_of
-from itouch_thermal.solver.materials import library
-from itouch_thermal.solver.resistance import (
+from contact_heat.casefile import case_data, case_of
+from contact_heat.resistance import (
     DEFAULT_RESISTANCE,
     ConstantResistance,
     PressureResistance,
@@ -16,6 +14,8 @@ from itouch_thermal.solver.resistance import (
     contact_area,
     material_resistance,
 )
+from itouch_thermal import Back, Contact, Initial, Layer, Side
+from itouch_thermal.library import library
 
 
 @pytest.mark.parametrize("name", heat_cases.SOLVED)

@@ -8,12 +8,12 @@ from campaign import seeds
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from contact_heat import analytic
+from contact_heat.casefile import CELSIUS, case_of
+from contact_heat.energy import energy_balance
+from contact_heat.exact import imbalance
+from contact_heat.steady import initial_profile
 from itouch_thermal import Back, Contact, Initial, Layer, Side, solve
-from itouch_thermal.solver import analytic
-from itouch_thermal.solver.casefile import CELSIUS, case_of
-from itouch_thermal.solver.energy import energy_balance
-from itouch_thermal.solver.exact import imbalance
-from itouch_thermal.solver.steady import initial_profile
 
 SKIN = Layer(conductivity=0.34, density=1200, specific_heat=3340)
 WOOD = Layer(conductivity=0.11, density=415, specific_heat=2720)

@@ -5,16 +5,16 @@ import numpy as np
 import pytest
 from campaign import seeds
 
+from contact_heat import live
+from contact_heat.casefile import CELSIUS, case_of
+from contact_heat.closed import close_loop
+from contact_heat.fields import waves
+from contact_heat.measure import changing, fine, relative_error
+from contact_heat.modes import side_modes
+from contact_heat.packing import pair_of
+from contact_heat.stack import stack_of
+from contact_heat.stated import SENSOR, stated_cases
 from itouch_thermal import Back, Contact, Initial, Layer, LockStep, Side, Stepper, solve, solve_many
-from itouch_thermal.solver import live
-from itouch_thermal.solver.casefile import CELSIUS, case_of
-from itouch_thermal.solver.closed import close_loop
-from itouch_thermal.solver.fields import waves
-from itouch_thermal.solver.measure import changing, fine, relative_error
-from itouch_thermal.solver.modes import side_modes
-from itouch_thermal.solver.packing import pair_of
-from itouch_thermal.solver.stack import stack_of
-from itouch_thermal.solver.stated import SENSOR, stated_cases
 
 PERIOD = 1e-3
 STEPS = np.unique(np.round(np.geomspace(1, 20_000, 40)).astype(int))

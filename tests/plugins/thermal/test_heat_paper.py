@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from contact_heat.differences import solve_differences
+from contact_heat.stated import FINGERTIP, WOOD, block, stated_cases
 from itouch_thermal import Contact, solve
-from itouch_thermal.solver.differences import solve_differences
-from itouch_thermal.solver.stated import FINGERTIP, WOOD, block, stated_cases
 
 CONTACT = Contact(FINGERTIP, block(WOOD), 1e-3)
 

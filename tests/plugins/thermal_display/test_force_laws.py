@@ -8,9 +8,9 @@ import pytest
 from display_scenes import Display
 
 import itouch
+from contact_heat.resistance import PressureResistance
 from itouch_thermal.heat import HeatParams
 from itouch_thermal.laws import ConstantLaw, ForcePoint, PressureLaw, TableLaw, press_factor
-from itouch_thermal.solver.resistance import PressureResistance
 
 PRESSURE = '<thermal:heat probe="finger"><thermal:pressure-resistance/></thermal:heat>'
 TABLE = """<thermal:heat probe="finger"><thermal:table-resistance>

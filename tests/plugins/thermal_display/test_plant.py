@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from contact_heat.layers import Back, Contact, Initial, Side
+from contact_heat.stepper import Stepper
 from itouch.plugin import Field, Record, Touch
 from itouch_thermal.display import DisplayParams, Mismatch
 from itouch_thermal.display import plant as at
@@ -10,8 +12,6 @@ from itouch_thermal.display.column import plate_capacity, tissue_side
 from itouch_thermal.display.device import DisplayTwin
 from itouch_thermal.display.peltier import Module, current_for, dew_point, pumped_heat
 from itouch_thermal.heat import FINGER
-from itouch_thermal.solver.layers import Back, Contact, Initial, Side
-from itouch_thermal.solver.stepper import Stepper
 
 PERIOD = 1e-3
 

@@ -9,9 +9,9 @@ import pytest
 from display_scenes import Display
 
 import itouch
+from contact_heat import live, packing
 from itouch_thermal.heat import FINGER, finger_side, object_side
 from itouch_thermal.played import Playing, flux_step
-from itouch_thermal.solver import live, packing
 
 CONTROL = '<thermal:flux-control display="peltier" desired-from="heat"{}>{}</thermal:flux-control>'
 

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from contact_heat.layers import Back, Initial, Layer, Side
+from contact_heat.modes import Modes, layer_modes
+from contact_heat.steady import initial_profile, resting_profile
 from itouch.plugin import building
-from itouch_thermal.solver.layers import Back, Initial, Layer, Side
-from itouch_thermal.solver.modes import Modes, layer_modes
-from itouch_thermal.solver.steady import initial_profile, resting_profile
 
 Array = NDArray[np.float64]
 

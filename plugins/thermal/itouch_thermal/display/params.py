@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from contact_heat.layers import Layer
 from itouch.plugin import schema
 from itouch_thermal.display.peltier import Module
 from itouch_thermal.drivers.params import LabJack, LinePort, Mecom
 from itouch_thermal.laws import KINDS, ForceLaw, check_laws
-from itouch_thermal.solver.layers import Layer
 
 #: Copper-clad film sensor of the paper: thickness from 15e-6 K m2/W and k = 2.5 W/mK.
 FILM = Layer(name="flux sensor", thickness=37.5e-6, conductivity=2.5, density=8933.0, specific_heat=385.0)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from contact_heat.resistance import resistance_at
 from itouch.plugin.kernels import kernel
 from itouch_thermal.display.column import (
     F_BEGIN,
@@ -28,7 +29,6 @@ from itouch_thermal.display.column import (
 )
 from itouch_thermal.display.peltier import pumped_heat
 from itouch_thermal.laws import press_factor
-from itouch_thermal.solver.resistance import resistance_at
 
 #: Numbers of ``memory``.
 (

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from contact_heat.layers import Layer
 from itouch.plugin import Field, Record
 from itouch.plugin.kernels import kernel
 from itouch_thermal.display.column import P_MEAN, P_PORT, REACH, Array, column, plate_capacity
@@ -15,7 +16,6 @@ from itouch_thermal.display.params import DisplayParams
 from itouch_thermal.display.peltier import current_for
 from itouch_thermal.flux import late, planner
 from itouch_thermal.flux import observer as at
-from itouch_thermal.solver.layers import Layer
 
 
 class Coming(NamedTuple):

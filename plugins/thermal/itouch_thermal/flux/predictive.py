@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from contact_heat.live import state_size
 from itouch.plugin import Field, Record
 from itouch_thermal.flux import approach, wires
 from itouch_thermal.flux.law import ModelLaw
@@ -12,7 +13,6 @@ from itouch_thermal.flux.observer import advance
 from itouch_thermal.flux.preview import Preview, look_ahead, rising, run_ahead
 from itouch_thermal.flux.setting import FluxModel
 from itouch_thermal.flux.usual import PRESS_FILTER, PRESSING, STRIDE, TOUCHED, press_on, scale_of
-from itouch_thermal.solver.live import state_size
 
 #: Most servo periods that a touch may have begun before the force was seen.
 LATE = 6

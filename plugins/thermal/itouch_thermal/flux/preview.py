@@ -8,6 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from contact_heat import live
+from contact_heat.layers import Layer, Side
+from contact_heat.modes import layer_modes, side_modes
 from itouch.plugin import World, kept
 from itouch.plugin.kernels import kernel
 from itouch_thermal.display.column import REACH, Array, Column, tissue_side
@@ -15,9 +18,6 @@ from itouch_thermal.flux.law import ModelLaw
 from itouch_thermal.flux.start import Touched, Trial, outer_effusivity, start_temperature
 from itouch_thermal.heat import FINGER, HeatParams, finger_side, object_side
 from itouch_thermal.laws import press_factor
-from itouch_thermal.solver import live
-from itouch_thermal.solver.layers import Layer, Side
-from itouch_thermal.solver.modes import layer_modes, side_modes
 
 #: Skin temperatures [K] round the expected one for which start temperatures are found; between them linear.
 SKIN_STEP = 2.0

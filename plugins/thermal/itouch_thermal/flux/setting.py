@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from contact_heat.live import surface_temperature
+from contact_heat.resistance import ConstantResistance, ResistanceLaw
 from itouch.plugin import ParameterError, Record, Role, World, WorldDevice
 from itouch_thermal.display.column import Array
 from itouch_thermal.display.params import DisplayParams
@@ -20,8 +22,6 @@ from itouch_thermal.flux.params import FluxControlParams
 from itouch_thermal.flux.preview import SKIN_STEP, Preview, preview
 from itouch_thermal.flux.start import equation_three, outer_effusivity, within
 from itouch_thermal.heat import FINGER, HeatParams, ThermalMaterial
-from itouch_thermal.solver.live import surface_temperature
-from itouch_thermal.solver.resistance import ConstantResistance, ResistanceLaw
 
 #: Least contact resistance [K m2/W] that the finger on the plate is thought to have.
 LEAST = 1e-5

@@ -12,11 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from contact_heat.layers import Layer
 from itouch.plugin import Record
 from itouch_thermal.display.column import F_PORT, Array
 from itouch_thermal.flux import observer as at
 from itouch_thermal.flux.law import REFERENCE, ModelLaw
-from itouch_thermal.solver.layers import Layer
 
 #: Seconds that are tried, seconds from which flux and late skin count, and over which the flux error is a mean.
 TRIED, COUNTED_FROM, LATER, SCORED = 0.4, 0.1, 0.3, 9.9

@@ -11,13 +11,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from contact_heat.resistance import resistance_at
 from itouch.plugin.kernels import kernel
 from itouch_thermal.flux import law as laws
 from itouch_thermal.flux import observer
 from itouch_thermal.flux.preview import look_ahead, run_ahead
 from itouch_thermal.flux.start import MARGIN
 from itouch_thermal.laws import press_factor
-from itouch_thermal.solver.resistance import resistance_at
 
 Floats = NDArray[np.float64]
 Numbers = NDArray[np.int64]

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from contact_heat.layers import Contact
 from itouch_thermal.display.column import Array
 from itouch_thermal.heat import FINGER
 from itouch_thermal.paper.claim import Check, Claim, Maker, over
@@ -15,7 +16,6 @@ from itouch_thermal.paper.setup import MATERIALS, SKIN, finger, halfspaces, meas
 from itouch_thermal.paper.work import COARSE, Work
 from itouch_thermal.rendering.closedloop import AMBIENT, PERIOD
 from itouch_thermal.rendering.materials import material
-from itouch_thermal.solver.layers import Contact
 
 INF = float("inf")
 #: A contact that is better than a finger's: what the film does is seen apart from the resistance [K m2/W].
@@ -171,8 +171,8 @@ def accurate_model(work: Work) -> Claim:
 
 def classic(work: Work) -> Claim:
     """Check: a classical scheme is wrong at first."""
-    from itouch_thermal.solver.differences import solve_differences
-    from itouch_thermal.solver.exact import solve
+    from contact_heat.differences import solve_differences
+    from contact_heat.exact import solve
 
     contact = Contact(finger=finger(), object=sample("wood"), resistance=0.0)
     when = np.array([1e-2, 3.0])
@@ -188,8 +188,8 @@ def classic(work: Work) -> Claim:
 
 def splitting(work: Work) -> Claim:
     """Check: the split solves it."""
-    from itouch_thermal.solver.differences import solve_differences
-    from itouch_thermal.solver.exact import solve
+    from contact_heat.differences import solve_differences
+    from contact_heat.exact import solve
 
     when, checks = np.array([1e-3, 1e-2, 0.1]), []
     for resistance, film in ((0.0, 0.0), (work.setup.resistance, work.setup.film), (0.0, work.setup.film)):
@@ -215,7 +215,7 @@ def small_remainder(work: Work) -> Claim:
 
 def blood(work: Work) -> Claim:
     """Check: perfusion does not matter in the transient."""
-    from itouch_thermal.solver.stepper import Stepper
+    from contact_heat.stepper import Stepper
 
     body = sample("aluminium")
     runs = [

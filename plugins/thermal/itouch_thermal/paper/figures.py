@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from contact_heat.layers import Contact
 from itouch_thermal.display.column import Array
 from itouch_thermal.heat import FINGER
 from itouch_thermal.paper.setup import MATERIALS, halfspaces, sample
 from itouch_thermal.paper.work import COARSE, SPACING, Work
 from itouch_thermal.rendering.closedloop import PERIOD, Run
-from itouch_thermal.solver.layers import Contact
 
 #: The paper draws metal and polystyrene red in its figures 5 and 7, wood blue in 6.
 DESIRED = {"aluminium": "#d1251f", "wood": "#1f4fd1", "polystyrene": "#d1251f"}
@@ -178,8 +178,8 @@ def tracking(number: int, name: str) -> Callable[[Work], Figure]:
 
 def parts(work: Work, name: str = "wood", resistance: float | None = None, step: float = COARSE) -> tuple[Array, ...]:
     """Return times [s], whole flux, problem 1 and problem 2 [W/m2] of the paper's decomposition, with the film."""
+    from contact_heat.differences import solve_differences
     from itouch_thermal.paper.setup import finger
-    from itouch_thermal.solver.differences import solve_differences
 
     at: Array = np.arange(1, round(work.setup.seconds / step) + 1, dtype=np.float64) * step
     of = work.setup.resistance if resistance is None else resistance

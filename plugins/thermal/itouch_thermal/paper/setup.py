@@ -8,13 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from contact_heat.layers import Back, Contact, Initial, Side
 from itouch_thermal.display.column import Array
 from itouch_thermal.display.params import ALUMINA, FILM, DisplayParams
 from itouch_thermal.flux.start import equation_three, within
 from itouch_thermal.heat import FINGER, finger_side
 from itouch_thermal.rendering.closedloop import AMBIENT, BAND, CORE, DEPTH, GAINS, PERIOD, press_factor
 from itouch_thermal.rendering.materials import material
-from itouch_thermal.solver.layers import Back, Contact, Initial, Side
 
 #: The paper's materials, from the most to the least conducting.
 MATERIALS = ("aluminium", "pyrex", "wood", "polystyrene")
@@ -85,7 +85,7 @@ def finger(perfusion: float = 1.0) -> Side:
 
 def touch(name: str, resistance: float, seconds: float, *, film: float = 0.0, period: float = PERIOD) -> Array:
     """Return the flux [W/m2] out of a finger that touches a sample at once through a constant resistance."""
-    from itouch_thermal.solver.stepper import Stepper
+    from contact_heat.stepper import Stepper
 
     stepper = Stepper(Contact(finger=finger(), object=sample(name, film)), period)
     return stepper.advance(resistance, round(seconds / period))
@@ -93,7 +93,7 @@ def touch(name: str, resistance: float, seconds: float, *, film: float = 0.0, pe
 
 def measure(name: str, setup: Setup, *, films: float = 1.0) -> Measured:
     """Return a touch of a sample under so many films: the paper's section II-B, simulated."""
-    from itouch_thermal.solver import live
+    from contact_heat import live
 
     ours, other = finger(), sample(name, films * setup.film)
     above, below = live.side_model(ours, PERIOD, finger=True), live.side_model(other, PERIOD, finger=False)
@@ -123,6 +123,6 @@ def lagged(flux: Array, lag: float, period: float = PERIOD) -> Array:
 
 def halfspaces(times: Array, resistance: float, ours: float, other: float) -> Array:
     """Return the flux [W/m2] of two half-spaces with these effusivities, for resistance 0 that of equation 2."""
-    from itouch_thermal.solver.splitting import first_flux, first_problem
+    from contact_heat.splitting import first_flux, first_problem
 
     return first_flux(first_problem(ours, other, SKIN, AMBIENT, resistance), np.asarray(times))[0]

@@ -8,6 +8,7 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 
+from contact_heat.layers import Contact
 from itouch.plugin import Field, Record, Touch
 from itouch_thermal.display.column import Array
 from itouch_thermal.display.device import DisplayTwin, ThermalDisplay
@@ -16,7 +17,6 @@ from itouch_thermal.paper.setup import Measured, Setup, lagged, measure, sample,
 from itouch_thermal.paper.setup import finger as nominal_finger
 from itouch_thermal.rendering.closedloop import AMBIENT, PERIOD, Case, Course, Run, desired_course, simulate
 from itouch_thermal.rendering.materials import material
-from itouch_thermal.solver.layers import Contact
 
 Found = TypeVar("Found")
 
@@ -107,7 +107,7 @@ class Work:
         return self._once(("scheme", name), lambda: self._scheme(name))
 
     def _scheme(self, name: str) -> tuple[Array, Array]:
-        from itouch_thermal.solver.differences import solve_differences
+        from contact_heat.differences import solve_differences
 
         setup = self.setup
         times: Array = np.arange(1, round(setup.seconds / COARSE) + 1, dtype=np.float64) * COARSE

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from contact_heat.blas import one_thread
 from itouch_thermal.display.column import F_BEGIN, F_DECAY, F_END, F_PORT, P_END, P_PORT, REACH, Array, column
 from itouch_thermal.display.params import DisplayParams, Mismatch
 from itouch_thermal.flux import observer as at
@@ -26,7 +27,6 @@ from itouch_thermal.rendering.closedloop import (
     press_factor,
 )
 from itouch_thermal.rendering.score import FLOOR, index
-from itouch_thermal.solver.blas import one_thread
 
 #: Grid of the optimisation [s], and knots of the pump.
 STEP, KNOTS = 5e-3, 60

@@ -75,7 +75,7 @@ class Run:
 
 def desired_course(case: Case) -> Course:
     """Return the ideal finger's contact with the bare object, and as much beyond as a controller looks ahead."""
-    from itouch_thermal.solver import live
+    from contact_heat import live
 
     side = finger_side(FINGER, CORE, case.skin, case.skin)
     body = object_side(case.material, case.object_temperature, DEPTH)

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from itouch_thermal.heat import ThermalMaterial
-from itouch_thermal.solver.materials import library
+from itouch_thermal.library import library
 
 #: Effusivity [W s^1/2 / m2K] below which a material counts as a foam.
 FOAM = 300.0

@@ -1,5 +1,16 @@
-"""The contact-heat solver: layered sides, exact evaluation, live stepping, the paper's scheme, batches.
+"""The old names of the contact-heat solver, for one version: it is the package `contact_heat` now."""
 
-Sign of every flux: positive when heat leaves the finger.  Temperatures are kelvin; depths are measured from
-the contact inwards on each side.
-"""
+import sys
+import warnings
+from importlib import import_module
+from pathlib import Path
+
+import contact_heat
+
+warnings.warn(
+    "'itouch_thermal.solver' is now the package 'contact_heat': import from there", DeprecationWarning, stacklevel=2
+)
+for _path in sorted(Path(contact_heat.__file__).parent.glob("[a-z]*.py")):
+    _module = import_module(f"contact_heat.{_path.stem}")
+    sys.modules[f"{__name__}.{_path.stem}"] = _module
+    globals()[_path.stem] = _module

@@ -1,0 +1,217 @@
+"""Case files: a contact problem as JSON with closed keys, temperatures in degC, everything else SI.
+
+Short keys (``L, k, rho, c, w, T, h``) stand for the fields of the classes in `layers`; an unknown key is an error.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from contact_heat.layers import Back, Contact, Film, Initial, Layer, Probe, Side
+
+#: 0 degC in kelvin.
+CELSIUS = 273.15
+
+_CASE = ("note", "finger", "object", "Rth", "probes", "times")
+_SIDE = ("layers", "T_art", "back", "initial", "air")
+_LAYER = {
+    "name": "name",
+    "L": "thickness",
+    "k": "conductivity",
+    "rho": "density",
+    "c": "specific_heat",
+    "w": "perfusion",
+}
+_BACK = {"type": "kind", "T": "temperature", "h": "coefficient"}
+_INITIAL = {"type": "kind", "T": "temperature", "h": "coefficient", "T_amb": "ambient", "T_surface": "surface"}
+_AIR = {"h": "coefficient", "T_amb": "ambient"}
+_TIMES = ("from", "to", "per_decade", "at")
+_PROBE = ("name", "side", "depth", "what")
+
+
+def read_case(path: str | Path) -> Contact:
+    """Read a case file.
+
+    Raises
+    ------
+    ValueError
+        Naming the file, the field, what was given and what is allowed.
+    OSError
+        If the file can't be read.
+    """
+    try:
+        data = json.loads(Path(path).read_text(encoding="utf-8"))
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path}: not JSON: {error}") from None
+    try:
+        return case_of(data)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def case_of(data: Any) -> Contact:
+    """Turn the content of a case file into a contact.
+
+    Raises
+    ------
+    ValueError
+        Naming the field, what was given and what is allowed.
+    """
+    case = _object("case", data, _CASE, ("finger", "object", "Rth"))
+    note = case.get("note", "")
+    if not isinstance(note, str):
+        raise ValueError(f"note = {note!r} is not text")
+    return Contact(
+        _side("finger", case["finger"]),
+        _side("object", case["object"]),
+        _number("Rth", case["Rth"]),
+        tuple(_probe(f"probes[{n}]", probe) for n, probe in enumerate(_list("probes", case.get("probes", [])))),
+        _times(case["times"]) if "times" in case else (),
+        note,
+    )
+
+
+def check_times(times: Sequence[float] | np.ndarray[Any, np.dtype[np.float64]]) -> None:
+    """Refuse times [s] that are not finite, not positive or not ascending.
+
+    Raises
+    ------
+    ValueError
+        Naming the first offender.
+    """
+    before = 0.0
+    for n, time in enumerate(times):
+        if not (math.isfinite(time) and time > 0.0):
+            raise ValueError(f"times[{n}] = {float(time)!r} is out of range: more than 0 s, finite")
+        if time <= before:
+            raise ValueError(f"times[{n}] = {float(time)!r} is not above the one before: times must ascend")
+        before = time
+
+
+def case_data(contact: Contact) -> dict[str, Any]:
+    """Return what a case file of a contact holds; reading it gives the contact again to rounding of degC."""
+    data: dict[str, Any] = {"note": contact.note} if contact.note else {}
+    data["finger"], data["object"] = _side_data(contact.finger), _side_data(contact.object)
+    data["Rth"] = contact.resistance
+    if contact.probes:
+        data["probes"] = [{key: getattr(probe, key) for key in _PROBE} for probe in contact.probes]
+    if contact.times:
+        data["times"] = {"at": list(contact.times)}
+    return data
+
+
+def _side(where: str, data: Any) -> Side:
+    side = _object(where, data, _SIDE, ("layers", "initial"))
+    layers = _list(f"{where}.layers", side["layers"])
+    try:
+        return Side(
+            layers=tuple(_value(f"{where}.layers[{n}]", Layer, layer, _LAYER) for n, layer in enumerate(layers)),
+            initial=_value(f"{where}.initial", Initial, side["initial"], _INITIAL),
+            back=_value(f"{where}.back", Back, side["back"], _BACK) if side.get("back") is not None else None,
+            arterial=_number(f"{where}.T_art", side["T_art"]) + CELSIUS if "T_art" in side else None,
+            air=_value(f"{where}.air", Film, side["air"], _AIR) if side.get("air") is not None else None,
+        )
+    except ValueError as error:
+        raise ValueError(str(error) if str(error).startswith(where) else f"{where}: {error}") from None
+
+
+def _value(where: str, cls: type, data: Any, keys: Mapping[str, str]) -> Any:
+    """Build one value class from its JSON object; degC where the key is a temperature."""
+    given = _object(where, data, tuple(keys))
+    fields: dict[str, Any] = {}
+    for key, item in given.items():
+        if key in ("name", "type"):
+            if not isinstance(item, str):
+                raise ValueError(f"{where}.{key} = {item!r} is not text")
+            fields[keys[key]] = item
+        elif not (key == "L" and item is None):
+            number = _number(f"{where}.{key}", item)
+            fields[keys[key]] = number + CELSIUS if key.startswith("T") else number
+    missing = [key for key in ("k", "rho", "c") if cls is Layer and key not in given]
+    missing += [key for key in ("type",) if "type" in keys and key not in given]
+    missing += [key for key in ("h", "T_amb") if cls is Film and key not in given]
+    if missing:
+        raise ValueError(f"{where}: '{missing[0]}' is missing")
+    try:
+        return cls(**fields)
+    except ValueError as error:
+        raise ValueError(f"{where}: {error}") from None
+
+
+def _probe(where: str, data: Any) -> Probe:
+    given = _object(where, data, _PROBE, ("side", "depth"))
+    what = given.get("what", "T")
+    name = given.get("name", f"{what}_{given['side']}_{given['depth']}")
+    if not isinstance(name, str):
+        raise ValueError(f"{where}.name = {name!r} is not text")
+    try:
+        return Probe(name, given["side"], _number(f"{where}.depth", given["depth"]), what)
+    except ValueError as error:
+        raise ValueError(f"{where}: {error}") from None
+
+
+def _times(data: Any) -> tuple[float, ...]:
+    given = _object("times", data, _TIMES)
+    if "at" in given:
+        if len(given) > 1:
+            raise ValueError("times: give either 'at' or 'from', 'to' and 'per_decade'")
+        times = [_number(f"times.at[{n}]", time) for n, time in enumerate(_list("times.at", given["at"]))]
+        check_times(times)
+        return tuple(times)
+    for key in ("from", "to", "per_decade"):
+        if key not in given:
+            raise ValueError(f"times: '{key}' is missing")
+    first, last = _number("times.from", given["from"]), _number("times.to", given["to"])
+    count = _number("times.per_decade", given["per_decade"])
+    if not 0.0 < first < last:
+        raise ValueError(f"times.from = {first!r} is out of range: more than 0 s and below 'to' ({last!r})")
+    if not 1.0 <= count <= 1e4:
+        raise ValueError(f"times.per_decade = {count!r} is out of range: 1 to 10000")
+    steps = round(math.log10(last / first) * count)
+    return tuple(first * 10.0 ** (n / count) for n in range(steps + 1))
+
+
+def _object(where: str, data: Any, allowed: tuple[str, ...], needed: tuple[str, ...] = ()) -> dict[str, Any]:
+    if not isinstance(data, dict):
+        raise ValueError(f"{where}: expected an object with {', '.join(allowed)}")
+    for key in data:
+        if key not in allowed:
+            raise ValueError(f"{where}: unknown key '{key}'; allowed: {', '.join(allowed)}")
+    for key in needed:
+        if key not in data:
+            raise ValueError(f"{where}: '{key}' is missing")
+    return data
+
+
+def _list(where: str, data: Any) -> list[Any]:
+    if not isinstance(data, list):
+        raise ValueError(f"{where}: expected a list")
+    return data
+
+
+def _number(where: str, data: Any) -> float:
+    if isinstance(data, bool) or not isinstance(data, (int, float)) or not math.isfinite(data):
+        raise ValueError(f"{where} = {data!r} is not a finite number")
+    return float(data)
+
+
+def _side_data(side: Side) -> dict[str, Any]:
+    data: dict[str, Any] = {"layers": [_value_data(layer, _LAYER) for layer in side.layers]}
+    if side.arterial is not None:
+        data["T_art"] = side.arterial - CELSIUS
+    for key, keys in (("back", _BACK), ("initial", _INITIAL), ("air", _AIR)):
+        value = getattr(side, key)
+        if value is not None:
+            data[key] = _value_data(value, keys)
+    return data
+
+
+def _value_data(value: object, keys: Mapping[str, str]) -> dict[str, Any]:
+    data = {key: getattr(value, field) for key, field in keys.items() if getattr(value, field) is not None}
+    return {key: item - CELSIUS if key.startswith("T") else item for key, item in data.items()}

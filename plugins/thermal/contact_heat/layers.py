@@ -1,0 +1,225 @@
+"""The contact problem as frozen values: layers, back, initial state, film, the two sides, the contact.
+
+The same classes are the XML grammar, the Python interface and the case file.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar, Literal
+
+from contact_heat import declared
+
+SideName = Literal["finger", "object"]
+
+#: Layers that one side may have.
+MOST_LAYERS = 16
+
+#: Film on the bare finger between touches [W/m2K], and the room's temperature [K], where nothing else is said.
+FINGER_FILM = 10.0
+ROOM = 296.15
+
+
+@dataclass(frozen=True, slots=True)
+class Layer:
+    """One homogeneous layer of tissue or material."""
+
+    TAG: ClassVar[str] = "layer"
+
+    name: str = declared.text(default="", doc="what it is")
+    thickness: float | None = declared.quantity(
+        "m", low=1e-9, high=100.0, default=None, doc="thickness; without it the layer is semi-infinite"
+    )
+    conductivity: float = declared.quantity("W/(m*K)", low=1e-4, high=1e4, doc="thermal conductivity")
+    density: float = declared.quantity("kg/m^3", low=1e-2, high=3e4, doc="density")
+    specific_heat: float = declared.quantity("J/(kg*K)", low=1.0, high=2e4, doc="specific heat")
+    perfusion: float = declared.quantity(
+        "W/(m^3*K)", low=0.0, high=1e7, default=0.0, doc="blood mass flow per volume times its specific heat"
+    )
+
+    def __post_init__(self) -> None:
+        declared.validate(self)
+
+    @property
+    def heat_capacity(self) -> float:
+        """Density times specific heat [J/m3K]."""
+        return self.density * self.specific_heat
+
+    @property
+    def effusivity(self) -> float:
+        """Thermal effusivity [W s^1/2 / m2K]."""
+        return float((self.conductivity * self.heat_capacity) ** 0.5)
+
+
+@dataclass(frozen=True, slots=True)
+class Back:
+    """What holds the back face of a finite side: a temperature, convection, or insulation."""
+
+    TAG: ClassVar[str] = "back"
+
+    kind: Literal["temperature", "convection", "insulated"] = declared.choice(
+        "temperature", "convection", "insulated", doc="held temperature, convection or insulation"
+    )
+    temperature: float | None = declared.temperature(default=None, high=3000.0, doc="held or ambient temperature")
+    coefficient: float | None = declared.quantity(
+        "W/(m^2*K)", low=0.0, high=1e9, default=None, doc="convection coefficient"
+    )
+
+    def __post_init__(self) -> None:
+        declared.validate(self)
+        wanted = {"temperature": ("temperature",), "convection": ("temperature", "coefficient"), "insulated": ()}
+        _check_choice("back", self.kind, tuple(wanted))
+        _check_given(self, "back", self.kind, wanted[self.kind], ("temperature", "coefficient"))
+
+
+@dataclass(frozen=True, slots=True)
+class Initial:
+    """The temperature field before the touch: uniform, or steady in air, or steady under a known surface."""
+
+    TAG: ClassVar[str] = "initial"
+
+    kind: Literal["uniform", "steady"] = declared.choice("uniform", "steady", doc="uniform or steady profile")
+    temperature: float | None = declared.temperature(default=None, high=3000.0, doc="of a uniform start")
+    coefficient: float | None = declared.quantity(
+        "W/(m^2*K)", low=0.0, high=1e9, default=None, doc="film on the surface before the touch"
+    )
+    ambient: float | None = declared.temperature(default=None, high=3000.0, doc="of the air before the touch")
+    surface: float | None = declared.temperature(
+        default=None, high=3000.0, doc="surface temperature before the touch; then the film does not matter"
+    )
+
+    def __post_init__(self) -> None:
+        declared.validate(self)
+        _check_choice("initial", self.kind, ("uniform", "steady"))
+        if self.kind == "uniform":
+            _check_given(self, "initial", "uniform", ("temperature",), ("coefficient", "ambient", "surface"))
+        elif self.temperature is not None:
+            raise ValueError("initial: 'temperature' belongs to a uniform start, not to a steady one")
+        elif self.surface is None and (self.coefficient is None or self.ambient is None):
+            raise ValueError("initial: a steady start needs 'surface', or both 'coefficient' and 'ambient'")
+
+
+@dataclass(frozen=True, slots=True)
+class Film:
+    """The air on a surface that touches nothing."""
+
+    TAG: ClassVar[str] = "air"
+
+    coefficient: float = declared.quantity("W/(m^2*K)", low=0.0, high=1e9, doc="film coefficient")
+    ambient: float = declared.temperature(high=3000.0, doc="air temperature")
+
+    def __post_init__(self) -> None:
+        declared.validate(self)
+
+
+@dataclass(frozen=True, slots=True)
+class Side:
+    """One side of a contact: its layers from the contact inwards, its back, start and film."""
+
+    layers: tuple[Layer, ...] = declared.children(Layer)
+    initial: Initial = declared.child(Initial)
+    back: Back | None = declared.child(Back)
+    arterial: float | None = declared.temperature(default=None, high=3000.0, doc="arterial temperature")
+    air: Film | None = declared.child(Film)
+
+    def __post_init__(self) -> None:
+        declared.validate(self)
+        if not 1 <= len(self.layers) <= MOST_LAYERS:
+            raise ValueError(f"layers: {len(self.layers)} given; there may be 1 to {MOST_LAYERS}")
+        if any(layer.thickness is None for layer in self.layers[:-1]):
+            raise ValueError("layers: only the last layer may be semi-infinite (without thickness)")
+        if not isinstance(self.initial, Initial):
+            raise ValueError("initial: missing; give a uniform or a steady start")
+        if self.semi_infinite and self.back is not None:
+            raise ValueError("back: a semi-infinite side has none")
+        if not self.semi_infinite and self.back is None:
+            raise ValueError("back: missing; a finite side needs temperature, convection or insulated")
+        if self.arterial is None and any(layer.perfusion > 0.0 for layer in self.layers):
+            raise ValueError("arterial: missing; a perfused layer needs the arterial temperature")
+
+    @property
+    def semi_infinite(self) -> bool:
+        """Whether the last layer has no end."""
+        return self.layers[-1].thickness is None
+
+    @property
+    def depth(self) -> float:
+        """Thickness of all layers [m], infinite for a semi-infinite side."""
+        return sum(float("inf") if layer.thickness is None else layer.thickness for layer in self.layers)
+
+
+@dataclass(frozen=True, slots=True)
+class Probe:
+    """A named output: temperature ``T`` [K] or flux ``j`` [W/m2] at a depth [m] of a side."""
+
+    name: str
+    side: SideName
+    depth: float
+    what: Literal["T", "j"] = "T"
+
+    def __post_init__(self) -> None:
+        _check_choice("probes.side", self.side, ("finger", "object"))
+        _check_choice("probes.what", self.what, ("T", "j"))
+        if not (isinstance(self.depth, (int, float)) and 0.0 <= self.depth < float("inf")):
+            raise ValueError(f"probes.depth = {self.depth!r} is out of range: 0 m to the depth of the side")
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """A finger side set on an object side at t = 0 through a contact resistance [K m2/W]."""
+
+    finger: Side
+    object: Side
+    resistance: float = 2e-3
+    probes: tuple[Probe, ...] = ()
+    times: tuple[float, ...] = ()
+    note: str = ""
+
+    def __post_init__(self) -> None:
+        check_resistance(self.resistance)
+        for probe in self.probes:
+            if probe.depth > self.side(probe.side).depth:
+                raise ValueError(
+                    f"probes.depth = {probe.depth!r} is out of range: 0 to {self.side(probe.side).depth:g} m "
+                    f"on the {probe.side}"
+                )
+
+    def side(self, name: SideName) -> Side:
+        """Return the side called ``finger`` or ``object``."""
+        _check_choice("side", name, ("finger", "object"))
+        return self.finger if name == "finger" else self.object
+
+    @staticmethod
+    def from_json(path: str | Path) -> Contact:
+        """Read a case file; see `contact_heat.casefile`."""
+        from contact_heat.casefile import read_case
+
+        return read_case(path)
+
+
+def check_resistance(resistance: float) -> None:
+    """Refuse a contact resistance outside 0 to 1e6 K m2/W.
+
+    Raises
+    ------
+    ValueError
+        Naming the range.
+    """
+    if not (isinstance(resistance, (int, float)) and 0.0 <= resistance <= 1e6):
+        raise ValueError(f"resistance (Rth) = {resistance!r} is out of range: 0 to 1e+06 K m2/W")
+
+
+def _check_choice(field: str, given: str, allowed: tuple[str, ...]) -> None:
+    if given not in allowed:
+        raise ValueError(f"{field} = {given!r} is unknown; allowed: {', '.join(allowed)}")
+
+
+def _check_given(value: object, what: str, kind: str, wanted: tuple[str, ...], others: tuple[str, ...]) -> None:
+    """Check that exactly the fields of a kind are given."""
+    for name in wanted:
+        if getattr(value, name) is None:
+            raise ValueError(f"{what}: kind '{kind}' needs '{name}'")
+    for name in others:
+        if name not in wanted and getattr(value, name) is not None:
+            raise ValueError(f"{what}: kind '{kind}' does not take '{name}'")

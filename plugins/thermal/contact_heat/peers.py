@@ -1,0 +1,64 @@
+"""What a careful user would write with SciPy: the method of lines on a graded mesh and a stiff integrator."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from contact_heat.differences import Chain, chain_of
+from contact_heat.layers import Contact
+from contact_heat.stack import Array
+
+#: Conductances [W/m2K] that stand for a held face and for a contact without resistance.
+_HELD, _JOINED = 1e8, 1e9
+
+
+def method_of_lines(
+    contact: Contact, times: Array, *, first: float, growth: float, rtol: float, integrator: str
+) -> Array:
+    """Return the contact flux [W/m2] at times [s], shape (times,); needs SciPy.
+
+    Parameters
+    ----------
+    contact
+        The problem.
+    times
+        Ascending [s].
+    first, growth
+        First cell [m] and ratio of neighbours; 1 for equal cells.
+    rtol, integrator
+        Of `scipy.integrate.solve_ivp`.
+    """
+    from scipy.integrate import solve_ivp
+    from scipy.sparse import diags
+
+    duration = float(times[-1])
+    finger, body = (chain_of(side, first, duration, growth=growth) for side in (contact.finger, contact.object))
+    link = 1.0 / contact.resistance if contact.resistance > 0.0 else _JOINED
+    links = np.concatenate((finger.conductance[::-1], [link], body.conductance))
+    capacity = np.concatenate((finger.capacity[::-1], body.capacity))
+    loss, gain = (np.concatenate(pair) for pair in zip(_sources(finger, -1), _sources(body, 1), strict=True))
+    main = -loss
+    main[:-1] -= links
+    main[1:] -= links
+    matrix = diags([links / capacity[1:], main / capacity, links / capacity[:-1]], [-1, 0, 1], format="csc")
+    found = solve_ivp(
+        lambda _, state: matrix @ state + gain / capacity,
+        (0.0, duration),
+        np.concatenate((finger.initial[::-1], body.initial)),
+        method=integrator,
+        t_eval=times,
+        rtol=rtol,
+        atol=rtol * 1e-2,
+        jac=matrix,
+    )
+    split = len(finger.initial)
+    return np.asarray(link * (found.y[split - 1] - found.y[split]))
+
+
+def _sources(chain: Chain, order: int) -> tuple[Array, Array]:
+    """Return what blood and back take per kelvin and what they bring, shape (nodes,), in or against depth."""
+    loss, gain = chain.blood.copy(), chain.blood * chain.arterial
+    film = min(chain.back, _HELD)
+    loss[-1] += film
+    gain[-1] += film * chain.back_temperature
+    return loss[::order], gain[::order]

@@ -1,0 +1,3 @@
+"""The framework's stores are behind the contact-heat solver in all tests of plugins, whatever is imported first."""
+
+import itouch_thermal  # noqa: F401
