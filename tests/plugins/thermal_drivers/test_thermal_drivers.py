@@ -26,6 +26,8 @@ from itouch_thermal.drivers.lineport import LineDriver, seal, unseal
 from itouch_thermal.drivers.mecom import MecomClient, MecomError, MecomRefusal, crc16
 from itouch_thermal.drivers.tec import TecDriver
 from itouch_thermal.drivers.virtual import Plate, VirtualLine, VirtualMecom, VirtualT7
+from itouch_thermal.film import TouchFilm
+from itouch_thermal.film.params import T7, FilmParams, ForceSensor, Thermometer
 
 SENSOR = FluxSensor(sensitivity=1.2e-6, correction=0.002, offset=3e-6)
 
@@ -440,3 +442,34 @@ def test_no_flux_sensor_is_told(terminal: Terminal) -> None:
     with mecom(terminal) as device, pytest.raises(DeviceError, match="no flux sensor"):
         ThermalDisplay(DisplayParams(mecom=Mecom(port=terminal.path))).open()
     assert device.output() == 0.0
+
+
+def test_an_instrumented_sample_is_read_by_its_sheets() -> None:
+    with labjack() as (device, params):
+        device.volts |= {3: 0.75, 4: 1.2}
+        sensors = T7(
+            host=params.host, flux_sensor=SENSOR, thermometer=Thermometer(), force_sensor=ForceSensor(zero=0.25),
+            infrared=Infrared(),
+        )  # fmt: skip
+        bench = TouchFilm(FilmParams(labjack=sensors))
+        bench.open()
+        reading = Record.of(Field.of(channel) for channel in TouchFilm.reads)
+        assert bench.read(reading)
+        assert reading["wrench"].tolist() == pytest.approx([0, 0, -1.0, 0, 0, 0], abs=1e-6)
+        assert reading["film_temperature"].item() == pytest.approx(273.15 + 24.0, abs=1e-4)
+        assert reading["heat_flux"].item() == pytest.approx(SENSOR.flux(SENSOR.voltage(500.0, 300.0), 297.15), rel=1e-5)
+        assert reading["skin_valid"].item() == 1.0
+        device.volts[2] = 0.0
+        bench.read(reading)
+        assert reading["skin_valid"].item() == 0.0 and reading["skin_temperature"].item() == pytest.approx(306.15)
+        device.volts[3] = -9999.0
+        with pytest.raises(DeviceError, match="AIN3 is overloaded"):
+            bench.read(reading)
+        bench.close()
+        with pytest.raises(DeviceError, match="not open"):
+            bench.read(reading)
+
+
+def test_a_sample_without_an_instrument_is_told() -> None:
+    with pytest.raises(DeviceError, match="<touch-film:labjack>"):
+        TouchFilm(FilmParams()).open()

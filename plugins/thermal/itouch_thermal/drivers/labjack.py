@@ -6,10 +6,10 @@ import math
 import struct
 import time
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from itouch.plugin import DeviceError, Trace
-from itouch_thermal.drivers.params import LabJack
+from itouch_thermal.drivers.params import FluxSensor, Infrared
 
 PRODUCT, PORT = 60000, 502
 RANGE, NEGATIVE, RESOLUTION = 40000, 41000, 41500
@@ -20,6 +20,26 @@ SPAN, PATIENCE = 0.01, 0.2
 _OVERLOAD = -9999.0
 #: Modbus exceptions that pass (5 acknowledge, 6 busy), and how often a request is made then.
 _BUSY, _TRIES = (5, 6), 3
+
+
+class Wired(Protocol):
+    """What is said of a T7: where it is, and the film and the thermometer at its inputs."""
+
+    @property
+    def host(self) -> str:
+        """Address."""
+
+    @property
+    def resolution(self) -> int:
+        """Resolution index of its inputs."""
+
+    @property
+    def flux_sensor(self) -> FluxSensor | None:
+        """The film."""
+
+    @property
+    def infrared(self) -> Infrared | None:
+        """The thermometer that looks at the finger."""
 
 
 class Sensors(NamedTuple):
@@ -38,7 +58,7 @@ class LabJackDriver:
         If it does not answer or is another product.
     """
 
-    def __init__(self, params: LabJack, trace: Trace | None = None, *, patience: float = 1.0) -> None:
+    def __init__(self, params: Wired, trace: Trace | None = None, *, patience: float = 1.0) -> None:
         try:
             from pymodbus.client import ModbusTcpClient
             from pymodbus.exceptions import ModbusException
@@ -103,6 +123,23 @@ class LabJackDriver:
             seen = infrared.zero + infrared.slope * volts[infrared.channel - first]
             skin = seen if infrared.range[0] <= seen <= infrared.range[1] else math.nan
         return Sensors(found, skin)
+
+    def listen(self, channel: int) -> None:
+        """Make an input ready for a voltage up to 10 V against ground."""
+        self._configure(channel, 10.0, SINGLE_ENDED)
+
+    def volts(self, channel: int) -> float:
+        """Return the voltage of one input [V].
+
+        Raises
+        ------
+        DeviceError
+            If the T7 does not answer, or the input is overloaded.
+        """
+        found = self._floats(2 * channel)[0]
+        if found <= _OVERLOAD or not math.isfinite(found):
+            raise DeviceError(f"the input AIN{channel} is overloaded or open")
+        return found
 
     def close(self) -> None:
         """Hang up."""

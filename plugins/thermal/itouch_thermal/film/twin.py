@@ -1,0 +1,174 @@
+"""The twin of an instrumented sample: finger, film and sample as the exact solver steps them, and four sensors."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from itouch.plugin import Field, Record, Role, Touch, Twin
+from itouch_thermal.display.column import Array
+from itouch_thermal.film.params import WOOD, FilmParams
+from itouch_thermal.heat import FINGER, finger_side
+from itouch_thermal.laws import law_of, press_factor
+from itouch_thermal.solver.layers import ROOM, Back, Film, Initial, Side
+
+#: Numbers of ``memory``: time in the phase, whether it touches, touches begun, force wanted, last flux and face, what
+#: the lagging sensors show, and time since the begin.
+TIME, TOUCHING, COUNT, WANTED, FLUX, FACE, FLUX_LAG, FILM_LAG, CLOCK, FORCE, MEMORY = range(11)
+#: Time constant with which the finger's force comes up [s].
+_RISE = 0.02
+
+
+def sample_side(params: FilmParams, ambient: float) -> Side:
+    """Return the sample under its film at rest at the room's temperature [K]."""
+    return Side(
+        layers=(params.film, *(params.sample or (WOOD,))),
+        initial=Initial(kind="uniform", temperature=ambient),
+        back=Back(kind="convection", temperature=ambient, coefficient=10.0),
+        air=Film(coefficient=params.recovery, ambient=ambient),
+    )
+
+
+class FilmTwin(Twin):
+    """A finger that touches a sample again and again, with pauses."""
+
+    params: Any
+
+    def __init__(self, params: FilmParams) -> None:
+        super().__init__(params)
+        self._ambient = ROOM
+        self._law = law_of(params.laws, params.contact_resistance)
+        self._built: dict[float, tuple[Array, Array, Array, Array]] = {}
+
+    def stand(self, ambient: float, skin_temperature: float | None) -> None:
+        """Take the room's temperature; the finger is the twin's own."""
+        self._ambient = ambient
+        self._built.clear()
+
+    def _for(self, period: float) -> tuple[Array, Array, Array, Array]:
+        """Return both models and their states at rest for a step; built once each."""
+        from itouch_thermal.solver import live
+
+        if period not in self._built:
+            p = self.params
+            finger = finger_side(p.tissue or FINGER, p.core, p.skin_temperature, self._ambient)
+            body = sample_side(p, self._ambient)
+            self._built[period] = (
+                live.side_model(finger, period, finger=True), live.side_model(body, period, finger=False),
+                live.initial_state(finger, period, finger=True), live.initial_state(body, period, finger=False),
+            )  # fmt: skip
+        return self._built[period]
+
+    def fields(self) -> tuple[Field, ...]:
+        """Return modes, phase and sensors."""
+        _, _, skin, body = self._for(1e-3)
+        return (
+            Field("true_flux", unit="W/m^2", role=Role.HEAT_FLUX, doc="true flux out of the finger", show="no"),
+            Field("finger", "f8", 2 * len(skin), unit="K", doc="modes of the finger"),
+            Field("sample", "f8", 2 * len(body), unit="K", doc="modes of film and sample"),
+            Field("begun", "i8", low=0, high=1, unit="1", doc="1 once the modes are those of rest"),
+            Field("memory", "f8", MEMORY, unit="mixed", doc="phase, forces and sensors"),
+            Field("noise", "u8", 1, unit="1", doc="word of the noise generator"),
+        )
+
+    def reset(self, state: Record, rng: np.random.Generator) -> None:
+        """Rest."""
+        state["begun"] = 0
+        state["true_flux"] = 0.0
+        state["memory"][:] = 0.0
+        state["memory"][[FACE, FILM_LAG]] = self._ambient
+        state["noise"] = rng.integers(0, 1 << 63)
+
+    def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+        """Advance by one period."""
+        from itouch_thermal.solver import live
+
+        p, memory = self.params, state["memory"]
+        above, below, rest, still = self._for(period)
+        skin, body = state["finger"][: len(rest)], state["sample"][: len(still)]
+        if not state["begun"].item():
+            skin[:], body[:] = rest, still
+            state["begun"] = 1
+        if self._phase(memory, state["noise"], period) and p.recovers:
+            skin[:], body[:] = rest, still
+            memory[FLUX], memory[FACE], memory[FILM_LAG] = 0.0, self._ambient, self._ambient
+        before, face = memory[FLUX].item(), memory[FACE].item()
+        if memory[TOUCHING].item():
+            time = memory[TIME].item()
+            force = memory[WANTED].item() * -math.expm1(-time / _RISE)
+            resistance = self._law.at(memory[WANTED].item()) * press_factor(time, p.press)
+            flux = float(live.contact_step(above, skin, below, body, resistance))
+            into = 0.5 * (flux + before) if before else flux
+        else:
+            live.air_step(above, skin)
+            live.air_step(below, body)
+            force, flux = 0.0, 0.0
+            into = p.recovery * (self._ambient - face)
+        now = float(live.surface_temperature(below, body))
+        # The film sees the flux at its middle: what entered less what its upper half kept.
+        seen = into - 0.5 * p.film_capacity * (now - face) / period
+        memory[FLUX], memory[FACE], memory[FORCE] = flux, now, force
+        memory[FLUX_LAG] += _share(period, p.flux_lag) * (seen - memory[FLUX_LAG])
+        memory[FILM_LAG] += _share(period, p.film_lag) * (now - memory[FILM_LAG])
+        memory[CLOCK] += period
+        state["true_flux"] = flux
+
+    def _phase(self, memory: Array, words: Any, period: float) -> bool:
+        """Begin and end touches; return whether one has just ended."""
+        p = self.params
+        memory[TIME] += period
+        touching = bool(memory[TOUCHING].item() > 0.0)
+        over = memory[TIME].item() >= (p.hold if touching else p.pause) - 0.5 * period
+        if not over or (not touching and memory[COUNT].item() >= p.touches):
+            return False
+        memory[TIME] = 0.0 if touching else period
+        memory[TOUCHING] = 0.0 if touching else 1.0
+        if not touching:
+            memory[COUNT] += 1.0
+            memory[WANTED] = p.force * max(0.2, 1.0 + p.force_spread * _gauss(words))
+        return touching
+
+    def read(self, state: Record, reading: Record) -> bool | None:
+        """Give what the sensors say; a look draws new noise."""
+        p, memory, words = self.params, state["memory"], state["noise"]
+        drifted = p.flux_bias + p.flux_drift * memory[CLOCK].item()
+        flux = memory[FLUX_LAG].item() + drifted + p.flux_noise * _gauss(words)
+        reading["heat_flux"] = min(p.full_scale, max(-p.full_scale, flux))
+        reading["film_temperature"] = memory[FILM_LAG].item() + p.film_noise * _gauss(words)
+        reading["wrench"][:] = 0.0
+        reading["wrench"][2] = -memory[FORCE].item() - p.force_noise * _gauss(words)
+        clear = memory[TOUCHING].item() == 0.0
+        reading["skin_valid"] = float(clear)
+        if clear:
+            reading["skin_temperature"] = self._skin(state) + p.skin_noise * _gauss(words)
+        return True
+
+    def _skin(self, state: Record) -> float:
+        from itouch_thermal.solver import live
+
+        if not state["begun"].item():
+            return float(self.params.skin_temperature)
+        period = next(iter(sorted(self._built, reverse=True)))
+        above, _, rest, _ = self._built[period]
+        return float(live.surface_temperature(above, state["finger"][: len(rest)]))
+
+
+def _share(period: float, lag: float) -> float:
+    return -math.expm1(-period / lag) if lag > 0.0 else 1.0
+
+
+def _gauss(words: Any) -> float:
+    """Return a normal number and move the generator's word on (SplitMix64)."""
+    first, second = _uniform(words), _uniform(words)
+    return math.sqrt(-2.0 * math.log(first + 2.0**-54)) * math.cos(2.0 * math.pi * second)
+
+
+def _uniform(words: Any) -> float:
+    mask = (1 << 64) - 1
+    word = (int(words[0]) + 0x9E3779B97F4A7C15) & mask
+    words[0] = word
+    word = ((word ^ (word >> 30)) * 0xBF58476D1CE4E5B9) & mask
+    word = ((word ^ (word >> 27)) * 0x94D049BB133111EB) & mask
+    return float((word ^ (word >> 31)) >> 11) * 2.0**-53
