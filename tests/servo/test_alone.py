@@ -77,3 +77,40 @@ def test_a_plate_whose_next_step_down_is_late_is_still_on_its_way_down(
     assert safe(None, 20) and safe(0.028)  # the servo process was held up for 20 ms
     assert not safe(0.028, 100)  # a plate that stands is not safe
     assert safe(0.027) and not safe(0.0275)  # nor one that rises
+
+
+_IMPORTING = """
+import socket, subprocess, sys, threading
+from itouch.servo import process, words
+from itouch.servo.channel import Outbox
+from itouch.servo.segment import Segment
+
+class Endless:
+    def find_spec(self, name, path=None, target=None):
+        if name in ("itouch.servo.errors", "itouch.loop"):
+            threading.Event().wait()
+
+sys.meta_path.insert(0, Endless())
+guardian = subprocess.Popen([sys.executable, "-c", ""])
+guardian.wait()
+segment = Segment.create("importing")
+segment.words[words.GUARDIAN] = guardian.pid
+process._end_without_guardian(segment, Outbox(socket.socket(fileno=int(sys.argv[1]))))
+threading.Event().wait()
+"""
+
+
+def test_a_dead_guardian_is_told_while_the_servo_process_still_imports() -> None:
+    near, far = socket.socketpair()
+    with near, far:
+        words = [sys.executable, "-c", _IMPORTING, str(far.fileno())]
+        servo = subprocess.Popen(words, pass_fds=(far.fileno(),))
+        far.close()
+        near.settimeout(60.0)
+        try:
+            said = near.recv(65536).decode()
+            assert "nothing is enabled without it" in said
+            assert servo.wait(60) == 1
+        finally:
+            servo.kill()
+            servo.wait()

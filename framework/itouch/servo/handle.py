@@ -103,11 +103,13 @@ class Handle:
             self._answers.notify_all()
 
     def _finish(self, message: dict[str, Any]) -> None:
-        from itouch.servo.errors import decode
+        told, self._report = message["error"], message["report"]
+        if told is not None and not told["traceback"]:  # nothing was loaded over there, nothing need be here
+            self._error = ServoError(told["message"])
+        elif told is not None:
+            from itouch.servo.errors import decode
 
-        self._report = message["report"]
-        if message["error"] is not None:
-            self._error = decode(message["error"])
+            self._error = decode(told)
 
     def await_ready(self) -> None:
         """Wait until the engine is built.

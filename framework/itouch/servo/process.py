@@ -20,7 +20,7 @@ from itouch.platforms import lives, signals
 from itouch.servo import words as at
 from itouch.servo.channel import Outbox, messages
 from itouch.servo.parent import LOOK, end_with
-from itouch.servo.segment import Segment, ServoError, monotonic
+from itouch.servo.segment import Segment, monotonic
 
 
 def main(argv: Sequence[str]) -> int:
@@ -63,7 +63,8 @@ def _end_without_guardian(segment: Segment, outbox: Outbox) -> None:
             guardian = int(segment.words[at.GUARDIAN])
             if guardian and not lives(guardian):
                 said = "the guardian process died while the session began: nothing is enabled without it"
-                outbox.finish({"report": None, "error": _told(ServoError(said))})
+                # nothing is imported for it: that would wait for what the other thread imports
+                outbox.finish({"report": None, "error": {"type": "ServoError", "message": said, "traceback": ""}})
                 os._exit(1)
             time.sleep(LOOK)
 
