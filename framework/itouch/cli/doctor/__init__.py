@@ -18,6 +18,11 @@ def main(argv: Sequence[str]) -> int:
                         help="run the loop for this long, idle and then beside a load, and judge by that")  # fmt: skip
     parser.add_argument("--rates", nargs="?", const="", metavar="SCENE",
                         help="which rate of the loop this machine holds for a scene on twins")  # fmt: skip
+    parser.add_argument("--rig", metavar="SCENE",
+                        help="look at a scene's devices in the air: sensors, watchdogs, cut-offs")  # fmt: skip
+    parser.add_argument("--twin", metavar="all|none|NAME", help="with --rig: take these devices as twins")
+    parser.add_argument("--for", dest="duration", type=seconds, default=3.0, metavar="3s",
+                        help="with --rig: how long to watch the sensors (default 3 s)")  # fmt: skip
     parser.add_argument("--clear-kept", action="store_true",
                         help="remove kept kernels, results and meshes; the next start makes them")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print JSON")
@@ -27,6 +32,8 @@ def main(argv: Sequence[str]) -> int:
 
         print(clear_kept())
         return 0
+    if options.rig is not None:
+        return _rig(options.rig, options.twin, options.duration, as_json=options.json)
     if options.rates is not None:
         return _rates(options.rates, options.measure or 5.0, as_json=options.json)
     from itouch.cli.doctor.checks import examine
@@ -72,3 +79,27 @@ def _rates(path: str, each: float, *, as_json: bool) -> int:
     else:
         print(f"\n{best(found)}")
     return 0
+
+
+def _rig(path: str, twin: str | None, each: float, *, as_json: bool) -> int:
+    """Look at a rig in the air; 1 if a line fails."""
+    from itouch.cli.doctor.rig import FAIL, NOT, examine_rig
+    from itouch.loop import WallClock
+    from itouch.servo.prepare import prepare
+
+    session = prepare(path, seed=0, twin=twin, rig=None)
+    session.clock = WallClock()
+    found = []
+    for finding in examine_rig(session, each):
+        found.append(finding)
+        if not as_json:
+            print(f"{finding.status:<13} {finding.name:<13} {finding.found}", flush=True)
+            if finding.advice:
+                print(f"{'':<27} -> {finding.advice}")
+    failed, left = (sum(one.status == status for one in found) for status in (FAIL, NOT))
+    verdict = f"{failed} of {len(found)} lines fail" if failed else f"nothing fails; {left} lines need a person"
+    if as_json:
+        print(json.dumps({"rig": [asdict(finding) for finding in found], "verdict": verdict}, indent=1))
+    else:
+        print(f"\n{verdict}: the checklist of the safety case says how the rest is shown on the rig itself")
+    return 1 if failed else 0
