@@ -15,7 +15,7 @@ from itouch.plugin import Bound, Device, Record, Touch
 from itouch.plugin.kernels import kernel
 from itouch.testing import joined
 from itouch.testing.checks import CheckError, NotApplicableError
-from itouch.testing.subject import DeviceSubject
+from itouch.testing.harness import DeviceSubject
 from itouch_thermal import ThermalDisplay
 from itouch_usb_arm.arm import UsbArm
 from itouch_xyz_table import XyzTable

@@ -6,7 +6,7 @@ import pytest
 from good_styles import GOOD
 
 from itouch.testing.checks import examine
-from itouch.testing.subject import DeviceSubject
+from itouch.testing.harness import DeviceSubject
 from itouch.testing.suites import DEVICE_CHECKS
 
 #: These look at every device in the same way, whatever its style, and start processes for it.

@@ -13,8 +13,8 @@ from itouch.plugin import Field, Modality, schema
 from itouch.plugin.discovery import Catalog
 from itouch.scene import loads
 from itouch.testing.checks import examine
-from itouch.testing.situation import FINGER, ModalitySubject, made
-from itouch.testing.subject import KnownCatalog
+from itouch.testing.harness import KnownCatalog
+from itouch.testing.scenario import FINGER, ModalitySubject, made
 from itouch.testing.suites import MODALITY_CHECKS
 
 CHECKS = {check.name: check for check in MODALITY_CHECKS}

@@ -79,7 +79,7 @@ def _device(options: argparse.Namespace, catalog: Catalog, scene: Scene | None) 
 
     from itouch.testing.card import Card
     from itouch.testing.checks import examine
-    from itouch.testing.subject import DeviceSubject
+    from itouch.testing.harness import DeviceSubject
     from itouch.testing.suites import DEVICE_CHECKS, EMULATOR_CHECKS
     from itouch.testing.wire import Shared
 
@@ -111,7 +111,7 @@ def _modality(name: str, path: str | None, catalog: Catalog) -> bool:
 
     from itouch.testing.card import Card
     from itouch.testing.checks import NotApplicableError, examine
-    from itouch.testing.situation import ModalitySubject
+    from itouch.testing.scenario import ModalitySubject
     from itouch.testing.suites import MODALITY_CHECKS
 
     plugin, _, local = name.partition(".")

@@ -7,8 +7,8 @@
 """
 
 from itouch.testing.checks import Check, CheckError, Finding
-from itouch.testing.situation import ModalitySubject
-from itouch.testing.subject import DeviceSubject
+from itouch.testing.harness import DeviceSubject
+from itouch.testing.scenario import ModalitySubject
 from itouch.testing.suites import DeviceTests, EmulatorTests, ModalityTests
 
 __all__ = [

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from types import FrameType
 from typing import Any, Literal
 
-from itouch.testing.apart import described
-from itouch.testing.surroundings import Surroundings
+from itouch.testing.isolated import described
+from itouch.testing.process_state import Surroundings
 
 #: How long a check may take [s]; what takes longer hangs.
 LIMIT = 45.0

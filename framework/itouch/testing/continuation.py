@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from itouch.testing.apart import Ending, apart
 from itouch.testing.checks import CheckError, NotApplicableError, check
-from itouch.testing.elsewhere import other_seed, said, script
-from itouch.testing.subject import DeviceSubject, TwinBench
+from itouch.testing.harness import DeviceSubject, TwinBench
+from itouch.testing.isolated import Ending, apart
+from itouch.testing.reproducibility import other_seed, said, script
 
 #: Ticks before and after a restore.
 _BEFORE, _AFTER = 337, 900

@@ -10,10 +10,10 @@ import numpy as np
 
 from itouch.plugin import Channel, Emulator, Twin
 from itouch.plugin.record import dtype_of
-from itouch.testing.apart import described
 from itouch.testing.checks import CheckError, check
-from itouch.testing.situation import ModalitySubject
-from itouch.testing.subject import DeviceSubject
+from itouch.testing.harness import DeviceSubject
+from itouch.testing.isolated import described
+from itouch.testing.scenario import ModalitySubject
 
 
 def _fail(seen: str, cause: str, advice: str) -> CheckError:

@@ -18,7 +18,7 @@ from itouch.schema.fields import Spec, specs, validate, xml_name
 from itouch.schema.quantities import format_quantity
 from itouch.schema.units import parse_unit
 from itouch.testing.checks import CheckError, NotApplicableError, check
-from itouch.testing.subject import DeviceSubject
+from itouch.testing.harness import DeviceSubject
 
 
 def _fail(seen: str, cause: str, advice: str) -> CheckError:

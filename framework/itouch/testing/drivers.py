@@ -13,12 +13,12 @@ from itouch.loop import Engine
 from itouch.loop.clock import WallClock
 from itouch.loop.runner import DeviceFaultError
 from itouch.plugin import Device, DeviceError, Field, Record, Role
-from itouch.testing.apart import described
-from itouch.testing.bouts import opened
 from itouch.testing.checks import CheckError, NotApplicableError, check
-from itouch.testing.subject import DeviceSubject
-from itouch.testing.surroundings import children, native_threads, open_files
+from itouch.testing.harness import DeviceSubject
+from itouch.testing.isolated import described
+from itouch.testing.process_state import children, native_threads, open_files
 from itouch.testing.wire import Opened, elsewhere
+from itouch.testing.workload import opened
 from itouch.world import Model
 
 #: How long [s] a thread that close has ended may take to be gone.

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from itouch.plugin import Channel, DeviceError, Role
 from itouch.testing.checks import CheckError, NotApplicableError, check
-from itouch.testing.subject import DeviceSubject, limits
+from itouch.testing.harness import DeviceSubject, limits
 from itouch.testing.wire import Opened, Served, emulated
 
 #: Where the finger leads a device that tracks it, about a place that it can take [m], and time to go there [s].

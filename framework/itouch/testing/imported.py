@@ -12,7 +12,7 @@ _WATCH = """
 import sys
 sys.path[:0] = {path!r}
 import itouch.plugin, itouch.testing
-from itouch.testing.surroundings import Surroundings, open_files
+from itouch.testing.process_state import Surroundings, open_files
 import importlib, threading
 seen, asks = [], ("socket.connect", "socket.bind", "socket.__new__", "subprocess.Popen", "os.system", "time.sleep")
 def watch(event, words):

@@ -11,8 +11,8 @@ from itouch.joining import Chain, can_join, is_newest
 from itouch.loop import Engine
 from itouch.plugin import Bound, Record
 from itouch.testing.checks import CheckError, NotApplicableError, check
-from itouch.testing.situation import ModalitySubject
-from itouch.testing.subject import PERIOD, DeviceSubject
+from itouch.testing.harness import PERIOD, DeviceSubject
+from itouch.testing.scenario import ModalitySubject
 
 _ADVICE = "let the Python method be a call of what is bound, or compute both in the same order"
 

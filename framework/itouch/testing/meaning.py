@@ -10,8 +10,8 @@ from itouch.plugin import Channel, Role
 from itouch.plugin.declared import faults_of
 from itouch.plugin.quantity import SIZES
 from itouch.testing.checks import CheckError, NotApplicableError, check
-from itouch.testing.situation import ModalitySubject
-from itouch.testing.subject import PERIOD, DeviceSubject, TwinBench
+from itouch.testing.harness import PERIOD, DeviceSubject, TwinBench
+from itouch.testing.scenario import ModalitySubject
 
 #: Unit that a quantity of a role has.
 UNITS = {

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from itouch.plugin import Record, Touch
-from itouch.testing.bouts import bouts, opened
 from itouch.testing.checks import CheckError, check
-from itouch.testing.conduct import Subject
-from itouch.testing.subject import PERIOD, DeviceSubject
+from itouch.testing.harness import PERIOD, DeviceSubject
+from itouch.testing.hygiene import Subject
+from itouch.testing.workload import bouts, opened
 
 #: Bytes that may be left from tick to tick, and that may be taken and given back within one.
 _GROWTH, _WITHIN = 12.0, 16_000

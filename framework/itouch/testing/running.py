@@ -13,8 +13,8 @@ import numpy as np
 from itouch.loop import Engine, Status
 from itouch.schema import ItouchError
 from itouch.testing.checks import CheckError, NotApplicableError, check
-from itouch.testing.elsewhere import script
-from itouch.testing.subject import DeviceSubject
+from itouch.testing.harness import DeviceSubject
+from itouch.testing.reproducibility import script
 from itouch.world import Model
 
 

@@ -10,12 +10,12 @@ import pytest
 
 from itouch.plugin import Device, Modality
 from itouch.testing import (
-    conduct,
     continuation,
     contract,
     declared,
     drivers,
     emulators,
+    hygiene,
     imported,
     joined,
     meaning,
@@ -27,16 +27,16 @@ from itouch.testing import (
     watched,
 )
 from itouch.testing.checks import VITAL, Check, Finding, unexamined
-from itouch.testing.situation import ModalitySubject
-from itouch.testing.subject import DeviceSubject
+from itouch.testing.harness import DeviceSubject
+from itouch.testing.scenario import ModalitySubject
 
 #: How a guest behaves: in every suite.
 CONDUCT: tuple[Check, ...] = (
-    conduct.survives,
-    conduct.quiet,
-    conduct.surroundings,
-    conduct.errors_come_through,
-    conduct.params_untouched,
+    hygiene.survives,
+    hygiene.quiet,
+    hygiene.surroundings,
+    hygiene.errors_come_through,
+    hygiene.params_untouched,
     memory.allocates_nothing,
 )
 DRIVER_CHECKS: tuple[Check, ...] = (
@@ -62,7 +62,7 @@ DEVICE_CHECKS: tuple[Check, ...] = (
     watched.contract,
     imported.imported,
     *CONDUCT,
-    conduct.opens_nothing,
+    hygiene.opens_nothing,
     twins.fills,
     twins.finite,
     twins.pose,
@@ -77,7 +77,7 @@ DEVICE_CHECKS: tuple[Check, ...] = (
     continuation.determinism,
     memory.keeps_nothing,
     timing.twin_timing,
-    conduct.steady,
+    hygiene.steady,
     running.runs,
     running.restores,
     running.stale,
@@ -104,7 +104,7 @@ MODALITY_CHECKS: tuple[Check, ...] = (
     modalities.parameters,
     imported.imported,
     *CONDUCT,
-    conduct.opens_nothing,
+    hygiene.opens_nothing,
     modalities.runs,
     joined.modality,
     modalities.state_declared,
@@ -112,7 +112,7 @@ MODALITY_CHECKS: tuple[Check, ...] = (
     modalities.own_fields,
     modalities.uses_given_state,
     timing.modality_timing,
-    conduct.steady,
+    hygiene.steady,
     modalities.measures,
     modalities.order,
 )

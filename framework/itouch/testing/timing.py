@@ -9,11 +9,11 @@ import time
 from collections.abc import Callable, Sequence
 
 from itouch.platforms import waits
-from itouch.testing.bouts import opened
 from itouch.testing.checks import CheckError, NotApplicableError, check
-from itouch.testing.situation import ModalitySubject
-from itouch.testing.subject import PERIOD, DeviceSubject
+from itouch.testing.harness import PERIOD, DeviceSubject
+from itouch.testing.scenario import ModalitySubject
 from itouch.testing.wire import Opened
+from itouch.testing.workload import opened
 
 #: Part of the tick [s] that one plugin's calls may take.
 _SHARE = 0.5 * PERIOD

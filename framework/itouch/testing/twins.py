@@ -9,7 +9,7 @@ import numpy as np
 
 from itouch.plugin import Channel, Role
 from itouch.testing.checks import CheckError, NotApplicableError, check
-from itouch.testing.subject import PERIOD, ROOM, DeviceSubject, TwinBench
+from itouch.testing.harness import PERIOD, ROOM, DeviceSubject, TwinBench
 
 
 def _fail(seen: str, cause: str, advice: str) -> CheckError:

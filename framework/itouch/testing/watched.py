@@ -11,7 +11,7 @@ from itouch.monitors import own_monitors
 from itouch.plugin import Moment, Monitor, Record, Watched
 from itouch.plugin.record import Field
 from itouch.testing.checks import CheckError, NotApplicableError, check
-from itouch.testing.subject import DeviceSubject
+from itouch.testing.harness import DeviceSubject
 from itouch.world.limits import DeviceLimits, ceilings
 from itouch.world.supervision import monitors_of, supervision_problems, watched
 

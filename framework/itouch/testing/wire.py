@@ -15,7 +15,7 @@ from typing import Any
 
 from itouch.plugin import Channel, DeviceError, Emulator, Field, Record, Role
 from itouch.testing.checks import CheckError, NotApplicableError
-from itouch.testing.subject import PERIOD, DeviceSubject, TwinBench, follows
+from itouch.testing.harness import PERIOD, DeviceSubject, TwinBench, follows
 
 #: Parameters that say where a device is.
 PLACES = ("port", "path", "device", "serial_port", "tty", "address", "host", "url")

@@ -19,7 +19,7 @@ from itouch.scene.elements import Motion, Operator, To
 from itouch.schema.fields import REQUIRED, Spec, default_of, specs, xml_name
 from itouch.schema.quantities import format_quantity
 from itouch.testing.checks import CheckError, NotApplicableError
-from itouch.testing.subject import KnownCatalog
+from itouch.testing.harness import KnownCatalog
 from itouch.world import Model
 from itouch.world.modalities import ModalityModel
 

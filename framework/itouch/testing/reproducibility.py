@@ -9,18 +9,18 @@ from typing import Any
 
 from itouch.scene import loads, write
 from itouch.testing.checks import NotApplicableError
-from itouch.testing.subject import DeviceSubject
+from itouch.testing.harness import DeviceSubject
 
 _SCRIPT = """
 import sys
 sys.path[:0] = {path!r}
 import importlib
-from itouch.testing import elsewhere
+from itouch.testing import reproducibility
 cls = importlib.import_module({module!r})
 for part in {qualname!r}.split("."):
     cls = getattr(cls, part)
 module, _, function = {work!r}.rpartition(":")
-print(getattr(importlib.import_module(module), function)(elsewhere.rebuilt(cls, {name!r}, {scene!r}), *{words!r}))
+print(getattr(importlib.import_module(module), function)(reproducibility.rebuilt(cls, {name!r}, {scene!r}), *{words!r}))
 """
 
 

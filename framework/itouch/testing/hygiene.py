@@ -16,12 +16,12 @@ from contextlib import contextmanager
 from typing import Any
 
 from itouch.plugin import DeviceError, Record
-from itouch.testing.apart import apart, described
-from itouch.testing.bouts import Bout, Call, bouts
 from itouch.testing.checks import CheckError, NotApplicableError, check
-from itouch.testing.situation import ModalitySubject
-from itouch.testing.subject import DeviceSubject
-from itouch.testing.surroundings import Surroundings, children, open_files
+from itouch.testing.harness import DeviceSubject
+from itouch.testing.isolated import apart, described
+from itouch.testing.process_state import Surroundings, children, open_files
+from itouch.testing.scenario import ModalitySubject
+from itouch.testing.workload import Bout, Call, bouts
 
 Subject = DeviceSubject | ModalitySubject
 #: How long a plugin may take for a short bout in a process of its own [s].

@@ -9,8 +9,8 @@ from typing import Any
 
 from itouch.loop import Engine
 from itouch.plugin import Contact, ContactEvent, Record
-from itouch.testing.situation import ModalitySubject
-from itouch.testing.subject import PERIOD, DeviceSubject, TwinBench
+from itouch.testing.harness import PERIOD, DeviceSubject, TwinBench
+from itouch.testing.scenario import ModalitySubject
 from itouch.testing.wire import Opened
 
 #: A call of the plugin with a record that may be replaced, and what it is called.
