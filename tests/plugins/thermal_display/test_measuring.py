@@ -7,6 +7,8 @@ import pytest
 from shipped import SCENES
 
 import itouch
+from contact_heat.layers import Contact
+from contact_heat.stepper import Stepper
 from itouch_thermal.display.column import Array
 from itouch_thermal.film.params import FilmParams
 from itouch_thermal.film.twin import sample_side
@@ -16,8 +18,6 @@ from itouch_thermal.measuring import command
 from itouch_thermal.measuring.correct import Sensors, average, correct, output_times
 from itouch_thermal.measuring.touches import Record, Touched, Wanted, sort_out, touches
 from itouch_thermal.rendering.materials import material
-from itouch_thermal.solver.layers import Contact
-from itouch_thermal.solver.stepper import Stepper
 
 SCENE = """<itouch version="1.0" xmlns:touch-film="urn:itouch:plugin:touch-film"><world temperature="23 degC"/>
 <devices><device name="bench" plugin="touch-film"><touch-film:hardware hold="{hold} s" touches="{touches}" {more}>

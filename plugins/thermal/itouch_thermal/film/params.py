@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from contact_heat.layers import Layer
 from itouch.plugin import schema
 from itouch_thermal.drivers.params import FluxSensor, Infrared
 from itouch_thermal.laws import KINDS, ForceLaw, check_laws
-from itouch_thermal.solver.layers import Layer
 
 #: The sample of the twin where none is given: the paper's wood.
 WOOD = Layer(name="wood", thickness=0.02, conductivity=0.11, density=415.0, specific_heat=2720.0)

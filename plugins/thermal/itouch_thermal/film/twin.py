@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from contact_heat.layers import ROOM, Back, Film, Initial, Side
 from itouch.plugin import Field, Record, Role, Touch, Twin
 from itouch_thermal.display.column import Array
 from itouch_thermal.film.params import WOOD, FilmParams
 from itouch_thermal.heat import FINGER, finger_side
 from itouch_thermal.laws import law_of, press_factor
-from itouch_thermal.solver.layers import ROOM, Back, Film, Initial, Side
 
 #: Numbers of ``memory``: time in the phase, whether it touches, touches begun, force wanted, last flux and face, what
 #: the lagging sensors show, and time since the begin.
@@ -49,7 +49,7 @@ class FilmTwin(Twin):
 
     def _for(self, period: float) -> tuple[Array, Array, Array, Array]:
         """Return both models and their states at rest for a step; built once each."""
-        from itouch_thermal.solver import live
+        from contact_heat import live
 
         if period not in self._built:
             p = self.params
@@ -83,7 +83,7 @@ class FilmTwin(Twin):
 
     def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
         """Advance by one period."""
-        from itouch_thermal.solver import live
+        from contact_heat import live
 
         p, memory = self.params, state["memory"]
         above, below, rest, still = self._for(period)
@@ -146,7 +146,7 @@ class FilmTwin(Twin):
         return True
 
     def _skin(self, state: Record) -> float:
-        from itouch_thermal.solver import live
+        from contact_heat import live
 
         if not state["begun"].item():
             return float(self.params.skin_temperature)
