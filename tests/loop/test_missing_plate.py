@@ -57,7 +57,7 @@ def test_nothing_is_told_of_a_plate_that_is_felt(folder: Path, touch_off: bool) 
     assert [entry["plate_missed"] for entry in report["contacts"]] == [False]
 
 
-@pytest.mark.parametrize("error", [-1.5, -3.0])
+@pytest.mark.parametrize("error", [-1.5, -3.0, -6.5, -11.0])
 def test_a_plate_that_is_too_high_is_left_away_and_told(folder: Path, error: float) -> None:
     course = follow(Slope(*ramp(0.0), error=error, warm=True).build(folder))
     felt = np.flatnonzero(course.pad > 0.0)

@@ -35,7 +35,8 @@ BACK = 47  # cosine of the tilt below which a contact that the plate has left is
 FORCE_LIMIT, PAD_STIFFNESS = 48, 49  # on the finger [N]; of its pad [N/m]
 HAS_LOAD, HAS_TABLE = 50, 51  # whether a table reads the force on it; whether there is one
 TABLE_SPEED = 52  # greatest speed of the table [m/s]
-CONSTANTS = 53
+EARLY_FAR = 53  # how far below the finger a plate that presses may be, by its height, and still be too high [m]
+CONSTANTS = 54
 
 
 @kernel

@@ -20,6 +20,7 @@ from itouch.loop import carrying, render
 from itouch.loop.frames import Frame
 from itouch.loop.runner import Runner
 from itouch.loop.surface import memory
+from itouch.monitors.surface import DOUBT_GAP, DOUBT_GAP_UNCALIBRATED
 from itouch.plugin import Bound, Contact, ContactEvent, Record, Role
 from itouch.world import Model, ProbeModel
 from itouch.world import limits as default
@@ -247,6 +248,7 @@ def _constants(
         render.HAS_LOAD: float(table is not None and table.model.reading(Role.CONTACT_FORCE) is not None),
         render.HAS_TABLE: float(table is not None),
         render.TABLE_SPEED: (table.model.limits.speed if table is not None else None) or math.inf,
+        render.EARLY_FAR: DOUBT_GAP if table is not None and table.model.touch_off else DOUBT_GAP_UNCALIBRATED,
         render.PAD: math.pi * (0.75 * probe.scene.radius / probe.scene.modulus) ** (2 / 3),
     }
     for index, value in values.items():

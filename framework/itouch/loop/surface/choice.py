@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.compiling import kernel
-from itouch.loop.render import BACK, COSINE, HAS_LOAD, HIP, PAD_STIFFNESS, PERIOD, PLATE_TOP, RADIUS
+from itouch.loop.render import BACK, COSINE, EARLY_FAR, HAS_LOAD, HIP, PAD_STIFFNESS, PERIOD, PLATE_TOP, RADIUS
 from itouch.loop.surface.memory import (
     CHANGING,
     FREE,
@@ -30,9 +30,9 @@ LED = 0.3
 #: A plate is missed where the finger seems to press it in deeper than the force explains by so much [m], at less than
 #: so much of the force that the pad would give, for so long [s]; what is missed is tried again after so long apart [s].
 MISS_DEPTH, MISS_PART, MISS_TIME, TRY_AGAIN = 1e-3, 0.4, 0.04, 0.02
-#: A plate is too high that presses with so much [N] while it is said to be so far below the finger [m], but no further:
-#: then the sensor is wrong (T8); for so long [s].
-EARLY_FORCE, EARLY_GAP, EARLY_FAR, EARLY_TIME = 0.1, 1e-3, 4e-3, 0.010
+#: A plate is too high that presses with so much [N] while it is said to be so far below the finger [m], for so long [s].
+#: Further below than the constant EARLY_FAR the sensor is wrong (T8).
+EARLY_FORCE, EARLY_GAP, EARLY_TIME = 0.1, 1e-3, 0.010
 
 
 @kernel
@@ -77,7 +77,7 @@ def doubt(c: Floats, figures: Floats, memory: Floats, pressed: float, touching: 
     depth = figures[PLATE_TOP] - (figures[HIP + 2] - c[RADIUS])
     if c[HAS_LOAD] == 0.0 or memory[MISSED] > 0.0:
         return
-    if pressed > EARLY_FORCE and -EARLY_FAR < depth < -EARLY_GAP:
+    if pressed > EARLY_FORCE and -c[EARLY_FAR] < depth < -EARLY_GAP:
         _count(c, memory, HIGH, EARLY_TIME, depth, pressed, touching, time)
         return
     stiffness = c[PAD_STIFFNESS]
