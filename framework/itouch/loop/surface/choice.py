@@ -30,7 +30,7 @@ LED = 0.3
 #: A plate is missed where the finger seems to press it in deeper than the force explains by so much [m], at less than
 #: so much of the force that the pad would give, for so long [s]; what is missed is tried again after so long apart [s].
 MISS_DEPTH, MISS_PART, MISS_TIME, TRY_AGAIN = 1e-3, 0.4, 0.04, 0.02
-#: A plate is too high that presses with so much [N] while it is said to be so far below the finger [m], for so long [s].
+#: A plate is too high that presses with so much [N] while it seems so far below the finger [m], for so long [s].
 #: Further below than the constant EARLY_FAR the sensor is wrong (T8).
 EARLY_FORCE, EARLY_GAP, EARLY_TIME = 0.1, 1e-3, 0.010
 
