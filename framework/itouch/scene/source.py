@@ -252,3 +252,18 @@ def _written(key: str, element: etree._Element) -> str:
         return f"xml:{name.localname}"
     prefixes = [prefix for prefix, uri in element.nsmap.items() if uri == name.namespace and prefix]
     return f"{prefixes[0]}:{name.localname}" if prefixes else name.localname
+
+
+def read_root(shown: str, tag: str, begins: str) -> Node:
+    """Read a file whose outermost element is not a scene's; ``begins`` is how such a file begins.
+
+    Raises
+    ------
+    SourceError
+        If it cannot be read, is no XML, or has another outermost element.
+    """
+    root = parse(read_bytes(Path(shown), shown), shown)
+    if root.tag != tag or root.namespace:
+        sentence = f"the outermost element is <{root.written}>, not <{tag}>"
+        raise SourceError(Problem("wrong-root", sentence, root.place, f"a {tag} begins with {begins}"))
+    return root

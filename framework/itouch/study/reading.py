@@ -14,7 +14,7 @@ from itouch.scene.binding import Binder
 from itouch.scene.edits import Edit
 from itouch.scene.loader import in_file_order, read_scene
 from itouch.scene.places import Places
-from itouch.scene.source import Attribute, Node, SourceError, parse, read_bytes
+from itouch.scene.source import Attribute, Node, SourceError, read_root
 from itouch.schema.diagnostics import Place, Problem, SceneError, did_you_mean
 from itouch.study.elements import VERSION, Adaptive, Factor, Study
 from itouch.world import Model, compile_scene
@@ -130,13 +130,9 @@ def read_study(path: str | os.PathLike[str], catalog: Catalog) -> tuple[StudyFil
     """Read as much of a study as can be, with the problems found."""
     shown = os.fspath(path)
     try:
-        root = parse(read_bytes(Path(shown), shown), shown)
+        root = read_root(shown, "study", f'<study version="{VERSION}" scene="SCENE.xml" seed="1">')
     except SourceError as error:
         return None, [error.problem]
-    if root.tag != "study" or root.namespace:
-        sentence = f"the outermost element is <{root.written}>, not <study>"
-        advice = f'a study begins with <study version="{VERSION}" scene="SCENE.xml" seed="1">'
-        return None, [Problem("wrong-root", sentence, root.place, advice)]
     problems: list[Problem] = []
     places = Places()
     study = Binder(catalog, problems, places).bind(root, Study)

@@ -13,7 +13,7 @@ from itouch.scene.binding import Binder
 from itouch.scene.edits import Edit
 from itouch.scene.loader import in_file_order, read_scene
 from itouch.scene.places import Places
-from itouch.scene.source import Attribute, Node, SourceError, parse, read_bytes
+from itouch.scene.source import Attribute, Node, SourceError, read_root
 from itouch.schema.diagnostics import Place, Problem, SceneError
 from itouch.study.elements import split_levels
 from itouch.study.reading import StudyFile, read_study
@@ -119,13 +119,9 @@ def read_sweep(path: str | os.PathLike[str], catalog: Catalog) -> tuple[SweepFil
 
     shown = os.fspath(path)
     try:
-        root = parse(read_bytes(Path(shown), shown), shown)
+        root = read_root(shown, "sweep", f'<sweep version="{VERSION}" scene="SCENE.xml">')
     except SourceError as error:
         return None, [error.problem]
-    if root.tag != "sweep" or root.namespace:
-        sentence = f"the outermost element is <{root.written}>, not <sweep>"
-        advice = f'a sweep begins with <sweep version="{VERSION}" scene="SCENE.xml">'
-        return None, [Problem("wrong-root", sentence, root.place, advice)]
     problems: list[Problem] = []
     places = Places()
     sweep = Binder(catalog, problems, places).bind(root, Sweep)
