@@ -22,6 +22,16 @@ def main(argv: Sequence[str]) -> int:
     options = _parser().parse_args(argv)
     if options.json and options.sarif:
         raise ItouchError("--json and --sarif are two forms of the result: choose one")
+    if options.fix and options.diff:
+        raise ItouchError("--fix writes what --diff only shows: choose one")
+    if (options.fix or options.diff) and (options.json or options.sarif) and not options.output:
+        raise ItouchError("the diff would stand in the JSON: name a file for it by -o")
+    if options.fix or options.diff:
+        from itouch.cli.fixing import fixed, show_and_write
+
+        for path in options.scenes:
+            found = fixed(path, lambda one: examined(one, options.rig, options.twin)[1])
+            show_and_write(path, found, write=options.fix)
     results = {path: examined(path, options.rig, options.twin) for path in options.scenes}
     bad = {path: _bad(*found, strict=options.strict) for path, found in results.items()}
     if options.sarif or options.json or options.output:
@@ -38,6 +48,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--rig", metavar="FILE", help="check with another rig under the scene")
     parser.add_argument("--twin", metavar="all|none|NAME", help="check with these devices as twins")
     parser.add_argument("--strict", action="store_true", help="what is legal but odd counts as wrong, too")
+    parser.add_argument("--fix", action="store_true", help="mend what can have meant one thing only; never a limit")
+    parser.add_argument("--diff", action="store_true", help="show what --fix would do, and write nothing")
     add_json(parser)
     parser.add_argument("--sarif", action="store_true", help="the result as SARIF, which annotates lines in reviews")
     parser.add_argument("-o", "--output", type=output_file, metavar="FILE",

@@ -14,7 +14,7 @@ from itouch.scene.names import Names
 from itouch.scene.places import Places
 from itouch.scene.source import Attribute, Node
 from itouch.scene.values import ValueProblemError, parse_value
-from itouch.schema.diagnostics import Place, Problem, did_you_mean, nearest
+from itouch.schema.diagnostics import Place, Problem, did_you_mean, meant, nearest
 from itouch.schema.fields import Spec, constraint, default_of, specs, tag_of, xml_name
 
 PLUGIN_NAMESPACE = "urn:itouch:plugin:"
@@ -99,23 +99,28 @@ class Binder:
     ) -> set[str]:
         known = [xml_name(n) for n, spec in table.items() if spec.kind not in ("child", "children", "plugin")]
         known += sorted(extra)
-        meant = set()
+        misspelt = set()
         for name, attribute in attributes.items():
             if name in known or hasattr(cls, "OPEN"):
                 continue
             close = nearest(name, [k for k in known if k not in attributes]) or nearest(name, known)
-            meant.add(close)
+            misspelt.add(close)
             advice = f"did you mean '{close}'?" if close else did_you_mean(name, known, "its attributes are")
             sentence = f"<{node.written}> has no attribute '{name}'"
-            self.problems.append(Problem("unknown-attribute", sentence, attribute.place, advice or "remove it"))
-        return meant
+            mend = meant(name, [k for k in known if k not in attributes])
+            self.problems.append(
+                Problem("unknown-attribute", sentence, attribute.place, advice or "remove it", mend=mend)
+            )
+        return misspelt
 
-    def _default(self, node: Node, cls: type, name: str, spec: Spec, meant: set[str], values: dict[str, Any]) -> None:
+    def _default(
+        self, node: Node, cls: type, name: str, spec: Spec, misspelt: set[str], values: dict[str, Any]
+    ) -> None:
         default = default_of(cls, name)
         if default is not MISSING:
             return
         values[name] = BROKEN
-        if xml_name(name) in meant:  # a misspelt required attribute is one problem, and it has been told
+        if xml_name(name) in misspelt:  # a misspelt required attribute is one problem, and it has been told
             return
         what = spec.doc or spec.kind
         sentence = f"<{node.written}> needs the attribute '{xml_name(name)}'"
@@ -126,7 +131,7 @@ class Binder:
             value = parse_value(spec, attribute.value)
         except ValueProblemError as fault:
             sentence = f'<{node.written} {xml_name(name)}="{_short(attribute.value)}">: {fault}'
-            self.problems.append(Problem(fault.code, sentence, attribute.place, fault.advice))
+            self.problems.append(Problem(fault.code, sentence, attribute.place, fault.advice, mend=fault.mend))
             return BROKEN
         if spec.kind == "file":
             return self._file(value, attribute)
@@ -267,11 +272,12 @@ class Binder:
     def _unknown_element(self, node: Node, child: Node, known: list[str], parts: bool) -> None:
         sentence = f"<{node.written}> has no element <{child.written}>"
         advice = did_you_mean(child.tag, known, "its elements are")
+        mend = meant(child.tag, known) if not child.namespace else None
         if child.namespace.startswith(PLUGIN_NAMESPACE):
             advice = "elements of plugins stand in <device>, <material> and <interaction>"
         elif child.namespace and not self._same_namespace(node, child):
             advice = f"the namespace '{child.namespace}' is not one of a plugin ({PLUGIN_NAMESPACE}NAME)"
-        self.problems.append(Problem("unknown-element", sentence, child.place, advice or "remove it"))
+        self.problems.append(Problem("unknown-element", sentence, child.place, advice or "remove it", mend=mend))
 
 
 def _short(text: str, width: int = 40) -> str:

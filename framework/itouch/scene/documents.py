@@ -9,7 +9,7 @@ from pathlib import Path
 from itouch.scene import shipping
 from itouch.scene.elements import VERSION
 from itouch.scene.source import Attribute, Node, SourceError, parse, read_bytes
-from itouch.schema.diagnostics import Place, Problem, did_you_mean
+from itouch.schema.diagnostics import Place, Problem, did_you_mean, meant
 
 MAX_INCLUDE_DEPTH = 16
 MAX_DOCUMENTS = 256
@@ -152,7 +152,8 @@ class DocumentReader:
         if node.namespace or node.tag not in SECTIONS:
             advice = did_you_mean(node.tag, SECTIONS, "its elements are")
             sentence = f"<itouch> has no element <{node.written}>"
-            self.problems.append(Problem("unknown-element", sentence, node.place, advice))
+            mend = meant(node.tag, SECTIONS) if not node.namespace else None
+            self.problems.append(Problem("unknown-element", sentence, node.place, advice, mend=mend))
         elif node.tag == "include":
             self._include(document, node)
         elif node.tag == "fault":  # any number of them; kept as if they stood in an element of their own
@@ -173,7 +174,8 @@ class DocumentReader:
             if name not in known:
                 sentence = f"<include> has no attribute '{name}'"
                 advice = did_you_mean(name, known, "its attributes are")
-                self.problems.append(Problem("unknown-attribute", sentence, attribute.place, advice))
+                mend = meant(name, [each for each in known if each not in node.attributes])
+                self.problems.append(Problem("unknown-attribute", sentence, attribute.place, advice, mend=mend))
         file = node.attributes.get("file")
         if file is None:
             if not any(name not in known for name in node.attributes):

@@ -77,7 +77,8 @@ class Names:
                 if kind not in advisers:
                     advisers[kind] = Adviser(list(known.get(kind, {})), f"each {kind} that there is")
                 advice = advisers[kind].advise(entry.name) or f"define a {kind}"
-                yield Problem("unknown-name", f"there is no {kind} named '{entry.name}'", entry.place, advice)
+                sentence, mend = f"there is no {kind} named '{entry.name}'", advisers[kind].mend(entry.name)
+                yield Problem("unknown-name", sentence, entry.place, advice, mend=mend)
 
 
 def _duplicates(entries: list[Entry]) -> Iterator[Problem]:

@@ -6,7 +6,7 @@ import math
 import re
 from typing import Any
 
-from itouch.schema.diagnostics import did_you_mean
+from itouch.schema.diagnostics import did_you_mean, meant
 from itouch.schema.fields import Spec
 from itouch.schema.quantities import QuantityError, describe, parse_quantity
 from itouch.schema.units import CELSIUS_OFFSET
@@ -17,11 +17,11 @@ _FLAGS = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0"
 
 
 class ValueProblemError(ValueError):
-    """A value that can't be taken: a problem's code, and the advice."""
+    """A value that can't be taken: a problem's code, the advice, and what alone can have been meant."""
 
-    def __init__(self, code: str, sentence: str, advice: str = "") -> None:
+    def __init__(self, code: str, sentence: str, advice: str = "", mend: tuple[str, str] | None = None) -> None:
         super().__init__(sentence)
-        self.code, self.advice = code, advice
+        self.code, self.advice, self.mend = code, advice, mend
 
 
 def parse_value(spec: Spec, text: str) -> Any:
@@ -93,7 +93,10 @@ def _name(spec: Spec, text: str) -> str:
 def _choice(spec: Spec, text: str) -> str:
     if text not in spec.values:
         raise ValueProblemError(
-            "bad-value", f"'{text}' is not one of its values", did_you_mean(text, spec.values, "allowed")
+            "bad-value",
+            f"'{text}' is not one of its values",
+            did_you_mean(text, spec.values, "allowed"),
+            meant(text, spec.values),
         )
     return text
 

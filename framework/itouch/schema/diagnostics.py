@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
+from difflib import SequenceMatcher, get_close_matches
 
 
 class ItouchError(Exception):
@@ -30,6 +30,7 @@ class Problem:
     """One fault of a file.
 
     ``code`` is stable and documented, ``sentence`` stands alone, ``related`` holds other places with a label each.
+    ``mend`` is the word that stands there and the only one that can have been meant, where there is one.
     """
 
     code: str
@@ -38,6 +39,7 @@ class Problem:
     advice: str = ""
     related: tuple[tuple[Place, str], ...] = ()
     severity: str = "error"
+    mend: tuple[str, str] | None = None
 
     def render(self) -> str:
         """Lay the problem out with its source line, a caret and the advice."""
@@ -100,6 +102,19 @@ def nearest(word: str, known: Iterable[str]) -> str:
     return matches[0] if matches else ""
 
 
+def meant(word: str, known: Iterable[str]) -> tuple[str, str] | None:
+    """Return the word and the one that alone can have been meant: much like it, and no other nearly as much."""
+    names = sorted(set(known))
+    same = [name for name in names if name.lower() == word.lower()]
+    if len(same) == 1:
+        return word, same[0]
+    close = get_close_matches(word, names, n=2, cutoff=0.6)
+    likeness = [SequenceMatcher(None, name, word).ratio() for name in close]
+    if not close or likeness[0] < 0.75 or (len(close) > 1 and likeness[0] - likeness[1] < 0.1):
+        return None
+    return word, close[0]
+
+
 def did_you_mean(word: str, known: Iterable[str], what: str = "known") -> str:
     """Advise the nearest known word, or list the few that there are."""
     names = sorted(set(known))
@@ -126,3 +141,7 @@ class Adviser:
         """Advise the nearest known word, or list the few that there are; nothing once enough was compared."""
         self._left -= 1
         return did_you_mean(word, self._known, self._what) if self._left >= 0 else ""
+
+    def mend(self, word: str) -> tuple[str, str] | None:
+        """Return what alone can have been meant, as ``meant`` does; None once enough was compared."""
+        return meant(word, self._known) if self._left >= 0 else None

@@ -14,7 +14,7 @@ from itouch.plugin.quantity import SIZES
 from itouch.scene import Scene
 from itouch.scene.elements import DeviceElement
 from itouch.schema import Place, Problem
-from itouch.schema.diagnostics import did_you_mean
+from itouch.schema.diagnostics import did_you_mean, meant
 from itouch.schema.fields import REQUIRED, default_of, specs, xml_name
 from itouch.world.failing import failing
 from itouch.world.files import SceneFiles
@@ -219,7 +219,8 @@ def _missing(scene: Scene, element: DeviceElement, catalog: Catalog) -> Problem:
         return Problem("plugin-failed", failure, place, "`itouch-py devices` shows the whole reason", severity=severity)
     advice = did_you_mean(element.plugin, catalog.device_names, "installed device plugins are")
     sentence = f"there is no device plugin named '{element.plugin}'"
-    return Problem("unknown-plugin", sentence, place, advice, severity=severity)
+    mend = meant(element.plugin, catalog.device_names)
+    return Problem("unknown-plugin", sentence, place, advice, severity=severity, mend=mend)
 
 
 def _params(scene: Scene, element: DeviceElement, cls: type[Device], problems: list[Problem]) -> Any:

@@ -1,0 +1,113 @@
+"""``itouch-py check --fix``: what can have meant one thing only is mended in the scene's file."""
+
+from __future__ import annotations
+
+import difflib
+import os
+import shutil
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from itouch.scene.mending import mended
+from itouch.schema import ItouchError
+from itouch.schema.diagnostics import Problem
+
+#: So many times a text is mended and looked at again: what is inside a misspelt element is seen only then.
+_ROUNDS = 10
+
+
+@dataclass(frozen=True, slots=True)
+class Fixed:
+    """A scene's text before and after, and the problems that are no more."""
+
+    before: str
+    after: str
+    problems: tuple[Problem, ...]
+
+    def diff(self, path: str) -> str:
+        """Return the change as a unified diff."""
+        lines = (self.before.splitlines(keepends=True), self.after.splitlines(keepends=True))
+        return "".join(difflib.unified_diff(*lines, fromfile=path, tofile=f"{path} (mended)"))
+
+
+def fixed(path: str, examine: Callable[[str], Sequence[Problem]]) -> Fixed | None:
+    """Mend a copy of a scene beside it, as often as that leaves fewer errors; None if there is nothing to mend.
+
+    Raises
+    ------
+    ItouchError
+        If no copy can be made in the scene's folder.
+    """
+    problems = examine(path)
+    if not any(problem.mend for problem in problems):
+        return None
+    before = Path(path).read_bytes()
+    data, done = before, []
+    with _beside(path) as copy:
+        shown = path
+        for _ in range(_ROUNDS):
+            data_then, now = mended(data, shown, problems)
+            if not now:
+                break
+            Path(copy).write_bytes(data_then)
+            problems_then = examine(copy)
+            if _fatal(problems_then) and not _fatal(problems):
+                break
+            data, problems, shown = data_then, problems_then, copy
+            done += now
+    return Fixed(before.decode("utf-8"), data.decode("utf-8"), tuple(done)) if done else None
+
+
+def _fatal(problems: Sequence[Problem]) -> bool:
+    """Whether a file could not be read as XML."""
+    return any(problem.code in ("not-well-formed", "wrong-root") for problem in problems)
+
+
+class _beside:  # noqa: N801 - used as a context, like those of contextlib
+    """The name of a copy in the folder of a scene, so that what it names by relative paths is found; removed after."""
+
+    def __init__(self, path: str) -> None:
+        self._path = path
+
+    def __enter__(self) -> str:
+        try:
+            handle, self._copy = tempfile.mkstemp(".xml", ".itouch-fix-", os.path.dirname(self._path) or ".")
+        except OSError as error:
+            raise ItouchError(f"cannot mend '{self._path}': {error.strerror}") from None
+        os.close(handle)
+        return self._copy
+
+    def __exit__(self, *_: object) -> None:
+        with suppress(OSError):
+            os.unlink(self._copy)
+
+
+def show_and_write(path: str, found: Fixed | None, *, write: bool) -> None:
+    """Show a scene's mending as a diff, then write it unless only the diff is wanted.
+
+    Raises
+    ------
+    ItouchError
+        If the file cannot be replaced; it is as it was then.
+    """
+    if found is None:
+        return
+    print(found.diff(path), end="", flush=True)
+    words = "1 problem" if len(found.problems) == 1 else f"{len(found.problems)} problems"
+    if not write:
+        print(f"{path}: {words} can be mended; nothing was written", file=sys.stderr)
+        return
+    target = os.path.realpath(path)  # a link stays one
+    try:
+        handle, copy = tempfile.mkstemp(".xml", ".itouch-fix-", os.path.dirname(target) or ".")
+        with os.fdopen(handle, "w", encoding="utf-8", newline="") as stream:
+            stream.write(found.after)
+        shutil.copymode(target, copy)
+        os.replace(copy, target)
+    except OSError as error:
+        raise ItouchError(f"cannot write '{path}': {error.strerror}; it is as it was") from None
+    print(f"{path}: {words} mended", file=sys.stderr)

@@ -1,0 +1,114 @@
+"""Mending of a scene's text: what is misspelt and can have meant one thing only, and nothing that bears on safety."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from xml.parsers import expat
+
+from itouch.schema.diagnostics import Place, Problem
+
+#: Nothing in these elements is mended, nor are they themselves: what was meant must be said by a person.
+UNTOUCHED = frozenset({"safety", "limits"})
+_NAME = re.compile(rb"[^\s/><=]+")
+_EMPTY = re.compile(rb"""<[^\s/>]+(?:\s+[^\s=<>/]+\s*=\s*(?:"[^"]*"|'[^']*'))*\s*/>""")
+_VALUE = re.compile(rb"""([^\s=<>/]+)\s*=\s*(["'])""")
+
+
+@dataclass(frozen=True, slots=True)
+class _Element:
+    """Where an element begins and its end tag does, if it has one [bytes]; its names from the root."""
+
+    start: int
+    end: int
+    names: tuple[str, ...]
+
+
+def mended(data: bytes, file: str, problems: Iterable[Problem]) -> tuple[bytes, list[Problem]]:
+    """Mend what is unambiguous in the text of a file.
+
+    Parameters
+    ----------
+    data
+        The file as read: UTF-8, well-formed.
+    file
+        Its name in the problems' places; problems of other files are passed over.
+    problems
+        What was found in it.
+
+    Returns
+    -------
+    tuple
+        The text with every word replaced for which a problem says the only one that can have been meant, and those
+        problems.  An element or attribute that limits, or that stands in one of ``UNTOUCHED``, is left as it is.
+    """
+    elements = _elements(data)
+    changes: dict[int, tuple[int, bytes]] = {}
+    done = []
+    for problem in problems:
+        if problem.mend is None or problem.place is None or problem.place.file != file:
+            continue
+        found = _changes(data, problem.place, problem.mend, problem.code, elements)
+        if found and not any(at in changes for at, _, _ in found):
+            changes.update({at: (length, new) for at, length, new in found})
+            done.append(problem)
+    for at in sorted(changes, reverse=True):
+        length, new = changes[at]
+        data = data[:at] + new + data[at + length :]
+    return data, done
+
+
+def _changes(
+    data: bytes, place: Place, mend: tuple[str, str], code: str, elements: list[_Element]
+) -> list[tuple[int, int, bytes]]:
+    """Return the bytes to replace: where, how many, by what; none where nothing may be, or the word is not there."""
+    wrong, right = (word.encode() for word in mend)
+    at = _offset(data, place)
+    element = max((one for one in elements if one.start <= at), key=lambda one: one.start, default=None)
+    words = " ".join((*mend, *(element.names if element else ()))).lower()
+    if element is None or UNTOUCHED & {*mend, *element.names} or "limit" in words:
+        return []
+    if code == "unknown-element":
+        places = [element.start + 1, *([] if _EMPTY.match(data, element.start) else [element.end + 2])]
+        return [(one, len(wrong), right) for one in places] if all(_word(data, one) == wrong for one in places) else []
+    if code == "unknown-attribute":
+        return [(at, len(wrong), right)] if _word(data, at) == wrong else []
+    value = _VALUE.match(data, at)
+    if value is None or b"limit" in value.group(1).lower():
+        return []
+    end = data.index(value.group(2), value.end())
+    return [(value.end(), len(wrong), right)] if data[value.end() : end] == wrong else []
+
+
+def _word(data: bytes, at: int) -> bytes:
+    found = _NAME.match(data, at)
+    return found.group() if found else b""
+
+
+def _offset(data: bytes, place: Place) -> int:
+    """Return the byte at which a place begins."""
+    start = 0
+    for _ in range(place.line - 1):
+        start = data.index(b"\n", start) + 1
+    line = data[start:].split(b"\n", 1)[0].decode("utf-8", "replace")
+    return start + len(line[: place.column - 1].encode())
+
+
+def _elements(data: bytes) -> list[_Element]:
+    """Return the elements of a well-formed text, in the order in which they end."""
+    parser = expat.ParserCreate()
+    opened: list[tuple[int, str]] = []
+    found: list[_Element] = []
+
+    def start(name: str, _: object) -> None:
+        opened.append((parser.CurrentByteIndex, name))
+
+    def end(_: str) -> None:
+        names = tuple(name for _, name in opened)
+        begin, _name = opened.pop()
+        found.append(_Element(begin, parser.CurrentByteIndex, names))
+
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.Parse(data, True)
+    return found
