@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import errno
+import ipaddress
+import socket
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Any
@@ -46,6 +49,25 @@ class Emulator(ABC):
         Only asked of a device that tracks the finger.
         """
         return (0.0, 0.0, 0.0)
+
+    @staticmethod
+    def listener(address: tuple[str, int]) -> socket.socket:
+        """Return a socket that listens at a host and a port of this machine; port 0 chooses a free one.
+
+        Whoever reaches a simulated device can command it, and a device's own protocol asks for no name: nobody from
+        another machine may.
+
+        Raises
+        ------
+        OSError
+            If the address can be reached from elsewhere, is none, or is taken.
+        """
+        host, port = address
+        found = socket.getaddrinfo(host or "0.0.0.0", port, type=socket.SOCK_STREAM)
+        if not all(ipaddress.ip_address(entry[4][0]).is_loopback for entry in found):
+            said = "a simulated device can be reached from this machine only: write 127.0.0.1"
+            raise OSError(errno.EADDRNOTAVAIL, said)
+        return socket.create_server(address)
 
     @abstractmethod
     def open(self) -> str:

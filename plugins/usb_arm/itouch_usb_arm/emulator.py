@@ -66,7 +66,7 @@ class ArmEmulator(Emulator):
         if not host or not port.isdigit():
             return "nothing: no usbip address is named"
         try:
-            self._server = UsbipServer(self.arm, (host, int(port)))
+            self._server = UsbipServer(self.arm, (host, int(port)), self.listener)
         except OSError as error:
             raise DeviceError(f"no virtual arm can listen on {host}:{port}: {error.strerror or error}") from error
         return f"Falcon over USB/IP on {host}:{port}"

@@ -7,7 +7,7 @@ import socket
 from collections.abc import Callable
 from typing import Any
 
-from itouch.plugin import DeviceError
+from itouch.plugin import DeviceError, Emulator
 from itouch_arms.haply.virtual import VirtualService
 
 _BYTES = 65536
@@ -38,7 +38,7 @@ class Server:
         except ImportError as error:
             raise DeviceError("a virtual Haply arm needs a package more: pip install 'itouch-py[haply]'") from error
         try:
-            self._listener = socket.create_server(address)
+            self._listener = Emulator.listener(address)
         except OSError as error:
             where = f"{address[0]}:{address[1]}"
             raise DeviceError(f"no virtual Inverse Service can listen on {where}: {error.strerror or error}") from error

@@ -30,7 +30,7 @@ class ModbusServer:
 
     def __init__(self, host: str, port: int, device: VirtualT7) -> None:
         try:
-            self._listener = socket.create_server((host, port))
+            self._listener = Emulator.listener((host, port))
         except OSError as error:
             raise DeviceError(f"no virtual T7 can listen on {host}:{port}: {error.strerror or error}") from error
         self._listener.setblocking(False)

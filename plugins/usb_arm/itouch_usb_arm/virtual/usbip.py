@@ -52,11 +52,14 @@ class _Host:
 
 
 class UsbipServer:
-    """Offers one virtual arm; ``address`` is (host, port), port 0 chooses a free one."""
+    """Offers one virtual arm; ``address`` is (host, port), port 0 chooses a free one; ``listen`` opens it."""
 
-    def __init__(self, arm: VirtualFalcon, address: tuple[str, int] = ("127.0.0.1", 3240)) -> None:
+    def __init__(
+        self, arm: VirtualFalcon, address: tuple[str, int] = ("127.0.0.1", 3240),
+        listen: Callable[[tuple[str, int]], socket.socket] = socket.create_server,
+    ) -> None:  # fmt: skip
         self.arm = arm
-        self._listener = socket.create_server(address)
+        self._listener = listen(address)
         self._selector = selectors.DefaultSelector()
         self._selector.register(self._listener, selectors.EVENT_READ, None)
         self._hosts: list[_Host] = []
