@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 import sys
+from functools import cache
 from pathlib import Path
 
 from sources import ROOT, circles, imports, modules
@@ -23,6 +24,7 @@ def room(name: str) -> str:
     return rest.split(".")[0] if root == "itouch" and rest else root
 
 
+@cache
 def graph() -> tuple[dict[str, str], dict[str, set[str]]]:
     """Return what each room is for, and the rooms that it imports."""
     every = modules()
