@@ -18,6 +18,7 @@ from itouch.recording import Recording
 from itouch.report import columns
 from itouch.report.markup import number, table, text
 from itouch.scene import Scene
+from itouch.schema.units import CELSIUS_OFFSET
 from itouch.session import Session
 from itouch.world import Model
 
@@ -92,19 +93,30 @@ def _extremes(values: NDArray[np.float64]) -> NDArray[np.intp]:
 
 
 def _curves(shown: Recording) -> Iterable[str]:
-    """Yield the curves of the first channels of the devices: one number each, or the length of a vector."""
+    """Yield the first curves: of each track one channel a unit, what was sent instead of what was asked for.
+
+    Of a place the height is shown, of a force its size.
+    """
     left = CURVES
     for name, track in shown.tracks.items():
-        rows = shown[name]
+        rows, units = shown[name], set[str]()
         for column in track.columns:
-            if left == 0 or len(rows) < 2 or not column.unit or name in ("session", "state"):
+            if left == 0 or len(rows) < 2 or name == "session" or not column.unit or column.unit in units:
                 continue
-            values = np.asarray(rows[column.name], np.float64)
-            size = "" if values.ndim == 1 else "length of "
-            if values.ndim > 1:
-                values = np.linalg.norm(values.reshape(len(values), -1)[:, :3], axis=1)
+            if column.name.startswith("command."):
+                continue
+            units.add(column.unit)
+            values, of = np.asarray(rows[column.name], np.float64), ""
+            if values.ndim > 1 and values.shape[1] == 1:
+                values = values[:, 0]
+            if values.ndim > 1 and column.unit == "m" and values.shape[1] in (3, 7):
+                values, of = values.reshape(len(values), -1)[:, 2], "height of "
+            elif values.ndim > 1:
+                values, of = np.linalg.norm(values.reshape(len(values), -1)[:, :3], axis=1), "size of "
             left -= 1
-            yield curve(rows["time"], values, f"{size}{name}.{column.name} [{column.unit}]")
+            unit = "degC" if column.unit == "K" else column.unit  # as on all screens
+            values = values - CELSIUS_OFFSET if unit == "degC" else values
+            yield curve(rows["time"], values, f"{of}{name}.{column.name} [{unit}]")
 
 
 def _told(model: Model | None, report: dict[str, Any]) -> str:
@@ -150,7 +162,8 @@ def _picture(model: Model, state: Any) -> str:
             drawn = base64.b64encode(path.read_bytes()).decode()
     finally:
         shots.close()
-    return f'<img alt="the scene" width="{PICTURE[0]}" height="{PICTURE[1]}" src="data:image/png;base64,{drawn}">'
+    size = f'width="{PICTURE[0]}" height="{PICTURE[1]}"'
+    return f'<img alt="the scene" style="display:block" {size} src="data:image/png;base64,{drawn}">'
 
 
 def _head(name: str) -> str:
