@@ -10,6 +10,7 @@ import pytest
 from shipped import SCENES
 
 from itouch.bench import batch as bench
+from itouch.bench.bare import waited
 from itouch.cli import main
 from itouch.cli.doctor import rates
 from itouch.cli.doctor.rates import Held
@@ -66,6 +67,47 @@ def test_each_rate_is_run_and_a_modality_that_does_not_divide_it_is_told(
     assert [(row["overruns_late"], row["overruns_own"]) for row in found["rates"]] == [(1, 4)] * 3
     assert found["verdict"] == "this machine holds none of these rates"
     assert WAKE_UP == "wake-up"
+
+
+class Late:
+    """A clock that is late by what it is told, a period after the other."""
+
+    pace = "real"
+
+    def __init__(self, *late: float) -> None:
+        self.late, self.started = list(late), 0
+
+    def start(self, period: float) -> None:
+        self.started += 1
+
+    def wait(self) -> float:
+        return self.late.pop(0)
+
+
+def test_a_bare_timer_counts_what_would_have_overrun() -> None:
+    clock = Late(0.0, 7e-5, 9e-5, 3e-4, 0.0)
+    assert waited(clock, 2.5e-4, 5, 1.7e-4) == 2
+    assert clock.started == 2  # once more after a whole period was missed
+
+
+def test_rates_beside_busy_processes_are_set_beside_a_bare_timer(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def run(scene: Any, seconds: float, *, realtime: bool) -> Timing:
+        times = Timing(["a"])
+        for _ in range(100):
+            times.add([0.0, 3e-5])
+        return times
+
+    monkeypatch.setattr(rates, "in_process", run)
+    monkeypatch.setattr(rates, "RATES", (4000.0,))
+    assert main(["doctor", "--rates", str(FIRST), "--measure", "0.1s", "--busy", "1", "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)["rates"]
+    assert [row["bare_ticks"] for row in rows] == [400]
+    assert all(0 <= row["bare_late"] <= row["bare_ticks"] for row in rows)
+    assert f"(a bare timer: 3 of {GOOD.ticks})" in replace(GOOD, bare_ticks=GOOD.ticks, bare_late=3).sentence()
+    with pytest.raises(SystemExit):
+        main(["doctor", "--rates", str(FIRST), "--busy", "-1"])
 
 
 def test_a_batch_is_measured_beside_plain_loops() -> None:

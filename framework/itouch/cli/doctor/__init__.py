@@ -23,6 +23,8 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--twin", metavar="all|none|NAME", help="with --rig: take these devices as twins")
     parser.add_argument("--for", dest="duration", type=seconds, default=3.0, metavar="3s",
                         help="with --rig: how long to watch the sensors (default 3 s)")  # fmt: skip
+    parser.add_argument("--busy", type=int, default=0, metavar="N",
+                        help="with --rates: beside N processes that compute, set beside a bare timer")  # fmt: skip
     parser.add_argument("--clear-kept", action="store_true",
                         help="remove kept kernels, results and meshes; the next start makes them")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print JSON")
@@ -35,7 +37,9 @@ def main(argv: Sequence[str]) -> int:
     if options.rig is not None:
         return _rig(options.rig, options.twin, options.duration, as_json=options.json)
     if options.rates is not None:
-        return _rates(options.rates, options.measure or 5.0, as_json=options.json)
+        if not 0 <= options.busy <= 256:
+            parser.error(f"--busy {options.busy} is out of range: 0 to 256")
+        return _rates(options.rates, options.measure or 5.0, beside=options.busy, as_json=options.json)
     from itouch.cli.doctor.checks import examine
     from itouch.cli.doctor.verdict import judge, measure
 
@@ -62,14 +66,14 @@ def main(argv: Sequence[str]) -> int:
     return 0
 
 
-def _rates(path: str, each: float, *, as_json: bool) -> int:
+def _rates(path: str, each: float, *, beside: int, as_json: bool) -> int:
     """Measure which rates are held, each for some seconds."""
     from itouch.bench.loop import bench_scene
     from itouch.cli.doctor.rates import best, rates
     from itouch.session import load_scene
 
     found = []
-    for row in rates(load_scene(path, twin="all") if path else bench_scene(), each):
+    for row in rates(load_scene(path, twin="all") if path else bench_scene(), each, beside=beside):
         found.append(row)
         if not as_json:
             print(row.sentence(), flush=True)

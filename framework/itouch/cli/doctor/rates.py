@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+from itouch.bench.bare import beside_the_loop, busy
 from itouch.bench.loop import in_process
 from itouch.loop.timing import WAKE_UP
 from itouch.scene import Scene
@@ -18,7 +19,11 @@ OWN, WOKEN_LATE = 1e-4, 1e-3
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """One rate: how long ticks took [us], how many overran by themselves and by a late wake-up, and the verdict."""
+    """One rate: how long ticks took [us], how many overran by themselves and by a late wake-up, and the verdict.
+
+    ``bare_ticks``, ``bare_late``: periods of a loop that only waits, at the same rate and priority, right after it, and
+    after how many a tick of the same length would have overrun.
+    """
 
     rate_hz: float
     ticks: int
@@ -28,6 +33,8 @@ class Held:
     overruns_late: int
     skipped: int
     problem: str = ""
+    bare_ticks: int = 0
+    bare_late: int = 0
 
     @property
     def held(self) -> bool:
@@ -43,24 +50,29 @@ class Held:
         spent = f"tick p50 {self.tick_p50_us:.0f} us, p99 {self.tick_p99_us:.0f} us of {1e6 / self.rate_hz:.0f}"
         over = f"of {self.ticks} ticks {self.overruns_own} overran by themselves, {self.overruns_late} began late"
         skipped = f", {self.skipped} periods were given up" if self.skipped else ""
-        return f"{self.rate_hz:g} Hz {'held' if self.held else 'NOT held'}: {spent}; {over}{skipped}"
+        bare = f" (a bare timer: {self.bare_late} of {self.bare_ticks})" if self.bare_ticks else ""
+        return f"{self.rate_hz:g} Hz {'held' if self.held else 'NOT held'}: {spent}; {over}{bare}{skipped}"
 
 
-def rates(scene: Scene, seconds: float) -> Iterator[Held]:
-    """Yield what each rate was like, run for some seconds; a rate that does not suit the scene is told as that."""
-    for rate in RATES:
-        changed = replace(scene, rates=replace(scene.rates, servo=rate))
-        try:
-            times = in_process(changed, seconds, realtime=True)
-        except SceneError as error:
-            problem = error.problems[0].sentence
-            yield Held(rate, 0, 0.0, 0.0, 0, 0, 0, problem)
-            continue
-        culprits, spent = times.culprits(), times.summary()
-        late = culprits.get(WAKE_UP, 0)
-        yield Held(
-            rate, times.ticks, spent["p50"] or 0.0, spent["p99"] or 0.0, times.overruns - late, late, times.skipped
-        )
+def rates(scene: Scene, seconds: float, *, beside: int = 0) -> Iterator[Held]:
+    """Yield what each rate was like, run for some seconds; a rate that does not suit the scene is told as that.
+
+    ``beside``: so many processes compute at the same time, and a loop that only waits is measured, too.
+    """
+    with busy(beside):
+        for rate in RATES:
+            changed = replace(scene, rates=replace(scene.rates, servo=rate))
+            try:
+                times = in_process(changed, seconds, realtime=True)
+            except SceneError as error:
+                problem = error.problems[0].sentence
+                yield Held(rate, 0, 0.0, 0.0, 0, 0, 0, problem)
+                continue
+            culprits, spent = times.culprits(), times.summary()
+            late, p50 = culprits.get(WAKE_UP, 0), spent["p50"] or 0.0
+            bare = beside_the_loop(rate, seconds, p50 * 1e-6) if beside else (0, 0)
+            own = times.overruns - late
+            yield Held(rate, times.ticks, p50, spent["p99"] or 0.0, own, late, times.skipped, "", *bare)
 
 
 def best(found: list[Held]) -> str:
