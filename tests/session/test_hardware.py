@@ -116,6 +116,25 @@ def test_restored_hardware_is_open_and_waits(scene: Path) -> None:
     assert cls.opened == ["open", "close"]
 
 
+def test_a_device_that_raises_when_it_is_released_keeps_no_other_open(scene: Path) -> None:
+    cls = stick()
+
+    def close(self: Any) -> None:
+        self.opened.append("close")
+        raise RuntimeError("it does not let go")
+
+    cls.close = close  # type: ignore[method-assign]
+    text = scene.read_text(encoding="utf-8")
+    scene.write_text(text.replace("<devices>", '<devices><device name="other" plugin="stick" twin="no"/>'))
+    session = itouch.build(scene, catalog=catalog(cls))
+    session.enable()
+    session.tick()
+    with pytest.raises(RuntimeError, match="does not let go"):
+        session.close()
+    assert cls.opened == ["open", "open", "close", "close"]
+    assert {session.status(name).name for name in ("stick", "other")} == {"CLOSED"}
+
+
 def test_hardware_without_a_watchdog_is_told_of_where_no_guardian_is(scene: Path) -> None:
     session = itouch.build(scene, catalog=catalog(stick()))
     (told,) = [notice for notice in session.notices if "watchdog" in notice]

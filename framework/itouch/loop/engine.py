@@ -369,13 +369,22 @@ class Engine:
         self._safe_stop.wind_down(self.taps, self.clock.wait if self._paced else None)
 
     def close(self) -> None:
-        """Make every device safe and release it; the state stays readable."""
+        """Make every device safe and release it; the state stays readable.
+
+        What one raises when it is released is raised again when all have been.
+        """
         if any(runner.enabled and not runner.model.twin for runner in self._all):
             self.park()
+        failed: list[Exception] = []
         for runner in self._all:
             if runner.status is not Status.CLOSED and not runner.model.twin:
-                runner.close()
+                try:
+                    runner.close()
+                except Exception as error:  # the others must be released all the same
+                    failed.append(error)
         self._enabled = False
+        if failed:
+            raise failed[0]
 
     def __enter__(self) -> Engine:
         return self
