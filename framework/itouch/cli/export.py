@@ -25,7 +25,7 @@ def main(argv: Sequence[str]) -> int:
         with waiting(f"exporting {options.file}"):
             written = _session(options) if options.file.endswith((".itouch", ".xml")) else _recording(options)
     except OSError as error:
-        outputs = (options.xml, options.itouch, options.csv, options.parquet, options.bids)
+        outputs = (options.xml, options.itouch, options.csv, options.parquet, options.bids, options.layout)
         name = error.filename or next((output for output in outputs if output), options.file)
         raise ItouchError(f"cannot write '{name}': {error.strerror or error}") from error
     except ValueError as error:
@@ -69,6 +69,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--task", default="", metavar="LABEL", help="task of --bids (default: the scene's name)")
     parser.add_argument("--author", action="append", default=[], metavar="NAME",
                         help="who made the data, for --bids; may be given again")  # fmt: skip
+    parser.add_argument("--layout", type=output_file, metavar="FILE.json",
+                        help="panels for Foxglove and Lichtblick: the scene, a plot a unit, the events")  # fmt: skip
     add_json(parser)
     return parser
 
@@ -111,8 +113,8 @@ def _recording(options: argparse.Namespace) -> list[str]:
 
     if options.xml or options.itouch:
         raise ItouchError(f"'{options.file}' is not a session; --xml writes one (.itouch) as XML")
-    if options.csv is None and options.parquet is None and not options.bids:
-        raise ItouchError("say what to write: --csv, --parquet or --bids DIR")
+    if options.csv is None and options.parquet is None and not (options.bids or options.layout):
+        raise ItouchError("say what to write: --csv, --parquet, --bids DIR or --layout FILE.json")
     recording = read(options.file)
     for loss in recording.losses:
         note(loss)
@@ -125,4 +127,8 @@ def _recording(options: argparse.Namespace) -> list[str]:
     if options.bids:
         named = {"subject": options.subject, "task": options.task}
         written += export_bids(recording, options.bids, authors=options.author, **named)
+    if options.layout:
+        from itouch.recording.foxglove import export_layout
+
+        written += export_layout(recording, options.layout)
     return written

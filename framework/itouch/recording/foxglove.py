@@ -1,0 +1,96 @@
+"""A layout for Foxglove and Lichtblick that shows a recording: the scene in 3-D, a plot for each unit, the events.
+
+The file is what these viewers write with *Export layout* and read with *Import from file*; it names topics and fields
+of the recording's own schemas.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from itouch.recording.recording import Recording
+from itouch.recording.tracks import Column, Track, identifiers
+
+#: Topics of the 3-D scene and of the events, and the frame in which the scene stands.
+SCENE, TRANSFORMS, EVENTS, WORLD = "/view/scene", "/view/transforms", "/log/events", "world"
+#: How many plots there are, and lines in one of them.
+PLOTS, LINES = 6, 9
+
+Panel = dict[str, Any]
+
+
+def export_layout(recording: Recording, target: str) -> list[str]:
+    """Write the layout; return the file.
+
+    Raises
+    ------
+    OSError
+        If it can't be written.
+    """
+    Path(target).write_text(json.dumps(layout(recording), indent=1) + "\n", encoding="utf-8")
+    return [target]
+
+
+def layout(recording: Recording) -> dict[str, Any]:
+    """Return the panels of a recording and how they stand: the scene and its events left, the plots right."""
+    panels: dict[str, Panel] = {
+        "3D!scene": {
+            "followTf": WORLD,
+            "topics": {SCENE: {"visible": True}},
+            "scene": {"backgroundColor": "#16181d"},
+            "cameraState": {"distance": 0.5, "phi": 60.0, "thetaOffset": 30.0, "perspective": True,
+                            "target": [0.0, 0.0, 0.0], "targetOffset": [0.0, 0.0, 0.0]},
+        },
+        "RawMessages!events": {"topicPath": EVENTS, "diffEnabled": False},
+    }  # fmt: skip
+    plots = []
+    for unit, lines in _lines(recording).items():
+        name = f"Plot!{identifiers([unit])[0]}"
+        panels[name] = {
+            "title": f"[{unit}]",
+            "paths": [{"value": path, "label": label, "enabled": True, "timestampMethod": "receiveTime"}
+                      for path, label in lines],
+            "showLegend": True, "isSynced": True, "xAxisVal": "timestamp",
+        }  # fmt: skip
+        plots.append(name)
+    left = {"first": "3D!scene", "second": "RawMessages!events", "direction": "column", "splitPercentage": 75}
+    whole = {"first": left, "second": _stacked(plots), "direction": "row", "splitPercentage": 55} if plots else left
+    return {"configById": panels, "globalVariables": {}, "userNodes": {}, "playbackConfig": {"speed": 1.0},
+            "layout": whole}  # fmt: skip
+
+
+def _lines(recording: Recording) -> dict[str, list[tuple[str, str]]]:
+    """Return unit -> paths and labels of what is plotted in it: readings, and what was sent."""
+    found: dict[str, list[tuple[str, str]]] = {}
+    for track in recording.tracks.values():
+        names = identifiers(["tick", "time", *(column.name for column in track.columns)])[2:]
+        for name, column in zip(names, track.columns, strict=True):
+            if not column.unit or column.name.startswith("command."):
+                continue
+            if column.unit in found or len(found) < PLOTS:
+                lines = found.setdefault(column.unit, [])
+                lines += list(_of_column(track, name, column))[: LINES - len(lines)]
+    return found
+
+
+def _of_column(track: Track, name: str, column: Column) -> Iterator[tuple[str, str]]:
+    """Yield path and label of a column's numbers that have its unit."""
+    path = f"{track.topic}.{name}"
+    if column.size == 0:
+        yield path, f"{track.name}.{column.name}"
+        return
+    inner = [f".{part}" for part in column.parts] or [f"[{index}]" for index in range(column.size)]
+    for part, label, unit in zip(inner, column.labels, column.units, strict=True):
+        if unit == column.unit:
+            yield path + part, f"{track.name}.{label}"
+
+
+def _stacked(panels: list[str]) -> Any:
+    """Return panels one below the other, all of one height."""
+    if len(panels) == 1:
+        return panels[0]
+    return {"first": panels[0], "second": _stacked(panels[1:]), "direction": "column",
+            "splitPercentage": 100 / len(panels)}  # fmt: skip

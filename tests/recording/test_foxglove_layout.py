@@ -1,0 +1,79 @@
+"""The layout for viewers names topics and fields that the recording has."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+from google.protobuf import descriptor_pb2, descriptor_pool
+from mcap.reader import make_reader
+from shipped import SCENES
+
+import itouch
+from itouch.cli import main
+from itouch.recording import foxglove
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """Return a recording of the four materials and its layout, as the command writes it."""
+    folder = tmp_path_factory.mktemp("layout")
+    session = itouch.build(SCENES / "four_materials.xml")
+    session.record(folder / "r.mcap")
+    session.run(0.3)
+    session.close()
+    assert main(["export", str(folder / "r.mcap"), "--layout", str(folder / "r.json")]) == 0
+    return folder / "r.mcap", json.loads((folder / "r.json").read_text(encoding="utf-8"))
+
+
+def test_every_path_is_a_number_of_the_recording(written: tuple[Path, dict[str, Any]]) -> None:
+    path, layout = written
+    with open(path, "rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    schemas = {channel.topic: summary.schemas[channel.schema_id] for channel in summary.channels.values()}
+    paths = [
+        line["value"]
+        for name, panel in layout["configById"].items()
+        if name.startswith("Plot!")
+        for line in panel["paths"]
+    ]
+    assert len(paths) == len(set(paths)) > 10
+    for one in paths:
+        topic, *names = re.findall(r"/[\w/-]+|(?<=\.)\w+|\[\d+\]", one)
+        pool = descriptor_pool.DescriptorPool()
+        for file in descriptor_pb2.FileDescriptorSet.FromString(schemas[topic].data).file:
+            pool.Add(file)
+        message = pool.FindMessageTypeByName(schemas[topic].name)
+        field = None
+        for name in names:
+            if name.startswith("["):
+                assert field is not None
+                continue
+            assert name in message.fields_by_name, one
+            field = message.fields_by_name[name]
+            message = field.message_type or message
+        assert field is not None and field.message_type is None, f"{one} is no number"
+    assert {foxglove.SCENE, foxglove.EVENTS, foxglove.TRANSFORMS} <= set(schemas)
+
+
+def test_every_panel_stands_once_and_plots_have_one_unit(written: tuple[Path, dict[str, Any]]) -> None:
+    _, layout = written
+
+    def leaves(node: Any) -> list[str]:
+        return [node] if isinstance(node, str) else leaves(node["first"]) + leaves(node["second"])
+
+    assert sorted(leaves(layout["layout"])) == sorted(layout["configById"])
+    titles = [panel["title"] for name, panel in layout["configById"].items() if name.startswith("Plot!")]
+    assert {"[N]", "[K]", "[m]"} <= set(titles) and len(titles) <= foxglove.PLOTS
+    newtons = layout["configById"]["Plot!N"]["paths"]
+    assert {line["label"] for line in newtons} >= {"arm.sent.wrench.x", "table.wrench.z"}
+    assert not any(".rx" in line["value"] for line in newtons)  # torques have another unit
+    assert all(
+        len(panel["paths"]) <= foxglove.LINES
+        for name, panel in layout["configById"].items()
+        if name.startswith("Plot!")
+    )
