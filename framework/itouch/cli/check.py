@@ -63,7 +63,7 @@ def examined(path: str, rig: str | None, twin: str | None) -> tuple[Model | None
     from itouch.scene.loader import in_file_order, read_scene
     from itouch.schema.diagnostics import SceneError
     from itouch.session import choose_twins
-    from itouch.session.wishes import recording_problems
+    from itouch.session.wishes import recording_notes, recording_problems
     from itouch.world import compile_scene
     from itouch.world.sense import odd
 
@@ -78,7 +78,8 @@ def examined(path: str, rig: str | None, twin: str | None) -> tuple[Model | None
     unrecordable = recording_problems(model) if model is not None else []
     if model is not None and not unrecordable:
         more = [*more, *odd(model)]
-        model = replace(model, notices=tuple(notice for notice in model.notices if not _told(notice, more)))
+        untold = (notice for notice in model.notices if not _told(notice, more))
+        model = replace(model, notices=(*untold, *recording_notes(model)))
     return (None if unrecordable else model), in_file_order([*problems, *more, *unrecordable])
 
 

@@ -176,6 +176,7 @@ class Session(Shown, Engine):
             raise RecordingError(f"the session is being recorded to '{self.recorder.path}'")
         target = os.fspath(path)
         tracks = wishes.tracks_of(self.model, self.state)
+        self._notes += tuple(note for note in wishes.recording_notes(self.model) if note not in self._notes)
         try:
             os.makedirs(os.path.dirname(target) or ".", exist_ok=True)
         except OSError as error:

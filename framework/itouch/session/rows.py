@@ -47,14 +47,15 @@ def chosen_tracks(model: Model, state: Record, wishes: Iterable[Wish]) -> list[T
     Raises
     ------
     ValueError
-        If a pattern matches nothing, or a rate does not divide the servo rate.
+        If a pattern matches nothing, not even what a real device would have as a twin, or a rate does not divide the
+        servo rate.
     """
     known, found = declared(model), dict[tuple[str, int], dict[str, Column]]()
     for patterns, rate in wishes:
         every = _every(rate, model.period)
         for pattern in patterns:
             names = fnmatch.filter([name for name in state if recordable(state, name)], pattern)
-            if not names:
+            if not names and not real_device_of(model, pattern):
                 raise ValueError(f"no channel is named '{pattern}'")
             for name in names:
                 owner, _, short = name.partition(".") if "." in name else ("session", "", name)
@@ -63,6 +64,14 @@ def chosen_tracks(model: Model, state: Record, wishes: Iterable[Wish]) -> list[T
         Track(_track_name(owner, every, model.period), every, False, tuple(columns.values()))
         for (owner, every), columns in found.items()
     ]
+
+
+def real_device_of(model: Model, pattern: str) -> str:
+    """Return the device that is real here, and would have fields of that name if it were a twin; empty: none."""
+    for name, device in model.devices.items():
+        if not device.twin and fnmatch.filter([f"{name}.twin.{f.name}" for f in device.twin_fields()], pattern):
+            return name
+    return ""
 
 
 def in_track(name: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fnmatch
 import os
 import time
 from pathlib import PurePath
@@ -10,8 +11,8 @@ from itouch.plugin import Record
 from itouch.recording.tracks import Track
 from itouch.scene.elements import RecordElement
 from itouch.schema import Problem, SceneError
-from itouch.session.rows import Wish, chosen_tracks, replay_tracks
-from itouch.world import Model, make_state
+from itouch.session.rows import Wish, chosen_tracks, real_device_of, replay_tracks
+from itouch.world import Model, declared, make_state
 
 
 def tracks_of(model: Model, state: Record) -> list[Track]:
@@ -40,6 +41,20 @@ def recording_problems(model: Model) -> list[Problem]:
     except SceneError as error:
         return list(error.problems)
     return []
+
+
+def recording_notes(model: Model) -> list[str]:
+    """Return what of the scene's wishes is left away because a device is real, one sentence each."""
+    element = model.scene.record
+    if element is None:
+        return []
+    names = list(declared(model))
+    patterns = [pattern for patterns, _ in wishes_of(element, model.scene.rates.servo) for pattern in patterns]
+    return [
+        f"'{pattern}' is recorded only where device '{device}' is a twin: here it is real"
+        for pattern in patterns
+        if not fnmatch.filter(names, pattern) and (device := real_device_of(model, pattern))
+    ]
 
 
 def wishes_of(element: RecordElement, servo: float) -> list[Wish]:
