@@ -19,9 +19,9 @@ from itouch.recording import foxglove
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
-    """Return a recording of the four materials and its layout, as the command writes it."""
+    """Return a recording and its layout, as the command writes it."""
     folder = tmp_path_factory.mktemp("layout")
-    session = itouch.build(SCENES / "four_materials.xml")
+    session = itouch.build(SCENES / "first_touch.xml")
     session.record(folder / "r.mcap")
     session.run(0.3)
     session.close()
@@ -68,9 +68,9 @@ def test_every_panel_stands_once_and_plots_have_one_unit(written: tuple[Path, di
 
     assert sorted(leaves(layout["layout"])) == sorted(layout["configById"])
     titles = [panel["title"] for name, panel in layout["configById"].items() if name.startswith("Plot!")]
-    assert {"[N]", "[K]", "[m]"} <= set(titles) and len(titles) <= foxglove.PLOTS
+    assert {"[N]", "[m]"} <= set(titles) and len(titles) <= foxglove.PLOTS
     newtons = layout["configById"]["Plot!N"]["paths"]
-    assert {line["label"] for line in newtons} >= {"arm.sent.wrench.x", "table.wrench.z"}
+    assert {line["label"] for line in newtons} >= {"arm.sent.wrench.x", "finger.force.z"}
     assert not any(".rx" in line["value"] for line in newtons)  # torques have another unit
     assert all(
         len(panel["paths"]) <= foxglove.LINES
