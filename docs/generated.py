@@ -71,7 +71,8 @@ def _itouch_py(*words: str) -> None:
 def draw_played(recording: str, picture: Path) -> None:
     """Draw the window that plays a recording, as it stands in the middle of a contact."""
     from itouch.recording import read
-    from itouch.viewer.offscreen import Offscreen, write_png
+    from itouch.viewer.context import write_png
+    from itouch.viewer.offscreen import Offscreen
     from itouch.viewer.playback import Playback
     from itouch.viewer.reel import Reel
 

@@ -16,7 +16,7 @@ from itouch.cli import leading, main
 from itouch.plugin import DeviceError
 from itouch.servo import ServoError
 from itouch.testing import DeviceTests
-from itouch.world.leading import led
+from itouch.world.model import led
 
 SCENE = """<itouch version="1.0">
   <materials><material name="wood"><contact stiffness="0.8 N/mm"/></material></materials>

@@ -49,7 +49,8 @@ def _plan(path: str) -> Facts:
 def _draw(path: str, picture: str) -> None:
     """Draw the scene of a scene file or a session as it stands."""
     from itouch.session import build, is_session, restore
-    from itouch.viewer.offscreen import Offscreen, write_png
+    from itouch.viewer.context import write_png
+    from itouch.viewer.offscreen import Offscreen
 
     if path.endswith(".mcap"):
         raise ItouchError("--picture draws a scene or a session; `itouch-py report` draws a recording")

@@ -60,7 +60,7 @@ def without_window(model: Model, *, real: bool) -> Leader | None:
         If nobody would lead it.
     """
     from itouch.arms.pad import PadError, find_pad
-    from itouch.world.leading import led
+    from itouch.world.model import led
 
     for probe, arm in led(model):
         reason = f"the {arm.cls.led_by} leads it in a window, and there is none"

@@ -148,7 +148,8 @@ def _compiled(shown: Scene) -> str:
 
 
 def _picture(model: Model, state: Any) -> str:
-    from itouch.viewer.offscreen import GraphicsError, Offscreen, write_png
+    from itouch.viewer.context import write_png
+    from itouch.viewer.offscreen import GraphicsError, Offscreen
 
     try:
         shots = Offscreen(model, width=PICTURE[0], height=PICTURE[1])

@@ -167,7 +167,8 @@ def scene_picture(findings: Findings) -> bytes | None:
     """Return a PNG of the last State, or None where there is no OpenGL."""
     if findings.model is None or findings.state is None:
         return None
-    from itouch.viewer.offscreen import GraphicsError, Offscreen, write_png
+    from itouch.viewer.context import write_png
+    from itouch.viewer.offscreen import GraphicsError, Offscreen
 
     try:
         shots = Offscreen(findings.model, width=960, height=540)

@@ -10,7 +10,7 @@ from pyglet.window import key
 
 from itouch.viewer.asking import DARK, Board, Face, Look
 from itouch.viewer.buffers import Frame
-from itouch.viewer.offscreen import config
+from itouch.viewer.context import config
 
 
 class AskingWindow(pyglet.window.Window):

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from itouch.loop import Engine
 from itouch.schema import ItouchError
 from itouch.viewer import colours
-from itouch.viewer.offscreen import Offscreen, write_png
+from itouch.viewer.context import write_png
+from itouch.viewer.offscreen import Offscreen
 from itouch.viewer.overlay import Situation
 
 #: Frames of simulated time a second.

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from itouch.plugin import Record
 from itouch.schema import ItouchError
+from itouch.viewer.context import config
 from itouch.viewer.overlay import Situation
 from itouch.world import Model
 
@@ -65,16 +66,6 @@ def has_display() -> bool:
         return False
     x11.XCloseDisplay(ctypes.c_void_p(screen))
     return True
-
-
-def config() -> Any:
-    """Return what is asked of a context: 3.3 core, eight bits a colour (EGL chooses fewer if it is not told)."""
-    from pyglet import gl
-
-    return gl.Config(
-        red_size=8, green_size=8, blue_size=8, alpha_size=8, depth_size=24, double_buffer=True,
-        major_version=3, minor_version=3, forward_compatible=True,
-    )  # fmt: skip
 
 
 def open_context(width: int, height: int) -> Any:
@@ -163,23 +154,3 @@ class Offscreen:
         """Give the context back."""
         self._frame.delete()
         self._window.close()
-
-
-def write_png(path: str | os.PathLike[str], pixels: NDArray[np.uint8]) -> None:
-    """Write a picture of shape (height, width, 3).
-
-    Raises
-    ------
-    ItouchError
-        If the file can't be written.
-    """
-    from pyglet.image import ImageData
-    from pyglet.image.codecs.png import PNGImageEncoder
-
-    height, width, _ = pixels.shape
-    image = ImageData(width, height, "RGB", pixels.tobytes(), pitch=-3 * width)
-    try:
-        with open(path, "wb") as stream:
-            image.save(str(path), file=stream, encoder=PNGImageEncoder())
-    except OSError as error:
-        raise ItouchError(f"cannot write '{os.fspath(path)}': {error.strerror or error}") from error

@@ -8,7 +8,7 @@ from pyglet.window import key
 
 from itouch.arms.pad import Pad, PadError, find_pad
 from itouch.viewer.source import Source
-from itouch.world.leading import led
+from itouch.world.model import led
 
 Vector = tuple[float, float, float]
 #: Way [m] of the finger for a pixel of the mouse, and speeds [m/s] by keys and with a stick fully to one side, where

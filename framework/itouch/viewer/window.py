@@ -12,7 +12,7 @@ from pyglet.window import key, mouse
 
 from itouch.sound.player import Speaker
 from itouch.viewer.buffers import Frame
-from itouch.viewer.offscreen import config, write_png
+from itouch.viewer.context import config, write_png
 from itouch.viewer.picture import Picture
 from itouch.viewer.source import Source
 from itouch.viewer.steering import Steering

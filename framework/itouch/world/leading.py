@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -12,9 +11,6 @@ from itouch.scene import Scene
 from itouch.scene.elements import Operator, Probe
 from itouch.schema import Problem
 from itouch.world.rig import DeviceModel
-
-if TYPE_CHECKING:
-    from itouch.world.model import Model, ProbeModel
 
 Vector = tuple[float, float, float]
 #: What a person leads a hand by.
@@ -40,11 +36,3 @@ def hand_of(
     start = np.array(getattr(arm.params, "start", (0.0, 0.0, 0.0)), np.float64)
     x, y, z = poses.transform(np.array(arm.mount), start).tolist()
     return operator or Operator(probe=probe.name), (x, y, z)
-
-
-def led(model: Model) -> Iterator[tuple[ProbeModel, DeviceModel]]:
-    """Yield the probes whose hand a person leads, each with its arm."""
-    for probe in model.probes:
-        arm = model.devices[probe.scene.pose_from]
-        if arm.twin and arm.cls.led_by in PERSON:
-            yield probe, arm

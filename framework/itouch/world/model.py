@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -19,7 +19,7 @@ from itouch.schema import Place, Problem, SceneError
 from itouch.world.bindings import check_bindings, check_reach, check_writers
 from itouch.world.coupling import Coupling, couplings, on_bodies, stable_effects
 from itouch.world.files import SceneFile, SceneFiles
-from itouch.world.leading import hand_of
+from itouch.world.leading import PERSON, hand_of
 from itouch.world.limits import check_safety
 from itouch.world.metres import large
 from itouch.world.modalities import ModalityModel, build_modalities, notices_of
@@ -175,3 +175,11 @@ def _writers(
         for command in modality.commands:
             writers.append((command, parts[modality.name].params, "", f"modality '{modality.name}'"))
     return writers
+
+
+def led(model: Model) -> Iterator[tuple[ProbeModel, DeviceModel]]:
+    """Yield the probes whose hand a person leads, each with its arm."""
+    for probe in model.probes:
+        arm = model.devices[probe.scene.pose_from]
+        if arm.twin and arm.cls.led_by in PERSON:
+            yield probe, arm

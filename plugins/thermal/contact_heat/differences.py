@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from contact_heat.casefile import check_times
 from contact_heat.layers import Contact, Side, SideName
-from contact_heat.splitting import first_problem, march
+from contact_heat.splitting import Chain, first_problem, march
 from contact_heat.stack import Array, stack_of
 from contact_heat.steady import initial_profile
 
@@ -27,32 +27,6 @@ from contact_heat.steady import initial_profile
 _FAR = 8.0
 #: Part of the stability bound that is used by default.
 _SAFETY = 0.9
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Chain:
-    """A side cut into nodes, the first on the contact; shape (nodes,), conductances between them (nodes - 1,)."""
-
-    depths: Array
-    capacity: Array
-    conductance: Array
-    blood: Array
-    initial: Array
-    back: float
-    back_temperature: float
-    arterial: float
-    first: int
-    alpha: float
-    effusivity: float
-
-    def fastest(self, resistance: float) -> float:
-        """Return the largest rate [1/s] of a node: the reciprocal of the stable step."""
-        joined = np.zeros_like(self.capacity)
-        joined[:-1] += self.conductance
-        joined[1:] += self.conductance
-        joined[0] += 1.0 / resistance if resistance > 0.0 else 0.0
-        joined[-1] += self.back if np.isfinite(self.back) else 0.0
-        return float(((joined + self.blood) / self.capacity).max())
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from contact_heat.differences import Chain, chain_of
+from contact_heat.differences import chain_of
 from contact_heat.layers import Contact
+from contact_heat.splitting import Chain
 from contact_heat.stack import Array
 
 #: Conductances [W/m2K] that stand for a held face and for a contact without resistance.

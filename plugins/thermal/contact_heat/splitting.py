@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -11,8 +12,31 @@ from contact_heat.analytic import scaled_erfc
 from contact_heat.hosting import kernel
 from contact_heat.stack import Array
 
-if TYPE_CHECKING:
-    from contact_heat.differences import Chain
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Chain:
+    """A side cut into nodes, the first on the contact; shape (nodes,), conductances between them (nodes - 1,)."""
+
+    depths: Array
+    capacity: Array
+    conductance: Array
+    blood: Array
+    initial: Array
+    back: float
+    back_temperature: float
+    arterial: float
+    first: int
+    alpha: float
+    effusivity: float
+
+    def fastest(self, resistance: float) -> float:
+        """Return the largest rate [1/s] of a node: the reciprocal of the stable step."""
+        joined = np.zeros_like(self.capacity)
+        joined[:-1] += self.conductance
+        joined[1:] += self.conductance
+        joined[0] += 1.0 / resistance if resistance > 0.0 else 0.0
+        joined[-1] += self.back if np.isfinite(self.back) else 0.0
+        return float(((joined + self.blood) / self.capacity).max())
 
 
 def first_problem(beta_s: float, beta_m: float, skin: float, material: float, resistance: float) -> Array:

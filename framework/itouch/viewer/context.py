@@ -1,0 +1,41 @@
+"""What is asked of an OpenGL context, and pictures written to files: what windows and pictures without one share."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.schema import ItouchError
+
+
+def config() -> Any:
+    """Return what is asked of a context: 3.3 core, eight bits a colour (EGL chooses fewer if it is not told)."""
+    from pyglet import gl
+
+    return gl.Config(
+        red_size=8, green_size=8, blue_size=8, alpha_size=8, depth_size=24, double_buffer=True,
+        major_version=3, minor_version=3, forward_compatible=True,
+    )  # fmt: skip
+
+
+def write_png(path: str | os.PathLike[str], pixels: NDArray[np.uint8]) -> None:
+    """Write a picture of shape (height, width, 3).
+
+    Raises
+    ------
+    ItouchError
+        If the file can't be written.
+    """
+    from pyglet.image import ImageData
+    from pyglet.image.codecs.png import PNGImageEncoder
+
+    height, width, _ = pixels.shape
+    image = ImageData(width, height, "RGB", pixels.tobytes(), pitch=-3 * width)
+    try:
+        with open(path, "wb") as stream:
+            image.save(str(path), file=stream, encoder=PNGImageEncoder())
+    except OSError as error:
+        raise ItouchError(f"cannot write '{os.fspath(path)}': {error.strerror or error}") from error
