@@ -10,7 +10,7 @@ from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, FakeTwin, model, record, st
 from itouch.monitors import Heat, Readings, Surface, own_monitors
 from itouch.monitors.carried import pace
 from itouch.monitors.history import SLOTS, History
-from itouch.plugin import Moment, Record
+from itouch.plugin import Channel, Moment, Record
 from itouch.safety import Finger, Supervisor
 from itouch.world.supervision import watched
 
@@ -48,6 +48,33 @@ def test_what_is_printed_of_a_device(what: str) -> None:
     assert [line for line in SAID[what].splitlines() if line not in said] == [], said
 
 
+@pytest.mark.parametrize(
+    ("low", "high", "said"), [((), (), False), ((0.0,), (math.inf,), True), ((-math.inf,), (9.0,), True)]
+)
+def test_a_range_is_printed_where_there_is_one(low: tuple[float, ...], high: tuple[float, ...], said: bool) -> None:
+    channel = Channel("hum", 1, "1", low, high, doc="a hum")
+    (readings,) = Readings.of(watched("it", "fake", None, ((channel,), ()), LIMITS, twin=False))
+    (rule,) = readings.rules()
+    assert ("outside its range" in rule.trip) is said
+
+
+def test_exactly_at_its_trip_a_rate_is_let_pass() -> None:
+    (heat,) = Heat.of(watched("it", "fake", None, PLATE, LIMITS, twin=False))
+    memory, moment = Record.of(heat.fields()), Moment(touched=True)
+    heat.reset(memory)
+    for step in range(201):  # 16 K/s for a second: 8 K in each half
+        moment.now = moment.time = 0.005 * step
+        heat._history.add(memory, moment.time, 296.0 + 0.08 * step, 0.0)
+    memory["since"] = 0.0
+    heat._rate = 8.0
+    kelvin = 296.0 + 0.08 * 200
+    rate = abs(kelvin - heat._history.value(memory, 0.5, 2)) / 0.5
+    heat._rate = rate / 2.0
+    assert heat._near_rate(memory, kelvin, moment) == 0.0  # nothing is left of the drive, and it does not trip
+    heat._rate = rate / 2.0 * (1.0 - 1e-9)
+    assert heat._near_rate(memory, kelvin, moment) < 0.0
+
+
 def memory_of(monitor: Surface | Readings | Heat) -> Record:
     found = Record.of(monitor.fields())
     monitor.reset(found)
@@ -64,7 +91,9 @@ def test_the_first_look_at_the_clock_of_contact_adds_nothing() -> None:
     memory = memory_of(surface)
     assert surface.count(memory, 7.0, touched=True) == 1.0
     assert memory["contact_time"].item() == 0.0
-    surface.count(memory, 7.5, touched=True)
+    assert surface.count(memory, 7.005, touched=True) == 1.0  # not its turn
+    assert memory["contact_time"].item() == 0.0
+    assert surface.count(memory, 7.5, touched=True) == 1.0
     assert memory["contact_time"].item() == pytest.approx(0.5)
 
 
