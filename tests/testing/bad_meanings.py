@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import ClassVar
 
 from bad import bad
@@ -101,6 +102,33 @@ class FollowsItsPlate(CallsTheRoomItsPlate):
     """The same with a sensor on the plate: nothing is wrong with it."""
 
     Twin = FollowingTwin
+
+
+class ReversedTwin(FollowingTwin):
+    def read(self, state, reading):
+        found = super().read(state, reading)
+        reading["plate"] = 2.0 * 296.15 - reading["plate"]
+        return found
+
+
+@bad("roles")
+class ReversesTheSensorOfItsPlate(CallsTheRoomItsPlate):
+    Twin = ReversedTwin
+
+
+class HeaterTwin(FollowingTwin):
+    """A resistor, which heats when current flows."""
+
+    def step(self, state, command, touch, period):
+        SliderTwin.step(self, state, command, touch, period)
+        state["heat"] += 0.5 * command["current"][0] * period
+
+
+class HeatsItsPlate(CallsTheRoomItsPlate):
+    """A plate that is only heated: nothing is wrong with it."""
+
+    commands = (*Slider.commands, replace(current(limit=4.0), low=(0.0,)))
+    Twin = HeaterTwin
 
 
 class HasASwitch(Slider):

@@ -57,7 +57,9 @@ def test_a_bad_plugin_is_caught_by_name(cls, check, tmp_path):
     assert "likely cause:" in finding.note and "what to do:" in finding.note
 
 
-@pytest.mark.parametrize("cls", [Slider, bad_meanings.FollowsItsPlate, bad_meanings.HasASwitch])
+@pytest.mark.parametrize(
+    "cls", [Slider, bad_meanings.FollowsItsPlate, bad_meanings.HeatsItsPlate, bad_meanings.HasASwitch]
+)
 @pytest.mark.parametrize("check", ["meaning", "roles"])
 def test_a_plugin_that_means_what_it_says_is_not_blamed(cls, check):
     finding = CHECKS[check].examine(DeviceSubject(cls, "slider"))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from itouch.plugin import Channel, Role
 from itouch.plugin.declared import faults_of
@@ -106,11 +107,10 @@ def _contact_temperature(bench: TwinBench) -> None:
     for switch in (c for c in bench.commands if c.role is Role.OUTPUT_SWITCH):
         bench.command[switch.name] = 1.0
     for drive in drives:
-        bench.command[drive.name] = (
-            np.array(drive.high) if drive.role is Role.TEMPERATURE_TARGET else 0.5 * np.array(drive.low)
-        )
+        bench.command[drive.name] = _heating(drive)
     bench.step(round(DRIVEN / PERIOD), driven=False)
-    moved = {name: abs(float(bench.reading[name][0]) - before[name]) for name in before}
+    gone = {name: float(bench.reading[name][0]) - before[name] for name in before}
+    moved = {name: abs(change) for name, change in gone.items()}
     plate = max((abs(float(np.ravel(bench.state[name])[0]) - truth[name]) for name in true), default=0.0)
     still = [name for name in told if moved[name] < max(FOLLOWS, 0.3 * plate)]
     if still:
@@ -124,3 +124,19 @@ def _contact_temperature(bench: TwinBench) -> None:
             f"it is the temperature of something else: {hint}",
             "give the role SKIN_CONTACT_TEMPERATURE to the sensor of what the skin touches, and to no other",
         )
+    for name in (name for name in told if gone[name] < 0.0):
+        raise _fail(
+            f"'{name}' is called the skin-contact temperature and falls by {moved[name]:.1f} K in {DRIVEN:g} s under a "
+            f"drive that heats",
+            "the sensor is connected the wrong way round, or the drive cools where it should heat",
+            "a current that is positive cools, unless its range begins at 0: then it is a heater's; turn the sign in "
+            "the plugin",
+        )
+
+
+def _heating(drive: Channel) -> NDArray[np.float64]:
+    """Return a command that heats: a target at its top, half of a current that goes both ways, or of a heater's."""
+    high = np.array(drive.high, np.float64)
+    if drive.role is Role.TEMPERATURE_TARGET:
+        return high
+    return 0.5 * (high if min(drive.low) >= 0.0 else np.array(drive.low, np.float64))
