@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -180,8 +181,8 @@ def dtype_of(fields: Iterable[Field], prefix: str = "") -> np.dtype[Any]:
         If two fields have the same name.
     """
     listed: Sequence[Field] = tuple(fields)
-    names = [field.name for field in listed]
-    twice = sorted({name for name in names if names.count(name) > 1})
+    names = Counter(field.name for field in listed)
+    twice = sorted(name for name, count in names.items() if count > 1)
     if twice:
         raise ValueError(f"state field '{prefix}{twice[0]}' is declared twice")
     return np.dtype([field.descriptor(prefix) for field in listed])
