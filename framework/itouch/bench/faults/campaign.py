@@ -213,7 +213,7 @@ def campaign(count: int, seed: int) -> int:
     wrong = 0
     for number in range(count):
         case = run(draw(number, seed))
-        trips.update(case.trips or ["none: inside the limits"])
+        trips.update(trip.partition(": device")[0] for trip in case.trips or ["none: inside the limits"])
         if case.broken:
             wrong += 1
             print(f"case {number} of seed {seed}: WRONG: {'; '.join(case.broken)}; {case.trips}\n  {case.scene}")
