@@ -59,6 +59,13 @@ def test_whoever_is_killed_during_the_start_nothing_is_left(victim: str, after: 
     assert outcome.worst < 10.0
 
 
+@pytest.mark.long
+def test_a_viewer_that_is_there_from_the_start_holds_the_switch_until_it_is_killed() -> None:
+    outcome = starts.kill("viewer", 0.3, running=True)
+    assert set(outcome.safe_s) == {"arm", "table", "peltier"}
+    assert math.isfinite(outcome.worst) and outcome.left == ()
+
+
 def test_every_process_of_a_session_has_its_turn_from_the_first_millisecond_on() -> None:
     drawn = list(starts.cases(48, 3))
     assert {victim for victim, _, _ in drawn} == set(starts.VICTIMS)

@@ -6,18 +6,20 @@ Told by a signal, a stand-in eats memory until the kernel, or Python, stops it.
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import time
 from collections.abc import Sequence
 
 from itouch.bench.deaths.hunger import starve_on_signal
+from itouch.platforms import lives
 from itouch.servo.link import Link, attach
 from itouch.servo.segment import ServoError
 
 
 def _view(link: Link) -> None:
     state = link.state
-    while link.alive:
+    while lives(link.pid):  # a start may be silent for longer than a session: its twins are waited for
         link.hold()
         link.refresh(state)
         time.sleep(1 / 60)
@@ -35,11 +37,20 @@ def _attached(name: str, patience: float) -> Link:
     end = time.monotonic() + patience
     while True:
         try:
-            return attach(name)
+            return _published(name)
         except ServoError:
             if time.monotonic() > end:
                 raise
             time.sleep(0.02)
+
+
+def _published(name: str) -> Link:
+    """Attach to a session that has something to show."""
+    with contextlib.ExitStack() as stack:
+        link = stack.enter_context(attach(name))
+        _ = link.state
+        stack.pop_all()
+        return link
 
 
 def main(argv: Sequence[str]) -> int:
