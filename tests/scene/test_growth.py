@@ -49,8 +49,13 @@ def test_only_what_is_shown_of_a_long_line_is_looked_at() -> None:
 
 
 def test_what_is_known_is_compared_with_so_many_words_only(monkeypatch: pytest.MonkeyPatch) -> None:
-    compared = []
-    monkeypatch.setattr(diagnostics, "nearest", lambda word, known: compared.append(word) or "")
+    compared: list[str] = []
+
+    def nearest(word: str, known: object) -> str:
+        compared.append(word)
+        return ""
+
+    monkeypatch.setattr(diagnostics, "nearest", nearest)
     monkeypatch.setattr(Adviser, "ENOUGH", 40)
     adviser = Adviser(["wood", "foam"], "there are")
     advised = [adviser.advise(f"w{i}") for i in range(100)]
