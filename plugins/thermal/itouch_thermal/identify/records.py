@@ -1,0 +1,111 @@
+"""Reading touches that ``measure touch --raw`` wrote."""
+
+from __future__ import annotations
+
+import csv
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from itouch_thermal.display.column import Array
+from itouch_thermal.film.params import FilmParams
+from itouch_thermal.identify.fit import Problem, edges_for
+from itouch_thermal.identify.forward import Known
+
+#: Depth of a known sample [m]; fewest samples of a touch, and the greatest file [bytes].
+DEPTH, FEWEST, LARGEST = 0.02, 50, 32 << 20
+#: A skin that is pressed flat is as a later touch after so many of its time constants.
+_SETTLED = 16.0
+_HEAD = ("skin [degC]", "room [degC]", "force [N]", "capacity [J/m2K]")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Loaded:
+    """Touches on common times [s], shape (n,), with readings [W/m2] of shape (touches, n)."""
+
+    known: Known
+    times: Array
+    readings: Array
+    who: str
+    what: str
+
+
+def load(paths: list[Path]) -> Loaded:
+    """Read files, and all of folders.
+
+    Raises
+    ------
+    ValueError
+        Naming the file and what is wrong with it.
+    """
+    files = [file for path in paths for file in (sorted(path.glob("*.csv")) if path.is_dir() else [path])]
+    if not files:
+        raise ValueError(
+            f"no touches in {', '.join(map(str, paths))}: `itouch-py measure touch --raw FOLDER` writes them"
+        )
+    found = [_one(file) for file in files]
+    period = min(float(np.median(np.diff(times))) for _, times, _ in found)
+    last = min(float(times[-1]) for _, times, _ in found)
+    times: Array = np.arange(1, int(last / period) + 1, dtype=np.float64) * period
+    readings = np.stack([np.interp(times, own, rows) for _, own, rows in found])
+    heads = [head for head, _, _ in found]
+    whats = {str(head["what"]) for head in heads}
+    if len(whats) > 1:
+        raise ValueError(f"these touches are of several samples ({', '.join(sorted(whats))}): give those of one")
+    middle = {key: float(np.mean([float(head[key]) for head in heads])) for key in _HEAD}
+    film = FilmParams(film_capacity=middle["capacity [J/m2K]"]).film if middle["capacity [J/m2K]"] > 0.0 else None
+    known = Known(
+        middle["skin [degC]"] + 273.15, middle["room [degC]"] + 273.15, film,
+        tuple(float(head["force [N]"]) for head in heads), DEPTH,
+    )  # fmt: skip
+    return Loaded(known, times, readings, str(heads[0].get("who", "")), whats.pop())
+
+
+def _one(file: Path) -> tuple[dict[str, str], Array, Array]:
+    if file.stat().st_size > LARGEST:
+        raise ValueError(f"'{file}' is larger than {LARGEST >> 20} MiB")
+    lines = file.read_text(encoding="utf-8").splitlines()
+    pairs = (line[2:].partition(": ") for line in lines if line.startswith("# "))
+    head = {key: value for key, _, value in pairs}
+    head.setdefault("what", "")
+    for key in _HEAD:
+        try:
+            good = math.isfinite(float(head[key]))
+        except (KeyError, ValueError):
+            good = False
+        if not good:
+            raise ValueError(f"'{file}' is no raw touch: its head has no number '{key}'")
+    rows = list(csv.reader(line for line in lines if not line.startswith("#")))
+    if not rows or rows[0][:2] != ["t [s]", "j [W/m^2]"] or len(rows) <= FEWEST:
+        raise ValueError(f"'{file}' is no raw touch: it needs columns t [s],j [W/m^2] and more than {FEWEST} rows")
+    try:
+        values = np.array([[float(cell) for cell in row[:2]] for row in rows[1:]])
+    except ValueError as error:
+        raise ValueError(f"'{file}': {error}") from error
+    if not np.isfinite(values).all() or not np.all(np.diff(values[:, 0]) > 0.0):
+        raise ValueError(f"'{file}': times must ascend, and all numbers be finite")
+    return head, values[:, 0].copy(), values[:, 1].copy()
+
+
+def problem_of(loaded: Loaded, sample: str, *, press: float, noise: float) -> Problem:
+    """Return what is to be fitted.
+
+    Raises
+    ------
+    ValueError
+        If the material is unknown, a number is out of range, or too little is left of the touches.
+    """
+    from itouch_thermal.rendering.materials import material
+
+    if not (0.0 <= press <= 1.0 and 0.0 < noise < 1e4):
+        raise ValueError(f"--press {press:g} must be 0 to 1 s, and --noise {noise:g} more than 0 W/m2")
+    layer = material(sample)[1].layer(loaded.known.depth) if sample else None
+    first = max(0.05, _SETTLED * press)
+    if loaded.times[-1] < 2.0 * first:
+        raise ValueError(
+            f"the touches last {loaded.times[-1]:.2f} s; {2.0 * first:.2f} s are needed, or a smaller --press"
+        )
+    known = replace(loaded.known, sample=layer, delay=press)
+    return Problem(known, loaded.times, loaded.readings, noise, edges_for(loaded.times, first=first))

@@ -1,0 +1,238 @@
+"""Fingers and samples from recorded touches: intervals hold what they say, and what cannot be told is said."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import itouch
+from contact_heat.exact import solve
+from contact_heat.layers import Contact
+from itouch_thermal.film.params import FilmParams
+from itouch_thermal.heat import finger_side
+from itouch_thermal.identify import command
+from itouch_thermal.identify.fit import ASSUMED, Problem, edges_for
+from itouch_thermal.identify.forward import Forward, Known, Values, tissue
+from itouch_thermal.paper.setup import lagged, sample
+from itouch_thermal.rendering.materials import material
+
+SKIN, ROOM, NOISE, FORCES = 306.15, 296.15, 20.0, (0.5, 1.0, 2.0)
+TIMES = np.arange(1, 2001) * 2e-3
+FILM = FilmParams().film
+
+
+def known(name=None, **changes):
+    layer = material(name)[1].layer(0.02) if name else None
+    return replace(Known(SKIN, ROOM, FILM, FORCES, sample=layer), **changes)
+
+
+def fitted(of, truth, rng, *, readings=None, draw=None):
+    """Return the problem of touches with noise, and its fit."""
+    exact = Forward(of, TIMES)(truth) if readings is None else readings
+    noise = rng.normal(size=exact.shape) if draw is None else draw(exact.shape)
+    problem = Problem(of, TIMES, exact + NOISE * noise, NOISE)
+    return problem, problem.fit()
+
+
+def campaign(count, seed, name=None):
+    """Return for random fingers how often each interval holds the truth, and errors over their bound."""
+    rng, of = np.random.default_rng(seed), known(name)
+    hits, parts = {}, {}
+    for _ in range(count):
+        empty = Problem(of, TIMES, np.zeros((len(FORCES), len(TIMES))), NOISE)
+        place = rng.normal(size=len(empty.names))
+        truth = empty.values(place)
+        problem, fit = fitted(of, truth, rng)
+        bound = problem.bound(truth)
+        for k, value in enumerate(problem.names):
+            found = fit.found[value]
+            hits.setdefault(value, []).append(found.low <= getattr(truth, value) <= found.high)
+            parts.setdefault(value, []).append((fit.point[k] - place[k]) / bound[value])
+    return {v: float(np.mean(h)) for v, h in hits.items()}, {v: float(np.median(np.abs(p))) for v, p in parts.items()}
+
+
+def test_the_closed_form_is_the_exact_solver():
+    of, values = known("wood", forces=(1.0,)), Values(exponent=0.0, lag=1e-9)
+    finger = finger_side(tissue(values), values.core, SKIN, ROOM)
+    body = sample("wood")
+    body = replace(body, layers=(FILM, *body.layers))
+    times = np.array([0.05, 0.3, 1.0, 4.0])
+    exact = solve(Contact(finger=finger, object=body, resistance=values.resistance), times)
+    assert Forward(of, times)(values)[0] == pytest.approx(exact.flux_at("object", 0.5 * FILM.thickness), rel=1e-6)
+
+
+@pytest.mark.long
+def test_intervals_hold_the_truth():
+    """A few fingers; the other one has 2000."""
+    hits, errors = campaign(6, 3, "wood")
+    assert np.mean(list(hits.values())) > 0.85
+    assert np.median(list(errors.values())) < 1.2
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", [None, "aluminium"])
+def test_intervals_of_two_thousand_fingers_hold_95_of_100(name):
+    hits, errors = campaign(2000, 11, name)
+    for value, part in hits.items():
+        assert 0.93 <= part <= 0.97, value
+    for value, error in errors.items():  # the median of a normal number is 0.674
+        assert 0.6 < error < 0.8, value
+
+
+def test_more_is_told_of_what_is_known():
+    rng = np.random.default_rng(5)
+    truth = Values(resistance=1.2e-3, effusivity=900.0)
+    _, blind = fitted(known(), truth, rng)
+    assert blind.found["effusivity"].low < 900.0 < blind.found["effusivity"].high
+    assert blind.found["effusivity"].told and blind.found["resistance"].told
+    assert not blind.found["perfusion"].told
+    assert "effusivity" not in fitted(known("wood"), truth, rng)[1].found
+    assert "exponent" not in fitted(known("wood", forces=(1.0,)), truth, rng)[1].found
+
+
+def test_the_profile_is_flat_where_nothing_is_told_and_steep_where_it_is():
+    problem, fit = fitted(known("wood"), Values(), np.random.default_rng(6))
+    flat = [cost for _, cost in problem.profile("perfusion", fit, (-1.0, 0.0, 1.0))]
+    steep = [cost for _, cost in problem.profile("resistance", fit, (-1.0, fit.point[0], 1.0))]
+    assert max(flat) < 4.0 and min(flat) == 0.0
+    assert steep[1] == pytest.approx(0.0, abs=1e-6) and min(steep[0], steep[2]) > 100.0
+
+
+def differences(values, name, force):
+    """Return a film's reading by implicit differences on a graded mesh, a solver of its own."""
+    body = (FILM, material(name)[1].layer(0.02))
+    cells, sides = [], []
+    for layers in (tissue(values), body):
+        rows = []
+        for layer in layers:
+            count = 6 if layer.thickness < 1e-4 else 40 if layer.thickness < 5e-3 else 90
+            width = np.geomspace(1.0, 12.0 if count > 6 else 1.0, count)
+            rows += [(w, layer) for w in width / width.sum() * layer.thickness]
+        cells.append(rows)
+    for rows in cells:
+        width = np.array([w for w, _ in rows])
+        k = np.array([layer.conductivity for _, layer in rows])
+        c = np.array([layer.heat_capacity for _, layer in rows]) * width
+        blood = np.array([layer.perfusion for _, layer in rows]) * width
+        sides.append((0.5 * width / k, c, blood))
+    (hf, cf, bf), (hb, cb, _) = sides
+    half = np.concatenate((hf[::-1], hb))
+    capacity, blood = np.concatenate((cf[::-1], cb)), np.concatenate((bf[::-1], np.zeros(len(cb))))
+    joint, n = len(hf), len(half)
+    link = half[:-1] + half[1:]
+    still = 1.0 / link
+    link[joint - 1] += values.resistance * force**-values.exponent
+    still[joint - 1] = 0.0
+    matrix = np.zeros((n, n))
+
+    def conduct(g):
+        found = np.diag(blood.copy())
+        for i, value in enumerate(g):
+            found[i, i] += value
+            found[i + 1, i + 1] += value
+            found[i, i + 1] -= value
+            found[i + 1, i] -= value
+        found[0, 0] += 1.0 / half[0]
+        found[-1, -1] += 1.0 / (half[-1] + 0.1)
+        return found
+
+    source = blood * values.core
+    source[0] += values.core / half[0]
+    source[-1] += ROOM / (half[-1] + 0.1)
+    # At rest the skin has its temperature: the loss is what makes it so.
+    matrix = conduct(still)
+    skin, pulled = source.copy(), matrix.copy()
+    pulled[joint - 1, joint - 1] += 1.0 / half[joint - 1]
+    skin[joint - 1] += SKIN / half[joint - 1]
+    state = np.linalg.solve(pulled, skin)
+    state[joint:] = ROOM
+    matrix, shown, film = conduct(1.0 / link), [], joint + 2
+    step = 1e-3
+    gamma = 1.0 - np.sqrt(0.5)
+    inverse = np.linalg.inv(np.diag(capacity) + gamma * step * matrix)
+    for _ in range(round(TIMES[-1] / step)):  # two stages, L-stable, second order
+        first = inverse @ (source - matrix @ state)
+        second = inverse @ (source - matrix @ (state + (1.0 - gamma) * step * first))
+        state = state + step * ((1.0 - gamma) * first + gamma * second)
+        shown.append((state[film] - state[film + 1]) / link[film])
+    return values.gain * lagged(np.array(shown), values.lag)[1::2] + values.offset
+
+
+def test_data_of_another_solver_with_other_noise_are_understood():
+    """Implicit differences, and noise that is Laplace's and not normal."""
+    rng = np.random.default_rng(8)
+    truth = Values(resistance=1.4e-3, exponent=0.35, epidermis=6e-4, perfusion=8000.0, lag=0.045, gain=1.01)
+    readings = np.stack([differences(truth, "wood", force) for force in FORCES])
+    own = Forward(known("wood"), TIMES)(truth)
+    assert np.abs(readings - own)[:, 250:].max() < 5.0  # a mesh is coarse at first
+    _, fit = fitted(
+        known("wood"), truth, rng, readings=readings, draw=lambda shape: rng.laplace(size=shape) / np.sqrt(2.0)
+    )
+    off = [not found.low <= getattr(truth, name) <= found.high for name, found in fit.found.items()]
+    assert sum(off) <= 2 and fit.misfit < 1.6
+
+
+@pytest.fixture(scope="module")
+def raw(tmp_path_factory):
+    """Raw touches of wood at three forces, as `measure touch --raw` writes them."""
+    folder = tmp_path_factory.mktemp("raw")
+    readings = Forward(known("wood"), TIMES)(Values())
+    rng = np.random.default_rng(2)
+    for k, force in enumerate(FORCES):
+        head = f"# what: wood\n# who: P07\n# skin [degC]: 33\n# room [degC]: 23\n# force [N]: {force}\n"
+        head += "# lag [s]: 0.05\n# capacity [J/m2K]: 129\nt [s],j [W/m^2],film [degC],force [N]\n"
+        noisy = readings[k] + NOISE * rng.normal(size=len(TIMES))
+        rows = (f"{t:.4f},{j:.3f},23,{force}\n" for t, j in zip(TIMES.tolist(), noisy.tolist(), strict=True))
+        (folder / f"touch{k}.csv").write_text(head + "".join(rows), encoding="utf-8")
+    return folder
+
+
+def test_the_command_stores_a_participant_and_its_heat(raw, tmp_path, capsys):
+    words = [str(raw), "--sample", "wood", "--press", "0", "-o", str(tmp_path / "p.json"), "--heat",
+             str(tmp_path / "p.xml"), "--profile"]  # fmt: skip
+    assert command.main(words) == 0
+    said = capsys.readouterr().out
+    assert "not told by the data" in said and "perfusion: " in said
+    stored = json.loads((tmp_path / "p.json").read_text())
+    assert stored["who"] == "P07" and stored["touches"] == 3
+    found = stored["values"]["resistance"]
+    assert found["value"] == pytest.approx(Values().resistance, rel=0.03) and found["told"]
+    assert set(stored["values"]) <= set(ASSUMED)
+    (tmp_path / "s.xml").write_text(
+        '<itouch version="1.0"><include file="itouch:rigs/twin.xml"/><include file="p.xml"/><interaction>'
+        '<probe name="finger" radius="8 mm" pose-from="arm"/></interaction></itouch>'
+    )
+    scene = itouch.load(str(tmp_path / "s.xml"))
+    heat = next(params for params in scene.modalities if hasattr(params, "params")).params
+    assert heat.layers[0].thickness == pytest.approx(stored["values"]["epidermis"]["value"])
+    assert heat.law().at(1.0) == pytest.approx(found["value"], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["nowhere.csv"], "nowhere.csv"),
+        (["."], "no touches in"),
+        (["RAW", "--sample", "kryptonite"], "kryptonite"),
+        (["RAW", "--press", "3"], "must be 0 to 1 s"),
+        (["RAW", "--press", "0.5"], "16.00 s are needed"),
+    ],
+)
+def test_wrong_input_is_one_message(words, said, raw, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert command.main([str(raw) if word == "RAW" else word for word in words]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_a_file_that_is_no_touch_is_named(raw, tmp_path, capsys):
+    text = (raw / "touch0.csv").read_text(encoding="utf-8")
+    for k, broken in enumerate((text.replace("# skin", "# skim"), text.replace("t [s]", "s"), text[:900])):
+        (tmp_path / f"b{k}.csv").write_text(broken, encoding="utf-8")
+        assert command.main([str(tmp_path / f"b{k}.csv")]) == 2
+        assert f"b{k}.csv' is no raw touch" in capsys.readouterr().err
+
+
+def test_bins_hold_samples_and_grow():
+    edges = edges_for(TIMES)
+    assert np.all(np.diff(edges) > 0.0) and edges[0] == pytest.approx(0.049) and edges[-1] == pytest.approx(4.001)
