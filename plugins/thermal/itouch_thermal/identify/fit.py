@@ -194,7 +194,7 @@ class Problem:
         """Return the most probable values and their intervals."""
         point = self.best()
         slopes = self.slopes(point, range(len(point)))
-        covariance = np.linalg.inv(slopes.T @ slopes + np.eye(len(point)))
+        covariance: Array = np.asarray(np.linalg.inv(slopes.T @ slopes + np.eye(len(point))), dtype=np.float64)
         deviations = np.sqrt(np.diag(covariance))
         values, found = self.values(point), {}
         for k, name in enumerate(self.names):

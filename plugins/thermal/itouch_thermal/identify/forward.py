@@ -113,7 +113,7 @@ def tissue(values: Values) -> tuple[Layer, ...]:
 
 def _finger(s: Complex, values: Values) -> Complex:
     """Return the impedance of the finger at its skin; its back is held."""
-    found: Complex = np.zeros_like(s)
+    found: Complex = np.zeros(s.shape, dtype=np.complex128)
     for layer in reversed(tissue(values)):
         found = _through(s, layer, found)[0]
     return found
@@ -124,7 +124,7 @@ def _body(s: Complex, known: Known, values: Values) -> tuple[Complex, Complex]:
     sample = known.sample
     if sample is None:
         # Only the effusivity of what is thick counts: any conductivity with it will do.
-        below: Complex = 1.0 / (values.effusivity * np.sqrt(s))
+        below: Complex = np.asarray(1.0 / (values.effusivity * np.sqrt(s)), dtype=np.complex128)
     else:
         below = _through(s, sample, np.full_like(s, 1.0 / _BACK))[0]
     if known.film is None:
