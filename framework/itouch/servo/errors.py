@@ -87,10 +87,13 @@ def _problem(problem: Problem) -> dict[str, Any]:
         "advice": problem.advice,
         "related": [[_place(place), label] for place, label in problem.related],
         "severity": problem.severity,
+        "mend": problem.mend,
     }
 
 
 def _as_problem(told: dict[str, Any]) -> Problem:
     place = Place(*told["place"]) if told["place"] is not None else None
     related = tuple((Place(*where), str(label)) for where, label in told["related"])
-    return Problem(told["code"], told["sentence"], place, told["advice"], related, told["severity"])
+    wrong, right = told["mend"] or ("", "")
+    mend = (wrong, right) if told["mend"] else None
+    return Problem(told["code"], told["sentence"], place, told["advice"], related, told["severity"], mend)
