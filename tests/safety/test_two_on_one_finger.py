@@ -109,3 +109,14 @@ def test_two_arms_on_one_finger_are_both_felt_and_give_no_more_than_one_may():
     assert max(one + other for one, other, _ in sums) == pytest.approx(0.8)
     assert min(sums[-1][:2]) > 0.2
     assert sums[-1][2] == pytest.approx(sum(sums[-1][:2]), abs=1e-3)
+
+
+def test_a_session_that_is_restored_while_both_press_goes_on_to_the_same_bytes(tmp_path):
+    straight = two_surfaces('force="0.8 N"')
+    straight.run(0.9)
+    assert (straight.state["finger.plate_force"].item(), straight.state["other.plate_force"].item()) > (0.0, 0.0)
+    straight.save(tmp_path / "s.itouch")
+    straight.run(0.2)
+    again = itouch.restore(tmp_path / "s.itouch")
+    again.run(0.2)
+    assert again.state.tobytes() == straight.state.tobytes()

@@ -31,13 +31,16 @@ def fingers(runners: Mapping[str, Runner], rigs: Sequence[ProbeRig]) -> Iterator
 def join_fingers(rigs: Sequence[ProbeRig]) -> None:
     """Let all probes that one device tracks touch one finger: the twin's, where one of them has an operator.
 
-    Surfaces that are brought to one finger share what may press on it.
+    Surfaces that are brought to one finger share what may press on it.  A probe with an operator of its own follows
+    nobody.
     """
+    led: list[Runner] = []
     for rig in rigs:
         mine = [other for other in rigs if other.tracker is rig.tracker]
         rig.toucher.share(len({one.table.model.name for one in mine if one.table is not None}))
-        if rig.coupling.hand is not None:
-            others = [other for other in mine if other is not rig]
+        if rig.coupling.hand is not None and rig.tracker not in led:
+            led.append(rig.tracker)
+            others = [other for other in mine if other.probe.operator is None]
             rig.coupling.join([(one.coupling, one.arm if one.arm is not rig.tracker else None) for one in others])
 
 

@@ -72,6 +72,8 @@ class Coupling:
         self._load: Floats = table.touch.wrench[:3] if table is not None else np.zeros(3)
         self._pieces: Floats = hand.path.pieces if hand is not None else np.ones((1, 8))
         self._end, self._pace = np.zeros(7), np.zeros(6)
+        pushed = f"{name}.pushed"  # State: it acts in the next tick
+        self._pushed: Floats = state[pushed] if pushed in state else np.zeros((0, 3))
         carried = table.true_position() if table is not None else None
         self._carrier: Floats = np.array([0.0, 0.0, -1e3]) if carried is None else carried
         if arm is not None and hand is not None:
@@ -99,7 +101,7 @@ class Coupling:
         """Let other probes on the finger of this one's twin touch that very finger, and push it: each with its arm."""
         if self.hand is None or not others:
             return
-        pushes = np.zeros((len(others), 3))
+        pushes = self._pushed
         self.bound = self._bind(pushes)
         for (other, arm), push in zip(others, pushes, strict=True):
             other.follow(self.hand, arm, push)

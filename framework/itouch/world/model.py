@@ -74,6 +74,11 @@ class Model:
         """Whether any object moves."""
         return bool(self.motions)
 
+    def beside(self, probe: ProbeModel) -> int:
+        """Return how many other probes, without an operator of their own, are on the finger of this one."""
+        same = (other for other in self.probes if other.scene.pose_from == probe.scene.pose_from)
+        return sum(other.operator is None for other in same if other.name != probe.name)
+
     def place_of(self, name: str) -> Place | None:
         """Return where in the scene a device or a modality stands."""
         parts: tuple[Any, ...] = (*self.scene.devices, *self.scene.modalities)

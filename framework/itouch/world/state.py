@@ -116,6 +116,9 @@ def layout(model: Model) -> tuple[Field, ...]:
             )
         if probe.operator is not None:
             fields += _own(f"{probe.name}.hand", HAND)
+            if beside := model.beside(probe):
+                what = "what arm and plate of each other probe on its finger push it with, world frame"
+                fields.append(Field(f"{probe.name}.pushed", "f8", (beside, 3), unit="N", doc=what, show="no"))
     for modality in model.modalities:
         with failing(f"modality '{modality.name}'", "fields", model.place_of(modality.name)):
             fields += _prefixed(modality.name, modality.instance.fields(modality.model))
