@@ -11,6 +11,10 @@ from program import program
 from shipped import SCENES
 from slope_scenes import Course, Slope, follow, ramp
 
+from itouch.loop import render
+from itouch.loop.surface import choice
+from itouch.loop.surface import memory as surface
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -75,3 +79,16 @@ def test_a_plate_that_is_too_high_is_left_away_and_told(folder: Path, error: flo
     assert "touch-off" in told[0]
     (contact,) = course.report["contacts"]
     assert (contact["plate"], contact["plate_missed"]) == (False, True)
+
+
+@pytest.mark.parametrize(
+    ("gap", "force", "told"), [(5.0, 0.3, False), (5.0, 0.7, True), (2.0, 0.3, True), (16.0, 0.7, False)]
+)
+def test_what_an_axis_reads_in_the_air_is_no_finger(gap: float, force: float, told: bool) -> None:
+    """Friction and its own mass stand in the force that a real axis reads; it hovers some mm below the finger."""
+    constants, figures, memory = np.zeros(render.CONSTANTS), np.zeros(render.FIGURES), np.zeros(surface.MEMORY)
+    constants[[render.PERIOD, render.HAS_LOAD, render.EARLY_FAR, render.PAD_STIFFNESS]] = 1e-3, 1.0, 0.015, 1e3
+    figures[render.HIP + 2] = gap * 1e-3
+    for tick in range(1000):
+        choice.doubt(constants, figures, memory, force, False, 1e-3 * tick)
+    assert memory[surface.MISSED] == (surface.HIGH if told else 0.0)

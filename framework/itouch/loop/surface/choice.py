@@ -33,6 +33,9 @@ MISS_DEPTH, MISS_PART, MISS_TIME, TRY_AGAIN = 1e-3, 0.4, 0.04, 0.02
 #: A plate is too high that presses with so much [N] while it seems so far below the finger [m], for so long [s].
 #: Further below than the constant EARLY_FAR the sensor is wrong (T8).
 EARLY_FORCE, EARLY_GAP, EARLY_TIME = 0.1, 1e-3, 0.010
+#: Where it hovers, further than this below the finger [m], what a real axis reads in the air (friction, its own mass) is
+#: no finger: the force by which a sensor would be doubted there [N], for half as long [s].
+HOVER_GAP, HOVER_FORCE, HOVER_TIME = 4e-3, 0.5, 0.05
 
 
 @kernel
@@ -77,8 +80,9 @@ def doubt(c: Floats, figures: Floats, memory: Floats, pressed: float, touching: 
     depth = figures[PLATE_TOP] - (figures[HIP + 2] - c[RADIUS])
     if c[HAS_LOAD] == 0.0 or memory[MISSED] > 0.0:
         return
-    if pressed > EARLY_FORCE and -c[EARLY_FAR] < depth < -EARLY_GAP:
-        _count(c, memory, HIGH, EARLY_TIME, depth, pressed, touching, time)
+    hovers = depth < -HOVER_GAP
+    if pressed > (HOVER_FORCE if hovers else EARLY_FORCE) and -c[EARLY_FAR] < depth < -EARLY_GAP:
+        _count(c, memory, HIGH, HOVER_TIME if hovers else EARLY_TIME, depth, pressed, touching, time)
         return
     stiffness = c[PAD_STIFFNESS]
     there = touching and memory[RENDERS] > 0.0 and memory[SETTLED] > 0.0
