@@ -97,6 +97,9 @@ def test_all_that_is_plain_is_mended_also_inside_what_was_misspelt(tmp_path: Pat
         '<safety frce="2 N"/>', '<safty force="2 N"/>', '<safety force="2 N" flxu="3 kW/m2"/>',
         '<devices><device name="arm" plugin="virtual-arm"><limits forc="1 N"/></device></devices>',
         '<devices><device name="arm" plugin="virtual-arm"><limts force="1 N"/></device></devices>',
+        '<devices><device name="arm" plugin="usb-arm" optinal="yes"/></devices>',
+        '<devices><device name="arm1" plugin="usb-arm"/></devices>'
+        '<interaction><probe name="finger" radius="8 mm" pose-from="arm"/></interaction>',
     ],
 )  # fmt: skip
 def test_what_bears_on_safety_is_never_touched(line: str, tmp_path: Path) -> None:
@@ -120,6 +123,7 @@ def test_what_may_have_meant_two_things_is_no_mending() -> None:
     assert meant("stifness", ["stiffness", "damping"]) == ("stifness", "stiffness")
     assert meant("Wood", ["wood", "word"]) == ("Wood", "wood")
     assert meant("zzz", ["wood"]) is None
+    assert meant("block2", ["block1", "plate"]) is None and meant("block-2", ["block", "plate"]) is None
 
 
 def test_the_command_shows_writes_and_says_what_is_left(tmp_path: Path, capsys) -> None:

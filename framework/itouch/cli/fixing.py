@@ -35,7 +35,9 @@ class Fixed:
 
 
 def fixed(path: str, examine: Callable[[str], Sequence[Problem]]) -> Fixed | None:
-    """Mend a copy of a scene beside it, as often as that leaves fewer errors; None if there is nothing to mend.
+    """Mend a copy of a scene beside it until nothing more can be; None if there is nothing to mend.
+
+    A mending after which there are more errors than before is left away, but for those inside a mended element.
 
     Raises
     ------
@@ -53,18 +55,29 @@ def fixed(path: str, examine: Callable[[str], Sequence[Problem]]) -> Fixed | Non
             data_then, now = mended(data, shown, problems)
             if not now:
                 break
-            Path(copy).write_bytes(data_then)
+            _write(copy, data_then, path)
             problems_then = examine(copy)
-            if _fatal(problems_then) and not _fatal(problems):
+            if _errors(problems_then) > _errors(problems) and not _nested(now):
                 break
             data, problems, shown = data_then, problems_then, copy
             done += now
     return Fixed(before.decode("utf-8"), data.decode("utf-8"), tuple(done)) if done else None
 
 
-def _fatal(problems: Sequence[Problem]) -> bool:
-    """Whether a file could not be read as XML."""
-    return any(problem.code in ("not-well-formed", "wrong-root") for problem in problems)
+def _errors(problems: Sequence[Problem]) -> int:
+    return sum(problem.severity == "error" for problem in problems)
+
+
+def _nested(problems: Sequence[Problem]) -> bool:
+    """Whether an element was mended: what is wrong inside it is seen only then."""
+    return any(problem.code == "unknown-element" for problem in problems)
+
+
+def _write(copy: str, data: bytes, path: str) -> None:
+    try:
+        Path(copy).write_bytes(data)
+    except OSError as error:
+        raise ItouchError(f"cannot mend '{path}': {error.strerror}") from None
 
 
 class _beside:  # noqa: N801 - used as a context, like those of contextlib
@@ -102,12 +115,11 @@ def show_and_write(path: str, found: Fixed | None, *, write: bool) -> None:
         print(f"{path}: {words} can be mended; nothing was written", file=sys.stderr)
         return
     target = os.path.realpath(path)  # a link stays one
-    try:
-        handle, copy = tempfile.mkstemp(".xml", ".itouch-fix-", os.path.dirname(target) or ".")
-        with os.fdopen(handle, "w", encoding="utf-8", newline="") as stream:
-            stream.write(found.after)
-        shutil.copymode(target, copy)
-        os.replace(copy, target)
-    except OSError as error:
-        raise ItouchError(f"cannot write '{path}': {error.strerror}; it is as it was") from None
+    with _beside(target) as copy:
+        _write(copy, found.after.encode("utf-8"), path)
+        try:
+            shutil.copymode(target, copy)
+            os.replace(copy, target)
+        except OSError as error:
+            raise ItouchError(f"cannot write '{path}': {error.strerror}; it is as it was") from None
     print(f"{path}: {words} mended", file=sys.stderr)

@@ -10,7 +10,7 @@ from xml.parsers import expat
 from itouch.schema.diagnostics import Place, Problem
 
 #: Nothing in these elements is mended, nor are they themselves: what was meant must be said by a person.
-UNTOUCHED = frozenset({"safety", "limits"})
+UNTOUCHED = frozenset({"safety", "devices", "device", "limits"})
 _NAME = re.compile(rb"[^\s/><=]+")
 _EMPTY = re.compile(rb"""<[^\s/>]+(?:\s+[^\s=<>/]+\s*=\s*(?:"[^"]*"|'[^']*'))*\s*/>""")
 _VALUE = re.compile(rb"""([^\s=<>/]+)\s*=\s*(["'])""")

@@ -77,7 +77,9 @@ class Names:
                 if kind not in advisers:
                     advisers[kind] = Adviser(list(known.get(kind, {})), f"each {kind} that there is")
                 advice = advisers[kind].advise(entry.name) or f"define a {kind}"
-                sentence, mend = f"there is no {kind} named '{entry.name}'", advisers[kind].mend(entry.name)
+                sentence = f"there is no {kind} named '{entry.name}'"
+                # which device acts on whom, and which finger is meant, a person must say
+                mend = advisers[kind].mend(entry.name) if kind not in ("device", "probe") else None
                 yield Problem("unknown-name", sentence, entry.place, advice, mend=mend)
 
 

@@ -103,8 +103,11 @@ def nearest(word: str, known: Iterable[str]) -> str:
 
 
 def meant(word: str, known: Iterable[str]) -> tuple[str, str] | None:
-    """Return the word and the one that alone can have been meant: much like it, and no other nearly as much."""
-    names = sorted(set(known))
+    """Return the word and the one that alone can have been meant: much like it, and no other nearly as much.
+
+    What differs in digits alone is another thing of its kind, such as the second of two fingers.
+    """
+    names = sorted(name for name in set(known) if _letters(name) != _letters(word) or name.lower() == word.lower())
     same = [name for name in names if name.lower() == word.lower()]
     if len(same) == 1:
         return word, same[0]
@@ -113,6 +116,10 @@ def meant(word: str, known: Iterable[str]) -> tuple[str, str] | None:
     if not close or likeness[0] < 0.75 or (len(close) > 1 and likeness[0] - likeness[1] < 0.1):
         return None
     return word, close[0]
+
+
+def _letters(word: str) -> str:
+    return "".join(letter for letter in word if not letter.isdigit()).rstrip("-_")
 
 
 def did_you_mean(word: str, known: Iterable[str], what: str = "known") -> str:

@@ -33,7 +33,7 @@ MISS_DEPTH, MISS_PART, MISS_TIME, TRY_AGAIN = 1e-3, 0.4, 0.04, 0.02
 #: A plate is too high that presses with so much [N] while it seems so far below the finger [m], for so long [s].
 #: Further below than the constant EARLY_FAR the sensor is wrong (T8).
 EARLY_FORCE, EARLY_GAP, EARLY_TIME = 0.1, 1e-3, 0.010
-#: Where it hovers, further than this below the finger [m], what a real axis reads in the air (friction, its own mass) is
+#: Where it hovers, further than this below the finger [m], what a real axis reads in the air (friction, its mass) is
 #: no finger: the force by which a sensor would be doubted there [N], for half as long [s].
 HOVER_GAP, HOVER_FORCE, HOVER_TIME = 4e-3, 0.5, 0.05
 
