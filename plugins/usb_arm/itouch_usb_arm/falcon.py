@@ -46,8 +46,9 @@ _INSIST = 8
 #: An arm is, between two frames, less than this many counts from where its last speed would have taken it, plus this
 #: many a second (2 m/s, up and down again); that speed says something for so long [s].
 _JUMP, _JUMP_RATE, _COASTS = 60, 40_000.0, 0.02
-#: A frame that took longer than this [s] may tell of a time as long ago: this machine was held up, not the arm.
-_PROMPT = 5e-3
+#: A frame that took longer than this [s] may tell of a time as long ago: this machine was held up.  Of more
+#: than that the second [s] nothing is concluded: a frame that is then too far away is asked for again.
+_PROMPT, _LATEST = 5e-3, 0.05
 _NO_FORCE = (0.0, 0.0, 0.0)
 
 
@@ -216,7 +217,7 @@ class Falcon:
             reply = again
         self._note(reply)
         now = self._clock()
-        self._late = max(0.0, now - began - _PROMPT)
+        self._late = min(_LATEST, max(0.0, now - began - _PROMPT))
         self.timing.add(now, now - began)
         position = np.array(self._position or (math.nan,) * 3)
         position.setflags(write=False)
