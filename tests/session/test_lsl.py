@@ -85,6 +85,31 @@ def test_a_mark_says_the_tick_at_which_it_happened() -> None:
     assert happened == pytest.approx(0.040 / period, abs=1.5)
 
 
+def test_a_mark_whose_correction_is_not_found_is_not_lost() -> None:
+    class Inlet:
+        left = [(["go"], 112.460), (["stop"], 113.0)]
+        asked: list[float] = []
+
+        def pull_sample(self, timeout: float) -> object:
+            return self.left.pop() if self.left else (None, None)
+
+        def time_correction(self, timeout: float) -> float:
+            self.asked.append(timeout)
+            raise TimeoutError("the stream has gone")
+
+    session = itouch.build(SCENES / "first_touch.xml")
+    session.run(0.01)
+    streams = Streams.__new__(Streams)
+    streams._session = session
+    streams._take("trigger", Inlet())
+    session.run(0.01)
+    assert [mark["name"] for mark in session.marks] == ["trigger", "trigger"]
+    assert [mark["payload"] for mark in session.marks] == [
+        {"value": "stop", "lsl_time": 113.0}, {"value": "go", "lsl_time": 112.460}
+    ]  # fmt: skip
+    assert max(Inlet.asked) < 0.01  # other streams' marks wait meanwhile
+
+
 def _columns(session: itouch.Session) -> list[object]:
     from itouch.session.rows import replay_tracks
 

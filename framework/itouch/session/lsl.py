@@ -25,6 +25,8 @@ MARKS, MARKER_TYPE = "itouch marks", "Markers"
 _LOOK = 0.05
 #: How long [s] the offset between two machines' clocks may take to be found.
 _FIRST_LOOK = 2.0
+#: How long [s] it may take later, when it is known: marks that wait behind it would come late.
+_LOOK_AGAIN = 1e-3
 
 
 class Streams:
@@ -32,7 +34,8 @@ class Streams:
 
     Marks that come in are set between two ticks, named after their stream; streams of this program are not taken.
     Their payload says when they happened: ``lsl_time`` by the clock of their own machine, ``correction_s`` what brings
-    it to this one's, and ``tick`` the tick at which that was, which is earlier than the one at which they arrive.
+    it to this one's, and ``tick`` the tick at which that was, which is earlier than the one at which they arrive.  A
+    mark whose correction can't be found comes without these two.
     """
 
     def __init__(self, session: Session, *, rate: float = RATE) -> None:
@@ -105,8 +108,10 @@ class Streams:
     def _take(self, name: str, inlet: Any) -> None:
         while (pulled := inlet.pull_sample(timeout=0.0))[0] is not None:
             values, stamp = pulled
-            correction = float(inlet.time_correction(_FIRST_LOOK))
-            when = {"lsl_time": stamp, "correction_s": correction, "tick": self._tick_of(stamp + correction)}
+            when: dict[str, Any] = {"lsl_time": stamp}
+            with contextlib.suppress(Exception):  # not known yet, or its stream has ended: the mark was taken already
+                correction = float(inlet.time_correction(_LOOK_AGAIN))
+                when |= {"correction_s": correction, "tick": self._tick_of(stamp + correction)}
             self._session.post_mark(name[:32] or "lsl", {"value": str(values[0])[:300], **when})
 
     def _tick_of(self, stamp: float) -> int:
