@@ -116,12 +116,13 @@ def test_restored_hardware_is_open_and_waits(scene: Path) -> None:
     assert cls.opened == ["open", "close"]
 
 
-def test_a_device_that_raises_when_it_is_released_keeps_no_other_open(scene: Path) -> None:
+def unwilling(scene: Path, error: Exception) -> tuple[itouch.Session, type[Device]]:
+    """Return a session of two devices that raise when they are released."""
     cls = stick()
 
     def close(self: Any) -> None:
         self.opened.append("close")
-        raise RuntimeError("it does not let go")
+        raise error
 
     cls.close = close  # type: ignore[method-assign]
     text = scene.read_text(encoding="utf-8")
@@ -129,10 +130,42 @@ def test_a_device_that_raises_when_it_is_released_keeps_no_other_open(scene: Pat
     session = itouch.build(scene, catalog=catalog(cls))
     session.enable()
     session.tick()
-    with pytest.raises(RuntimeError, match="does not let go"):
+    return session, cls
+
+
+@pytest.mark.parametrize("error", [RuntimeError("it does not let go"), DeviceError("it does not let go")])
+def test_a_device_that_raises_when_it_is_released_keeps_no_other_open(scene: Path, error: Exception) -> None:
+    session, cls = unwilling(scene, error)
+    with pytest.raises(DeviceError, match="device 'other' could not be released: .*does not let go") as caught:
         session.close()
+    assert caught.value.__cause__ is error
+    assert "device 'stick' could not be released" in caught.value.__notes__[0]
     assert cls.opened == ["open", "open", "close", "close"]
     assert {session.status(name).name for name in ("stick", "other")} == {"CLOSED"}
+
+
+def test_what_is_kept_is_ended_though_a_device_raises_at_its_release(
+    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "kept"))
+    text = scene.read_text(encoding="utf-8")
+    scene.write_text(text.replace("<materials>", '<safety participant="P07"/><materials>', 1), encoding="utf-8")
+    session, _ = unwilling(scene, RuntimeError("it does not let go"))
+    session.record(tmp_path / "r.mcap")
+    session.run(0.01)
+    with pytest.raises(DeviceError, match="could not be released"):
+        session.close()
+    assert session.recorder is None
+    assert not session.taps  # neither the recording nor the participant listens any more
+    assert len(itouch.read(tmp_path / "r.mcap").ticks) >= 10  # whole, with what the safe sequence took
+
+
+def test_a_release_that_fails_does_not_hide_the_error_under_way(scene: Path) -> None:
+    session, cls = unwilling(scene, RuntimeError("it does not let go"))
+    with pytest.raises(ZeroDivisionError) as caught, session:
+        raise ZeroDivisionError("of somebody's own code")
+    assert any("device 'other' could not be released" in note for note in caught.value.__notes__)
+    assert cls.opened == ["open", "open", "close", "close"]
 
 
 def test_hardware_without_a_watchdog_is_told_of_where_no_guardian_is(scene: Path) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from types import TracebackType
 from typing import Any
 
@@ -25,6 +26,7 @@ from itouch.loop.operating import LatchedError, Operating
 from itouch.loop.pacing import Pacing
 from itouch.loop.plan import Plan, build
 from itouch.loop.rehearsal import rehearse, reset_modalities
+from itouch.loop.release import in_turn, raise_unless_failing, released
 from itouch.loop.rig import ProbeRig
 from itouch.loop.runner import DeviceFaultError, Runner, Status
 from itouch.loop.safestop import SafeStop
@@ -371,20 +373,20 @@ class Engine:
     def close(self) -> None:
         """Make every device safe and release it; the state stays readable.
 
-        What one raises when it is released is raised again when all have been.
+        While another error is under way, what a device raises here is a note of that one.
+
+        Raises
+        ------
+        DeviceError
+            Naming the first device that raised anything when it was released; all have been, then.
         """
-        if any(runner.enabled and not runner.model.twin for runner in self._all):
-            self.park()
-        failed: list[Exception] = []
-        for runner in self._all:
-            if runner.status is not Status.CLOSED and not runner.model.twin:
-                try:
-                    runner.close()
-                except Exception as error:  # the others must be released all the same
-                    failed.append(error)
+        hardware = [one for one in self._all if one.status is not Status.CLOSED and not one.model.twin]
+        steps = [partial(released, runner) for runner in hardware]
         self._enabled = False
-        if failed:
-            raise failed[0]
+        if any(runner.enabled for runner in hardware):
+            raise_unless_failing(partial(in_turn, self.park, *steps))
+        else:
+            raise_unless_failing(partial(in_turn, *steps))
 
     def __enter__(self) -> Engine:
         return self

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from itouch.loop import Clock, DeviceFaultError, Engine
+from itouch.loop.release import in_turn
 from itouch.loop.runner import Status
 from itouch.plugin import DeviceError, Record
 from itouch.plugin.bases import Bases, keeping
@@ -306,12 +307,18 @@ class Session(Shown, Engine):
 
         Raises
         ------
+        DeviceError
+            As ``Engine.close`` says; what is kept has been ended all the same.
         RecordingError
             If the recording could not be finished.
         """
-        super().close()
+        in_turn(super().close, self._end_participant, self._end_recording)
+
+    def _end_participant(self) -> None:
         if self._participant is not None:
             self._participant.end()
+
+    def _end_recording(self) -> None:
         recorder, self.recorder = self.recorder, None
         if recorder is not None:
             self._let_go(recorder)
