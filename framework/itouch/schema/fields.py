@@ -17,7 +17,7 @@ import dataclasses
 import math
 from dataclasses import MISSING, dataclass
 from functools import cache
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, get_args
 
 from itouch.schema.roles import Role
 
@@ -176,15 +176,19 @@ def specs(cls: type) -> dict[str, Spec]:
     """Return the grammar of a dataclass: field name -> spec, in declared order.
 
     A class from elsewhere is grammar, too, if the metadata of its fields are the arguments of a ``Spec``: a library
-    need not know this program to declare what its fields hold.
+    need not know this program to declare what its fields hold.  Metadata of another meaning is left alone.
     """
     found = {}
     for field in dataclasses.fields(cls):
         if _KEY in field.metadata:
             found[field.name] = field.metadata[_KEY]
-        elif "kind" in field.metadata:
+        elif field.metadata.get("kind") in _KINDS and _ARGUMENTS.issuperset(field.metadata):
             found[field.name] = _foreign(field)
     return found
+
+
+_KINDS: tuple[object, ...] = get_args(Kind)
+_ARGUMENTS: frozenset[object] = frozenset(field.name for field in dataclasses.fields(Spec))
 
 
 @cache
