@@ -116,7 +116,7 @@ def _told(error: Exception) -> int:
     from itouch.cli.ending import stop_writing
 
     try:
-        print(error, file=sys.stderr, flush=True)
+        print(error, *getattr(error, "__notes__", ()), sep="\n", file=sys.stderr, flush=True)
     except BrokenPipeError:
         stop_writing()
     return 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -21,7 +22,7 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--rig", metavar="SCENE",
                         help="look at a scene's devices in the air: sensors, watchdogs, cut-offs")  # fmt: skip
     parser.add_argument("--twin", metavar="all|none|NAME", help="with --rig: take these devices as twins")
-    parser.add_argument("--for", dest="duration", type=seconds, default=3.0, metavar="3s",
+    parser.add_argument("--for", dest="duration", type=seconds, metavar="3s",
                         help="with --rig: how long to watch the sensors (default 3 s)")  # fmt: skip
     parser.add_argument("--busy", type=int, default=0, metavar="N",
                         help="with --rates: beside N processes that compute, set beside a bare timer")  # fmt: skip
@@ -29,16 +30,16 @@ def main(argv: Sequence[str]) -> int:
                         help="remove kept kernels, results and meshes; the next start makes them")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print JSON")
     options = parser.parse_args(argv)
+    _check(parser, options)
     if options.clear_kept:
         from itouch.cli.doctor.kept import clear_kept
 
         print(clear_kept())
         return 0
     if options.rig is not None:
-        return _rig(options.rig, options.twin, options.duration, as_json=options.json)
+        watched = 3.0 if options.duration is None else options.duration
+        return _rig(options.rig, options.twin, watched, as_json=options.json)
     if options.rates is not None:
-        if not 0 <= options.busy <= 256:
-            parser.error(f"--busy {options.busy} is out of range: 0 to 256")
         return _rates(options.rates, options.measure or 5.0, beside=options.busy, as_json=options.json)
     from itouch.cli.doctor.checks import examine
     from itouch.cli.doctor.verdict import judge, measure
@@ -64,6 +65,20 @@ def main(argv: Sequence[str]) -> int:
         print(f"loop, {row.load:<10}    {row.sentence()}")
     print(f"\n{verdict.sentence}")
     return 0
+
+
+def _check(parser: Parser, options: argparse.Namespace) -> None:
+    """Refuse what says nothing as it stands; exit code 2."""
+    for option, given, whole in (
+        ("--twin", options.twin is not None, "rig"), ("--for", options.duration is not None, "rig"),
+        ("--busy", options.busy != 0, "rates"),
+    ):  # fmt: skip
+        if given and getattr(options, whole) is None:
+            parser.error(f"{option} goes with --{whole}: write itouch-py doctor --{whole} SCENE {option} ...")
+    if options.duration is not None and options.duration <= 0.0:
+        parser.error("--for must be more than 0 s; write for example --for 3s")
+    if not 0 <= options.busy <= 256:
+        parser.error(f"--busy {options.busy} is out of range: 0 to 256")
 
 
 def _rates(path: str, each: float, *, beside: int, as_json: bool) -> int:

@@ -1,27 +1,24 @@
 """The harmless half of a laboratory's checklist, on a rig in the air: sensors, watchdogs, cut-offs.
 
 Devices are opened as for a session and read and written in its rhythm, but never enabled: they get their safe commands
-only.  At the end everything is stopped as after a fault, and that is verified.  Each line names the rule it is about.
+only, which for a surface is to retreat: it goes down from the first tick on.  At the end everything is stopped as after
+a fault, and that is verified.  Each line names the rule it is about.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
-
-import numpy as np
 
 from itouch.cli.doctor.finding import Finding
+from itouch.cli.doctor.watched import Watched
 from itouch.loop import Engine
 from itouch.monitors import DeviceFaultError, Trip
 from itouch.monitors import limits as default
 from itouch.monitors.surface import TOUCH_FORCE
-from itouch.plugin import DeviceError, Record, Role
+from itouch.plugin import DeviceError, Role
 from itouch.safety import Hold, Status, connect
-
-if TYPE_CHECKING:
-    from itouch.loop.runner import Runner
+from itouch.schema import ItouchError
 
 #: What a drive may still read when it is off, as a part of its greatest value.
 OFF = 0.02
@@ -30,59 +27,22 @@ STILL = 1.0
 PASS, FAIL, NOT = "pass", "fail", "not possible"
 
 
-class _Watched:
-    """One device of the rig, and what its readings were."""
-
-    def __init__(self, runner: Runner, state: Record) -> None:
-        self.runner, self.model = runner, runner.model
-        self._sequence = state[f"{runner.model.name}.sequence"]
-        self.count, self.gap, self.since = 0, 0.0, 0
-        self.fault: DeviceFaultError | None = None
-        self.rows: list[bytes] = []
-        self.mean = np.zeros(runner.reading.numbers.shape)
-
-    def look(self, tick: int, period: float) -> None:
-        """Take what has come, and send what is safe."""
-        if self.fault is not None or self.runner.status is Status.CLOSED:
-            return
-        before = int(self._sequence)
-        try:
-            self.runner.read(tick)
-            self.runner.write(tick)
-        except DeviceFaultError as fault:
-            self.fault = fault
-            return
-        if int(self._sequence) != before:
-            self.count, self.since = self.count + 1, tick
-            self.mean += (self.runner.reading.numbers - self.mean) / self.count
-            self.rows.append(self.runner.reading.numbers.tobytes())
-        self.gap = max(self.gap, (tick - self.since) * period)
-
-    def at(self, role: Role) -> tuple[str, list[float]] | None:
-        """Return the name and the mean of the reading with a role."""
-        begin = 0
-        for channel in self.model.reads:
-            if channel.role is role:
-                return channel.name, self.mean[begin : begin + channel.size].tolist()
-            begin += channel.size
-        return None
-
-    @property
-    def still(self) -> bool:
-        """Whether no number has ever changed."""
-        return len(set(self.rows)) < 2
-
-
 def examine_rig(session: Engine, seconds: float = 3.0) -> Iterator[Finding]:
     """Yield what is found of a rig that nobody touches; the session is closed at the end."""
     try:
         yield from _examined(session, seconds)
-    finally:
+    except BaseException:
         session.close()
+        raise
+    try:
+        session.close()
+    except ItouchError as error:  # what was found must still be summed up
+        told = "; ".join([str(error), *getattr(error, "__notes__", ())])
+        yield Finding("W2 release", FAIL, told, "switch the supplies off by hand: nobody knows what it does now")
 
 
 def _examined(session: Engine, seconds: float) -> Iterator[Finding]:
-    watched = [_Watched(runner, session.state) for runner in session.runners]
+    watched = [Watched(runner, session.state) for runner in session.runners]
     failures = connect(session.runners, session.ticks)
     for name, why in failures.items():
         yield Finding(
@@ -100,7 +60,7 @@ def _examined(session: Engine, seconds: float) -> Iterator[Finding]:
     yield _switch(session)
 
 
-def _watch(session: Engine, there: list[_Watched], seconds: float) -> None:
+def _watch(session: Engine, there: list[Watched], seconds: float) -> None:
     """Let the rig stand for some seconds as it does before anything is enabled."""
     period, real = session.model.period, session.clock.pace == "real"
     session.clock.start(period)
@@ -117,7 +77,7 @@ def _watch(session: Engine, there: list[_Watched], seconds: float) -> None:
             session.clock.start(period)
 
 
-def _sensors(one: _Watched, seconds: float) -> Iterator[Finding]:
+def _sensors(one: Watched, seconds: float) -> Iterator[Finding]:
     name, patience = one.model.name, one.model.limits.watchdog or default.WATCHDOG_OTHER
     if one.fault is not None:
         yield Finding(
@@ -127,12 +87,15 @@ def _sensors(one: _Watched, seconds: float) -> Iterator[Finding]:
             "its sensor or its cable: nothing may be enabled before it reads what is true",
         )
         return
-    rate = one.count / seconds
     if not one.model.reads:
         yield Finding(f"W1 {name}", NOT, "it reads nothing", "watch by eye what it does")
         return
+    if not one.count:
+        yield from _silent(one, seconds)
+        return
+    rate = one.count / seconds
     late = f"{rate:.0f} readings/s, at most {one.gap * 1e3:.0f} ms apart; it stops after {patience * 1e3:.0f} ms"
-    if one.gap > patience or not one.count:
+    if one.gap > patience:
         yield Finding(
             f"W1 {name}", FAIL, late, "a slow or disturbed line, or a busy machine: itouch-py doctor --measure 10s"
         )
@@ -146,17 +109,28 @@ def _sensors(one: _Watched, seconds: float) -> Iterator[Finding]:
     yield from _nobody_there(one)
 
 
-def _nobody_there(one: _Watched) -> Iterator[Finding]:
+def _silent(one: Watched, seconds: float) -> Iterator[Finding]:
+    """Say of a device that has answered when it was opened, and then never, what that leaves open."""
+    found = f"it answered when it was opened, and then nothing came in {seconds:g} s"
+    yield Finding(f"W1 {one.model.name}", FAIL, found, "check power and cable, and what its plugin does when it waits")
+    rules = {Role.CONTACT_FORCE: "K4", Role.TRACKED_POSE: "K6", Role.SKIN_CONTACT_TEMPERATURE: "T1",
+             Role.DELIVERED_DRIVE: "T9"}  # fmt: skip
+    roles = {channel.role for channel in one.model.reads}
+    for rule in ("T8", *(rule for role, rule in rules.items() if role in roles)):
+        yield Finding(f"{rule} {one.model.name}", NOT, "no reading came that could tell", "see W1")
+
+
+def _nobody_there(one: Watched) -> Iterator[Finding]:
     """Look at what sensors must read while nobody touches the rig."""
     name = one.model.name
-    if (force := one.at(Role.CONTACT_FORCE)) is not None:
+    if (force := one.at(Role.CONTACT_FORCE, one.mean)) is not None:
         size = math.hypot(*force[1][:3])
         found = f"{force[0]} reads {size:.3f} N in the air; from {TOUCH_FORCE:g} N on it counts as a touch"
         bad = not size <= TOUCH_FORCE
         yield Finding(
             f"K4 {name}", FAIL if bad else PASS, found, "take off what lies on it, and tare the sensor" if bad else ""
         )
-    place, target = one.at(Role.TRACKED_POSE), one.model.command(Role.SURFACE_POSE)
+    place, target = one.at(Role.TRACKED_POSE, one.newest), one.model.command(Role.SURFACE_POSE)
     if place is not None and target is not None and target.low:
         inside = all(
             low - 1e-3 <= x <= high + 1e-3 for x, low, high in zip(place[1][:3], target.low, target.high, strict=False)
@@ -165,7 +139,7 @@ def _nobody_there(one: _Watched) -> Iterator[Finding]:
         found = f"it stands at {shown} mm, {'in' if inside else 'out of'} its travel"
         advice = "" if inside else "home it anew, and check <hardware travel>"
         yield Finding(f"K6 {name}", PASS if inside else FAIL, found, advice)
-    plate = one.at(Role.SKIN_CONTACT_TEMPERATURE)
+    plate = one.at(Role.SKIN_CONTACT_TEMPERATURE, one.mean)
     if plate is not None:
         apart = max(abs(x - one.model.ambient) for x in plate[1])
         room = one.model.ambient - 273.15
@@ -179,7 +153,7 @@ def _nobody_there(one: _Watched) -> Iterator[Finding]:
         )
 
 
-def _watchdog(one: _Watched) -> Finding:
+def _watchdog(one: Watched) -> Finding:
     name, own = one.model.name, one.model.cls.watchdog
     if not one.model.commands:
         return Finding(f"W2 {name}", NOT, "it obeys nothing: there is nothing to cut off")
@@ -199,16 +173,16 @@ def _watchdog(one: _Watched) -> Finding:
     return Finding(f"W2 {name}", PASS, found, advice)
 
 
-def _drives(one: _Watched) -> Iterator[Finding]:
+def _drives(one: Watched) -> Iterator[Finding]:
     """Look at what is delivered while nothing but safe commands are sent."""
-    delivered = one.at(Role.DELIVERED_DRIVE)
-    if delivered is None or one.fault is not None:
+    delivered = one.at(Role.DELIVERED_DRIVE, one.most)
+    if delivered is None or one.fault is not None or not one.count:
         return
     drives = [c for c in one.model.commands if c.role is Role.DRIVE and c.high]
     most = OFF * max((max(c.high) for c in drives), default=1.0)
-    worst = max(abs(x) for x in delivered[1])
-    found = f"{delivered[0]} reads {worst:.3g} while nothing is asked for"
-    bad = worst > most
+    worst = max(delivered[1])
+    found = f"{delivered[0]} reads {worst:.3g} at most while nothing is asked for"
+    bad = not worst <= most
     yield Finding(
         f"T9 {one.model.name}",
         FAIL if bad else PASS,
@@ -246,7 +220,7 @@ def _switch(session: Engine) -> Finding:
     return Finding("W3", FAIL, "devices were enabled though nobody holds the switch", "do not use this rig")
 
 
-def _stop(session: Engine, there: list[_Watched]) -> Iterator[Finding]:
+def _stop(session: Engine, there: list[Watched]) -> Iterator[Finding]:
     """Stop everything as after a fault, and say what was then seen of each device."""
     acting = [one for one in there if one.model.commands and one.runner.status is not Status.CLOSED]
     if not acting:
@@ -255,7 +229,8 @@ def _stop(session: Engine, there: list[_Watched]) -> Iterator[Finding]:
     session.make_safe(
         DeviceFaultError(acting[0].model.name, session.ticks, Trip.RELEASED, "was stopped to see it stop")
     )
-    outcome = session.ledger.faults[-1]["safe"]
+    # an optional device that is lost meanwhile has an entry of its own
+    outcome = next(fault["safe"] for fault in reversed(session.ledger.faults) if "safe" in fault)
     seen = outcome["devices"]
     told = "; ".join(f"{one.model.name}: {seen[one.model.name]}" for one in acting)
     found = f"after {outcome['after_s'] * 1e3:.0f} ms: {told}"

@@ -1,0 +1,74 @@
+"""One device that the doctor watches: it is read and written in its rhythm, and what it read is kept."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.monitors import DeviceFaultError
+from itouch.plugin import Record, Role
+from itouch.safety import Status
+
+if TYPE_CHECKING:
+    from itouch.loop.runner import Runner
+
+
+class Watched:
+    """One device of the rig, and what its readings were."""
+
+    def __init__(self, runner: Runner, state: Record) -> None:
+        self.runner, self.model = runner, runner.model
+        self._sequence = state[f"{runner.model.name}.sequence"]
+        #: How many readings came, the longest time [s] between two, and the tick of the newest.
+        self.count, self.gap, self.since = 0, 0.0, 0
+        self.fault: DeviceFaultError | None = None
+        self._rows: set[bytes] = set()
+        #: Mean, newest and greatest size of each number that was read; zeros, and worth nothing, before ``count`` > 0.
+        self.mean, self.newest, self.most = (np.zeros(runner.reading.numbers.shape) for _ in range(3))
+
+    def look(self, tick: int, period: float) -> None:
+        """Take what has come, and send what is safe; the loss of an optional device is a fault like any other here."""
+        if self.fault is not None or self.runner.status is Status.CLOSED:
+            return
+        before = int(self._sequence)
+        on_loss, self.runner.on_loss = self.runner.on_loss, None
+        try:
+            self.runner.read(tick)
+            self.runner.write(tick)
+        except DeviceFaultError as fault:
+            self.fault = fault
+            return
+        finally:
+            self.runner.on_loss = on_loss
+        if self.runner.status is Status.FAULT:  # then nobody checks what it reads
+            trip = self.runner.trip
+            self.fault = DeviceFaultError(self.model.name, tick, trip, f"was stopped before by {trip.label}")
+            return
+        if int(self._sequence) != before:
+            self._keep(tick)
+        self.gap = max(self.gap, (tick - self.since) * period)
+
+    def _keep(self, tick: int) -> None:
+        numbers = self.runner.reading.numbers
+        self.count, self.since = self.count + 1, tick
+        self.mean += (numbers - self.mean) / self.count
+        self.newest[:] = numbers
+        np.maximum(self.most, np.abs(numbers), out=self.most)
+        if len(self._rows) < 2:
+            self._rows.add(numbers.tobytes())
+
+    def at(self, role: Role, numbers: NDArray[Any]) -> tuple[str, list[float]] | None:
+        """Return the name of the reading with a role, and its part of ``mean``, ``newest`` or ``most``."""
+        begin = 0
+        for channel in self.model.reads:
+            if channel.role is role:
+                return channel.name, numbers[begin : begin + channel.size].tolist()
+            begin += channel.size
+        return None
+
+    @property
+    def still(self) -> bool:
+        """Whether no number has ever changed."""
+        return len(self._rows) < 2
