@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import subprocess
 import tomllib
 from pathlib import Path
 
@@ -156,3 +157,20 @@ def test_other_packages_ask_for_what_the_project_asks_for() -> None:
     checked = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
     assert installed and all(name in checked for name in installed)
     assert image.index("USER touch") < image.index("ENTRYPOINT")
+    (mounted,) = re.findall(r'-v "\$PWD:([^"]+)" itouch-py run \w+\.xml', image)  # as it is told, it finds the scene
+    assert re.findall(r"^WORKDIR (.+)$", image, re.MULTILINE)[-1] == mounted
+    assert f"--owner=touch --group=touch {mounted}\n" in image[: image.index("USER touch")]
+
+
+def test_a_source_distribution_has_what_lies_at_the_root() -> None:
+    told = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["hatch"]["build"]["targets"]
+    pages = {f"/{path.name}" for path in ROOT.iterdir() if path.suffix in (".md", ".cff") or path.name == "LICENSE"}
+    assert pages <= set(told["sdist"]["include"])
+
+
+def test_a_release_is_not_made_over_another(tmp_path: Path) -> None:
+    (tmp_path / "SHA256SUMS").write_text("of another release")
+    done = subprocess.run(["bash", ROOT / ".ci" / "release", tmp_path], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert "is not empty" in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["SHA256SUMS"]
