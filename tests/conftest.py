@@ -53,7 +53,12 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     scenes = (("four_materials.xml", "9"), ("mesh.xml", "3"))
     running = [subprocess.Popen([sys.executable, "-c", code, SCENES / name, until]) for name, until in scenes]
     for process in running:
-        process.wait()
+        try:
+            process.wait(600.0)
+        except subprocess.TimeoutExpired:  # the tests compile it themselves then, each worker on its own
+            process.kill()
+            process.wait()
+            print(f"compiling before the tests did not end in 600 s: {process.args}", file=sys.stderr)
 
 
 def pytest_collection_finish() -> None:
