@@ -76,13 +76,15 @@ def draw_played(recording: str, picture: Path) -> None:
     from itouch.viewer.playback import Playback
     from itouch.viewer.reel import Reel
 
-    playback = Playback(Reel(read(recording)))
+    reel = Reel(read(recording))
+    playback = Playback(reel)
     playback.pause()
     playback.seek(20.0)
-    for _ in range(20_000):
+    for _ in range(300):
         playback.advance(0.05, playback.curves)
         if playback.line.known.mean() > 0.7:
             break
+        reel.work(1.0)  # in one go: a picture waits for nobody
     shots = Offscreen(playback.model)
     shots.picture.ring = playback.curves
     write_png(picture, shots.shoot(playback.state, playback.situation))

@@ -73,6 +73,7 @@ class Reel:
         self._letters = self._stated()
         self._here: Place | None = None
         self._filler: Place | None = None
+        self._stands: Place | None = None  # where the replay stands, if that is a place: to go there again takes time
         self._caught = False
         self.session.taps.append(self._tap)
 
@@ -113,7 +114,7 @@ class Reel:
         if here is not None and _row(start, self.ticks) <= here.at <= row:
             start = here
         self._caught = False
-        self._stand(start)
+        self._stand(start)  # which forgets where it stood
         done = self._run(row + 1, end)
         self._here = self._replay.place()
         if not done:
@@ -129,12 +130,13 @@ class Reel:
             if first is None:
                 return
             if self._filler is not None and self._filler.at == first:
-                self._stand(self._filler)
+                if self._stands is not self._filler:
+                    self._stand(self._filler)
             else:
                 self._stand(self._nearest(first))
             rest = self._seen[first:]
             self._run(first + (int(np.argmax(rest)) if rest.any() else len(rest)), end)
-            self._filler = self._replay.place()
+            self._filler = self._stands = self._replay.place()
 
     def _unread(self) -> int | None:
         """Return the row that is read next: near the one that is shown, or the first of all."""
@@ -157,6 +159,7 @@ class Reel:
         return self._letters[letter]
 
     def _stand(self, start: Place | Mapping[str, Any]) -> None:
+        self._stands = None
         if isinstance(start, Place):
             self._replay.go(start)
             return
