@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -28,6 +29,7 @@ from itouch_thermal.drivers.tec import TecDriver
 from itouch_thermal.drivers.virtual import Plate, VirtualLine, VirtualMecom, VirtualT7
 from itouch_thermal.film import TouchFilm
 from itouch_thermal.film.params import T7, FilmParams, ForceSensor, Thermometer
+from itouch_thermal.film.twin import FilmTwin
 
 SENSOR = FluxSensor(sensitivity=1.2e-6, correction=0.002, offset=3e-6)
 
@@ -462,12 +464,28 @@ def test_an_instrumented_sample_is_read_by_its_sheets() -> None:
         device.volts[2] = 0.0
         bench.read(reading)
         assert reading["skin_valid"].item() == 0.0 and reading["skin_temperature"].item() == pytest.approx(306.15)
+        bare = TouchFilm(FilmParams(labjack=replace(sensors, thermometer=None)))
+        bare.open()
+        seen = Record.of(Field.of(channel) for channel in TouchFilm.channels(bare.params)[0])
+        assert bare.read(seen) and "film_temperature" not in list(seen)
+        bare.close()
         device.volts[3] = -9999.0
         with pytest.raises(DeviceError, match="AIN3 is overloaded"):
             bench.read(reading)
         bench.close()
         with pytest.raises(DeviceError, match="not open"):
             bench.read(reading)
+
+
+def test_a_film_without_a_thermometer_has_no_temperature() -> None:
+    with_one, without = (T7(host="h", flux_sensor=SENSOR, thermometer=t) for t in (Thermometer(), None))
+    names = [[c.name for c in TouchFilm.channels(FilmParams(labjack=given))[0]] for given in (None, with_one, without)]
+    assert names[0] == names[1] and set(names[0]) - set(names[2]) == {"film_temperature"}
+    twin = FilmTwin(FilmParams(labjack=without))
+    state = Record.of(twin.fields())
+    twin.reset(state, np.random.default_rng(0))
+    reading = Record.of(Field.of(channel) for channel in TouchFilm.channels(twin.params)[0])
+    assert twin.read(state, reading) and reading["skin_valid"].item() == 1.0
 
 
 def test_a_sample_without_an_instrument_is_told() -> None:

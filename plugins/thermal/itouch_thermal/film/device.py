@@ -50,8 +50,9 @@ class TouchFilm(Device):
 
     @classmethod
     def channels(cls, params: Any) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
-        """Return the channels with the film's full scale."""
-        return (heat_flux(full_scale=params.full_scale), *cls.reads[1:]), ()
+        """Return the channels with the film's full scale; its temperature only where a thermometer is given."""
+        others = cls.reads[1:] if params.has_thermometer else cls.reads[2:]
+        return (heat_flux(full_scale=params.full_scale), *others), ()
 
     @classmethod
     def duration(cls, bound: Any) -> float:
@@ -98,7 +99,8 @@ class TouchFilm(Device):
         if self._driver is None:
             raise DeviceError("the film is not open")
         given = self.params.labjack
-        film = _UNSEEN
+        # Without a thermometer the sensitivity is that of the calibration.
+        film = given.flux_sensor.reference
         if given.thermometer is not None:
             film = given.thermometer.zero + given.thermometer.slope * self._driver.volts(given.thermometer.channel)
         found = self._driver.exchange(film)
@@ -106,7 +108,9 @@ class TouchFilm(Device):
         seen = math.isfinite(found.skin)
         if seen:
             self._skin = found.skin
-        reading["heat_flux"], reading["film_temperature"] = found.flux, film
+        reading["heat_flux"] = found.flux
+        if given.thermometer is not None:
+            reading["film_temperature"] = film
         reading["wrench"][:] = 0.0
         reading["wrench"][2] = -given.force_sensor.slope * force
         reading["skin_temperature"], reading["skin_valid"] = self._skin, float(seen)

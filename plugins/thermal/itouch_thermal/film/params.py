@@ -103,6 +103,11 @@ class FilmParams:
         check_laws(self.laws, self.contact_resistance)
 
     @property
+    def has_thermometer(self) -> bool:
+        """Whether the film has a thermometer: an instrument's is given, or there is only the twin's."""
+        return self.labjack is None or self.labjack.thermometer is not None
+
+    @property
     def film(self) -> Layer:
         """The film as a layer of some thickness with this capacity and resistance."""
         thick = 37.5e-6

@@ -136,7 +136,9 @@ class FilmTwin(Twin):
         drifted = p.flux_bias + p.flux_drift * memory[CLOCK].item()
         flux = memory[FLUX_LAG].item() + drifted + p.flux_noise * _gauss(words)
         reading["heat_flux"] = min(p.full_scale, max(-p.full_scale, flux))
-        reading["film_temperature"] = memory[FILM_LAG].item() + p.film_noise * _gauss(words)
+        film = memory[FILM_LAG].item() + p.film_noise * _gauss(words)
+        if p.has_thermometer:
+            reading["film_temperature"] = film
         reading["wrench"][:] = 0.0
         reading["wrench"][2] = -memory[FORCE].item() - p.force_noise * _gauss(words)
         clear = memory[TOUCHING].item() == 0.0
