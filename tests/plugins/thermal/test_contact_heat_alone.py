@@ -82,6 +82,11 @@ def test_the_old_names_still_lead_there() -> None:
     with pytest.warns(DeprecationWarning, match="contact_heat"):
         from itouch_thermal.solver.layers import Layer
     assert Layer is contact_heat.Layer
+    from itouch_thermal.solver.materials import material
+
+    from itouch_thermal.rendering import materials
+
+    assert material is materials.material
 
 
 @pytest.mark.parametrize(

@@ -105,7 +105,8 @@ def write_curves(figure: Figure, folder: Path) -> int:
 
 
 def _slug(name: str) -> str:
-    return re.sub(r"[^a-z0-9+-]+", "-", name.lower()).strip("-")
+    """Return a name as a part of a file's; a sign in front stays, so that -8 K is not 8 K."""
+    return re.sub(r"[^a-z0-9+-]+", " ", name.lower()).strip().replace(" ", "-")
 
 
 def _rows(figure: Figure, panel: Panel, line: Line) -> str:

@@ -77,13 +77,17 @@ def times(values: Array, period: float = PERIOD, begin: float = 0.0) -> Array:
     return np.asarray(begin + np.arange(1, len(values) + 1) * period, dtype=np.float64)
 
 
-def _lab(work: Work, names: tuple[str, ...], begin: float) -> tuple[Line, ...]:
-    """Return a lab's own curves of materials, dotted."""
-    return tuple(
-        Line(f"{name}, measured", begin + curve.times, curve.fluxes, COLORS[name], ":", width=2.0)
-        for name, curve in work.curves.items()
-        if name in names
-    )
+def _lab(
+    work: Work, names: tuple[str, ...], begin: float, model: Callable[[str], tuple[Array, Array]] | None = None
+) -> tuple[Line, ...]:  # fmt: skip
+    """Return a lab's own curves of materials, dotted, and the model's flux out of the finger, which they are."""
+    found = []
+    for name, curve in work.curves.items():
+        if name in names:
+            at, flux = model(name) if model else (times(work.real(name).flux), work.real(name).flux)
+            found.append(Line(f"{name}, measured", begin + curve.times, curve.fluxes, COLORS[name], ":", width=2.0))
+            found.append(Line(f"{name}, out of finger", begin + at, flux, COLORS[name], "--", width=0.9))
+    return tuple(found)
 
 
 def _touches(work: Work, begin: float = 1.0) -> tuple[Line, ...]:
@@ -100,7 +104,8 @@ def figure2(work: Work) -> Figure:
     panel = Panel("Flux through the film on four materials", (*_touches(work), *_lab(work, MATERIALS, 1.0)))
     caption = "Flux through the film on four materials, simulated; the touch begins at 1 s."
     told = (
-        "Simulated, not measured: nominal finger of three layers, no noise (dotted: a lab's curves, `--measured`).",
+        "Simulated, not measured: nominal finger of three layers, no noise (dotted: a lab's curves, `--measured`, "
+        "which are flux out of the finger; dashed beside them what the model has there).",
         f"The paper says neither its contact resistance nor its pressure: R = {work.setup.resistance:g} K m²/W, "
         f"pressed on within some {1e3 * work.setup.press:.0f} ms.",
         f"The sensor follows with a time constant of {1e3 * work.setup.lag:.0f} ms.",
@@ -225,7 +230,7 @@ def figure11(work: Work) -> Figure:
         "exact solver: the two agree as computations, which says nothing of a real finger.",
     )
     panels = (
-        Panel("Figure 11: simulated by eqs 4 to 10", (*lines, *_lab(work, MATERIALS, 1.0))),
+        Panel("Figure 11: simulated by eqs 4 to 10", (*lines, *_lab(work, MATERIALS, 1.0, work.scheme_flux))),
         Panel("Figure 2 beside it", _touches(work)),
     )
     return Figure(11, "Flux of the four materials as simulated, with the sensor, and figure 2 beside.", told, panels)

@@ -14,7 +14,7 @@ INTRODUCTION = (
     "were "
     "not at hand: nothing in ours is taken from them.  All touches are simulated unless a lab's curves are laid over "
     "them "
-    "(`--measured FOLDER`, dotted)."
+    "(`--measured FOLDER`, dotted; dashed the model's flux out of the finger, which they show)."
 )
 
 #: What the paper had, as far as it says, and what stands for it here.

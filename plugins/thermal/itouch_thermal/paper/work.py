@@ -104,9 +104,16 @@ class Work:
 
     def scheme(self, name: str) -> tuple[Array, Array]:
         """Return times [s] and the sensor's reading [W/m2] by the paper's equations 4 to 10."""
+        return self._both(name)[:2]
+
+    def scheme_flux(self, name: str) -> tuple[Array, Array]:
+        """Return times [s] and the flux out of the finger [W/m2] by the paper's equations 4 to 10."""
+        return self._both(name)[::2]
+
+    def _both(self, name: str) -> tuple[Array, Array, Array]:
         return self._once(("scheme", name), lambda: self._scheme(name))
 
-    def _scheme(self, name: str) -> tuple[Array, Array]:
+    def _scheme(self, name: str) -> tuple[Array, Array, Array]:
         from contact_heat.differences import solve_differences
 
         setup = self.setup
@@ -115,7 +122,7 @@ class Work:
         metal = material(name)[1].effusivity > METAL
         found = solve_differences(contact, times, spacing=SPACING_METAL if metal else SPACING)
         flux = found.flux_at("object", 0.5 * setup.film) if setup.film > 0.0 else found.flux
-        return times, lagged(flux, setup.lag, COARSE)
+        return times, lagged(flux, setup.lag, COARSE), found.flux
 
 
 def _step(setup: Setup, current: float, seconds: float, touched: bool) -> Array:
