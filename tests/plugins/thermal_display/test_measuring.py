@@ -113,7 +113,7 @@ def _record(*, force=1.0, hold=2.0, count=3, period=1e-3, slope=0.0, skin=SKIN):
     pushed = np.concatenate((np.tile(one, count), np.zeros(1000)))
     time = np.arange(len(pushed)) * period
     skins = np.where(pushed > 0.0, np.nan, skin)
-    return Record(period, 7.0 + 100.0 * (pushed > 0.0), ROOM + slope * time, pushed, skins)
+    return Record(time, 7.0 + 100.0 * (pushed > 0.0), ROOM + slope * time, pushed, skins)
 
 
 def test_touches_are_found_where_the_force_is():

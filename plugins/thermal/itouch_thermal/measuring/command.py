@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import argparse
+import os
+import re
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 
 from itouch.plugin import ItouchError, parse_quantity
-from itouch_thermal.measuring.correct import Average, Sensors, average
-from itouch_thermal.measuring.sampling import Source, sample
-from itouch_thermal.measuring.touches import TOUCHED, Touched, Wanted, sort_out, touches
+from itouch_thermal.measuring.correct import Average, average
+from itouch_thermal.measuring.prompts import Prompts
+from itouch_thermal.measuring.sampling import Given, Sampled, sample
+from itouch_thermal.measuring.touches import Touched, Wanted, sort_out, touches
+from itouch_thermal.whole_file import write_whole
 
 
 def main(argv: Sequence[str]) -> int:
@@ -57,10 +62,60 @@ def _arguments(touch: argparse.ArgumentParser) -> None:
     touch.add_argument("--twin", metavar="all|none|NAME", help="run these devices as simulated twins")
 
 
-def _quantity(text: str, unit: str) -> float:
-    import re
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """What the options say, each looked at before anything is measured."""
 
-    return parse_quantity(re.sub(r"(?<=[0-9.])\s*(?=[A-Za-z%])", " ", text, count=1), unit)[0]
+    wanted: Wanted
+    longest: float | None
+    every: float
+    given: Given
+    output: Path
+    raw: Path | None
+
+
+def _asked(options: argparse.Namespace) -> _Asked:
+    """Return what the options say.
+
+    Raises
+    ------
+    ValueError
+        If one is wrong, naming it, what it may be, and what was given.
+    OSError
+        If the folder for raw touches can't be made.
+    """
+    duration = _quantity(options, "duration", "s", 0.05, 3600.0)
+    wanted = Wanted(
+        _quantity(options, "force", "N", 0.06, 1000.0), duration, _quantity(options, "tolerance", "", 1e-3, 1.0)
+    )  # fmt: skip
+    every = _quantity(options, "every", "s", 1e-4, 0.5 * duration)
+    given = Given(
+        None if options.lag is None else _quantity(options, "lag", "s", 0.0, min(2.0, duration)),
+        None if options.film_capacity is None else _quantity(options, "film_capacity", "J/(m^2*K)", 0.0, 1e4),
+    )
+    longest = None if options.longest is None else _quantity(options, "longest", "s", 1e-3, 7.0 * 86400.0)
+    if options.repeat < 1:
+        raise ValueError(f"--repeat {options.repeat} is out of range: 1 or more")
+    output = Path(options.output)
+    if not output.parent.is_dir() or output.is_dir():
+        raise ValueError(f"--output '{output}' can't be written: {output.parent} must be a folder, and it a file")
+    raw = Path(options.raw) if options.raw else None
+    if raw is not None:
+        raw.mkdir(parents=True, exist_ok=True)
+        if not os.access(raw, os.W_OK):
+            raise ValueError(f"--raw '{raw}': nothing can be written there; name another folder")
+    return _Asked(wanted, longest, every, given, output, raw)
+
+
+def _quantity(options: argparse.Namespace, name: str, unit: str, low: float, high: float) -> float:
+    text, flag = str(getattr(options, name)), "for" if name == "longest" else name.replace("_", "-")
+    try:
+        value = float(parse_quantity(re.sub(r"(?<=[0-9.])\s*(?=[A-Za-z%])", " ", text, count=1), unit)[0])
+    except ValueError as error:
+        raise ValueError(f"--{flag} {text}: {error}") from error
+    if not low <= value <= high:
+        raise ValueError(f"--{flag} {text} is out of range: {low:g} to {high:g} {unit}".rstrip())
+    return value
 
 
 def _touch(options: argparse.Namespace) -> int:
@@ -68,43 +123,33 @@ def _touch(options: argparse.Namespace) -> int:
 
     The film's lag, and the heat that the film stores, are taken out.
     """
-    wanted = Wanted(
-        _quantity(options.force, "N"), _quantity(options.duration, "s"), _quantity(options.tolerance, "")
+    asked = _asked(options)
+    wanted = asked.wanted
+    prompts = None if options.no_prompt or not sys.stderr.isatty() else Prompts(wanted, options.repeat)
+    found = sample(
+        options.scene, seed=options.seed, rig=options.rig, twin=options.twin, longest=asked.longest, watch=prompts,
+        given=asked.given,
     )  # fmt: skip
-    if options.repeat < 1:
-        raise ValueError(f"--repeat {options.repeat} is out of range: 1 or more")
-    output = Path(options.output)
-    if not output.parent.is_dir() or output.is_dir():
-        raise ValueError(f"--output '{output}' can't be written: {output.parent} must be a folder, and it a file")
-    prompts = None if options.no_prompt or not sys.stderr.isatty() else _Prompts(wanted, options.repeat)
-    record, source = sample(
-        options.scene, seed=options.seed, rig=options.rig, twin=options.twin,
-        longest=_quantity(options.longest, "s") if options.longest else None, watch=prompts,
-    )  # fmt: skip
-    good, bad = sort_out(touches(record), Wanted(**{**_as_dict(wanted), "full_scale": source.full_scale}))
+    if found.stopped:
+        print(f"stopped: {found.stopped}; what was read before is used", file=sys.stderr)
+    good, bad = sort_out(touches(found.record), replace(wanted, full_scale=found.source.full_scale))
     for why in bad:
         print(f"left out: {why}", file=sys.stderr)
+    good = good[: options.repeat]
+    if asked.raw is not None:
+        _write_raw(asked.raw, good, options, found)
     if len(good) < min(2, options.repeat):
         print(f"error: {len(good)} good touches of {len(good) + len(bad)}: too few to be averaged", file=sys.stderr)
         return 1
-    good = good[: options.repeat]
-    sensors = _sensors(options, source.sensors)
-    mean = average(good, sensors, _quantity(options.every, "s"))
-    output.write_text(curve_text(mean, good, bad, sensors, wanted, options), encoding="utf-8")
-    if options.raw:
-        _write_raw(Path(options.raw), good, sensors, options, source)
-    print(f"wrote {output}: {len(good)} touches, {len(bad)} left out; {noise_words(mean)}")
-    return 0 if len(good) >= options.repeat else 1
+    mean = average(good, found.source.sensors, asked.every)
+    write_whole(asked.output, curve_text(mean, good, bad, found, wanted, options))
+    print(f"wrote {asked.output}: {len(good)} touches, {len(bad)} left out; {noise_words(mean)}")
+    return 0 if len(good) >= options.repeat and not found.stopped else 1
 
 
-def _as_dict(wanted: Wanted) -> dict[str, float]:
-    return {name: getattr(wanted, name) for name in wanted.__slots__}
-
-
-def _sensors(options: argparse.Namespace, of: Sensors) -> Sensors:
-    lag = of.lag if options.lag is None else _quantity(options.lag, "s")
-    given = options.film_capacity
-    return Sensors(lag, of.film_lag, of.capacity if given is None else _quantity(given, "J/(m^2*K)"))
+def _room(touch: Touched, found: Sampled) -> float:
+    """Return the room's temperature [K]: what the film had before a touch, without a thermometer the scene's."""
+    return touch.rest if np.isfinite(touch.rest) else found.room
 
 
 def noise_words(mean: Average) -> str:
@@ -119,17 +164,19 @@ def noise_words(mean: Average) -> str:
 
 
 def curve_text(
-    mean: Average, good: list[Touched], bad: list[str], sensors: Sensors, wanted: Wanted, options: argparse.Namespace
+    mean: Average, good: list[Touched], bad: list[str], found: Sampled, wanted: Wanted, options: argparse.Namespace
 ) -> str:  # fmt: skip
     """Return the curve as CSV with a head that says how it came about."""
+    sensors = found.source.sensors
     skin = [touch.skin - 273.15 for touch in good]
+    by = "by the film before" if found.source.film else "as the scene has it"
     head = [
         f"what: {options.what or 'not said'}", f"who: {options.who or 'not said'}",
         f"when: {datetime.now(UTC):%Y-%m-%d %H:%M:%S} UTC", f"scene: {options.scene}",
         f"touches: {len(good)} averaged, {len(bad)} left out", *bad,
         f"force: {np.mean([touch.pressed for touch in good]):.3f} N, wanted {wanted.force:g} N",
         f"skin before: {np.mean(skin):.2f} degC ({np.min(skin):.2f} to {np.max(skin):.2f})",
-        f"room, by the film before: {np.mean([touch.rest for touch in good]) - 273.15:.2f} degC",
+        f"room, {by}: {np.mean([_room(touch, found) for touch in good]) - 273.15:.2f} degC",
         f"film: lag {sensors.lag:g} s, its thermometer {sensors.film_lag:g} s, {sensors.capacity:g} J/m2K; "
         f"read {np.mean([touch.offset for touch in good]):.2f} W/m2 at rest, which is taken away",
         "j: " + ("flux out of the finger: " if sensors.capacity else "flux through the film's middle: ")
@@ -143,52 +190,22 @@ def curve_text(
     return "\n".join([*(f"# {line}" for line in head), "t [s],j [W/m^2],error [W/m^2]", *rows, ""])
 
 
-def _write_raw(
-    folder: Path, good: list[Touched], sensors: Sensors, options: argparse.Namespace, source: Source
-) -> None:  # fmt: skip
+def _write_raw(folder: Path, good: list[Touched], options: argparse.Namespace, found: Sampled) -> None:
     """Write touches as they were read, with what `identify` must know in the head."""
-    folder.mkdir(parents=True, exist_ok=True)
+    source, sensors = found.source, found.source.sensors
     for k, touch in enumerate(good):
         head = [
             f"# what: {options.what}", f"# who: {options.who}", f"# skin [degC]: {touch.skin - 273.15:.4f}",
-            f"# room [degC]: {touch.rest - 273.15:.4f}", f"# force [N]: {touch.pressed:.4f}",
-            f"# lag [s]: {sensors.lag:g}", f"# capacity [J/m2K]: {sensors.capacity:g}", f"# device: {source.device}",
+            f"# room [degC]: {_room(touch, found) - 273.15:.4f}", f"# force [N]: {touch.pressed:.4f}",
+            f"# lag [s]: {sensors.lag:g}", f"# capacity [J/m2K]: {sensors.capacity:g}",
+            *([f"# film resistance [m2K/W]: {sensors.resistance:g}"] if sensors.resistance > 0.0 else []),
+            f"# device: {source.device}",
         ]  # fmt: skip
         rows = [
-            f"{t:.6f},{j:.4f},{film - 273.15:.4f},{force:.4f}"
+            f"{t:.6f},{j:.4f},{'' if np.isnan(film) else f'{film - 273.15:.4f}'},{force:.4f}"
             for t, j, film, force in zip(
                 touch.times.tolist(), touch.flux.tolist(), touch.film.tolist(), touch.force.tolist(), strict=True
             )
         ]
         text = "\n".join([*head, "t [s],j [W/m^2],film [degC],force [N]", *rows, ""])
-        (folder / f"touch{k + 1:02d}.csv").write_text(text, encoding="utf-8")
-
-
-class _Prompts:
-    """Tells the operator what to do, and ends the measurement once enough touches were long enough."""
-
-    def __init__(self, wanted: Wanted, repeat: int) -> None:
-        self._wanted, self._repeat = wanted, repeat
-        self._done, self._begun, self._told = 0, 0.0, ""
-
-    def __call__(self, time: float, force: float) -> bool:
-        """Take note of a force; return whether all touches are over."""
-        if force <= TOUCHED:
-            self._begun = 0.0
-            if self._told == "lift the finger, and wait until the sample has recovered":
-                self._done += 1
-            if self._done >= self._repeat:
-                return True
-            self._say(f"touch {self._done + 1} of {self._repeat}: press with {self._wanted.force:g} N")
-            return False
-        self._begun = self._begun or time
-        if time - self._begun < self._wanted.duration:
-            self._say(f"hold for {self._wanted.duration:g} s")
-        else:
-            self._say("lift the finger, and wait until the sample has recovered")
-        return False
-
-    def _say(self, words: str) -> None:
-        if words != self._told:
-            self._told = words
-            print(words, file=sys.stderr, flush=True)
+        write_whole(folder / f"touch{k + 1:02d}.csv", text)

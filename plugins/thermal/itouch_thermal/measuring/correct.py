@@ -21,11 +21,15 @@ WIDTH, LEAST = 0.2, 3
 
 @dataclass(frozen=True, slots=True)
 class Sensors:
-    """Calibration: lags of film and thermometer [s], heat capacity of the film [J/m2K]; 0: nothing is corrected."""
+    """Calibration: lags of film and thermometer [s], heat capacity of the film [J/m2K]; 0: nothing is corrected.
+
+    ``resistance`` [m2K/W] is the film's from face to face; 0: not known.
+    """
 
     lag: float = 0.0
     film_lag: float = 0.0
     capacity: float = 0.0
+    resistance: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,9 +61,11 @@ def correct(touch: Touched, sensors: Sensors, times: Array) -> Corrected:
         low, high = max(0, min(int(low), len(touch.times) - 7)), min(len(touch.times), max(int(high) + 1, 7))
         value, slope, bend = _parabola(touch.times[low:high] - time)
         flux = value + sensors.lag * slope
-        film = half * (slope + 2.0 * sensors.film_lag * bend)
-        found[k] = flux @ touch.flux[low:high] + film @ (touch.film[low:high] - touch.rest)
-        gains[:, k] = np.sqrt(flux @ flux), np.sqrt(film @ film)
+        found[k], gains[:, k] = flux @ touch.flux[low:high], (np.sqrt(flux @ flux), 0.0)
+        if half > 0.0:  # otherwise there may be no thermometer
+            film = half * (slope + 2.0 * sensors.film_lag * bend)
+            found[k] += film @ (touch.film[low:high] - touch.rest)
+            gains[1, k] = np.sqrt(film @ film)
     return Corrected(times, found, *gains)
 
 

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import Any
 
 import numpy as np
 
-from itouch.plugin import Role
+from itouch.plugin import ItouchError, Role
 from itouch_thermal.measuring.correct import Sensors
-from itouch_thermal.measuring.touches import TOUCHED, Record
+from itouch_thermal.measuring.touches import Record
 
 #: Told at each sample: seconds, force [N].
 Watch = Callable[[float, float], bool]
@@ -30,6 +30,24 @@ class Source:
     sensors: Sensors
     full_scale: float
     device: str
+
+
+@dataclass(frozen=True, slots=True)
+class Given:
+    """What the command line says of the film: its lag [s] and heat capacity [J/m2K]; None: as the scene has it."""
+
+    lag: float | None = None
+    capacity: float | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sampled:
+    """What was read, from what, in a room of a temperature [K], and why it ended before its time; empty: it did not."""
+
+    record: Record
+    source: Source
+    room: float
+    stopped: str
 
 
 def find(model: Any) -> Source:
@@ -54,61 +72,99 @@ def find(model: Any) -> Source:
         found = by_role.get(role)
         return f"{found[0]}.{found[1].name}" if found else ""
 
-    sensors = Sensors(*(float(getattr(params, key, 0.0)) for key in ("flux_lag", "film_lag", "film_capacity")))
+    keys = ("flux_lag", "film_lag", "film_capacity", "film_resistance")
+    sensors = Sensors(*(float(getattr(params, key, 0.0)) for key in keys))
     film = path(Role.OTHER_TEMPERATURE) or path(Role.SKIN_CONTACT_TEMPERATURE)
     return Source(
         f"{name}.{flux.name}", path(Role.CONTACT_FORCE), film, path(Role.SKIN_TEMPERATURE), path(Role.SKIN_VALID),
-        sensors if film else Sensors(sensors.lag), float(flux.high[0]) if flux.high else math.inf, name,
+        sensors if film else replace(sensors, film_lag=0.0, capacity=0.0),
+        float(flux.high[0]) if flux.high else math.inf, name,
     )  # fmt: skip
+
+
+def calibrated(source: Source, given: Given) -> Source:
+    """Return a source with what is given of its film in place of what the scene says.
+
+    Raises
+    ------
+    ValueError
+        If stored heat is to be taken out, and nothing reads the film's temperature.
+    """
+    sensors = source.sensors
+    if given.capacity is not None and given.capacity > 0.0 and not source.film:
+        raise ValueError(
+            f"--film-capacity {given.capacity:g} J/(m^2*K): no device of the scene reads the film's temperature, and "
+            f"stored heat follows from it; name the film's thermometer, or leave --film-capacity away"
+        )
+    lag = sensors.lag if given.lag is None else given.lag
+    capacity = sensors.capacity if given.capacity is None else given.capacity
+    return replace(source, sensors=replace(sensors, lag=lag, capacity=capacity))
 
 
 def sample(
     scene: str, *, seed: int = 0, rig: str | None = None, twin: str | None = None, longest: float | None = None,
-    watch: Watch | None = None,
-) -> tuple[Record, Source]:  # fmt: skip
+    watch: Watch | None = None, given: Given = Given(),
+) -> Sampled:  # fmt: skip
     """Run a scene until its own motion ends, so many seconds have passed, or ``watch`` returns True.
+
+    What was read until a device failed, or somebody pressed Ctrl-C, is kept.
 
     Raises
     ------
     ValueError
         If the scene cannot measure a touch, or would never end.
     ItouchError
-        If the scene is wrong or a device fails.
+        If the scene is wrong or a device fails before the first reading.
     """
     itouch = import_module("itouch")
     description = itouch.load(scene, rig=rig, twin=twin)
     real = any(not device.twin for device in description.devices)
     session = itouch.build(description, seed=seed, clock=itouch.WallClock() if real else None)
+    rows: list[tuple[float, ...]] = []
+    stopped = ""
     with session:
-        source = find(session.model)
+        source = calibrated(find(session.model), given)
         if longest is None and not session.scripted and watch is None:
             raise ValueError("the scene never ends: say for how long to measure, with --for 10min")
         if real:
             session.enable()
-        rows = _follow(session, source, longest, watch)
-        period = session.model.period
-    columns = np.array(rows).reshape(-1, 4).T.copy()
-    return Record(period, *columns), source
+        try:
+            _follow(session, source, longest, watch, rows)
+        except KeyboardInterrupt:
+            stopped = "interrupted"
+        except ItouchError as error:
+            if not rows:
+                raise
+            stopped = str(error)
+    columns = np.array(rows, dtype=np.float64).reshape(-1, 5).T.copy()
+    return Sampled(Record(*columns), source, description.world.temperature, stopped)
 
 
-def _follow(session: Any, source: Source, longest: float | None, watch: Watch | None) -> list[tuple[float, ...]]:
-    """Tick and keep what is read."""
+def _follow(
+    session: Any, source: Source, longest: float | None, watch: Watch | None, rows: list[tuple[float, ...]]
+) -> None:
+    """Tick, and add to the rows whenever the film was read anew: a reading that is held is none."""
     state, period = session.state, session.model.period
     flux, force = state[source.flux], state[source.force]
     film = state[source.film] if source.film else None
     skin = state[source.skin] if source.skin else None
     valid = state[source.valid] if source.valid else None
-    rows: list[tuple[float, ...]] = []
-    last = math.inf if longest is None else longest / period
-    while len(rows) < last and not (longest is None and session.scripted and session.done):
+    number, tick, missed = (state[name] for name in (f"{source.device}.sequence", "tick", f"{source.device}.missed"))
+    begun = int(tick.item()) + int(missed.item())
+    last, newest = math.inf if longest is None else longest / period, int(number.item())
+    ticks = 0
+    while ticks < last and not (longest is None and session.scripted and session.done):
         session.tick()
+        ticks = int(tick.item()) + int(missed.item()) - begun
+        if int(number.item()) == newest:
+            continue
+        newest = int(number.item())
         pushed = math.sqrt(float(np.square(force[:3]).sum())) if force.ndim else abs(float(force))
         pushed = pushed if force.ndim == 0 or force[2] <= 0.0 else -pushed
         seen = math.nan if skin is None or (valid is not None and not valid.item()) else skin.item()
-        rows.append((flux.item(), math.nan if film is None else film.item(), pushed, seen))
-        if watch is not None and watch(len(rows) * period, pushed):
+        rows.append((ticks * period, flux.item(), math.nan if film is None else film.item(), pushed, seen))
+        if watch is not None and watch(ticks * period, pushed):
             break
-    return rows
 
 
-__all__ = ["TOUCHED", "Source", "find", "sample"]
+__all__ = ["Given", "Sampled", "Source", "calibrated", "find", "sample"]

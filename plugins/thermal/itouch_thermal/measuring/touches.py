@@ -12,25 +12,33 @@ from itouch_thermal.display.column import Array
 TOUCHED, LASTS = 0.05, 0.02
 #: Before a touch so much is looked at [s], up to so shortly before it.
 BASE, CLEAR = 1.0, 0.02
+#: So many samples tell how quickly the force comes up.
+RISE = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Record:
-    """Samples at even times: flux [W/m2], film [K], force [N], skin [K] (NaN while it is not seen); shape (n,)."""
+    """Samples at times [s]: flux [W/m2], film [K], force [N], skin [K]; NaN where it is not seen; shape (n,)."""
 
-    period: float
+    times: Array
     flux: Array
     film: Array
     force: Array
     skin: Array
 
+    @property
+    def period(self) -> float:
+        """Usual time between two samples [s]; there must be two."""
+        return float(np.median(np.diff(self.times)))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Touched:
-    """One touch at even times from its begin on; flux without what was read at rest.
+    """One touch at times from its begin on; flux without what was read at rest.
 
     ``times`` [s], ``flux`` [W/m2], ``film`` [K], ``force`` [N]; ``begin`` [s] in the record, ``skin`` and ``rest`` [K]
-    are skin and film before it, ``offset`` [W/m2] what the film read at rest.
+    are skin and film before it (NaN: not read), ``offset`` [W/m2] what the film read at rest, ``slope`` [K/s] by how
+    much the film changed then, ``rested`` [s] how long nothing had touched.
     """
 
     times: Array
@@ -42,21 +50,27 @@ class Touched:
     rest: float
     offset: float
     slope: float
+    rested: float = BASE
 
     @property
     def pressed(self) -> float:
         """Mean force [N] once it is up."""
-        late = self.force[self.times > min(0.2, 0.5 * float(self.times[-1]))]
-        return float(late.mean())
+        return pressed(self.times, self.force)
+
+
+def pressed(times: Array, force: Array) -> float:
+    """Return the mean force [N] of a touch once it is up; times [s] from its begin on."""
+    return float(force[times > min(0.2, 0.5 * float(times[-1]))].mean())
 
 
 def touches(record: Record) -> list[Touched]:
-    """Return the touches of a record that have a second of rest before them."""
+    """Return the touches of a record, also those that had no second of rest before them, as ``rested`` says."""
+    if len(record.times) < 2:
+        return []
     found, period = [], record.period
     length = max(1, round(LASTS / period))
-    base, clear = round(BASE / period), round(CLEAR / period)
     on = record.force > TOUCHED
-    i, count = 0, len(on)
+    i, count, free = 0, len(on), 0
     while i < count - length:
         if not (on[i] and record.force[i : i + length].mean() > TOUCHED):
             i += 1
@@ -64,31 +78,42 @@ def touches(record: Record) -> list[Touched]:
         end = i
         while end < count and record.force[end : end + length].mean() > TOUCHED:
             end += 1
-        if i >= base:
-            found.append(_one(record, i, end, base, clear))
-        i = end + length
+        found.append(_one(record, i, end, free))
+        i = free = end + length
     return found
 
 
-def _one(record: Record, first: int, end: int, base: int, clear: int) -> Touched:
-    """Return the touch whose first sample over the threshold is ``first``."""
-    period, force = record.period, record.force
-    # Between the last sample below and the first above the force is on a straight line that began at 0.
-    rise = max(float(force[first : first + 5].max() - force[first - 1]), 1e-9)
-    part = min(1.0, max(0.0, float(force[first]) / rise)) if first else 0.0
-    begin = (first - part) * period
-    rest = slice(first - base, first - clear)
-    skin = record.skin[rest]
-    offset = float(record.flux[rest].mean())
+def _one(record: Record, first: int, end: int, free: int) -> Touched:
+    """Return the touch whose first sample over the threshold is ``first``; nothing touched from ``free`` on."""
+    at = record.times
+    begin = _begin(record, first)
+    low, high = np.searchsorted(at, (at[first] - BASE - 1e-9, at[first] - CLEAR - 1e-9))
+    rest = slice(max(int(low), free), max(int(high), free))
+    rested = float(at[first] - at[free]) if free < first else 0.0
     film = record.film[rest]
-    times: Array = np.arange(first, end, dtype=np.float64) * period - begin
-    seen = skin[np.isfinite(skin)]
-    lean = np.arange(len(film)) * period
-    slope = float(np.polyfit(lean, film, 1)[0]) if len(film) > 2 else 0.0
+    slope = float(np.polyfit(at[rest] - at[first], film, 1)[0]) if len(film) > 2 and np.isfinite(film).all() else 0.0
+    offset = _mean(record.flux[rest])
     return Touched(
-        times, record.flux[first:end] - offset, record.film[first:end], force[first:end], begin,
-        float(seen.mean()) if len(seen) else float("nan"), float(film.mean()), offset, slope,
+        np.asarray(at[first:end] - begin), record.flux[first:end] - offset, record.film[first:end],
+        record.force[first:end], begin, _mean(record.skin[rest]), _mean(film), offset, slope, rested,
     )  # fmt: skip
+
+
+def _begin(record: Record, first: int) -> float:
+    """Return when a touch began [s]: its force came up from 0 on a straight line, whose slope the next samples tell."""
+    if first == 0:
+        return float(record.times[0])
+    before, force = float(record.force[first - 1]), record.force[first : first + RISE]
+    # Up to where it is all but up: a force that stays shows its noise, and no slope.
+    top = int(np.argmax(force >= before + 0.95 * (force.max() - before)))
+    rise = max((float(force[top]) - before) / (top + 1), 1e-9)
+    return float(record.times[first]) - min(float(RISE), float(force[0]) / rise) * record.period
+
+
+def _mean(values: Array) -> float:
+    """Return the mean of what is not NaN; NaN if nothing is left."""
+    seen = values[np.isfinite(values)]
+    return float(seen.mean()) if len(seen) else float("nan")
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,13 +127,20 @@ class Wanted:
     skin: float = 0.5
     full_scale: float = 20e3
 
-    def why_not(self, touch: Touched, usual_skin: float) -> str:
-        """Return why a touch is rejected; empty: it is not."""
-        if touch.times[-1] < self.duration:
-            return f"it lasted {touch.times[-1]:.2f} s, not {self.duration:g} s"
-        held = touch.pressed
+    def why_not_held(self, rested: float, lasted: float, held: float) -> str:
+        """Return why a touch after a rest [s], of a length [s] and a mean force [N] is rejected; empty: it is not."""
+        if rested < BASE - 1e-6:
+            return f"there were {rested:.2f} s of rest before it, not {BASE:g} s"
+        if lasted < self.duration:
+            return f"it lasted {lasted:.2f} s, not {self.duration:g} s"
         if abs(held - self.force) > self.tolerance * self.force:
             return f"its force was {held:.2f} N, not {self.force:g} N within {100 * self.tolerance:g} %"
+        return ""
+
+    def why_not(self, touch: Touched, usual_skin: float) -> str:
+        """Return why a touch is rejected; empty: it is not."""
+        if why := self.why_not_held(touch.rested, float(touch.times[-1]), touch.pressed):
+            return why
         if abs(touch.slope) > self.drift:
             return f"the sample was not at rest: its film changed by {touch.slope:+.3f} K/s before it"
         if abs(touch.skin - usual_skin) > self.skin:
@@ -120,7 +152,7 @@ class Wanted:
 
 def sort_out(found: list[Touched], wanted: Wanted) -> tuple[list[Touched], list[str]]:
     """Return the touches to be averaged, and why each other one is not."""
-    skins = [touch.skin for touch in found if np.isfinite(touch.skin)]
+    skins = [touch.skin for touch in found if np.isfinite(touch.skin) and touch.rested >= BASE - 1e-6]
     usual = float(np.median(skins)) if skins else float("nan")
     good, bad = [], []
     for k, touch in enumerate(found):
