@@ -14,6 +14,7 @@ from itouch_thermal.heat import finger_side
 from itouch_thermal.identify import command
 from itouch_thermal.identify.fit import ASSUMED, Problem, edges_for
 from itouch_thermal.identify.forward import Forward, Known, Values, tissue
+from itouch_thermal.identify.records import load, problem_of
 from itouch_thermal.paper.setup import lagged, sample
 from itouch_thermal.rendering.materials import material
 
@@ -231,6 +232,48 @@ def test_a_file_that_is_no_touch_is_named(raw, tmp_path, capsys):
         (tmp_path / f"b{k}.csv").write_text(broken, encoding="utf-8")
         assert command.main([str(tmp_path / f"b{k}.csv")]) == 2
         assert f"b{k}.csv' is no raw touch" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("# force [N]: 0.5", "# force [N]: 0", "force [N] is 0, out of range: 0.01 to 1000"),
+        ("# force [N]: 0.5", "# force [N]: -1", "force [N] is -1, out of range"),
+        ("# skin [degC]: 33", "# skin [degC]: 306.15", "skin [degC] is 306.15, out of range"),
+        ("# lag [s]: 0.05", "# lag [s]: soon", "no number 'lag [s]'"),
+        ("\n0.0040,", "\n0.0040\n0.0041,", "row 2 has 1 cells; a time and a flux are needed"),
+        ("\n0.0040,", "\n" + "9" * 200_000 + ",", "is no raw touch: field larger"),
+        ("# what: wood", "# what: \udcff", "it is no text in UTF-8"),
+    ],
+)
+def test_a_broken_raw_file_is_one_message(old, new, said, raw, tmp_path, capsys):
+    text = (raw / "touch0.csv").read_text(encoding="utf-8")
+    assert old in text
+    (tmp_path / "b.csv").write_text(text.replace(old, new, 1), encoding="utf-8", errors="surrogateescape")
+    assert command.main([str(tmp_path / "b.csv")]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("error: ") and "b.csv" in error and said in error
+
+
+def test_without_an_exponent_the_resistance_is_that_at_the_mean_force(tmp_path):
+    one = Problem(known("wood", forces=(2.0, 2.0)), TIMES, np.zeros((2, len(TIMES))), NOISE)
+    assert "exponent" not in one.names and one.force == pytest.approx(2.0)
+    assert one.unit("resistance") == "m2*K/W at 2 N" and one.unit("lag") == "s"
+    several = Problem(known("wood"), TIMES, np.zeros((3, len(TIMES))), NOISE)
+    assert several.unit("resistance") == "m2*K/W at 1 N"
+
+
+def test_lag_and_resistance_of_the_film_are_those_of_its_sheet(raw, tmp_path):
+    text = (raw / "touch0.csv").read_text(encoding="utf-8")
+    text = text.replace("# lag [s]: 0.05", "# lag [s]: 0.2\n# film resistance [m2K/W]: 8e-05")
+    (tmp_path / "t.csv").write_text(text, encoding="utf-8")
+    loaded = load([tmp_path / "t.csv"])
+    film = loaded.known.film
+    assert film.thickness / film.conductivity == pytest.approx(8e-5)
+    problem = problem_of(loaded, "wood", press=0.0, noise=NOISE)
+    assert problem.values(np.zeros(len(problem.names))).lag == pytest.approx(0.2)
+    unknown = load([raw / "touch0.csv"]).known.film
+    assert unknown.thickness / unknown.conductivity == pytest.approx(FilmParams().film_resistance)
 
 
 def test_bins_hold_samples_and_grow():

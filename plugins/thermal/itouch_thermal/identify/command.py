@@ -10,8 +10,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from itouch.plugin import ItouchError
-from itouch_thermal.identify.fit import ASSUMED, TOLD, UNITS, Fit, Problem
+from itouch_thermal.identify.fit import TOLD, UNITS, Fit, Problem
 from itouch_thermal.identify.records import DEPTH, Loaded, load, problem_of
+from itouch_thermal.whole_file import write_whole
 
 
 def main(argv: Sequence[str]) -> int:
@@ -22,7 +23,7 @@ def main(argv: Sequence[str]) -> int:
         problem = problem_of(loaded, options.sample, press=options.press, noise=options.noise)
         fit = problem.fit()
         told = {name: found.told for name, found in fit.found.items()}
-        print(table(fit))
+        print(table(problem, fit))
         if fit.misfit > 2.0:
             print(
                 f"note: the data are {fit.misfit:.1f} times as far off as their noise: the model or --sample is "
@@ -32,9 +33,9 @@ def main(argv: Sequence[str]) -> int:
         for name, rows in profiles.items():
             print(f"{name}: " + ", ".join(f"{_shown(name, value)} worse by {cost:.2f}" for value, cost in rows))
         if options.output:
-            Path(options.output).write_text(json.dumps(document(loaded, fit), indent=2) + "\n", encoding="utf-8")
+            write_whole(Path(options.output), json.dumps(document(loaded, problem, fit), indent=2) + "\n")
         if options.heat:
-            Path(options.heat).write_text(heat_text(loaded, problem, fit), encoding="utf-8")
+            write_whole(Path(options.heat), heat_text(loaded, problem, fit))
     except ItouchError as error:
         print(error, file=sys.stderr)
         return 2
@@ -62,31 +63,33 @@ def _shown(name: str, value: float) -> str:
     return f"{value - 273.15:.2f} degC" if UNITS[name] == "K" else f"{value:.4g}"
 
 
-def table(fit: Fit) -> str:
+def table(problem: Problem, fit: Fit) -> str:
     """Return values, intervals, and what cannot be told."""
     lines = [f"{'value':<12}{'':>12}{'95 % from':>14}{'to':>14}  unit"]
     for name, found in fit.found.items():
-        unit = "degC" if UNITS[name] == "K" else UNITS[name]
+        unit = "degC" if UNITS[name] == "K" else problem.unit(name)
         words = [_shown(name, x).removesuffix(" degC") for x in (found.value, found.low, found.high)]
         told = "" if found.told else f"  not told by the data: {100 * found.narrowed:.0f} % of what is assumed"
         lines.append(f"{name:<12}{words[0]:>12}{words[1]:>14}{words[2]:>14}  {unit}{told}")
     return "\n".join(lines)
 
 
-def document(loaded: Loaded, fit: Fit) -> dict[str, object]:
+def document(loaded: Loaded, problem: Problem, fit: Fit) -> dict[str, object]:
     """Return what is stored of a participant."""
     rows = {
         name: {
-            "value": found.value, "low": found.low, "high": found.high, "unit": UNITS[name], "told": found.told,
+            "value": found.value, "low": found.low, "high": found.high, "unit": problem.unit(name), "told": found.told,
             "narrowed": found.narrowed,
         }
         for name, found in fit.found.items()
     }  # fmt: skip
-    assumed = {name: {"middle": m, "deviation": d, "of_logarithm": log} for name, (m, d, log) in ASSUMED.items()}
+    assumed = {
+        name: {"middle": m, "deviation": d, "of_logarithm": log} for name, (m, d, log) in problem.assumed.items()
+    }
     return {
         "who": loaded.who, "what": loaded.what, "touches": len(loaded.known.forces), "forces_N": loaded.known.forces,
-        "skin_K": loaded.known.skin, "room_K": loaded.known.room, "misfit": fit.misfit, "values": rows,
-        "assumed": assumed, "told_below": TOLD,
+        "skin_K": loaded.known.skin, "room_K": loaded.known.room, "misfit": fit.misfit,
+        "resistance_at_N": problem.force, "values": rows, "assumed": assumed, "told_below": TOLD,
     }  # fmt: skip
 
 

@@ -31,7 +31,7 @@ ASSUMED: dict[str, tuple[float, float, bool]] = {
     "offset": (0.0, 2.0, False),
 }
 UNITS = {
-    "resistance": "m2*K/W at 1 N", "exponent": "", "curve": "", "effusivity": "W*s^0.5/(m2*K)",
+    "resistance": "m2*K/W", "exponent": "", "curve": "", "effusivity": "W*s^0.5/(m2*K)",
     "epidermis": "m", "core": "K",
     "perfusion": "W/(m3*K)", "lag": "s", "gain": "", "late": "s", "offset": "W/m2",
 }  # fmt: skip
@@ -93,9 +93,15 @@ class Problem:
         Rms of one sample [W/m2].
     edges
         Bounds of the bins over which samples are averaged [s].
+    lag
+        Time constant of the film by its calibration [s], the middle of what is assumed of it; None: not known.
     """
 
-    def __init__(self, known: Known, times: Array, readings: Array, noise: float, edges: Array | None = None) -> None:
+    def __init__(
+        self, known: Known, times: Array, readings: Array, noise: float, edges: Array | None = None,
+        lag: float | None = None,
+    ) -> None:  # fmt: skip
+        self.assumed = dict(ASSUMED) if lag is None else ASSUMED | {"lag": (lag, *ASSUMED["lag"][1:])}
         bounds = edges_for(times) if edges is None else edges
         points, self._mean = inside(bounds)
         self.forward = Forward(known, points)
@@ -106,13 +112,19 @@ class Problem:
         left_out = {"effusivity"} if known.sample is not None else set()
         several = len({round(float(np.log(force)) / 0.2) for force in forces})
         left_out |= {"exponent", "curve"} if spread < 0.05 else {"curve"} if several < 3 else set()
-        self.names = tuple(name for name in ASSUMED if name not in left_out)
+        self.names = tuple(name for name in self.assumed if name not in left_out)
+        #: Force at which the resistance is told [N]: without an exponent the mean of those at which it was found.
+        self.force = 1.0 if "exponent" in self.names else float(np.exp(np.log(forces).mean()))
+
+    def unit(self, name: str) -> str:
+        """Return a value's unit, for the resistance with its force."""
+        return f"{UNITS[name]} at {self.force:.3g} N" if name == "resistance" else UNITS[name]
 
     def values(self, point: Array) -> Values:
         """Return the values at a point of the space of the fit, which counts deviations from what is assumed."""
         changed = {}
         for name, u in zip(self.names, point.tolist(), strict=True):
-            middle, deviation, log = ASSUMED[name]
+            middle, deviation, log = self.assumed[name]
             changed[name] = middle * math.exp(deviation * u) if log else middle + deviation * u
         return replace(Values(), **{name: 0.0 for name in ("exponent", "curve") if name not in changed} | changed)
 
@@ -120,7 +132,7 @@ class Problem:
         """Return the point of values."""
         found = []
         for name in self.names:
-            middle, deviation, log = ASSUMED[name]
+            middle, deviation, log = self.assumed[name]
             value = getattr(values, name)
             found.append((math.log(value / middle) if log else value - middle) / deviation)
         return np.array(found)
@@ -198,7 +210,7 @@ class Problem:
         deviations = np.sqrt(np.diag(covariance))
         values, found = self.values(point), {}
         for k, name in enumerate(self.names):
-            middle, scale, log = ASSUMED[name]
+            middle, scale, log = self.assumed[name]
             ends = [self._end(point, k, sign * float(deviations[k])) for sign in (-1.0, 1.0)]
             low, high = (middle * math.exp(scale * end) if log else middle + scale * end for end in ends)
             found[name] = Found(float(getattr(values, name)), low, high, float(deviations[k]))
@@ -211,7 +223,7 @@ class Problem:
         Where the data tell much or nothing the sum is a parabola; between them its profile is followed.
         """
         place = float(point[k] + HALF * deviation)
-        if not _BENT < abs(deviation) < _FLAT or not ASSUMED[self.names[k]][2]:
+        if not _BENT < abs(deviation) < _FLAT or not self.assumed[self.names[k]][2]:
             return place
         off = self.residual(point)
         least = float(off @ off + point @ point)

@@ -18,7 +18,13 @@ from itouch_thermal.identify.forward import Known
 DEPTH, FEWEST, LARGEST = 0.02, 50, 32 << 20
 #: A skin that is pressed flat is as a later touch after so many of its time constants.
 _SETTLED = 16.0
-_HEAD = ("skin [degC]", "room [degC]", "force [N]", "capacity [J/m2K]")
+#: What a head must have, and what it may have, with what is believed.
+_HEAD = {
+    "skin [degC]": (0.0, 50.0), "room [degC]": (-20.0, 60.0), "force [N]": (0.01, 1000.0),
+    "capacity [J/m2K]": (0.0, 1e4),
+}  # fmt: skip
+_LAG, _RESISTANCE = "lag [s]", "film resistance [m2K/W]"
+_MAY = {_LAG: (0.0, 2.0), _RESISTANCE: (1e-7, 1e-2)}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,6 +36,7 @@ class Loaded:
     readings: Array
     who: str
     what: str
+    lag: float | None = None
 
 
 def load(paths: list[Path]) -> Loaded:
@@ -55,38 +62,63 @@ def load(paths: list[Path]) -> Loaded:
     if len(whats) > 1:
         raise ValueError(f"these touches are of several samples ({', '.join(sorted(whats))}): give those of one")
     middle = {key: float(np.mean([float(head[key]) for head in heads])) for key in _HEAD}
-    film = FilmParams(film_capacity=middle["capacity [J/m2K]"]).film if middle["capacity [J/m2K]"] > 0.0 else None
+    film = None
+    if middle["capacity [J/m2K]"] > 0.0:
+        resistance = _mean_of(heads, _RESISTANCE) or FilmParams().film_resistance
+        film = FilmParams(film_capacity=middle["capacity [J/m2K]"], film_resistance=resistance).film
     known = Known(
         middle["skin [degC]"] + 273.15, middle["room [degC]"] + 273.15, film,
         tuple(float(head["force [N]"]) for head in heads), DEPTH,
     )  # fmt: skip
-    return Loaded(known, times, readings, str(heads[0].get("who", "")), whats.pop())
+    return Loaded(known, times, readings, str(heads[0].get("who", "")), whats.pop(), _mean_of(heads, _LAG))
+
+
+def _mean_of(heads: list[dict[str, str]], key: str) -> float | None:
+    """Return the mean of a number of the heads; None if one does not have it, or 0, which is not known."""
+    found = [float(head.get(key, "0")) for head in heads]
+    return float(np.mean(found)) if min(found) > 0.0 else None
 
 
 def _one(file: Path) -> tuple[dict[str, str], Array, Array]:
     if file.stat().st_size > LARGEST:
         raise ValueError(f"'{file}' is larger than {LARGEST >> 20} MiB")
-    lines = file.read_text(encoding="utf-8").splitlines()
+    try:
+        lines = file.read_text(encoding="utf-8").splitlines()
+    except UnicodeDecodeError as error:
+        raise ValueError(f"'{file}' is no raw touch: it is no text in UTF-8") from error
     pairs = (line[2:].partition(": ") for line in lines if line.startswith("# "))
     head = {key: value for key, _, value in pairs}
     head.setdefault("what", "")
-    for key in _HEAD:
+    for key, (low, high) in (_HEAD | {key: of for key, of in _MAY.items() if key in head}).items():
         try:
-            good = math.isfinite(float(head[key]))
+            value = float(head[key])
         except (KeyError, ValueError):
-            good = False
-        if not good:
+            value = math.nan
+        if not math.isfinite(value):
             raise ValueError(f"'{file}' is no raw touch: its head has no number '{key}'")
-    rows = list(csv.reader(line for line in lines if not line.startswith("#")))
+        if not low <= value <= high:
+            raise ValueError(f"'{file}': {key} is {value:g}, out of range: {low:g} to {high:g}")
+    return head, *_rows(file, lines)
+
+
+def _rows(file: Path, lines: list[str]) -> tuple[Array, Array]:
+    """Return times [s] and readings [W/m2] of a file."""
+    try:
+        rows = list(csv.reader(line for line in lines if not line.startswith("#")))
+    except csv.Error as error:
+        raise ValueError(f"'{file}' is no raw touch: {error}") from error
     if not rows or rows[0][:2] != ["t [s]", "j [W/m^2]"] or len(rows) <= FEWEST:
         raise ValueError(f"'{file}' is no raw touch: it needs columns t [s],j [W/m^2] and more than {FEWEST} rows")
+    for number, row in enumerate(rows[1:], 1):
+        if len(row) < 2:
+            raise ValueError(f"'{file}': row {number} has {len(row)} cells; a time and a flux are needed")
     try:
         values = np.array([[float(cell) for cell in row[:2]] for row in rows[1:]])
     except ValueError as error:
         raise ValueError(f"'{file}': {error}") from error
     if not np.isfinite(values).all() or not np.all(np.diff(values[:, 0]) > 0.0):
         raise ValueError(f"'{file}': times must ascend, and all numbers be finite")
-    return head, values[:, 0].copy(), values[:, 1].copy()
+    return values[:, 0].copy(), values[:, 1].copy()
 
 
 def problem_of(loaded: Loaded, sample: str, *, press: float, noise: float) -> Problem:
@@ -108,4 +140,4 @@ def problem_of(loaded: Loaded, sample: str, *, press: float, noise: float) -> Pr
             f"the touches last {loaded.times[-1]:.2f} s; {2.0 * first:.2f} s are needed, or a smaller --press"
         )
     known = replace(loaded.known, sample=layer, delay=press)
-    return Problem(known, loaded.times, loaded.readings, noise, edges_for(loaded.times, first=first))
+    return Problem(known, loaded.times, loaded.readings, noise, edges_for(loaded.times, first=first), loaded.lag)
