@@ -53,7 +53,7 @@ def output_times(last: float, every: float = 0.01) -> Array:
 def correct(touch: Touched, sensors: Sensors, times: Array) -> Corrected:
     """Return what left the finger at times [s] since the begin of the touch."""
     found, gains = np.empty(len(times)), np.empty((2, len(times)))
-    period = float(touch.times[1] - touch.times[0])
+    period = float(np.median(np.diff(touch.times)))  # a reading may have been held
     half = 0.5 * sensors.capacity
     for k, time in enumerate(times.tolist()):
         width = max(WIDTH * time, LEAST * period)
