@@ -8,8 +8,16 @@
 
 from __future__ import annotations
 
+import os
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
+
+# kernels that came with the program are for a kind of processor, which Numba asks for when it is imported: whoever of
+# the program or its plugins does that first finds it chosen
+if os.path.exists(os.path.join(os.path.dirname(__file__), "compiled", "manifest.json")):
+    from itouch.shipped import choose_processor
+
+    choose_processor()
 
 if TYPE_CHECKING:
     from itouch.loop import DeviceFaultError, Engine, EngineError, VirtualClock, WallClock

@@ -108,6 +108,28 @@ def test_a_manifest_that_does_not_fit_or_is_none_is_not_used(program: Path) -> N
         assert run(program, "use", kept=f"kept{len(wrong)}") == (5.0, 0)
 
 
+@pytest.mark.parametrize("first", ["cli.live", "contact", "joining", "plugin", "loop"])
+def test_whatever_is_imported_first_the_processor_is_chosen_before_the_compiler_is(first: str, tmp_path: Path) -> None:
+    """As from a wheel that brings kernels: a copy of the program with a manifest that fits."""
+    package = tmp_path / "itouch"
+    package.mkdir()
+    for path in Path(shipped.__file__).parent.iterdir():
+        if path.name not in ("compiled", "__pycache__"):
+            (package / path.name).symlink_to(path)
+    (package / "compiled").mkdir(mode=0o755)
+    manifest = {**shipped.made_with(), "processor": shipped.BASELINE, "files": {}}
+    (package / "compiled" / shipped.MANIFEST).write_text(json.dumps(manifest), encoding="utf-8")
+    code = (
+        f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import itouch.{first}, contact_heat.live\n"
+        "from numba.core import config\nimport itouch\nprint(config.CPU_NAME, itouch.__file__)"
+    )
+    clean = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_CPU")}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=clean, check=False)
+    fits = not shipped.V3 - shipped.processor_flags()
+    wanted = shipped.BASELINE if fits else "None"
+    assert done.stdout.split() == [wanted, str(package / "__init__.py")], done.stderr
+
+
 def test_this_checkout_ships_none_unless_they_were_made() -> None:
     made = (shipped.FOLDER / shipped.MANIFEST).exists()
     assert shipped.fits() in ((True, False) if made else (False,))
