@@ -279,3 +279,9 @@ def test_lag_and_resistance_of_the_film_are_those_of_its_sheet(raw, tmp_path):
 def test_bins_hold_samples_and_grow():
     edges = edges_for(TIMES)
     assert np.all(np.diff(edges) > 0.0) and edges[0] == pytest.approx(0.049) and edges[-1] == pytest.approx(4.001)
+
+
+def test_a_file_that_is_not_there_is_named_with_what_to_do(tmp_path, capsys):
+    assert command.main([str(tmp_path / "nothing.csv")]) == 2
+    said = capsys.readouterr().err
+    assert "nothing.csv" in said and "check the path" in said and "Errno" not in said

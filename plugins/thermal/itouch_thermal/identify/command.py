@@ -39,7 +39,10 @@ def main(argv: Sequence[str]) -> int:
     except ItouchError as error:
         print(error, file=sys.stderr)
         return 2
-    except (ValueError, OSError) as error:
+    except OSError as error:
+        print(f"error: '{error.filename}': {error.strerror}\n  = help: check the path", file=sys.stderr)
+        return 2
+    except ValueError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
     return 0
