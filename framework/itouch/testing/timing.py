@@ -24,7 +24,7 @@ _MISHAPS = 3
 #: So often a driver may show that others run while it waits: one that computes instead never does.
 _BOUTS = 3
 #: What :func:`_pace` does, and what it gives on a quiet core of a desktop [s]: the bounds are for such a one.
-_TEXT = {"axes": [{"position": 0.125 * k, "velocity": -1.5e-3 * k, "torque": 0.02, "fault": 0} for k in range(12)]}
+_TEXT = {"row": [{"a": 0.125 * k, "b": -1.5e-3 * k, "c": 0.02, "d": 0} for k in range(12)]}
 _WORK = 1e-4
 
 
