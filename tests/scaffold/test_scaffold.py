@@ -16,7 +16,14 @@ from itouch.scaffold import make_plugin, make_scene
 from itouch.scaffold.plugin import KINDS, TRANSPORTS
 from itouch.schema import ItouchError
 
-COMBINATIONS = [("device", "serial"), ("both", "tcp")]
+#: Each kind and each transport is finished once in the short form; all of them together in the long one.
+COMBINATIONS = [pytest.param("device", "serial", marks=pytest.mark.long), ("both", "tcp")]
+_SHORT = {("device", "serial"), ("modality", "none"), ("both", "usb"), ("device", "tcp")}
+ALL = [
+    pytest.param(kind, how, marks=() if (kind, how) in _SHORT else pytest.mark.long)
+    for kind in KINDS
+    for how in TRANSPORTS
+]
 
 
 def run_tests_of(home: Path, site: Path | None, *words: str) -> subprocess.CompletedProcess[str]:
@@ -45,7 +52,7 @@ def test_a_scaffold_says_what_is_next_and_passes_when_finished(kind, transport, 
     assert done.stdout.splitlines()[-1].count("failed") == 0
 
 
-@pytest.mark.parametrize(("kind", "transport"), [(kind, how) for kind in KINDS for how in TRANSPORTS])
+@pytest.mark.parametrize(("kind", "transport"), ALL)
 def test_every_scaffold_can_be_finished(kind, transport, tmp_path):
     make_plugin("test-lever", kind=kind, transport=transport, folder=str(tmp_path))
     home = tmp_path / "itouch-test-lever"

@@ -137,6 +137,7 @@ def test_the_verdict(priority: str, late: float, overruns: int, finger: bool) ->
     assert ("NOT" in verdict.sentence) is not finger
 
 
+@pytest.mark.long
 def test_the_bench_puts_the_loops_side_by_side() -> None:
     told: list[Row] = []
     rows = measure(0.3, loads_wanted=[PYTHON], architectures=[THREAD, PROCESS], tell=told.append)

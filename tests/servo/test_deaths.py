@@ -24,8 +24,8 @@ from itouch.servo import wire
     ("victim", "manner", "wait"),
     [
         ("servo", "kill", 0.9),
-        ("servo", "stop", 0.3),
-        ("servo", "memory", 1.3),
+        pytest.param("servo", "stop", 0.3, marks=pytest.mark.long),
+        pytest.param("servo", "memory", 1.3, marks=pytest.mark.long),
         pytest.param("viewer", "kill", 0.6, marks=pytest.mark.long),
         ("viewer", "stop", 1.1),
         ("recorder", "kill", 0.2),

@@ -14,7 +14,7 @@ _ALIKE = ("import", "sigterm")
 
 
 #: Of these each is the only one to show a way of its own through the suite; the others run in the long form.
-_ALWAYS = ("BuffersTwinDevice", "ThreadedSlider", "HasNoTwin", "Heater", "ConvertsErrors")
+_ALWAYS = ("BuffersTwinDevice", "ThreadedSlider", "HasNoTwin")
 
 
 @pytest.mark.parametrize(

@@ -64,7 +64,7 @@ print(json.dumps(found))
 """
 
 
-@pytest.mark.parametrize(("width", "height"), [(1280, 720), (3840, 2160)])
+@pytest.mark.parametrize(("width", "height"), [(1280, 720), pytest.param(3840, 2160, marks=pytest.mark.long)])
 def test_the_screens_can_be_read(tmp_path: Path, width: int, height: int) -> None:
     need_graphics()
     environment = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def main(argv: Sequence[str]) -> int:
-    """Run a sub-command; returns 0, or 2 for wrong input."""
+    """Solve contact cases, list materials, record flux curves, set up the display; returns 0, or 2 for wrong input."""
     options = _parser().parse_args(argv)
     if options.command is None:
         _parser().print_help()

@@ -11,7 +11,7 @@ from itouch_thermal.chip.program import Built
 
 @pytest.mark.campaign
 def test_no_fault_brings_the_true_plate_where_it_may_not_be(program: Built) -> None:
-    chosen = faults.campaign(campaign.size(24, 1000), first=campaign.size(7, 1))
+    chosen = faults.campaign(campaign.size(12, 1000), first=campaign.size(7, 1))
     found = [faults.run_fault(name, seed, program) for name, seed in chosen]
     wrong = [outcome for outcome in found if not outcome.safe]
     assert not wrong

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import array
 import errno
+import time
 from collections import deque
 from types import SimpleNamespace
 from typing import Any
@@ -174,6 +175,8 @@ class PlainFalcon(usb.backend.IBackend):
         self.check()
         assert ep == 0x81
         assert timeout > 0
+        if not self.queue:  # as the chip does: it answers when its latency timer ends, or not at all
+            time.sleep(1e-3 * (timeout if self.empties == "timeout" else 1))
         if not self.queue and self.empties == "timeout":
             raise usb.core.USBTimeoutError("Operation timed out", -7, errno.ETIMEDOUT)
         data = b""

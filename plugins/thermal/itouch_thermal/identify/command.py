@@ -16,7 +16,7 @@ from itouch_thermal.whole_file import write_whole
 
 
 def main(argv: Sequence[str]) -> int:
-    """Estimate; returns 0, or 2 for wrong input."""
+    """Estimate finger and sample from recorded touches, with intervals; returns 0, or 2 for wrong input."""
     options = _parser().parse_args(list(argv))
     try:
         loaded = load([Path(name) for name in options.touches])

@@ -22,7 +22,7 @@ from itouch_thermal.whole_file import write_whole
 
 
 def main(argv: Sequence[str]) -> int:
-    """Measure touches; returns 0, 1 if too few were good, or 2 for wrong input."""
+    """Measure real touches of a sample, and average them to a flux curve; returns 0, 1 if too few were good, or 2."""
     parser = argparse.ArgumentParser(prog="itouch-py measure", description=__doc__)
     commands = parser.add_subparsers(metavar="WHAT")
     touch = commands.add_parser("touch", help="touch a sample again and again", description=_touch.__doc__)
