@@ -225,7 +225,6 @@ def test_help_says_of_each_command_what_it_does() -> None:
 @pytest.mark.parametrize(
     ("words", "extra", "blocked"),
     [
-        (("report", "x.mcap", "-o", "x.html"), "report", "plotly"),
         (("export", "x.mcap", "--parquet"), "tables", "pyarrow"),
         (("run", FIRST, "--headless", "--film", "x.mp4"), "film", "av"),
         (("reproduce", "-o", "out"), "plot", "matplotlib"),

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -136,18 +134,6 @@ def test_thinning_keeps_extremes_order_and_gaps(count, most, gaps, seed):
     if count:
         np.testing.assert_array_equal(np.nanmax(block.values, axis=1), values.max(axis=0))
         np.testing.assert_array_equal(np.nanmin(block.values, axis=1), values.min(axis=0))
-
-
-def test_without_plotly_a_sentence_says_how_to_get_it(tmp_path):
-    made(tmp_path, 5, seconds=0.1)
-    (tmp_path / "plotly").mkdir()
-    (tmp_path / "plotly" / "__init__.py").write_text("raise ImportError('no plotly')")
-    code = (
-        f"import sys; sys.path.insert(0, {str(tmp_path)!r}); from itouch.cli import main; "
-        f"sys.exit(main(['report', {str(tmp_path / 'run.mcap')!r}, '-o', {str(tmp_path / 'x.html')!r}]))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert done.returncode == 2 and "pip install 'itouch-py[report]'" in done.stderr and "Traceback" not in done.stderr
 
 
 def test_a_page_that_can_not_be_written_is_refused_in_a_sentence(tmp_path):

@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+import base64
 import re
 import shutil
 import subprocess
+import zlib
 
+import numpy as np
 import pytest
 from browser import Browser, need_chromium
+from hypothesis import given
+from hypothesis import strategies as st
 from program import program
 from shipped import SCENES
 
 import itouch
 from itouch.report.collect import collect
+from itouch.report.curves import NUMBERS_CONTACTS, NUMBERS_WHOLE, Block
+from itouch.report.packing import Packer
 from itouch.report.page import page
 
-SETTLE = "new Promise(done => setTimeout(() => done(true), 300))"
+SETTLE = """new Promise(done => { const wait = () => document.querySelector("path.curve") ? setTimeout(() => done(true), 300)
+  : setTimeout(wait, 50); wait(); })"""
 
 
 @pytest.fixture(scope="module")
@@ -55,10 +63,9 @@ def test_plots_are_drawn_and_nothing_overflows_or_complains(recorded, browser, w
     browser.run(SETTLE)
     assert browser.said == [] and browser.asked == []
     assert browser.run("document.querySelectorAll('.plot').length") >= 6
-    assert browser.run("document.querySelectorAll('#histogram0 .scatterlayer path.js-fill').length") == 1
-    assert browser.run(
-        "[...document.querySelectorAll('[id^=chart]')].every(p => p.querySelectorAll('.scatterlayer path.js-line').length > 0)"
-    )
+    assert browser.run("document.querySelectorAll('#histogram0 path.curve.filled').length") == 1
+    drawn = "p.querySelectorAll('path.curve').length > 0 && p.querySelector('path.curve').getBBox().width > 200"
+    assert browser.run(f"[...document.querySelectorAll('[id^=chart]')].every(p => {drawn})")
     assert browser.run("document.documentElement.scrollWidth") <= width
     assert browser.run("[...document.querySelectorAll('.plot')].every(p => p.getBoundingClientRect().width > 300)")
     small = browser.run("parseFloat(getComputedStyle(document.querySelector('table')).fontSize)")
@@ -67,8 +74,9 @@ def test_plots_are_drawn_and_nothing_overflows_or_complains(recorded, browser, w
     assert (tmp_path / "page.png").stat().st_size > 20_000
 
 
-RANGE = "document.getElementById('chart0').layout.xaxis.range"
-POINTS = "document.getElementById('chart0').data[0].x.length"
+CHART = "document.getElementById('chart0').chart"
+RANGE = f"{CHART}.group.range"
+POINTS = f"{CHART}.seconds.length"
 WHICH = "document.getElementById('which')"
 
 
@@ -96,6 +104,87 @@ def test_every_control_chooses_what_the_curves_show(recorded, browser):
     browser.run(f"{WHICH}.value = '0'; {WHICH}.dispatchEvent(new Event('change'))")
     assert chosen(browser) == ("0", [True, False])
     assert browser.said == []
+
+
+def test_one_cursor_tells_the_values_of_all_charts(recorded, browser):
+    """What the page says at a time is what the run had, to the step of its numbers."""
+    browser.open(recorded / "run.mcap.html", width=1200, height=900)
+    browser.run(SETTLE)
+    curves = collect(recorded / "run.mcap").curves
+    assert curves is not None
+    times, row, checked = curves.whole.times, 0, 0
+    for time in (8.0, 9.5, 15.0, 19.25):
+        browser.run(f"sessionCharts.point({time})")
+        place, row = int(np.searchsorted(times, time)), 0
+        for index, chart in enumerate(curves.charts):
+            names = f"[...document.querySelectorAll('#chart{index} .value')].map(v => v.textContent.trim())"
+            for told in browser.run(names):
+                signal = curves.whole.values[row]
+                row += 1
+                near = signal[max(0, place - 1) : place + 2]  # the time itself is a whole number, too
+                if not np.isfinite(near).all():
+                    assert told == "–" or np.isfinite(near).any()
+                    continue
+                step = np.nanmax(np.abs(signal)) * 5e-4 + 1e-12  # four digits are told
+                assert near.min() - step <= float(told) <= near.max() + step, (chart.title, told, near)
+                checked += 1
+    assert checked > 40
+    dragged = """
+        const svg = document.querySelector('#chart1 svg'), box = svg.getBoundingClientRect();
+        const at = (kind, x) => svg.dispatchEvent(new PointerEvent(kind, { clientX: box.left + x, clientY: box.top + 80,
+                                                  pointerType: 'mouse', button: 0, pointerId: 1, bubbles: true }));
+        svg.setPointerCapture = () => {};
+        at('pointerdown', 300); at('pointermove', 500); at('pointerup', 500);
+        sessionCharts.charts.every(chart => chart.group.range[1] - chart.group.range[0] < 8)"""
+    assert browser.run(dragged)
+    browser.run("document.querySelector('#chart2 svg').dispatchEvent(new MouseEvent('dblclick'))")
+    assert browser.run(RANGE) == pytest.approx([0.001, 23.0], abs=0.05)
+    paths = "document.querySelectorAll('#chart0 path.curve').length"
+    before = browser.run(paths)
+    browser.run("document.querySelector('#chart0 button.name').click()")
+    assert browser.run(paths) == before - 1
+    assert browser.said == []
+
+
+def test_an_hour_of_touches_is_a_small_page():
+    """336 contacts with as many numbers as the sampler admits, and noise that no packing takes away."""
+    dice = np.random.default_rng(1)
+    packer = Packer()
+    smooth = np.sin(np.linspace(0.0, 9.0, NUMBERS_WHOLE))
+    for count, times in ((1, NUMBERS_WHOLE // 23), (336, NUMBERS_CONTACTS // 23 // 336)):
+        for _ in range(count):
+            rows = [smooth[:times] * (1 + 1e-3 * dice.standard_normal(times)) for _ in range(22)]
+            packer.add(Block(np.linspace(0.0, 6.0, times), np.array(rows, np.float32)), 0.0)
+    assert len(packer.text()) < 1_700_000  # and 0.3 MB for texts and a picture
+
+
+NUMBERS = st.floats(-(2.0**90), 2.0**90, width=32) | st.just(float("nan"))
+
+
+@given(
+    st.lists(
+        st.lists(NUMBERS, min_size=3, max_size=3),
+        max_size=20,
+    ),
+    st.integers(0, 3),
+)
+def test_packed_curves_come_out_as_they_went_in(samples, blocks):
+    """Unpacked as the page does it: within a half step of 1/65534 of the range; gaps stay gaps."""
+    values = np.array(samples, np.float32).reshape(-1, 3).T
+    times = np.arange(values.shape[1]) * 1e-3
+    packer = Packer()
+    found = [packer.add(Block(times, values), 0.0) for _ in range(blocks + 1)][-1]
+    stream = np.frombuffer(zlib.decompress(base64.b64decode(packer.text())), np.uint8)
+    at, count = found["at"], found["count"]
+    for row, (low, step) in zip((times, *values), found["rows"], strict=True):
+        change = stream[at : at + count].astype(int) + 256 * stream[at + count : at + 2 * count].astype(int)
+        whole = (np.cumsum(change) & 0xFFFF).astype(np.uint16).view(np.int16).astype(float)
+        at += 2 * count
+        np.testing.assert_array_equal(whole == -32768, np.isnan(row))
+        known = ~np.isnan(row)
+        np.testing.assert_allclose(
+            low + step * (whole + 32767)[known], row[known].astype(float), rtol=1e-6, atol=0.51 * step
+        )
 
 
 def test_a_keyboard_is_enough(recorded, browser):
@@ -127,19 +216,19 @@ def test_every_contact_is_drawn_by_itself_when_it_comes_into_sight(recorded, bro
     browser.run(SETTLE)
     small = "[...document.querySelectorAll('section.contact')[1].querySelectorAll('.small')]"
     assert browser.run(f"{small}.length") >= 5
-    assert browser.run(f"{small}.every(p => p.querySelectorAll('.scatterlayer path.js-line').length > 0)")
-    first = browser.run(f"{small}[0].data[0].x[0]")
+    assert browser.run(f"{small}.every(p => p.querySelectorAll('path.curve').length > 0)")
+    first = browser.run(f"{small}[0].chart.seconds[0]")
     assert first == pytest.approx(-0.5, abs=2e-3)  # seconds since the touch
 
 
 def test_the_page_prints_all_of_it(recorded, browser, tmp_path):
     browser.open(recorded / "run.mcap.html", width=400, height=800)
     browser.run(SETTLE)
-    wide = browser.run("document.getElementById('chart0').layout.height")
+    wide = browser.run(f"{CHART}.svg.getAttribute('width')")
     (tmp_path / "page.pdf").write_bytes(browser.pdf())
-    assert browser.run("[...document.querySelectorAll('.small')].every(p => p.dataset.drawn === 'yes')")
+    assert browser.run("[...document.querySelectorAll('.small')].every(p => p.querySelector('path.curve'))")
     assert not browser.run("document.querySelector('details').open")
-    assert browser.run("document.getElementById('chart0').layout.height") == wide
+    assert browser.run(f"{CHART}.svg.getAttribute('width')") == wide
     assert browser.run("document.documentElement.scrollWidth") <= 400
     if pdftotext := shutil.which("pdftotext"):
         text = subprocess.run(
@@ -194,7 +283,7 @@ def test_texts_of_a_session_are_shown_and_never_run(recorded, browser, tmp_path)
     browser.run(SETTLE)
     assert browser.said == [] and browser.asked == [] and browser.run("window.pwned") is None
     assert browser.run("document.querySelectorAll('img[src=x]').length") == 0
-    assert browser.run("document.querySelectorAll('#chart0 path.js-line').length") > 0
+    assert browser.run("document.querySelectorAll('#chart0 path.curve').length") > 0
     assert browser.run("document.body.innerText.split('window.pwned=1').length") > 10
 
 

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 from itouch.cli.arguments import Parser, output_file
 from itouch.schema import ItouchError
-from itouch.schema.extras import need
 from itouch.schema.terminal import did
 from itouch.schema.waits import waiting
 
@@ -22,7 +21,6 @@ def main(argv: Sequence[str]) -> int:
     given, target = options.session, options.output
     if os.path.exists(given) and os.path.exists(target) and os.path.samefile(given, target):
         raise ItouchError(f"'{target}' is the session itself; name another file for the page")
-    need("report")
     from itouch.report.collect import collect
     from itouch.report.page import page, scene_picture
 

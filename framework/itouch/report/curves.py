@@ -14,8 +14,10 @@ from itouch.world import Model
 
 #: Most points of a curve of the whole session, of one contact, and of all contacts together.
 MOST_WHOLE, MOST_CONTACT, MOST_CONTACTS = 6000, 1500, 60_000
+#: Most numbers of the whole session, and of all contacts: with many signals fewer points, so that the page stays small.
+NUMBERS_WHOLE, NUMBERS_CONTACTS = 140_000, 1_050_000
 #: Least points of a contact: with more contacts than the sum admits, the last ones have no curves of their own.
-LEAST_CONTACT = 200
+LEAST_CONTACT = 120
 #: Seconds shown before and after a contact.
 MARGIN = 0.5
 #: Most numbers that are kept while a recording is read; a longer one is sampled more seldom.
@@ -83,13 +85,15 @@ class Sampler:
         """Return what was sampled; ``spans`` are the begin and the end [s] (None: open) of each contact."""
         times, values = self._times[: self._count], self._values[: self._count]
         step = self._period * self._every
-        most = min(MOST_CONTACT, max(LEAST_CONTACT, MOST_CONTACTS // max(1, len(spans))))
+        rows = 1 + len(self._signals)
+        whole, contacts = min(MOST_WHOLE, NUMBERS_WHOLE // rows), min(MOST_CONTACTS, NUMBERS_CONTACTS // rows)
+        most = min(MOST_CONTACT, max(LEAST_CONTACT, contacts // max(1, len(spans))))
         cut = []
-        for begin, end in spans[: MOST_CONTACTS // most]:
+        for begin, end in spans[: contacts // most]:
             first = int(np.searchsorted(times, begin - MARGIN))
             last = int(np.searchsorted(times, (end if end is not None else np.inf) + MARGIN))
             cut.append(thinned(times[first:last], values[first:last], most, step))
-        return Curves(self.charts, thinned(times, values, MOST_WHOLE, step), tuple(cut))
+        return Curves(self.charts, thinned(times, values, whole, step), tuple(cut))
 
 
 def thinned(times: Floats, values: NDArray[np.float32], most: int, step: float) -> Block:

@@ -1,68 +1,62 @@
 "use strict";
 const data = JSON.parse(document.getElementById("data").textContent);
-const INK = "#1c2530", GRID = "#e3e7eb";
-const settings = { responsive: true, displaylogo: false, displayModeBar: window.innerWidth > 700 ? "hover" : false,
-                   modeBarButtonsToRemove: ["lasso2d", "select2d"] };
-const still = { staticPlot: true, responsive: true };
+const sessionCharts = new Group();
+const contactGroups = [];
+const everyChart = [];
 
-function numbers(text) {
-  const bytes = Uint8Array.from(atob(text), c => c.charCodeAt(0));
-  return new Float32Array(bytes.buffer);
+// All curves travel as one deflated stream of whole numbers: for each row of a block the low bytes, then the high bytes, of
+// the differences between neighbours (itouch.report.packing says how they are made).
+async function inflated(text) {
+  const bytes = Uint8Array.from(atob(text), letter => letter.charCodeAt(0));
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+// Return a row as numbers: its place in the stream, how many, its least value and its step; -32768 is not a number.
+function numbers(stream, at, count, low, step) {
+  const found = new Float64Array(count);
+  let sum = 0;
+  for (let i = 0; i < count; i++) {
+    sum = (sum + stream[at + i] + 256 * stream[at + count + i]) & 0xffff;
+    found[i] = sum === 0x8000 ? NaN : low + step * ((sum << 16 >> 16) + 32767);
+  }
+  return found;
 }
 
 // Curves are unpacked when they are first shown. A contact's times are counted from its begin.
 function unpacked(block) {
   if (!block.signals) {
-    block.seconds = numbers(block.times);
-    block.signals = block.values.map(numbers);
+    const rows = block.rows.map(([low, step], row) => numbers(data.stream, block.at + 2 * row * block.count, block.count, low, step));
+    block.seconds = rows[0];
+    block.signals = rows.slice(1);
   }
   return block;
 }
 
 function rowOf(chart) {
-  return data.charts.slice(0, chart).reduce((sum, c) => sum + c.signals.length, 0);
+  return data.charts.slice(0, chart).reduce((sum, one) => sum + one.signals.length, 0);
 }
 
-function traces(index, block, origin) {
-  const { seconds, signals } = unpacked(block), first = rowOf(index);
-  const times = origin === 0 ? seconds : Float64Array.from(seconds, t => t + origin);
-  const made = data.charts[index].signals.map((signal, i) => ({
-    x: times, y: signals[first + i], name: signal.label, mode: "lines", type: "scatter", connectgaps: false,
-    line: { color: signal.colour, width: 1.4, dash: signal.wish ? "dash" : "solid" },
-  }));
-  return [...made.filter(t => t.line.dash === "solid"), ...made.filter(t => t.line.dash !== "solid")]; // wishes on top
+function rowsOf(chart, block) {
+  const first = rowOf(chart);
+  return block.signals.slice(first, first + data.charts[chart].signals.length);
 }
 
-function look(title, height, small) {
-  return {
-    title: { text: title, font: { size: small ? 12 : 14 }, x: 0, xanchor: "left", y: 0.98, yanchor: "top" },
-    margin: { l: small ? 44 : 56, r: 12, t: small ? 24 : 58, b: small ? 34 : 40 }, height: height,
-    font: { family: "system-ui, sans-serif", color: INK, size: small ? 10 : 12 }, paper_bgcolor: "#fff", plot_bgcolor: "#fff",
-    xaxis: { zeroline: false, gridcolor: GRID }, yaxis: { zeroline: true, zerolinecolor: "#aab2bb", gridcolor: GRID, automargin: true },
-  };
-}
-
-function spans(from, offset) {
-  return data.spans.map(span => ({
-    type: "rect", xref: "x", yref: "paper", x0: span[0] - offset, x1: (span[1] ?? from) - offset, y0: 0, y1: 1,
-    fillcolor: "#8fb8de", opacity: 0.16, line: { width: 0 },
-  }));
+function ends(seconds) {
+  return seconds.length > 1 ? [seconds[0], seconds[seconds.length - 1]] : [0, 1];
 }
 
 function draw(chosen) {
-  const block = chosen < 0 ? data.whole : data.contacts[chosen];
-  const seconds = unpacked(block).seconds, begin = block.begin;
-  const range = seconds.length ? [begin + seconds[0], begin + seconds[seconds.length - 1]] : [0, 1];
-  const whole = unpacked(data.whole).seconds, end = whole.length ? data.whole.begin + whole[whole.length - 1] : 0;
-  data.charts.forEach((chart, index) => {
-    const layout = look(`${chart.title} [${chart.unit}]`, 300, false);
-    Object.assign(layout.xaxis, { title: { text: "time [s]" }, range: range });
-    Object.assign(layout, {
-      hovermode: "x unified", shapes: spans(end, 0), showlegend: chart.signals.length > 1,
-      legend: { orientation: "h", x: 0, y: 1.02, yanchor: "bottom", xanchor: "left" },
-    });
-    Plotly.react(`chart${index}`, traces(index, block, begin), layout, settings);
-  });
+  const block = unpacked(chosen < 0 ? data.whole : data.contacts[chosen]), begin = block.begin;
+  const seconds = begin === 0 ? block.seconds : block.seconds.map(time => time + begin);
+  const whole = unpacked(data.whole), last = whole.begin + ends(whole.seconds)[1];
+  const spans = data.spans.map(span => [span[0], span[1] ?? last]);
+  const near = chosen < 0 && spans.length ? spans.map(([from, to]) => [from - 0.5, to + 0.5]) : null;
+  sessionCharts.charts.forEach((chart, index) => chart.set(seconds, rowsOf(index, block), spans, near));
+  sessionCharts.show(ends(seconds));
+  const slider = document.getElementById("cursor");
+  [slider.min, slider.max, slider.step] = [...sessionCharts.home, (sessionCharts.home[1] - sessionCharts.home[0]) / 1000];
+  slider.value = slider.min;
 }
 
 function choose(index) {
@@ -70,61 +64,56 @@ function choose(index) {
     row.classList.toggle("chosen", i === index);
     row.setAttribute("aria-pressed", String(i === index));
   });
-  const which = document.getElementById("which");
-  which.value = String(index);
+  document.getElementById("which").value = String(index);
   document.getElementById("before").disabled = index < 0;
   document.getElementById("after").disabled = index >= data.contacts.length - 1;
   draw(index);
 }
 
 function drawContact(index) {
-  const block = unpacked(data.contacts[index]), span = data.spans[index];
+  if (contactGroups[index]) return;
+  const block = unpacked(data.contacts[index]), span = data.spans[index], group = contactGroups[index] = new Group();
+  const length = span[1] === null ? ends(block.seconds)[1] : span[1] - span[0];
   data.charts.forEach((chart, c) => {
-    const place = document.getElementById(`contact${index}-${c}`);
-    if (place.dataset.drawn) return;
-    place.dataset.drawn = "yes";
-    const layout = look(`${chart.title} [${chart.unit}]`, 200, true);
-    const last = block.seconds.length ? block.seconds[block.seconds.length - 1] : 1;
-    Object.assign(layout.xaxis, { title: { text: "time since the touch [s]", standoff: 4 }, range: [block.seconds[0] ?? 0, last] });
-    layout.shapes = [{ type: "line", xref: "x", yref: "paper", x0: 0, x1: 0, y0: 0, y1: 1, line: { color: "#8fa3b5", width: 1, dash: "dot" } }];
-    if (span[1] !== null) layout.shapes.push({ ...layout.shapes[0], x0: span[1] - span[0], x1: span[1] - span[0] });
-    layout.showlegend = chart.signals.length > 1;
-    layout.legend = { x: 1, xanchor: "right", y: 1, bgcolor: "rgba(255,255,255,0.7)", font: { size: 9 } };
-    Plotly.newPlot(place, traces(c, block, 0), layout, still);
+    const drawn = new Chart(document.getElementById(`contact${index}-${c}`), chart, group,
+                            { height: 200, axis: "time since the touch [s]", small: true });
+    drawn.set(block.seconds, rowsOf(c, block), [[0, length]], null);
+    everyChart.push(drawn);
   });
+  group.show(ends(block.seconds));
 }
 
+// A bar from edge to edge, drawn as one outline: on a logarithmic axis bars of plain widths would not meet.
 function drawHistogram(found, index) {
-  const layout = look(found.title, 260, false);
-  layout.margin.t = 34;
-  Object.assign(layout.xaxis, { title: { text: "µs" }, type: "log" });
-  Object.assign(layout.yaxis, { title: { text: "ticks" }, type: "log", zeroline: false });
-  // a bar from edge to edge, drawn as one outline: on a logarithmic axis bars of plain widths would not meet
-  const x = [], y = [];
+  const x = [], y = [], least = Math.log10(0.5);
+  const put = (edge, count) => { x.push(Math.log10(edge)); y.push(count); };
   found.bins.forEach(([low, high, count], i) => {
-    if (i === 0 || found.bins[i - 1][1] !== low) { x.push(low); y.push(0.5); }
-    x.push(low, high); y.push(count, count);
-    if (i === found.bins.length - 1 || found.bins[i + 1][0] !== high) { x.push(high); y.push(0.5); }
+    if (i === 0 || found.bins[i - 1][1] !== low) put(low, least);
+    put(low, Math.log10(count)); put(high, Math.log10(count));
+    if (i === found.bins.length - 1 || found.bins[i + 1][0] !== high) put(high, least);
   });
-  layout.yaxis.range = [Math.log10(0.5), Math.log10(Math.max(...found.bins.map(bin => bin[2])) * 1.5)];
-  Plotly.newPlot(`histogram${index}`, [{ x: x, y: y, mode: "lines", type: "scatter", fill: "tozeroy",
-    line: { color: "#0072b2", width: 1 }, hovertemplate: "%{x:.4g} µs: %{y} ticks<extra></extra>" }], layout, settings);
+  const group = new Group(), place = document.getElementById(`histogram${index}`);
+  const chart = new Chart(place, { title: found.title, unit: "ticks", signals: [{ label: "", wish: false }] }, group,
+                          { height: 240, axis: "µs", log: true });
+  chart.set(x, [y], [], null);
+  everyChart.push(chart);
+  group.show(ends(x));
 }
 
-const drawn = data.charts.length ? Math.min(data.contacts.length, data.drawn) : 0;
-
-if (data.charts.length) {
-  choose(-1);
+function listen() {
   const which = document.getElementById("which");
   which.addEventListener("change", () => choose(Number(which.value)));
   document.getElementById("all").addEventListener("click", () => choose(-1));
   document.getElementById("before").addEventListener("click", () => choose(Math.max(-1, Number(which.value) - 1)));
   document.getElementById("after").addEventListener("click", () => choose(Math.min(data.contacts.length - 1, Number(which.value) + 1)));
+  const slider = document.getElementById("cursor");
+  slider.addEventListener("input", () => sessionCharts.point(Number(slider.value)));
+  sessionCharts.moved = time => { if (time !== null) slider.value = time; };
   document.querySelectorAll("tr.choice").forEach((row, i) => {
     const take = () => {
       if (i >= data.contacts.length) return;
       choose(i);
-      document.getElementById("which").scrollIntoView({ block: "start" });
+      which.scrollIntoView({ block: "start" });
     };
     row.addEventListener("click", take);
     row.addEventListener("keydown", event => {
@@ -140,22 +129,29 @@ if (data.charts.length) {
     seen.observe(section);
   });
 }
-data.histograms.forEach(drawHistogram);
 
 // On paper: everything is drawn and unfolded, as wide as the paper.
 const PAPER = 680;
-function eachPlot(change) {
-  document.querySelectorAll(".js-plotly-plot").forEach(plot => Plotly.relayout(plot, change(plot)));
-}
+const onPaper = place => place.classList.contains("small") ? PAPER / 3 - 12 : place.parentElement.classList.contains("grid") ? PAPER / 2 - 12 : PAPER;
 window.addEventListener("beforeprint", () => {
+  const drawn = data.stream ? Math.min(data.contacts.length, data.drawn) : 0;
   for (let index = 0; index < drawn; index++) drawContact(index);
   document.querySelectorAll("details:not([open])").forEach(d => { d.open = true; d.dataset.folded = "yes"; });
-  eachPlot(plot => plot.classList.contains("small") ? { width: PAPER / 3 - 12 }
-    : { width: plot.parentElement.classList.contains("grid") ? PAPER / 2 - 12 : PAPER, height: 230 });
+  everyChart.forEach(chart => chart.draw(onPaper(chart.place), chart.place.classList.contains("small") ? 190 : 230));
 });
 window.addEventListener("afterprint", () => {
   document.querySelectorAll("details[data-folded]").forEach(d => { d.open = false; delete d.dataset.folded; });
-  eachPlot(plot => plot.classList.contains("small") ? { width: null, autosize: true }
-    : { width: null, height: plot.id.startsWith("chart") ? 300 : 260, autosize: true });
+  everyChart.forEach(chart => chart.draw());
 });
 document.getElementById("print").addEventListener("click", () => window.print());
+
+async function begin() {
+  data.histograms.forEach(drawHistogram);
+  if (!data.charts.length) return;
+  data.stream = await inflated(data.packed);
+  data.charts.forEach((chart, index) => everyChart.push(
+    new Chart(document.getElementById(`chart${index}`), chart, sessionCharts, { height: 260, axis: "time [s]" })));
+  listen();
+  choose(-1);
+}
+begin();

@@ -1,4 +1,4 @@
-"""One self-contained page of a session: no network, plots by Plotly, readable on a phone and on paper."""
+"""One self-contained page of a session: small, no network, readable on a phone, on paper and in the dark."""
 
 from __future__ import annotations
 
@@ -10,18 +10,12 @@ import tempfile
 from importlib.resources import files
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from itouch.loop.timing import merged
 from itouch.report import sections
 from itouch.report.collect import Findings
-from itouch.report.curves import Block
 from itouch.report.markup import text
-from itouch.schema import ItouchError
+from itouch.report.packing import Packer
 
-#: Colours of curves on white, told apart with and without colour-blindness (Okabe and Ito 2008).
-_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
 #: Contacts that are drawn one by one; more of them are reached by choosing them.
 MOST_DRAWN = 12
 _HISTOGRAMS = (("tick", "duration of a tick"), ("lateness", "how late ticks began"))
@@ -32,11 +26,6 @@ def page(findings: Findings, *, picture: bytes | None = None) -> str:
 
     Its own scripts are the only ones that a browser runs, and it may ask for nothing: its policy says so, with their
     digests.
-
-    Raises
-    ------
-    ItouchError
-        If Plotly is not installed.
     """
     data = _data(findings)
     parts = [
@@ -46,8 +35,7 @@ def page(findings: Findings, *, picture: bytes | None = None) -> str:
         sections.marks(findings), sections.parameters(findings),
     ]  # fmt: skip
     here = files("itouch.report")
-    style, script = (here.joinpath(name).read_text("utf-8") for name in ("page.css", "page.js"))
-    scripts = [_plotly(), script]
+    style, *scripts = (here.joinpath(name).read_text("utf-8") for name in ("page.css", "charts.js", "page.js"))
     packed = json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
@@ -70,14 +58,6 @@ def _title(findings: Findings) -> str:
     return f"{source}: {said} ({findings.title})" if source else f"{said} ({findings.title})"
 
 
-def _plotly() -> str:
-    try:
-        from plotly.offline import get_plotlyjs
-    except ImportError:
-        raise ItouchError("the page needs Plotly: pip install 'itouch-py[report]'") from None
-    return str(get_plotlyjs())
-
-
 def _policy(scripts: list[str]) -> str:
     digests = (base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts)
     allowed = " ".join(f"'sha256-{digest}'" for digest in digests)
@@ -98,7 +78,10 @@ def _curves(findings: Findings) -> str:
         '<button id="before" type="button" aria-label="the contact before">◀</button>'
         f'<label>show <select id="which">{options}</select></label>'
         '<button id="after" type="button" aria-label="the next contact">▶</button></span>'
-        f'<button id="all" type="button">the whole session</button></div>\n{plots}'
+        '<button id="all" type="button">the whole session</button>'
+        f'<label>at <input id="cursor" type="range" aria-label="time of the cursor"></label></div>\n'
+        '<p class="soft">Point at a curve for its values at that time in all charts; drag to look closer, '
+        f"double-click to see all again; a name takes its curve away.</p>\n{plots}"
     )
     return made + _one_by_one(findings, len(curves.charts), min(len(curves.contacts), MOST_DRAWN))
 
@@ -130,14 +113,14 @@ def _data(findings: Findings) -> dict[str, Any]:
         return {"charts": [], "spans": spans, "histograms": made}
     charts = [
         {"title": chart.title, "unit": chart.unit,
-         "signals": [{"label": line.label, "wish": line.wish, "doc": line.doc, "colour": _COLOURS[i % len(_COLOURS)]}
-                     for i, line in enumerate(chart.lines)]}
+         "signals": [{"label": line.label, "wish": line.wish, "doc": line.doc} for line in chart.lines]}
         for chart in curves.charts
     ]  # fmt: skip
-    contacts = [_block(block, span[0]) for block, span in zip(curves.contacts, spans, strict=False)]
-    whole = _block(curves.whole, float(curves.whole.times[0]) if len(curves.whole.times) else 0.0)
+    packer = Packer()
+    whole = packer.add(curves.whole, float(curves.whole.times[0]) if len(curves.whole.times) else 0.0)
+    contacts = [packer.add(block, span[0]) for block, span in zip(curves.contacts, spans, strict=False)]
     return {"charts": charts, "whole": whole, "contacts": contacts, "spans": spans, "drawn": MOST_DRAWN,
-            "histograms": made}  # fmt: skip
+            "histograms": made, "packed": packer.text()}  # fmt: skip
 
 
 def merged_histograms(histograms: dict[str, Any]) -> list[dict[str, Any]]:
@@ -148,19 +131,6 @@ def merged_histograms(histograms: dict[str, Any]) -> list[dict[str, Any]]:
         if bins:
             found.append({"title": title, "bins": bins})
     return found
-
-
-def _block(block: Block, begin: float) -> dict[str, Any]:
-    """Return a stretch of curves: base64 of little-endian float32, times counted from ``begin``."""
-    return {
-        "begin": begin,
-        "times": _packed((block.times - begin).astype(np.float32)),
-        "values": [_packed(row) for row in block.values],
-    }
-
-
-def _packed(values: NDArray[np.float32]) -> str:
-    return base64.b64encode(np.ascontiguousarray(values, "<f4").tobytes()).decode()
 
 
 def scene_picture(findings: Findings) -> bytes | None:

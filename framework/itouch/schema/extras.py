@@ -8,7 +8,6 @@ from itouch.schema.diagnostics import ItouchError
 
 #: Name of an extra -> what it is for, and the modules that it brings.
 EXTRAS: dict[str, tuple[str, tuple[str, ...]]] = {
-    "report": ("the page", ("plotly",)),
     "film": ("films", ("av", "PIL")),
     "tables": ("tables of this kind", ("pyarrow",)),
     "plot": ("figures", ("matplotlib",)),
