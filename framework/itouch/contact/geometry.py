@@ -140,8 +140,9 @@ class Geometry:
         low, high = np.full(self.memory_size(), -np.inf), np.full(self.memory_size(), np.inf)
         objects = slice(layout.MEMORY_CONTACTS, layout.MEMORY_CONTACTS + 2 * layout.MAX_CONTACTS, 2)
         low[[layout.MEMORY_SLIP, layout.MEMORY_COUNT]] = 0
-        high[layout.MEMORY_SLIP], high[layout.MEMORY_COUNT] = layout.SLIP_SLIDE, layout.MAX_CONTACTS
-        low[objects], high[objects] = -1, self.count - 1
+        high[layout.MEMORY_SLIP] = layout.SLIP_SLIDE
+        high[layout.MEMORY_COUNT] = layout.MAX_CONTACTS if self.count else 0
+        low[objects], high[objects] = -1, max(self.count - 1, 0)  # places that are not in use are 0, also without objects
         return tuple(low.tolist()), tuple(high.tolist())
 
     def new_memory(self) -> Floats:

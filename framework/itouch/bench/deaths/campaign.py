@@ -225,11 +225,13 @@ def main(argv: Sequence[str]) -> int:
                         help="then kill launcher, guardian, servo, recorder, viewer and twin so many times, from the "
                         "first millisecond of the start on (default 0)")  # fmt: skip
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the instants (default 1)")
+    parser.add_argument("--keep", metavar="FILE", help="add each kill to this file, do only those that it has not, "
+                        "and sum up all that it has: a campaign in parts")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print every outcome as JSON")
     options = parser.parse_args(argv)
     outcomes: list[Outcome] = []
     whole = True
-    kills = starts.campaign(options.kills, options.seed, tell=not options.json)
+    kills = starts.campaign(options.kills, options.seed, tell=not options.json, keep=options.keep)
     for victim, manner, wait in cases(options.instants, options.seed):
         try:
             outcome = strike_again(victim, manner, wait)

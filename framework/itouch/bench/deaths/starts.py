@@ -16,12 +16,14 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 from itouch.bench.deaths.observer import Observer
 from itouch.bench.deaths.scene import scene
+from itouch.bench.kept import Kept
 from itouch.servo import wire
 from itouch.servo.segment import monotonic
 
@@ -212,16 +214,25 @@ def cases(count: int, seed: int) -> Iterator[tuple[str, float, bool]]:
         yield VICTIMS[index % len(VICTIMS)], draw.uniform(0.001, (1.0, 4.0, 3.0)[turn]), turn == 2
 
 
-def campaign(count: int, seed: int, *, tell: bool) -> list[Kill]:
-    """Kill so many times, and tell how that went."""
-    kills = []
-    for victim, after, running in cases(count, seed):
-        kills.append(kill(victim, after, running=running))
+def campaign(count: int, seed: int, *, tell: bool, keep: str | None = None) -> list[Kill]:
+    """Kill so many times, or as often as is not kept yet; tell how that went, and return all that is kept."""
+    kept, new = Kept(keep), 0
+    for number, (victim, after, running) in enumerate(cases(count, seed)):
+        if (seed, number) in kept:
+            continue
+        one = kill(victim, after, running=running)
+        new += 1
+        kept.add(seed, number, asdict(one))
         if tell:
-            _tell(len(kills), kills[-1])
+            _tell(new, one)
+    kills = [_kept(row) for row in kept.rows.values()] if count else []
     if tell and kills:
         _sum_up(kills)
     return kills
+
+
+def _kept(row: Mapping[str, Any]) -> Kill:
+    return Kill(row["victim"], row["after_s"], row["gone_s"], row["safe_s"], tuple(row["left"]))
 
 
 def _tell(number: int, one: Kill) -> None:

@@ -35,6 +35,8 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--all", action="store_true", help="print every cell, not only the sums and what is wrong")
     parser.add_argument("--random", type=int, metavar="N", help="so many random rigs instead, with random names")
     parser.add_argument("--seed", type=int, default=0, help="of the random rigs")
+    parser.add_argument("--keep", metavar="FILE", help="with --random: add each result to this file, run only what it "
+                        "has not, and sum up all that it has")  # fmt: skip
     parser.add_argument(
         "--renamed",
         type=int,
@@ -43,7 +45,7 @@ def main(argv: Sequence[str]) -> int:
     )
     options = parser.parse_args(argv)
     if options.random is not None:
-        return 1 if campaign(options.random, options.seed) else 0
+        return 1 if campaign(options.random, options.seed, options.keep) else 0
     if options.exchange is not None:
         return _exchanged(options)
     scene = options.scene or shipped_scene()

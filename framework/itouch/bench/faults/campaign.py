@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import re
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from itouch.bench.faults.plants import FELT, Evil, PlateKind, arm, plate, table
+from itouch.bench.kept import Kept
 from itouch.monitors import limits
 from itouch.monitors.heat import DOSE_FROM, DOSE_UNIT
 from itouch.plugin import DeviceError, ItouchError, Role
@@ -50,6 +52,9 @@ class Case:
     force: float
     seconds: float
     restores: int
+    tightens: bool = False
+    #: What is left of every budget when it begins, as a part of the whole.
+    left: float = 1.0
     broken: list[str] = field(default_factory=list)
     trips: list[str] = field(default_factory=list)
 
@@ -87,7 +92,8 @@ def draw(number: int, seed: int) -> Case:
         f'<rates servo="500 Hz"/><devices>{"".join(listed)}</devices>'
         f'<interaction>{probe}<evil:push/></interaction><safety force="{force:g} N" {safety}/>{faults}</itouch>'
     )
-    return Case(number, text, catalog, plates, tapped, force, rng.uniform(4.0, LONGEST), rng.choice((0, 1, 3)))
+    return Case(number, text, catalog, plates, tapped, force, rng.uniform(4.0, LONGEST), rng.choice((0, 1, 3)),
+                rng.random() < 0.5, rng.choice((1.0, 10.0 ** -rng.uniform(0.5, 4.0))))  # fmt: skip
 
 
 def _words(rng: random.Random) -> Iterator[str]:
@@ -160,7 +166,8 @@ class Truth:
     def broken(self) -> list[str]:
         """Return which absolute limits were passed."""
         found = []
-        if not limits.PLATE_ABSOLUTE[0] <= self.low <= self.high <= limits.PLATE_ABSOLUTE[1]:
+        ran, (least, most) = self.low <= self.high, limits.PLATE_ABSOLUTE
+        if ran and not least <= self.low <= self.high <= most:
             found.append(f"plate {self.low - 273.15:.2f} to {self.high - 273.15:.2f} degC")
         if self.dose > 1.05 * limits.DOSE:
             found.append(f"dose {self.dose:.1f} s")
@@ -175,28 +182,68 @@ class Truth:
 
 def run(case: Case) -> Case:
     """Run a case: to its end, or to a fault; then try each way back to acting."""
-    scene, truth = loads(case.scene.encode(), case.catalog), Truth(case)
-    session = _built(scene, case)
+    truth, text = Truth(case), case.scene
+    session = _built(text, case)
+    _use_up(session, case.left, truth)
     truth.follow(session)
     _go(session, case, case.seconds)
     for way in range(case.restores):
+        spent = _spent(session)
         if way % 2 == 0:
-            stored = session.state.tobytes()
-            session = _built(scene, case)
+            stored = session.snapshot()
+            if case.tightens:
+                text = tightened(text, stored.state["tick"].item())
+            session = _built(text, case)
             truth.follow(session)
-            session.adopt(stored)
+            session.take_up(stored)
+            if spent and not _spent(session):  # used up is used up, under tighter limits all the more
+                case.broken.append(f"a budget came back: {spent}")
         try:
             session.rearm()
-        except (DeviceError, ItouchError) as refused:
-            case.trips.append(f"refused: {str(refused).split(' at tick')[0][:60]}")
+        except (DeviceError, ItouchError) as error:
+            case.trips.append(f"refused: {str(error).split(' at tick')[0][:60]}")
             break
         _go(session, case, 2.0)
-    case.broken = truth.broken()
+    case.broken += truth.broken()
     return case
 
 
-def _built(scene: Any, case: Case) -> Session:
-    return build(scene, catalog=case.catalog, seed=case.number)
+def _use_up(session: Session, left: float, truth: Truth) -> None:
+    """Begin with a part of every budget used, as with a participant who was here before; plates share a finger."""
+    for runner in session.runners:
+        most, part = runner.model.limits, (1.0 - left) / len(truth.case.plates)
+        for post in runner.heats:
+            dose, cold = part * (most.dose or limits.DOSE), part * (most.cold_time or limits.COLD_TIME)
+            post.state["dose"], post.state["cold_time"] = dose, cold
+            truth.dose, truth.cold = truth.dose + dose, truth.cold + cold
+
+
+def _spent(session: Session) -> str:
+    """Return which budget of which device is used up; empty: none."""
+    return next((f"{r.model.name} {said}" for r in session.runners if (said := r.panel.spent())), "")
+
+
+def tightened(text: str, seed: int) -> str:
+    """Return a scene with its limits drawn anew, none looser."""
+    rng = random.Random(seed)
+
+    def less(found: re.Match[str]) -> str:
+        return f'{found[1]}="{float(found[2]) * rng.uniform(0.3, 1.0):.3f}'
+
+    def narrower(found: re.Match[str]) -> str:
+        return (
+            f'temperature="{float(found[1]) + rng.uniform(0.0, 3.0):.1f} {float(found[2]) - rng.uniform(0.0, 3.0):.1f}'
+        )
+
+    head, mark, safety = text.rpartition("<safety ")
+    if "dose=" not in safety and rng.random() < 0.5:
+        safety = f'dose="{rng.uniform(1.0, 60.0):.1f} s" {safety}'
+    text = re.sub(r'(current|force|dose|contact-time)="([0-9.]+)', less, f"{head}{mark}{safety}")
+    return re.sub(r'temperature="([0-9.]+) ([0-9.]+)', narrower, text)
+
+
+def _built(text: str, case: Case) -> Session:
+    return build(loads(text.encode(), case.catalog), catalog=case.catalog, seed=case.number)
 
 
 def _go(session: Session, case: Case, seconds: float) -> None:
@@ -207,17 +254,32 @@ def _go(session: Session, case: Case, seconds: float) -> None:
         case.trips.append(faults[-1]["trip"] if faults and faults[-1]["trip"] else "refused")
 
 
-def campaign(count: int, seed: int) -> int:
-    """Run so many cases and print what came of them; return how many passed an absolute limit."""
-    trips: Counter[str] = Counter()
-    wrong = 0
+def campaign(count: int, seed: int, keep: str | None = None) -> int:
+    """Run so many cases, or those of them that are not kept yet, and print what came of all that are kept.
+
+    Returns
+    -------
+    int
+        How many passed an absolute limit.
+    """
+    kept = Kept(keep)
     for number in range(count):
+        if (seed, number) in kept:
+            continue
         case = run(draw(number, seed))
-        trips.update(trip.partition(": device")[0] for trip in case.trips or ["none: inside the limits"])
+        trips = [trip.partition(": device")[0] for trip in case.trips or ["none: inside the limits"]]
+        kept.add(seed, number, {"trips": trips, "broken": case.broken})
         if case.broken:
-            wrong += 1
-            print(f"case {number} of seed {seed}: WRONG: {'; '.join(case.broken)}; {case.trips}\n  {case.scene}")
-    print(f"{count} random rigs of seed {seed}, {wrong} wrong")
-    for trip, times in trips.most_common():
+            wrong = "; ".join(case.broken)
+            print(f"case {number} of seed {seed}: WRONG: {wrong}; {case.trips}\n  {case.scene}", flush=True)
+    return _sum_up(kept)
+
+
+def _sum_up(kept: Kept) -> int:
+    rows = list(kept.rows.values())
+    wrong = [row for row in rows if row["broken"]]
+    seeds = ", ".join(map(str, kept.seeds))
+    print(f"{len(rows)} random rigs of seed {seeds}, {len(wrong)} wrong")
+    for trip, times in Counter(trip for row in rows for trip in row["trips"]).most_common():
         print(f"  {times:5d}  {trip}")
-    return wrong
+    return len(wrong)
