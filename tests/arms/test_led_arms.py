@@ -167,3 +167,21 @@ def test_what_is_attached_is_told_with_the_reason_if_it_is_of_no_use(monkeypatch
     for cls in (Mouse, Keyboard):
         (found,) = cls.attached()
         assert found.usable and ":7" in found.where
+
+
+@pytest.mark.parametrize("operator", ["", '<operator probe="other"/>'])
+def test_all_probes_on_one_arm_follow_the_finger_that_a_person_leads(tmp_path: Path, operator: str) -> None:
+    """The second got a hand of its own, which nobody led."""
+    text = SCENE.format(plugin="mouse", operator=operator).replace(
+        "<probe ", '<probe name="other" radius="8 mm" pose-from="arm"/><probe ', 1
+    )
+    (tmp_path / "scene.xml").write_text(text, encoding="utf-8")
+    session = itouch.build(tmp_path / "scene.xml")
+    assert [probe.name for probe, _ in led(session.model)] == ["other"]
+    for _ in range(40):
+        session.steer("other", (0.0, 1e-4, 0.0))
+        session.tick()
+    first, second = (session.state[f"{name}.hip"] for name in ("other", "finger"))
+    assert np.array_equal(first, second)
+    with pytest.raises(itouch.ItouchError, match="is not moved by an operator twin"):
+        session.steer("finger", (0.0, 1e-4, 0.0))

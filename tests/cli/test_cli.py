@@ -185,3 +185,28 @@ def test_a_signal_as_soon_as_something_runs_ends_it_safely(tmp_path: Path, monke
     assert done.returncode == 130
     assert "stopped by SIGINT; the devices are safe" in done.stderr
     assert json.loads((tmp_path / "r.json").read_text())["simulated_s"] < 0.1
+
+
+def test_a_fault_counts_more_than_a_failure_to_let_go_after_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from itouch.cli import main
+    from itouch.plugin import DeviceError
+    from itouch.session import Session
+
+    (tmp_path / "scene.xml").write_text(
+        '<itouch version="1.0"><devices><device name="arm" plugin="usb-arm"/></devices>'
+        '<fault device="arm" kind="nan" at="10 ms"/></itouch>', encoding="utf-8"
+    )  # fmt: skip
+    close = Session.close
+
+    def failing(self: Session) -> None:
+        close(self)
+        raise DeviceError("device 'arm' could not be released")
+
+    monkeypatch.setattr(Session, "close", failing)
+    words = [str(tmp_path / "scene.xml"), "--headless", "--pace", "fast", "--for", "50ms"]
+    assert main([*words, "--report", str(tmp_path / "r.json")]) == 1
+    told = capsys.readouterr().err
+    assert "then: device 'arm' could not be released" in told and "NaN" in told
+    assert json.loads((tmp_path / "r.json").read_text("utf-8"))["faults"][0]["trip"] == "not-a-number"

@@ -52,6 +52,8 @@ ONE_LINE = [
     ('<world/><world/>', "duplicate-element", 9, "only once"),
     ('<interaction><probe name="f" pose-from="arn"/></interaction>', "unknown-name", 30, "did you mean 'arm'"),
     ('<interaction><probe name="f" pose-from="arm" surface-to="arm"/></interaction>', "missing-channel", 46, "surface pose"),
+    ('<interaction><probe name="f" pose-from="arm"/><probe name="g" pose-from="arm"/><operator probe="f"/><operator probe="g"/>'
+     '</interaction>', "exclusive", 111, "would both move 'arm'"),
     ('<interaction><thermal:het probe="f"/></interaction>', "unknown-element", 14, "thermal:heat"),
     ('<interaction xmlns:q="urn:itouch:plugin:quux"><q:x/></interaction>', "unknown-plugin", 47, "quux"),
     ('<interaction><nope:x probe="f"/></interaction>', "unknown-prefix", 14, "urn:itouch:plugin:nope"),

@@ -144,6 +144,18 @@ def test_a_restored_session_needs_no_further_call(tmp_path: Path) -> None:
     assert again.state == session.state
 
 
+def test_a_probe_without_an_object_to_touch_is_restored(tmp_path: Path) -> None:
+    """Places in its memory that are not in use were taken for an object that there is not."""
+    (tmp_path / "scene.xml").write_text(
+        '<itouch version="1.0"><devices><device name="arm" plugin="usb-arm"/></devices><interaction>'
+        '<probe name="finger" pose-from="arm" force-to="arm"/></interaction></itouch>', encoding="utf-8"
+    )  # fmt: skip
+    session = itouch.build(tmp_path / "scene.xml")
+    advance(session, 5)
+    session.save(tmp_path / "s.itouch")
+    assert itouch.restore(tmp_path / "s.itouch").state == session.state
+
+
 def test_stored_bases_are_used_and_not_solved_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from contact_heat import modes
 

@@ -119,16 +119,24 @@ def _run(session: Session, options: argparse.Namespace, show: Callable[[], None]
     from itouch.loop import DeviceFaultError
 
     stop.bind(session.stop)
+    fault: DeviceFaultError | None = None
     try:
         if options.duration is None and not session.scripted:
             raise ItouchError("the scene has no scripted motion: say for how long to run, with --for 30s")
         session.enable()
         session.run(options.duration, each=show, every=50)
-    except DeviceFaultError:
-        return 1
-    finally:
+    except DeviceFaultError as met:
+        fault = met
+    except BaseException:
         session.close()
-    return stop.code(1 if session.failed else 0)
+        raise
+    try:
+        session.close()
+    except ItouchError as error:
+        if fault is None:
+            raise
+        print(f"{fault}\nthen: {error}", file=sys.stderr)
+    return 1 if fault is not None else stop.code(1 if session.failed else 0)
 
 
 def _write(session: Session, options: argparse.Namespace, report: dict[str, Any]) -> None:

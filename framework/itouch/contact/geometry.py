@@ -142,7 +142,10 @@ class Geometry:
         low[[layout.MEMORY_SLIP, layout.MEMORY_COUNT]] = 0
         high[layout.MEMORY_SLIP] = layout.SLIP_SLIDE
         high[layout.MEMORY_COUNT] = layout.MAX_CONTACTS if self.count else 0
-        low[objects], high[objects] = -1, max(self.count - 1, 0)  # places that are not in use are 0, also without objects
+        low[objects], high[objects] = (
+            -1,
+            max(self.count - 1, 0),
+        )  # places that are not in use are 0, also without objects
         return tuple(low.tolist()), tuple(high.tolist())
 
     def new_memory(self) -> Floats:

@@ -9,6 +9,7 @@ import time
 from typing import Any
 
 from itouch.loop import DeviceFaultError, Engine, LatchedError, WallClock
+from itouch.loop.release import in_turn
 from itouch.platforms import hardware_refused, lives
 from itouch.plugin import Role
 from itouch.scene import write
@@ -144,9 +145,7 @@ class Servo:
 
     def _finish(self) -> None:
         """End what takes long: recordings, and the twins' processes."""
-        self._kept.close()
-        self.session.close()
-        self.remotes.close()
+        in_turn(self._kept.close, self.session.close, self.remotes.close)
 
     def _begin(self) -> None:
         """Become punctual, say so, and enable the devices when that is wanted."""

@@ -67,7 +67,20 @@ def _locked(
 
 def _operators(scene: Scene) -> Iterator[Problem]:
     moved: dict[str, Any] = {}
+    tracked: dict[str, Any] = {}
+    trackers = {probe.name: probe.pose_from for probe in scene.probes}
     for operator in scene.operators:
+        tracker = trackers.get(operator.probe, "")
+        leader = tracked.setdefault(tracker, operator) if tracker else operator
+        if leader.probe != operator.probe:
+            place = scene.places.of(leader)
+            related = ((place, "the other"),) if place else ()
+            sentence = (
+                f"the operators of probes '{leader.probe}' and '{operator.probe}' would both move '{tracker}': "
+                "one finger has one operator"
+            )
+            advice = f"remove one: all probes on '{tracker}' follow the same finger"
+            yield Problem("exclusive", sentence, scene.places.of(operator, "probe"), advice, related)
         other = moved.setdefault(operator.probe, operator)
         if other is not operator:
             place = scene.places.of(other)

@@ -22,7 +22,8 @@ def hand_of(
 ) -> tuple[Operator | None, Vector]:
     """Return the operator of a probe, and where its hand begins if it has no motion, in the world [m].
 
-    An arm that a person leads needs a hand: a scene without an operator gets one with the defaults.
+    An arm that a person leads needs a hand: a scene without an operator gets one with the defaults, for the first of
+    all probes on that arm; the others are on the same finger.
     """
     operator = next((o for o in scene.operators if o.probe == probe.name), None)
     arm = devices.get(probe.pose_from)
@@ -34,5 +35,9 @@ def hand_of(
             problems.append(Problem("exclusive", sentence, scene.places.of(operator.motion), "remove one of them"))
         return None, (0.0, 0.0, 0.0)
     start = np.array(getattr(arm.params, "start", (0.0, 0.0, 0.0)), np.float64)
+    mine = [other.name for other in scene.probes if other.pose_from == probe.pose_from]
+    led = [o.probe for o in scene.operators if o.probe in mine] or mine
+    if probe.name != led[0]:
+        return operator, (0.0, 0.0, 0.0)
     x, y, z = poses.transform(np.array(arm.mount), start).tolist()
     return operator or Operator(probe=probe.name), (x, y, z)

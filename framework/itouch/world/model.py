@@ -66,6 +66,8 @@ class Model:
     files: tuple[SceneFile, ...] = ()
     effects: tuple[Effects, ...] = ()
     motions: Motions = NO_MOTIONS
+    #: Devices and modalities by their names, once they were asked for.
+    _parts: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
     #: What State declares, once it was asked for.
     declared: list[Any] = field(default_factory=list, init=False, repr=False, compare=False)
 
@@ -81,8 +83,10 @@ class Model:
 
     def place_of(self, name: str) -> Place | None:
         """Return where in the scene a device or a modality stands."""
-        parts: tuple[Any, ...] = (*self.scene.devices, *self.scene.modalities)
-        return next((self.scene.places.of(part) for part in parts if part.name == name), None)
+        if not self._parts:
+            parts: tuple[Any, ...] = (*self.scene.devices, *self.scene.modalities)
+            self._parts.update({part.name: part for part in reversed(parts)})
+        return self.scene.places.of(self._parts[name]) if name in self._parts else None
 
     @classmethod
     def of(cls, scene: Scene, catalog: Catalog) -> Model:
@@ -186,5 +190,5 @@ def led(model: Model) -> Iterator[tuple[ProbeModel, DeviceModel]]:
     """Yield the probes whose hand a person leads, each with its arm."""
     for probe in model.probes:
         arm = model.devices[probe.scene.pose_from]
-        if arm.twin and arm.cls.led_by in PERSON:
+        if arm.twin and arm.cls.led_by in PERSON and probe.operator is not None:
             yield probe, arm
