@@ -203,14 +203,15 @@ class Pair:
         self._heights.clear()
         self._began = self.host.seconds
 
-    def truly_safe(self, since: float) -> bool:
+    def truly_safe(self, since: float, deaf: float = 0.0) -> bool:
         """Tell whether, ``since`` a host's time [s], surfaces have gone back, and nothing else is driven.
 
-        A device that hears nothing any more is given the time of its own watchdog.
+        A device that hears nothing any more is given the time of its own watchdog, from when it is ``deaf``: that may be
+        later, where the session was stopped by something else before.
         """
         period = self.host.model.period
         longest = max(device.limits.watchdog for device in self.world.model.devices.values()) + _GRACE
-        while len(self._heights) * period < self._spent(since) + longest:
+        while len(self._heights) * period < self._spent(max(since, deaf)) + longest:
             self._exchange()
             self._note()
         before, now = self._heights[round(self._spent(since) / period) - 1], self._heights[-1]
@@ -324,7 +325,7 @@ def _cell(pair: Pair, phase: str, faults: Sequence[tuple[str, Kind, int]], begin
         said = [
             text for text in safe["devices"].values() if "can't be verified" in text or text.startswith("retracted")
         ]
-        reached = bool(said) and pair.truly_safe(first["time_s"])
+        reached = bool(said) and pair.truly_safe(first["time_s"], begin)
     early = first is not None and first["time_s"] < begin - 1e-9  # stopped before: by a machine that is too busy
     return Cell(
         faults=wanted, phase=phase,
