@@ -206,8 +206,8 @@ class Pair:
     def truly_safe(self, since: float, deaf: float = 0.0) -> bool:
         """Tell whether, ``since`` a host's time [s], surfaces have gone back, and nothing else is driven.
 
-        A device that hears nothing any more is given the time of its own watchdog, from when it is ``deaf``: that may be
-        later, where the session was stopped by something else before.
+        A device that hears nothing any more is given the time of its own watchdog, from when it is ``deaf``: that may
+        be later, where the session was stopped by something else before.
         """
         period = self.host.model.period
         longest = max(device.limits.watchdog for device in self.world.model.devices.values()) + _GRACE
