@@ -11,9 +11,9 @@ from importlib.metadata import version as installed
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
-from generated import written_by_commands
+from generated import drawn_by_commands
 from pygments.lexers.special import TextLexer
-from reference_pages import write_pages
+from reference_pages import write_commands, write_pages
 from sphinx.application import Sphinx
 
 project = "itouch-py"
@@ -55,7 +55,7 @@ def _reproduce_paper() -> None:
 
 write_pages()
 with ThreadPoolExecutor(os.cpu_count()) as beside:  # the longest first
-    for job in [beside.submit(job) for job in (_reproduce_paper, *written_by_commands())]:
+    for job in [beside.submit(job) for job in (_reproduce_paper, *drawn_by_commands(), write_commands)]:
         job.result()
 
 

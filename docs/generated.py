@@ -1,4 +1,4 @@
-"""What the docs show of the program, made by the program: pictures of scenes, and the help of every command."""
+"""Pictures of scenes for the docs, made by the program. Pages that it writes: reference_pages.py."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ PICTURES = {
 }
 
 
-def written_by_commands() -> list[Callable[[], None]]:
-    """Return what has to be done to have all pictures and pages that commands make; each may run beside the others."""
+def drawn_by_commands() -> list[Callable[[], None]]:
+    """Return what has to be done to have all pictures that commands make; each may run beside the others."""
     out = HERE / "_generated"
     out.mkdir(exist_ok=True)
     drawn = max(path.stat().st_mtime for path in VIEWER.glob("*.py"))
@@ -41,7 +41,7 @@ def written_by_commands() -> list[Callable[[], None]]:
     replay = out / "replay.png"
     if not replay.exists() or replay.stat().st_mtime < drawn:
         jobs.append(partial(_draw_replay, replay))
-    return [*jobs, _write_commands]
+    return jobs
 
 
 def _draw_replay(picture: Path) -> None:
@@ -89,18 +89,3 @@ def draw_played(recording: str, picture: Path) -> None:
     shots.picture.ring = playback.curves
     write_png(picture, shots.shoot(playback.state, playback.situation))
     shots.close()
-
-
-def _write_commands() -> None:
-    """Write the reference of the command line, out of each command's own help."""
-    from itouch.cli import COMMANDS, _plugin_commands
-
-    lines = ["# Command line", "", "Generated from the commands' own help.", ""]
-    for name in sorted({*COMMANDS, *_plugin_commands()}):
-        done = subprocess.run([sys.executable, "-m", "itouch.cli", name, "--help"], capture_output=True, text=True,
-                              check=False, env={"COLUMNS": "100", "PATH": "/usr/bin:/bin"})  # fmt: skip
-        lines += [f"## itouch-py {name}", "", "```text", done.stdout.rstrip(), "```", ""]
-    text = "\n".join(lines)
-    page = HERE / "reference" / "command-line.md"
-    if not page.exists() or page.read_text(encoding="utf-8") != text:
-        page.write_text(text, encoding="utf-8")

@@ -1,8 +1,16 @@
-"""Pages of the reference that are written by the program: scene elements, codes of messages, channels, Python API."""
+"""Pages of the reference that the program writes: scene elements, codes of messages, commands, channels, Python API.
+
+The site writes what is not current when it is built. But for the Python API, which is nothing without the site, the
+pages are kept in the repository, so that they can be read there: ``python docs/reference_pages.py`` writes them all,
+and CI asks that nothing has changed after it built the site.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -63,6 +71,23 @@ def _digest() -> str:
     return digest.hexdigest()
 
 
+def write_commands() -> None:
+    """Write the reference of the command line, out of each command's own help."""
+    from itouch.cli import COMMANDS, _plugin_commands
+
+    lines = ["# Command line", "", "Generated from the commands' own help.", ""]
+    for name in sorted({*COMMANDS, *_plugin_commands()}):
+        done = subprocess.run([sys.executable, "-m", "itouch.cli", name, "--help"], capture_output=True, text=True,
+                              check=True, env={**os.environ, "COLUMNS": "100", "NO_COLOR": "1"})  # fmt: skip
+        lines += [f"## itouch-py {name}", "", "```text", done.stdout.rstrip(), "```", ""]
+    _put(HERE / "reference" / "command-line.md", "\n".join(lines))
+
+
 def _put(page: Path, text: str) -> None:
     if not page.exists() or page.read_text(encoding="utf-8") != text:
         page.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    write_pages()
+    write_commands()

@@ -20,7 +20,8 @@ class Example:
 
     ``shown`` is the file that a reader should see (default: the scene), ``note`` a sentence in its place;
     ``absent`` a package that is taken for not installed; ``plugin`` whether the folder holds an installed plugin;
-    ``shipped`` whether the shipped scenes stand in it.
+    ``shipped`` whether the shipped scenes stand in it; ``varies``: patterns of what is another in each
+    run, with what the page says in their place.
     """
 
     files: Mapping[str, str | bytes] = field(default_factory=dict)
@@ -30,6 +31,7 @@ class Example:
     absent: str = ""
     plugin: bool = False
     shipped: bool = False
+    varies: tuple[tuple[str, str], ...] = ()
 
     @property
     def text(self) -> str:

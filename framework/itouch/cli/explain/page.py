@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
 from itouch.cli.explain import examples
@@ -42,7 +43,7 @@ def _entry(code: Code, example: Example) -> Iterator[str]:
         yield "where the plugin is not a bundled one but a small one made for this example.\n"
     command = "python" if example.words[0] == "python" else "itouch-py"
     yield f"`{command} {' '.join(example.words[command == 'python' :])}` prints\n"
-    yield f"```text\n{_message(code.name, play(example))}\n```\n"
+    yield f"```text\n{_told(code.name, example)}\n```\n"
 
 
 def _beside(example: Example) -> Iterator[tuple[str, str]]:
@@ -60,6 +61,14 @@ def _sentence(text: str) -> str:
 
 def _language(example: Example) -> str:
     return "text" if example.note else "python" if example.shown.endswith(".py") else "xml"
+
+
+def _told(name: str, example: Example) -> str:
+    """Return the message of an example, the same in every run."""
+    told = _message(name, play(example))
+    for pattern, usual in example.varies:
+        told = re.sub(pattern, usual, told)
+    return told
 
 
 def _message(name: str, printed: str) -> str:

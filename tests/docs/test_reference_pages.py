@@ -1,0 +1,35 @@
+"""The pages that the program writes are kept where they can be read without a build, and say what it says today."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+from listings import DOCS, GENERATED
+
+sys.path.insert(0, str(DOCS))
+
+import reference_pages
+
+from itouch.cli import COMMANDS, _plugin_commands
+from itouch.schema.codes import CODES
+
+REFERENCE: Path = DOCS / "reference"
+_ADVICE = "the program writes another page: python docs/reference_pages.py"
+
+
+@pytest.mark.parametrize("name", ["scene.md", "sweep-language.md", "units.md"])  # the others in CI, with the site
+def test_a_page_that_is_kept_is_current(name: str) -> None:
+    made = reference_pages._pages()[name]()
+    assert (REFERENCE / name).read_text(encoding="utf-8") == made, _ADVICE
+
+
+def test_all_pages_are_kept_and_name_all() -> None:
+    assert all((REFERENCE / name).is_file() for name in GENERATED)
+    errors = (REFERENCE / "errors.md").read_text(encoding="utf-8")
+    assert [name for name in CODES if f"### {name}\n" not in errors] == [], _ADVICE
+    commands = (REFERENCE / "command-line.md").read_text(encoding="utf-8")
+    assert [name for name in {*COMMANDS, *_plugin_commands()} if f"## itouch-py {name}\n" not in commands] == [], (
+        _ADVICE
+    )
