@@ -80,15 +80,18 @@ def led(stage: Any, done: int, status: Any, enabled: int, withdrawn: Any) -> int
 def carry(
     c: Floats, world: Floats, mesh: Any, poses: Floats, table: Floats, sent: Floats, figures: Floats, kept: Floats,
     goal: Floats, load: Floats, primary: Any, ready: Any, tick: Any, period: float, below: Any, present: Any,
+    rising: Floats,
 ) -> int:  # fmt: skip
     """Carry the surface, and say what is below the finger, and whether the surface renders it.
 
-    ``kept`` is the surface's memory; ``ready``: the rig is calibrated; ``below`` and ``present`` are written.  Scalars
-    have shape (1,).
+    ``kept`` is the surface's memory; ``ready``: the rig is calibrated; ``below``, ``present`` and ``rising``, how fast the
+    surface rises [m/s], are written.  Scalars have shape (1,).
     """
+    before = figures[render.PLATE_TOP]
     below[0] = ground.find(c, world, mesh, poses, figures, kept)
     plate.carry(c, table, sent, figures, kept, goal, load[2], primary[0] >= 0, ready[0] != 0, tick[0] * period)
     present[0] = int(kept[memory.PRESENT])
+    rising[0] = (figures[render.PLATE_TOP] - before) / period
     return 0
 
 

@@ -7,6 +7,7 @@ from functools import partial
 
 from itouch.loop.rig import ProbeRig
 from itouch.loop.runner import Runner
+from itouch.monitors.carried import Nearing
 from itouch.safety import Finger
 
 
@@ -23,9 +24,10 @@ def fingers(runners: Mapping[str, Runner], rigs: Sequence[ProbeRig]) -> Iterator
         found = [one for rig in mine for one in (rig.arm, rig.table) if one is not None]
         carriers = {one.model.name for one in found}
         found += [one for one in runners.values() if one.model.carrier in carriers]
-        yield from _finger(mine[0].probe.name, [*found, *free])
+        nearing = {rig.table.model.name: rig.toucher.nearing for rig in mine if rig.table is not None}
+        yield from _finger(mine[0].probe.name, [*found, *free], nearing)
     if not trackers:
-        yield from _finger("", free)
+        yield from _finger("", free, {})
 
 
 def join_fingers(rigs: Sequence[ProbeRig]) -> None:
@@ -37,16 +39,19 @@ def join_fingers(rigs: Sequence[ProbeRig]) -> None:
     led: list[Runner] = []
     for rig in rigs:
         mine = [other for other in rigs if other.tracker is rig.tracker]
-        rig.toucher.share(len({one.table.model.name for one in mine if one.table is not None}))
+        force = min((one.model.limits.finger_force for one in (rig.arm, rig.table) if one is not None), default=0.0)
+        rig.toucher.share(len({one.table.model.name for one in mine if one.table is not None}), force)
         if rig.coupling.hand is not None and rig.tracker not in led:
             led.append(rig.tracker)
             others = [other for other in mine if other.probe.operator is None]
             rig.coupling.join([(one.coupling, one.arm if one.arm is not rig.tracker else None) for one in others])
 
 
-def _finger(name: str, devices: Sequence[Runner]) -> Iterator[tuple[Finger, list[Runner]]]:
+def _finger(
+    name: str, devices: Sequence[Runner], nearing: Mapping[str, Nearing]
+) -> Iterator[tuple[Finger, list[Runner]]]:
     listed = list({one.model.name: one for one in devices}.values())
-    finger = Finger(name, listed)
+    finger = Finger(name, listed, nearing)
     for arm in listed:
         if arm in finger.arms:
             arm.leave_room = partial(finger.leave, arm)

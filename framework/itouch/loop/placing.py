@@ -17,7 +17,7 @@ from itouch.loop.ledger import Counts, counted
 from itouch.loop.rig import ProbeRig
 from itouch.loop.runner import Runner
 from itouch.monitors import Arm, Surface
-from itouch.monitors.carried import Load, felt, size
+from itouch.monitors.carried import Load, Nearing, felt, rise, size
 from itouch.monitors.pushed import Pushing, check
 from itouch.monitors.surface import TOUCH_FORCE
 from itouch.plugin import Bound, Record
@@ -90,21 +90,23 @@ def surface(
 
 @kernel
 def together(
-    load: Load, touch: float, force: float, room: Floats, counted_at: Floats, missed: Any, tick: Any, slow: float,
-    period: float,
+    load: Load, nearing: Nearing, touch: float, force: float, room: Floats, counted_at: Floats, missed: Any, tick: Any,
+    slow: float, period: float,
 ) -> int:  # fmt: skip
     """Leave an arm the force [N] that a surface does not take, and see whether the clock of T4 is to be run.
 
-    ``load``: of the surface; ``touch``: the force that counts [N]; ``force``: of all together [N]; ``room`` (n,): what
-    is left for each of at most one arm; ``counted_at`` (1,): when that clock was looked at last [s].
+    ``load``: of the surface; ``nearing``: of the finger; ``touch``: the force that counts [N]; ``force``: of all together
+    [N]; ``room`` (n,): what is left for each of at most one arm; ``counted_at`` (1,): when that clock was looked at last
+    [s].
     """
     if not (tick[0] + missed[0]) * period - counted_at[0] < slow:
         return PYTHON
     pressed = felt(load)
+    more = rise(nearing, pressed)
     if not pressed > touch:
         pressed = 0.0
     for i in range(room.shape[0]):
-        room[i] = max(0.0, force - pressed)
+        room[i] = max(0.0, force - (pressed + more))
     return 0
 
 
@@ -149,10 +151,11 @@ def bound_together(finger: Finger, state: Record, period: float) -> Bound | None
         return None
     table = finger.tables[0]
     post = table.panel.surface
-    if post is None or not isinstance(post.monitor, Surface):
+    nearing = finger.nearing.get(table.model.name)
+    if post is None or not isinstance(post.monitor, Surface) or nearing is None:
         return None
     room = finger.arms_of[0].moving.room if finger.arms_of else np.zeros(0)
     return Bound(
-        together, post.monitor.load(table.panel.seen), TOUCH_FORCE, finger.force, room, post.state["counted"],
-        table.panel.clocks[0], state["tick"], post.monitor.most[2], period,
+        together, post.monitor.load(table.panel.seen), nearing, TOUCH_FORCE, finger.force, room,
+        post.state["counted"], table.panel.clocks[0], state["tick"], post.monitor.most[2], period,
     )  # fmt: skip

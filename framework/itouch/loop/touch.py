@@ -20,6 +20,8 @@ from itouch.loop import carrying, render
 from itouch.loop.frames import Frame
 from itouch.loop.runner import Runner
 from itouch.loop.surface import memory
+from itouch.loop.surface.plate import ROOM
+from itouch.monitors.carried import Nearing
 from itouch.monitors.surface import DOUBT_GAP, DOUBT_GAP_UNCALIBRATED
 from itouch.plugin import Bound, Contact, ContactEvent, Record, Role
 from itouch.world import Model, ProbeModel
@@ -31,8 +33,8 @@ SEPARATION, SEPARATION_TIME = 1e-4, 0.020
 VELOCITY_FILTER = 0.002
 #: A contact that the plate has left because of its tilt is the plate's again when it is less by this [rad].
 TILT_BACK = math.radians(2.0)
-#: Stiffness [N/m] of the pad of a finger of which nothing is known.
-PAD_STIFFNESS = 1e3
+#: Stiffness [N/m] and damping [N s/m] of the pad of a finger of which nothing is known.
+PAD_STIFFNESS, PAD_DAMPING = 1e3, 2.0
 
 Listener = Callable[[ContactEvent], None]
 Vector = tuple[float, float, float]
@@ -57,6 +59,8 @@ class Toucher:
         self.begin = state[f"{name}.contact.begin"]
         #: The nearest object, -1: none; and 1 while the tracker's next place is taken without a velocity; shape (1,).
         self._nearest, self._afresh = np.full(1, -1, np.int64), np.zeros(1, np.int64)
+        #: How fast the surface rises [m/s], shape (1,); found anew in each tick.
+        self._rising = np.zeros(1)
         self._patience = round(SEPARATION_TIME / model.period)
         self._constants = _constants(model, probe, arm, table, offset)
         self._bind(model, probe, state, tracker, arm, table)
@@ -88,7 +92,7 @@ class Toucher:
             table.read_as(Role.TRACKED_POSE) if table is not None else nothing,
             table.sent_as(Role.SURFACE_POSE) if table is not None else nothing,
             self.figures, self.surface, table.commanded(Role.SURFACE_POSE) if table is not None else np.zeros(7),
-            load, self.object, state["ready"], tick, model.period, self.below, self.plate,
+            load, self.object, state["ready"], tick, model.period, self.below, self.plate, self._rising,
         )  # fmt: skip
         #: What commands the arm's part of the force.
         self.pushes = Bound(
@@ -132,9 +136,27 @@ class Toucher:
         self.finds[0].run()
         self.figures[render.VELOCITY : render.VELOCITY + 3] = 0.0
 
-    def share(self, surfaces: int) -> None:
-        """Let each of so many surfaces on one finger press with its part of what one alone might."""
-        self._constants[render.PLATE_LIMIT] /= max(1, surfaces)
+    def share(self, surfaces: int, force: float) -> None:
+        """Let each of so many surfaces on one finger press with its part of what one alone might.
+
+        ``force`` [N] is that of all together; what is kept free of it is kept once.
+        """
+        if surfaces > 1:
+            alone = min(self._constants[render.PLATE_LIMIT], max(0.0, force - ROOM))
+            self._constants[render.PLATE_LIMIT] = alone / surfaces
+
+    @property
+    def nearing(self) -> Nearing:
+        """Where the finger is over the surface."""
+        figures, operator = self.figures, self.probe.operator
+        stiffness, damping = (
+            (operator.pad_stiffness, operator.pad_damping) if operator is not None else (PAD_STIFFNESS, PAD_DAMPING)
+        )
+        return Nearing(
+            figures[render.HIP : render.HIP + 3], figures[render.VELOCITY : render.VELOCITY + 3],
+            figures[render.PLATE_TOP : render.PLATE_TOP + 1], self._rising,
+            np.array([self.probe.scene.radius, stiffness, damping, self.model.period]),
+        )  # fmt: skip
 
     def place(self, which: int, frame: Frame) -> None:
         """Tell where tracker, arm or table stands in the world."""

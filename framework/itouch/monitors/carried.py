@@ -38,6 +38,42 @@ def felt(load: Any) -> float:
     return float(max(size(load.reading), math.sqrt(square) / load.lever[0]))
 
 
+#: Force [N] up to which nothing counts as a touch, and what a plate's force may rise by that is not seen coming [N].
+TOUCH, UNSEEN = 0.03, 0.06
+#: How near below the finger a plate may be felt next [m], and how old what is known of plate and finger is, in ticks.
+SOON, LATE = 5e-4, 2.0
+
+
+class Nearing(NamedTuple):
+    """A finger over a surface: its place and velocity, (3,) in the world, and the height of the surface's top, (1,).
+
+    ``rising`` (1,): how fast the surface rises [m/s], by its last two places;
+    ``pad`` (4,): radius [m] of the finger, stiffness [N/m] and damping [N s/m] of its pad, and the period [s].
+    """
+
+    finger: Floats
+    velocity: Floats
+    top: Floats
+    rising: Floats
+    pad: Floats
+
+
+@kernel
+def rise(nearing: Any, pressed: float) -> float:
+    """Return by how much [N] a surface may press harder in the next tick than it was felt to do last.
+
+    A finger that comes down, or a surface that rises, presses the pad deeper, and where it meets the surface the pad's damping acts at once.
+    """
+    radius, stiffness, damping, period = nearing.pad[0], nearing.pad[1], nearing.pad[2], nearing.pad[3]
+    closing = max(0.0, nearing.rising[0] - nearing.velocity[2])
+    way = LATE * period * closing
+    if pressed > TOUCH:
+        return float(UNSEEN + stiffness * way)
+    if nearing.finger[2] - radius - nearing.top[0] > SOON + way:
+        return 0.0
+    return float(UNSEEN + stiffness * way + damping * closing)
+
+
 @kernel
 def pace(gap: float, strayed: float, tracking: float, near: float, close: float, far: float) -> float:
     """Return how fast a surface may approach: not while it is astray, ``close`` where it is nearer than ``near``."""

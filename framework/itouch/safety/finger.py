@@ -7,7 +7,8 @@ of the finger, whichever device gives them.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,12 +20,17 @@ from itouch.plugin import Role
 from itouch.safety.panel import Post
 from itouch.safety.supervisor import Supervisor
 
+if TYPE_CHECKING:
+    from itouch.monitors.carried import Nearing
+
 
 class Finger:
-    """The devices that act on one finger."""
+    """The devices that act on one finger; ``nearing``: where it is over its surfaces, by their names, if that is known."""
 
-    def __init__(self, name: str, devices: Sequence[Supervisor]) -> None:
-        self.name = name
+    def __init__(
+        self, name: str, devices: Sequence[Supervisor], nearing: Mapping[str, Nearing] | None = None
+    ) -> None:  # fmt: skip
+        self.name, self.nearing = name, nearing or {}
         #: What pushes on it, and what carries a surface to it.
         self.arms_of = [one for one in devices if any(c.role is Role.FORCE_ON_OPERATOR for c in one.model.commands)]
         self.tables = [one for one in devices if one.panel.surface is not None]
@@ -58,6 +64,18 @@ class Finger:
             total += felt if felt > TOUCH_FORCE else 0.0
         return total
 
+    def taken(self) -> float:
+        """Return the force [N] that arms must leave to the surfaces: what they press with, and what that may rise by."""
+        if not self.nearing:
+            return self.pressed()
+        from itouch.monitors.carried import rise  # the compiler is loaded when a device runs
+
+        total = self.pressed()
+        for table in self.tables:
+            near = self.nearing.get(table.model.name)
+            total += rise(near, _felt(table)) if near is not None else 0.0
+        return total
+
     def check(self, tick: int) -> None:
         """Leave each arm the force that nothing else takes, and run the clock of T4.
 
@@ -71,8 +89,9 @@ class Finger:
             most = max(self.tables, key=_felt)
             what = f"presses with others on the finger of '{self.name}' with {pressed:.1f} N"
             raise DeviceFaultError(most.model.name, tick, Trip.FINGER_FORCE, what)
+        left = max(0.0, self.force - (self.taken() if self.arms_of and self.tables else 0.0))
         for arm in self.arms_of:
-            arm.moving.room[0] = max(0.0, self.force - pressed)
+            arm.moving.room[0] = left
         if self.tables:
             self._touch(tick)
         if len(self._heats) > 1:
@@ -81,7 +100,7 @@ class Finger:
     def leave(self, arm: Supervisor) -> None:
         """Leave an arm what the other arms have not taken either, just before it is sent its force."""
         others = sum(_size(views) for one, views in zip(self.arms_of, self._wrenches, strict=True) if one is not arm)
-        arm.moving.room[0] = max(0.0, self.force - self.pressed() - others)
+        arm.moving.room[0] = max(0.0, self.force - self.taken() - others)
 
     @property
     def arms(self) -> Sequence[Supervisor]:
