@@ -15,8 +15,11 @@ from itouch.world.limits import DeviceLimits
 Parts = dict[str, Channels]
 
 
-def hand(parts: Parts, limits: DeviceLimits = LIMITS) -> tuple[Record, list[Supervisor], Finger]:
-    models = [model(channels, name=name, limits=limits) for name, channels in parts.items()]
+def hand(parts: Parts, limits: DeviceLimits = LIMITS, on: str = "") -> tuple[Record, list[Supervisor], Finger]:
+    models = [
+        model(channels, name=name, limits=limits, carrier=on if channels is PLATE else "")
+        for name, channels in parts.items()
+    ]
     data = state(*models)
     devices = [Supervisor(one, data, PERIOD, device=Fake()) for one in models]
     for device in devices:
@@ -112,6 +115,45 @@ def test_two_plates_share_dose_and_cold(what: str, words: str) -> None:
     one.disable()
     with pytest.raises(DeviceError, match="with others on the same finger"):
         one.enable()
+
+
+def worn(data: Record, finger: Finger, current: float, ticks: range) -> float:
+    """Return the clock of T4 after a display on the finger was driven so."""
+    data["plate.sent.current"] = current
+    for tick in ticks:
+        finger.check(tick)
+    return float(data["table.surface.contact_time"])
+
+
+def test_a_worn_display_is_in_contact_while_it_is_driven() -> None:
+    data, (table, _), finger = hand({"table": TABLE, "plate": PLATE})
+    table.panel.touch(False, 0.0)
+    assert worn(data, finger, 1.5, range(1, 5001)) == pytest.approx(5.0, abs=0.03)
+    assert worn(data, finger, 0.0, range(5001, 7001)) == pytest.approx(3.0, abs=0.03)
+    assert worn(data, finger, -1.5, range(7001, 8001)) == pytest.approx(4.0, abs=0.03)
+
+
+def test_a_worn_display_lets_go_when_the_surface_withdraws() -> None:
+    data, (table, plate), finger = hand({"table": TABLE, "plate": PLATE})
+    table.panel.touch(False, 0.0)
+    other = Finger("other", [plate])
+    assert worn(data, finger, 1.5, range(1, 10051)) > 10.0
+    assert data["table.surface.withdrawn"].item() == 1
+    other.check(10051)
+    assert plate.panel.share == 0.0
+    plate.command["current"][...] = 1.5
+    plate.write(10051)
+    assert plate.sent["current"].item() == 0.0
+    data["table.surface.withdrawn"], data["table.surface.contact_time"] = 0, 4.9
+    finger.check(10060)
+    assert plate.panel.share == 1.0
+
+
+def test_a_display_that_the_surface_brings_is_not_worn() -> None:
+    data, (table, _), finger = hand({"table": TABLE, "plate": PLATE}, on="table")
+    table.panel.touch(False, 0.0)
+    assert finger.worn == []
+    assert worn(data, finger, 1.5, range(1, 1001)) == 0.0
 
 
 def test_one_plate_alone_has_nothing_to_share() -> None:

@@ -98,6 +98,31 @@ def test_two_displays_on_one_surface_share_what_a_finger_may_have(what, words):
         run.run(0.02)
 
 
+def test_a_display_on_what_only_tracks_the_finger_shares_with_one_that_nothing_carries():
+    worn = '<device name="p{0}" plugin="thermal">{1}</device>'
+    text = SCENE.replace(' force-to="arm" surface-to="t1"', "").format(
+        devices=worn.format(1, '<mount on="arm" pos="0 0 4 mm"/>') + worn.format(2, ""), probes="", safety=""
+    )  # fmt: skip
+    run = build(loads(text.encode(), Catalog()))
+    run.run(0.02)
+    run.state["p1.heat.dose"], run.state["p2.heat.dose"] = 80.0, 42.0
+    with pytest.raises(itouch.DeviceFaultError, match="with others on the same finger"):
+        run.run(0.02)
+
+
+def test_a_worn_display_counts_on_the_clock_of_the_surface_of_its_finger():
+    worn = '<device name="worn" plugin="thermal"/>'
+    run = session(TABLE.format(1) + DISPLAY.format(1, 1, 0) + worn, safety='contact-time="0.2 s"')
+    run.run(0.01)
+    run.state["worn.command.current"] = 1.0
+    run.run(0.15)
+    assert float(run.state["t1.surface.contact_time"]) == pytest.approx(0.15, abs=0.03)
+    assert run.state["worn.sent.current"].item() == 1.0
+    run.run(0.1)
+    assert int(run.state["t1.surface.withdrawn"]) == 1
+    assert run.state["worn.sent.current"].item() == 0.0
+
+
 def test_two_arms_on_one_finger_are_both_felt_and_give_no_more_than_one_may():
     arm = '<device name="arm2" plugin="usb-arm"><mount pos="100 250 0 mm" rpy="0 0 180 deg"/></device>'
     probe = '<probe name="other" radius="8 mm" pose-from="arm" force-to="arm2"/>'

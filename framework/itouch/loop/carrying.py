@@ -84,8 +84,8 @@ def carry(
 ) -> int:  # fmt: skip
     """Carry the surface, and say what is below the finger, and whether the surface renders it.
 
-    ``kept`` is the surface's memory; ``ready``: the rig is calibrated; ``below``, ``present`` and ``rising``, how fast the
-    surface rises [m/s], are written.  Scalars have shape (1,).
+    ``kept`` is the surface's memory; ``ready``: the rig is calibrated; ``below``, ``present`` and ``rising``, how fast
+    the surface rises [m/s], are written.  Scalars have shape (1,).
     """
     before = figures[render.PLATE_TOP]
     below[0] = ground.find(c, world, mesh, poses, figures, kept)

@@ -14,20 +14,30 @@ from itouch.safety import Finger
 def fingers(runners: Mapping[str, Runner], rigs: Sequence[ProbeRig]) -> Iterator[tuple[Finger, list[Runner]]]:
     """Yield each finger on which something acts, with the devices that do.
 
-    A display that nothing carries, and no probe names, is taken to be on every finger.
+    What is mounted on a device that tracks or acts on a finger, through whatever else, is on that finger.  A display
+    that no such device carries, and no probe names, is taken to be on every finger.
     """
     trackers = list(dict.fromkeys(rig.tracker.model.name for rig in rigs))
     named = {one.model.name for rig in rigs for one in (rig.arm, rig.table) if one is not None}
-    free = [one for one in runners.values() if one.heats and not one.model.carrier and one.model.name not in named]
+    chains = {name: {*_carriers(runners, name)} for name in runners}
+    somewhere = {*trackers, *named}
+    free = [one for name, one in runners.items() if one.heats and not {name, *chains[name]} & somewhere]
     for tracker in trackers:
         mine = [rig for rig in rigs if rig.tracker.model.name == tracker]
         found = [one for rig in mine for one in (rig.arm, rig.table) if one is not None]
-        carriers = {one.model.name for one in found}
-        found += [one for one in runners.values() if one.model.carrier in carriers]
+        carriers = {tracker, *(one.model.name for one in found)}
+        found += [one for name, one in runners.items() if carriers & chains[name]]
+        found += [runners[tracker]] if runners[tracker].heats else []
         nearing = {rig.table.model.name: rig.toucher.nearing for rig in mine if rig.table is not None}
         yield from _finger(mine[0].probe.name, [*found, *free], nearing)
     if not trackers:
         yield from _finger("", free, {})
+
+
+def _carriers(runners: Mapping[str, Runner], name: str) -> Iterator[str]:
+    """Yield what carries a device, what carries that, and so on."""
+    while name := runners[name].model.carrier:
+        yield name
 
 
 def join_fingers(rigs: Sequence[ProbeRig]) -> None:

@@ -95,9 +95,9 @@ def together(
 ) -> int:  # fmt: skip
     """Leave an arm the force [N] that a surface does not take, and see whether the clock of T4 is to be run.
 
-    ``load``: of the surface; ``nearing``: of the finger; ``touch``: the force that counts [N]; ``force``: of all together
-    [N]; ``room`` (n,): what is left for each of at most one arm; ``counted_at`` (1,): when that clock was looked at last
-    [s].
+    ``load``: of the surface; ``nearing``: of the finger; ``touch``: the force that counts [N]; ``force``: of all
+    together [N]; ``room`` (n,): what is left for each of at most one arm; ``counted_at`` (1,): when that clock was
+    looked at last [s].
     """
     if not (tick[0] + missed[0]) * period - counted_at[0] < slow:
         return PYTHON
@@ -147,7 +147,7 @@ def bound_supervision(
 
 def bound_together(finger: Finger, state: Record, period: float) -> Bound | None:
     """Return what ``Finger.check`` does while nothing is wrong, of one surface and at most one arm and one plate."""
-    if not finger.simple:
+    if not finger.simple or finger.worn:
         return None
     table = finger.tables[0]
     post = table.panel.surface

@@ -232,8 +232,9 @@ def share(finger: Finger, devices: Sequence[Runner], state: Record, period: floa
     """Limit together what acts on one finger."""
     names = [runner.model.name for runner in devices]
     reads = tuple(
-        f"{name}.{field}" for name in names for field in ("heat.*", "sent.*", "touched", "status", "surface.*")
+        f"{name}.{field}" for name in names for field in ("heat*", "sent.*", "touched", "status", "surface.*")
     )
+    reads += ("*.hip", "*.velocity", "*.plate_top")
     written = tuple(f"{name}.surface.*" for name in names)
     bound = bound_together(finger, state, period)
     if bound is not None:

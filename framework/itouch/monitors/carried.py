@@ -62,7 +62,8 @@ class Nearing(NamedTuple):
 def rise(nearing: Any, pressed: float) -> float:
     """Return by how much [N] a surface may press harder in the next tick than it was felt to do last.
 
-    A finger that comes down, or a surface that rises, presses the pad deeper, and where it meets the surface the pad's damping acts at once.
+    A finger that comes down, or a surface that rises, presses the pad deeper; where they meet, the pad's damping acts
+    at once.
     """
     radius, stiffness, damping, period = nearing.pad[0], nearing.pad[1], nearing.pad[2], nearing.pad[3]
     closing = max(0.0, nearing.rising[0] - nearing.velocity[2])

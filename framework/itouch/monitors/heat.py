@@ -14,7 +14,7 @@ from typing import ClassVar
 from itouch.monitors import limits as default
 from itouch.monitors.history import SLOTS, History
 from itouch.monitors.readings import drives, plates, separate
-from itouch.monitors.runaway import FROZEN_DRIVE, Runaway, drive_of
+from itouch.monitors.runaway import DRIVEN, FROZEN_DRIVE, Runaway, drive_of
 from itouch.monitors.trips import Trip
 from itouch.plugin import Channel, Field, Moment, Monitor, Record, Role, Rule, Watched
 
@@ -112,6 +112,10 @@ class Heat(Monitor):
         """Tell whether the plate is where it may never be, by its sensor."""
         plate = self._temperature(reading)
         return plate < default.PLATE_ABSOLUTE[0] or plate > default.PLATE_ABSOLUTE[1]
+
+    def acts(self, reading: Record, sent: Record) -> bool:
+        """Tell whether its plate is driven."""
+        return abs(self._driven(sent, self._temperature(reading))) > DRIVEN
 
     def _temperature(self, reading: Record) -> float:
         return float(reading[self.plate].reshape(-1)[self._component])

@@ -1,7 +1,8 @@
 """One finger, and all that acts on it: what several devices do to it is limited together.
 
 The scene's force holds for the sum of arms and surfaces; thermal dose, time in the cold and time in contact are those
-of the finger, whichever device gives them.
+of the finger, whichever device gives them.  A display that is worn is always in contact, and counts while it is driven;
+where a surface would withdraw, it lets go.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.monitors import DeviceFaultError, Surface, Trip
+from itouch.monitors import DeviceFaultError, Heat, Surface, Trip
 from itouch.monitors import limits as default
 from itouch.monitors.surface import TOUCH_FORCE
 from itouch.plugin import Role
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class Finger:
-    """The devices that act on one finger; ``nearing``: where it is over its surfaces, by their names, if that is known."""
+    """The devices that act on one finger; ``nearing``: where it is over its surfaces, by name, if that is known."""
 
     def __init__(
         self, name: str, devices: Sequence[Supervisor], nearing: Mapping[str, Nearing] | None = None
@@ -35,6 +36,11 @@ class Finger:
         self.arms_of = [one for one in devices if any(c.role is Role.FORCE_ON_OPERATOR for c in one.model.commands)]
         self.tables = [one for one in devices if one.panel.surface is not None]
         self._heats = [(one, post) for one in devices for post in one.heats]
+        brought = {one.model.name for one in self.tables}
+        #: The displays that no surface brings to the finger, if one brings another.
+        self.worn = [
+            (one, post) for one, post in self._heats if self.tables and not {one.model.name, one.model.carrier} & brought
+        ]
         limits = [one.model.limits for one in (*self.arms_of, *self.tables)]
         #: Greatest force [N] of all that pushes on the finger together.
         self.force = min((one.finger_force for one in limits), default=0.0)
@@ -65,7 +71,7 @@ class Finger:
         return total
 
     def taken(self) -> float:
-        """Return the force [N] that arms must leave to the surfaces: what they press with, and what that may rise by."""
+        """Return the force [N] that arms must leave to surfaces: what they press with, and what that may rise by."""
         if not self.nearing:
             return self.pressed()
         from itouch.monitors.carried import rise  # the compiler is loaded when a device runs
@@ -108,10 +114,15 @@ class Finger:
         return self.arms_of if len(self.arms_of) > 1 else ()
 
     def _touch(self, tick: int) -> None:
-        """Run the clock of T4 of every surface while the finger touches any."""
+        """Run the clock of T4 of every surface while the finger touches any, or wears a display that is driven."""
         touched = any(table.panel.touched for table in self.tables if table.enabled)
+        touched = touched or any(_acts(one, post) for one, post in self.worn)
         for table in self.tables:
             table.panel.count_contact(tick, touched)
+        if self.worn:
+            part = 0.0 if any(table.panel.withdrawn for table in self.tables) else 1.0
+            for one, _ in self.worn:
+                one.panel.leave(self.name, part)
 
     def _doses(self, tick: int) -> None:
         said = self._over()
@@ -148,6 +159,11 @@ class Finger:
 def _felt(table: Supervisor) -> float:
     post: Post | None = table.panel.surface
     return post.monitor.felt(table.panel.seen) if post is not None and isinstance(post.monitor, Surface) else 0.0
+
+
+def _acts(one: Supervisor, post: Post) -> bool:
+    heat = post.monitor
+    return one.enabled and isinstance(heat, Heat) and heat.acts(one.panel.seen, one.sent)
 
 
 def _size(views: Sequence[NDArray[np.float64]]) -> float:

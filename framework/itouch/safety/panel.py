@@ -72,6 +72,8 @@ class Panel:
         self.due = np.full(1, -1, np.int64)
         #: The part of force, current or speed that all monitors leave, shape (1,).
         self.left = np.ones(1)
+        #: The part that each finger leaves on which it acts with others.
+        self._others: dict[str, float] = {}
 
     def reset(self) -> None:
         """Begin a session: nothing remembered, everything let through; without a rig a touch must be assumed."""
@@ -113,6 +115,13 @@ class Panel:
 
     def _gather(self) -> None:
         self.left[0] = min((post.share.item() for post in self.posts), default=1.0)
+        self.left[0] = min(self.left[0], *self._others.values(), 1.0)
+
+    def leave(self, finger: str, part: float) -> None:
+        """Use this part of force, current or speed at most, because of what else acts on a finger."""
+        if part != self._others.get(finger, 1.0):
+            self._others[finger] = part
+            self._gather()
 
     @property
     def values(self) -> list[float]:
