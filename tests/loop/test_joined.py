@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import gc
 import importlib.util
 import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from test_failing_plugins import Hum, engine
 
@@ -19,6 +21,14 @@ from itouch.testing.harness import DeviceSubject
 from itouch_thermal import ThermalDisplay
 from itouch_usb_arm.arm import UsbArm
 from itouch_xyz_table import XyzTable
+
+
+@kernel
+def _one_more(place: np.ndarray) -> int:
+    """Count."""
+    place[0] += 1.0
+    return 0
+
 
 EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "compiled_twin.py"
 
@@ -100,3 +110,17 @@ def test_an_heir_with_an_update_of_its_own_runs_that(tmp_path: Path) -> None:
     found: Engine = engine(tmp_path, Slow)
     found.run(0.01)
     assert int(found.state["hum.count"]) == 2 * found.ticks
+
+
+def test_a_call_that_is_made_runs_and_is_gone() -> None:
+    place = np.zeros(1)
+    Bound(_one_more, place.copy()).run()  # compiled now
+    gc.collect()
+    gc.disable()
+    try:
+        made = Bound(_one_more, place)
+        assert (made.run(), made.run(), place[0]) == (0, 0, 2.0)
+        del made
+        assert gc.collect() == 0, "what is left refers to itself in a circle"
+    finally:
+        gc.enable()

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import weakref
+
+import numpy as np
 import pytest
 from renamed import OURS, QUIET, Alias, commanded, scene
 
+from itouch.plugin.device import Touch
 from itouch.plugin.renamed import RenamedCatalog
+from itouch.testing.harness import DeviceSubject
 
 STRANGE = ("qua", "wob", "zig", "fulmar")
 KINDS = {
@@ -47,3 +52,21 @@ def test_other_names_of_devices_and_of_the_plugin_change_no_bit(ours):
     other, session = commanded(scene(STRANGE, *KINDS[kind]), Alias(12, "fulmar"), names=STRANGE)
     assert other == found
     assert plain(session.report()) == plain(report)
+
+
+def test_a_twin_behind_other_names_keeps_none_of_the_records_that_it_is_given():
+    bench = DeviceSubject(RenamedCatalog(seed=3).device("xyz-table"), "xyz-table").bench()
+    bench.step(2)
+    reading, command = bench.reading.copy(), bench.command.copy()
+    for call, record in (
+        (lambda it: bench.twin.read(bench.state, it), reading),
+        (lambda it: bench.twin.step(bench.state, it, Touch(), 1e-3), command),
+    ):
+        memory = record.raw
+        while isinstance(memory.base, np.ndarray):
+            memory = memory.base
+        watched = weakref.ref(memory)
+        call(record)
+        assert watched() is not None
+    del reading, command, record, memory
+    assert watched() is None

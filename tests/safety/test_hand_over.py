@@ -83,7 +83,9 @@ def test_together_they_press_no_harder_than_the_scene_allows_at_any_tick(seed: i
 
 def test_a_finger_that_lands_between_two_plates_and_an_arm_was_the_worst() -> None:
     text = SCENE.format(
-        devices="".join(TABLE.format(n) + DISPLAY.format(n, n, 0) for n in (1, 2)), probes=SECOND, safety='force="0.8 N"'
+        devices="".join(TABLE.format(n) + DISPLAY.format(n, n, 0) for n in (1, 2)),
+        probes=SECOND,
+        safety='force="0.8 N"',
     )
     plates, arm = pushes(text, 2, 0.6).T
     assert arm.max() > 0.6 and plates.max() > 0.6, "the force changes hands"

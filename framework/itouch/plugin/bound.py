@@ -63,7 +63,7 @@ class Bound:
         if self._joined is None:
             from itouch.joining import runner
 
-            self._joined = runner((self,))
+            self._joined = runner((Bound(self.function, *self.arguments),))  # not itself: that would be a circle
         found = self._joined()
         return found & 0xFFFFFFFF if found >= 0 else 0
 

@@ -58,7 +58,7 @@ class Record(dict[str, NDArray[Any]]):
     tick looks up some fifty of them.)
     """
 
-    __slots__ = ("_buffer", "_bytes", "_numbers")
+    __slots__ = ("__weakref__", "_buffer", "_bytes", "_numbers")
 
     def __init__(self, dtype: np.dtype[Any], buffer: NDArray[np.uint8] | None = None) -> None:
         if buffer is None:

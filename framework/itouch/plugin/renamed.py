@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import random
 import re
+import weakref
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
@@ -57,7 +58,7 @@ class Words:
 class Relabelled(Record):
     """The same memory as another record; ``names`` are its own names for fields, by what they are called there."""
 
-    __slots__ = ("whole",)
+    __slots__ = ()
 
     def __init__(self, whole: Record, names: Mapping[str, str]) -> None:
         table: Any = whole.dtype.fields or {}
@@ -70,25 +71,28 @@ class Relabelled(Record):
         super().__init__(np.dtype(kind) if table else np.dtype([]), whole.raw)  # type: ignore[call-overload]
         for name, view in whole.items():  # its views, which may be written where those may
             dict.__setitem__(self, names.get(name, name), view)
-        self.whole = whole
 
 
 class _Labels:
-    """Makes relabelled records, one for each record that comes again and again."""
+    """Makes relabelled records, one for each record that comes again and again, and keeps none alive."""
 
     def __init__(self, names: Mapping[str, str]) -> None:
         self._names = names
-        self._made: list[Relabelled] = []
+        self._made: list[tuple[weakref.ref[Record], Relabelled]] = []
 
     def __call__(self, whole: Record) -> Record:
-        for made in self._made:
-            if made.whole is whole:
+        for known, made in self._made:
+            if known() is whole:
                 return made
         if not any(name in self._names for name in whole):
             return whole
         del self._made[:-7]
-        self._made.append(Relabelled(whole, self._names))
-        return self._made[-1]
+        made = Relabelled(whole, self._names)
+        self._made.append((weakref.ref(whole, self._forget), made))
+        return made
+
+    def _forget(self, gone: weakref.ref[Record]) -> None:
+        self._made[:] = [pair for pair in self._made if pair[0] is not gone]
 
 
 def renamed_device(kind: type[Device], words: Words) -> type[Device]:

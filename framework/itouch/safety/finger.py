@@ -39,7 +39,9 @@ class Finger:
         brought = {one.model.name for one in self.tables}
         #: The displays that no surface brings to the finger, if one brings another.
         self.worn = [
-            (one, post) for one, post in self._heats if self.tables and not {one.model.name, one.model.carrier} & brought
+            (one, post)
+            for one, post in self._heats
+            if self.tables and not {one.model.name, one.model.carrier} & brought
         ]
         limits = [one.model.limits for one in (*self.arms_of, *self.tables)]
         #: Greatest force [N] of all that pushes on the finger together.

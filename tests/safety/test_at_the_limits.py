@@ -1,0 +1,566 @@
+"""Monitors exactly at their limits, a hair beyond them, and in every word that they say."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from parts import ARM, LIMITS, PLATE, TABLE, record
+
+from itouch.monitors import Arm, Heat, Ordinary, Push, Readings, Surface, Trip
+from itouch.monitors import limits as default
+from itouch.monitors.carried import Nearing, rise
+from itouch.monitors.history import SLOTS, History
+from itouch.monitors.limits import DeviceLimits
+from itouch.monitors.runaway import COLDEST_TARGET, LAG, PART, PARTS, RUNAWAY_TIME, Runaway, drive_of
+from itouch.plugin import Channel, Moment, Monitor, Record, Role, measured_wrench, temperature_target
+from itouch.world.supervision import watched
+
+K0 = 273.15
+PAD = ((measured_wrench(),), (Channel("air", 1, "Pa", (0.0,), (5e4,), safe=(0.0,), role=Role.PRESSURE),))
+SKIN = Role.SKIN_CONTACT_TEMPERATURE
+
+
+def made(kind: type[Monitor], channels: Any, limits: DeviceLimits = LIMITS) -> tuple[Any, Record]:
+    """Return a monitor and its State."""
+    monitor = next(iter(kind.of(watched("it", "fake", None, channels, limits, twin=False))))
+    memory = Record.of(monitor.fields())
+    monitor.reset(memory)
+    return monitor, memory
+
+
+def beyond(value: float) -> float:
+    """Return the next number that is larger in size."""
+    return math.nextafter(value, math.copysign(math.inf, value))
+
+
+# --- readings -------------------------------------------------------------------------------------------------------
+
+
+def test_a_reading_that_jumps_as_far_as_it_may_is_believed() -> None:
+    monitor, memory = made(Readings, PLATE)
+    reading = record(PLATE[0])
+    reading["plate_temperature"], reading["sink_temperature"], reading["heat_flux"] = 290.0, 300.0, 0.0
+    assert monitor.check(memory, reading, reading, Moment(seconds=0.01)) == 1.0
+    reading["plate_temperature"] = 310.0
+    assert monitor.check(memory, reading, reading, Moment(seconds=0.01)) == 1.0
+    reading["plate_temperature"] = beyond(310.0) - 20.0 - 1e-9
+    assert monitor.check(memory, reading, reading, Moment(seconds=0.01)) == -Trip.SENSOR_JUMP
+    assert memory["figure"].tolist() == [0.0, 0.0]
+    assert memory["believed"].tolist() == [310.0, 300.0, 0.0]
+
+
+def test_a_place_may_change_by_its_speed_and_a_step() -> None:
+    monitor, memory = made(Readings, ARM)
+    reading = record(ARM[0])
+    reading["pose"][3] = 1.0
+    assert monitor.check(memory, reading, reading, Moment(seconds=0.001)) == 1.0
+    reading["pose"][1] = 5.0 * 0.001 + 0.002
+    assert monitor.check(memory, reading, reading, Moment(seconds=0.001)) == 1.0
+    reading["pose"][1] = 0.0
+    assert monitor.check(memory, reading, reading, Moment(seconds=0.0009)) == -Trip.SENSOR_JUMP
+    assert memory["figure"].tolist() == [1.0, 0.0]
+
+
+def test_two_sensors_may_differ_by_three_kelvin() -> None:
+    reads = (Channel("a", 2, "K", role=SKIN),)
+    monitor, memory = made(Readings, (reads, ()))
+    reading = record(reads)
+    for apart, found in ((3.0, 1.0), (-3.0, 1.0), (3.0 + 1e-9, -float(Trip.SENSOR_DISAGREE))):
+        reading["a"] = 300.0, 300.0 + apart
+        assert monitor.check(memory, reading, reading, Moment(seconds=10.0)) == found
+    assert memory["figure"].tolist() == [0.0, pytest.approx(3.0)]
+
+
+def test_a_reading_out_of_range_says_which_number_and_is_not_remembered() -> None:
+    reads = (Channel("a", 3, "1", (-1.0,) * 3, (2.0,) * 3),)
+    monitor, memory = made(Readings, (reads, ()))
+    reading = record(reads)
+    for values, found, at in (((-1.0, 2.0, 0.0), 1.0, None), ((0.0, 0.0, beyond(2.0)), -float(Trip.SENSOR_RANGE), 2.0),
+                              ((0.0, beyond(-1.0), 0.0), -float(Trip.SENSOR_RANGE), 1.0),
+                              ((0.0, math.nan, 0.0), -float(Trip.NOT_A_NUMBER), 1.0)):  # fmt: skip
+        memory["figure"] = 7.0, 7.0
+        reading["a"] = values
+        assert monitor.check(memory, reading, reading, Moment(seconds=1.0)) == found
+        assert memory["figure"].tolist() == ([7.0, 7.0] if at is None else [at, 0.0])
+        assert memory["believed"].tolist() == [-1.0, 2.0, 0.0]
+
+
+def test_a_monitor_of_two_plates_reads_the_component_that_is_its_own() -> None:
+    reads = (Channel("skin", 2, "K", role=SKIN),)
+    drive = Channel("i", 2, "A", (-2.0,) * 2, (2.0,) * 2, safe=(0.0,) * 2, role=Role.DRIVE)
+    device = watched("it", "fake", None, (reads, (drive,)), LIMITS, twin=False)
+    reading, sent = record(reads), record((drive,))
+    reading["skin"], sent["i"] = (290.0, 310.0), (0.5, -1.0)
+    one, two = Heat.of(device)
+    assert (one.shown(reading), two.shown(reading)) == ("at 16.9 degC", "at 36.9 degC")
+    assert one._driven(sent, 290.0) == 0.25 and two._driven(sent, 310.0) == -0.5  # type: ignore[attr-defined]
+    reading["skin"] = 290.0, math.nan
+    assert two.shown(reading) == "not measured"
+
+
+# --- heat -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("field", "most"), [("dose", 120.0), ("cold_time", 120.0)])
+def test_a_budget_is_used_up_when_more_than_all_of_it_is(field: str, most: float) -> None:
+    monitor, memory = made(Heat, PLATE)
+    memory[field] = most
+    assert monitor.spent(memory) == ""
+    memory[field] = beyond(most)
+    assert monitor.spent(memory) != ""
+
+
+def test_where_dose_and_cold_begin() -> None:
+    monitor, memory = made(Heat, PLATE)
+    touched = Moment(touched=True, seconds=2.0)
+    for kelvin, dose, cold in ((312.15, 2.0 * 0.25**4, 0.0), (beyond(-312.15) * -1.0, 2.0 * 0.25**4, 0.0),
+                               (316.15, 2.0, 0.0), (317.15, 4.0, 0.0), (315.15, 0.5, 0.0), (289.15, 0.0, 0.0),
+                               (289.1, 0.0, 2.0), (312.1, 0.0, 0.0)):  # fmt: skip
+        memory["dose"] = memory["cold_time"] = 0.0
+        assert monitor._count(memory, kelvin, touched) == 0.0
+        assert (memory["dose"].item(), memory["cold_time"].item()) == (pytest.approx(dose), cold)
+    memory["dose"], memory["cold_time"] = 119.0, 118.0
+    assert monitor._count(memory, 317.15 - 1.0, Moment(touched=True, seconds=1.0)) == 0.0  # exactly all of it
+    assert monitor._count(memory, 289.0, touched) == 0.0
+    assert monitor._count(memory, 316.15, touched) == -Trip.DOSE
+    assert monitor._count(memory, 289.0, touched) == -Trip.COLD
+    assert monitor._count(memory, 289.0, Moment(touched=False, seconds=2.0)) == 0.0
+
+
+def test_the_share_that_a_temperature_a_little_ahead_leaves() -> None:
+    monitor, memory = made(Heat, PLATE)
+    for celsius, share in ((40.0, 1.0), (41.0, 0.5), (42.0, 0.0), (15.0, 1.0), (13.5, 0.5), (12.0, 0.0)):
+        assert monitor._near_temperature(memory, K0 + celsius) == pytest.approx(share, abs=1e-9)
+    for kelvin in (beyond(315.15), 285.15 - 1e-9):
+        assert monitor._near_temperature(memory, kelvin) == -Trip.PLATE_TEMPERATURE
+        assert memory["figure"].tolist() == [kelvin, kelvin, 0.0]
+
+
+@pytest.mark.parametrize(("part", "share"), [(1.0, 1.0), (7.0 / 6.0, 0.5), (1.33, 0.01)])
+def test_the_share_that_a_flux_leaves(part: float, share: float) -> None:
+    monitor, memory = made(Heat, PLATE)
+    for step in range(301):
+        monitor._history.add(memory, 0.005 * step, 300.0, 15e3 * part)
+    assert monitor._near_flux(memory) == pytest.approx(share, abs=1e-3)
+
+
+def test_a_sensor_at_the_end_of_its_scale_all_the_time_trips() -> None:
+    monitor, memory = made(Heat, PLATE)
+    for step in range(301):
+        monitor._history.add(memory, 0.005 * step, 300.0, 20e3)
+    assert monitor._near_flux(memory) == -Trip.FLUX
+    assert memory["figure"][0] == pytest.approx(20e3)
+
+
+def test_a_sink_cuts_the_drive_down_between_50_and_55_degrees() -> None:
+    monitor, _ = made(Heat, PLATE)
+    reading = record(PLATE[0])
+    for celsius, share in ((50.0, 1.0), (51.0, 0.8), (55.0, 0.0), (60.0, 0.0)):
+        reading["sink_temperature"] = K0 + celsius
+        assert monitor._near_sink(reading) == pytest.approx(share, abs=1e-9)
+
+
+def test_a_step_of_five_kelvin_is_let_pass() -> None:
+    monitor, memory = made(Heat, PLATE)
+    for top, found in ((305.0, 0.0), (305.1, -float(Trip.SENSOR_JUMP)), (294.9, -float(Trip.SENSOR_JUMP))):
+        monitor.forget(memory)
+        for step in range(41):
+            monitor._history.add(memory, 0.005 * step, 300.0 if step < 30 else top, 0.0)
+        assert monitor._step(memory) == found
+    assert memory["figure"][0] == pytest.approx(-5.1)
+
+
+@pytest.mark.parametrize(("low", "high"), [((-2.0,), (0.0,)), ((-2.0,), (math.inf,)), ((), ())])
+def test_a_drive_without_a_greatest_value_is_measured_in_its_unit(low: Any, high: Any) -> None:
+    drive = Channel("w", 1, "W", low, high, safe=(0.0,), role=Role.DRIVE)
+    monitor, _ = made(Heat, (PLATE[0], (drive,)))
+    sent = record((drive,))
+    sent["w"] = -0.4
+    assert monitor._driven(sent, 300.0) == -0.4
+
+
+def test_the_stronger_of_two_drives_counts() -> None:
+    drive = Channel("i", 2, "A", (-2.0,) * 2, (2.0,) * 2, safe=(0.0,) * 2, role=Role.DRIVE)
+    monitor, _ = made(Heat, (PLATE[0], (drive,)))
+    sent = record((drive,))
+    for both, found in (((0.5, -1.0), -0.5), ((-1.0, 0.5), -0.5), ((1.0, 1.0), 0.5), ((0.0, 0.0), 0.0)):
+        sent["i"] = both
+        assert monitor._driven(sent, 300.0) == found
+
+
+def test_what_acts_is_driven_by_more_than_a_fiftieth() -> None:
+    monitor, _ = made(Heat, PLATE)
+    reading, sent = record(PLATE[0]), record(PLATE[1])
+    for current, acts in ((0.04, False), (0.0401, True), (-0.0401, True), (0.0, False)):
+        sent["current"] = current
+        assert monitor.acts(reading, sent) is acts
+
+
+def test_a_switch_that_is_half_on_is_on() -> None:
+    switch = Channel("output", 1, "1", (0.0,), (1.0,), safe=(0.0,), role=Role.OUTPUT_SWITCH)
+    monitor, _ = made(Heat, (PLATE[0], (temperature_target("goal"), switch)))
+    sent = record((temperature_target("goal"), switch))
+    sent["goal"] = 295.0
+    for word, drive in ((0.0, 0.0), (0.499, 0.0), (0.5, 0.5), (1.0, 0.5)):
+        sent["output"] = word
+        assert monitor._driven(sent, 300.0) == drive
+
+
+# --- drive and sensor -----------------------------------------------------------------------------------------------
+
+
+def test_how_strongly_a_target_drives() -> None:
+    goal = temperature_target("goal")
+    for kelvin, drive in ((300.0, 0.0), (290.0, 1.0), (289.0, 1.0), (310.0, -1.0), (312.0, -1.0), (295.0, 0.5)):
+        assert drive_of(goal, kelvin, 300.0, 1.0) == pytest.approx(drive)
+    assert drive_of(goal, COLDEST_TARGET, 205.0, 1.0) == 0.5
+    assert drive_of(goal, COLDEST_TARGET - 1e-9, 205.0, 1.0) == 0.0
+
+
+@pytest.mark.parametrize(("low", "drive"), [((), 0.25), ((-2.0,), 0.25), ((0.0,), -0.25), ((0.5,), -0.25)])
+def test_a_drive_that_goes_one_way_heats(low: Any, drive: float) -> None:
+    high = (2.0,) if low else ()
+    assert drive_of(Channel("w", 1, "W", low, high, role=Role.DRIVE), 0.5, 300.0, 2.0) == drive
+
+
+def drifting() -> tuple[Runaway, Record]:
+    runaway = Runaway(follows=True)
+    memory = Record.of(runaway.fields())
+    runaway.forget(memory)
+    return runaway, memory
+
+
+@pytest.mark.parametrize(
+    ("drive", "kelvin", "touched", "counts"),
+    [(0.3, 310.1, False, True), (0.3, 310.0, False, False), (0.3, 310.1, True, False), (0.1, 310.1, False, False),
+     (0.5, 310.1, False, False), (0.49, 310.1, False, True), (0.11, 310.1, False, True), (-0.3, 310.1, False, False),
+     (-0.3, 289.9, False, True), (-0.3, 290.0, False, False)],
+)  # fmt: skip
+def test_what_counts_as_the_wrong_side_of_the_sink(drive: float, kelvin: float, touched: bool, counts: bool) -> None:
+    _, memory = drifting()
+    memory["odd_for"] = 3.0
+    assert Runaway._odd(memory, kelvin, 300.0, drive, Moment(touched=touched, seconds=0.5)) == 0.0
+    assert memory["odd_for"].item() == (3.5 if counts else 0.0)
+
+
+def test_ten_seconds_on_the_wrong_side_are_let_pass() -> None:
+    _, memory = drifting()
+    memory["odd_for"] = 9.5
+    assert Runaway._odd(memory, 315.0, 300.0, 0.3, Moment(touched=False, seconds=0.5)) == 0.0
+    assert Runaway._odd(memory, 315.0, 300.0, 0.3, Moment(touched=False, seconds=0.5)) == -Trip.SENSOR_DISAGREE
+    assert memory["figure2"].tolist() == [15.0, 10.5]
+
+
+def test_how_long_a_sensor_may_read_the_same() -> None:
+    _, memory = drifting()
+
+    def same(drives: list[float], seconds: float) -> list[float]:
+        found = []
+        memory["frozen"], memory["frozen_at"] = math.nan, 0.0
+        for index, drive in enumerate(drives):
+            found.append(Runaway._still(memory, 300.0, drive, Moment(time=seconds * (index + 1))))
+        return found
+
+    frozen = -float(Trip.SENSOR_FROZEN)
+    assert same([0.0, 0.5, 0.5, 0.5], 0.25)[:2] == [0.0, 0.0]  # 0.125 of full drive
+    assert same([0.0, 1.0, 1.0], 0.15)[1:] == [0.0, frozen]  # exactly 0.15, then more
+    assert same([1.0, 1.0, 1.0, 1.0], 0.25) == [0.0, 0.0, 0.0, frozen]  # held: exactly 0.5, then more
+    assert same([0.5] * 9, 0.5) == [0.0] * 9  # not strong: more than half is
+    assert same([0.0, 0.03, 0.03, 0.03, 0.03], 0.5) == [0.0, 0.0, 0.0, frozen, frozen]  # more than a second, driven
+    assert same([0.0] + [0.0195] * 6, 0.5) == [0.0] * 7  # hardly driven
+    assert memory["figure2"][0] == 2.0
+
+
+def test_a_plate_may_go_against_its_drive_by_two_kelvin() -> None:
+    runaway, memory = drifting()
+    for now, kelvin, drive, found in (
+        (1.0, 300.0, 0.5, 0.0), (2.0, 310.0, 0.5, 0.0), (2.5, 300.0, 0.6, 0.0), (3.0, 302.0, 0.6, 0.0),
+        (3.5, 302.001, 0.6, -float(Trip.RUNAWAY)),
+    ):  # fmt: skip
+        moment = Moment(now=now, seconds=0.5, touched=True)
+        memory["touched_at"] = now
+        assert runaway._against(memory, kelvin, drive, moment) == found, now
+    assert memory["figure2"].tolist() == [pytest.approx(2.001), 0.0]
+
+
+@pytest.mark.parametrize(
+    ("change", "alone", "trips"), [(0.1, 2.0, False), (0.09, 2.0, True), (0.09, RUNAWAY_TIME - 1e-9, True),
+                                   (0.09, 1.99, False)]
+)  # fmt: skip
+def test_a_strong_drive_must_show_within_two_seconds(change: float, alone: float, trips: bool) -> None:
+    runaway, memory = drifting()
+    memory["touched_at"] = 10.0 - alone
+    memory["driven_for"] = RUNAWAY_TIME - 1e-9 - 0.25
+    memory["parts"][:] = -math.inf
+    memory["parts"][95 % PARTS] = 9.5, 300.0, 300.0 + change
+    found = runaway._against(memory, 300.0, 0.7, Moment(now=10.0, seconds=0.25))
+    assert found == (-float(Trip.RUNAWAY) if trips else 0.0)
+    assert not trips or memory["figure2"].tolist() == [0.0, pytest.approx(2.0)]
+
+
+def test_what_drove_one_way_and_turns_round_begins_anew() -> None:
+    runaway, memory = drifting()
+    memory["driven_for"] = 1.0
+    assert runaway._against(memory, 300.0, -0.8, Moment(now=5.0, seconds=0.25)) == 0.0
+    assert memory["driven_for"].item() == 0.0
+    assert runaway._against(memory, 300.0, -0.8, Moment(now=5.25, seconds=0.25)) == 0.0
+    assert memory["driven_for"].item() == -0.25
+    assert runaway._against(memory, 300.0, -0.5, Moment(now=5.5, seconds=0.25)) == 0.0
+    assert memory["driven_for"].item() == 0.0
+
+
+def test_the_extremes_of_two_seconds() -> None:
+    _, memory = drifting()
+    for step in range(40):
+        extremes = Runaway._extremes(memory, 300.0 + step, 0.05 + 0.1 * step, 0.0)
+    assert extremes == (319.0, 339.0)  # at 3.95 s: from the part on in which 1.95 s is
+    assert Runaway._extremes(memory, 200.0, 3.9, 3.95) == (200.0, 200.0)
+    assert Runaway._extremes(memory, 340.0, 4.0, 4.0)[1] == 340.0
+    assert Runaway._extremes(memory, 340.0, 4.0, 3.0)[0] >= 329.0
+    assert (LAG, PART) == (0.15, 0.1)
+
+
+# --- history --------------------------------------------------------------------------------------------------------
+
+
+def test_means_and_integrals_are_those_of_what_was_read() -> None:
+    history = History((0.1, 0.2))
+    memory = Record.of(history.fields())
+    history.forget(memory)
+    assert history.newest(memory) == 0.0 and history.before(memory, 0) is None
+    assert history.value(memory, 0.0, 0) == 0.0 and history.mean_flux(memory, 0, 0.1) == 0.0
+    for step in range(5):
+        assert history.add(memory, 1.0 + 0.05 * step, 300.0 + step, 100.0 * step)
+        assert not history.add(memory, 1.0 + 0.05 * step + 0.9e-7, 0.0, 0.0)
+    assert history.newest(memory) == 1.2
+    assert memory["history"][4].tolist() == [1.2, 304.0, pytest.approx(0.05 * (300 + 301 + 302 + 303)),
+                                             pytest.approx(0.05 * (50 + 150 + 250 + 350))]  # fmt: skip
+    assert history.before(memory, 0) == pytest.approx(302.0) and history.before(memory, 1) == 300.0
+    assert history.value(memory, 1.125, 0) == pytest.approx(302.5)
+    assert history.value(memory, 0.5, 1) == 300.0
+    assert history.mean_flux(memory, 0, 0.1) == pytest.approx(300.0)
+    assert history.step(memory, 0, 1, 0.1) == pytest.approx(2.0)
+    assert history.add(memory, 1.2 + 1.1e-7, 304.0, 0.0)
+
+
+def test_a_full_ring_forgets_the_oldest() -> None:
+    history = History((10.0, 0.01))
+    memory = Record.of(history.fields())
+    history.forget(memory)
+    for step in range(SLOTS + 5):
+        history.add(memory, 0.01 * step, float(step), 0.0)
+    assert history.before(memory, 0) is None
+    assert history.value(memory, 0.0, 0) == 5.0
+    assert history.before(memory, 1) == pytest.approx(SLOTS + 3.0)
+
+
+# --- surfaces, arms, pressure, silence ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("load", "gap", "calibrated", "touched"),
+    [(0.03, 1.0, True, False), (beyond(0.03), 1.0, True, True), (0.0, 2e-4, True, False), (0.0, 1.9e-4, True, True),
+     (0.0, 1.9e-4, False, False)],
+)  # fmt: skip
+def test_from_where_a_surface_is_touched(load: float, gap: float, calibrated: bool, touched: bool) -> None:
+    monitor, memory = made(Surface, TABLE)
+    reading, moment = record(TABLE[0]), Moment(now=1.0, gap=gap, calibrated=calibrated)
+    reading["wrench"][2] = -load
+    assert monitor.check(memory, reading, reading, moment) == 1.0
+    assert (moment.touched, moment.force) == (touched, load)
+
+
+@pytest.mark.parametrize(("load", "found"), [(5.0, 1.0), (beyond(5.0), -float(Trip.PLATE_FORCE))])
+def test_a_surface_trips_above_five_newton(load: float, found: float) -> None:
+    monitor, memory = made(Surface, TABLE)
+    reading = record(TABLE[0])
+    reading["wrench"][1] = load
+    assert monitor.check(memory, reading, reading, Moment(now=1.0, gap=0.0)) == found
+
+
+def test_a_surface_may_be_astray_for_a_tenth_of_a_second() -> None:
+    monitor, memory = made(Surface, TABLE)
+    assert not monitor._astray(memory, Moment(strayed=0.005, seconds=9.0))
+    for _ in range(10):
+        assert not monitor._astray(memory, Moment(strayed=0.0051, seconds=0.01))
+    assert memory["strayed_for"].item() == pytest.approx(0.1)
+    assert monitor._astray(memory, Moment(strayed=0.0051, seconds=0.0001))
+    assert not monitor._astray(memory, Moment(strayed=math.nan, seconds=9.0))
+    assert memory["strayed_for"].item() == 0.0
+
+
+def test_the_clock_of_contact_at_its_limits() -> None:
+    monitor, memory = made(Surface, TABLE)
+    for start, touched, withdrawn, found in ((9.5, True, 0, 1.0), (9.51, True, 1, 1.0), (59.5, True, 1, 1.0),
+                                             (59.51, True, 0, -float(Trip.CONTACT_TIME)), (0.3, False, 0, 1.0)):  # fmt: skip
+        memory["contact_time"], memory["counted"], memory["withdrawn"] = start, 1.0, 0
+        assert monitor.count(memory, 1.5, touched) == found
+        assert memory["withdrawn"].item() == withdrawn
+        assert memory["contact_time"].item() == pytest.approx(start + 0.5 if touched else 0.0)
+    memory["counted"] = 1.0
+    assert monitor.count(memory, 1.0099, True) == 1.0 and memory["counted"].item() == 1.0
+    assert monitor.count(memory, 1.01, True) == 1.0 and memory["counted"].item() == 1.01
+
+
+def test_a_surface_comes_back_below_half_of_its_time() -> None:
+    monitor, memory = made(Surface, TABLE)
+    for time, lifted, height in ((5.0, True, 0.0), (4.99, False, 0.0), (4.99, True, 0.04)):
+        memory["withdrawn"], memory["contact_time"] = 1, time
+        assert monitor.follow(memory, 0.04, lifted) == height
+        assert memory["withdrawn"].item() == (0 if height else 1)
+    assert monitor.follow(memory, 0.03, False) == 0.03
+
+
+@pytest.mark.parametrize(
+    ("way", "gap", "near", "touched", "slid", "found", "kind"),
+    [((0.0, 0.0, 0.015), 0.05, 0.0, False, 0.0, 0.0, 0), ((0.0151, 0.0, 0.0), 0.05, 0.0, False, 0.0, -21.0, 0),
+     ((0.0, 0.0, 0.0074), 0.019, 0.9, False, 0.0, 0.0, 0), ((0.0, 0.0, 0.0076), 0.019, 0.9, False, 0.0, -21.0, 1),
+     ((0.0, 0.0, 0.0076), 0.020, 0.9, False, 0.0, 0.0, 0), ((0.0, 0.0, 0.0076), 0.019, 0.96, False, 0.0, 0.0, 0),
+     ((0.0076, 0.0, 0.0), 0.019, 0.9, True, 0.0, -21.0, 2), ((0.0076, 0.0, 0.0), 0.019, 0.9, True, 0.001, 0.0, 0),
+     ((0.0074, 0.0, 0.0), 0.019, 0.9, True, 0.0, 0.0, 0), ((0.0076, 0.0, 0.0), 0.019, 0.9, False, 0.0, 0.0, 0)],
+)  # fmt: skip
+def test_speeds_that_no_command_can_have_asked_for(
+    way: tuple[float, ...], gap: float, near: float, touched: bool, slid: float, found: float, kind: int
+) -> None:
+    monitor, memory = made(Surface, TABLE)
+    reading = record(TABLE[0])
+    memory["near_since"], memory["figure"] = near, (0.0, 0.0)
+    memory["places"], memory["track"][0] = 1, (0.95, *np.zeros(6))
+    reading["pose"][:3] = way
+    moment = Moment(now=1.0, time=1.0, gap=gap, touched=touched, finger=(slid, 0.0, 0.0))
+    assert monitor._moves(memory, reading, moment) == found
+    assert memory["figure"][1] == kind
+    assert (memory["near_since"].item() == near) is (gap < 0.02)
+
+
+@pytest.mark.parametrize(("load", "gap", "calibrated", "doubts"), [
+    (0.5, 0.5, True, False), (0.51, 0.004, True, False), (0.51, 0.0041, True, True), (0.51, 0.015, False, False),
+    (0.51, 0.0151, False, True),
+])  # fmt: skip
+def test_when_a_force_without_a_finger_is_doubted(load: float, gap: float, calibrated: bool, doubts: bool) -> None:
+    monitor, memory = made(Surface, TABLE)
+    moment = Moment(gap=gap, calibrated=calibrated)
+    memory["doubted"] = 0.05
+    assert monitor._doubt(memory, load, 0.05, moment) == 0.0
+    assert memory["doubted"].item() == (pytest.approx(0.1) if doubts else 0.0)
+    memory["doubted"] = 0.1
+    assert monitor._doubt(memory, load, 0.01, moment) == (-float(Trip.SENSOR_DISAGREE) if doubts else 0.0)
+
+
+def test_an_arm_at_its_limits() -> None:
+    monitor, memory = made(Arm, ARM)
+    sent = record(ARM[1])
+    for force, speed, found in ((3.0, 0.8, 1.0), (0.0, 1.0, 0.5), (0.0, 1.2, 0.0), (0.0, beyond(1.2), -float(Trip.SPEED)),
+                                (3.001, 0.0, -float(Trip.FINGER_FORCE)), (0.0, math.nan, -float(Trip.SPEED))):  # fmt: skip
+        for axis in range(3):
+            sent["wrench"][:] = 0.0
+            sent["wrench"][axis] = force
+            assert monitor.check(memory, sent, sent, Moment(speed=speed)) == pytest.approx(found)
+
+
+def test_a_pressure_at_its_limits() -> None:
+    monitor, memory = made(Push, PAD)
+    reading = record(PAD[0])
+    for force, found in ((2.0, 1.0), (3.5, 0.5), (5.0, 0.0), (beyond(5.0), -float(Trip.PLATE_FORCE))):
+        reading["wrench"][2] = -force
+        assert monitor.check(memory, reading, reading, Moment()) == pytest.approx(found)
+    assert memory["figure"].item() == beyond(5.0)
+
+
+def test_silence_at_its_limit() -> None:
+    monitor, memory = made(Ordinary, ARM)
+    reading = record(ARM[0])
+    assert monitor.check(memory, reading, reading, Moment(age=0.02 + 1e-9)) == 1.0
+    assert monitor.check(memory, reading, reading, Moment(age=0.02 + 2e-9)) == -Trip.SILENT
+
+
+@pytest.mark.parametrize(("limits", "heat", "press", "contact"), [
+    (DeviceLimits(), (285.15, 315.15), 5.0, 60.0),
+    (DeviceLimits(temperature=(290.15, 311.15), plate_force=1.0, contact_time=5.0), (287.15, 313.15), 2.5, 30.0),
+    (DeviceLimits(temperature=(280.15, 330.15), contact_time=60.0), (285.15, 315.15), 5.0, 60.0),
+])  # fmt: skip
+def test_trips_follow_their_limits(limits: DeviceLimits, heat: Any, press: float, contact: float) -> None:
+    assert limits.temperature_trip == pytest.approx(heat)
+    assert (limits.plate_force_trip, limits.contact_time_trip) == (press, contact)
+    assert default.COLD_TIME == default.DOSE == 120.0
+
+
+# --- what a surface may press with next ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("gap", "velocity", "rising", "pressed", "found"),
+    [(1e-3, 0.0, 0.0, 0.0, 0.0), (4e-4, 0.0, 0.0, 0.0, 0.06), (4e-4, -0.1, 0.0, 0.0, 0.06 + 0.2 + 0.2),
+     (4e-4, 0.0, 0.1, 0.0, 0.46), (4e-4, 0.1, 0.1, 0.0, 0.06), (6e-4, -0.1, 0.0, 0.0, 0.46), (8e-4, -0.1, 0.0, 0.0, 0.0),
+     (0.0, -0.1, 0.0, 0.04, 0.26), (1e-2, 0.0, 0.0, 0.04, 0.06), (0.0, -0.1, 0.0, 0.03, 0.46), (0.0, 0.5, 0.0, 0.5, 0.06)],
+)  # fmt: skip
+def test_what_a_surface_may_rise_by(gap: float, velocity: float, rising: float, pressed: float, found: float) -> None:
+    nearing = Nearing(
+        np.array([0.0, 0.0, 0.1]), np.array([0.0, 0.0, velocity]), np.array([0.1 - 0.008 - gap]), np.array([rising]),
+        np.array([0.008, 1000.0, 2.0, 0.001]),
+    )  # fmt: skip
+    assert rise(nearing, pressed) == pytest.approx(found)
+
+
+# --- words ----------------------------------------------------------------------------------------------------------
+
+WORDS = (
+    (Heat, PLATE, Trip.PLATE_TEMPERATURE, "figure", (320.25, 321.35, 0.0),
+     "reads plate_temperature 47.1 degC, on its way to 48.2 degC, past its trip", "T1"),
+    (Heat, PLATE, Trip.PLATE_RATE, "figure", (21.26, 0.0, 0.0), "changes its plate by 21.3 K/s under the finger", "T5"),
+    (Heat, PLATE, Trip.FLUX, "figure", (160e3, 0.0, 0.0), "had a mean flux of 160.0 kW/m^2 for a second", "T6"),
+    (Heat, PLATE, Trip.DOSE, "dose", 606.0, "has given a thermal dose of 10.10 CEM43, the most for a session", "T3"),
+    (Heat, PLATE, Trip.COLD, "cold_time", 120.34, "was touched while cold for 120.3 s, the most for a session", "T4c"),
+    (Heat, PLATE, Trip.SENSOR_JUMP, "figure", (-6.06, 0.0, 0.0), "reads a step of the plate of -6.1 K, not believable",
+     "T8"),
+    (Heat, PLATE, Trip.SENSOR_FROZEN, "figure2", (1.234, 0.0), "reads the same plate_temperature for 1.23 s while driven",
+     "T8"),
+    (Heat, PLATE, Trip.SENSOR_DISAGREE, "figure2", (12.34, 10.56),
+     "reads plate_temperature 12.3 K on the wrong side of its heat sink for 10.6 s: a sensor must be wrong", "T8"),
+    (Heat, PLATE, Trip.RUNAWAY, "figure2", (2.34, 0.0), "went 2.3 K against its drive: drive or sensor must be wrong",
+     "T9"),
+    (Heat, PLATE, Trip.RUNAWAY, "figure2", (0.0, 2.06),
+     "did not follow its drive for 2.1 s: drive or sensor must be wrong", "T9"),
+    (Surface, TABLE, Trip.PLATE_FORCE, "figure", (5.26, 0.0), "presses with 5.3 N", "K4"),
+    (Surface, TABLE, Trip.TRACKING, "figure", (1.2345, 0.0), "is 1234.5 mm from its command", "K6"),
+    (Surface, TABLE, Trip.CONTACT_TIME, "figure", (60.04, 0.0), "has been touched for 60.0 s", "T4"),
+    (Surface, TABLE, Trip.SURFACE_SPEED, "figure", (0.316, 0.0), "moves at 0.32 m/s", "K5"),
+    (Surface, TABLE, Trip.SURFACE_SPEED, "figure", (0.164, 1.0), "closes in on the finger at 0.16 m/s", "K5"),
+    (Surface, TABLE, Trip.SURFACE_SPEED, "figure", (0.164, 2.0), "slides past the finger at 0.16 m/s", "K5"),
+    (Surface, TABLE, Trip.SENSOR_DISAGREE, "figure", (0.66, 1.2345),
+     "feels 0.7 N with the finger 1234 mm away: one of the sensors must be wrong", "T8"),
+    (Arm, ARM, Trip.FINGER_FORCE, "figure", 3.16, "was sent 3.2 N", "K1"),
+    (Arm, ARM, Trip.SPEED, "figure", 1.256, "moves at 1.26 m/s", "K2"),
+    (Push, PAD, Trip.PLATE_FORCE, "figure", 5.16, "presses with 5.2 N", "K4"),
+    (Ordinary, ARM, Trip.SILENT, "figure", 0.0216, "was silent for 0.022 s", "W1"),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("kind", "channels", "trip", "field", "figure", "words", "rule"), WORDS, ids=[case[5][:24] for case in WORDS]
+)
+def test_the_sentence_and_the_rule_of_every_trip(
+    kind: type[Monitor], channels: Any, trip: Trip, field: str, figure: Any, words: str, rule: str
+) -> None:
+    monitor, memory = made(kind, channels)
+    memory[field] = figure
+    reading = record(channels[0])
+    if "plate_temperature" in reading:
+        reading["plate_temperature"] = 320.0
+    assert monitor.sentence(int(trip), memory, reading, Moment()) == words
+    assert monitor.rule(int(trip), reading) == rule
+    assert monitor.trips[int(trip)] == trip.label
+
+
+def test_a_cold_plate_trips_by_the_rule_for_cold() -> None:
+    monitor, _ = made(Heat, PLATE)
+    reading = record(PLATE[0])
+    for kelvin, rule in ((300.65, "T2"), (beyond(300.65), "T1"), (280.0, "T2")):
+        reading["plate_temperature"] = kelvin
+        assert monitor.rule(int(Trip.PLATE_TEMPERATURE), reading) == rule
+    for kelvin, outside in ((281.15, False), (281.1, True), (318.15, False), (318.2, True)):
+        reading["plate_temperature"] = kelvin
+        assert monitor.beyond(reading) is outside
