@@ -4,12 +4,16 @@ cosmic-ray makes the mutants, drawn over all rooms alike.  First the tests of a 
 learn which test reaches which line.  Then each mutant meets only the tests that reach its line, quickest first, in a
 process forked from one that has imported all else.  A mutant that none of them notices has survived.  Compiled kernels are not
 seen by coverage: their mutants meet all tests of the room, and are compiled into a cache of their own.
+
+What has survived is told by the line as it was and as it was changed.  Changes that were read and found to change nothing
+stand in ``equivalent_mutants.toml``; the score is printed raw, which is the one that counts, and without these.
 """
 
 from __future__ import annotations
 
 import argparse
 import ast
+import difflib
 import importlib
 import importlib.abc
 import importlib.util
@@ -21,6 +25,7 @@ import signal
 import sys
 import tempfile
 import time
+import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -86,6 +91,31 @@ class Mutant:
     def name(self) -> str:
         """File, line and operator."""
         return f"{self.path.relative_to(TREE)}:{self.line}: {self.operator}"
+
+    @property
+    def change(self) -> tuple[str, str, str]:
+        """The file, the lines that are changed as they stand, and as they are changed; blanks do not count."""
+        before, after = self.path.read_text(encoding="utf-8").splitlines(), self.source.splitlines()
+        codes = difflib.SequenceMatcher(None, before, after, autojunk=False).get_opcodes()
+        spans = [span for span in codes if span[0] != "equal"]
+        old = [line for _, first, last, _, _ in spans for line in before[first:last]]
+        new = [line for _, _, _, first, last in spans for line in after[first:last]]
+        return str(self.path.relative_to(TREE)), bare("\n".join(old)), bare("\n".join(new))
+
+
+def bare(text: str) -> str:
+    """Return a text without blanks."""
+    return "".join(text.split())
+
+
+def equivalents() -> dict[tuple[str, str, str], str]:
+    """Return the changes that change nothing, with the reason: file, line as it stands, line as it is changed."""
+    content = tomllib.loads((HERE / "equivalent_mutants.toml").read_text(encoding="utf-8"))
+    return {
+        (entry["file"], bare(entry["line"]), bare(changed)): entry["reason"]
+        for entry in content["mutant"]
+        for changed in entry["changed"]
+    }
 
 
 @dataclass(slots=True)
@@ -322,7 +352,8 @@ def campaign(rooms: Sequence[str], count: int, seed: int) -> dict[str, tuple[int
                 usual = sum(reach.took.get(test, 0.0) for test in tests)
                 if survives(mutant, tests, PATIENCE + 3.0 * usual):
                     alive.append(mutant)
-                    print(f"survived: {mutant.name}", flush=True)
+                    _, before, after = mutant.change
+                    print(f"survived: {mutant.name}: {before} -> {after}", flush=True)
             found[room] = len(chosen), alive
             print(f"{room}: {len(chosen) - len(alive)} of {len(chosen)} noticed", flush=True)
     finally:
@@ -345,6 +376,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 2
     score = 1.0 - alive / count
     print(f"{count} mutants, {count - alive} noticed, {alive} survived: {100 * score:.1f} %")
+    known = equivalents()
+    same = [known[mutant.change] for _, lived in found.values() for mutant in lived if mutant.change in known]
+    if same and count > len(same):
+        part = (count - alive) / (count - len(same))
+        print(f"without {len(same)} that change nothing (equivalent_mutants.toml): {100 * part:.1f} %")
     size, lived = found.get("safety", (0, []))
     return 0 if score >= 0.8 and len(lived) <= 0.1 * size else 1
 

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import mutation
 import pytest
 from shipped import REPOSITORY
 
@@ -33,6 +34,27 @@ def test_a_guard_that_clamps_the_wrong_way_is_noticed() -> None:
     words = [sys.executable, "-c", code]
     done = subprocess.run(words, cwd=REPOSITORY, capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["True", "False"]
+
+
+@pytest.mark.parametrize("entry", sorted(mutation.equivalents()), ids=lambda entry: "")
+def test_what_is_said_to_change_nothing_is_one_line_that_is_still_there(entry: tuple[str, str, str]) -> None:
+    file, line, changed = entry
+    lines = [mutation.bare(one) for one in (REPOSITORY / file).read_text(encoding="utf-8").splitlines()]
+    assert lines.count(line) == 1, f"{line!r} stands in {file} {lines.count(line)} times: it would hide another"
+    assert line != changed
+
+
+def test_a_change_that_is_listed_hides_no_other() -> None:
+    path = REPOSITORY / "framework/itouch/monitors/believing.py"
+    text = path.read_text(encoding="utf-8")
+
+    def change(old: str, new: str) -> tuple[str, str, str]:
+        return mutation.Mutant("monitors", path, 1, "by hand", text.replace(old, new)).change
+
+    assert change("total = 0.0", "total =  1.0") in mutation.equivalents()
+    assert change("total = 0.0", "total = 2.0") not in mutation.equivalents()
+    assert change("if apart >", "if apart >=") not in mutation.equivalents()
+    assert change("if apart >", "if apart >=")[1:] == ("ifapart>able.apart[0]:", "ifapart>=able.apart[0]:")
 
 
 @pytest.mark.long

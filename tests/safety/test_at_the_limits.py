@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from parts import ARM, LIMITS, PLATE, TABLE, record
 
-from itouch.monitors import Arm, Heat, Ordinary, Push, Readings, Surface, Trip
+from itouch.monitors import Arm, Heat, Ordinary, Push, Readings, Surface, Trip, heat, readings, runaway, surface
 from itouch.monitors import limits as default
 from itouch.monitors.carried import Nearing, rise
 from itouch.monitors.history import SLOTS, History
@@ -564,3 +564,74 @@ def test_a_cold_plate_trips_by_the_rule_for_cold() -> None:
     for kelvin, outside in ((281.15, False), (281.1, True), (318.15, False), (318.2, True)):
         reading["plate_temperature"] = kelvin
         assert monitor.beyond(reading) is outside
+
+
+# --- what is stored and promised -------------------------------------------------------------------------------------
+
+
+def test_the_numbers_of_trips_stay_for_sessions_that_have_stored_them() -> None:
+    assert " ".join(f"{trip.value} {trip.label}" for trip in Trip) == (
+        "0 none 1 not-a-number 2 sensor-range 3 plate-temperature 4 sink-temperature 5 plate-force 6 tracking 7 speed "
+        "8 silent 9 device-error 10 calibration 11 overrun 12 dose 13 contact-time 14 plate-rate 15 flux 16 sensor-jump "
+        "17 sensor-frozen 18 sensor-disagree 19 runaway 20 released 21 surface-speed 22 modality-error 23 monitor "
+        "24 monitor-error 25 cold 26 finger-force"
+    )
+
+
+#: What the tables of docs/reference/safety-limits.md and docs/explanation/finger-safety.md say, in SI.
+PROMISED: dict[Any, dict[str, Any]] = {
+    default: {
+        "PLATE_TEMPERATURE": (288.15, 313.15), "PLATE_TRIP": (285.15, 315.15), "PLATE_ABSOLUTE": (281.15, 318.15),
+        "DOSE_WARNING": 60.0, "DOSE": 120.0, "CONTACT_TIME": 10.0, "CONTACT_TIME_LONGEST": 60.0,
+        "CONTACT_TIME_TRIP": 60.0, "COLD_FROM": 289.15, "COLD_TIME": 120.0, "PLATE_RATE": 10.0, "FLUX": 15e3,
+        "SINK": 323.15, "SINK_TRIP": 328.15, "SINK_ABSOLUTE": 333.15, "FORCE": 3.0, "ARM_SPEED": 0.8,
+        "ARM_SPEED_TRIP": 1.2, "FORCE_SLEW": 1000.0, "RAMP": 1.0, "PLATE_FORCE": 2.0, "PLATE_FORCE_TRIP": 5.0,
+        "PLATE_FORCE_ABSOLUTE": 10.0, "NEAR": 0.020, "SPEED_NEAR": 0.10, "SPEED": 0.25, "SPEED_NEAR_TRIP": 0.15,
+        "SPEED_TRIP": 0.30, "TRACKING": 0.003, "TRACKING_TRIP": 0.005, "TRACKING_TIME": 0.1, "WATCHDOG_OTHER": 0.5,
+        "REARMS": 5, "HOLD": 0.080,
+    },
+    heat: {"AHEAD": 0.1, "RATE_TIME": 0.05, "CONTACT_RATE_TIME": 0.5, "FLUX_TIME": 1.0, "DOSE_FROM": 312.15,
+           "DOSE_UNIT": 316.15, "STEP": 5.0},
+    surface: {"TOUCH_FORCE": 0.03, "TOUCH_GAP": 2e-4, "DOUBT_FORCE": 0.5, "DOUBT_GAP": 0.004,
+              "DOUBT_GAP_UNCALIBRATED": 0.015, "DOUBT_TIME": 0.1, "LEVER": 0.1, "SLOW": 0.01, "SPEED_TIME": 0.05,
+              "SLOTS": 16},
+    readings: {"TEMPERATURE_JUMP": 20.0, "TEMPERATURE_RANGE": (263.15, 353.15), "FINGER_SPEED": 5.0, "STEPS": 0.002,
+               "WORKSPACE": 2.0, "SURFACE_MARGIN": 3.0, "DISAGREEMENT": 3.0, "SATURATED": 1.01},
+    runaway: {"FROZEN": 1.0, "DRIVEN": 0.02, "FROZEN_DRIVE": 0.15, "FROZEN_HELD": 0.5, "RUNAWAY_DRIVE": 0.5,
+              "RUNAWAY_TIME": 2.0, "RUNAWAY_STILL": 0.1, "RUNAWAY_WRONG": 2.0, "LAG": 0.15, "DRIFT_DRIVE": 0.1,
+              "DRIFT_TIME": 10.0, "DRIFT": 10.0, "FULL_STRENGTH": 10.0, "COLDEST_TARGET": 200.0},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("module", PROMISED, ids=[module.__name__.rpartition(".")[2] for module in PROMISED])
+def test_the_figures_are_those_that_are_promised(module: Any) -> None:
+    assert {name: getattr(module, name) for name in PROMISED[module]} == PROMISED[module]
+
+
+def test_watchdogs_are_those_that_are_promised() -> None:
+    assert default.WATCHDOG == {Role.FORCE_ON_OPERATOR: 0.020, Role.SURFACE_POSE: 0.100}
+
+
+#: Of each monitor what it keeps in State, with its shape, and its least and greatest value where it has one.
+KEPT = {
+    (Readings, "plate"): "believed(3) known[0..1] figure(2)",
+    (Arm, "arm"): "figure",
+    (Push, "pad"): "figure",
+    (Ordinary, "arm"): "figure",
+    (Surface, "table"): "contact_time[0..inf] withdrawn counted strayed_for doubted near_since looked places[0..inf] "
+    "track(16, 7) figure(2)",
+    (Heat, "plate"): "samples[0..inf] history(256, 4) flux tails(4)[0..inf] dose[0..inf] cold_time[0..inf] since frozen "
+    "frozen_at frozen_for frozen_drive frozen_held frozen_from driven_for parts(24, 3) touched_at odd_for figure2(2) "
+    "figure(3)",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("kind", "what"), KEPT, ids=[kind.__name__ for kind, _ in KEPT])
+def test_what_a_monitor_keeps(kind: type[Monitor], what: str) -> None:
+    monitor, _ = made(kind, {"plate": PLATE, "arm": ARM, "table": TABLE, "pad": PAD}[what])
+    told = []
+    for field in monitor.fields():
+        shape = field.size if isinstance(field.size, tuple) else f"({field.size})" if field.size else ""
+        span = f"[{field.low:g}..{field.high:g}]" if math.isfinite(field.low) or math.isfinite(field.high) else ""
+        told.append(f"{field.name}{shape}{span}")
+    assert " ".join(told) == KEPT[kind, what]
