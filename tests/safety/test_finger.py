@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 
+import numpy as np
 import pytest
 from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, Channels, Fake, model, state
 
 from itouch.monitors import DeviceFaultError, Trip
+from itouch.monitors.carried import Nearing
 from itouch.plugin import DeviceError, Record
 from itouch.safety import Finger, Supervisor
 from itouch.world.limits import DeviceLimits
@@ -53,6 +55,19 @@ def test_an_arm_leaves_to_a_plate_what_it_presses_with(pressed: float, left: flo
     press(table, pressed)
     finger.check(1)
     assert push(arm, 3.0) == pytest.approx(left)
+
+
+def test_an_arm_leaves_what_surfaces_may_press_with_next() -> None:
+    _, devices, _ = hand({"arm": ARM, "one": TABLE, "two": TABLE})
+    down, over = np.array([0.0, 0.0, -0.1]), np.array([0.0, 0.0, 0.1])
+    near = Nearing(over, down, np.array([0.092]), np.zeros(1), np.array([0.008, 1000.0, 2.0, PERIOD]))
+    finger = Finger("tip", devices, {"one": near})
+    assert finger.taken() == pytest.approx(0.06 + 0.2 + 0.2)
+    press(devices[1], 0.5)
+    press(devices[2], 0.4)  # of this one it is not known where the finger is
+    assert finger.taken() == pytest.approx(0.9 + 0.06 + 0.2)
+    finger.check(1)
+    assert push(devices[0], 3.0) == pytest.approx(3.0 - 1.16)
 
 
 def test_the_scenes_force_is_that_of_all_together() -> None:
