@@ -243,10 +243,10 @@ def test_a_step_at_the_very_start_is_not_judged() -> None:
     assert plate.until_trip(10, 25.5)[0] is Trip.NONE
 
 
-def frozen(plate: Plate, drives: list[float]) -> tuple[Trip, float]:
+def frozen(plate: Plate, drives: list[float], reads: float = K0 + 25.0) -> tuple[Trip, float]:
     """Return the trip of a plate that reads exactly the same under these drives, and after what time."""
     for index, drive in enumerate(drives):
-        plate.reading["plate_temperature"] = K0 + 25.0
+        plate.reading["plate_temperature"] = reads
         plate.reading["sink_temperature"] = K0 + 25.0
         plate.sent["current"] = 2.0 * drive
         try:
@@ -267,6 +267,37 @@ def test_a_frozen_sensor_under_a_changing_drive_trips() -> None:
 
 def test_a_plate_in_balance_under_a_steady_drive_is_not_frozen() -> None:
     assert frozen(Plate(), [0.4] * 1000)[0] is Trip.NONE
+
+
+def moved_then_frozen(
+    rate: float, drive: float, *, seconds: float = 8.0, limits: DeviceLimits = LIMITS, wobble: float = 0.0
+) -> tuple[Trip, float]:
+    """Let a plate move by a rate [K/s] for a second and a half under a drive, then read the same; say what trips when."""
+    plate = Plate(limits)
+    for index in range(150):
+        plate.say(25.0 + rate * STEP * index, drive=drive + wobble * ((index + 1) % 2))
+    return frozen(plate, [drive] * round(seconds / STEP), plate.reading["plate_temperature"].item())
+
+
+@pytest.mark.parametrize(("rate", "drive"), [(-1.5, 0.35), (1.5, -0.35), (-0.25, 0.11), (-4.0, 0.49)])
+def test_a_moving_plate_does_not_stop_under_a_steady_drive(rate: float, drive: float) -> None:
+    """Frozen in the middle of a steady drive of a third it was seen by nobody: the plate went to 6 degC."""
+    trip, after = moved_then_frozen(rate, drive)
+    assert trip is Trip.SENSOR_FROZEN
+    assert after == pytest.approx(max(0.5, 1.0 / abs(rate)), rel=0.1, abs=0.03)
+
+
+def test_a_plate_that_may_stop_is_not_frozen() -> None:
+    for rate, drive, wobble in ((-0.19, 0.35, 0.0), (-1.5, 0.1, 0.0), (0.0, 0.35, 0.0), (-1.5, 0.35, 0.1)):
+        assert moved_then_frozen(rate, drive, wobble=wobble)[0] is Trip.NONE
+    assert moved_then_frozen(-1.5, 0.35, seconds=0.5)[0] is Trip.NONE
+
+
+def test_a_tighter_current_makes_no_drive_less_steady() -> None:
+    """What wobbles by less than 2 % of the hardware's drive is steady, whatever part of the limit that is."""
+    tight = dataclasses.replace(LIMITS, current=0.8)
+    assert moved_then_frozen(-1.5, 0.12, wobble=0.018)[0] is Trip.SENSOR_FROZEN
+    assert moved_then_frozen(-1.5, 0.12, wobble=0.018, limits=tight)[0] is Trip.SENSOR_FROZEN
 
 
 def test_any_change_thaws() -> None:

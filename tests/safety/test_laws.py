@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib
 import math
+from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
@@ -120,6 +122,32 @@ def test_names_mean_nothing(number: int) -> None:
 def test_random_rigs_pass_no_absolute_limit(capsys: pytest.CaptureFixture[str]) -> None:
     assert campaign(12, 3) == 0
     assert "12 random rigs of seed 3, 0 wrong" in capsys.readouterr().out
+
+
+def test_a_campaign_goes_on_where_it_was_stopped_and_adds_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ran = []
+    module = importlib.import_module("itouch.bench.faults.campaign")
+    monkeypatch.setattr(module, "run", lambda case: ran.append(case.number) or case)
+    kept = tmp_path / "kept.jsonl"
+    assert campaign(3, 8, str(kept)) == 0
+    text = kept.read_text(encoding="utf-8")
+    kept.write_text(text[:-9], encoding="utf-8")  # killed while it wrote
+    assert campaign(4, 8, str(kept)) == 0
+    assert ran == [0, 1, 2, 2, 3]
+    assert campaign(1, 9, str(kept)) == 0
+    assert "5 random rigs of seed 8, 9, 0 wrong" in capsys.readouterr().out
+
+
+#: Cases of the campaign that have passed a limit once, and what must stop them.
+FOUND = [(823, 5201, "sensor-frozen")]
+
+
+@pytest.mark.parametrize(("number", "seed", "trip"), FOUND)
+def test_what_the_campaign_has_found_is_stopped(number: int, seed: int, trip: str) -> None:
+    case = run(draw(number, seed))
+    assert case.broken == [] and case.trips[0] == trip
 
 
 @pytest.mark.long

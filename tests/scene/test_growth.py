@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from itouch.bench import check as bench
 from itouch.plugin.discovery import Catalog
 from itouch.scene.loader import read_scene
 from itouch.schema import diagnostics
@@ -60,3 +61,30 @@ def test_what_is_known_is_compared_with_so_many_words_only(monkeypatch: pytest.M
     adviser = Adviser(["wood", "foam"], "there are")
     advised = [adviser.advise(f"w{i}") for i in range(100)]
     assert len(compared) == 13 and advised[0] == "there are: 'foam', 'wood'" and advised[13:] == [""] * 87
+
+
+@pytest.mark.parametrize("kind", bench.KINDS)
+def test_the_bench_checks_what_it_says(kind: str, tmp_path: Path) -> None:
+    path = bench.written(kind, 40, tmp_path / "scene")
+    scene, problems = read_scene(path, Catalog())
+    wrong = {"misspelt": "unknown-element", "unknown": "unknown-name", "same-name": "duplicate-name"}
+    assert {problem.code for problem in problems} == ({wrong[kind]} if kind in wrong else set())
+    written = "".join(file.read_text(encoding="utf-8") for file in Path(path).parent.iterdir())
+    assert 38 <= written.count("<") - written.count("</") <= 52
+    assert kind not in ("boxes", "spheres", "included", "one-line") or len(scene.objects) == 40
+
+
+def test_the_bench_fails_where_an_element_takes_longer_the_more_there_are(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def taken(power: float) -> None:
+        def check(paths: list[str]) -> float:
+            return 1.0 + sum(1e-4 * Path(path).read_text(encoding="utf-8").count("<to ") ** power for path in paths)
+
+        monkeypatch.setattr(bench, "check", check)
+
+    taken(1.0)
+    assert bench.main(["targets", "--many", "4000"]) == 0
+    taken(2.0)
+    assert bench.main(["targets", "--many", "4000"]) == 1
+    assert "4.00 times" in capsys.readouterr().out

@@ -73,6 +73,23 @@ def test_every_process_of_a_session_has_its_turn_from_the_first_millisecond_on()
     assert {running for _, _, running in drawn} == {False, True}
 
 
+def test_kills_in_parts_add_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    struck = []
+
+    def kill(victim: str, after: float, *, running: bool) -> starts.Kill:
+        struck.append(victim)
+        return starts.Kill(victim, after, 1.0, {"arm": 0.01}, ())
+
+    monkeypatch.setattr(starts, "kill", kill)
+    for count, seed in ((3, 5), (4, 5), (2, 6)):
+        kills = starts.campaign(count, seed, tell=True, keep=str(tmp_path / "kept.jsonl"))
+    assert struck == [*starts.VICTIMS[:4], *starts.VICTIMS[:2]]
+    assert len(kills) == 6 and all(one.good for one in kills)
+    assert "6 kills: 0 safe later than 200 ms" in capsys.readouterr().out
+
+
 def test_every_pair_of_victim_and_manner_has_its_turn() -> None:
     drawn = list(cases(18, 3))
     assert len({(victim, manner) for victim, manner, _ in drawn}) == 9

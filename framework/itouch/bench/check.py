@@ -110,14 +110,14 @@ def times(kind: str, many: int) -> tuple[float, float]:
     As many elements are checked in all of the small scenes, by one command, as in the large one, or half as many.
     """
     with tempfile.TemporaryDirectory() as folder:
-        itself = _check([_written(kind, _NEARLY_NONE, Path(folder, "none"))])
+        itself = check([written(kind, _NEARLY_NONE, Path(folder, "none"))])
         copies = max(2, min(_COPIES, many // FEW))
-        small = _check([_written(kind, FEW, Path(folder, f"few{i}")) for i in range(copies)]) - itself
-        large = _check([_written(kind, many, Path(folder, "many"))]) - itself
+        small = check([written(kind, FEW, Path(folder, f"few{i}")) for i in range(copies)]) - itself
+        large = check([written(kind, many, Path(folder, "many"))]) - itself
     return small / (copies * FEW), large / many
 
 
-def _written(kind: str, count: int, folder: Path) -> str:
+def written(kind: str, count: int, folder: Path) -> str:
     """Write a scene; return its path."""
     folder.mkdir()
     content = KINDS[kind](count)
@@ -129,7 +129,7 @@ def _written(kind: str, count: int, folder: Path) -> str:
     return str(path)
 
 
-def _check(paths: Sequence[str]) -> float:
+def check(paths: Sequence[str]) -> float:
     """Return the processor time [s] of a command that checks scenes."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     words, nothing = [sys.executable, "-P", "-m", "itouch.cli", "check", *paths], subprocess.DEVNULL

@@ -61,10 +61,10 @@ class Heat(Monitor):
         self._dose = limits.get("dose") or default.DOSE
         self._cold = limits.get("cold_time") or default.COLD_TIME
         self._ceilings = [_ceiling(channel, component, limits) for channel, component in self._drives]
-        self._history, self._runaway = (
-            History(_COUNTS),
-            Runaway(follows=all(channel.role is Role.DRIVE for channel, _ in self._drives)),
-        )
+        hardware = [_ceiling(channel, component, {}) for channel, component in self._drives]
+        parts = [most / least for most, least in zip(self._ceilings, hardware, strict=True)]
+        follows = all(channel.role is Role.DRIVE for channel, _ in self._drives)
+        self._history, self._runaway = History(_COUNTS), Runaway(follows=follows, part=min(parts, default=1.0))
 
     @classmethod
     def of(cls, device: Watched) -> Iterable[Monitor]:

@@ -13,6 +13,9 @@ from itouch.plugin import Channel, Field, Moment, Record, Role, Rule
 FROZEN, DRIVEN, FROZEN_DRIVE = 1.0, 0.02, 0.15
 #: T8: seconds of full drive, counted while it is strong, after which a plate cannot read exactly what it read before.
 FROZEN_HELD = 0.5
+#: T8: a plate that was moving under a steady drive above ``DRIFT_DRIVE`` cannot read exactly the same where it would
+#: have gone so far [K], after the one and before the other time [s]; how long [s] its slope is smoothed.
+STOPPED, STOPPED_TIME, STOPPED_WITHIN, SLOPE_TIME = 1.0, 0.5, 5.0, 0.3
 #: T9: part of the drive in force, for how long [s], and what change of temperature [K] that must have, or must not; the
 #: time [s] that drive and sensor may lag.
 RUNAWAY_DRIVE, RUNAWAY_TIME, RUNAWAY_STILL, RUNAWAY_WRONG, LAG = 0.5, 2.0, 0.1, 2.0, 0.15
@@ -43,10 +46,11 @@ class Runaway:
     """Compares what a plate reads with how it is driven.
 
     ``follows``: a strong drive must show; that of a device which controls its temperature itself is not known.
+    ``part``: of the hardware's drive, what the limit in force leaves; a tighter one makes no drive less steady.
     """
 
-    def __init__(self, *, follows: bool) -> None:
-        self._follows = follows
+    def __init__(self, *, follows: bool, part: float = 1.0) -> None:
+        self._follows, self._part = follows, part
 
     def fields(self) -> tuple[Field, ...]:
         """Return the State that it needs."""
@@ -56,6 +60,7 @@ class Runaway:
             Field("frozen_for", unit="s", doc="for how long it has been the same"),
             Field("frozen_drive", unit="s", doc="how much the drive has changed meanwhile, times time"),
             Field("frozen_held", unit="s", doc="seconds of full drive meanwhile, while the drive was strong"),
+            Field("frozen_slope", unit="K/s", doc="how fast it went before, under a drive that was steady"),
             Field("frozen_from", unit="1", doc="drive when that began, as a part of the limit in force"),
             Field("driven_for", unit="s", doc="how long a strong drive has lasted; > 0 cools, < 0 heats"),
             Field(
@@ -73,7 +78,7 @@ class Runaway:
     def forget(self, state: Record) -> None:
         """Begin anew."""
         state["frozen"][...] = math.nan
-        state["driven_for"][...] = state["odd_for"][...] = 0.0
+        state["driven_for"][...] = state["odd_for"][...] = state["frozen_slope"][...] = 0.0
         state["parts"][:] = -math.inf
         state["touched_at"][...] = -math.inf
 
@@ -88,24 +93,35 @@ class Runaway:
             state, temperature, sink, drive, moment
         )  # fmt: skip
 
-    @staticmethod
-    def _still(state: Record, temperature: float, drive: float, moment: Moment) -> float:
-        """Trip on a sensor that reads exactly the same while the drive changes (T8)."""
+    def _still(self, state: Record, temperature: float, drive: float, moment: Moment) -> float:
+        """Trip on a sensor that reads exactly the same while the drive changes, or the plate must go on (T8)."""
         passed, state["frozen_at"][...] = moment.time - state["frozen_at"].item(), moment.time
-        if temperature != state["frozen"].item():
+        before, change = state["frozen"].item(), abs(drive - state["frozen_from"].item())
+        if temperature != before:
+            elapsed, slope = state["frozen_for"].item() + passed, state["frozen_slope"].item()
+            steady = change * self._part <= DRIVEN and elapsed > 0.0 and not math.isnan(before)
+            newest = (temperature - before) / elapsed if steady else 0.0
+            part = 1.0 - math.exp(-elapsed / SLOPE_TIME) if steady else 1.0
+            state["frozen_slope"][...] = slope + part * (newest - slope)
             state["frozen"][...] = temperature
             state["frozen_for"][...] = state["frozen_drive"][...] = state["frozen_held"][...] = 0.0
             state["frozen_from"][...] = drive
             return 0.0
         strong = abs(drive) > RUNAWAY_DRIVE
-        change = abs(drive - state["frozen_from"].item())
         state["frozen_for"][...] = same = state["frozen_for"].item() + passed
         state["frozen_drive"][...] = driven = state["frozen_drive"].item() + change * passed
         state["frozen_held"][...] = held = state["frozen_held"].item() + abs(drive) * passed * strong
-        if driven > FROZEN_DRIVE or held > FROZEN_HELD or (same > FROZEN and driven > DRIVEN * same):
+        changed = driven > FROZEN_DRIVE or (same > FROZEN and driven > DRIVEN * same)
+        if changed or held > FROZEN_HELD or self._stopped(state, drive, same):
             state["figure2"][0] = same
             return -float(Trip.SENSOR_FROZEN)
         return 0.0
+
+    def _stopped(self, state: Record, drive: float, same: float) -> bool:
+        """Tell whether a plate that moved under a steady drive seems to have stopped from one reading to the next."""
+        gone = abs(state["frozen_slope"].item()) * same
+        driven = self._follows and abs(drive) > DRIFT_DRIVE
+        return driven and STOPPED_TIME < same <= STOPPED_WITHIN and gone > STOPPED
 
     def _against(self, state: Record, temperature: float, drive: float, moment: Moment) -> float:
         """Trip if the plate does not follow a strong drive, or goes the wrong way (T9)."""
@@ -169,7 +185,8 @@ class Runaway:
         """Return T8 and T9 of a plate that is driven."""
         if not driven:
             return ()
-        sane = "step of 5 K in 50 ms, frozen for 1 s while the drive changes or for 0.5 s of full drive"
+        sane = "step of 5 K in 50 ms, frozen for 1 s while the drive changes, for 0.5 s of full drive"
+        sane += " or where a moving plate would have gone 1 K on"
         sane += ", 10 K on the wrong side of its heat sink"
         away = "2 K against a drive above 50 % of the limit in force, or none of its effect for 2 s"
         return (Rule("T8", "sanity of its plate sensor", trip=sane), Rule("T9", "runaway", trip=away))
