@@ -172,6 +172,30 @@ def test_a_surface_that_goes_the_wrong_way_is_held_then_driven_back() -> None:
     assert held * PERIOD == pytest.approx(0.05, abs=0.004)
 
 
+def test_one_that_turns_round_on_its_way_back_is_held_where_it_was_furthest() -> None:
+    """Direction was minded by where the retreat began: a surface might come as far back as that, and 10 N at a finger."""
+    rig = Rig()
+    turned: list[tuple[float, float]] = []
+
+    def turns(goal: float) -> None:
+        if rig.ticks <= 24:
+            rig.height = goal
+            return
+        turned.append((rig.height, goal))
+        stood, asked = turned[0]
+        rig.height = stood + (asked - goal)
+        rig.load = 1.0 if rig.height > 0.02 else 0.0  # the finger has followed
+
+    rig.obey = turns
+    outcome = rig.stop("table")
+    furthest = turned[0][0]
+    assert furthest < 0.025
+    assert max(height for height, _ in turned) < furthest + 0.0025
+    assert rig.height < furthest + 0.0025
+    assert outcome.safe
+    assert outcome.devices["table"].startswith("goes the wrong way: held ")
+
+
 def test_one_that_goes_the_wrong_way_untouched_is_only_held() -> None:
     rig = Rig()
 

@@ -197,3 +197,16 @@ def test_a_servo_process_that_is_ended_from_outside(number: signal.Signals) -> N
         with pytest.raises(itouch.ServoError, match="killed by SIGKILL"):
             handle.report()
         assert handle.state["tick"] >= 0  # the last State stays readable
+
+
+def test_a_session_that_can_not_be_saved_at_its_end_still_tells_why_it_ended(tmp_path: Path) -> None:
+    (tmp_path / "scene.xml").write_text(
+        '<itouch version="1.0"><devices><device name="arm" plugin="usb-arm"/></devices>'
+        '<fault device="arm" kind="nan" at="20 ms"/></itouch>', encoding="utf-8"
+    )  # fmt: skip
+    target = tmp_path / "s.itouch"
+    with itouch.launch(tmp_path / "scene.xml", seconds=5.0, save=target) as handle:
+        target.mkdir()  # nothing can take its place
+        with pytest.raises(itouch.DeviceFaultError, match="NaN"):
+            handle.wait(60)
+        assert "not-a-number" in [fault["trip"] for fault in handle.report()["faults"]]

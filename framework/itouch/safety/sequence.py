@@ -27,7 +27,7 @@ LEFT, LEAVE_TIME = 0.1, 0.3
 SAFE_TIME = 0.5
 #: How far [m] a surface must have gone back, or how near the end of its travel it must be.
 RETREAT, AT_END = 0.003, 0.001
-#: How much nearer [m] a surface may come while it is told to retract.
+#: How much nearer [m] a surface may come while it is told to retract, than where it was furthest back.
 WRONG_WAY = 0.0015
 #: How long [s] it is then held before what the force sensor says counts.
 SETTLE = 0.05
@@ -63,6 +63,7 @@ class SafeSequence:
         self._answered: dict[str, int] = {}
         self._held_for: dict[str, int] = {}
         self._begun: dict[str, list[float]] = {}
+        self._furthest: dict[str, float] = {}
         self._passed = 0
         names = {s.model.name for s in self._retracting}
         self._carried = [s for s in supervisors if s.model.carrier in names and not _retracts(s)]
@@ -78,6 +79,7 @@ class SafeSequence:
         self._begun.clear()
         self._answered.clear()
         heights = {s.model.name: _height(s) for s in self._retracting}
+        self._furthest = dict(heights)
         for supervisor in self._carried:
             supervisor.keeping = supervisor.model.name != fault.device
         self._passed = 0
@@ -159,8 +161,10 @@ class SafeSequence:
             name = supervisor.model.name
             if supervisor.twin is None and not self._believed(supervisor):
                 continue  # a place that is not believed says nothing of a direction
-            gone = heights[name] - _height(supervisor)
-            if stopped.item() == 0 and gone < -WRONG_WAY:
+            height = _height(supervisor)
+            furthest = self._furthest[name] = min(self._furthest[name], height)
+            gone = heights[name] - height
+            if stopped.item() == 0 and height - furthest > WRONG_WAY:
                 stopped[...], self._held_for[name] = HELD, 0
             elif stopped.item() == HELD and name in self._held_for:
                 self._held_for[name] += 1

@@ -118,16 +118,19 @@ class Servo:
             error = raised
             let_go(raised)
         self.words[at.PHASE] = at.ENDING
-        for act in (self._park, self._release, self._finish):
+        for act in (self._park, self._release, self._finish, self._save):
             try:
                 act()
             except BaseException as raised:
                 error = error or raised
         self._publish(0.0, 0.0)
         self._publisher.publish_timing()
+        return self.report(), error
+
+    def _save(self) -> None:
+        """Save the session as it has ended, if that is asked for; what made it end counts more than a failure here."""
         if self._config["save"]:
             self.session.save(self._config["save"])
-        return self.report(), error
 
     def _park(self) -> None:
         """Make devices that are not simulated here safe in the rig's order, unless a fault has done so."""
