@@ -10,7 +10,7 @@ from shipped import SCENES
 
 from itouch.cli.lockstep import Lockstep
 from itouch.cli.virtual_rig import main as virtual_rig
-from itouch.plugin import read_trace
+from itouch.plugin import ItouchError, read_trace
 from itouch.session import build, load_scene
 
 
@@ -89,3 +89,20 @@ def test_a_taken_address_and_wrong_options_are_told(scene: Path, capsys: pytest.
     with pytest.raises(SystemExit):
         virtual_rig([str(scene), "--report", "x.json"])
     assert "go with --run" in capsys.readouterr().err
+
+
+def test_only_some_devices_are_on_their_wires(scene: Path, tmp_path: Path) -> None:
+    """The rest goes straight from the session to the twins: nothing but their protocols is left out."""
+    with (tmp_path / "wire.trace").open("w") as stream:
+        both = Lockstep(str(scene), trace=stream, only=["peltier"])
+        report = both.run(1.5)
+    assert report["faults"] == []
+    assert not report["twins"]
+    entries = read_trace((tmp_path / "wire.trace").read_text().splitlines())
+    assert {entry.device for entry in entries} == {"peltier"}
+    assert both.rig.driven  # the table obeys
+    height = float(both.world.state["table.pose"][2])
+    assert height == pytest.approx(float(both.host.state["table.pose"][2]), abs=1e-3)
+    assert height > 1e-3
+    with pytest.raises(ItouchError, match="no device 'stage': the scene has arm, table, peltier"):
+        Lockstep(str(scene), only=["stage"])

@@ -16,13 +16,14 @@ import sys
 import tempfile
 import threading
 import weakref
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, TextIO
 
 from itouch.cli.virtual_rig import VirtualRig
-from itouch.exchange import EveryNth, ThreadedDevice
+from itouch.exchange import EveryNth, Straight, StraightEmulator, ThreadedDevice
 from itouch.loop import DeviceFaultError
 from itouch.plugin import Trace
+from itouch.schema import ItouchError
 from itouch.schema.waits import waiting
 
 if TYPE_CHECKING:
@@ -35,9 +36,20 @@ LONGEST = 600.0
 
 
 class Lockstep:
-    """A host's session and the virtual rig that it runs on, at places of their own: others may run beside it."""
+    """A host's session and the virtual rig that it runs on, at places of their own: others may run beside it.
 
-    def __init__(self, scene: str, *, rig: str | None = None, seed: int = 0, trace: TextIO | None = None) -> None:
+    ``only`` are the devices that are on their wires; none named: all.
+    """
+
+    def __init__(
+        self,
+        scene: str,
+        *,
+        rig: str | None = None,
+        seed: int = 0,
+        trace: TextIO | None = None,
+        only: Sequence[str] = (),
+    ) -> None:
         from itouch.servo.prepare import prepare
 
         self.world = prepare(scene, seed=seed, twin="all", rig=rig)
@@ -45,12 +57,35 @@ class Lockstep:
         self._folder = tempfile.mkdtemp(prefix="itouch-")
         self._tidy = weakref.finalize(self, shutil.rmtree, self._folder, True)
         places = {runner.model.name: self._place(runner) for runner in self.world.runners}
-        self.rig = VirtualRig(self.world, speed=SPEED, places=places)
+        straight = self._straight(only)
+        wires = {name: StraightEmulator(device) for name, device in straight.items()}
+        self.rig = VirtualRig(self.world, speed=SPEED, places=places, wires=wires)
         self._lock = threading.Lock()
         self._truth = {runner.model.name: runner.twin_state for runner in self.world.runners}
         for runner in self.host.runners:
-            self._take_in(runner, places[runner.model.name], trace)
+            if runner.model.name in straight:
+                runner.device = straight[runner.model.name]
+            else:
+                self._take_in(runner, places[runner.model.name], trace)
         self.host.taps.append(self._tick)
+
+    def _straight(self, only: Sequence[str]) -> dict[str, Straight]:
+        """Return what stands for the devices that are on no wire.
+
+        Raises
+        ------
+        ItouchError
+            If there is no device of a name.
+        """
+        names = [runner.model.name for runner in self.world.runners]
+        for name in only:
+            if name not in names:
+                raise ItouchError(f"there is no device '{name}': the scene has {', '.join(names)}")
+        return {
+            runner.model.name: Straight(runner.model.params, runner.reading, runner.sent)
+            for runner in self.world.runners
+            if only and runner.model.name not in only
+        }
 
     def _place(self, runner: Runner) -> Any:
         """Return a device's parameters, with an address that no other virtual rig has."""
@@ -126,7 +161,7 @@ def main(options: argparse.Namespace) -> int:
 
     with contextlib.ExitStack() as stack:
         trace = stack.enter_context(open(options.trace, "w", encoding="utf-8")) if options.trace else None
-        both = Lockstep(options.scene, rig=options.rig, seed=options.seed, trace=trace)
+        both = Lockstep(options.scene, rig=options.rig, seed=options.seed, trace=trace, only=options.only)
         with waiting(f"running {options.scene} on its wires") as wait:
             both.host.taps.append(lambda tick: wait.part(None, f"{tick * both.host.model.period:.1f} s simulated"))
             report = both.run(options.duration)

@@ -37,9 +37,16 @@ def main(argv: Sequence[str]) -> int:
                         help="run the scene too, in this process and in step: as fast as the wires answer")  # fmt: skip
     parser.add_argument("--report", type=output_file, metavar="FILE.json", help="with --run: write the report as JSON")
     parser.add_argument("--trace", type=output_file, metavar="FILE", help="with --run: write what goes over the wires")
+    parser.add_argument(
+        "--only",
+        metavar="DEVICE",
+        action="append",
+        default=[],
+        help="with --run: only this device (repeat: these) on its wire, the rest without",
+    )
     options = parser.parse_args(argv)
-    if (options.report or options.trace) and not options.run:
-        parser.error("--report and --trace go with --run")
+    if (options.report or options.trace or options.only) and not options.run:
+        parser.error("--report, --trace and --only go with --run")
     if options.run:
         from itouch.cli import lockstep
 
@@ -69,18 +76,23 @@ def main(argv: Sequence[str]) -> int:
 class VirtualRig:
     """The twins of a session behind their emulators, whose timers run ``speed`` times as fast as the host's.
 
-    ``places`` are the parameters of those devices, by name, that are somewhere else than their scene says.
+    ``places`` are the parameters of those devices, by name, that are somewhere else than their scene says; ``wires``
+    are the emulators of those that have another than their own.
     """
 
-    def __init__(self, session: Engine, *, speed: float = 1.0, places: Mapping[str, Any] | None = None) -> None:
+    def __init__(
+        self,
+        session: Engine,
+        *,
+        speed: float = 1.0,
+        places: Mapping[str, Any] | None = None,
+        wires: Mapping[str, Emulator] | None = None,
+    ) -> None:
         self._session = session
         self._period = session.model.period
         self._lines: list[tuple[Runner, Emulator]] = []
         for runner in session.runners:
-            cls = runner.model.cls.Emulator
-            if cls is None:
-                raise ItouchError(f"device '{runner.model.name}': plugin '{runner.model.plugin}' has no emulator")
-            emulator = cls((places or {}).get(runner.model.name, runner.model.params))
+            emulator = (wires or {}).get(runner.model.name) or _emulator(runner, places or {})
             emulator.speed = speed
             self._lines.append((runner, emulator))
         #: Whether a host drives a device: then the operator's motion goes on.
@@ -155,3 +167,18 @@ class VirtualRig:
     def handles(self) -> list[int]:
         """Return the file descriptors on which a host's next request comes."""
         return [handle for _, emulator in self._lines for handle in emulator.handles()]
+
+
+def _emulator(runner: Runner, places: Mapping[str, Any]) -> Emulator:
+    """Return the emulator of a device.
+
+    Raises
+    ------
+    ItouchError
+        If its plugin has none.
+    """
+    cls = runner.model.cls.Emulator
+    if cls is None:
+        raise ItouchError(f"device '{runner.model.name}': plugin '{runner.model.plugin}' has no emulator")
+    found: Emulator = cls(places.get(runner.model.name, runner.model.params))
+    return found

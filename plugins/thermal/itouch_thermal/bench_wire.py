@@ -36,6 +36,10 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("scene", nargs="?", type=Path, default=Path("scenes/four_materials_wire.xml"), metavar="SCENE")
     parser.add_argument("--corners", action="store_true",
                         help="the corners, too: resistance, Seebeck, delay, lag of the sensors")  # fmt: skip
+    parser.add_argument("--only", metavar="WORDS", default="",
+                        help="only the plants whose name has these words, such as 'delay +5 ms'")  # fmt: skip
+    parser.add_argument("--alone", action="store_true",
+                        help="only the display on its wire: a fifth of the time, and some 0.1 %% aside")  # fmt: skip
     parser.add_argument("--for", dest="duration", metavar="60s", help="end every run after this time")
     parser.add_argument("--bound", type=float, default=100.0 * BOUND, metavar="PERCENT",
                         help=f"most error; twice that in the corners (default {100.0 * BOUND:g})")  # fmt: skip
@@ -47,9 +51,12 @@ def main(argv: Sequence[str]) -> int:
         )
         return 2
     rows, names = [], list[str]()
-    for name, mismatch, times in plants(corners=options.corners):
+    wanted = [plant for plant in plants(corners=options.corners or bool(options.only)) if options.only in plant[0]]
+    if not wanted:
+        parser.error(f"no plant has '{options.only}' in its name")
+    for name, mismatch, times in wanted:
         try:
-            row = run(options.scene, mismatch, options.duration)
+            row = run(options.scene, mismatch, options.duration, alone=options.alone)
         except RuntimeError as error:
             print(f"error: {name}: {error}", file=sys.stderr)
             return 2
@@ -83,8 +90,12 @@ def plants(*, corners: bool) -> Iterator[tuple[str, Mismatch, float]]:
         yield ", ".join(words), corner, CORNER / BOUND
 
 
-def run(scene: Path, mismatch: Mismatch, duration: str | None = None) -> dict[str, float | None]:
+def run(
+    scene: Path, mismatch: Mismatch, duration: str | None = None, *, alone: bool = False
+) -> dict[str, float | None]:
     """Return the true error [1] of each contact's flux by object, in a run of a scene whose plant differs.
+
+    ``alone``: only the displays are on their wires.
 
     Raises
     ------
@@ -96,6 +107,7 @@ def run(scene: Path, mismatch: Mismatch, duration: str | None = None) -> dict[st
         shutil.copytree(scene.resolve().parent, folder)
         if mismatch and not sum(differ(path, mismatch) for path in sorted(folder.rglob("*.xml"))):
             raise RuntimeError("no display behind a wire was found in the scene's folder")
+        named = [word for device in displays(folder / scene.name) for word in ("--only", device)] if alone else []
         report = Path(name) / "report.json"
         command = [
             sys.executable,
@@ -106,6 +118,7 @@ def run(scene: Path, mismatch: Mismatch, duration: str | None = None) -> dict[st
             "--run",
             "--report",
             str(report),
+            *named,
         ]
         command += ["--for", duration] if duration else []
         done = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
@@ -118,8 +131,7 @@ def run(scene: Path, mismatch: Mismatch, duration: str | None = None) -> dict[st
 def differ(path: Path, mismatch: Mismatch) -> int:
     """Add a difference to that of the displays behind a wire in a file; return how many there are."""
     tree = ElementTree.parse(path)
-    wired = [device for device in tree.iter("device") if device.get("twin") == "no"]
-    found = [hardware for device in wired for hardware in device.findall(f"{SPACE}hardware")]
+    found = [hardware for device in wired(tree.getroot()) for hardware in device.findall(f"{SPACE}hardware")]
     for hardware in found:
         there = hardware.find(f"{SPACE}mismatch")
         if there is None:
@@ -131,3 +143,19 @@ def differ(path: Path, mismatch: Mismatch) -> int:
     if found:
         tree.write(path, encoding="utf-8", xml_declaration=True)
     return len(found)
+
+
+def displays(scene: Path) -> list[str]:
+    """Return the names of the displays that are behind a wire, in a scene and what it includes."""
+    tree = ElementTree.parse(scene)
+    found = [str(device.get("name")) for device in wired(tree.getroot())]
+    for part in tree.iter("include"):
+        path = scene.parent / str(part.get("file"))
+        found += displays(path) if path.is_file() else []
+    return found
+
+
+def wired(root: ElementTree.Element) -> list[ElementTree.Element]:
+    """Return the displays of a file that are behind a wire."""
+    devices = [device for device in root.iter("device") if device.get("twin") == "no"]
+    return [device for device in devices if device.find(f"{SPACE}hardware") is not None]

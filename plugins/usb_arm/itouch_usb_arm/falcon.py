@@ -43,9 +43,14 @@ from itouch_usb_arm.wire import MOTOR_LIMIT, Leds, Reply, command
 FORCE_SCALE = 2200.0
 #: How often zero force is tried to be sent after an error.
 _INSIST = 8
-#: An arm is, between two frames, less than this many counts from where its last speed would have taken it, plus this
-#: many a second (2 m/s, up and down again); that speed says something for so long [s].
+#: An arm whose speed is not known is, between two frames, less than this many counts from where it was, plus this many
+#: a second (2 m/s).  A known speed says something for so long [s].
 _JUMP, _JUMP_RATE, _COASTS = 60, 40_000.0, 0.02
+#: From where its known speed takes it, an arm is less than this many counts (a wrong letter but the lowest is 16), and
+#: half of this many a second squared (300 m/s2), and what it goes in the time and this [s] that are not known better.
+_NEAR, _FORCED, _VAGUE = 12, 6.5e6, 1e-3
+#: After how many frames of which no two agree the arm is given up.
+_ASKED = 4
 #: A frame that took longer than this [s] may tell of a time as long ago: this machine was held up.  Of more
 #: than that the second [s] nothing is concluded: a frame that is then too far away is asked for again.
 _PROMPT, _LATEST = 5e-3, 0.05
@@ -165,8 +170,7 @@ class Falcon:
     def _start(self, opened: link.Link, image: boot.Image | None) -> None:
         self._forget()
         wire, first = started(opened, image, homing=self._homing, patience=self._patience, clock=self._clock)
-        self._link, self._wire = opened, wire
-        self._note(first)
+        self._link, self._wire, self._last = opened, wire, first  # its place is believed when a second frame agrees
 
     def close(self) -> None:
         """Send zero force and release the arm; may be called at any time, more than once."""
@@ -196,7 +200,8 @@ class Falcon:
     def read(self) -> Reading:
         """Exchange one frame: send the last written force, return what the arm says.
 
-        A frame that lost a byte or has a wrong one is asked for again; a reading is never made of one.
+        A frame that lost a byte or has a wrong one is asked for again; a reading is never made of one.  The frames have
+        no checksum: one that says what was not to be expected (places, buttons, homing) counts if the next one agrees.
 
         Returns
         -------
@@ -209,12 +214,7 @@ class Falcon:
             If the arm does not answer, answers nonsense, or is gone.  The force is zero then, until it is written anew.
         """
         began = self._clock()
-        reply = self._guarded(self._motors())
-        if self._jumped(reply):
-            again = self._guarded(self._motors())
-            if _far(again, reply, _JUMP) and self._jumped(again):
-                raise self._failed(ProtocolError("the arm's encoders jump: three frames disagree"))
-            reply = again
+        reply = self._believed()
         self._note(reply)
         now = self._clock()
         self._late = min(_LATEST, max(0.0, now - began - _PROMPT))
@@ -269,6 +269,17 @@ class Falcon:
             if self._clock() >= end:
                 missing = ", ".join(str(axis + 1) for axis, done in enumerate(reading.homed) if not done)
                 raise HomingTimeout(f"axis {missing} of the arm was not homed within {timeout:g} s")
+
+    def _believed(self) -> Reply:
+        """Exchange until an answer is what was to be expected, or agrees with one before it."""
+        now = self._clock()
+        seen = [(now, self._last)] if self._last is not None and self._position is None else []
+        for _ in range(_ASKED):
+            reply, now = self._guarded(self._motors()), self._clock()
+            if self._expected(reply, now) or any(_agree(reply, other, now - when) for when, other in seen):
+                return reply
+            seen.append((now, reply))
+        raise self._failed(ProtocolError(f"the arm's encoders jump: {_ASKED} frames disagree"))
 
     def _guarded(self, motors: tuple[int, int, int]) -> Reply:
         """Exchange a frame; after any failure the force is zero."""
@@ -326,18 +337,26 @@ class Falcon:
     def _shown(self) -> Leds:
         return self.leds if self.leds is not None else Leds.GREEN if self.homed else Leds.RED
 
-    def _jumped(self, reply: Reply) -> bool:
-        """Tell whether the encoders moved faster than an arm can; homing moves their zero."""
+    def _expected(self, reply: Reply, now: float) -> bool:
+        """Tell whether a frame says what was to be expected: an arm cannot jump, and homing moves its zero."""
         last = self._last
-        if last is None or self._position is None or reply.homed != last.homed:
+        if last is None or reply[1:] != last[1:]:
             return False
-        since = self._clock() - self._when
+        if self._position is None:
+            return not all(reply.homed)
+        since = now - self._when
         ahead = min(since, _COASTS)
-        expected = [n + ahead * v for n, v in zip(last.encoders, self._speed, strict=True)]
-        return any(
-            abs(a - b) > _JUMP + _JUMP_RATE * (since + self._late)
-            for a, b in zip(reply.encoders, expected, strict=True)
+        return all(
+            abs(new - (old + ahead * speed)) <= self._room(since, abs(speed))
+            for new, old, speed in zip(reply.encoders, last.encoders, self._speed, strict=True)
         )
+
+    def _room(self, since: float, speed: float) -> float:
+        """Return how far from its expected place a leg can be [counts] so long [s] after the last frame."""
+        widest = _JUMP + _JUMP_RATE * (since + self._late)
+        if self._late or since >= _COASTS:
+            return widest
+        return min(widest, _NEAR + 0.5 * _FORCED * since * since + speed * (since + _VAGUE))
 
     def _note(self, reply: Reply) -> None:
         """Take over a reply; its position only if all axes are homed."""
@@ -361,5 +380,8 @@ class Falcon:
         self._last, self._when = reply, now
 
 
-def _far(one: Reply, other: Reply, limit: float) -> bool:
-    return any(abs(a - b) > limit for a, b in zip(one.encoders, other.encoders, strict=True))
+def _agree(one: Reply, other: Reply, apart: float) -> bool:
+    """Tell whether two frames that came so long [s] one after the other say the same of the same arm."""
+    limit = _JUMP + _JUMP_RATE * min(apart, _LATEST)
+    near = all(abs(a - b) <= limit for a, b in zip(one.encoders, other.encoders, strict=True))
+    return one[1:] == other[1:] and (near or not all(one.homed))

@@ -38,7 +38,7 @@ def test_all_corners_are_tried_once() -> None:
 def test_each_figure_is_held_against_its_bound(
     scenes: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], error: float | None, code: int
 ) -> None:
-    monkeypatch.setattr(bench_wire, "run", lambda scene, mismatch, duration: {"wood": 0.004, "foam": error})
+    monkeypatch.setattr(bench_wire, "run", lambda scene, mismatch, duration, alone: {"wood": 0.004, "foam": error})
     table = scenes / "rows.json"
     assert main([str(scenes / "four_materials_wire.xml"), "--json", str(table)]) == code
     lines = capsys.readouterr().out.splitlines()
@@ -55,3 +55,24 @@ def test_a_run_that_fails_and_a_scene_that_is_not_there_are_told(
     monkeypatch.setattr(bench_wire, "PROGRAM", "import sys; sys.exit('fault: the table is gone')")
     assert main([str(scenes / "four_materials_wire.xml")]) == 2
     assert "error: as written: fault: the table is gone" in capsys.readouterr().err
+
+
+def test_one_plant_is_chosen_by_words_of_its_name(
+    scenes: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tried: list[tuple[dict[str, float], bool]] = []
+
+    def run(scene: Path, mismatch: dict[str, float], duration: str | None, *, alone: bool) -> dict[str, float | None]:
+        tried.append((dict(mismatch), alone))
+        return {"foam": 0.05}
+
+    monkeypatch.setattr(bench_wire, "run", run)
+    words = "seebeck -10 %, delay +5 ms, sensor-lag -30 %"
+    assert main([str(scenes / "four_materials_wire.xml"), "--only", words, "--alone"]) == 0
+    assert [mismatch["contact-resistance"] for mismatch, _ in tried] == [0.2, -0.2]
+    assert all(mismatch["delay"] == 5e-3 and alone for mismatch, alone in tried)
+    capsys.readouterr()
+    with pytest.raises(SystemExit):
+        main([str(scenes / "four_materials_wire.xml"), "--only", "gold"])
+    assert "no plant has 'gold' in its name" in capsys.readouterr().err
+    assert bench_wire.displays(scenes / "four_materials_wire.xml") == ["peltier"]

@@ -196,9 +196,9 @@ def test_the_wire_is_that_of_the_golden_transcript() -> None:
 
 
 def test_the_driver_plays_against_the_golden_transcript() -> None:
-    backend = PlayedFalcon(read_trace(GOLDEN.read_text().splitlines()))
     time = VirtualTime()
-    time.LOOK = 1e-3  # type: ignore[misc]
+    time.LOOK = 1e-4  # type: ignore[misc]
+    backend = PlayedFalcon(read_trace(GOLDEN.read_text().splitlines()), time)
     seen = session(Falcon(IMAGE, backend, clock=time.now))
     assert backend.left == []
     assert backend.controls == []

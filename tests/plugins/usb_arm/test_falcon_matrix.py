@@ -15,7 +15,7 @@ IMAGE = boot.build([boot.Block(0x3F8000, tuple(range(90)))], entry=0x3F8002)
 STATES = ("closed", "opening", "homing", "ready", "enabled")
 #: How bad each is: once, or for as long as the test lasts.
 FAULTS = {
-    "drop": (1, 500), "bad": (1, 500), "stray": (1, 500), "refuse": (1, 500), "mute": (1, 500), "late": (0.03, 0.4),
+    "drop": (1, 500), "bad": (1, 500), "wrong": (1,), "stray": (1, 500), "refuse": (1, 500), "mute": (1, 500), "late": (0.03, 0.4),
     "unplug_after": (0, 5, 16), "boot_echo": (0, 150), "unhomed": (True,), "deaf": (True,),
 }  # fmt: skip
 CASES = [(state, fault, worth) for state, fault in itertools.product(STATES, FAULTS) for worth in FAULTS[fault]]

@@ -271,6 +271,11 @@ class VirtualFalcon:
             faults.bad -= 1
             place = self._random.randrange(1, 13)
             frame = frame[:place] + b"\x7f" + frame[place + 1 :]
+        if faults.wrong > 0:
+            faults.wrong -= 1
+            place = self._random.randrange(1, 13)
+            letter = 0x41 + (frame[place] - 0x41 ^ self._random.randrange(1, 16))
+            frame = frame[:place] + bytes((letter,)) + frame[place + 1 :]
         if faults.stray > 0:
             faults.stray -= 1
             frame = b"<A\x00" + frame

@@ -11,8 +11,9 @@ class Faults:
 
     Attributes
     ----------
-    drop, bad, stray
-        Answers that lose a byte, have a wrong one, or come after a stray byte.
+    drop, bad, stray, wrong
+        Answers that lose a byte, have one that no frame has, come after a stray byte, or have a wrong letter in a
+        number.
     refuse
         Transfers that stall their endpoint.
     mute
@@ -32,6 +33,7 @@ class Faults:
     drop: int = 0
     bad: int = 0
     stray: int = 0
+    wrong: int = 0
     refuse: int = 0
     mute: int = 0
     late: float = 0.0
