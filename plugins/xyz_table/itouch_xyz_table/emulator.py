@@ -1,16 +1,24 @@
-"""The table's wire: three virtual servos on a pseudo-terminal, with the table's twin as their axes."""
+"""The table's wire: three virtual servos on a pseudo-terminal, with the table's twin as their axes.
+
+An ODrive's bus is simulated as a serial adaptor of python-can (``slcan``).
+"""
 
 from __future__ import annotations
 
 import math
 import os
 import tempfile
+import time
 from dataclasses import replace
 from typing import Any
 
-from itouch.plugin import Emulator, Record, Terminal
-from itouch_xyz_table.faults import POSITION
+from itouch.plugin import DeviceError, Emulator, Record, Terminal
+from itouch_xyz_table.faults import FAULT, POSITION
 from itouch_xyz_table.virtual import GOAL_SPEED, MOST, VirtualBus, VirtualServo
+from itouch_xyz_table.virtual_odrive import VirtualCan, VirtualOdrive
+
+#: Within this time [s] an ODrive has told that its watchdog has ended.
+TOLD = 0.15
 
 
 class TableEmulator(Emulator):
@@ -19,25 +27,39 @@ class TableEmulator(Emulator):
     def __init__(self, params: Any) -> None:
         super().__init__(params)
         self._leads = [lead * sign for lead, sign in zip(params.lead, params.direction, strict=True)]
-        self.bus = VirtualBus({int(n): VirtualServo(int(n)) for n in params.ids})
-        self._servos = list(self.bus.servos.values())
+        self.bus: VirtualBus | VirtualCan
+        self._servos: list[VirtualServo]
+        if params.bus:
+            motors = zip(params.ids, params.torque_constant, strict=True)
+            drives = [VirtualOdrive(int(number), constant=constant) for number, constant in motors]
+            self.bus, self._servos = VirtualCan({drive.number: drive for drive in drives}), [*drives]
+        else:
+            self._servos = [VirtualServo(int(n)) for n in params.ids]
+            self.bus = VirtualBus({servo.number: servo for servo in self._servos})
         self._terminal: Terminal | None = None
-        self._when = 0.0
+        self._when = self._first = 0.0
+        self._begun, self._ahead, self._stands = 0.0, 0.0, bool(params.bus)
+        self._ended, self._proven = 0.0, False
 
     @classmethod
     def somewhere(cls, params: Any) -> Any:
         """Name a serial port of our own if none is named."""
-        return params if params.port else replace(params, port=f"{tempfile.gettempdir()}/itouch-table-{os.getpid()}")
+        if params.port or params.bus:
+            return params
+        return replace(params, port=f"{tempfile.gettempdir()}/itouch-table-{os.getpid()}")
 
     @classmethod
     def elsewhere(cls, params: Any, folder: str) -> Any:
         """Name a serial port in a folder."""
-        return replace(params, port=f"{folder}/table")
+        return replace(params, bus=f"slcan:{folder}/table") if params.bus else replace(params, port=f"{folder}/table")
 
     def open(self) -> str:
         """Make the serial port that the parameters name."""
-        self._terminal = Terminal(self.params.port)
-        return f"servos of the table on {self.params.port or self._terminal.path}"
+        interface, _, place = self.params.bus.rpartition(":")
+        if interface not in ("", "slcan"):
+            raise DeviceError(f"bus = '{self.params.bus}': a simulated table has its bus at slcan:PATH")
+        self._terminal = Terminal(self.params.port or place)
+        return f"servos of the table on {self.params.port or place or self._terminal.path}"
 
     def close(self) -> None:
         """Take the port away."""
@@ -53,6 +75,7 @@ class TableEmulator(Emulator):
         """Show the twin's axes to the servos, answer the host, and tell the twin where to go."""
         if self._terminal is None:
             return False
+        now = self._time(now)
         place, load = reading["pose"].tolist()[:3], reading["wrench"].tolist()[:3]
         load[2] -= self.params.weight
         lapse, self._when = now - self._when, now
@@ -60,9 +83,9 @@ class TableEmulator(Emulator):
             servo.place = p / lead
             servo.torque = -f * lead / (math.tau * self.params.efficiency)
             servo.watch(now)
-        data = self._terminal.receive()
-        if data:
-            self._terminal.send(self.bus.take(data, lambda: now))
+        answer = self.bus.take(self._terminal.receive(), lambda: now)
+        if answer:
+            self._terminal.send(answer)
         goal = command["pose_target"]
         for axis, (servo, lead) in enumerate(zip(self._servos, self._leads, strict=True)):
             wanted = servo.goal() * lead
@@ -71,6 +94,21 @@ class TableEmulator(Emulator):
             elif servo.mode == POSITION:  # it is led by its speed: towards an end, as in homing
                 self._creep(servo, goal, axis, lead, lapse)
         return any(servo.mode == POSITION for servo in self._servos)
+
+    def _time(self, now: float) -> float:
+        """Return the simulated time; while that has not begun, the host's: who opens an ODrive waits for its watchdog.
+
+        Once that has ended nobody waits any more, and a session that is not quick to begin is no silence.
+        """
+        if self._stands:
+            if not self._begun:
+                self._begun, self._first = time.monotonic(), now
+            self._ahead = time.monotonic() - self._begun
+            if not all(servo.mode == FAULT for servo in self._servos):
+                self._ended = self._ahead
+            self._stands = now == self._first and (not self._proven or self._ahead - self._ended < TOLD)
+            self._proven |= self._ahead > self._ended
+        return now + self._ahead
 
     def _creep(self, servo: VirtualServo, goal: Any, axis: int, lead: float, lapse: float) -> None:
         half = self.params.travel[axis] / 2

@@ -6,7 +6,8 @@ import math
 import time
 from collections.abc import Callable, Sequence
 
-from itouch_xyz_table.servos import AXES, Goal, ServoError, Servos, check
+from itouch_xyz_table.drives import Drives
+from itouch_xyz_table.servos import AXES, Goal, ServoError, check
 
 #: Share of the torque limit, and speed [m/s], with which an axis looks for its end.
 GENTLE, SLOW = 0.25, 0.02
@@ -17,7 +18,7 @@ BACK_OFF, _GRACE = 0.002, 3.0
 
 
 def home(
-    servos: Servos,
+    servos: Drives,
     *,
     leads: Sequence[float],
     torques: Sequence[float],
@@ -51,7 +52,7 @@ def home(
 
 
 def _to_the_end(
-    servos: Servos, axis: int, lead: float, torque: float, limit: float, clock: Callable[[], float]
+    servos: Drives, axis: int, lead: float, torque: float, limit: float, clock: Callable[[], float]
 ) -> None:
     speed = -SLOW / lead
     goals: list[Goal | None] = [None, None, None]

@@ -28,8 +28,8 @@ class ServoError(DeviceError):
 class ServoFault(ServoError):  # noqa: N818
     """A servo has stopped by itself, with its code."""
 
-    def __init__(self, axis: str, code: int) -> None:
-        super().__init__(f"servo {axis} stopped: {fault_name(code)} (code {code})")
+    def __init__(self, axis: str, code: int, words: str = "") -> None:
+        super().__init__(f"servo {axis} stopped: {words or f'{fault_name(code)} (code {code})'}")
         self.axis, self.code = axis, code
 
 
@@ -38,7 +38,10 @@ class ServoTimeout(ServoError):  # noqa: N818
 
 
 class ServoState(NamedTuple):
-    """What a servo says of itself: position [rev], velocity [rev/s], torque [N m], supply [V], board [degC]."""
+    """What a servo says of itself: position [rev], velocity [rev/s], torque [N m], supply [V], board [degC].
+
+    ``mode`` and ``fault`` are numbers of moteus; ``words`` say what the fault of another make means.
+    """
 
     mode: int
     position: float
@@ -47,6 +50,7 @@ class ServoState(NamedTuple):
     voltage: float
     temperature: float
     fault: int
+    words: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,6 +149,9 @@ class Servos:
             maximum_torque=goal.torque_limit, watchdog_timeout=self._watchdog, velocity_limit=goal.velocity_limit,
             query=True,
         )  # fmt: skip
+
+    def ready(self) -> None:
+        """Do nothing: these servos obey their first command at once."""
 
     def set_position(self, axis: int, position: float) -> None:
         """Tell a servo where it is [rev]."""
@@ -248,7 +255,7 @@ def check(states: Sequence[ServoState], *, driven: bool) -> None:
     """
     for axis, state in zip(AXES, states, strict=True):
         if state.mode == FAULT:
-            raise ServoFault(axis, state.fault)
+            raise ServoFault(axis, state.fault, state.words)
         if state.mode == TIMEOUT:
             raise ServoTimeout(f"servo {axis} was without command for longer than its watchdog and has stopped")
         if driven and state.mode != POSITION:

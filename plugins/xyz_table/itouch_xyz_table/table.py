@@ -1,7 +1,7 @@
 """The XYZ table as a device: three translations presented as six degrees of freedom, rotations locked.
 
-Each axis is a moteus servo on a screw or belt.  The travel, speed and friction of the table in the literature are not
-published; the defaults here are ours.
+Each axis is a servo (moteus, or ODrive) on a screw or belt.  The travel, speed and friction of the table in the
+literature are not published; the defaults here are ours.
 """
 
 from __future__ import annotations
@@ -28,9 +28,10 @@ from itouch.plugin import (
     pose_target,
     schema,
 )
+from itouch_xyz_table.drives import Drives, opened
 from itouch_xyz_table.emulator import TableEmulator
 from itouch_xyz_table.homing import home
-from itouch_xyz_table.servos import Goal, Servos, ServoState, check
+from itouch_xyz_table.servos import Goal, ServoState, check
 from itouch_xyz_table.twin import XyzTableTwin
 
 #: Seconds without a command after which the servos stop by themselves.
@@ -54,6 +55,13 @@ class XyzTableParams:
     friction: float = schema.quantity("N", low=0.0, high=20, default=0.8, doc="of the twin: dry friction of an axis")
     bandwidth: float = schema.quantity("Hz", low=5, high=100, default=40.0, doc="of the twin: of its position control")
     port: str = schema.text(default="", doc="serial port of the CAN-FD adaptor; empty: the one that is attached")
+    bus: str = schema.text(
+        default="",
+        doc="of ODrive servos: INTERFACE:CHANNEL of python-can, such as socketcan:can0; empty: moteus servos",
+    )
+    torque_constant: tuple[float, float, float] = schema.quantity(
+        "", size=3, low=1e-4, high=10.0, default=(0.04, 0.04, 0.04), doc="of ODrive servos: N m an ampere of each motor"
+    )
     ids: tuple[float, float, float] = schema.quantity(
         "", size=3, low=1, high=126, default=(1.0, 2.0, 3.0), doc="numbers of the servos of x, y and z on the bus"
     )
@@ -87,6 +95,10 @@ class XyzTableParams:
             raise ValueError(f"direction = {self.direction} must be 1 or -1 for each axis")
         if len({int(number) for number in self.ids}) < 3 or any(number % 1 for number in self.ids):
             raise ValueError(f"ids = {self.ids} must be three different whole numbers")
+        if self.bus and self.port:
+            raise ValueError("port is of moteus servos and bus of ODrive servos: write one of them")
+        if self.bus and (":" not in self.bus or max(self.ids) > 63):
+            raise ValueError(f"bus = '{self.bus}' must be INTERFACE:CHANNEL, and ids of ODrive servos are 1 to 63")
 
 
 class XyzTable(Device):
@@ -122,14 +134,15 @@ class XyzTable(Device):
     @classmethod
     def missing(cls, bound: XyzTableParams) -> str:
         """Look whether there is anything at the port."""
-        absent = bound.port.startswith("/") and not os.path.exists(bound.port)
-        return f"there is nothing at '{bound.port}': look at its plug" if absent else ""
+        place = bound.port or bound.bus.partition(":")[2]
+        absent = place.startswith("/") and not os.path.exists(place)
+        return f"there is nothing at '{place}': look at its plug" if absent else ""
 
     def __init__(self, params: XyzTableParams) -> None:
         super().__init__(params)
         #: Signed metres a revolution.
         self._leads = tuple(lead * sign for lead, sign in zip(params.lead, params.direction, strict=True))
-        self._servos: Servos | None = None
+        self._servos: Drives | None = None
         self._goal: tuple[float, ...] | None = None
         self._before: tuple[float, ...] = ()
         self._when = 0.0
@@ -145,14 +158,13 @@ class XyzTable(Device):
         """
         p = self.params
         x, y, _ = p.travel
-        servos = Servos(
-            p.port, [int(number) for number in p.ids], watchdog=WATCHDOG, patience=self.patience, trace=self.trace
-        )
+        servos = opened(p, WATCHDOG, self.patience, self.trace)
         try:
             servos.query()
             check(servos.stop(latched=True), driven=False)
             if p.homing == "stops":
                 home(servos, leads=self._leads, torques=p.max_torque, travel=p.travel, low=(-x / 2, -y / 2, 0.0))
+            servos.ready()
         except BaseException:
             servos.close()
             raise

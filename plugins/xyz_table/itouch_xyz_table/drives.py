@@ -1,0 +1,47 @@
+"""What the table asks of its three servos, and which make of them the parameters name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+from itouch.plugin import Trace
+from itouch_xyz_table.odrive import Odrives
+from itouch_xyz_table.servos import Goal, Servos, ServoState
+
+
+class Drives(Protocol):
+    """Three servos on an open bus; one call, one exchange.  Each raises `ServoError`, which names the axis."""
+
+    def query(self) -> tuple[ServoState, ...]:
+        """Ask all how they are."""
+
+    def command(self, goals: Sequence[Goal | None]) -> tuple[ServoState, ...]:
+        """Command servos and ask all; None: only ask that one."""
+
+    def stop(self, *, latched: bool = False) -> tuple[ServoState, ...]:
+        """Stop all without force; that also ends what is latched."""
+
+    def set_position(self, axis: int, position: float) -> None:
+        """Say that a servo is at this place [rev]."""
+
+    def ready(self) -> None:
+        """Make them obey their first command at once."""
+
+    def close(self) -> None:
+        """Let go of the bus."""
+
+
+def opened(params: Any, watchdog: float, patience: float, trace: Trace | None) -> Drives:
+    """Open the bus that the parameters of the table name.
+
+    Raises
+    ------
+    DeviceError
+        If it is not there.
+    """
+    ids = [int(number) for number in params.ids]
+    if params.bus:
+        constants = params.torque_constant
+        return Odrives(params.bus, ids, torque_constants=constants, patience=patience, trace=trace)
+    return Servos(params.port, ids, watchdog=watchdog, patience=patience, trace=trace)

@@ -1,0 +1,287 @@
+"""Three ODrive servos on a CAN bus, by the kept library python-can: what `servos.Servos` does, with CAN Simple frames.
+
+A servo says its state ten times a second, unasked; places and currents are asked for in every exchange, which also
+feeds the servo's own watchdog.  That can be armed over USB only, so it is tried out when the bus is opened: each
+servo holds its place and is left in silence, and must let go.  A frame that is lost is asked for again.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from itouch.plugin import Trace
+from itouch_xyz_table import canframes as can_
+from itouch_xyz_table.faults import FAULT, POSITION
+from itouch_xyz_table.servos import AXES, Goal, ServoError, ServoState
+
+#: Longest wait for answers [s], and how often those that are missing are asked for again; longest silence of a
+#: servo whose state is known [s]; how long [s] changing a state may take.
+PATIENCE, TRIES, SILENT, CHANGE = 0.01, 8, 0.35, 0.6
+#: A servo must let go by itself within this time [s] without a frame, and a heartbeat later it has said so.
+LONGEST_WATCHDOG, HEARTBEAT = 0.5, 0.25
+#: Bits a second of a bus behind a serial adaptor.
+_BITRATE = 1_000_000
+
+
+class Odrives:
+    """An open bus.
+
+    Parameters
+    ----------
+    bus
+        INTERFACE:CHANNEL of python-can: ``socketcan:can0``, ``slcan:/dev/ttyACM0``.
+    ids
+        The servos' numbers on the bus.
+    torque_constants
+        Newton metres an ampere of each motor.
+    patience
+        Factor on how long answers are waited for.
+    """
+
+    def __init__(
+        self,
+        bus: str,
+        ids: Sequence[int],
+        *,
+        torque_constants: Sequence[float],
+        patience: float = 1.0,
+        trace: Trace | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._ids, self._constants, self._patience = list(ids), list(torque_constants), patience
+        self._trace, self._clock = trace, clock
+        #: Exchanges that were made again because a frame was lost.
+        self.repeated = 0
+        #: Whether the servos are driven: one that is not any more has started anew, and is not driven by itself.
+        self._armed = False
+        self._zero = [0.0] * len(self._ids)
+        self._state, self._error = [0] * len(self._ids), [0] * len(self._ids)
+        self._heard = [-math.inf] * len(self._ids)
+        self._mode: list[int | None] = [None] * len(self._ids)
+        self._limits: list[tuple[float, float] | None] = [None] * len(self._ids)
+        self._found: dict[tuple[int, int], tuple[float, ...]] = {}
+        self._bus = _opened(bus)
+        try:
+            self._await("sends no heartbeat: check its cable and supply", lambda axis: self._heard[axis] > -math.inf)
+            self._prove_watchdog()
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Let go of the bus; the servos keep their last command until their watchdog ends it."""
+        with contextlib.suppress(Exception):
+            self._bus.shutdown()
+
+    # --- what the table asks of servos ----------------------------------------------------------------------------
+
+    def query(self) -> tuple[ServoState, ...]:
+        """Ask all servos how they are.
+
+        Raises
+        ------
+        ServoError
+            If one does not answer.
+        """
+        self._listen(0.0)
+        wanted = {(axis, what) for axis in range(len(self._ids)) for what in (can_.ESTIMATES, can_.CURRENTS)}
+        for turn in range(TRIES):
+            self._found = {key: value for key, value in self._found.items() if key in wanted and turn}
+            missing = sorted(wanted - set(self._found))
+            for axis, what in missing:
+                self._ask(axis, what)
+            end = self._clock() + PATIENCE * self._patience
+            while len(self._found) < len(wanted) and self._clock() < end:
+                self._listen(end - self._clock())
+            if len(self._found) == len(wanted):
+                return tuple(self._shown(axis) for axis in range(len(self._ids)))
+            self.repeated += 1
+        axis = min(axis for axis, _ in wanted - set(self._found))
+        raise ServoError(f"servo {AXES[axis]} (id {self._ids[axis]}) does not answer: check its cable and supply")
+
+    def command(self, goals: Sequence[Goal | None]) -> tuple[ServoState, ...]:
+        """Command servos and ask all; None: only ask that one."""
+        for axis, goal in enumerate(goals):
+            if goal is not None:
+                self._go(axis, goal)
+        return self.query()
+
+    def stop(self, *, latched: bool = False) -> tuple[ServoState, ...]:
+        """Stop all servos without force; that also ends latched errors."""
+        self._armed = False
+        for axis in range(len(self._ids)):
+            self._send(axis, can_.SET_STATE, can_.IDLE)
+            self._send(axis, can_.CLEAR_ERRORS, 0)
+        self._await("does not stop", lambda axis: self._state[axis] == can_.IDLE and not self._error[axis])
+        return self.query()
+
+    def set_position(self, axis: int, position: float) -> None:
+        """Remember that a servo is at this place [rev]: it goes on counting as it did."""
+        self._zero[axis] += position - self.query()[axis].position
+
+    def ready(self) -> None:
+        """Let all servos hold where they are, so that the first command finds them driven."""
+        for axis, state in enumerate(self.query()):
+            limit = self._limits[axis] or (1.0, 1.0)
+            self._go(axis, Goal(state.position, 0.0, 0.0, limit[1] * self._constants[axis], limit[0]))
+        self._armed = True
+
+    # --- the bus -----------------------------------------------------------------------------------------------------
+
+    def _go(self, axis: int, goal: Goal) -> None:
+        """Send a goal; a servo that is not driven yet is told what it shall do before it is."""
+        by_velocity = math.isnan(goal.position)
+        limits = (goal.velocity_limit, goal.torque_limit / self._constants[axis])
+        if limits != self._limits[axis]:
+            self._send(axis, can_.SET_LIMITS, *limits)
+            self._limits[axis] = limits
+        mode = can_.BY_VELOCITY if by_velocity else can_.BY_POSITION
+        if mode != self._mode[axis]:
+            self._send(axis, can_.SET_MODE, mode, can_.FOLLOW)
+            self._mode[axis] = mode
+        if by_velocity:
+            self._send(axis, can_.SET_VELOCITY, goal.velocity, goal.feedforward)
+        else:
+            forward = can_.milli(goal.velocity), can_.milli(goal.feedforward)
+            self._send(axis, can_.SET_POSITION, goal.position - self._zero[axis], *forward)
+        if not self._armed and self._state[axis] != can_.CLOSED_LOOP and not self._error[axis]:
+            self._send(axis, can_.SET_STATE, can_.CLOSED_LOOP)
+            self._await("does not follow", lambda one: one != axis or self._state[one] != can_.IDLE or self._error[one])
+
+    def _prove_watchdog(self) -> None:
+        """Leave the servos in silence while they hold their places: each must let go by itself.
+
+        Raises
+        ------
+        ServoError
+            If one does not: its watchdog is off.
+        """
+        self.stop()
+        for axis, state in enumerate(self.query()):
+            self._go(axis, Goal(state.position, 0.0, 0.0, 0.01 * self._constants[axis], 0.1))
+        end = self._clock() + (LONGEST_WATCHDOG + HEARTBEAT) * max(1.0, self._patience / 5.0)
+        while any(state == can_.CLOSED_LOOP for state in self._state) and self._clock() < end:
+            self._listen(0.05)
+        for axis, state in enumerate(self._state):
+            if state == can_.CLOSED_LOOP:
+                self.stop()
+                raise ServoError(
+                    f"servo {AXES[axis]} (id {self._ids[axis]}) goes on without being commanded for "
+                    f"{LONGEST_WATCHDOG:g} s: its own watchdog is off; set enable_watchdog and watchdog_timeout "
+                    "(0.1 s) with the maker's program"
+                )
+        self.stop()
+
+    def _await(self, otherwise: str, done: Callable[[int], object]) -> None:
+        """Feed and listen until something is true of all servos, as their heartbeats say.
+
+        Raises
+        ------
+        ServoError
+            If it does not become true.
+        """
+        end = self._clock() + CHANGE * self._patience
+        while not all(done(axis) for axis in range(len(self._ids))):
+            if self._clock() > end:
+                axis = next(axis for axis in range(len(self._ids)) if not done(axis))
+                raise ServoError(f"servo {AXES[axis]} (id {self._ids[axis]}) {otherwise}{self._why(axis)}")
+            for axis in range(len(self._ids)):
+                self._ask(axis, can_.HEARTBEAT)  # not every firmware answers that; it comes by itself, too
+            self._listen(0.02)
+
+    def _why(self, axis: int) -> str:
+        code = self._error[axis]
+        return f": {can_.error_name(code)} (0x{code:x})" if code else ""
+
+    def _shown(self, axis: int) -> ServoState:
+        """Return a servo's state, as moteus would say it."""
+        if self._clock() - self._heard[axis] > SILENT * self._patience:
+            raise ServoError(f"servo {AXES[axis]} (id {self._ids[axis]}) sends no heartbeat any more: check its cable")
+        place, speed = self._found[axis, can_.ESTIMATES]
+        current = self._found[axis, can_.CURRENTS][1]
+        code = self._error[axis]
+        mode = FAULT if code else POSITION if self._state[axis] == can_.CLOSED_LOOP else 0
+        words = f"{can_.error_name(code)} (error 0x{code:x})" if code else ""
+        return ServoState(
+            mode, place + self._zero[axis], speed, current * self._constants[axis], math.nan, math.nan, code, words
+        )
+
+    def _ask(self, axis: int, what: int) -> None:
+        self._put(can_.number(self._ids[axis], what), b"", remote=True)
+
+    def _send(self, axis: int, what: int, *values: float) -> None:
+        self._put(can_.number(self._ids[axis], what), can_.pack(what, *values))
+
+    def _put(self, number: int, data: bytes, *, remote: bool = False) -> None:
+        import can
+
+        if self._trace is not None:
+            self._trace.sent(b"%03x %s" % (number, b"?" if remote else data.hex().encode()))
+        message = can.Message(
+            arbitration_id=number, data=data, is_remote_frame=remote, dlc=8 if remote else None, is_extended_id=False
+        )
+        try:
+            self._bus.send(message)
+        except (can.CanError, OSError) as error:
+            raise ServoError(f"the servos' bus failed: {error}") from error
+
+    def _listen(self, wait: float) -> None:
+        """Take what comes: the first frame within ``wait`` seconds, and all that have come with it."""
+        import can
+
+        wait = max(0.0, wait)
+        while True:
+            try:
+                message = self._bus.recv(wait)
+            except (ValueError, IndexError):  # the adaptor's line was damaged: a frame is lost
+                wait = 0.0
+                continue
+            except (can.CanError, OSError) as error:
+                raise ServoError(f"the servos' bus failed: {error}") from error
+            if message is None:
+                return
+            wait = 0.0
+            if not (message.is_remote_frame or message.is_error_frame or message.is_extended_id):
+                self._take(message.arbitration_id, bytes(message.data))
+
+    def _take(self, number: int, data: bytes) -> None:
+        if self._trace is not None:
+            self._trace.received(b"%03x %s" % (number, data.hex().encode()))
+        node, what = number >> 5, number & 31
+        if node not in self._ids:
+            return
+        axis = self._ids.index(node)
+        with contextlib.suppress(ValueError):
+            if what == can_.HEARTBEAT:
+                self._error[axis], self._state[axis] = can_.heartbeat(data)
+                self._heard[axis] = self._clock()
+            elif what in (can_.ESTIMATES, can_.CURRENTS):
+                values = can_.unpack(what, data)
+                if all(math.isfinite(value) for value in values):
+                    self._found[axis, what] = values
+
+
+def _opened(bus: str) -> Any:
+    """Open a bus of python-can.
+
+    Raises
+    ------
+    ServoError
+        If the package is missing, or there is no such bus.
+    """
+    try:
+        import can
+    except ImportError as error:
+        raise ServoError("ODrive servos need a package more: pip install 'itouch-py[odrive]'") from error
+    interface, _, channel = bus.partition(":")
+    if not channel:
+        raise ServoError(f"bus = '{bus}' must be INTERFACE:CHANNEL, such as socketcan:can0 or slcan:/dev/ttyACM0")
+    more: dict[str, Any] = {"bitrate": _BITRATE, "sleep_after_open": 0.05} if interface == "slcan" else {}
+    try:
+        return can.Bus(interface=interface, channel=channel, **more)
+    except (can.CanError, OSError, ValueError, NotImplementedError) as error:
+        raise ServoError(f"the servos' bus '{bus}' cannot be opened: {error}") from error
