@@ -101,7 +101,7 @@ class Lockstep:
         if isinstance(device, ThreadedDevice):
             inner, period = device.device, self.host.model.period
             every, waits = max(1, round(inner.takes(inner.params) / period)), round(type(inner).waits / period)
-            device = runner.device = EveryNth(inner, every, waits)
+            device = runner.device = EveryNth(inner, every, waits, period)
         if device is not None and trace is not None:
             device.trace = Trace(trace, runner.model.name)
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from itouch.plugin import Device, Field, Record
-from itouch.plugin.stamps import Stamped
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.plugin import Device, Field, Record, Stamps
+from itouch.plugin.stamps import Stamped, ticks_of
 
 #: Drivers in step wait so much longer [s] than on hardware: the world stands still meanwhile.
 PATIENCE = 30.0
@@ -16,17 +19,19 @@ class EveryNth(Device, Stamped):
     from the last one.
     """
 
-    def __init__(self, device: Device, every: int, waits: int = 0) -> None:
+    def __init__(self, device: Device, every: int, waits: int = 0, period: float = 1e-3) -> None:
         super().__init__(device.params)
+        self._period = period
         self.device, self._every, self._waits = device, every, waits
         self._since, self._command, self._sent = every + waits, b"", b""
         reads, self._commands = type(device).channels(device.params)
+        self._stamps = Stamps([channel.name for channel in reads])
         self._record = Record.of(Field.of(channel) for channel in self._commands)
         self._told = True
 
     def open(self) -> None:
         """Open the device."""
-        self.device.trace, self.device.patience = self.trace, PATIENCE
+        self.device.trace, self.device.patience, self.device.stamps = self.trace, PATIENCE, self._stamps
         self._since, self._command, self._sent = self._every + self._waits, b"", b""
         self._told = True  # what was sent before it was opened anew is told of by nobody
         self.device.open()
@@ -44,12 +49,18 @@ class EveryNth(Device, Stamped):
         if since < self._every + (self._waits if self._command == self._sent else 0):
             return False
         self._since = 1
+        self._stamps.begin()
         self._send()
         return self.device.read(reading)
 
     def write(self, command: Record) -> None:
         """Keep the command for the next exchange."""
         self._command = command.tobytes()
+
+    def measured(self, state: Record, tick: int, ticks: NDArray[np.int64]) -> None:
+        """Say when the reading was measured: in this tick, less what the device had it for by itself."""
+        for index, inside in enumerate(self._stamps.inside()):
+            ticks[index] = tick - ticks_of(inside, self._period)
 
     def departed(self, state: Record, tick: int, command: Record) -> int | None:
         """Say which command has left in this tick."""

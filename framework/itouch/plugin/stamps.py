@@ -23,17 +23,27 @@ class Stamps:
         self._names = {name: index for index, name in enumerate(channels)}
         self._begun, self._left = 0.0, -1.0
         self._measured = [-1.0] * len(self._names)
+        self._inside = [0.0] * len(self._names)
 
     def begin(self) -> None:
         """Begin an exchange: nothing is known of it yet."""
         self._begun, self._left = time.monotonic(), -1.0
         self._measured = [-1.0] * len(self._names)
 
-    def measured(self, *channels: str, ago: float = 0.0) -> None:
-        """Say that these channels were measured just now, or ``ago`` seconds ago; none named: all."""
-        moment = time.monotonic() - ago
+    def measured(self, *channels: str, ago: float = 0.0, inside: float = 0.0) -> None:
+        """Say that these channels were measured just now, or ``ago`` seconds ago; none named: all.
+
+        How old the readings were already when the device sent them (a mean is half as old as its time) is
+        ``inside`` [s]; unlike the time on the wire, it is the same where host and device are run in step.
+        """
+        moment = time.monotonic() - ago - inside
         for name in channels or self._names:
             self._measured[self._names[name]] = moment
+            self._inside[self._names[name]] = inside
+
+    def inside(self) -> tuple[float, ...]:
+        """Return how old each channel's reading was when the device sent it [s]."""
+        return tuple(self._inside)
 
     def left(self, ago: float = 0.0) -> None:
         """Say that the device has got the command just now, or ``ago`` seconds ago."""

@@ -51,6 +51,20 @@ class Terminal:
         """Return the descriptor on which bytes of the other side come."""
         return self._ours
 
+    def set_baud(self, baud: float) -> None:
+        """Give the line another speed."""
+        self._heard.set(baud)
+        self._said.set(baud)
+
+    def host_baud(self) -> int:
+        """Return the speed that the program at the other end has set; 0 if it is none of the usual ones."""
+        import termios
+
+        usual = {
+            getattr(termios, name): int(name[1:]) for name in dir(termios) if name[0] == "B" and name[1:].isdigit()
+        }
+        return usual.get(termios.tcgetattr(self._theirs)[5], 0)
+
     def receive(self) -> bytes:
         """Return what has come, without waiting; and say what is due."""
         now = time.monotonic()
@@ -94,6 +108,9 @@ class _Line:
         self._per_byte = _BITS / baud if baud > 0.0 else 0.0
         self._on_its_way: deque[tuple[float, bytes]] = deque()
         self._free = 0.0
+
+    def set(self, baud: float) -> None:
+        self._per_byte = _BITS / baud if baud > 0.0 else 0.0
 
     def put(self, data: bytes, now: float) -> None:
         if data:

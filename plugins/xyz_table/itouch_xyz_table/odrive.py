@@ -166,8 +166,8 @@ class Odrives:
         end = self._clock() + (LONGEST_WATCHDOG + HEARTBEAT) * max(1.0, self._patience / 5.0)
         while any(state == can_.CLOSED_LOOP for state in self._state) and self._clock() < end:
             self._listen(0.05)
-        for axis, state in enumerate(self._state):
-            if state == can_.CLOSED_LOOP:
+        for axis in range(len(self._ids)):
+            if self._state[axis] == can_.CLOSED_LOOP:
                 self.stop()
                 raise ServoError(
                     f"servo {AXES[axis]} (id {self._ids[axis]}) goes on without being commanded for "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -38,7 +39,9 @@ def test_all_corners_are_tried_once() -> None:
 def test_each_figure_is_held_against_its_bound(
     scenes: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], error: float | None, code: int
 ) -> None:
-    monkeypatch.setattr(bench_wire, "run", lambda scene, mismatch, duration, alone: {"wood": 0.004, "foam": error})
+    monkeypatch.setattr(
+        bench_wire, "run", lambda scene, mismatch, duration, alone, wires: {"wood": 0.004, "foam": error}
+    )
     table = scenes / "rows.json"
     assert main([str(scenes / "four_materials_wire.xml"), "--json", str(table)]) == code
     lines = capsys.readouterr().out.splitlines()
@@ -62,8 +65,8 @@ def test_one_plant_is_chosen_by_words_of_its_name(
 ) -> None:
     tried: list[tuple[dict[str, float], bool]] = []
 
-    def run(scene: Path, mismatch: dict[str, float], duration: str | None, *, alone: bool) -> dict[str, float | None]:
-        tried.append((dict(mismatch), alone))
+    def run(scene: Path, mismatch: dict[str, float], duration: str | None, **more: Any) -> dict[str, float | None]:
+        tried.append((dict(mismatch), more["alone"]))
         return {"foam": 0.05}
 
     monkeypatch.setattr(bench_wire, "run", run)
@@ -76,3 +79,13 @@ def test_one_plant_is_chosen_by_words_of_its_name(
         main([str(scenes / "four_materials_wire.xml"), "--only", "gold"])
     assert "no plant has 'gold' in its name" in capsys.readouterr().err
     assert bench_wire.displays(scenes / "four_materials_wire.xml") == ["peltier"]
+
+
+def test_better_wires_are_written_into_the_rig(scenes: Path) -> None:
+    assert sum(bench_wire.rewire(scenes / "rigs" / "wire.xml", wires) for wires in bench_wire.FASTER.values()) == 3
+    scene = load_scene(scenes / "four_materials_wire.xml", twin="all")
+    (device,) = [device for device in scene.devices if device.name == "peltier"]
+    (part,) = device.parts
+    assert part.params.mecom.session_baud == 460800
+    assert part.params.flux_noise == 4.5
+    assert bench_wire.rewire(scenes / "rigs" / "diy.xml", bench_wire.FASTER["460800 baud for the session"]) == 0

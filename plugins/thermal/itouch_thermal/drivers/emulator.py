@@ -169,7 +169,7 @@ class DisplayEmulator(Emulator):
         driven, current = False, 0.0
         if self.tec is not None:
             self.tec.now = now
-            out = self.tec.take(data) if data else b""
+            out = self.tec.take(data) if data and self._in_step_with_host() else b""
             driven, current = self.tec.driven(), self.tec.output()
         elif self.chip is not None:
             out, current = self.chip.take(data, now)
@@ -186,6 +186,14 @@ class DisplayEmulator(Emulator):
             self._server.serve()
         command["current"] = current
         return driven
+
+    def _in_step_with_host(self) -> bool:
+        """Tell whether host and controller have set the same speed: else neither understands the other."""
+        if self.tec is None or self._terminal is None:
+            return False
+        speed = self.tec.fast() or self.params.mecom.baud
+        self._terminal.set_baud(speed * self.speed)
+        return self._terminal.host_baud() in (0, speed)
 
     def _volts(self, valid: bool) -> None:
         if self.t7 is None:

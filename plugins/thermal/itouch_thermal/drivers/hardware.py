@@ -12,6 +12,8 @@ from itouch_thermal.drivers.rig import Rig, rig_of
 
 #: Bytes of an order and its answer on the line of a rig of one's own, and what it takes besides [s].
 _LINE_BYTES, _LINE_REST = 75, 5e-3
+#: Bytes of setting a current and reading three values of a controller, and what it takes besides [s], estimated.
+_MECOM_BYTES, _MECOM_REST = 111, 4e-3
 #: What stands in a reading of the skin as long as no thermometer has seen it [K]; it is marked as not valid.
 _UNSEEN = 306.15
 
@@ -29,11 +31,11 @@ class HardwareDisplay(Device):
     @classmethod
     def takes(cls, params: Any) -> float:
         """Return the seconds of one exchange: 75 bytes on a line, or what a controller takes."""
-        return (
-            round(_LINE_BYTES * 10.0 / params.line.baud + _LINE_REST, 3)
-            if params.line is not None
-            else cls.exchange_time
-        )
+        if params.line is not None:
+            return round(_LINE_BYTES * 10.0 / params.line.baud + _LINE_REST, 3)
+        if params.mecom is not None and params.mecom.session_baud:
+            return round(_MECOM_BYTES * 10.0 / params.mecom.session_baud + _MECOM_REST, 3)
+        return cls.exchange_time
 
     def __init__(self, params: Any) -> None:
         super().__init__(params)

@@ -6,6 +6,7 @@ has the same sequence number.  A write is acknowledged without payload, with the
 
 from __future__ import annotations
 
+import contextlib
 import struct
 from collections.abc import Sequence
 
@@ -21,6 +22,8 @@ ERRORS = {
     9: "parameter general failure",
 }  # fmt: skip
 _BUSY = 2
+#: Refusals that mean that a parameter, or a command, is not there.
+UNKNOWN = (1, 5)
 
 
 class MecomError(DeviceError):
@@ -53,12 +56,50 @@ class MecomClient:
     ) -> None:
         self._line = SerialLine(port, baud, end=b"\r", trace=trace, patience=max(1.0, patience))
         self._address, self._sequence, self._patience = address, 0, patience
+        self._slow = baud
+        #: The line's speed now.
+        self.baud = baud
         #: Whether a loop waits for the answers.
         self.hurry = False
 
     def close(self) -> None:
-        """Let go of the line."""
-        self._line.close()
+        """Give the line its own speed back, and let go of it."""
+        try:
+            if self.baud != self._slow:
+                with contextlib.suppress(MecomError):
+                    self._ask(f"CS{self._slow:08X}")
+        finally:
+            self._line.close()
+
+    def hasten(self, baud: int) -> bool:
+        """Raise the line's speed, until it is silent for 5 s; tell whether the controller can do that.
+
+        One that was left at this speed by a program that died is met there.
+        """
+        if baud == self._slow:
+            return False
+        try:
+            self._ask(f"CS{baud:08X}")
+        except MecomRefusal as refusal:
+            if refusal.code not in UNKNOWN:
+                raise
+            return False
+        except MecomError:
+            self._set(baud)
+            self._ask("?IF")
+            return True
+        self._set(baud)
+        try:
+            self._ask("?IF")
+        except MecomRefusal:
+            pass
+        except MecomError:
+            self._set(self._slow)
+        return self.baud == baud
+
+    def _set(self, baud: int) -> None:
+        self._line.set_baud(baud)
+        self.baud = baud
 
     def identity(self) -> str:
         """Return what the controller says that it is."""
@@ -125,7 +166,9 @@ class MecomClient:
         crc = crc16(body)
         request = body + b"%04X\r" % crc
         refusal: MecomRefusal | None = None
-        for turn in range(TRIES):
+        for turn in range(2 * TRIES if self.baud != self._slow and self.hurry else TRIES):
+            if turn == TRIES:  # it has started anew, or has heard nothing for long: then its line is slow again
+                self._set(self._slow)
             self._line.clear()
             self._line.send(request)
             answer = self._answer(crc, self._patience * (QUICK if self.hurry and turn == 0 else PATIENCE))

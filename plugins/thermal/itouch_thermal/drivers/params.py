@@ -16,6 +16,9 @@ class Mecom:
 
     port: str = schema.text(doc="serial port, or socket://HOST:PORT")
     baud: int = schema.integer(low=9600, high=1_000_000, default=57600, doc="speed of the serial port")
+    session_baud: int = schema.integer(
+        low=0, high=1_000_000, default=0, doc="speed of the port for the session, if the controller can; 0: as it is"
+    )
     address: int = schema.integer(low=0, high=254, default=2, doc="of the controller on its line; 0: any")
     instance: int = schema.integer(low=1, high=4, default=1, doc="channel of the controller")
 
@@ -91,6 +94,9 @@ class LinePort:
 
     port: str = schema.text(doc="serial port, or socket://HOST:PORT")
     baud: int = schema.integer(low=9600, high=2_000_000, default=115200, doc="speed of the serial port")
+    age: float = schema.quantity(
+        "s", low=0.0, high=0.2, default=0.0, doc="how old its readings are when it sends them: a mean is half its time"
+    )
     firmware: str = schema.choice(
         "own",
         "reference",

@@ -32,6 +32,20 @@ class SerialLine:
         """Let go of the port."""
         self._serial.close()
 
+    def set_baud(self, baud: int) -> None:
+        """Change the line's speed; what has not gone yet goes first.
+
+        Raises
+        ------
+        DeviceError
+            If the port is gone, or cannot be so fast.
+        """
+        try:
+            self._serial.flush()
+            self._serial.baudrate = baud
+        except (OSError, ValueError) as error:
+            raise DeviceError(f"serial port '{self.port}' does not take {baud} baud: {error}") from error
+
     def send(self, message: bytes) -> None:
         """Send a message with its end.
 

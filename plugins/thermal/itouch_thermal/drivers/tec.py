@@ -11,7 +11,7 @@ from collections import deque
 from typing import NamedTuple
 
 from itouch.plugin import DeviceError, Stamps, Trace
-from itouch_thermal.drivers.mecom import MecomClient, MecomRefusal
+from itouch_thermal.drivers.mecom import UNKNOWN, MecomClient, MecomRefusal
 from itouch_thermal.drivers.params import Mecom
 
 STATUS, ERROR_NUMBER = 104, 105
@@ -29,8 +29,6 @@ PLATE, LONGEST_WATCHDOG, SET_WATCHDOG = (8.0, 45.0), 1.0, 0.5
 CEILING, THRESHOLD = 16.0, 1.25
 #: How far the current that flows may be from what was asked for [A], and as a part of it; for how many exchanges.
 ASIDE, PART, STRAYED, ASKED = 0.3, 0.2, 25, 8
-#: Refusals that mean that a parameter, or a command, is not there.
-_UNKNOWN = (1, 5)
 
 
 class TecReading(NamedTuple):
@@ -59,12 +57,13 @@ class TecDriver:
     ) -> None:
         self._client = MecomClient(params.port, params.baud, params.address, patience=patience, trace=trace)
         self._instance, self._count, self._sink, self._bulk = params.instance, 0, 0.0, True
-        self._byte = 10.0 / params.baud
         self._asked: deque[float] = deque([0.0], maxlen=ASKED)
         self._strayed, self._voltage = 0, 0.0
         #: What this controller does not know of the protection that it should have.
         self.missing: list[int] = []
         try:
+            if params.session_baud:
+                self._client.hasten(params.session_baud)
             self._start(ceiling)
         except BaseException:
             self._client.close()
@@ -102,7 +101,7 @@ class TecDriver:
 
     def _note(self, parameter: int, refusal: MecomRefusal) -> None:
         """Remember a parameter that is not there; any other refusal is an error."""
-        if refusal.code not in _UNKNOWN:
+        if refusal.code not in UNKNOWN:
             raise refusal
         self.missing.append(parameter)
 
@@ -157,7 +156,7 @@ class TecDriver:
         """
         self._client.write_float(LIVE_CURRENT, current, self._instance)
         if stamps is not None:
-            stamps.left(ago=16 * self._byte)  # it had the command when it began to acknowledge
+            stamps.left(ago=16 * self._byte())  # it had the command when it began to acknowledge
         self._asked.append(current)
         slow = (SINK_TEMPERATURE, STATUS, LIVE_ENABLE, LIVE_VOLTAGE)[self._count % 4]
         self._count += 1
@@ -165,11 +164,15 @@ class TecDriver:
             slow = SINK_TEMPERATURE
         plate, actual, other = self._values((OBJECT_TEMPERATURE, ACTUAL_CURRENT, slow))
         if stamps is not None:
-            stamps.measured("plate_temperature", "sink_temperature", ago=36 * self._byte)
+            stamps.measured("plate_temperature", "sink_temperature", ago=36 * self._byte())
         flowing = _float(actual)
         self._slowly(slow, other)
         self._follows(flowing)
         return TecReading(_float(plate) + KELVIN, self._sink, flowing)
+
+    def _byte(self) -> float:
+        """Return how long a byte takes on the line [s]."""
+        return 10.0 / self._client.baud
 
     def _values(self, parameters: tuple[int, ...]) -> list[bytes]:
         """Return parameters in one request, or one by one where the controller knows no such request."""

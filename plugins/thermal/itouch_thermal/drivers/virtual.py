@@ -49,6 +49,10 @@ _FACTORY = {
 }  # fmt: skip
 
 
+#: So long [s] a raised speed outlives the last request.
+SILENCE = 5.0
+
+
 @dataclass(slots=True)
 class VirtualMecom:
     """A TEC controller: parameters, status, live current; ``flash`` counts what would wear its flash.
@@ -68,6 +72,9 @@ class VirtualMecom:
     now: float = 0.0
     resistance: float = 1.86
     bulk: bool = True
+    #: The speed that the host has raised the line to, 0: none; whether it can do that at all.
+    raised: int = 0
+    can_hasten: bool = True
     _heard: float = 0.0
     _text: bytes = b""
 
@@ -90,6 +97,13 @@ class VirtualMecom:
         """Start anew, as after a loss of its supply."""
         self.error, self.integers[50000] = 0, 0
         self.floats[50001] = self.floats[50002] = 0.0
+        self.raised = 0
+
+    def fast(self) -> int:
+        """Return the speed that its line was raised to; 0: it has its own, for so long it has heard nothing."""
+        if self.now - self._heard > SILENCE:
+            self.raised = 0
+        return self.raised
 
     def _armed(self) -> bool:
         live = self.integers[2000] == tec.INPUT_LIVE and self.integers[2010] == tec.OUTPUT_LIVE
@@ -127,6 +141,9 @@ class VirtualMecom:
             parts = [text[at : at + 6] for at in range(5, len(text), 6)]
             answers = [self._read(int(part[:4], 16), int(part[4:], 16)) for part in parts]
             return next((answer for answer in answers if answer[:1] == b"+"), b"".join(answers))
+        if text[:2] == "CS" and len(text) == 10 and self.can_hasten:
+            self.raised = int(text[2:], 16)
+            return b""
         if text[:2] == "VS" and len(text) == 16:
             return self._write(int(text[2:6], 16), int(text[6:8], 16), bytes.fromhex(text[8:]))
         return b"+01"
