@@ -25,6 +25,8 @@ from itouch_xyz_table.virtual_odrive import VirtualCan, VirtualOdrive
 LEADS, SIGNS, TRAVEL = (0.01, 0.02, 0.005), (1.0, -1.0, 1.0), (0.012, 0.01, 0.008)
 #: A machine that is busy elsewhere is no servo that is silent.
 PATIENT = 20.0
+#: So long [s] the bench's time waits for the next frame of a host that may be held up; then it is taken for silent.
+HELD_UP = 0.3
 
 
 class Bench:
@@ -43,6 +45,7 @@ class Bench:
         self.can = VirtualCan(self.servos)
         self.now, self.frames = 0.0, list[tuple[int, bytes]]()
         self.noise: Callable[[bytes], bytes] = lambda data: data
+        self._heard = 0.0, 0.0
         self._stop = False
         self._thread = threading.Thread(target=self._serve)
         self._thread.start()
@@ -51,14 +54,17 @@ class Bench:
         last = time.monotonic()
         while not self._stop:
             now = time.monotonic()
-            lapse, last = min(now - last, 2e-2), now
-            self.now += min(lapse, 5e-4)  # a host that the machine held up must not look like one that is silent
+            lapse, last = min(now - last, 5e-3), now
+            if self.now - self._heard[1] > 20e-3 and now - self._heard[0] < HELD_UP:
+                lapse = 0.0
+            self.now += lapse
             for servo in self.servos.values():
                 servo.watch(self.now)
                 servo.advance(lapse)
             if self.terminal is not None:
-                answer = self.can.take(self.terminal.receive(), lambda: self.now)
-                self.terminal.send(self.noise(answer))
+                data = self.terminal.receive()
+                self._heard = (now, self.now) if data else self._heard
+                self.terminal.send(self.noise(self.can.take(data, lambda: self.now)))
                 time.sleep(2e-4)
             else:
                 self._frames()
@@ -67,6 +73,7 @@ class Bench:
         message = self.bus.recv(2e-4)
         answers = self.can.unasked(self.now)
         if message is not None:
+            self._heard = time.monotonic(), self.now
             data = bytes(message.data)
             self.frames.append((message.arbitration_id, data))
             answers += self.can.frame(message.arbitration_id, data, self.now, remote=message.is_remote_frame)

@@ -119,7 +119,7 @@ class LineDriver:
         release: bool = False,
     ) -> None:
         self._patience = PATIENCE * patience
-        self._line = SerialLine(params.port, params.baud, end=b"\n", trace=trace)
+        self._line = SerialLine(params.port, params.baud, end=b"\n", trace=trace, patience=max(1.0, patience))
         self._number, self._version = 0, 1
         #: What a rig of version 2 has promised; None: it speaks version 1.
         self.promises: Promises | None = None
