@@ -31,11 +31,12 @@ class HardwareDisplay(Device):
     @classmethod
     def takes(cls, params: Any) -> float:
         """Return the seconds of one exchange: 75 bytes on a line, or what a controller takes."""
+        seconds: float = cls.exchange_time
         if params.line is not None:
-            return round(_LINE_BYTES * 10.0 / params.line.baud + _LINE_REST, 3)
-        if params.mecom is not None and params.mecom.session_baud:
-            return round(_MECOM_BYTES * 10.0 / params.mecom.session_baud + _MECOM_REST, 3)
-        return cls.exchange_time
+            seconds = round(_LINE_BYTES * 10.0 / params.line.baud + _LINE_REST, 3)
+        elif params.mecom is not None and params.mecom.session_baud:
+            seconds = round(_MECOM_BYTES * 10.0 / params.mecom.session_baud + _MECOM_REST, 3)
+        return seconds
 
     def __init__(self, params: Any) -> None:
         super().__init__(params)
