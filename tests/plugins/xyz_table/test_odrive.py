@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import math
 import threading
@@ -46,6 +47,7 @@ class Bench:
         self.now, self.frames = 0.0, list[tuple[int, bytes]]()
         self.noise: Callable[[bytes], bytes] = lambda data: data
         self._heard = 0.0, 0.0
+        self._tables: list[XyzTable] = []
         self._stop = False
         self._thread = threading.Thread(target=self._serve)
         self._thread.start()
@@ -81,6 +83,9 @@ class Bench:
             self.bus.send(can.Message(arbitration_id=number, data=data, is_extended_id=False))
 
     def close(self) -> None:
+        for device in self._tables:  # what a failing test has left open
+            with contextlib.suppress(DeviceError):
+                device.close()
         self._stop = True
         self._thread.join()
         for part in (self.terminal, self.bus):
@@ -92,6 +97,7 @@ class Bench:
             XyzTableParams(bus=self.name, lead=LEADS, direction=SIGNS, travel=TRAVEL, homing=homing, **more)
         )
         device.patience = PATIENT
+        self._tables.append(device)
         return device
 
     def truth(self) -> list[float]:
