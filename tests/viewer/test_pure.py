@@ -7,7 +7,7 @@ import pytest
 from shipped import SCENES
 
 import itouch
-from itouch.viewer import colours, drawing, overlay, solids
+from itouch.viewer import colours, drawing, menu, overlay, solids
 from itouch.viewer.camera import VIEWS, Camera
 from itouch.viewer.overlay import Situation
 from itouch.viewer.signals import Ring
@@ -245,9 +245,25 @@ def test_the_plate_is_seen_through_while_something_is_touched(session):
 
 def test_the_keys_fit_beside_the_scene():
     for width in (40, 55, 120):
-        lines = [line for line, _ in overlay.help_words(width=width).lines]
+        lines = [row.text for row in menu.rows(width=width)]
         assert max(map(len, lines)) <= width
     assert all(any(line.startswith(key) for line in lines) for key in overlay.KEYS)
+
+
+@pytest.mark.parametrize("playback", [False, True])
+@pytest.mark.parametrize("width", [40, 120])
+def test_the_menu_presses_every_key_and_no_two_at_once(playback, width):
+    listed = menu.rows(playback=playback, width=width)
+    by_mouse = {"Drag", "Wheel", "Click", "Time line"}
+    assert {row.keys for row in listed if row.presses} == {row.keys for row in listed} - by_mouse
+    area = (700.0, 10.0, 9.0 * width, 900.0)
+    found = menu.places(listed, area, 9.0, 8.0)
+    assert {place.key for place in found} == {key for row in listed for _, _, key in row.presses}
+    for place in found:
+        left, bottom, wide, high = place.area
+        assert area[0] <= left + 9.0 and left + wide <= area[0] + area[2] + 1e-9
+        middle = (left + wide / 2, bottom + high / 2)
+        assert {one.key for one in found if one.holds(*middle)} == {place.key}
 
 
 def contrast(one, other):

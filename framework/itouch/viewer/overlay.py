@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 #: Key -> what it does, in the order of the help.
 KEYS = {
-    "H": "show or hide this help",
+    "H": "show or hide this menu",
     "P": "pause and go on (simulated sessions)",
     "Space": "hold to run, where the machine asks for it",
     "S": "save the session",
@@ -32,7 +32,7 @@ KEYS = {
     "N": "show or hide the names of objects",
     "L": "light or dark",
     "+ -": "larger, smaller words (100 to 250 %)",
-    "1 .. 5": "views: operator, front, side, top, corner",
+    "1 2 3 4 5": "views: operator, front, side, top, corner",
     "F": "frame everything",
     "M": "move the finger with the mouse or the arrow keys (simulated sessions)",
     "Esc": "stop safely and close",
@@ -76,7 +76,7 @@ PLAYBACK_KEYS = {
     "Up, Down": "play faster, slower",
     "Page up, down": "the contact, mark or fault before, the next one",
     "Home, End": "the begin, the end",
-    **{key: KEYS[key] for key in ("T", "G", "C", "N", "L", "+ -", "1 .. 5", "F")},
+    **{key: KEYS[key] for key in ("T", "G", "C", "N", "L", "+ -", "1 2 3 4 5", "F")},
     "Time line": "click or drag: wind",
     **{key: KEYS[key] for key in ("Drag", "Wheel", "Click")},
     "Esc": "close",
@@ -234,14 +234,3 @@ def _object(model: Model, state: Record, name: str) -> list[str]:
         lines.append(f"stiffness: {contact.stiffness / 1e3:g} N/mm")
         lines.append(f"friction: {contact.static_friction:g} static, {contact.dynamic_friction:g} dynamic")
     return lines
-
-
-def help_words(*, playback: bool = False, width: int = 200) -> Words:
-    """Return the list of keys, in lines of so many letters."""
-    keys = PLAYBACK_KEYS if playback else KEYS
-    column = max(len(key) for key in keys) + 2
-    lines = []
-    for key, meaning in keys.items():
-        parts = textwrap.wrap(meaning, max(20, width - column))
-        lines += [f"{key if index == 0 else '':<{column}}{part}" for index, part in enumerate(parts)]
-    return Words(tuple((line, "plain") for line in lines))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pyglet import gl
 
 from itouch.plugin import Record
-from itouch.viewer import charts, colours, overlay, timebar
+from itouch.viewer import charts, colours, menu, overlay, timebar
 from itouch.viewer.buffers import Frame
 from itouch.viewer.camera import Camera
 from itouch.viewer.canvas import Canvas
@@ -33,6 +33,8 @@ class Choices:
     aids: bool = True
     curves: bool = True
     help: bool = False
+    #: Whether a button opens the list of keys, and the mouse presses them.
+    menu: bool = False
     names: bool = True
     words: bool = True
     light: bool = False
@@ -43,7 +45,8 @@ class Choices:
 class Picture:
     """Draws a State with everything around it into frames; needs a current OpenGL context.
 
-    ``bar`` is where the last picture had its time line, for the mouse.
+    ``bar`` is where the last picture had its time line, ``menu`` where it had what the mouse can press; ``pointed`` is
+    where the mouse is [pixels].
     """
 
     def __init__(self, model: Model, *, scale: float = 1.0, ring: Curves | None = None) -> None:
@@ -53,6 +56,8 @@ class Picture:
         self.camera = Camera()
         self.choices, self.scale = Choices(), scale
         self.bar: Rectangle | None = None
+        self.menu: list[menu.Place] = []
+        self.pointed = (-1.0, -1.0)
         self._framed = False
 
     def draw(self, state: Record, frame: Frame, now: Situation) -> None:
@@ -69,6 +74,7 @@ class Picture:
         seen = pixels(frame.width, frame.height)
         self.text.begin()
         foot = self._foot(frame, now, beside, seen, size)
+        self.menu = [self._button(frame.width - beside, foot, seen, size)] if chosen.menu else []
         if chosen.names:
             self._names(state, frame, foot, frame.width - beside, size)
         upper = frame.height - size
@@ -160,17 +166,32 @@ class Picture:
         self.text.put(words, 2 * size, upper - height + 0.55 * height - 0.45 * large, look().words, size=large)
         return upper - height - size
 
+    def _button(self, right: float, foot: float, seen: NDArray[np.float64], size: float) -> menu.Place:
+        """Draw the button that opens the menu, in the lower right of the scene."""
+        width = len(menu.BUTTON) * self.text.width(size) + 2 * size
+        place = menu.Place((right - 2 * size - width, foot, width, 2.4 * size), "H")
+        ground = look().axis if place.holds(*self.pointed) else look().panel
+        self.canvas.paint.draw(gl.GL_TRIANGLES, rectangle(place.area, ground), seen)
+        self.text.put(menu.BUTTON, place.area[0] + size, foot + 0.75 * size, look().words, size=size)
+        return place
+
     def _help(self, now: Situation, area: Rectangle, frame: Frame, size: float) -> None:
-        """Write the keys where the curves are, beside finger and scene."""
+        """Write the keys where the curves are, beside finger and scene; what is on is written in green."""
         left, bottom, width, height = area
-        letters = int((width - 2 * size) / self.text.width(size))
-        words = overlay.help_words(playback=now.timeline is not None, width=letters)
+        letter = self.text.width(size)
+        listed = menu.rows(playback=now.timeline is not None, width=int((width - 2 * size) / letter))
         seen = pixels(frame.width, frame.height)
         self.canvas.paint.draw(gl.GL_TRIANGLES, rectangle(area, look().help), seen)
-        for index, (line, weight) in enumerate(words.lines):
+        places = menu.places(listed, area, letter, size) if self.choices.menu else []
+        for place in places:
+            if place.holds(*self.pointed):
+                self.canvas.paint.draw(gl.GL_TRIANGLES, rectangle(place.area, look().fine), seen)
+        self.menu += places
+        for index, row in enumerate(listed):
             y = bottom + height - 2.0 * size * (index + 1)
+            on = row.keys in menu.SHOWS and getattr(self.choices, menu.SHOWS[row.keys])
             if y > bottom:
-                self.text.put(line, left + size, y, look().tint(weight), size=size)
+                self.text.put(row.text, left + size, y, look().tint("good" if on else "plain"), size=size)
 
     def _panel(self, left: float, upper: float, words: Words, frame: Frame, size: float) -> None:
         width = max(len(line) for line, _ in words.lines) * self.text.width(size) + 2 * size

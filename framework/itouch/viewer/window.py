@@ -57,7 +57,9 @@ class Window(pyglet.window.Window):
             self.set_size(min(round(width * self.scale), room.width), min(round(height * self.scale), room.height))
         self.picture = Picture(source.model, scale=max(self.scale, self.get_pixel_ratio()))
         self._target = Frame(*self.get_framebuffer_size())
+        self.picture.choices.menu = True
         self._keys: set[int] = set()
+        self._pressed: int | None = None  # the key that the mouse presses in the menu
         self._steering = Steering(source)
         self._moved = False
         self._last = now()
@@ -65,7 +67,7 @@ class Window(pyglet.window.Window):
         self.cost = 0.0  # seconds that the last picture took
         self.closed = False
         self._speaker = Speaker(source.model, mute=mute)
-        self._say(self._steering.begin() or "H lists the keys")
+        self._say(self._steering.begin() or "H, or the button, opens the menu")
 
     def show(self, *, while_: Callable[[], bool] = lambda: True) -> None:
         """Draw and answer until the window is closed, or a condition no longer holds."""
@@ -172,15 +174,21 @@ class Window(pyglet.window.Window):
 
     def on_deactivate(self) -> None:
         """Let go of everything when another window takes the keys."""
+        self._pressed = None
         self._keys.clear()
         self.source.hold(False)
 
     def on_mouse_press(self, x: int, y: int, button: int, modifiers: int) -> None:
-        """Begin a drag, or a click."""
+        """Press a key of the menu, or begin a drag or a click."""
         self._moved = False
+        self._pressed = self._key_at(x, y) if button == mouse.LEFT else None
+        if self._pressed is not None:
+            self.on_key_press(self._pressed, modifiers)
 
     def on_mouse_drag(self, x: int, y: int, dx: int, dy: int, buttons: int, modifiers: int) -> None:
         """Orbit, or pan with Shift or another button than the left."""
+        if self._pressed is not None:
+            return
         self._moved = self._moved or abs(dx) + abs(dy) > 0
         if buttons & mouse.LEFT and not modifiers & key.MOD_SHIFT:
             self.picture.camera.orbit(0.4 * dx, 0.4 * dy)
@@ -188,7 +196,10 @@ class Window(pyglet.window.Window):
             self.picture.camera.pan(dx / self.height, dy / self.height)
 
     def on_mouse_release(self, x: int, y: int, button: int, modifiers: int) -> None:
-        """Show the properties of what was clicked."""
+        """Let a key of the menu go, or show the properties of what was clicked."""
+        if self._pressed is not None:
+            self._let_go()
+            return
         if self._moved or button != mouse.LEFT:
             return
         ratio = self.get_pixel_ratio()
@@ -197,8 +208,20 @@ class Window(pyglet.window.Window):
             self.source.state, self.picture.camera, self._target, int(x * ratio), int(y * ratio)
         )
 
+    def _key_at(self, x: int, y: int) -> int | None:
+        """Return the key that stands where the mouse is, if the menu or its button is there."""
+        ratio = self.get_pixel_ratio()
+        name = next((place.key for place in self.picture.menu if place.holds(x * ratio, y * ratio)), "")
+        return getattr(key, name) if name else None
+
+    def _let_go(self) -> None:
+        if self._pressed is not None:
+            self.on_key_release(self._pressed, 0)
+        self._pressed = None
+
     def on_mouse_motion(self, x: int, y: int, dx: int, dy: int) -> None:
         """Move the finger across, if the mouse has it."""
+        self.picture.pointed = (x * self.get_pixel_ratio(), y * self.get_pixel_ratio())
         self._say(self._steering.moved(dx, dy))
 
     def on_mouse_scroll(self, x: int, y: int, scroll_x: float, scroll_y: float) -> None:
