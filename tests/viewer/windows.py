@@ -10,13 +10,27 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 RUN = """
-import json, sys, traceback
+import json, sys, time, traceback
+def settle(window):
+    # the server says when a new window is uncovered, on a busy machine late: then it draws at once, and no time has passed
+    seen, quiet = [0], 0
+    window.push_handlers(on_refresh=lambda *_: seen.append(1), on_expose=lambda *_: seen.append(1))
+    for _ in range(100):
+        before = len(seen)
+        window.dispatch_events()
+        quiet = quiet + 1 if len(seen) == before else 0
+        if len(seen) > 1 and quiet >= 5:
+            break
+        time.sleep(0.01)
+    window.pop_handlers()
 prepare, scripts, out = json.load(open(sys.argv[1]))
 said = {}
 for name, script in scripts.items():
     space = {"__name__": "script"}
     try:
         exec(compile(prepare, "<prepare>", "exec"), space)
+        if "window" in space:
+            settle(space["window"])
         exec(compile(script, f"<{name}>", "exec"), space)
         said[name] = ""
     except BaseException:
