@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import rooms
 from counts import counts, longest
-from sources import ROOT, Module, circles
+from sources import ROOT, Module, circles, imports, modules
 
 DECISIONS = sorted((ROOT / "docs" / "explanation" / "decisions").glob("*.md"))
 QUIZ = tomllib.loads((Path(__file__).parent / "quiz.toml").read_text(encoding="utf-8"))["change"]
@@ -118,6 +118,11 @@ def later():
 def test_circles_are_found() -> None:
     graph = {"a": {"b"}, "b": {"c"}, "c": {"b", "d"}, "d": set[str](), "e": {"e", "a"}}
     assert circles(graph) == [["b", "c"]]
+
+
+def test_no_two_modules_need_one_another() -> None:
+    """Also for their types alone: what needs its owner is given what it needs of it."""
+    assert circles(imports(modules(), deferred=False)) == []
 
 
 def test_the_counts_of_a_checkout(tmp_path: Path) -> None:

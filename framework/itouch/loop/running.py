@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Protocol
 
 import numpy as np
@@ -20,6 +21,7 @@ class Running(Protocol):
 
     clock: Clock
     scripted: bool
+    taps: list[Callable[[int], None]]
 
     @property
     def model(self) -> Model:

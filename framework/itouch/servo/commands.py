@@ -10,24 +10,34 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from itouch.plugin import Role
 from itouch.schema import ItouchError
+from itouch.servo.channel import Outbox
 from itouch.servo.segment import ServoError
+from itouch.session import Session
 from itouch.world import Model
 
-if TYPE_CHECKING:
-    from itouch.servo.serve import Servo
+
+@dataclass(slots=True)
+class Asked:
+    """What the operator wants of the loop: that devices may be enabled, and that it waits."""
+
+    enabled: bool = False
+    paused: bool = False
 
 
 class Commands:
     """Obeys commands; what can't be obeyed is told to the launcher and changes nothing."""
 
-    def __init__(self, servo: Servo) -> None:
-        self._servo = servo
+    def __init__(
+        self, session: Session, outbox: Outbox, asked: Asked, report: Callable[[], dict[str, Any]]
+    ) -> None:  # fmt: skip
+        self._session, self._outbox, self._asked, self._reported = session, outbox, asked, report
         #: What was obeyed, with the tick before which it took effect.
         self.log: list[dict[str, Any]] = []
         self._verbs: dict[str, Callable[[Any], None]] = {
@@ -55,56 +65,56 @@ class Commands:
                 known = ", ".join(self._verbs)
                 raise ServoError(f"there is no command '{what}'; commands are: {known}, and DEVICE.CHANNEL")
         except (ItouchError, ValueError, TypeError, KeyError) as error:
-            self._servo.outbox.tell("refused", {"what": what, "cause": str(error) or type(error).__name__})
+            self._outbox.tell("refused", {"what": what, "cause": str(error) or type(error).__name__})
             return
         if what != "report":
-            self.log.append({"tick": self._servo.session.ticks, "what": what, "value": value})
+            self.log.append({"tick": self._session.ticks, "what": what, "value": value})
 
     def _enable(self, value: Any) -> None:
-        self._servo.enabled = True
+        self._asked.enabled = True
 
     def _pause(self, value: Any) -> None:
-        devices = self._servo.session.model.devices.values()
+        devices = self._session.model.devices.values()
         if any(not device.twin for device in devices):
             raise ServoError("a session with hardware can't pause; stop it")
-        self._servo.paused = True
+        self._asked.paused = True
 
     def _resume(self, value: Any) -> None:
-        self._servo.paused = False
+        self._asked.paused = False
 
     def _steer(self, value: Any) -> None:
         step = value["step"]
         if step is not None:
             x, y, z = step
             step = (float(x), float(y), float(z))
-        self._servo.session.steer(str(value["probe"]), step)
+        self._session.steer(str(value["probe"]), step)
 
     def _rearm(self, value: Any) -> None:
-        self._servo.session.rearm()
+        self._session.rearm()
 
     def _reconnect(self, value: Any) -> None:
-        self._servo.session.reconnect(str(value))
+        self._session.reconnect(str(value))
 
     def _inject(self, value: Any) -> None:
         at, duration, amount = (value.get(key) for key in ("at", "duration", "amount"))
-        self._servo.session.inject(
+        self._session.inject(
             str(value["device"]), str(value["kind"]), at=at, duration=duration, channel=str(value.get("channel", "")),
             amount=math.nan if amount is None else float(amount), slot=int(value.get("slot", 0)),
         )  # fmt: skip
 
     def _report(self, value: Any) -> None:
-        self._servo.outbox.tell("report", {"report": self._servo.report()})
+        self._outbox.tell("report", {"report": self._reported()})
 
     def _mark(self, value: Any) -> None:
         named = {"name": value} if isinstance(value, str) else value
-        self._servo.session.mark(str(named["name"]), named.get("payload"))
+        self._session.mark(str(named["name"]), named.get("payload"))
 
     def _save(self, value: Any) -> None:
-        self._servo.session.save(str(value))
+        self._session.save(str(value))
 
     def _write(self, what: str, value: Any) -> None:
         device, _, channel = what.partition(".")
-        session = self._servo.session
+        session = self._session
         field = f"{device}.command.{channel}"
         if field not in session.state:
             raise ServoError(f"there is no command channel '{what}'")

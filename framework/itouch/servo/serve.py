@@ -17,7 +17,7 @@ from itouch.servo import realtime
 from itouch.servo import words as at
 from itouch.servo.box import Inbox
 from itouch.servo.channel import Outbox
-from itouch.servo.commands import Commands
+from itouch.servo.commands import Asked, Commands
 from itouch.servo.errors import let_go
 from itouch.servo.holders import Switch
 from itouch.servo.parent import EndOf, gone
@@ -74,15 +74,15 @@ class Servo:
         self._inbox = Inbox(segment)
         self._switch = Switch(segment.words)
         self._end_of_guardian = EndOf(lambda: int(segment.words[at.GUARDIAN]))
-        self._commands = Commands(self)
+        self._asked = Asked(bool(config["enable"]) or not self._hardware())
+        self._commands = Commands(session, outbox, self._asked, self.report)
         self._told = len(session.ledger.contacts)
         self._launcher = int(config.get("launcher", os.getppid()))
-        self.paused = self._held = self._armed = False
+        self._held = self._armed = False
         self._kept = contextlib.ExitStack()
         self._failure: BaseException | None = None
         #: Whether anything obeys that outlives this process: the guardian must live as long.
         self._obeyed = bool(self._hardware() or self.remotes.addresses)
-        self.enabled = bool(config["enable"]) or not self._hardware()
 
     def _hardware(self) -> list[str]:
         return [device.name for device in self.session.model.devices.values() if not device.twin]
@@ -188,7 +188,7 @@ class Servo:
         model = self.session.model
         needed = model.scene.safety.hold_to_run or bool(self._hardware())
         switch = any(device.reading(Role.DEADMAN) is not None for device in model.devices.values())
-        return not self.enabled or (needed and not switch and not self._held)
+        return not self._asked.enabled or (needed and not switch and not self._held)
 
     def _await_guardian(self) -> None:
         """Devices that obey need the guardian to live before they are enabled."""
@@ -208,7 +208,7 @@ class Servo:
         self.words[at.BEAT] = monotonic()
         self.words[at.PHASE] = at.RUNNING
         while not self.words[at.STOP] and not self._over(last):
-            if self.paused or session.fault is not None:
+            if self._asked.paused or session.fault is not None:
                 self._rest()
                 continue
             left = None if last is None else (last - session.ticks) * session.model.period
@@ -240,7 +240,7 @@ class Servo:
             for message in self._inbox.take():
                 self._commands.obey(message)
         self._hold()
-        return bool(words[at.STOP]) or self.paused or (self._scripted and self.session.done)
+        return bool(words[at.STOP]) or self._asked.paused or (self._scripted and self.session.done)
 
     def _rest(self) -> None:
         """Do what the loop does between ticks, while it does not tick."""

@@ -25,7 +25,7 @@ from itouch.session.errors import SessionError
 from itouch.session.participants import Participant
 from itouch.session.plausible import check_plausible
 from itouch.session.progress import told
-from itouch.session.recorder import Recorder
+from itouch.session.recorder import Asked, Recorder
 from itouch.session.saving import Saving
 from itouch.session.snapshot import Snapshot, SnapshotWriter, write_snapshot
 from itouch.world import Model
@@ -64,7 +64,7 @@ class Session(Shown, Engine):
         self.fault_hooks: list[Callable[[DeviceFaultError], None]] = []
         with keeping(self._bases):
             super().__init__(model, seed=seed, clock=clock)
-        self._participant = Participant(self, model.scene) if model.scene.safety.participant else None
+        self._participant = Participant(self, model.scene, self.note_fault) if model.scene.safety.participant else None
 
     @classmethod
     def of(cls, scene: Scene, *, catalog: Catalog, seed: int = 0, clock: Clock | None = None) -> Session:
@@ -94,7 +94,7 @@ class Session(Shown, Engine):
 
     def saving(self, path: Path, every: float) -> Saving:
         """Return a context in which the session is saved every so many seconds while it runs."""
-        return Saving(self, os.fspath(path), every)
+        return Saving(self, self.pack, self.note_fault, os.fspath(path), every)
 
     def save(self, path: Path) -> None:
         """Write a snapshot: never half a file, the old one stays until the new one is whole.
@@ -182,7 +182,8 @@ class Session(Shown, Engine):
             os.makedirs(os.path.dirname(target) or ".", exist_ok=True)
         except OSError as error:
             raise RecordingError(f"cannot write '{target}': {error.strerror or error}") from error
-        self.recorder, self.records = Recorder(self, target, tracks), False
+        asked = Asked(self.snapshot, self.report, self.note_fault, self.recording_failed)
+        self.recorder, self.records = Recorder(self, asked, target, tracks), False
         self.taps.append(self.recorder.tap)
         self.fault_hooks.append(self.recorder.hear)
         return self.recorder

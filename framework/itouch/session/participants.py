@@ -21,13 +21,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from itouch.loop.running import Running
 from itouch.schema import Problem, SceneError
 from itouch.session.durable import write_whole
 from itouch.session.errors import SessionError
 
 if TYPE_CHECKING:
     from itouch.scene import Scene
-    from itouch.session.engine import Session
 
 FORMAT = "itouch-py participant 1"
 #: Time [s] after the last use from which budgets begin anew: the project's choice, a day.
@@ -142,8 +142,11 @@ def _read(path: Path, code: str) -> tuple[Used, bool]:
 class Participant:
     """Carries the budgets of one participant into a session, and what it uses out of it."""
 
-    def __init__(self, session: Session, scene: Scene, *, clock: Callable[[], float] = time.time) -> None:
-        self.code, self._session, self._clock = scene.safety.participant, session, clock
+    def __init__(
+        self, session: Running, scene: Scene, lost: Callable[[str, str], None], *,
+        clock: Callable[[], float] = time.time,
+    ) -> None:  # fmt: skip
+        self.code, self._session, self._lost, self._clock = scene.safety.participant, session, lost, clock
         if not CODE.fullmatch(self.code):
             sentence = f"participant = '{self.code}' is no code: 1 to 64 letters, digits, '-' and '_'"
             raise SceneError([Problem("bad-value", sentence, scene.places.of(scene.safety, "participant"))])
@@ -209,7 +212,7 @@ class Participant:
     def _tap(self, tick: int) -> None:
         if self._failure:
             said, self._failure = self._failure, ""
-            self._session.note_fault("saving", said)
+            self._lost("saving", said)
         if (tick + 1) % self._ticks:
             return
         used = self.used()

@@ -9,12 +9,14 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from itouch.loop import DeviceFaultError
+from itouch.loop.running import Running
 from itouch.loop.timing import edges, percentile
 from itouch.plugin import Contact
 from itouch.recording import RecordingError
@@ -27,10 +29,8 @@ from itouch.session.arrays import pack_bases
 from itouch.session.drawn import view_of
 from itouch.session.paths import without_folders
 from itouch.session.rows import Rows
+from itouch.session.snapshot import Snapshot
 from itouch.world.state import EVENTS
-
-if TYPE_CHECKING:
-    from itouch.session.engine import Session
 
 #: Rows that the ring holds, and bytes for letters beside States; at 1 kHz the rows are 8 s.
 ROWS, LETTERS = 8192, 1 << 20
@@ -44,11 +44,21 @@ _BEGIN, _END = 20.0, 60.0
 Tap = Callable[[int], None]
 
 
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What a recorder asks whom it records: its snapshot and report now; and whom it tells of losses and its end."""
+
+    snapshot: Callable[[], Snapshot]
+    report: Callable[[], dict[str, Any]]
+    lost: Callable[[str, str], None]
+    failed: Callable[[Recorder], None]
+
+
 class Recorder:
     """Records one session into one file; ``tap`` stands in the engine's taps."""
 
-    def __init__(self, session: Session, path: str, tracks: Sequence[Track]) -> None:
-        self.session, self.path, self.tracks = session, path, tuple(tracks)
+    def __init__(self, session: Running, asked: Asked, path: str, tracks: Sequence[Track]) -> None:
+        self.session, self._asked, self.path, self.tracks = session, asked, path, tuple(tracks)
         self.failure = ""
         self._view = view_of(session.model, session.state)
         self._rows = Rows(session.state, tracks, self._view.fields)
@@ -70,7 +80,7 @@ class Recorder:
         self.tap = self._make_tap()
 
     def _spec(self) -> bytes:
-        session, snapshot = self.session, self.session.snapshot()
+        session, snapshot = self.session, self._asked.snapshot()
         scene = write(snapshot.scene)
         described = {
             "manifest": snapshot.manifest,
@@ -182,14 +192,14 @@ class Recorder:
         if self.lost != self._lost:
             self._lost = self.lost
             said = f"samples are lost: the process that writes '{self.path}' is too slow, or hangs"
-            self.session.note_fault("recording", said)
+            self._asked.lost("recording", said)
         if self._ring.phase is Phase.FAILED or self._process.poll() is not None:
             self._fail()
 
     def _fail(self) -> None:
         self._wait(lambda: False, 0.01)
         self.failure = self._ring_text or f"cannot write '{self.path}': the writing process died"
-        self.session.recording_failed(self)
+        self._asked.failed(self)
 
     @property
     def _ring_text(self) -> str:
@@ -228,7 +238,7 @@ class Recorder:
 
     def _tell_report(self) -> None:
         """Record the report as it is now; of very many contacts only what a replay does not give."""
-        report = self.session.report()
+        report = self._asked.report()
         report["scene"] = without_folders(str(report["scene"]))
         if len(json.dumps(report)) > LETTERS // 2:
             report = {**report, "contacts": None}

@@ -4,14 +4,24 @@ from __future__ import annotations
 
 import queue
 import threading
+from collections.abc import Callable
 from types import TracebackType
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
+from itouch.loop.running import Running
+from itouch.plugin import Record
 from itouch.session.errors import SessionError
 from itouch.session.snapshot import write_snapshot
 
-if TYPE_CHECKING:
-    from itouch.session.engine import Session
+#: Told of each loss of what is kept: which (``saving``), and why.
+Lost = Callable[[str, str], None]
+
+
+class Pack(Protocol):
+    """Makes the bytes of a snapshot."""
+
+    def __call__(self, state: Record | None = None, ledger: dict[str, Any] | None = None) -> bytes:
+        """Return those of now, or of a State and a ledger that were taken before."""
 
 
 class Saving:
@@ -21,8 +31,8 @@ class Saving:
     if the disk has not taken the one before.
     """
 
-    def __init__(self, session: Session, path: str, every: float) -> None:
-        self._session, self._path = session, path
+    def __init__(self, session: Running, pack: Pack, lost: Lost, path: str, every: float) -> None:
+        self._session, self._pack, self._lost, self._path = session, pack, lost, path
         self._ticks = max(1, round(every / session.model.period))
         self._work: queue.Queue[tuple[bytes, dict[str, Any]] | None] = queue.Queue(1)
         self._thread = threading.Thread(target=self._write, name="saving", daemon=True)
@@ -30,7 +40,7 @@ class Saving:
         self.failure = ""
 
     def __enter__(self) -> Saving:
-        self._session.pack()  # what never changes is packed now, not in a tick
+        self._pack()  # what never changes is packed now, not in a tick
         self._thread.start()
         self._session.taps.append(self._tap)
         return self
@@ -60,7 +70,7 @@ class Saving:
         while (work := self._work.get()) is not None:
             state.raw[:] = memoryview(work[0])
             try:
-                write_snapshot(self._path, self._session.pack(state, work[1]))
+                write_snapshot(self._path, self._pack(state, work[1]))
                 self.saved += 1
             except SessionError as error:
                 self.failure = str(error)
@@ -68,5 +78,5 @@ class Saving:
     def _tell(self) -> None:
         """Note a failure as a fault; the session goes on, and so does the saving."""
         if self.failure:
-            self._session.note_fault("saving", self.failure)
+            self._lost("saving", self.failure)
             self.failure = ""
