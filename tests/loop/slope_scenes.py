@@ -52,7 +52,7 @@ _SCENE = """<?xml version="1.0" encoding="utf-8"?>
 </itouch>
 """
 _DISPLAY = """<device name="peltier" plugin="thermal"><mount on="table" pos="0 0 4 mm"/>
-      <limits current="6 A" temperature="15 40 degC"/><thermal:hardware/></device>"""
+      <limits current="6 A" temperature="15 40 degC"/><thermal:hardware>{hardware}</thermal:hardware></device>"""
 _HEAT = """<thermal:heat probe="finger">{heat}</thermal:heat><thermal:flux-control display="peltier" desired-from="heat"/>"""
 
 
@@ -71,13 +71,13 @@ class Slope:
     heat: str = ""
     seed: int = 0
 
-    def build(self, folder: Path) -> itouch.Session:
-        """Write the scene into a folder that holds the shipped scenes, and build it."""
+    def build(self, folder: Path, hardware: str = "") -> itouch.Session:
+        """Write the scene into a folder that holds the shipped scenes, and build it; ``hardware``: of the display."""
         path = folder / "slope.xml"
         path.write_text(
             _SCENE.format(
                 world=self.world, motion=self.motion, stiffness=self.stiffness, friction=self.friction,
-                force=self.force, error=self.error, display=_DISPLAY if self.warm else "",
+                force=self.force, error=self.error, display=_DISPLAY.format(hardware=hardware) if self.warm else "",
                 heat=_HEAT.format(heat=self.heat) if self.warm else "", mount=-34 if self.warm else -30,
                 calibration='<calibration method="touch-off"/>' if self.touch_off else "",
             ),

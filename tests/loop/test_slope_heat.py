@@ -100,18 +100,23 @@ def test_where_the_arm_renders_the_virtual_force_is_what_is_felt(folder: Path) -
     assert (felt == virtual).all()
 
 
-def test_touch_off_neither_cools_nor_warms_the_finger(folder: Path) -> None:
-    session = Slope(*ramp(0.0), warm=True, touch_off=True, error=3.0).build(folder)
-    flux, skin, felt = [0.0], [], 0
-    while not session.state["ready"].item():
+@pytest.mark.parametrize(("seed", "mismatch"), [(0, ""), (3, ""), (1, 'finger-effusivity="0.1"')])
+def test_touch_off_neither_cools_nor_warms_the_finger(folder: Path, seed: int, mismatch: str) -> None:
+    slope = Slope(*ramp(0.0), warm=True, touch_off=True, error=3.0, seed=seed)
+    session = slope.build(folder, f"<thermal:mismatch {mismatch}/>" if mismatch else "")
+    state, rows = session.state, []
+    truths = [state[f"peltier.twin.true_{name}"] for name in ("flux", "skin", "plate")]
+    while not state["ready"].item():
         session.tick()
-        flux.append(session.state["peltier.twin.true_flux"].item())
-        skin.append(session.state["peltier.twin.true_skin"].item())
-        felt += session.state["finger.plate_force"].item() > 0.0
-    assert felt > 300
+        rows.append([state["finger.plate_force"].item(), *(truth.item() for truth in truths)])
+    force, flux, skin, plate = np.array(rows).T
+    felt = force > 0.0
+    assert felt.sum() > 300
     assert np.abs(flux).max() < 50.0
-    assert min(skin) > skin[0] - 0.01
-    assert max(skin) < skin[0] + 0.13  # covered skin no longer loses heat to the air
+    assert np.abs(skin - skin[0]).max() < 0.1
+    assert np.abs(plate - skin)[felt].max() < 0.12
+    if seed:
+        return
     session.run()
     (contact,) = session.report()["contacts"]
     assert contact["plate_ready"] is False or contact["flux_error_rms"] < 0.02

@@ -19,8 +19,9 @@ from itouch.safety import Trip
 
 #: Speed of the rising plate [m/s], force that ends it and force from which samples count [N].
 RISE, FORCE, SAMPLE = 0.005, 0.3, 0.05
-#: How far below the finger the slow rise begins, and how far the plate drops between points [m].
-MARGIN, DROP = 0.010, 0.002
+#: How far below the finger the slow rise begins, and how far the plate drops between points, where the skin has time to
+#: lose what it was warmed [m].
+MARGIN, DROP = 0.0079, 0.003
 #: Distance of the touched points from the plate's centre [m].
 SPREAD = 0.006
 #: How far below the end of its travel the plate should meet the finger: mounts are wrong, and hands give way [m].

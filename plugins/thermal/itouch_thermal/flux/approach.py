@@ -6,9 +6,11 @@ nor its absence tells which material is there.  (What the table does before a to
 
 from __future__ import annotations
 
+import math
+
 from itouch.plugin import Record
 from itouch_thermal.flux.setting import FluxModel
-from itouch_thermal.flux.usual import AVERAGED, READY, WARMER, aim_at, judged
+from itouch_thermal.flux.usual import READY, TOUCHED, aim_at, judged, neutral
 
 
 def coming(model: FluxModel, state: Record) -> int:
@@ -34,14 +36,21 @@ def aim(model: FluxModel, state: Record, index: int, tick: int) -> None:
 def equal(model: FluxModel, state: Record, period: float) -> None:
     """Aim for the skin's temperature during calibration: a plate that is felt then does not cool the finger."""
     names, valid = model.names, model.skin_valid
-    known = state[names.calm].item()
-    skin = known or model.skin
-    if model.skin_from and (not valid or state[valid].item() >= 0.5):
-        measured = state[model.skin_from].item()
-        skin = known + min(1.0, period / AVERAGED) * (measured - known) if known else measured
-        state[names.calm] = skin
+    seen = bool(model.skin_from) and (not valid or state[valid].item() >= 0.5)
     state[names.approached] = -1
-    _set(model, state, skin + WARMER)
+    wanted = neutral(
+        state[names.calm].reshape(1), state[names.looked].reshape(1), state[names.covered], model.finger.tissue,
+        model.finger.resting_flux, state[model.skin_from].item() if seen else math.nan, model.skin,
+        on_plate(model, state), model.expected, period, model.lead,
+    )  # fmt: skip
+    _set(model, state, wanted)
+
+
+def on_plate(model: FluxModel, state: Record) -> bool:
+    """Tell whether the finger is on the plate: by the measured force, else as the virtual contact says."""
+    if model.force_from:
+        return bool(abs(state[model.force_from][2].item()) > TOUCHED)
+    return model.in_contact(state)
 
 
 def follow(model: FluxModel, state: Record, tick: int) -> None:

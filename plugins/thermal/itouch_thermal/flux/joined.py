@@ -67,6 +67,7 @@ def _given(model: FluxModel, law: ModelLaw, course: Preview) -> usual.Given:
     return usual.Given(
         law.constants, law.fine.tissue, law.fine.plate, law.coarse.tissue, law.coarse.plate, law.hats, law.band,
         law.offsets, course.finger, table_of(course.bodies), known, starts, played, model.numbers,
+        model.finger.tissue,
     )  # fmt: skip
 
 
@@ -77,4 +78,5 @@ def _figures(model: FluxModel, law: ModelLaw, course: Preview) -> usual.Figures:
         float(course.resistance), float(model.press), float(model.period), float(model.dew), float(model.skin),
         float(model.preset_time), float(low), float(high), float(law.display.flux_limit), float(law.ceiling),
         float(law.capacity), max(DEADBEAT, 1.5 * model.period), float(part(model)),
+        float(model.finger.resting_flux), float(model.lead),
     )  # fmt: skip

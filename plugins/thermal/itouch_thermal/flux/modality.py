@@ -24,7 +24,7 @@ class FluxControl(Modality):
     hears = frozenset({Contact.NEAR, Contact.BEGIN, Contact.END})
     #: What is known of the plant and on its way to it; without it a new scene's first touches are 15 to 25 % off.
     goes_on = (
-        "calm", "x", "theta", "queue", "line", "slots", "departed", "gain", "memory", "cover", "single",
+        "calm", "looked", "x", "theta", "queue", "line", "slots", "departed", "gain", "memory", "cover", "single",
         "condensation_time", "sent_log", "before", "waited", "interval",
     )  # fmt: skip
     measured = account.MEASURED
@@ -65,6 +65,14 @@ class FluxControl(Modality):
             Field("flux", unit="W/m^2", doc="flux at the plate's face that the controller reckons with", show="no"),
             Field("approached", "i8", unit="1", doc="number of the object that is near, -1: none"),
             Field("calm", unit="K", doc="mean of the skin's readings while the rig is calibrated, 0: none", show="no"),
+            Field("looked", unit="s", doc="over how long that mean is", show="no"),
+            Field(
+                "covered",
+                "f8",
+                model.finger.tissue.shape[1],
+                unit="K",
+                doc="modes of what touches in the calibration have done to the skin",
+            ),
             Field("preset_begun", "i8", unit="tick", doc="when the approach to the start temperature began"),
             Field("open", "i8", unit="1", doc="1 in contact with an object"),
             Field("touching", "i8", unit="1", doc="1 while the plate renders a contact with an object that has a flux"),

@@ -37,6 +37,8 @@ class Names:
     object: str
     approached: str
     calm: str
+    looked: str
+    covered: str
     on_plate: str
     begun: str
     fresh: str

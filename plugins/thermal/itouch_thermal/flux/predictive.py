@@ -12,7 +12,7 @@ from itouch_thermal.flux.law import ModelLaw
 from itouch_thermal.flux.observer import advance
 from itouch_thermal.flux.preview import Preview, look_ahead, rising, run_ahead
 from itouch_thermal.flux.setting import FluxModel
-from itouch_thermal.flux.usual import PRESS_FILTER, PRESSING, STRIDE, TOUCHED, press_on, scale_of
+from itouch_thermal.flux.usual import PRESS_FILTER, PRESSING, STRIDE, press_on, scale_of
 
 #: Most servo periods that a touch may have begun before the force was seen.
 LATE = 6
@@ -56,7 +56,7 @@ def control(
 ) -> tuple[float, float]:
     """Return current [A] and pumped flux [W/m2]; slower than the servo, the periods between are caught up with."""
     names = model.names
-    pressed = _pressed(model, state)
+    pressed = approach.on_plate(model, state)
     ticks = tick - state[names.begun].item() if touching else 0
     scale = _scale(model, state, ticks) if touching and not model.steady else 1.0
     press = _press(model, state, scale) if touching and not model.steady else 0.0
@@ -87,7 +87,7 @@ def control(
 def set_down(model: FluxModel, state: Record, tick: int) -> None:
     """Begin a touch between two updates, in the tick in which it began."""
     law, course = model.law, model.preview
-    if law is None or course is None or not _pressed(model, state):
+    if law is None or course is None or not approach.on_plate(model, state):
         return
     scale = 1.0 if model.steady else _scale(model, state, 0)
     _pass(model, law, state, tick, scale)
@@ -178,13 +178,6 @@ def _correct(model: FluxModel, law: ModelLaw, state: Record) -> None:
     if law.delay > 0 and model.names.actual:
         slot = int(state[f"{model.name}.slots"][0])
         state[f"{model.name}.line"][slot] = state[model.names.actual].item()
-
-
-def _pressed(model: FluxModel, state: Record) -> bool:
-    """Tell whether the finger is on the plate: by the measured force, else as the virtual contact says."""
-    if model.force_from:
-        return bool(abs(state[model.force_from][2].item()) > TOUCHED)
-    return model.in_contact(state)
 
 
 def _scale(model: FluxModel, state: Record, ticks: int) -> float:

@@ -10,11 +10,9 @@ from itouch_thermal.display.column import plate_capacity
 from itouch_thermal.display.peltier import current_for
 from itouch_thermal.flux import approach
 from itouch_thermal.flux.proportional import proportional_integral
-from itouch_thermal.flux.setting import FluxModel
+from itouch_thermal.flux.setting import APPROACH, FluxModel
 from itouch_thermal.flux.start import MARGIN
 
-#: Time constant [s] of the approach to the start temperature.
-APPROACH = 0.25
 #: Greatest rate of the plate in a touch [K/s] as a mean over so many seconds, and the part of it that is used.
 RATE, RATE_OVER, RATE_USED = 10.0, 0.5, 0.9
 #: In how many pieces that time is remembered, and the time [s] in which the plate is stopped at a limit.

@@ -11,12 +11,12 @@ import numpy as np
 from contact_heat.live import surface_temperature
 from contact_heat.resistance import ConstantResistance, ResistanceLaw
 from itouch.plugin import ParameterError, Record, Role, World, WorldDevice
-from itouch_thermal.display.column import Array
+from itouch_thermal.display.column import REACH, Array, Column, column
 from itouch_thermal.display.params import DisplayParams
 from itouch_thermal.flux.condensation import dew_of, driest
 from itouch_thermal.flux.curve import Curve
 from itouch_thermal.flux.desire import curves_of, start_for_curve
-from itouch_thermal.flux.law import Coming, ModelLaw
+from itouch_thermal.flux.law import DEADBEAT, Coming, ModelLaw
 from itouch_thermal.flux.names import Names, driven
 from itouch_thermal.flux.params import FluxControlParams
 from itouch_thermal.flux.preview import SKIN_STEP, Preview, preview
@@ -28,6 +28,8 @@ LEAST = 1e-5
 #: Plate temperatures [K] where no limits are known.
 BAND = (288.15, 313.15)
 
+#: Time constant [s] with which `paper` and `hold` approach the start temperature.
+APPROACH = 0.25
 #: Seconds after which the start temperature is found anew.
 AGAIN = 0.25
 #: How far from the scene's skin temperature starts go on in a line, in steps of those that are known.
@@ -51,6 +53,7 @@ class FluxModel:
     (names) are per object; ``dew`` [K] is the room's dew point; ``steady`` says that the contact resistance is the
     same at any force and time; ``preset_time`` [s] is what ``equalise`` makes every approach take, 0 without it;
     ``wire`` says that readings and currents are late, and ``at`` at which places the display reads flux and plate;
+    ``finger`` is that at rest, in steps of an update; ``lead`` is how long [s] the plate takes to where it is sent;
     ``hold`` is how many servo periods an update stands for, ``again`` after how many the start temperature is found
     anew.
     """
@@ -86,6 +89,8 @@ class FluxModel:
     steady: bool
     preset_time: float
     again: int
+    finger: Column
+    lead: float
     law: ModelLaw | None
     preview: Preview | None
 
@@ -195,9 +200,14 @@ def setting(name: str, params: FluxControlParams, world: World) -> FluxModel:
         steady=heat.press == 0.0 and isinstance(heat.law(), ConstantResistance),
         preset_time=_preset_time(params, display, ceiling, starts, band),
         again=max(1, round(AGAIN / (world.servo_period * hold))) * hold,
+        finger=column(
+            heat.layers or FINGER, heat.arterial, world.skin_temperature, display.plate, world.servo_period * hold,
+            REACH / 1e-3,
+        ),
+        lead=display.delay + (max(DEADBEAT, 1.5 * world.servo_period * hold) if law is not None else APPROACH),
         law=law,
         preview=course,
-    )
+    )  # fmt: skip
 
 
 def _wire(device: WorldDevice, display: DisplayParams) -> bool:

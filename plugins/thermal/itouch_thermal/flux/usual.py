@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from contact_heat.resistance import resistance_at
 from itouch.plugin.kernels import kernel
+from itouch_thermal.display.column import F_BEGIN, F_DECAY, F_END, F_PORT
 from itouch_thermal.flux import law as laws
 from itouch_thermal.flux import observer
 from itouch_thermal.flux.preview import look_ahead, run_ahead
@@ -26,9 +27,9 @@ Numbers = NDArray[np.int64]
 PYTHON = 1
 #: Force [N] on the plate that means a finger.
 TOUCHED = 0.03
-#: Over how long the infrared readings of the skin are averaged while the rig is calibrated [s], and how much
-#: warmer the plate is then [K]: covered skin no longer loses heat to the air, and warms up.
-AVERAGED, WARMER = 0.5, 0.02
+#: Over how long the infrared readings of the skin are averaged while the rig is calibrated [s], and the most heat that
+#: the plate then takes from the finger in place of the air [W/m2]: without it covered skin warms up.
+AVERAGED, DRAWN = 1.0, 45.0
 #: The plate is ready within this of its start temperature [K].
 READY = 0.1
 #: How far the contact resistance that the force explains may be from the expected one, as a multiple of it.
@@ -84,6 +85,8 @@ class Own(NamedTuple):
     tracked: Numbers
     approached: Numbers
     calm: Floats
+    looked: Floats
+    covered: Floats
     start_temperature: Floats
     plate_limited: Numbers
     preset_begun: Numbers
@@ -142,6 +145,7 @@ class Given(NamedTuple):
     starts: Numbers
     played: Numbers
     law: Floats
+    cover: Floats
 
 
 class Figures(NamedTuple):
@@ -167,6 +171,8 @@ class Figures(NamedTuple):
     capacity: float
     within: float
     part: float
+    resting: float
+    lead: float
 
 
 class Taken(NamedTuple):
@@ -223,16 +229,59 @@ def enter(account: Floats, flux: float, desired: float, skin: float, period: flo
 
 
 @kernel
-def _equal(scene: Any, own: Any, figures: Any) -> None:
-    """Aim for the skin's temperature during calibration: a plate that is felt then does not cool the finger."""
-    known = own.calm[0]
-    skin = known if known != 0.0 else figures.rest
-    if scene.skin.shape[0] > 0 and (scene.skin_valid.shape[0] == 0 or scene.skin_valid[0] >= 0.5):
-        measured = scene.skin[0]
-        skin = known + min(1.0, figures.period / AVERAGED) * (measured - known) if known != 0.0 else measured
-        own.calm[0] = skin
+def _equal(scene: Any, own: Any, given: Any, figures: Any) -> None:
+    """Aim for the skin's temperature during calibration."""
+    seen = scene.skin.shape[0] > 0 and (scene.skin_valid.shape[0] == 0 or scene.skin_valid[0] >= 0.5)
     own.approached[0] = -1
-    aim_at(own.start_temperature, own.plate_limited, skin + WARMER, figures.low, figures.high)
+    wanted = neutral(
+        own.calm, own.looked, own.covered, given.cover, figures.resting, scene.skin[0] if seen else math.nan,
+        figures.rest, pressed(scene, figures.heat), figures.expected, figures.period, figures.lead,
+    )  # fmt: skip
+    aim_at(own.start_temperature, own.plate_limited, wanted, figures.low, figures.high)
+
+
+@kernel
+def neutral(
+    calm: Floats, looked: Floats, covered: Floats, tissue: Floats, resting: float, measured: float, rest: float,
+    touched: bool, resistance: float, period: float, lead: float,
+) -> float:  # fmt: skip
+    """Return the plate's temperature [K] with which a finger that is felt in a calibration keeps its own.
+
+    Skin at rest gives heat to the air.  Under the plate it gives it to the plate, as far as that may take any; what is
+    left warms the skin, and the plate follows it.  When it is felt next nobody knows: it is always ready for that.
+
+    Parameters
+    ----------
+    calm, looked
+        Mean of the resting skin's readings [K], 0 before the first, and over how long it is [s], shape (1,) each.
+    covered
+        Modes of what the plate has done to the skin so far, shape (n,).
+    tissue
+        Packed finger, shape (4, n); see `itouch_thermal.display.column`.
+    resting, rest
+        Heat [W/m2] that the finger at rest gives to the air, and its skin's temperature where no sensor sees it [K].
+    measured
+        Reading of the skin's temperature [K]; NaN: it is not seen now.
+    touched, resistance
+        Whether the finger is on the plate, and with what contact resistance [K m2/W].
+    period, lead
+        Since the last call, and from now until the plate is where it is asked to be [s].
+    """
+    drawn = min(DRAWN, max(-DRAWN, resting))
+    kept, warmer, soon, steps = resting - drawn, 0.0, 0.0, lead / period
+    for i in range(covered.shape[0]):
+        decay, gained = tissue[F_DECAY, i], kept * (tissue[F_BEGIN, i] + tissue[F_END, i])
+        covered[i] = decay * covered[i] + (gained if touched else 0.0)
+        warmer += tissue[F_PORT, i] * covered[i]
+        left = decay**steps
+        soon += tissue[F_PORT, i] * (
+            left * covered[i] + gained * ((1.0 - left) / (1.0 - decay) if decay < 1.0 else steps)
+        )
+    if math.isfinite(measured):
+        looked[0] = min(AVERAGED, looked[0] + period) if calm[0] != 0.0 else period
+        calm[0] += min(1.0, period / looked[0]) * (measured - warmer - calm[0])
+    skin = calm[0] if calm[0] != 0.0 else rest
+    return float(skin + soon - resistance * drawn)
 
 
 @kernel
@@ -286,7 +335,7 @@ def prepare(
             taken.press[0] = press_on(own.scale_before, math.log(scale), figures.part)
     else:
         if scene.ready[0] == 0:
-            _equal(scene, own, figures)
+            _equal(scene, own, given, figures)
         if own.desired[0] != 0.0:
             own.desired[0] = 0.0
         if scene.plate_temperature[0] < figures.dew:
