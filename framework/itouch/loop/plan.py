@@ -192,6 +192,7 @@ def build(
             listed.append(steps.write(runner))
     for rig in rigs:
         listed += steps.finger(rig, state)
+        listed += [steps.worn(rig, rig.skin)] if rig.skin is not None else []
     if model.motions.bodies is not None:
         listed.append(steps.bodies(objects))
     listed += [steps.twin(runner) for runner in runners.values() if runner.model.twin]

@@ -20,7 +20,9 @@ from itouch.plugin import Bound, Record, Role
 from itouch.safety.lifecycle import ENABLED
 from itouch.twin.coupling import Coupling
 from itouch.twin.hand import Hand
+from itouch.twin.skin import Skin
 from itouch.world import Model, ProbeModel
+from itouch.world.state import truth
 
 
 class ProbeRig:
@@ -37,6 +39,8 @@ class ProbeRig:
         offset = self._plate_offset()
         self.toucher = Toucher(model, probe, state, self.tracker, self.arm, self.table, offset)
         self.coupling = self._coupling(state, offset)
+        #: The skin under what is worn on the finger, if anything is.
+        self.skin = self._under_worn(state)
         self.touch_off = self._touch_off(state, offset)
         self.log = ContactLog(model, self.toucher, self.table, self.coupling, state, ledger)
         self._figures = self.toucher.figures
@@ -84,10 +88,29 @@ class ProbeRig:
             self.model.period,
         )  # fmt: skip
 
+    def _under_worn(self, state: Record) -> Skin | None:
+        worn = [self._runners[device.name] for device in self.model.worn(self.probe)]
+        operator, face, owner = self.probe.operator, self.face, None
+        if not worn or operator is None:
+            return None
+        if (
+            face is not None
+            and face.model.twin
+            and (field := truth(self.model, face.model.name, Role.SKIN_TEMPERATURE))
+        ):
+            owner = state[field].reshape(1), face.touch
+        for runner in worn:
+            runner.worn_by = self.probe.name
+        rest, ambient = operator.skin_temperature, self.model.scene.world.temperature
+        touches = [runner.touch for runner in worn]
+        return Skin(state, self.probe.name, self.model.period, touches, owner, rest, ambient)
+
     def reset(self) -> None:
         """Set the probe's part of State to its start."""
         self.toucher.reset()
         self.coupling.reset()
+        if self.skin is not None:
+            self.skin.reset()
         if self.coupling.hand is not None:
             self.coupling.hand.reset()
             self.coupling.place()
@@ -190,6 +213,8 @@ class ProbeRig:
         """Step the finger's twin, and tell the twins of devices what touches them."""
         self.lead(moving)
         self.coupling.bound()
+        if self.skin is not None:
+            self.skin.bound()
         if self.feels_for_real:
             self.measure()
         self.log.note()

@@ -29,6 +29,8 @@ class Runner(Supervisor):
         error = model.mount_error
         self._true_frame = self._mount.moved((-error[0], -error[1], -error[2]))
         self.touch = Touch(ambient=model.ambient)
+        #: The probe on whose finger it is worn; empty: on none.
+        self.worn_by = ""
 
     def read_as(self, role: Role) -> NDArray[np.float64]:
         """Return the view of the first reading of a role; zeros if there is none."""

@@ -23,6 +23,7 @@ from itouch.loop.step import CALLS_KERNELS, Step, joinable
 from itouch.plugin import Bound, Record, Role
 from itouch.safety import Finger, Hold
 from itouch.safety.watching import LOOK
+from itouch.twin.skin import Skin
 from itouch.world import ModalityModel, Model
 from itouch.world.failing import failing
 
@@ -298,6 +299,14 @@ def finger(rig: ProbeRig, state: Record) -> Iterator[Step]:
         yield Step(f"measured {name}", lambda tick, ready: rig.measure(), reads, _of(name, "total_force"))
 
 
+def worn(rig: ProbeRig, skin: Skin) -> Step:
+    """Warm and cool the skin by what is worn on it, and tell that what presses on it."""
+    name = rig.probe.name
+    reads = _of(name, "total_force", "taken", "skin", "tissue")
+    reads += _of(rig.face.model.name, "twin.*") if rig.face is not None else ()
+    return joinable(f"worn {name}", skin.bound, reads, _of(name, "skin", "tissue"))
+
+
 def bodies(objects: Objects) -> Step:
     """Move the rigid bodies on by a period."""
     written = ("objects.pose", "objects.twist", "objects.physics")
@@ -309,6 +318,8 @@ def twin(runner: Runner) -> Step:
     """Move a device's twin on by a period, under what it was sent."""
     name, own = runner.model.name, _of(runner.model.name, "twin.*")
     bound, reads = runner.bound_twin(), (*own, *_of(name, "sent.*"))
+    if runner.worn_by:
+        own, reads = (*own, f"{runner.worn_by}.taken"), (*reads, f"{runner.worn_by}.skin")
     if bound is not None:
         bounds = (Bound(carrying.original, runner.replaced), bound)
         return joinable(f"twin {name}", bounds, reads, own, lambda code, tick, ready: runner.step_twin(tick))

@@ -60,6 +60,7 @@ def summary(engine: Running, open_contacts: list[dict[str, Any]], wall: float) -
                 "limited": int(engine.state[f"{name}.clamped"]),
                 "locked_dropped": int(engine.state[f"{name}.dropped"]),
                 **_dose(engine, name),
+                **_worn(engine, name),
                 **_exchanges(engine, name),
             }
             for name in model.devices
@@ -81,6 +82,15 @@ def _dose(engine: Running, name: str) -> dict[str, Any]:
     much = dose > min(limits.DOSE_WARNING, 0.5 * most)
     told = f"has given {dose / 60.0:.2f} of at most {most / 60.0:g} CEM43 in this session" if much else None
     return {"dose_cem43_min": dose / 60.0, "dose_warning": told}
+
+
+def _worn(engine: Running, name: str) -> dict[str, Any]:
+    """Return on which finger's twin a device is worn, and how cold and warm the skin under it has been."""
+    probe = next(one.worn_by for one in engine.runners if one.model.name == name)
+    if not probe:
+        return {}
+    now, lowest, highest = (value - 273.15 for value in engine.state[f"{probe}.skin"].tolist())
+    return {"worn_by": probe, "skin_degC": {"now": now, "lowest": lowest, "highest": highest}}
 
 
 def _exchanges(engine: Running, name: str) -> dict[str, Any]:

@@ -40,9 +40,16 @@ class Touch:
     ``finger_pose`` (7,) and ``finger_twist`` (6,) are those of the finger's centre; ``wrench`` (6,) acts on the
     device; ``force`` [N] presses on the device's face and ``gap`` [m] is the distance between face and finger pad
     (negative while they touch), both together the array ``face`` (2,); ``ambient`` [K] is the room.
+
+    A device that is worn, for it is mounted on what tracks the finger, sits on it: ``face`` has what acts on the finger
+    and no gap, ``skin`` (1,) is the skin's temperature [K], and its twin writes into ``taken`` (1,) what heat it takes
+    from the finger [W/m2, out of the finger], as the mean over the fingertip.  ``beside`` (1,) is what worn devices
+    take altogether, for a twin that has the finger's tissue of its own.
     """
 
-    __slots__ = ("ambient", "face", "finger_attached", "finger_pose", "finger_twist", "wrench")
+    __slots__ = (
+        "ambient", "beside", "face", "finger_attached", "finger_pose", "finger_twist", "skin", "taken", "wrench",
+    )  # fmt: skip
 
     def __init__(
         self, *, force: float = 0.0, gap: float = 1.0, ambient: float = 296.15, finger_attached: bool = False
@@ -51,6 +58,9 @@ class Touch:
         self.finger_twist: NDArray[np.float64] = np.zeros(6)
         self.wrench: NDArray[np.float64] = np.zeros(6)
         self.face: NDArray[np.float64] = np.array([force, gap])
+        self.skin: NDArray[np.float64] = np.array([306.15])
+        self.taken: NDArray[np.float64] = np.zeros(1)
+        self.beside: NDArray[np.float64] = np.zeros(1)
         self.ambient, self.finger_attached = ambient, finger_attached
 
     @property

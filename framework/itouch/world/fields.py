@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from itouch.plugin import Field
 
+#: Cells of a finger's tissue under what is worn on it.
+CELLS = 24
+
 #: The figures that one tick writes, in the order of ``itouch.loop.render``.
 _FIGURES = (
     Field(
@@ -136,6 +139,16 @@ _CONTACT = (
     Field("plate_distance", unit="m", doc="true distance of finger and plate (twins); below 0 the pad is pressed"),
     Field("total_force", unit="N", doc="greatest of what acts on the finger: magnitude of arm force + plate force"),
 )
+
+
+def skin_fields(worn: int, cells: int) -> tuple[Field, ...]:
+    """Return the State of a finger's skin under so many worn devices, with so many cells of tissue."""
+    return (
+        Field("skin", "f8", 3, unit="K", doc="temperature of the skin under what is worn: now, lowest, highest so far"),
+        Field("tissue", "f8", cells, unit="K", doc="how much warmer the tissue is than at rest, from the skin inwards"),
+        Field("taken", "f8", worn, unit="W/m^2", doc="heat that each worn device takes from the finger"),
+    )
+
 
 #: The operator's hand that leads a finger's twin.
 HAND = (

@@ -81,6 +81,16 @@ class Model:
         same = (other for other in self.probes if other.scene.pose_from == probe.scene.pose_from)
         return sum(other.operator is None for other in same if other.name != probe.name)
 
+    def worn(self, probe: ProbeModel) -> tuple[DeviceModel, ...]:
+        """Return the twins that the finger's twin of a probe wears: what is mounted on its tracker, through whatever.
+
+        What a probe follows or acts by is not worn, and where two probes share a tracker the first operator's is it.
+        """
+        same = (one for one in self.probes if one.scene.pose_from == probe.scene.pose_from and one.operator is not None)
+        if next(same, None) is not probe or not self.devices[probe.scene.pose_from].twin:
+            return ()
+        return worn_on(self.scene, self.devices, probe.scene.pose_from)
+
     def place_of(self, name: str) -> Place | None:
         """Return where in the scene a device or a modality stands."""
         if not self._parts:
@@ -118,6 +128,7 @@ def compile_scene(scene: Scene, catalog: Catalog) -> tuple[Model | None, list[Pr
     problems += check_reach(scene, devices, built.boxes)
     problems += large(scene)
     notices += overlaps(scene, built.boxes)
+    notices += _worn_notices(scene, devices)
     shapes, surfaces = built.shapes, build_friction(scene, problems)
     effects = build_effects(scene, reader, problems, notices)
     poses = _poses(scene, problems)
@@ -136,6 +147,32 @@ def compile_scene(scene: Scene, catalog: Catalog) -> tuple[Model | None, list[Pr
         layout.RESULT_SIZE, reader.all(), effects, motions,
     )  # fmt: skip
     return model, problems
+
+
+def worn_on(scene: Scene, devices: Mapping[str, DeviceModel], tracker: str) -> tuple[DeviceModel, ...]:
+    """Return the twins that are mounted on what tracks a finger, and are none that a probe follows or acts by."""
+    named = {name for one in scene.probes for name in (one.pose_from, one.force_to, one.surface_to)}
+    return tuple(
+        one for name, one in devices.items() if one.twin and name not in named and tracker in _carriers(devices, one)
+    )
+
+
+def _carriers(devices: Mapping[str, DeviceModel], device: DeviceModel) -> Iterator[str]:
+    """Yield what carries a device, what carries that, and so on."""
+    while device.carrier and device.carrier in devices:
+        yield device.carrier
+        device = devices[device.carrier]
+
+
+def _worn_notices(scene: Scene, devices: Mapping[str, DeviceModel]) -> Iterator[str]:
+    """Say what sits on a finger's twin."""
+    fingers = {operator.probe for operator in scene.operators}
+    for probe in scene.probes:
+        tracker = devices.get(probe.pose_from)
+        if probe.name in fingers and tracker is not None and tracker.twin:
+            for one in worn_on(scene, devices, probe.pose_from):
+                feels = "it feels what presses on that, and its heat reaches the skin"
+                yield f"device '{one.name}' is worn on the finger '{probe.name}': {feels}"
 
 
 def _poses(scene: Scene, problems: list[Problem]) -> NDArray[np.float64]:

@@ -11,7 +11,7 @@ from itouch.plugin import Field, Record, Role
 from itouch.plugin.declared import faults_of
 from itouch.world import marks
 from itouch.world.failing import failing
-from itouch.world.fields import HAND, probe_fields
+from itouch.world.fields import CELLS, HAND, probe_fields, skin_fields
 from itouch.world.model import Model
 from itouch.world.rig import DeviceModel
 from itouch.world.supervision import supervision
@@ -119,6 +119,8 @@ def layout(model: Model) -> tuple[Field, ...]:
             if beside := model.beside(probe):
                 what = "what arm and plate of each other probe on its finger push it with, world frame"
                 fields.append(Field(f"{probe.name}.pushed", "f8", (beside, 3), unit="N", doc=what, show="no"))
+            if worn := model.worn(probe):
+                fields += _own(probe.name, skin_fields(len(worn), CELLS))
     for modality in model.modalities:
         with failing(f"modality '{modality.name}'", "fields", model.place_of(modality.name)):
             fields += _prefixed(modality.name, modality.instance.fields(modality.model))

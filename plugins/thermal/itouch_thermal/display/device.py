@@ -148,7 +148,7 @@ class DisplayTwin(Twin):
             plant.display_step, numbers, self._law, self._finger, parts.tissue, parts.plate, state["memory"],
             state["tissue"], state["plate"], state["line"], state["noise"], wanted,
             np.ones(1) if by_current else command["output"], touch.face, float(touch.ambient), state["true_flux"],
-            state["true_skin"], state["true_plate"],
+            state["true_skin"], state["true_plate"], touch.beside,
         )  # fmt: skip
 
     def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:

@@ -88,7 +88,7 @@ def contact_resistance(law: Any, finger: Any, force: float) -> float:
 @kernel
 def display_step(
     c: Any, law: Any, finger: Any, tissue: Any, plate: Any, memory: Any, above: Any, below: Any, line: Any, words: Any,
-    wanted: Any, output: Any, face: Any, ambient: float, flux: Any, skin: Any, surface: Any,
+    wanted: Any, output: Any, face: Any, ambient: float, flux: Any, skin: Any, surface: Any, beside: Any,
 ) -> int:  # fmt: skip
     """Advance the twin by one step under what it was sent and what presses on it; return 0.
 
@@ -104,6 +104,8 @@ def display_step(
         Force on the face [N] and gap to the finger [m], shape (2,).
     flux, skin, surface
         The true flux out of the finger and temperatures of skin and face, shape (1,) each; written.
+    beside
+        Heat that what is worn on the finger takes from it [W/m2], shape (1,).
     """
     force = face[0]
     contact = contact_resistance(law, finger, force)
@@ -113,6 +115,9 @@ def display_step(
         if pressed > 0.0:
             contact *= _press_factor(pressed * c[C_PERIOD], finger[PRESS])
     command = wanted[0] if output[0] >= 0.5 else 0.0
+    if beside[0] != 0.0:
+        for i in range(above.shape[0]):
+            above[i] -= c[C_TISSUE_GAIN] * (tissue[F_BEGIN, i] + tissue[F_END, i]) * beside[0]
     plant_step(c, tissue, plate, memory, above, below, line, words, command, contact, face[1], ambient)
     flux[0], skin[0], surface[0] = memory[FLUX], memory[SKIN], memory[PLATE]
     return 0
