@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Iterable
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
-from parts import ARM, LIMITS, PLATE, TABLE, record
+from parts import ARM, LIMITS, PLATE, TABLE, FakeTwin, model, record, state
 
 from itouch.monitors import Arm, Heat, Ordinary, Push, Readings, Surface, Trip, heat, readings, runaway, surface
 from itouch.monitors import limits as default
@@ -15,7 +16,19 @@ from itouch.monitors.carried import Nearing, rise
 from itouch.monitors.history import SLOTS, History
 from itouch.monitors.limits import DeviceLimits
 from itouch.monitors.runaway import COLDEST_TARGET, LAG, PART, PARTS, RUNAWAY_TIME, Runaway, drive_of
-from itouch.plugin import Channel, Moment, Monitor, Record, Role, measured_wrench, temperature_target
+from itouch.plugin import (
+    Channel,
+    Field,
+    Moment,
+    Monitor,
+    Record,
+    Role,
+    Rule,
+    Watched,
+    measured_wrench,
+    temperature_target,
+)
+from itouch.safety import Supervisor
 from itouch.world.supervision import watched
 
 K0 = 273.15
@@ -274,6 +287,15 @@ def test_how_long_a_sensor_may_read_the_same() -> None:
     assert memory["figure2"][0] == 2.0
 
 
+def test_a_sensor_that_is_driven_by_just_a_fiftieth_may_be_still() -> None:
+    _, memory = drifting()
+    memory["frozen"], memory["frozen_at"], memory["frozen_for"] = 300.0, 1.0, 1.5
+    memory["frozen_drive"], memory["frozen_from"] = 0.04, 0.3
+    assert Runaway._still(memory, 300.0, 0.3, Moment(time=1.5)) == 0.0
+    memory["frozen_for"], memory["frozen_drive"] = 1.5, beyond(0.04)
+    assert Runaway._still(memory, 300.0, 0.3, Moment(time=2.0)) == -Trip.SENSOR_FROZEN
+
+
 def test_a_plate_may_go_against_its_drive_by_two_kelvin() -> None:
     runaway, memory = drifting()
     for now, kelvin, drive, found in (
@@ -344,6 +366,21 @@ def test_means_and_integrals_are_those_of_what_was_read() -> None:
     assert history.mean_flux(memory, 0, 0.1) == pytest.approx(300.0)
     assert history.step(memory, 0, 1, 0.1) == pytest.approx(2.0)
     assert history.add(memory, 1.2 + 1.1e-7, 304.0, 0.0)
+
+
+def test_times_that_differ_by_a_rounding_are_one() -> None:
+    history = History((10.0,))
+    memory = Record.of(history.fields())
+    history.forget(memory)
+    for time, kelvin in ((0.0, 300.0), (0.5 + 1e-7, 310.0), (1.0, 320.0)):
+        history.add(memory, time, kelvin, 0.0)
+    assert history.value(memory, 0.5, 0) == 310.0
+
+
+def test_a_place_of_just_fifty_milliseconds_ago_is_known() -> None:
+    monitor, memory = made(Surface, TABLE)
+    memory["places"], memory["track"][0] = 1, (1.0 - surface._WINDOW, *np.zeros(6))
+    assert monitor._before(memory, (1.0, *np.zeros(6))) is not None
 
 
 def test_a_full_ring_forgets_the_oldest() -> None:
@@ -419,7 +456,7 @@ def test_a_surface_comes_back_below_half_of_its_time() -> None:
     [((0.0, 0.0, 0.015), 0.05, 0.0, False, 0.0, 0.0, 0), ((0.0151, 0.0, 0.0), 0.05, 0.0, False, 0.0, -21.0, 0),
      ((0.0, 0.0, 0.0074), 0.019, 0.9, False, 0.0, 0.0, 0), ((0.0, 0.0, 0.0076), 0.019, 0.9, False, 0.0, -21.0, 1),
      ((0.0, 0.0, 0.0076), 0.020, 0.9, False, 0.0, 0.0, 0), ((0.0, 0.0, 0.0076), 0.019, 0.96, False, 0.0, 0.0, 0),
-     ((0.0076, 0.0, 0.0), 0.019, 0.9, True, 0.0, -21.0, 2), ((0.0076, 0.0, 0.0), 0.019, 0.9, True, 0.001, 0.0, 0),
+     ((0.0076, 0.0, 0.0), 0.019, 0.9, True, 0.0, -21.0, 2), ((0.0, 0.0076, 0.0), 0.019, 0.9, True, 0.0, -21.0, 2), ((0.0076, 0.0, 0.0), 0.019, 0.9, True, 0.001, 0.0, 0),
      ((0.0074, 0.0, 0.0), 0.019, 0.9, True, 0.0, 0.0, 0), ((0.0076, 0.0, 0.0), 0.019, 0.9, False, 0.0, 0.0, 0)],
 )  # fmt: skip
 def test_speeds_that_no_command_can_have_asked_for(
@@ -468,6 +505,51 @@ def test_a_pressure_at_its_limits() -> None:
         reading["wrench"][2] = -force
         assert monitor.check(memory, reading, reading, Moment()) == pytest.approx(found)
     assert memory["figure"].item() == beyond(5.0)
+
+
+class Times(Monitor):
+    """Notes how long ago it looked last."""
+
+    name: ClassVar[str] = "times"
+    trips: ClassVar[dict[int, str]] = {}
+    seen: ClassVar[list[tuple[float, float]]] = []
+
+    @classmethod
+    def of(cls, device: Watched) -> Iterable[Monitor]:
+        return (cls(device),)
+
+    def fields(self) -> tuple[Field, ...]:
+        return ()
+
+    def check(self, state: Record, reading: Record, sent: Record, moment: Moment) -> float:
+        self.seen.append((moment.now, moment.seconds))
+        return 1.0
+
+    def rules(self) -> tuple[Rule, ...]:
+        return ()
+
+
+def test_a_monitor_is_told_how_long_ago_it_looked_last() -> None:
+    one = model(PLATE, twin=True, offered=(Times,))
+    device = Supervisor(one, state(one), 0.001, twin=FakeTwin())
+    device.reset()
+    device.open()
+    for name, view in device.reading.items():
+        view[...] = 0.0 if name == "heat_flux" else 300.0
+    Times.seen.clear()
+    for tick in range(25):
+        device.read(tick)
+    assert Times.seen == [(0.0, 0.0), (0.01, 0.01), (0.02, 0.01)]
+    device.leave_out(7)
+    for tick in range(25, 30):
+        device.read(tick)
+    assert Times.seen[3:] == [(0.032, 0.012)]
+
+
+@pytest.mark.parametrize(("high", "said"), [(1e300, False), (9e299, True)])
+def test_a_range_of_all_numbers_is_none(high: float, said: bool) -> None:
+    monitor, _ = made(Readings, ((Channel("hum", 1, "1", (-math.inf,), (high,)),), ()))
+    assert ("outside its range" in monitor.rules()[0].trip) is said
 
 
 def test_silence_at_its_limit() -> None:
