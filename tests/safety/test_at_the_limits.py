@@ -268,13 +268,13 @@ def test_ten_seconds_on_the_wrong_side_are_let_pass() -> None:
 
 
 def test_how_long_a_sensor_may_read_the_same() -> None:
-    _, memory = drifting()
+    runaway, memory = drifting()
 
     def same(drives: list[float], seconds: float) -> list[float]:
         found = []
         memory["frozen"], memory["frozen_at"] = math.nan, 0.0
         for index, drive in enumerate(drives):
-            found.append(Runaway._still(memory, 300.0, drive, Moment(time=seconds * (index + 1))))
+            found.append(runaway._still(memory, 300.0, drive, Moment(time=seconds * (index + 1))))
         return found
 
     frozen = -float(Trip.SENSOR_FROZEN)
@@ -288,12 +288,25 @@ def test_how_long_a_sensor_may_read_the_same() -> None:
 
 
 def test_a_sensor_that_is_driven_by_just_a_fiftieth_may_be_still() -> None:
-    _, memory = drifting()
+    runaway, memory = drifting()
     memory["frozen"], memory["frozen_at"], memory["frozen_for"] = 300.0, 1.0, 1.5
     memory["frozen_drive"], memory["frozen_from"] = 0.04, 0.3
-    assert Runaway._still(memory, 300.0, 0.3, Moment(time=1.5)) == 0.0
+    assert runaway._still(memory, 300.0, 0.3, Moment(time=1.5)) == 0.0
     memory["frozen_for"], memory["frozen_drive"] = 1.5, beyond(0.04)
-    assert Runaway._still(memory, 300.0, 0.3, Moment(time=2.0)) == -Trip.SENSOR_FROZEN
+    assert runaway._still(memory, 300.0, 0.3, Moment(time=2.0)) == -Trip.SENSOR_FROZEN
+
+
+@pytest.mark.parametrize(
+    ("slope", "drive", "same", "stopped"),
+    [(2.5, 0.3, 0.5, False), (2.5, 0.3, 0.51, True), (-2.5, -0.3, 0.51, True), (0.2, 0.3, 5.0, False),
+     (0.25, 0.3, 5.0, True), (0.25, 0.3, 5.01, False), (2.0, 0.1, 0.6, False), (2.0, 0.11, 0.6, True),
+     (1.0, 0.3, 1.0, False)],
+)  # fmt: skip
+def test_when_a_moving_plate_seems_to_have_stopped(slope: float, drive: float, same: float, stopped: bool) -> None:
+    runaway, memory = drifting()
+    memory["frozen_slope"] = slope
+    assert runaway._stopped(memory, drive, same) is stopped
+    assert not Runaway(follows=False)._stopped(memory, drive, same)
 
 
 def test_a_plate_may_go_against_its_drive_by_two_kelvin() -> None:
@@ -703,7 +716,7 @@ KEPT = {
     (Surface, "table"): "contact_time[0..inf] withdrawn counted strayed_for doubted near_since looked places[0..inf] "
     "track(16, 7) figure(2)",
     (Heat, "plate"): "samples[0..inf] history(256, 4) flux tails(4)[0..inf] dose[0..inf] cold_time[0..inf] since frozen "
-    "frozen_at frozen_for frozen_drive frozen_held frozen_from driven_for parts(24, 3) touched_at odd_for figure2(2) "
+    "frozen_at frozen_for frozen_drive frozen_held frozen_slope frozen_from driven_for parts(24, 3) touched_at odd_for figure2(2) "
     "figure(3)",
 }  # fmt: skip
 
