@@ -226,6 +226,7 @@ def test_help_says_of_each_command_what_it_does() -> None:
     ("words", "extra", "blocked"),
     [
         (("export", "x.mcap", "--parquet"), "tables", "pyarrow"),
+        (("export", "x.mcap", "-o", "x.rrd"), "rerun", "rerun"),
         (("run", FIRST, "--headless", "--film", "x.mp4"), "film", "av"),
         (("reproduce", "-o", "out"), "plot", "matplotlib"),
     ],

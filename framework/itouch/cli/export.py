@@ -25,7 +25,7 @@ def main(argv: Sequence[str]) -> int:
         with waiting(f"exporting {options.file}"):
             written = _session(options) if options.file.endswith((".itouch", ".xml")) else _recording(options)
     except OSError as error:
-        outputs = (options.xml, options.itouch, options.csv, options.parquet, options.bids, options.layout)
+        outputs = (options.xml, options.itouch, options.csv, options.parquet, options.bids, options.layout, options.rrd)
         name = error.filename or next((output for output in outputs if output), options.file)
         raise ItouchError(f"cannot write '{name}': {error.strerror or error}") from error
     except ValueError as error:
@@ -42,7 +42,7 @@ def _chosen(options: argparse.Namespace) -> None:
     """Take ``--output`` for the option that its ending names, and look for what is needed before the work begins."""
     if options.output:
         ending = Path(options.output).suffix.lower().lstrip(".")
-        kinds = ("xml", "itouch", "csv", "parquet")
+        kinds = ("xml", "itouch", "csv", "parquet", "rrd")
         if ending not in kinds:
             endings = ", ".join(f".{kind}" for kind in kinds)
             raise ItouchError(f"-o '{options.output}': its ending says what to write: {endings}; a folder takes --csv, "
@@ -52,13 +52,15 @@ def _chosen(options: argparse.Namespace) -> None:
         setattr(options, ending, options.output)
     if options.parquet is not None:
         need("tables", "--parquet")
+    if options.rrd:
+        need("rerun", "--rrd")
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = Parser(prog="itouch-py export", description=main.__doc__)
     parser.add_argument("file", metavar="FILE", help="a session (.itouch, or its .xml) or a recording (.mcap)")
     parser.add_argument("-o", "--output", type=output_file, metavar="FILE",
-                        help="write what its ending says: .csv, .parquet, .xml, .itouch")  # fmt: skip
+                        help="write what its ending says: .csv, .parquet, .rrd, .xml, .itouch")  # fmt: skip
     parser.add_argument("--xml", type=output_file, metavar="FILE.xml", help="the whole session as one XML document")
     parser.add_argument("--itouch", type=output_file, metavar="FILE.itouch", help="a session's XML as a snapshot again")
     parser.add_argument("--csv", nargs="?", const="", metavar="FILE.csv|DIR",
@@ -71,6 +73,8 @@ def _parser() -> argparse.ArgumentParser:
                         help="who made the data, for --bids; may be given again")  # fmt: skip
     parser.add_argument("--layout", type=output_file, metavar="FILE.json",
                         help="panels for Foxglove and Lichtblick: the scene, a plot a unit, the events")  # fmt: skip
+    parser.add_argument("--rrd", type=output_file, metavar="FILE.rrd",
+                        help="for Rerun: the 3-D scene, the curves, the events (extra [rerun])")  # fmt: skip
     add_json(parser)
     return parser
 
@@ -113,8 +117,8 @@ def _recording(options: argparse.Namespace) -> list[str]:
 
     if options.xml or options.itouch:
         raise ItouchError(f"'{options.file}' is not a session; --xml writes one (.itouch) as XML")
-    if options.csv is None and options.parquet is None and not (options.bids or options.layout):
-        raise ItouchError("say what to write: --csv, --parquet, --bids DIR or --layout FILE.json")
+    if options.csv is None and options.parquet is None and not (options.bids or options.layout or options.rrd):
+        raise ItouchError("say what to write: --csv, --parquet, --bids DIR, --layout FILE.json or --rrd FILE.rrd")
     recording = read(options.file)
     for loss in recording.losses:
         note(loss)
@@ -131,4 +135,8 @@ def _recording(options: argparse.Namespace) -> list[str]:
         from itouch.recording.foxglove import export_layout
 
         written += export_layout(recording, options.layout)
+    if options.rrd:
+        from itouch.recording.rerun import export_rrd
+
+        written += export_rrd(recording, options.rrd)
     return written

@@ -52,6 +52,9 @@ _KINDS = {"double": 1, "int64": 3, "int32": 5, "fixed32": 7, "bool": 8, "string"
 _MESSAGE, _ENUM, _OPTIONAL, _REPEATED = 11, 14, 1, 3
 _PACKAGE = "foxglove"
 _FIXED64, _LENGTH = 1, 2
+#: Bytes of the wire types of fixed width, and kinds that are whole numbers of any length.
+_WIDTHS: Final = {1: 8, 5: 4}
+_WHOLE: Final = frozenset({"bool", "int64", "int32", "Type"})
 
 
 def encode(name: str, value: Mapping[str, Any]) -> bytes:
@@ -87,6 +90,83 @@ def _one(place: int, kind: str, item: Any) -> bytes:
     if kind in ("bool", "int64", "int32", "Type"):
         return number(place, int(item))
     return text(place, encode(kind, item))
+
+
+def decode(name: str, data: bytes) -> dict[str, Any]:
+    """Return a message as a mapping; numbers that are absent are 0, texts empty, messages None, repeated fields lists.
+
+    Fields that the message does not have here are passed over.
+
+    Raises
+    ------
+    ValueError
+        If the bytes are no such message.
+    """
+    fields = _TIMES[name.rpartition(".")[2]] if name.startswith("google.") else MESSAGES[name]
+    kinds = {place: (key, kind) for key, place, kind in fields}
+    found: dict[str, Any] = {key: _absent(kind) for key, _, kind in fields}
+    at = 0
+    while at < len(data):
+        head, at = _varint(data, at)
+        wire = head & 7
+        if wire == 0:
+            value, at = _varint(data, at)
+            piece: bytes | int = value
+        elif wire in _WIDTHS or wire == _LENGTH:
+            width = _WIDTHS.get(wire, 0)
+            if wire == _LENGTH:
+                width, at = _varint(data, at)
+            piece, at = data[at : at + width], at + width
+            if at > len(data):
+                raise ValueError(f"a message {name} ends in the middle of a field")
+        else:
+            raise ValueError(f"a message {name} has a field of wire type {wire}")
+        if head >> 3 in kinds:
+            key, kind = kinds[head >> 3]
+            _take(found, key, kind, piece)
+    return found
+
+
+def _take(found: dict[str, Any], key: str, kind: str, piece: bytes | int) -> None:
+    """Put a field's piece into a message; a number where a message is due, or the reverse, is an error."""
+    single = kind.removesuffix("[]")
+    value: Any = piece
+    if (single in _WHOLE) != isinstance(piece, int):
+        raise ValueError(f"the field {key} is not a {single}")
+    if isinstance(piece, bytes):
+        if single == "fixed32":
+            found[key].extend(struct.unpack(f"<{len(piece) // 4}I", piece[: len(piece) // 4 * 4]))
+            return
+        if single == "double" and len(piece) != 8:
+            raise ValueError(f"the field {key} is not a {single}")
+        value = (
+            struct.unpack("<d", piece)[0] if single == "double"
+            else piece.decode("utf-8", "replace") if single == "string"
+            else decode(single, piece)
+        )  # fmt: skip
+    if kind.endswith("[]"):
+        found[key].append(value)
+    else:
+        found[key] = value
+
+
+def _absent(kind: str) -> Any:
+    if kind.endswith("[]"):
+        return []
+    return 0.0 if kind == "double" else "" if kind == "string" else 0 if kind in _WHOLE else None
+
+
+def _varint(data: bytes, at: int) -> tuple[int, int]:
+    """Return a number in base 128, and where the next byte is."""
+    value = 0
+    for shift in range(0, 70, 7):
+        if at >= len(data):
+            raise ValueError("a message ends in the middle of a number")
+        value |= (data[at] & 0x7F) << shift
+        at += 1
+        if not data[at - 1] & 0x80:
+            return value, at
+    raise ValueError("a number has more than ten bytes")
 
 
 def descriptor(name: str) -> bytes:

@@ -13,6 +13,7 @@ EXTRAS: dict[str, tuple[str, tuple[str, ...]]] = {
     "plot": ("figures", ("matplotlib",)),
     "bench": ("this", ("scipy",)),
     "study": ("studies", ("scipy", "SweetSpot", "statsmodels")),
+    "rerun": ("Rerun", ("rerun",)),
     "lsl": ("Lab Streaming Layer", ("pylsl",)),
 }
 

@@ -1,0 +1,248 @@
+"""A recording for Rerun: the 3-D scene of its messages, its channels as curves by unit, its events as text.
+
+Rerun's own reader of MCAP shows the tracks as columns; here they are what they mean.  Its package is asked for by
+``itouch-py[rerun]``.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mcap.exceptions import McapError
+from mcap.reader import make_reader
+from numpy.typing import NDArray
+
+from itouch.plugin import poses
+from itouch.recording.errors import RecordingError
+from itouch.recording.recording import Recording
+from itouch.recording.tables import columns_of
+from itouch.recording.views import TOPICS, WORLD
+from itouch.recording.wellknown import decode
+
+#: The axis of time, and how many panels of curves there are.
+TIME, PANELS = "time", 6
+
+Marks = dict[tuple[str, str], list[tuple[float, dict[str, Any] | None]]]
+
+
+def export_rrd(recording: Recording, target: str) -> list[str]:
+    """Write a recording as Rerun's file, with how it is laid out; return the file.
+
+    Raises
+    ------
+    OSError
+        If it can't be written.
+    RecordingError
+        If its messages of the scene can't be read.
+    """
+    import rerun as rr
+
+    Path(target).touch()  # a place that can't be written is told by the system's own words
+    name = Path(recording.path).stem
+    with rr.RecordingStream("itouch-py", recording_id=name) as stream:
+        stream.save(target, default_blueprint=_blueprint(recording))
+        _scene(stream, recording)
+        _curves(stream, recording)
+        _texts(stream, recording)
+        stream.flush()
+    stream.disconnect()
+    return [target]
+
+
+def messages(recording: Recording) -> Iterator[tuple[float, str, dict[str, Any]]]:
+    """Yield time [s], name of the schema and content of the messages that hold the 3-D scene.
+
+    Raises
+    ------
+    RecordingError
+        If the file was cut or damaged: ``itouch-py recover`` makes it whole.
+    """
+    start = int(recording.session.get("start_ns", 0))
+    try:
+        with open(recording.path, "rb") as file:
+            for _, channel, message in make_reader(file).iter_messages(topics=list(TOPICS)):
+                name = TOPICS[channel.topic]
+                yield (message.log_time - start) / 1e9, name, decode(name, message.data)
+    except (McapError, ValueError, EOFError) as error:
+        raise RecordingError(
+            f"the 3-D scene of '{recording.path}' can't be read ({error or type(error).__name__}); make it whole with "
+            f"`itouch-py recover`"
+        ) from error
+
+
+def _scene(stream: Any, recording: Recording) -> None:
+    import rerun as rr
+
+    parents: dict[str, str] = {}
+    moves: dict[str, list[tuple[float, list[float]]]] = defaultdict(list)
+    marks: Marks = defaultdict(list)
+    where: dict[str, str] = {}
+    for time, name, content in messages(recording):
+        if name == "FrameTransforms":
+            for transform in content["transforms"]:
+                parents[transform["child_frame_id"]] = transform["parent_frame_id"]
+                moves[transform["child_frame_id"]].append((time, _numbers(transform)))
+            continue
+        for entity in content["entities"]:
+            where[entity["id"]] = entity["frame_id"]
+            if entity["arrows"] or entity["texts"]:
+                marks[entity["frame_id"], entity["id"]].append((time, entity))
+            else:
+                _solid(stream, f"{_path(entity['frame_id'], parents)}/{_part(entity['id'])}", entity)
+        for gone in content["deletions"]:
+            if gone["id"] in where:
+                marks[where[gone["id"]], gone["id"]].append((time, None))
+    for frame, found in moves.items():
+        numbers = np.array([pose for _, pose in found])
+        stream.send_columns(
+            _path(frame, parents), [rr.TimeColumn(TIME, duration=[time for time, _ in found])],
+            [*rr.Transform3D.columns(translation=numbers[:, :3], quaternion=numbers[:, [4, 5, 6, 3]])],
+        )  # fmt: skip
+    for (frame, name), listed in marks.items():
+        _marks(stream, f"{_path(frame, parents)}/{_part(name)}", listed)
+
+
+def _numbers(pose: dict[str, Any]) -> list[float]:
+    """Return place and orientation w x y z of a transform or a pose."""
+    place = pose.get("translation") or pose.get("position") or {}
+    turn = pose.get("rotation") or pose.get("orientation") or {"w": 1.0}
+    return [*(place.get(axis, 0.0) for axis in "xyz"), *(turn.get(axis, 0.0) for axis in "wxyz")]
+
+
+def _path(frame: str, parents: dict[str, str]) -> str:
+    """Return a frame's place in the tree: below its parent, down from the world."""
+    parts, seen = [frame], {frame}
+    while (above := parents.get(parts[-1], WORLD)) != WORLD and above not in seen:
+        parts.append(above)
+        seen.add(above)
+    inner = [_part(part) for part in reversed(parts) if part != WORLD]
+    return "/".join([WORLD, *inner])
+
+
+def _part(name: str) -> str:
+    import rerun as rr
+
+    return str(rr.escape_entity_path_part(name))
+
+
+def _colour(shape: dict[str, Any]) -> list[int]:
+    colour = shape["color"] or {"r": 0.8, "g": 0.8, "b": 0.8, "a": 1.0}
+    return [round(255 * min(1.0, max(0.0, colour[part]))) for part in "rgba"]
+
+
+def _solid(stream: Any, path: str, entity: dict[str, Any]) -> None:
+    """Put a solid, which stays as it is in its frame."""
+    import rerun as rr
+
+    for shape in (*entity["cubes"], *entity["spheres"], *entity["cylinders"], *entity["triangles"]):
+        pose, colour = _numbers(shape["pose"] or {}), _colour(shape)
+        place: dict[str, Any] = {"centers": [pose[:3]], "quaternions": [[*pose[4:], pose[3]]], "colors": [colour]}
+        if shape in entity["triangles"]:
+            points = np.array([[point[axis] for axis in "xyz"] for point in shape["points"]]).reshape(-1, 3)
+            placed = np.array([poses.transform(np.array(pose), point) for point in points]).reshape(-1, 3)
+            corners = np.array(shape["indices"], np.uint32).reshape(-1, 3)
+            stream.log(path, rr.Mesh3D(vertex_positions=placed, triangle_indices=corners, albedo_factor=colour,
+                                       vertex_normals=_normals(placed, corners)), static=True)  # fmt: skip
+            continue
+        half = [0.5 * shape["size"][axis] for axis in "xyz"]
+        solid = rr.components.FillMode.Solid
+        if shape in entity["cubes"]:
+            made: Any = rr.Boxes3D(half_sizes=[half], fill_mode=solid, **place)
+        elif shape in entity["spheres"]:
+            made = rr.Ellipsoids3D(half_sizes=[half], fill_mode=solid, **place)
+        else:
+            made = rr.Cylinders3D(lengths=[2 * half[2]], radii=[half[0]], fill_mode=solid, **place)
+        stream.log(path, made, static=True)
+
+
+def _normals(points: NDArray[np.float64], corners: NDArray[np.uint32]) -> NDArray[np.float64]:
+    """Return the normals of a mesh at its points, shape (n, 3), weighted by the areas of the triangles there."""
+    a, b, c = (points[corners[:, k]] for k in range(3))
+    across = np.cross(b - a, c - a)
+    found = np.zeros_like(points)
+    for k in range(3):
+        np.add.at(found, corners[:, k], across)
+    size = np.linalg.norm(found, axis=1, keepdims=True)
+    return np.asarray(found / np.where(size > 0.0, size, 1.0))
+
+
+def _marks(stream: Any, path: str, listed: list[tuple[float, dict[str, Any] | None]]) -> None:
+    """Put what comes and goes: forces as arrows, temperatures as words."""
+    import rerun as rr
+
+    axis = rr.TimeColumn(TIME, duration=[time for time, _ in listed])
+    kinds = next(entity for _, entity in listed if entity is not None)
+    if kinds["arrows"]:
+        vectors = [[0.0] * 3 if entity is None else _vector(entity["arrows"][0]) for _, entity in listed]
+        stream.log(path, rr.Arrows3D.from_fields(colors=[_colour(kinds["arrows"][0])], radii=[0.0012]), static=True)
+        stream.send_columns(path, [axis], [*rr.Arrows3D.columns(vectors=vectors)])
+        return
+    words = ["" if entity is None else entity["texts"][0]["text"] for _, entity in listed]
+    place = _numbers(kinds["texts"][0]["pose"] or {})[:3]
+    stream.log(path, rr.Points3D.from_fields(positions=[place], radii=[0.0], show_labels=True), static=True)
+    stream.send_columns(path, [axis], [*rr.Points3D.columns(labels=words)])
+
+
+def _vector(arrow: dict[str, Any]) -> list[float]:
+    """Return an arrow from its begin to its end: the schema's arrows point along the x axis of their pose."""
+    length = arrow["shaft_length"] + arrow["head_length"]
+    pose = np.array(_numbers(arrow["pose"] or {}))
+    return np.asarray(poses.transform(pose, np.array([length, 0.0, 0.0])) - pose[:3]).tolist()  # type: ignore[no-any-return]
+
+
+def _curves(stream: Any, recording: Recording) -> None:
+    import rerun as rr
+
+    for track in recording.tracks.values():
+        columns = columns_of(recording, track, celsius=True)
+        times = np.asarray(columns["time"][1], np.float64)
+        units = list(dict.fromkeys(unit for label, (unit, _) in columns.items() if label not in ("time", "tick")))
+        for unit in units if len(times) else ():
+            found = {
+                label: values for label, (u, values) in columns.items() if u == unit and label not in ("time", "tick")
+            }
+            path = f"/curves/{_part(unit or '1')}/{_part(track.name)}"
+            names = [f"{track.name}.{label}" + (f" [{unit}]" if unit else "") for label in found]
+            rows = np.column_stack([np.asarray(values, np.float64) for values in found.values()])
+            stream.log(path, rr.SeriesLines.from_fields(names=names), static=True)
+            each = rr.Scalars.columns(scalars=rows.reshape(-1)).partition([len(found)] * len(rows))
+            stream.send_columns(path, [rr.TimeColumn(TIME, duration=times)], [*each])
+
+
+def _texts(stream: Any, recording: Recording) -> None:
+    for event in recording.events:
+        _say(stream, event["time"], "INFO", f"{event['kind']}: {event['probe']} on {event['object']}")
+    for mark in recording.marks:
+        _say(stream, mark["time"], "INFO", f"mark {mark['name']} {mark.get('payload') or ''}".strip())
+    for fault in recording.faults:
+        _say(stream, fault["time"], "ERROR", f"fault: {fault['device']}: {fault['cause']}")
+
+
+def _say(stream: Any, time: float, level: str, words: str) -> None:
+    import rerun as rr
+
+    stream.set_time(TIME, duration=float(time))
+    stream.log("events", rr.TextLog(words, level=level))
+
+
+def _blueprint(recording: Recording) -> Any:
+    """Return how it is laid out: the scene and the events left, a panel of curves for each unit right."""
+    import rerun.blueprint as rrb
+
+    units = list(dict.fromkeys(
+        column.unit for track in recording.tracks.values() for column in track.columns
+        if column.unit and not column.name.startswith("command.")
+    ))[:PANELS]  # fmt: skip
+    shown = [{"K": "degC"}.get(unit, unit) for unit in units]
+    legend = rrb.PlotLegend(visible=False)  # with the names of all curves it hides them: they are told where one points
+    panels = [
+        rrb.TimeSeriesView(origin=f"/curves/{_part(unit)}", name=f"[{unit}]", plot_legend=legend) for unit in shown
+    ]
+    events = rrb.TextLogView(origin="/events", name="events")
+    scene = rrb.Vertical(rrb.Spatial3DView(origin=f"/{WORLD}", name="scene"), events, row_shares=[3, 1])
+    whole = rrb.Horizontal(scene, rrb.Vertical(*panels), column_shares=[3, 2]) if panels else scene
+    return rrb.Blueprint(whole, collapse_panels=True)

@@ -1,0 +1,194 @@
+"""Recordings for Rerun: the scene's messages are read back as they were written, and stand where State says.
+
+Rerun itself (170 MB, extra ``[rerun]``) is there in the long form only.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from google.protobuf import descriptor_pb2, descriptor_pool, json_format, message_factory
+from hypothesis import given
+from hypothesis import strategies as st
+from program import program
+from shipped import SCENES
+
+import itouch
+from itouch.recording import RecordingError, read
+from itouch.recording.rerun import messages
+from itouch.recording.wellknown import MESSAGES, decode, descriptor, encode
+from itouch.session.keeping import Keep, keeping
+
+EVERY = 33
+WHOLE = st.integers(0, 2**31 - 1)
+KINDS: dict[str, st.SearchStrategy[Any]] = {
+    "double": st.floats(allow_nan=False), "string": st.text(max_size=8), "bool": st.booleans(), "Type": st.just(0),
+    "fixed32[]": st.lists(st.integers(0, 2**32 - 1), max_size=5),
+}  # fmt: skip
+
+
+def contents(name: str) -> st.SearchStrategy[dict[str, Any]]:
+    """Return what a message may hold; any of its fields may be absent."""
+    if name.startswith("google."):
+        return st.fixed_dictionaries({}, optional={"seconds": WHOLE, "nanos": WHOLE})
+    fields: dict[str, st.SearchStrategy[Any]] = {}
+    for key, _, kind in MESSAGES[name]:
+        if kind in KINDS:
+            fields[key] = KINDS[kind]
+        elif kind.endswith("[]"):
+            fields[key] = st.lists(contents(kind[:-2]), max_size=2)
+        else:
+            fields[key] = contents(kind)
+    return st.fixed_dictionaries({}, optional=fields)
+
+
+def by_the_library(name: str, data: bytes) -> dict[str, Any]:
+    """Return a message as the library of Protocol Buffers reads it, by the schema that recordings carry."""
+    files = descriptor_pb2.FileDescriptorSet()
+    files.ParseFromString(descriptor(name))
+    pool = descriptor_pool.DescriptorPool()
+    for file in files.file:
+        pool.Add(file)
+    found = message_factory.GetMessageClass(pool.FindMessageTypeByName(f"foxglove.{name}"))()
+    found.ParseFromString(data)
+    return json_format.MessageToDict(found, preserving_proto_field_name=True, always_print_fields_with_no_presence=True)
+
+
+def same(ours: Any, theirs: Any) -> bool:
+    """Compare, whatever way the library's dictionaries write times, numbers and what is absent."""
+    if isinstance(ours, dict) and set(ours) == {"seconds", "nanos"}:
+        return isinstance(theirs, str)  # RFC 3339
+    if isinstance(ours, dict):
+        assert isinstance(theirs, dict)
+        return all(same(value, theirs.get(key)) for key, value in ours.items() if value is not None)
+    if isinstance(ours, list):
+        return len(ours) == len(theirs) and all(map(same, ours, theirs))
+    if isinstance(ours, float):
+        return float(theirs) == ours
+    return theirs == ours or (ours == 0 and theirs in ("ADD", "MATCHING_ID", "UNKNOWN_TYPE", None))
+
+
+def trimmed(name: str, content: dict[str, Any]) -> dict[str, Any]:
+    """Return a message's content with the times away, which have a range of their own in the library's words."""
+    kinds = {key: kind for key, _, kind in MESSAGES[name]}
+    found = {}
+    for key, value in content.items():
+        kind = kinds[key].removesuffix("[]")
+        if kind.startswith("google."):
+            continue
+        inner = kind in MESSAGES
+        found[key] = (
+            ([trimmed(kind, one) for one in value] if isinstance(value, list) else trimmed(kind, value))
+            if inner
+            else value
+        )
+    return found
+
+
+@pytest.mark.parametrize("name", ["FrameTransforms", "SceneUpdate"])
+@given(st.data())
+def test_messages_are_read_as_the_library_reads_them(name: str, data: st.DataObject) -> None:
+    packed = encode(name, trimmed(name, data.draw(contents(name))))
+    assert same(decode(name, packed), by_the_library(name, packed))
+
+
+@given(st.sampled_from(["FrameTransforms", "SceneUpdate"]), st.binary(max_size=60), st.data())
+def test_damaged_messages_are_an_error_and_nothing_else(name: str, noise: bytes, data: st.DataObject) -> None:
+    packed = bytearray(encode(name, data.draw(contents(name))))
+    for place in data.draw(st.lists(st.integers(0, max(0, len(packed) - 1)), max_size=3)):
+        if packed:
+            packed[place] ^= data.draw(st.integers(1, 255))
+    for bytes_ in (bytes(packed), noise, bytes(packed[: len(packed) // 2])):
+        try:
+            assert set(decode(name, bytes_)) == {key for key, _, _ in MESSAGES[name]}
+        except ValueError as error:
+            assert str(error)
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    path = tmp_path_factory.mktemp("rerun") / "a.mcap"
+    engine, states = itouch.build(SCENES / "four_materials.xml"), {}
+    engine.taps.append(lambda tick: states.update({tick: engine.state.tobytes()}) if tick % EVERY == 0 else None)
+    with keeping(engine, Keep(str(path), True, "", 0.0, False)):
+        engine.run(8.5)
+    engine.close()
+    return engine, states, path
+
+
+def test_the_scene_is_found_with_its_times(session: Any) -> None:
+    engine, states, path = session
+    compared, solids, state = 0, set(), engine.state.copy()
+    for time, name, content in messages(read(path)):
+        solids |= {entity["id"] for entity in content.get("entities", ()) if entity["cubes"]}
+        tick = round(time / engine.model.period)
+        if name != "FrameTransforms" or tick not in states:
+            continue
+        state.raw.data[:] = states[tick]
+        found = {t["child_frame_id"]: t["translation"] for t in content["transforms"]}
+        for index, one in enumerate(engine.model.objects):
+            assert [found[f"object/{one}"][axis] for axis in "xyz"] == state["objects.pose"][index][:3].tolist()
+        compared += 1
+    assert compared > 150 and len(solids) >= 5
+
+
+def test_a_recording_that_was_cut_says_what_to_do(session: Any, tmp_path: Path) -> None:
+    data = session[2].read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(data[: len(data) * 2 // 3])
+    with pytest.raises(RecordingError, match="itouch-py recover"):
+        list(messages(read(tmp_path / "cut.mcap")))
+
+
+def test_what_can_not_be_shown_is_said() -> None:
+    done = program("view", "four_materials", "--rerun")
+    assert done.returncode == 2 and "shows a recording (.mcap)" in done.stderr
+
+
+@pytest.mark.long
+def test_rerun_has_it_all_where_it_is(session: Any, tmp_path: Path) -> None:
+    """Through Rerun's own package and its command: what is there, and each place to 1e-6 m."""
+    from itouch.recording import rerun as ours
+
+    engine, states, path = session
+    target = tmp_path / "a.rrd"
+    done = program("export", str(path), "--rrd", str(target))
+    assert done.returncode == 0, done.stderr
+    listed = subprocess.run(
+        [sys.executable, "-m", "rerun", "rrd", "print", str(target)], capture_output=True, text=True
+    )
+    assert listed.returncode == 0, listed.stderr
+    for entity in (
+        "/world/object\\/aluminium",
+        "/world/finger\\/hip",
+        "/curves/N/arm",
+        "/curves/degC/peltier",
+        "/events",
+    ):
+        assert entity in listed.stdout, entity
+
+    class Spy:
+        def __init__(self) -> None:
+            self.sent: dict[str, list[Any]] = {}
+
+        def send_columns(self, entity: str, axes: list[Any], columns: list[Any]) -> None:
+            self.sent[entity] = [axes[0].as_arrow_array().cast("int64").to_numpy() / 1e9, columns]
+
+        def log(self, *_: Any, **__: Any) -> None:
+            pass
+
+    spy, state, compared = Spy(), engine.state.copy(), 0
+    ours._scene(spy, read(path))
+    times, columns = spy.sent["world/finger\\/hip"]
+    places = next(c for c in columns if "translation" in str(c.component_descriptor())).as_arrow_array()
+    for time, place in zip(times, places.to_pylist(), strict=True):
+        tick = round(time / engine.model.period)
+        if tick in states:
+            state.raw.data[:] = states[tick]
+            assert np.abs(np.array(place[0]) - state["finger.hip"]).max() < 1e-6
+            compared += 1
+    assert compared > 150
