@@ -48,6 +48,7 @@ MEANT = {
     "loop/contactlog.py": "keys that reports of before have", "world/sense.py": "an attribute of a scene",
     "sweeps/collecting.py": "a kind of figure", "sweeps/elements.py": "a kind of figure",
     "recording/views.py": "keys of a viewer's schema", "recording/wellknown.py": "keys of a viewer's schema",
+    "recording/rerun.py": "keys of a viewer's schema",
 }  # fmt: skip
 
 

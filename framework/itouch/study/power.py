@@ -19,8 +19,8 @@ from itouch.schema import ItouchError
 from itouch.study import orders
 from itouch.study import statistics as stats
 from itouch.study.observers import Felt, Observer, Person
+from itouch.study.panelists import observer_of
 from itouch.study.reading import StudyFile
-from itouch.study.simulate import OBSERVERS
 from itouch.study.tasks import is_right
 from itouch.study.touches import Presented, Toucher
 from itouch.study.trials import Trial
@@ -126,7 +126,7 @@ def _shares(
     levels = next((factor.names for factor in file.study.factors if factor.name == task.factor), ())
     person = Person.drawn(rng, biased=model == "naive", answers=levels)
     nearest = int(np.argmin([abs(person.finger_temperature - 273.15 - each) for each in FINGERS]))
-    observer, known = OBSERVERS[model](person), felt[nearest]
+    observer, known = observer_of(model)(person), felt[nearest]
     return [
         sum(_answer(file, observer, known, condition, rng) for _ in range(count)) / count
         for condition in file.conditions()

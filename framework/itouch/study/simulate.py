@@ -13,24 +13,14 @@ from itouch.plugin.discovery import Catalog
 from itouch.schema import SceneError
 from itouch.study import orders
 from itouch.study.course import Course, Due
-from itouch.study.observers import (
-    CombinedObserver,
-    Felt,
-    FluxObserver,
-    NaiveObserver,
-    Observer,
-    Person,
-    ReceptorObserver,
-)
+from itouch.study.observers import Felt, Person
+from itouch.study.panelists import observer_of
 from itouch.study.reading import StudyFile, load_study
 from itouch.study.store import Row, Store
 from itouch.study.tasks import is_right
 from itouch.study.touches import Toucher, figures
 from itouch.study.trials import Trial
 
-OBSERVERS: Mapping[str, type[Observer]] = {
-    "flux": FluxObserver, "combined": CombinedObserver, "receptors": ReceptorObserver, "naive": NaiveObserver,
-}  # fmt: skip
 #: What stands where a session's recording and date would.
 SIMULATED = "simulated"
 
@@ -55,7 +45,7 @@ class Simulation:
         self._file, self._code, self._study = file, code, file.study
         levels = self._levels()
         person = Person.drawn(self._rng("person"), biased=panel.model == "naive", answers=levels)
-        self.observer = OBSERVERS[panel.model](person)
+        self.observer = observer_of(panel.model)(person)
         skin = person.finger_temperature if panel.skin else None
         self._toucher = Toucher(file, catalog, skin_temperature=skin)
         self._known: dict[str, dict[str, Felt]] = {}
@@ -140,9 +130,10 @@ def simulate(path: str, folder: Path, panel: Panel, *, processes: int = 1) -> It
         With what is wrong with study or scene.
     StoreError
         If the folder holds another study, or cannot be written.
+    ObserverError
+        If there is no such observer.
     """
-    if panel.model not in OBSERVERS:
-        raise ValueError(f"there is no observer '{panel.model}'; there are {', '.join(OBSERVERS)}")
+    observer_of(panel.model)
     work = [(path, str(folder), panel, code) for code in panel.codes()]
     if processes <= 1:
         yield from map(_simulate_one, work)
@@ -151,4 +142,4 @@ def simulate(path: str, folder: Path, panel: Panel, *, processes: int = 1) -> It
         yield from pool.imap(_simulate_one, work)
 
 
-__all__ = ["OBSERVERS", "Panel", "SceneError", "Simulation", "simulate"]
+__all__ = ["Panel", "SceneError", "Simulation", "simulate"]

@@ -1,0 +1,108 @@
+"""Observers that a stranger's distribution brings: found by their entry points, used by name, refused in a sentence."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shipped import SCENES
+
+from itouch.cli import main
+from itouch.study import simulate as simulation
+from itouch.study.observers import Felt, Observer, Person
+from itouch.study.panelists import ObserverError, names, observer_of
+
+MODULE = '''
+class Peak:
+    """Judges by the greatest flux, and knows nothing of the framework."""
+    def __init__(self):
+        self.base = 500.0
+    def peak(self, felt):
+        return float(abs(felt.flux).max())
+    def cue(self, felt):
+        return self.peak(felt) / self.base
+
+class Stubborn(Peak):
+    def colder(self, intervals, rng):
+        return 1
+
+class Wild:
+    def cue(self, felt):
+        return [float("nan")]
+
+class Cross:
+    def cue(self, felt):
+        raise KeyError("nothing")
+
+class Mute:
+    pass
+
+nobody = 3
+'''
+POINTS = {"peak": "Peak", "stubborn": "Stubborn", "wild": "Wild", "cross": "Cross", "mute": "Mute", "nobody": "nobody",
+          "gone": "Gone", "flux": "Mute"}  # fmt: skip
+FELT = Felt(np.linspace(3000.0, 1000.0, 100), np.full(100, 303.0), np.full(100, 304.0), 0.01)
+
+
+@pytest.fixture
+def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lay a distribution out as pip does."""
+    site = tmp_path / "site"
+    info = site / "strange_observers-1.2.dist-info"
+    info.mkdir(parents=True)
+    (site / "strange_observers.py").write_text(MODULE)
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: strange-observers\nVersion: 1.2\n")
+    lines = [f"{name} = strange_observers:{cls}" for name, cls in POINTS.items()]
+    (info / "entry_points.txt").write_text("[itouch.observers]\n" + "\n".join(lines) + "\n")
+    monkeypatch.syspath_prepend(str(site))
+
+
+def test_they_are_found_and_judge(installed: None) -> None:
+    assert names()[:4] == ["flux", "combined", "receptors", "naive"] and "peak" in names()
+    observer = observer_of("peak")(Person(noise=1e-6, lapse=0.0))
+    assert isinstance(observer, Observer)
+    assert observer.cue(FELT).tolist() == [6.0]
+    weak = Felt(FELT.flux / 3, FELT.skin, FELT.deep, 0.01)
+    rng = np.random.default_rng(0)
+    assert observer.colder([weak, FELT], rng) == 1 and observer.colder([FELT, weak], rng) == 0
+    assert observer.identify(weak, {"a": FELT, "b": weak}, rng) == "b"
+    assert observer_of("stubborn")(Person(lapse=0.0)).colder([FELT, weak], rng) == 1
+    assert observer_of("flux").__name__ == "FluxObserver"  # what ships can't be replaced
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("mute", "observer 'mute' (strange-observers 1.2) is no class with a method cue"),
+        ("nobody", "is no class"),
+        ("gone", "failed to load: AttributeError"),
+        ("ghost", "there is no observer 'ghost'; there are flux, combined"),
+    ],
+)
+def test_what_is_none_is_refused_before_anything_is_touched(
+    installed: None, name: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study = str(next((SCENES / "studies").glob("*.xml")))
+    for words in (["simulate", study, "-o", str(tmp_path / "rows")], ["power", study, "--panel", "2"]):
+        assert main(["study", *words, "--model", name]) == 2
+        told = capsys.readouterr().err
+        assert said in told and "Traceback" not in told
+    assert not (tmp_path / "rows").exists()
+
+
+@pytest.mark.parametrize(("name", "said"), [("wild", "finite numbers"), ("cross", "cue raised KeyError")])
+def test_what_errs_is_named(installed: None, name: str, said: str) -> None:
+    with pytest.raises(ObserverError, match=said):
+        observer_of(name)(Person(lapse=0.0)).colder([FELT, FELT], np.random.default_rng(0))
+
+
+def test_a_whole_study_is_answered_by_one(installed: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from test_study import Hands as Touches
+    from test_study import written
+
+    monkeypatch.setattr(simulation, "Toucher", Touches)
+    study = written(tmp_path, more='<order repetitions="2"/>')
+    words = ["study", "simulate", str(study), "-o", str(tmp_path / "rows"), "--observers", "2", "--processes", "1"]
+    assert main([*words, "--model", "peak"]) == 0
+    assert main(["study", "report", str(study), str(tmp_path / "rows")]) == 0
