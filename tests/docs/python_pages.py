@@ -173,7 +173,13 @@ def servo(folder: Path, patch: pytest.MonkeyPatch) -> Names:
 
 
 #: Page -> what stands ready; pages that are not here have nothing but Python.
+def nothing(folder: Path, patch: pytest.MonkeyPatch) -> Names:
+    """A page whose listings need nothing."""
+    return {}
+
+
 SETUPS: dict[str, Setup] = {
+    "docs/explanation/observers.md": nothing,
     "README.md": plugin,
     "docs/how-to/slow-device.md": plugin,
     "docs/tutorials/first-touch.md": scenes,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -56,6 +57,18 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     lines = [f"{name} = strange_observers:{cls}" for name, cls in POINTS.items()]
     (info / "entry_points.txt").write_text("[itouch.observers]\n" + "\n".join(lines) + "\n")
     monkeypatch.syspath_prepend(str(site))
+    monkeypatch.delitem(sys.modules, "strange_observers", raising=False)
+
+
+def test_the_page_s_own_example_is_one(installed: None, tmp_path: Path) -> None:
+    page = (SCENES.parent / "docs" / "explanation" / "observers.md").read_text(encoding="utf-8")
+    code = page.split("```python\n")[1].split("```")[0]
+    with (tmp_path / "site" / "strange_observers.py").open("a") as stream:
+        stream.write(code + "\nPeak = Slope\n")
+    rng = np.random.default_rng(0)
+    observer = observer_of("peak")(Person(noise=1e-6, lapse=0.0))
+    still = Felt(np.full(100, 500.0), FELT.skin, FELT.deep, 0.01)
+    assert observer.colder([FELT, still], rng) == 0
 
 
 def test_they_are_found_and_judge(installed: None) -> None:
