@@ -74,14 +74,14 @@ def _command(force: float) -> Record:
 
 @pytest.fixture
 def device() -> Iterator[_Slow]:
-    before = threading.active_count()
+    before = set(threading.enumerate())
     slow = _Slow()
     yield slow
     slow.hang.set()
     deadline = time.monotonic() + 5
-    while threading.active_count() > before and time.monotonic() < deadline:
+    while set(threading.enumerate()) - before and time.monotonic() < deadline:
         time.sleep(0.01)
-    assert threading.active_count() == before  # no thread is left, however it ended
+    assert not set(threading.enumerate()) - before  # no thread is left, however it ended
 
 
 def test_the_newest_reading_is_given_once(device: _Slow) -> None:

@@ -7,7 +7,7 @@ from functools import partial
 
 from itouch.loop.rig import ProbeRig
 from itouch.loop.runner import Runner
-from itouch.monitors.carried import Nearing
+from itouch.monitors.carried import Nearing, rise
 from itouch.safety import Finger
 
 
@@ -62,6 +62,8 @@ def _finger(
 ) -> Iterator[tuple[Finger, list[Runner]]]:
     listed = list({one.model.name: one for one in devices}.values())
     finger = Finger(name, listed, nearing)
+    for near in nearing.values():
+        rise(near, 0.0)  # so that no tick is the first to call it
     for arm in listed:
         if arm in finger.arms:
             arm.leave_room = partial(finger.leave, arm)

@@ -42,6 +42,10 @@ def felt(load: Any) -> float:
 TOUCH, UNSEEN = 0.03, 0.06
 #: How near below the finger a plate may be felt next [m], and how old what is known of plate and finger is, in ticks.
 SOON, LATE = 5e-4, 2.0
+#: In how many ticks before that the room for it is made: at once, an arm at its limit would be felt to jerk.
+RAMP = 20.0
+#: A finger that hardly moves is reckoned as if it closed with this [m/s].
+SLOW = 0.02
 
 
 class Nearing(NamedTuple):
@@ -70,9 +74,9 @@ def rise(nearing: Any, pressed: float) -> float:
     way = LATE * period * closing
     if pressed > TOUCH:
         return float(UNSEEN + stiffness * way)
-    if nearing.finger[2] - radius - nearing.top[0] > SOON + way:
-        return 0.0
-    return float(UNSEEN + stiffness * way + damping * closing)
+    beyond = nearing.finger[2] - radius - nearing.top[0] - SOON - way
+    part = 1.0 if beyond <= 0.0 else max(0.0, 1.0 - beyond / (RAMP * period * max(closing, SLOW)))
+    return float(part * (UNSEEN + stiffness * way + damping * closing))
 
 
 @kernel
