@@ -19,6 +19,8 @@ _PACKED = {
     ESTIMATES: "<ff", CURRENTS: "<ff", CLEAR_ERRORS: "<B", ESTOP: "<",
 }  # fmt: skip
 MILLI = 1000.0
+#: The error bits of a watchdog that has ended: of firmware 0.6, and of 0.5.
+WATCHDOG_ENDED = 0x1000000 | 0x800
 
 #: What an error's bit means; where the firmwares differ both are said.
 ERRORS = {

@@ -58,6 +58,7 @@ class TableEmulator(Emulator):
         interface, _, place = self.params.bus.rpartition(":")
         if interface not in ("", "slcan"):
             raise DeviceError(f"bus = '{self.params.bus}': a simulated table has its bus at slcan:PATH")
+        place = place.partition("@")[0]  # what follows is the speed of the port
         self._terminal = Terminal(self.params.port or place)
         return f"servos of the table on {self.params.port or place or self._terminal.path}"
 

@@ -2,7 +2,8 @@
 
 A servo says its state ten times a second, unasked; places and currents are asked for in every exchange, which also
 feeds the servo's own watchdog.  That can be armed over USB only, so it is tried out when the bus is opened: each
-servo holds its place and is left in silence, and must let go.  A frame that is lost is asked for again.
+servo holds its place and is left in silence, and must let go by it.  An answer that is lost is asked for again; what
+is told is not acknowledged, so that limits and modes are told again and again.
 """
 
 from __future__ import annotations
@@ -23,6 +24,9 @@ from itouch_xyz_table.servos import AXES, Goal, ServoError, ServoState
 PATIENCE, TRIES, SILENT, CHANGE = 0.01, 8, 0.35, 0.6
 #: A servo must let go by itself within this time [s] without a frame, and a heartbeat later it has said so.
 LONGEST_WATCHDOG, HEARTBEAT = 0.5, 0.25
+#: In every so many exchanges one servo is told its limits and its mode again; after so long [s], more than from one
+#: heartbeat to the next, a servo that does not do so is told again to start or to stop.
+RENEWED, AGAIN = 4, 0.15
 #: Bits a second of a bus behind a serial adaptor.
 _BITRATE = 1_000_000
 
@@ -56,6 +60,7 @@ class Odrives:
         self._trace, self._clock = trace, clock
         #: Exchanges that were made again because a frame was lost.
         self.repeated = 0
+        self._exchanges = 0
         #: Whether the servos are driven: one that is not any more has started anew, and is not driven by itself.
         self._armed = False
         self._zero = [0.0] * len(self._ids)
@@ -105,6 +110,7 @@ class Odrives:
 
     def command(self, goals: Sequence[Goal | None]) -> tuple[ServoState, ...]:
         """Command servos and ask all; None: only ask that one."""
+        self._exchanges += 1
         for axis, goal in enumerate(goals):
             if goal is not None:
                 self._go(axis, goal)
@@ -114,9 +120,10 @@ class Odrives:
         """Stop all servos without force; that also ends latched errors."""
         self._armed = False
         for axis in range(len(self._ids)):
-            self._send(axis, can_.SET_STATE, can_.IDLE)
-            self._send(axis, can_.CLEAR_ERRORS, 0)
-        self._await("does not stop", lambda axis: self._state[axis] == can_.IDLE and not self._error[axis])
+            self._let_go(axis)
+        self._await(
+            "does not stop", lambda axis: self._state[axis] == can_.IDLE and not self._error[axis], self._let_go
+        )
         return self.query()
 
     def set_position(self, axis: int, position: float) -> None:
@@ -132,15 +139,24 @@ class Odrives:
 
     # --- the bus -----------------------------------------------------------------------------------------------------
 
+    def _let_go(self, axis: int) -> None:
+        self._send(axis, can_.SET_STATE, can_.IDLE)
+        self._send(axis, can_.CLEAR_ERRORS, 0)
+
+    def _drive(self, axis: int) -> None:
+        self._send(axis, can_.SET_STATE, can_.CLOSED_LOOP)
+
     def _go(self, axis: int, goal: Goal) -> None:
         """Send a goal; a servo that is not driven yet is told what it shall do before it is."""
         by_velocity = math.isnan(goal.position)
         limits = (goal.velocity_limit, goal.torque_limit / self._constants[axis])
-        if limits != self._limits[axis]:
+        turn = self._exchanges % (RENEWED * len(self._ids))
+        renewed = not self._armed or turn == RENEWED * axis
+        if renewed or limits != self._limits[axis]:
             self._send(axis, can_.SET_LIMITS, *limits)
             self._limits[axis] = limits
         mode = can_.BY_VELOCITY if by_velocity else can_.BY_POSITION
-        if mode != self._mode[axis]:
+        if renewed or mode != self._mode[axis]:
             self._send(axis, can_.SET_MODE, mode, can_.FOLLOW)
             self._mode[axis] = mode
         if by_velocity:
@@ -149,8 +165,12 @@ class Odrives:
             forward = can_.milli(goal.velocity), can_.milli(goal.feedforward)
             self._send(axis, can_.SET_POSITION, goal.position - self._zero[axis], *forward)
         if not self._armed and self._state[axis] != can_.CLOSED_LOOP and not self._error[axis]:
-            self._send(axis, can_.SET_STATE, can_.CLOSED_LOOP)
-            self._await("does not follow", lambda one: one != axis or self._state[one] != can_.IDLE or self._error[one])
+            self._drive(axis)
+            self._await(
+                "does not follow",
+                lambda one: one != axis or self._state[one] == can_.CLOSED_LOOP or self._error[one],
+                self._drive,
+            )
 
     def _prove_watchdog(self) -> None:
         """Leave the servos in silence while they hold their places: each must let go by itself.
@@ -158,38 +178,64 @@ class Odrives:
         Raises
         ------
         ServoError
-            If one does not: its watchdog is off.
+            If one cannot be driven, does not let go, or does so for another reason: its watchdog is off, or unknown.
         """
         self.stop()
         for axis, state in enumerate(self.query()):
             self._go(axis, Goal(state.position, 0.0, 0.0, 0.01 * self._constants[axis], 0.1))
+        for axis, state_now in enumerate(self._state):
+            if state_now != can_.CLOSED_LOOP and not self._ended(axis):  # a host that was held up has met its watchdog
+                self._turn_down(axis, f"cannot be driven, so its own watchdog cannot be tried out{self._why(axis)}")
         end = self._clock() + (LONGEST_WATCHDOG + HEARTBEAT) * max(1.0, self._patience / 5.0)
-        while any(state == can_.CLOSED_LOOP for state in self._state) and self._clock() < end:
+        while self._clock() < end and not all(
+            error and state != can_.CLOSED_LOOP for error, state in zip(self._error, self._state, strict=True)
+        ):
             self._listen(0.05)
-        for axis in range(len(self._ids)):
-            if self._state[axis] == can_.CLOSED_LOOP:
-                self.stop()
-                raise ServoError(
-                    f"servo {AXES[axis]} (id {self._ids[axis]}) goes on without being commanded for "
-                    f"{LONGEST_WATCHDOG:g} s: its own watchdog is off; set enable_watchdog and watchdog_timeout "
-                    "(0.1 s) with the maker's program"
+        advice = "set enable_watchdog and watchdog_timeout (0.1 s) with the maker's program"
+        for axis, state_now in enumerate(self._state):
+            if state_now == can_.CLOSED_LOOP:
+                self._turn_down(
+                    axis,
+                    f"goes on without being commanded for {LONGEST_WATCHDOG:g} s: its own watchdog is off; {advice}",
+                )
+            if not self._ended(axis):
+                why = self._why(axis) or ": it tells no error"
+                self._turn_down(
+                    axis, f"let go in silence, but not by its own watchdog{why}; find out why that was, and {advice}"
                 )
         self.stop()
 
-    def _await(self, otherwise: str, done: Callable[[int], object]) -> None:
-        """Feed and listen until something is true of all servos, as their heartbeats say.
+    def _ended(self, axis: int) -> bool:
+        """Tell whether a servo has let go because its watchdog ended."""
+        return self._state[axis] != can_.CLOSED_LOOP and bool(self._error[axis] & can_.WATCHDOG_ENDED)
+
+    def _turn_down(self, axis: int, words: str) -> None:
+        """Stop all servos, as far as they can be stopped, and raise."""
+        with contextlib.suppress(ServoError):
+            self.stop()
+        raise ServoError(f"servo {AXES[axis]} (id {self._ids[axis]}) {words}")
+
+    def _await(
+        self, otherwise: str, done: Callable[[int], object], again: Callable[[int], None] = lambda axis: None
+    ) -> None:
+        """Feed and listen until something is true of all servos, as their heartbeats say; tell those ``again``.
 
         Raises
         ------
         ServoError
             If it does not become true.
         """
-        end = self._clock() + CHANGE * self._patience
+        begin = told = self._clock()
+        end = begin + CHANGE * self._patience
         while not all(done(axis) for axis in range(len(self._ids))):
             if self._clock() > end:
                 axis = next(axis for axis in range(len(self._ids)) if not done(axis))
                 raise ServoError(f"servo {AXES[axis]} (id {self._ids[axis]}) {otherwise}{self._why(axis)}")
+            renewed = self._clock() - told > AGAIN
+            told = self._clock() if renewed else told
             for axis in range(len(self._ids)):
+                if renewed and not done(axis):
+                    again(axis)
                 self._ask(axis, can_.HEARTBEAT)  # not every firmware answers that; it comes by itself, too
             self._listen(0.02)
 

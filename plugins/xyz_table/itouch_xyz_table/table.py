@@ -134,7 +134,7 @@ class XyzTable(Device):
     @classmethod
     def missing(cls, bound: XyzTableParams) -> str:
         """Look whether there is anything at the port."""
-        place = bound.port or bound.bus.partition(":")[2]
+        place = bound.port or bound.bus.partition(":")[2].partition("@")[0]  # behind @: the speed of the port
         absent = place.startswith("/") and not os.path.exists(place)
         return f"there is nothing at '{place}': look at its plug" if absent else ""
 

@@ -18,12 +18,14 @@ WATCHDOG_ENDED, BEAT = 0x1000000, 0.1
 class VirtualOdrive(VirtualServo):
     """One servo: the axis is that of `VirtualServo`, what it says and hears are CAN frames.
 
-    ``timeout`` [s] is its watchdog's, infinite if it is off; ``constant`` its motor's torque an ampere [N m].
+    ``timeout`` [s] is its watchdog's, infinite if it is off; ``constant`` its motor's torque an ampere [N m];
+    ``ended`` the error with which silence ends, ``refuses`` the one that it has when it shall be driven, 0: none.
     """
 
     timeout: float = 0.1
     constant: float = 0.04
     ended: int = WATCHDOG_ENDED
+    refuses: int = 0
     _beat: float = -math.inf
     _by_velocity: bool = False
 
@@ -61,6 +63,8 @@ class VirtualOdrive(VirtualServo):
     def _set_state(self, state: int) -> None:
         if state == can_.IDLE and self.mode == POSITION:
             self.mode = 0
+        elif state == can_.CLOSED_LOOP and self.mode == 0 and self.refuses:
+            self.trip(self.refuses)
         elif state == can_.CLOSED_LOOP and self.mode == 0:
             self.mode = POSITION
 
@@ -102,16 +106,19 @@ class VirtualOdrive(VirtualServo):
 class VirtualCan:
     """The bus, and the adaptor at its end: lines of text that end with a return.
 
-    ``lose`` is asked for each frame of a servo whether it gets lost.
+    ``lose`` is asked for each frame of a servo whether it gets lost, ``miss`` for each of the host by its identifier.
     """
 
     servos: dict[int, VirtualOdrive]
     lose: Callable[[], bool] = field(default=lambda: False)
+    miss: Callable[[int], bool] = field(default=lambda number: False)
     open: bool = False
     _text: bytes = b""
 
     def frame(self, number: int, data: bytes, now: float, *, remote: bool) -> list[tuple[int, bytes]]:
         """Take a frame of the host and return what the servos answer."""
+        if self.miss(number):
+            return []
         servo = self.servos.get(number >> 5)
         answers = servo.hear(number & 31, data, now, remote=remote) if servo is not None else []
         return [answer for answer in answers if not self.lose()]

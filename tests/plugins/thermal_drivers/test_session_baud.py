@@ -2,32 +2,40 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
 import pytest
-from test_thermal_drivers import served, terminal  # noqa: F401
+from test_thermal_drivers import own_rig, served, terminal  # noqa: F401
 
-from itouch.plugin import DeviceError, Terminal
+from itouch.plugin import DeviceError, Stamps, Terminal, Trace, read_trace
 from itouch_thermal.display.device import ThermalDisplay
-from itouch_thermal.drivers.mecom import MecomClient, MecomError
+from itouch_thermal.drivers import LinePort, mecom
+from itouch_thermal.drivers.mecom import MecomClient, MecomError, MecomRefusal
 from itouch_thermal.drivers.params import Mecom
+from itouch_thermal.drivers.rig import Rig
 from itouch_thermal.drivers.tec import TecDriver
-from itouch_thermal.drivers.virtual import Plate, VirtualMecom
+from itouch_thermal.drivers.virtual import SILENCE, Plate, VirtualMecom
 
 FAST, OWN = 460800, 57600
 
 
 @contextmanager
-def controller(line: Terminal) -> Iterator[VirtualMecom]:
-    """A controller that hears nothing as long as the host's port has another speed than its own."""
+def controller(line: Terminal, *, hears: int = FAST, answers: int = FAST) -> Iterator[VirtualMecom]:
+    """A controller that hears nothing as long as the host's port has another speed than its own.
+
+    What comes faster than ``hears`` does not come to it, and what it sends faster than ``answers`` does not arrive.
+    """
     device = VirtualMecom(Plate(plate=300.0, sink=301.5))
 
     def step() -> None:
         data = line.receive()
-        if data and line.host_baud() == (device.fast() or OWN):
-            line.send(device.take(data))
+        speed = device.fast() or OWN
+        if data and line.host_baud() == speed <= hears:
+            answer = device.take(data)
+            line.send(answer if speed <= answers else b"")
 
     with served(step):
         yield device
@@ -91,8 +99,102 @@ def test_a_speed_that_a_dead_program_left_is_met(terminal: Terminal) -> None:  #
     gone.close()
 
 
+def test_a_controller_that_was_deaf_for_a_moment_gets_its_zero(terminal: Terminal) -> None:  # noqa: F811
+    with controller(terminal) as device:
+        tec = driver(terminal, 2.0)
+        tec.exchange(0.5)
+        device.lapses.lost = 3  # all that is asked at the fast speed; at the slow one it hears nothing
+        with pytest.raises(MecomError, match="did not answer 6 times"):
+            tec.exchange(1.5)
+        assert device.raised == FAST and device.floats[50001] == 0.5
+        tec.close()
+        assert device.floats[50001] == 0.0 and device.integers[50000] == 0
+        assert (device.raised or OWN) == OWN
+
+
+def test_a_controller_that_is_busy_is_not_looked_for_at_another_speed(terminal: Terminal) -> None:  # noqa: F811
+    with controller(terminal) as device:
+        tec = driver(terminal)
+        device.lapses.busy = 3
+        with pytest.raises(MecomRefusal, match="busy"):
+            tec.exchange(1.5)
+        assert terminal.host_baud() == FAST
+        tec.close()
+        assert device.integers[50000] == 0
+
+
+def test_a_speed_that_the_answers_do_not_stand_is_taken_back(terminal: Terminal) -> None:  # noqa: F811
+    with controller(terminal, answers=OWN) as device:
+        client = MecomClient(terminal.path, OWN, patience=4.0)
+        assert not client.hasten(FAST)
+        assert device.raised == OWN  # it was told to be slow again, and has heard that
+        assert client.identity() and terminal.host_baud() == OWN
+        client.close()
+
+
+def test_a_speed_that_the_line_does_not_carry_is_waited_out(
+    terminal: Terminal,  # noqa: F811
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    waited = list[float]()
+    with controller(terminal, hears=OWN) as device:
+
+        def fall(seconds: float) -> None:
+            waited.append(seconds)
+            device.now += seconds
+
+        monkeypatch.setattr(mecom, "sleep", fall)
+        client = MecomClient(terminal.path, OWN, patience=2.0)
+        assert not client.hasten(FAST)
+        assert waited == [mecom.FALLEN] and mecom.FALLEN > SILENCE
+        assert client.identity()
+        monkeypatch.setattr(mecom, "sleep", waited.append)
+        with pytest.raises(MecomError, match=f"does not carry {FAST} baud, .* at {OWN} baud either: .*session-baud"):
+            client.hasten(FAST)
+        client.close()
+
+
+def test_a_port_that_is_gone_does_not_hide_what_came_before() -> None:
+    line = Terminal()
+    with controller(line):
+        client = MecomClient(line.path, OWN, patience=5.0)
+        assert client.hasten(FAST)
+    line.close()
+    client.close()
+
+
+@pytest.mark.parametrize("speed", [1, 9599])
+def test_a_session_is_no_slower_than_a_port_can_be(speed: int) -> None:
+    with pytest.raises(ValueError, match=f"session_baud = {speed} must be at least 9600, or 0"):
+        Mecom(port="/dev/x", session_baud=speed)
+
+
 def test_an_exchange_takes_what_its_bytes_take() -> None:
     slow = Mecom(port="/dev/x")
     params = ThermalDisplay.Params(mecom=slow)
     assert ThermalDisplay.takes(params) == 0.02
     assert ThermalDisplay.takes(replace(params, mecom=replace(slow, session_baud=FAST))) == pytest.approx(0.006)
+    afar = replace(slow, port="socket://h:1", session_baud=FAST)  # its speed is never raised
+    assert ThermalDisplay.takes(replace(params, mecom=afar)) == 0.02
+
+
+class Told(Stamps):
+    """Remembers what a driver says of when it measured."""
+
+    said: tuple[float, float] = (0.0, 0.0)
+
+    def measured(self, *channels: str, ago: float = 0.0, inside: float = 0.0) -> None:
+        """Remember."""
+        self.said = ago, inside
+
+
+def test_the_age_of_a_rigs_readings_is_before_their_time_on_the_wire(terminal: Terminal) -> None:  # noqa: F811
+    with own_rig(terminal):
+        line = LinePort(port=terminal.path, baud=9600, age=15e-3)
+        stream, stamps = io.StringIO(), Told(["heat_flux"])
+        rig = Rig(ThermalDisplay.Params(line=line), Trace(stream, "rig"), patience=20.0)
+        rig.exchange(0.5, stamps)
+        answer = read_trace(stream.getvalue().splitlines())[-1].data
+        assert len(answer) > 30
+        assert stamps.said == pytest.approx((len(answer) * 10.0 / 9600.0, 15e-3))
+        rig.close()

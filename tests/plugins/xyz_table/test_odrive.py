@@ -172,6 +172,21 @@ def test_a_watchdog_that_is_off_refuses_the_table(quiet: Bench) -> None:
     assert all(servo.mode == 0 for servo in quiet.servos.values())
 
 
+@pytest.mark.parametrize(
+    ("tripped", "refused", "words"),
+    [
+        (0x8000, 0, r"servo z \(id 3\) let go in silence, but not by its own watchdog: velocity limit \(0x8000\)"),
+        (0, 0x40, r"servo z \(id 3\) cannot be driven.*no input, or the motor failed \(0x40\)"),
+    ],
+)
+def test_only_a_watchdog_that_has_ended_is_a_proof(quiet: Bench, tripped: int, refused: int, words: str) -> None:
+    """A z axis that its weight drives back stops in silence, too; one that is never driven has nothing to let go of."""
+    quiet.servos[3].ended, quiet.servos[3].refuses = tripped, refused
+    with pytest.raises(ServoError, match=words):
+        quiet.table().open()
+    assert all(servo.mode == 0 for servo in quiet.servos.values())
+
+
 def test_a_host_that_is_silent_loses_the_servos_and_is_told(quiet: Bench) -> None:
     device = quiet.table()
     reading, _ = records()
@@ -224,7 +239,9 @@ def test_one_lost_frame_in_ten_ends_nothing(bench: Bench) -> None:
     reading, _ = records()
     if bench.terminal is None:
         bench.can.lose = lambda: random.random() < 0.1
+        bench.can.miss = lambda number: random.random() < 0.1
     else:
+        bench.can.miss = lambda number: random.random() < 0.1
 
         def spoil(data: bytes) -> bytes:
             lines = data.split(b"\r")
@@ -237,6 +254,38 @@ def test_one_lost_frame_in_ten_ends_nothing(bench: Bench) -> None:
         device.read(reading)
         assert reading["pose"][:3] == pytest.approx(bench.truth(), abs=1e-4)
     bench.can.lose, bench.noise = (lambda: False), (lambda data: data)
+    bench.can.miss = lambda number: False
+    device.close()
+
+
+def test_limits_and_modes_that_got_lost_are_told_again(quiet: Bench) -> None:
+    """No servo acknowledges them: each servo's first limits, modes and orders to start are lost after the opening."""
+    device = quiet.table()
+    lost: set[int] = set()
+
+    def first(number: int) -> bool:
+        kinds = (canframes.SET_LIMITS, canframes.SET_MODE, canframes.SET_STATE)
+        gone = number & 31 in kinds and number not in lost
+        lost.add(number)
+        return gone
+
+    quiet.can.miss = first
+    device.open()
+    lost.clear()
+    for servo in quiet.servos.values():
+        servo.registers[FASTEST], servo._by_velocity = 1e-3, True  # what it would be without the frame that is lost
+    reading, command = records()
+    goal = [place + 5e-4 for place in quiet.truth()]
+    command["pose_target"] = (*goal, 1.0, 0.0, 0.0, 0.0)
+    for _ in range(400):
+        device.write(command)
+        device.read(reading)
+        if reading["pose"][:3] == pytest.approx(goal, abs=2e-5):
+            break
+    assert [servo.registers[FASTEST] for servo in quiet.servos.values()] == pytest.approx(
+        [0.3 / lead for lead in LEADS], rel=1e-6
+    )
+    assert quiet.truth() == pytest.approx(goal, abs=5e-5)
     device.close()
 
 
@@ -276,6 +325,7 @@ def test_what_is_missing_is_told_with_what_to_do(quiet: Bench) -> None:
     with pytest.raises(DeviceError, match="cannot be opened"):
         XyzTable(XyzTableParams(bus="slcan:/dev/no-such-port")).open()
     assert "there is nothing at '/dev/no-such" in XyzTable.missing(XyzTableParams(bus="slcan:/dev/no-such-port"))
+    assert XyzTable.missing(XyzTableParams(bus="slcan:/dev/null@115200")) == ""  # the speed is not part of the place
     for wrong in ({"bus": "can0"}, {"bus": "socketcan:can0", "port": "/dev/ttyACM0"}):
         with pytest.raises(ValueError, match="bus"):
             XyzTableParams(**wrong)  # type: ignore[arg-type]

@@ -34,7 +34,7 @@ class HardwareDisplay(Device):
         seconds: float = cls.exchange_time
         if params.line is not None:
             seconds = round(_LINE_BYTES * 10.0 / params.line.baud + _LINE_REST, 3)
-        elif params.mecom is not None and params.mecom.session_baud:
+        elif params.mecom is not None and params.mecom.raises:
             seconds = round(_MECOM_BYTES * 10.0 / params.mecom.session_baud + _MECOM_REST, 3)
         return seconds
 

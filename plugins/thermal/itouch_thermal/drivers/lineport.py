@@ -121,6 +121,9 @@ class LineDriver:
         self._patience = PATIENCE * patience
         self._line = SerialLine(params.port, params.baud, end=b"\n", trace=trace, patience=max(1.0, patience))
         self._number, self._version = 0, 1
+        #: How long the last answer was on the wire [s]; behind a socket nobody knows.
+        self.wire = 0.0
+        self._byte = 0.0 if "://" in params.port else 10.0 / params.baud
         #: What a rig of version 2 has promised; None: it speaks version 1.
         self.promises: Promises | None = None
         try:
@@ -179,8 +182,9 @@ class LineDriver:
             self._line.send(line)
             answer = self._line.receive(self._patience)
             body = self._body(answer) if answer is not None else None
-            if body is None:
+            if answer is None or body is None:
                 continue
+            self.wire = (len(answer) + 1) * self._byte  # with its end
             if body.startswith("E"):
                 raise DeviceError(f"the rig on {self._line.port} refuses '{text}': {body[1:].strip()}")
             if body.startswith(wanted):

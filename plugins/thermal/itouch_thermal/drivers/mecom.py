@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import struct
 from collections.abc import Sequence
+from time import sleep
 
 from itouch.plugin import DeviceError, Trace
 from itouch_thermal.drivers.serialport import SerialLine
@@ -16,6 +17,8 @@ from itouch_thermal.drivers.serialport import SerialLine
 #: How long [s] an answer may take, and how often a request is sent; after how long the first one is sent again where a
 #: lost answer would hold up a loop.  (Both have one number: whichever answer comes first counts, the other is late.)
 PATIENCE, TRIES, QUICK = 0.06, 3, 0.02
+#: After so long a silence [s] a raised line has its own speed again: 5 s, and some more.
+FALLEN = 5.5
 ERRORS = {
     1: "command not available", 2: "device is busy", 3: "general communication error", 4: "format error",
     5: "no such parameter", 6: "parameter is read only", 7: "value out of range", 8: "no such instance",
@@ -66,7 +69,7 @@ class MecomClient:
         """Give the line its own speed back, and let go of it."""
         try:
             if self.baud != self._slow:
-                with contextlib.suppress(MecomError):
+                with contextlib.suppress(DeviceError):  # a port that is gone, too: what came before is to be told
                     self._ask(f"CS{self._slow:08X}")
         finally:
             self._line.close()
@@ -74,7 +77,13 @@ class MecomClient:
     def hasten(self, baud: int) -> bool:
         """Raise the line's speed, until it is silent for 5 s; tell whether the controller can do that.
 
-        One that was left at this speed by a program that died is met there.
+        One that was left at this speed by a program that died is met there.  Where the line does not carry this speed
+        the controller gets its own back.
+
+        Raises
+        ------
+        DeviceError
+            If it answers at neither speed, or the port cannot be so fast.
         """
         if baud == self._slow:
             return False
@@ -94,8 +103,33 @@ class MecomClient:
         except MecomRefusal:
             pass
         except MecomError:
-            self._set(self._slow)
+            self._slowed(baud)
         return self.baud == baud
+
+    def _slowed(self, baud: int) -> None:
+        """Meet a controller at its own speed again that has raised its line to what the line does not carry.
+
+        Raises
+        ------
+        MecomError
+            If it does not come back.
+        """
+        with contextlib.suppress(MecomError):  # it may hear this and only its answer be damaged
+            self._ask(f"CS{self._slow:08X}", tries=1)
+        self._set(self._slow)
+        with contextlib.suppress(MecomError):
+            self._ask("?IF", tries=1)
+            return
+        sleep(FALLEN)
+        try:
+            self._ask("?IF")
+        except MecomRefusal:
+            pass
+        except MecomError as error:
+            raise MecomError(
+                f"the line on {self._line.port} does not carry {baud} baud, and after {FALLEN:g} s of silence the TEC "
+                f"controller does not answer at {self._slow} baud either: write a smaller session-baud, or none"
+            ) from error
 
     def _set(self, baud: int) -> None:
         self._line.set_baud(baud)
@@ -151,8 +185,11 @@ class MecomClient:
         if answer:
             raise MecomError(f"the TEC controller answered a write of parameter {parameter} with '{answer}'")
 
-    def _ask(self, payload: str) -> str:
+    def _ask(self, payload: str, tries: int = TRIES) -> str:
         """Send a request and return the payload of its answer.
+
+        In a hurry the line's own speed is tried, too: the controller may have fallen back to it.  Where it does not
+        answer there either, the line keeps the speed that it had, at which a later request may be heard.
 
         Raises
         ------
@@ -166,8 +203,12 @@ class MecomClient:
         crc = crc16(body)
         request = body + b"%04X\r" % crc
         refusal: MecomRefusal | None = None
-        for turn in range(2 * TRIES if self.baud != self._slow and self.hurry else TRIES):
-            if turn == TRIES:  # it has started anew, or has heard nothing for long: then its line is slow again
+        raised = self.baud
+        turns = 2 * tries if raised != self._slow and self.hurry else tries
+        for turn in range(turns):
+            if turn == tries and refusal is not None:
+                break  # busy: it is at this speed
+            if turn == tries:  # it has started anew, or has heard nothing for long: then its line is slow again
                 self._set(self._slow)
             self._line.clear()
             self._line.send(request)
@@ -180,7 +221,11 @@ class MecomClient:
             refusal = MecomRefusal(code, payload)
             if code != _BUSY:
                 break
-        raise refusal or MecomError(f"the TEC controller on {self._line.port} did not answer {TRIES} times")
+        if refusal is not None:
+            raise refusal
+        if raised != self.baud:
+            self._set(raised)
+        raise MecomError(f"the TEC controller on {self._line.port} did not answer {turns} times")
 
     def _answer(self, sent: int, wait: float) -> str | None:
         """Return the payload of the next good answer to this request within ``wait`` seconds, or None."""

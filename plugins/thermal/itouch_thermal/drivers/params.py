@@ -7,6 +7,9 @@ from typing import ClassVar
 
 from itouch.plugin import schema
 
+#: The slowest speed of a serial port [baud].
+SLOWEST = 9600
+
 
 @dataclass(frozen=True, slots=True)
 class Mecom:
@@ -15,12 +18,22 @@ class Mecom:
     TAG: ClassVar[str] = "mecom"
 
     port: str = schema.text(doc="serial port, or socket://HOST:PORT")
-    baud: int = schema.integer(low=9600, high=1_000_000, default=57600, doc="speed of the serial port")
+    baud: int = schema.integer(low=SLOWEST, high=1_000_000, default=57600, doc="speed of the serial port")
     session_baud: int = schema.integer(
         low=0, high=1_000_000, default=0, doc="speed of the port for the session, if the controller can; 0: as it is"
     )
     address: int = schema.integer(low=0, high=254, default=2, doc="of the controller on its line; 0: any")
     instance: int = schema.integer(low=1, high=4, default=1, doc="channel of the controller")
+
+    def __post_init__(self) -> None:
+        schema.validate(self)
+        if 0 < self.session_baud < SLOWEST:
+            raise ValueError(f"session_baud = {self.session_baud} must be at least {SLOWEST}, or 0: the speed as it is")
+
+    @property
+    def raises(self) -> bool:
+        """Whether the line's speed is raised for the session: behind a socket the port is not ours to raise."""
+        return bool(self.session_baud) and "://" not in self.port
 
 
 @dataclass(frozen=True, slots=True)

@@ -60,7 +60,7 @@ class Rig:
         else:
             read = self._source.exchange(current)
             if stamps is not None and self._age:
-                stamps.measured(inside=self._age)
+                stamps.measured(ago=self._source.wire, inside=self._age)
         flux, skin = getattr(read, "flux", math.nan), getattr(read, "skin", math.nan)
         if self._labjack is not None:
             sensors = self._labjack.exchange(read.plate)

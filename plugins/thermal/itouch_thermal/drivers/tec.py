@@ -62,7 +62,7 @@ class TecDriver:
         #: What this controller does not know of the protection that it should have.
         self.missing: list[int] = []
         try:
-            if params.session_baud and "://" not in params.port:
+            if params.raises:
                 self._client.hasten(params.session_baud)
             self._start(ceiling)
         except BaseException:
