@@ -186,6 +186,17 @@ def test_a_plate_feels_the_skin_that_is_worn_on(scene: Path) -> None:
     assert skins["25 degC"] < skins["33 degC"] - 0.5
 
 
+def test_there_is_one_skin_where_another_probe_of_the_finger_meets_the_plate(scene: Path) -> None:
+    other = '/><probe name="other" radius="8 mm" pose-from="stick" surface-to="table"'
+    scene.write_text(SCENE.format(plate=PLATE, surface=other))
+    session = itouch.build(scene)
+    session.run(1.0)
+    assert session.state["tip.taken"].item() > 200.0
+    own = session.state["peltier.twin.true_skin"].item()
+    assert own < 305.5
+    assert session.state["tip.skin"][0] == pytest.approx(own, abs=0.02)
+
+
 @pytest.mark.parametrize("period", [1e-3, 2.5e-4])
 def test_the_skin_is_a_thick_body_at_first(period: float) -> None:
     """A step of flux into a half-space: the surface rises by 2 q sqrt(t / pi) / e (Carslaw and Jaeger 1959, 2.9)."""

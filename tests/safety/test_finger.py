@@ -10,11 +10,13 @@ from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, Channels, Fake, model, stat
 
 from itouch.monitors import DeviceFaultError, Trip
 from itouch.monitors.carried import Nearing
-from itouch.plugin import DeviceError, Record
+from itouch.plugin import DeviceError, Record, plate_temperature, temperature_target
 from itouch.safety import Finger, Supervisor
 from itouch.world.limits import DeviceLimits
 
 Parts = dict[str, Channels]
+#: A pad that holds a temperature by its own control; 0 K: it holds none.
+HOLDER: Channels = ((plate_temperature(),), (temperature_target("goal", low=0.0, high=330.0, safe=0.0),))
 
 
 def hand(parts: Parts, limits: DeviceLimits = LIMITS, on: str = "") -> tuple[Record, list[Supervisor], Finger]:
@@ -169,6 +171,46 @@ def test_a_display_that_the_surface_brings_is_not_worn() -> None:
     table.panel.touch(False, 0.0)
     assert finger.worn == []
     assert worn(data, finger, 1.5, range(1, 1001)) == 0.0
+
+
+def holding(data: Record, finger: Finger, goal: float, ticks: range) -> float:
+    """Return the clock of T4 after a display on the finger, which is where it shall be, was told to hold this."""
+    data["pad.sent.goal"] = goal
+    for tick in ticks:
+        finger.check(tick)
+    return float(data["table.surface.contact_time"])
+
+
+def test_a_worn_display_is_in_contact_while_it_only_holds_a_temperature() -> None:
+    data, (table, _), finger = hand({"table": TABLE, "pad": HOLDER})
+    table.panel.touch(False, 0.0)
+    assert holding(data, finger, 300.0, range(1, 3001)) == pytest.approx(3.0, abs=0.03)
+    assert holding(data, finger, 0.0, range(3001, 4001)) == pytest.approx(2.0, abs=0.03)
+    assert holding(data, finger, 200.0, range(4001, 5001)) == pytest.approx(3.0, abs=0.03)
+
+
+def test_what_the_safe_target_of_a_withdrawn_display_is_does_not_count() -> None:
+    """A pad without an off is told to hold the middle of its limits: T4 must not trip on that."""
+    data, (table, pad), finger = hand({"table": TABLE, "pad": HOLDER})
+    table.panel.touch(False, 0.0)
+    data["table.surface.contact_time"] = 9.99
+    assert holding(data, finger, 300.0, range(1, 41)) == pytest.approx(10.0, abs=0.03)
+    assert pad.panel.share == 0.0
+    before = holding(data, finger, 300.65, range(41, 1041))
+    assert before == pytest.approx(9.0, abs=0.04)
+    pad.command["goal"][...] = 312.0
+    pad.write(1041)
+    assert pad.sent["goal"].item() == 0.0
+
+
+def test_a_display_on_a_bracket_that_the_surface_brings_is_not_worn() -> None:
+    bracket = model(ARM, name="bracket", carrier="table")
+    models = [model(TABLE, name="table"), bracket, model(PLATE, name="plate", carrier="bracket")]
+    data = state(*models)
+    finger = Finger("tip", [Supervisor(one, data, PERIOD, device=Fake()) for one in models])
+    assert finger.worn == []
+    elsewhere = Finger("tip", [Supervisor(one, data, PERIOD, device=Fake()) for one in (models[0], models[2])])
+    assert [one.model.name for one, _ in elsewhere.worn] == ["plate"]  # what carries it is not known to be the table
 
 
 def test_one_plate_alone_has_nothing_to_share() -> None:

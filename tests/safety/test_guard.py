@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from itouch.plugin import HOLD, Channel, Role, current, pose_target, wrench
@@ -204,6 +205,49 @@ def test_a_temperature_target_stays_between_the_limits() -> None:
     for wanted, got, count in ((280.0, 288.15, 1), (320.0, 313.15, 1), (300.0, 300.0, 0)):
         assert Guard(plain, DeviceLimits()).limit(np.array([wanted]), sent, 1.0, 1e-3, 1.0) == (count, 0)
         assert sent[0] == got
+
+
+def pad(**others: object) -> Channel:
+    """Return a target whose safe value is no temperature: the pad is off."""
+    return Channel("goal", 1, "K", (0.0,), (320.0,), safe=(0.0,), role=Role.TEMPERATURE_TARGET, **others)  # type: ignore[arg-type]
+
+
+def test_a_pad_that_is_commanded_off_is_off() -> None:
+    guard, sent = Guard(pad(), DeviceLimits(temperature=(290.0, 310.0))), np.array([300.0])
+    for wanted, share, got, count in (
+        (0.0, 1.0, 0.0, 0), (300.0, 1.0, 300.0, 0), (0.0, 0.0, 0.0, 0), (300.0, 0.0, 0.0, 1), (-5.0, 0.5, 0.0, 1),
+        (199.9, 1.0, 0.0, 1), (200.0, 1.0, 290.0, 1), (310.0, 0.5, 305.0, 1), (0.0, 0.5, 0.0, 0), (320.5, 1.0, 310.0, 1),
+    ):  # fmt: skip
+        assert guard.limit(np.array([wanted]), sent, share, 1e-3, 1.0) == (count, 0)
+        assert sent[0] == got
+    with pytest.raises(TripError):
+        guard.limit(np.array([math.nan]), sent, 1.0, 1e-3, 1.0)
+    held = Guard(dataclasses.replace(pad(), safe=HOLD), DeviceLimits(temperature=(290.0, 310.0)))
+    for share, got in ((1.0, 290.0), (0.0, 300.0)):  # it has no off that anybody knows
+        assert held.limit(np.array([0.0]), sent, share, 1e-3, 1.0) == (1, 0)
+        assert sent[0] == got
+
+
+def test_a_slew_from_off_begins_in_the_middle_of_the_limits() -> None:
+    guard, sent = Guard(pad(slew=(1000.0,)), DeviceLimits(temperature=(290.0, 310.0))), np.zeros(1)
+    for wanted, got in ((308.0, 301.0), (308.0, 302.0), (0.0, 0.0), (290.0, 299.0)):
+        guard.limit(np.array([wanted]), sent, 1.0, 1e-3, 1.0)
+        assert sent[0] == got
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(st.tuples(st.floats(-1e3, 1e3), st.floats(0.0, 1.0)), min_size=1, max_size=8),
+    st.floats(288.15, 300.0), st.floats(300.0, 313.15), st.sampled_from([(), (50.0,), (5e4,)]),
+)  # fmt: skip
+def test_a_pad_is_off_or_within_its_limits_whatever_is_asked(
+    asked: list[tuple[float, float]], low: float, high: float, slew: tuple[float, ...]
+) -> None:
+    guard, sent = Guard(pad(slew=slew), DeviceLimits(temperature=(low, high))), np.zeros(1)
+    for wanted, share in asked:
+        guard.limit(np.array([wanted]), sent, share, 1e-3, 1.0)
+        off = share == 0.0 or wanted < 200.0
+        assert sent[0] == 0.0 if off else low - 1e-9 <= sent[0] <= high + 1e-9
 
 
 def test_other_commands_stay_in_their_range() -> None:

@@ -101,6 +101,15 @@ def test_a_finger_that_lands_between_two_plates_and_an_arm_was_the_worst() -> No
     assert (plates + arm).max() <= 0.8
 
 
+def test_the_pad_of_the_operator_is_that_of_every_probe_on_the_finger() -> None:
+    """A plate is brought by a probe without an operator: it was taken for a soft finger, and pressed with 1.5 N."""
+    text = SCENE.replace(' surface-to="t1"', "").replace("<operator ", '<operator pad-stiffness="5000 N/m" ')
+    devices = TABLE.format(2) + DISPLAY.format(2, 2, 0)
+    plates, arm = pushes(text.format(devices=devices, probes=SECOND, safety='force="0.8 N"'), 2, 0.6).T
+    assert arm.max() > 0.6 and plates.max() > 0.6
+    assert (plates + arm).max() <= 0.8 + 1e-9
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("fastest", [0.12, 0.25])
 def test_hundreds_of_hand_overs_keep_to_the_scenes_force(fastest: float) -> None:

@@ -293,6 +293,17 @@ def test_a_plate_that_may_stop_is_not_frozen() -> None:
     assert moved_then_frozen(-1.5, 0.35, seconds=0.5)[0] is Trip.NONE
 
 
+def test_a_drive_without_a_ceiling_is_no_less_steady_for_it() -> None:
+    """Its limit of 5 A made every wobble five times as large: nothing was steady, and a frozen sensor not seen."""
+    endless = (PLATE[0], (Channel("current", 1, "A", safe=(0.0,), role=Role.DRIVE),))
+    plate = Plate(dataclasses.replace(LIMITS, current=5.0), endless)
+    for index in range(150):
+        plate.say(25.0 - 1.5 * STEP * index, drive=0.875 + 0.03 * ((index + 1) % 2))  # 1.75 to 1.81 A
+    trip, after = frozen(plate, [0.875] * 100, plate.reading["plate_temperature"].item())
+    assert trip is Trip.SENSOR_FROZEN
+    assert after == pytest.approx(1.0 / 1.5, abs=0.05)
+
+
 def test_a_tighter_current_makes_no_drive_less_steady() -> None:
     """What wobbles by less than 2 % of the hardware's drive is steady, whatever part of the limit that is."""
     tight = dataclasses.replace(LIMITS, current=0.8)

@@ -16,11 +16,11 @@ from itouch.loop.touch import Toucher
 from itouch.loop.touchoff import Stage, TouchOff
 from itouch.monitors import Surface
 from itouch.monitors.carried import size
-from itouch.plugin import Bound, Record, Role
+from itouch.plugin import Bound, Record, Role, Touch
 from itouch.safety.lifecycle import ENABLED
 from itouch.twin.coupling import Coupling
 from itouch.twin.hand import Hand
-from itouch.twin.skin import Skin
+from itouch.twin.skin import Floats, Skin
 from itouch.world import Model, ProbeModel
 from itouch.world.state import truth
 
@@ -90,20 +90,21 @@ class ProbeRig:
 
     def _under_worn(self, state: Record) -> Skin | None:
         worn = [self._runners[device.name] for device in self.model.worn(self.probe)]
-        operator, face, owner = self.probe.operator, self.face, None
+        operator = self.probe.operator
         if not worn or operator is None:
             return None
-        if (
-            face is not None
-            and face.model.twin
-            and (field := truth(self.model, face.model.name, Role.SKIN_TEMPERATURE))
-        ):
-            owner = state[field].reshape(1), face.touch
         for runner in worn:
             runner.worn_by = self.probe.name
         rest, ambient = operator.skin_temperature, self.model.scene.world.temperature
         touches = [runner.touch for runner in worn]
-        return Skin(state, self.probe.name, self.model.period, touches, owner, rest, ambient)
+        return Skin(state, self.probe.name, self.model.period, touches, self._owners(state), rest, ambient)
+
+    def _owners(self, state: Record) -> list[tuple[Floats, Touch]]:
+        """Return skin and touch of each plate whose twin owns the finger's tissue, whichever probe on it meets it."""
+        same = [one.face for one in self.model.probes if one.scene.pose_from == self.probe.scene.pose_from]
+        faces = [self._runners[name] for name in dict.fromkeys(same) if name in self._runners]
+        fields = [(truth(self.model, one.model.name, Role.SKIN_TEMPERATURE), one) for one in faces if one.model.twin]
+        return [(state[field].reshape(1), one.touch) for field, one in fields if field]
 
     def reset(self) -> None:
         """Set the probe's part of State to its start."""

@@ -24,6 +24,7 @@ from itouch.loop.surface.plate import ROOM
 from itouch.monitors.carried import Nearing
 from itouch.monitors.surface import DOUBT_GAP, DOUBT_GAP_UNCALIBRATED
 from itouch.plugin import Bound, Contact, ContactEvent, Record, Role
+from itouch.scene.elements import Operator
 from itouch.world import Model, ProbeModel
 from itouch.world import limits as default
 
@@ -63,6 +64,9 @@ class Toucher:
         self._rising = np.zeros(1)
         self._patience = round(SEPARATION_TIME / model.period)
         self._constants = _constants(model, probe, arm, table, offset)
+        #: Stiffness [N/m] and damping [N s/m] of the finger's pad.
+        self._pad = PAD_STIFFNESS, PAD_DAMPING
+        self.know(probe.operator)
         self._bind(model, probe, state, tracker, arm, table)
         self._found, self._carried = runner(self.finds), runner(self.carries)
         self._pushed = runner((self.pushes,))
@@ -145,17 +149,20 @@ class Toucher:
             alone = min(self._constants[render.PLATE_LIMIT], max(0.0, force - ROOM))
             self._constants[render.PLATE_LIMIT] = alone / surfaces
 
+    def know(self, operator: Operator | None) -> None:
+        """Take the pad of the finger from the operator whose it is; None: nothing is known of it."""
+        if operator is not None:
+            self._pad = operator.pad_stiffness, operator.pad_damping
+            self._constants[render.PAD_STIFFNESS] = operator.pad_stiffness
+
     @property
     def nearing(self) -> Nearing:
         """Where the finger is over the surface."""
-        figures, operator = self.figures, self.probe.operator
-        stiffness, damping = (
-            (operator.pad_stiffness, operator.pad_damping) if operator is not None else (PAD_STIFFNESS, PAD_DAMPING)
-        )
+        figures = self.figures
         return Nearing(
             figures[render.HIP : render.HIP + 3], figures[render.VELOCITY : render.VELOCITY + 3],
             figures[render.PLATE_TOP : render.PLATE_TOP + 1], self._rising,
-            np.array([self.probe.scene.radius, stiffness, damping, self.model.period]),
+            np.array([self.probe.scene.radius, *self._pad, self.model.period]),
         )  # fmt: skip
 
     def place(self, which: int, frame: Frame) -> None:
@@ -255,7 +262,7 @@ def _constants(
 ) -> render.Floats:
     constants = np.zeros(render.CONSTANTS)
     constants[render.OFFSET : render.OFFSET + 3] = offset
-    operator, force = probe.operator, (arm.model.limits.force if arm is not None else None) or math.inf
+    force = (arm.model.limits.force if arm is not None else None) or math.inf
     values = {
         render.RADIUS: probe.scene.radius,
         render.NEAR: probe.scene.near,
@@ -266,7 +273,7 @@ def _constants(
         render.BACK: math.cos(max(0.0, probe.scene.plate_angle - TILT_BACK)),
         render.PLATE_LIMIT: min((table.model.limits.plate_force if table else None) or default.PLATE_FORCE, force),
         render.FORCE_LIMIT: force,
-        render.PAD_STIFFNESS: operator.pad_stiffness if operator is not None else PAD_STIFFNESS,
+        render.PAD_STIFFNESS: PAD_STIFFNESS,
         render.HAS_LOAD: float(table is not None and table.model.reading(Role.CONTACT_FORCE) is not None),
         render.HAS_TABLE: float(table is not None),
         render.TABLE_SPEED: (table.model.limits.speed if table is not None else None) or math.inf,

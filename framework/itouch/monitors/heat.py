@@ -14,7 +14,7 @@ from typing import ClassVar
 from itouch.monitors import limits as default
 from itouch.monitors.history import SLOTS, History
 from itouch.monitors.readings import drives, plates, separate
-from itouch.monitors.runaway import DRIVEN, FROZEN_DRIVE, Runaway, drive_of
+from itouch.monitors.runaway import COLDEST_TARGET, DRIVEN, FROZEN_DRIVE, Runaway, drive_of
 from itouch.monitors.trips import Trip
 from itouch.plugin import Channel, Field, Moment, Monitor, Record, Role, Rule, Watched
 
@@ -64,7 +64,8 @@ class Heat(Monitor):
         hardware = [_ceiling(channel, component, {}) for channel, component in self._drives]
         parts = [most / least for most, least in zip(self._ceilings, hardware, strict=True)]
         follows = all(channel.role is Role.DRIVE for channel, _ in self._drives)
-        self._history, self._runaway = History(_COUNTS), Runaway(follows=follows, part=min(parts, default=1.0))
+        # of a drive that states no ceiling a limit leaves at most the whole
+        self._history, self._runaway = History(_COUNTS), Runaway(follows=follows, part=min([1.0, *parts]))
 
     @classmethod
     def of(cls, device: Watched) -> Iterable[Monitor]:
@@ -113,9 +114,13 @@ class Heat(Monitor):
         plate = self._temperature(reading)
         return plate < default.PLATE_ABSOLUTE[0] or plate > default.PLATE_ABSOLUTE[1]
 
-    def acts(self, reading: Record, sent: Record) -> bool:
-        """Tell whether its plate is driven."""
-        return abs(self._driven(sent, self._temperature(reading))) > DRIVEN
+    def acts(self, reading: Record, sent: Record, *, withdrawn: bool = False) -> bool:
+        """Tell whether its plate is driven, or held at a temperature; not by a target that safety has withdrawn."""
+        plate, drives = self._temperature(reading), zip(self._drives, self._ceilings, strict=True)
+        return not self._off(sent) and any(_pulls(*one, sent, plate, withdrawn) for one in drives)
+
+    def _off(self, sent: Record) -> bool:
+        return self._switch is not None and bool(sent[self._switch.name].item() < 0.5)
 
     def _temperature(self, reading: Record) -> float:
         return float(reading[self.plate].reshape(-1)[self._component])
@@ -140,7 +145,7 @@ class Heat(Monitor):
 
     def _driven(self, sent: Record, temperature: float) -> float:
         """Return how strongly the plate is driven: -1 (heats) to 1 (cools), as a part of the limit in force."""
-        if self._switch is not None and sent[self._switch.name].item() < 0.5:
+        if self._off(sent):
             return 0.0
         found = 0.0
         for (channel, component), ceiling in zip(self._drives, self._ceilings, strict=True):
@@ -266,6 +271,15 @@ def _ceiling(channel: Channel, component: int, limits: Mapping[str, object]) -> 
     if channel.role is Role.DRIVE and channel.unit == "A" and isinstance(limit, float):
         most = min(most, limit)
     return most if math.isfinite(most) and most > 0.0 else 1.0
+
+
+def _pulls(drive: tuple[Channel, int], ceiling: float, sent: Record, plate: float, withdrawn: bool) -> bool:
+    """Tell whether one drive acts; a target acts while it is held, however near to it the plate is."""
+    channel, component = drive
+    value: float = sent[channel.name].reshape(-1)[component].item()
+    if channel.role is Role.TEMPERATURE_TARGET:
+        return value >= COLDEST_TARGET and not withdrawn
+    return abs(drive_of(channel, value, plate, ceiling)) > DRIVEN
 
 
 def _left(beyond: float, room: float) -> float:

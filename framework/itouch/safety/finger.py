@@ -8,7 +8,7 @@ where a surface would withdraw, it lets go.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -37,11 +37,12 @@ class Finger:
         self.tables = [one for one in devices if one.panel.surface is not None]
         self._heats = [(one, post) for one in devices for post in one.heats]
         brought = {one.model.name for one in self.tables}
+        carriers = {one.model.name: one.model.carrier for one in devices}
         #: The displays that no surface brings to the finger, if one brings another.
         self.worn = [
             (one, post)
             for one, post in self._heats
-            if self.tables and not {one.model.name, one.model.carrier} & brought
+            if self.tables and not brought & {*_chain(one.model.name, carriers)}
         ]
         limits = [one.model.limits for one in (*self.arms_of, *self.tables)]
         #: Greatest force [N] of all that pushes on the finger together.
@@ -117,8 +118,9 @@ class Finger:
 
     def _touch(self, tick: int) -> None:
         """Run the clock of T4 of every surface while the finger touches any, or wears a display that is driven."""
+        withdrawn = any(table.panel.withdrawn for table in self.tables)
         touched = any(table.panel.touched for table in self.tables if table.enabled)
-        touched = touched or any(_acts(one, post) for one, post in self.worn)
+        touched = touched or any(_acts(one, post, withdrawn) for one, post in self.worn)
         for table in self.tables:
             table.panel.count_contact(tick, touched)
         if self.worn:
@@ -163,9 +165,16 @@ def _felt(table: Supervisor) -> float:
     return post.monitor.felt(table.panel.seen) if post is not None and isinstance(post.monitor, Surface) else 0.0
 
 
-def _acts(one: Supervisor, post: Post) -> bool:
+def _acts(one: Supervisor, post: Post, withdrawn: bool) -> bool:
     heat = post.monitor
-    return one.enabled and isinstance(heat, Heat) and heat.acts(one.panel.seen, one.sent)
+    return one.enabled and isinstance(heat, Heat) and heat.acts(one.panel.seen, one.sent, withdrawn=withdrawn)
+
+
+def _chain(name: str, carriers: Mapping[str, str]) -> Iterator[str]:
+    """Yield a device, what carries it, what carries that, and so on, as far as it is known."""
+    while name:
+        yield name
+        name = carriers.get(name, "")
 
 
 def _size(views: Sequence[NDArray[np.float64]]) -> float:

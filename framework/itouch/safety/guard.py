@@ -15,6 +15,7 @@ from itouch.monitors import Trip, TripError
 from itouch.monitors import limits as default
 from itouch.monitors.limits import DeviceLimits
 from itouch.monitors.readings import not_finite
+from itouch.monitors.runaway import COLDEST_TARGET
 from itouch.plugin import HURTING, RETRACT, Bound, Channel, Role
 from itouch.safety import limiting
 
@@ -102,7 +103,7 @@ def _bounds(channel: Channel, limits: DeviceLimits) -> limiting.Bounds:
     return limiting.Bounds(
         np.array([_kind(channel)]), np.array([index for index, _ in shut], np.int64),
         _row([rest for _, rest in shut]), _row(channel.low), _row(channel.high), _ceilings(channel, limits),
-        _row(torques), _row(channel.slew), _row(figures), np.array(free, np.int64),
+        _row(torques), _row(channel.slew), _row(figures), np.array(free, np.int64), _off(channel),
     )  # fmt: skip
 
 
@@ -117,6 +118,12 @@ def _kind(channel: Channel) -> int:
         Role.TEMPERATURE_TARGET: limiting.TEMPERATURE,
     }  # fmt: skip
     return kinds.get(channel.role, limiting.DRIVE if channel.role in HURTING else limiting.PLAIN)
+
+
+def _off(channel: Channel) -> Floats:
+    """Return the target of each component at which no temperature is held: its safe value, if that is none; or NaN."""
+    safe = channel.safe if isinstance(channel.safe, tuple) else (math.nan,) * channel.size
+    return _row([value if value < COLDEST_TARGET else math.nan for value in safe])
 
 
 def _ceilings(channel: Channel, limits: DeviceLimits) -> Floats:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from itouch.compiling import kernel
 from itouch.joining import SKIP
+from itouch.monitors.runaway import COLDEST_TARGET
 
 Floats = NDArray[np.float64]
 
@@ -29,7 +30,8 @@ class Bounds(NamedTuple):
 
     ``locked`` and ``resting``: the components that a locked degree of freedom shuts, and where they rest;
     ``low`` and ``high`` (n,): the range; ``ceilings`` (2, n): of a drive, downwards and upwards, infinite: none;
-    ``torques`` (n,): of a wrench; ``slew`` (n,); ``figures`` (4,): force, speed, and the range of a temperature.
+    ``torques`` (n,): of a wrench; ``slew`` (n,); ``figures`` (4,): force, speed, and the range of a temperature;
+    ``off`` (n,): the target at which nothing holds a temperature, NaN: there is none.
     """
 
     kind: NDArray[np.int64]
@@ -42,6 +44,7 @@ class Bounds(NamedTuple):
     slew: Floats
     figures: Floats
     free: NDArray[np.int64]
+    off: Floats
 
 
 class Moving(NamedTuple):
@@ -132,16 +135,31 @@ def _drive(bounds: Any, values: Floats, last: Floats, share: float, period: floa
 
 @kernel
 def _temperature(bounds: Any, values: Floats, last: Floats, share: float, period: float) -> int:
-    clamped = _into_box(bounds, values)
+    """Limit what shall be held: to its range, nearer to the middle of that for a share below 1, and in its slew.
+
+    What is off stays off, and is off with no share; what is off has no temperature to begin from, so that a slew begins
+    in the middle.
+    """
+    clamped = 0
     low, high = bounds.figures[2], bounds.figures[3]
-    if share < 1.0:  # nearer to the middle of what is allowed
-        middle, half = 0.5 * (low + high), 0.5 * (high - low) * share
+    middle = 0.5 * (low + high)
+    if share < 1.0:
+        half = 0.5 * (high - low) * share
         low, high = middle - half, middle + half
     for i in range(values.shape[0]):
-        kept = min(max(values[i], low), high)
+        kept, off = values[i], bounds.off[i]
+        if not math.isnan(off) and (share <= 0.0 or kept < COLDEST_TARGET):
+            kept = off
+        else:
+            if bounds.high.shape[0] > 0:
+                kept = min(max(kept, bounds.low[i]), bounds.high[i])
+            kept = min(max(kept, low), high)
+            if bounds.slew.shape[0] > 0:
+                begin, most = last[i] if last[i] >= COLDEST_TARGET else middle, bounds.slew[i] * period
+                kept = min(max(kept, begin - most), begin + most)
         if kept != values[i]:
             values[i], clamped = kept, 1
-    return clamped | _slew(bounds, values, last, period)
+    return clamped
 
 
 @kernel

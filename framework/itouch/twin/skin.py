@@ -2,7 +2,7 @@
 
 A column of tissue, by finite volumes and implicit in time, as a deviation from rest.  Skin at rest gives heat to the
 air; what covers it takes heat in place of the air, and says how much.  Where a plate's twin owns the finger's tissue,
-that is the skin, and it is told what the worn devices take beside the plate.
+that is the skin, and it is told what the worn devices take beside the plate; of several the first is, and all are told.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def wear(
     own
         The skin's temperature [K] where something else owns the finger's tissue, shape (1,); (0,): nothing does.
     taken, beside
-        Heat that each worn device takes from the finger [W/m2], shape (n,); its sum, for that owner, shape (1,).
+        Heat that each worn device takes from the finger [W/m2], shape (n,); its sum, for each such owner, shape (m,).
     total, faces
         What acts on the finger [N], shape (1,); force and gap [m] of each worn device, shape (n, 2), written.
     rest, resting
@@ -74,7 +74,8 @@ def wear(
     for i in range(taken.shape[0]):
         drawn += taken[i]
         faces[i, 0], faces[i, 1] = total[0], 0.0
-    beside[0] = drawn
+    for i in range(beside.shape[0]):
+        beside[i] = drawn
     if own.shape[0] > 0:
         skin[NOW] = own[0]
     else:
@@ -107,22 +108,22 @@ class Skin:
         The State, the probe, and the servo period [s].
     worn
         The touch of each device that is worn.
-    owner
-        The skin's temperature, shape (1,), and the touch of a plate whose twin owns the finger's tissue, if one does.
+    owners
+        The skin's temperature, shape (1,), and the touch of each plate whose twin owns the finger's tissue.
     rest, ambient
         Temperatures of the skin at rest and of the room [K].
     """
 
     def __init__(
-        self, state: Record, name: str, period: float, worn: Sequence[Touch], owner: tuple[Floats, Touch] | None,
-        rest: float, ambient: float,
+        self, state: Record, name: str, period: float, worn: Sequence[Touch],
+        owners: Sequence[tuple[Floats, Touch]], rest: float, ambient: float,
     ) -> None:  # fmt: skip
         self._skin, self._tissue, self._rest = state[f"{name}.skin"], state[f"{name}.tissue"], rest
         taken: Any = state[f"{name}.taken"]
         faces = np.zeros((len(worn), 2))
-        own, beside = np.zeros(0), np.zeros(1)
-        if owner is not None:
-            own, beside = owner[0], owner[1].beside
+        own, beside = owners[0][0] if owners else np.zeros(0), np.zeros(len(owners))
+        for i, (_, touch) in enumerate(owners):
+            touch.beside = beside[i : i + 1]
         for i, touch in enumerate(worn):
             touch.face, touch.taken, touch.skin = faces[i], taken[i : i + 1], self._skin[:1]
             touch.finger_attached = True

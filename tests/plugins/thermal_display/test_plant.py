@@ -51,6 +51,25 @@ def test_energy_closes_over_currents_touches_and_air():
     assert end - begin == pytest.approx(came, rel=1e-9)
 
 
+def skin_after(period, steps, worn):
+    twin = DisplayTwin(DisplayParams())
+    state, command, touch = Record.of(twin.fields()), Record.of([Field("current", "f8", 1)]), Touch()
+    twin.reset(state, np.random.default_rng(3))
+    touch.beside[0] = worn
+    for _ in range(steps):
+        twin.step(state, command, touch, period)
+    return state["true_skin"].item()
+
+
+@pytest.mark.parametrize(("period", "steps"), [(1e-3, 1), (1e-3, 10), (1e-2, 1)])
+def test_worn_heat_cools_the_skin_from_the_first_step(period, steps):
+    """A step of flux into a half-space: 2 q sqrt(t / pi) / e (Carslaw and Jaeger 1959, 2.9); 0.0306 K after 1 ms."""
+    layer, flux = FINGER[0], 1000.0
+    effusivity = np.sqrt(layer.conductivity * layer.density * layer.specific_heat)
+    fall = skin_after(period, steps, 0.0) - skin_after(period, steps, flux)
+    assert fall == pytest.approx(2.0 * flux * np.sqrt(period * steps / np.pi) / effusivity, rel=3e-3)
+
+
 def test_heat_beside_the_sensor_enters_the_plate_unseen():
     twin, state, command = twin_of(contact_area=4e-4, sensor_area=8e-4, flux_noise=0.0, film_coefficient=0.0)
     for _ in range(2000):

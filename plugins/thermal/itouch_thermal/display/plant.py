@@ -115,10 +115,7 @@ def display_step(
         if pressed > 0.0:
             contact *= _press_factor(pressed * c[C_PERIOD], finger[PRESS])
     command = wanted[0] if output[0] >= 0.5 else 0.0
-    if beside[0] != 0.0:
-        for i in range(above.shape[0]):
-            above[i] -= c[C_TISSUE_GAIN] * (tissue[F_BEGIN, i] + tissue[F_END, i]) * beside[0]
-    plant_step(c, tissue, plate, memory, above, below, line, words, command, contact, face[1], ambient)
+    plant_step(c, tissue, plate, memory, above, below, line, words, command, contact, face[1], ambient, beside[0])
     flux[0], skin[0], surface[0] = memory[FLUX], memory[SKIN], memory[PLATE]
     return 0
 
@@ -126,7 +123,7 @@ def display_step(
 @kernel
 def plant_step(
     c: Any, tissue: Any, plate: Any, memory: Any, above: Any, below: Any, line: Any, words: Any,
-    command: float, contact: float, gap: float, ambient: float,
+    command: float, contact: float, gap: float, ambient: float, beside: float,
 ) -> None:  # fmt: skip
     """Advance the plant by one step.
 
@@ -138,9 +135,10 @@ def plant_step(
         Packed column, shapes (4, n) and (9, m).
     memory, above, below, line, words
         What changes: shape (MEMORY,), mode coordinates (n,) and (m,), delayed currents (d,), generator word (1,).
-    command, contact, gap, ambient
+    command, contact, gap, ambient, beside
         Current [A], or the temperature [K] of a driver that holds one (0: its output is off); resistance to the
-        finger [K m2/W] (infinite: apart), gap to the finger [m], room [K].
+        finger [K m2/W] (infinite: apart), gap to the finger [m], room [K]; what else takes heat from the finger during
+        the whole step [W/m2].
     """
     dt = c[C_PERIOD]
     n, m = above.shape[0], below.shape[0]
@@ -160,12 +158,14 @@ def plant_step(
     pump = heat / c[C_AREA]
     spill = (1.0 - cover) * air
 
-    # The open column: everything but the end value of the contact flux.
+    # The open column: everything but the end value of the contact flux; what is beside it is known for all of the step.
     gf, gp = c[C_TISSUE_GAIN], c[C_PLATE_GAIN]
     leaving = flux if touching else finger_air
     s = c[C_REST]
     for i in range(n):
         above[i] = tissue[F_DECAY, i] * above[i] - gf * tissue[F_BEGIN, i] * leaving
+        if beside != 0.0:
+            above[i] -= gf * (tissue[F_BEGIN, i] + tissue[F_END, i]) * beside
         s += tissue[F_PORT, i] * above[i]
     before = 0.0
     p = c[C_REFERENCE]
