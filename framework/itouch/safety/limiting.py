@@ -147,18 +147,17 @@ def _temperature(bounds: Any, values: Floats, last: Floats, share: float, period
         half = 0.5 * (high - low) * share
         low, high = middle - half, middle + half
     for i in range(values.shape[0]):
-        kept, off = values[i], bounds.off[i]
-        if not math.isnan(off) and (share <= 0.0 or kept < COLDEST_TARGET):
-            kept = off
-        else:
+        asked, kept = values[i], bounds.off[i]
+        if math.isnan(kept) or (share > 0.0 and asked >= COLDEST_TARGET):
             if bounds.high.shape[0] > 0:
-                kept = min(max(kept, bounds.low[i]), bounds.high[i])
-            kept = min(max(kept, low), high)
+                values[i] = min(max(values[i], bounds.low[i]), bounds.high[i])
+            kept = min(max(values[i], low), high)
             if bounds.slew.shape[0] > 0:
                 begin, most = last[i] if last[i] >= COLDEST_TARGET else middle, bounds.slew[i] * period
                 kept = min(max(kept, begin - most), begin + most)
-        if kept != values[i]:
-            values[i], clamped = kept, 1
+        values[i] = kept
+        if kept != asked:
+            clamped = 1
     return clamped
 
 
