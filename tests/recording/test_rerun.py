@@ -171,6 +171,14 @@ def test_rerun_has_it_all_where_it_is(session: Any, tmp_path: Path) -> None:
     ):
         assert entity in listed.stdout, entity
 
+    whole = target.read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    failed = program("export", str(tmp_path / "cut.mcap"), "--rrd", str(target))
+    assert failed.returncode == 2 and "itouch-py recover" in failed.stderr
+    assert target.read_bytes() == whole and not list(tmp_path.glob("*.part"))  # what was there stays
+    assert program("recover", str(tmp_path / "cut.mcap"), "-o", str(tmp_path / "mended.mcap")).returncode == 0
+    assert program("export", str(tmp_path / "mended.mcap"), "--rrd", str(tmp_path / "b.rrd")).returncode == 0
+
     class Spy:
         def __init__(self) -> None:
             self.sent: dict[str, list[Any]] = {}

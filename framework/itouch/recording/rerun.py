@@ -41,15 +41,21 @@ def export_rrd(recording: Recording, target: str) -> list[str]:
     """
     import rerun as rr
 
-    Path(target).touch()  # a place that can't be written is told by the system's own words
-    name = Path(recording.path).stem
-    with rr.RecordingStream("itouch-py", recording_id=name) as stream:
-        stream.save(target, default_blueprint=_blueprint(recording))
-        _scene(stream, recording)
-        _curves(stream, recording)
-        _texts(stream, recording)
-        stream.flush()
-    stream.disconnect()
+    partial = Path(f"{target}.part")  # what stands at the target stays until the new file is whole
+    partial.touch()  # a place that can't be written is told by the system's own words
+    stream = rr.RecordingStream("itouch-py", recording_id=Path(recording.path).stem)
+    try:
+        with stream:
+            stream.save(partial, default_blueprint=_blueprint(recording))
+            _scene(stream, recording)
+            _curves(stream, recording)
+            _texts(stream, recording)
+            stream.flush()
+        stream.disconnect()
+        partial.replace(target)
+    finally:
+        stream.disconnect()
+        partial.unlink(missing_ok=True)
     return [target]
 
 
