@@ -6,6 +6,8 @@ import functools
 import importlib
 import json
 import shutil
+import subprocess
+import sys
 import tempfile
 import types
 from collections.abc import Callable
@@ -172,6 +174,28 @@ def servo(folder: Path, patch: pytest.MonkeyPatch) -> Names:
     return {}
 
 
+def led(folder: Path, patch: pytest.MonkeyPatch) -> Names:
+    """A small study is served by a process of its own, which ends with the page."""
+    scene = (SCENES / "first_touch.xml").read_text(encoding="utf-8")
+    end = '        <to pos="0 0 50 mm" in="0.2 s"/>\n      </motion>'
+    (folder / "scene.xml").write_text(scene.replace("      </motion>", end), encoding="utf-8")
+    (folder / "four_materials.xml").write_text(
+        '<study version="1.0" scene="scene.xml" seed="1">\n  <task kind="identify" factor="material"/>\n'
+        '  <factor name="material" levels="soft hard" set="wood/contact.stiffness" values="0.8 N/mm; 1.2 N/mm"/>\n'
+        '  <contact object="block" duration="0.1 s"/>\n</study>'
+    )
+    words = [sys.executable, "-m", "itouch.cli", "study", "serve", "four_materials.xml", "--pace", "fast"]
+    process = subprocess.Popen(words, cwd=folder, stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    assert "is served" in process.stdout.readline()
+
+    def close() -> None:
+        process.kill()
+        process.communicate()
+
+    return {"close": close}
+
+
 #: Page -> what stands ready; pages that are not here have nothing but Python.
 def nothing(folder: Path, patch: pytest.MonkeyPatch) -> Names:
     """A page whose listings need nothing."""
@@ -182,6 +206,7 @@ SETUPS: dict[str, Setup] = {
     "docs/explanation/observers.md": nothing,
     "README.md": plugin,
     "docs/how-to/slow-device.md": plugin,
+    "docs/how-to/lead-from-another-program.md": led,
     "docs/tutorials/first-touch.md": scenes,
     "docs/explanation/scene-model-state.md": scenes,
     "docs/how-to/inject-faults.md": engine,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import re
 import textwrap
@@ -43,11 +44,13 @@ def test_listings_run_in_the_order_of_the_page(page: str, tmp_path: Path, monkey
     monkeypatch.chdir(tmp_path)
     names = SETUPS[page](tmp_path, monkeypatch)
     names["__name__"] = "listing"
-    for listing in pieces:
-        try:
-            exec(compile(listing.text, listing.name, "exec", dont_inherit=True), names)
-        except EnoughError:
-            continue
+    close = names.pop("close", lambda: None)
+    try:
+        for listing in pieces:
+            with contextlib.suppress(EnoughError):
+                exec(compile(listing.text, listing.name, "exec", dont_inherit=True), names)
+    finally:
+        close()
 
 
 def test_the_lever_of_the_readme_is_a_device(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

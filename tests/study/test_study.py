@@ -7,6 +7,7 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
+from run_scene import write_study
 from shipped import SCENES, STUDIES
 
 from itouch.cli import main
@@ -303,3 +304,14 @@ def test_the_panel_of_the_paper_on_the_twins(tmp_path: Path) -> None:
     result = json.loads((tmp_path / "a" / "report.json").read_text())
     felt = {one["condition"]["material"]: one["mean_flux_W_m2"]["mean"] for one in result["felt"]}
     assert felt["aluminium"] > felt["pyrex"] > felt["wood"] > felt["polystyrene"]
+
+
+def test_a_hand_that_ends_elsewhere_than_it_begins_is_found(tmp_path: Path) -> None:
+    """From one trial to the next such an arm would jump: its sensors would not be believed."""
+    study = write_study(tmp_path)
+    scene = tmp_path / "scene.xml"
+    last = '<to pos="0 0 32 mm" in="0.1 s" hold="0.1 s"/>'
+    scene.write_text(scene.read_text().replace(last, last.replace("0 0 32", "9 0 32")))
+    _, problems = read_study(study, CATALOG)
+    assert [(one.code, one.place.line) for one in problems if one.place] == [("bad-value", 15)]
+    assert "does not end where it begins" in problems[0].sentence

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from itouch.cli import study_numbers, study_run
+from itouch.cli import study_numbers, study_run, study_serve
 from itouch.cli.arguments import output_file, output_folder, parser_of
 from itouch.schema.terminal import did
 
@@ -53,6 +53,7 @@ def main(argv: Sequence[str]) -> int:
     freeze.add_argument("study", metavar="STUDY.xml")
     freeze.add_argument("folder", metavar="FOLDER")
     study_run.add_parser(commands)
+    study_serve.add_parser(commands)
     study_numbers.add_parsers(commands)
     forget = commands.add_parser("forget", help="delete a participant's personal data for good; the trials stay")
     forget.add_argument("folder", metavar="FOLDER")
@@ -83,6 +84,8 @@ def _numbers(options: argparse.Namespace) -> int:
     file = _load(options.study)
     if file is None:
         return 2
+    if options.command == "serve":
+        return study_serve.serve(file, options)
     return study_numbers.audit(file, options) if options.command == "audit" else study_numbers.power(file, options)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,6 +20,8 @@ from itouch.schema.diagnostics import Place, Problem, SceneError, did_you_mean
 from itouch.study.elements import VERSION, Adaptive, Factor, Study
 from itouch.world import Model, compile_scene
 
+#: How far [m] the end of a scripted hand's way may be from its begin.
+CLOSED = 1e-3
 #: Levels of the factors, and of a staircase under its name.
 Condition = Mapping[str, str]
 
@@ -214,6 +217,7 @@ def _scenes(file: StudyFile, catalog: Catalog) -> Iterator[Problem]:
         advice = did_you_mean(wanted, known, "its objects are")
         sentence = f"the scene has no object named '{wanted}'"
         yield Problem("unknown-name", sentence, file.places.of(file.study.contact, "object_"), advice)
+    yield from _open_motions(base)
     told: set[str] = set()
     for condition in _each_level_once(file):
         scene, found = file.scene(condition, catalog)
@@ -225,6 +229,17 @@ def _scenes(file: StudyFile, catalog: Catalog) -> Iterator[Problem]:
                 told.add(problem.sentence)
                 shown = ", ".join(f"{name}={level}" for name, level in condition.items())
                 yield replace(problem, sentence=f"{problem.sentence} (in the condition {shown})")
+
+
+def _open_motions(scene: Scene) -> Iterator[Problem]:
+    """Find scripted hands that do not end where they begin: from one trial to the next such an arm would jump."""
+    for operator in scene.operators:
+        targets = operator.motion.targets
+        if len(targets) > 1 and math.dist(targets[0].pos, targets[-1].pos) > CLOSED:
+            sentence = f"the hand of '{operator.probe}' does not end where it begins: the next trial begins there"
+            yield Problem(
+                "bad-value", sentence, scene.places.of(targets[-1], "pos"), "end with the pos of the first <to>"
+            )
 
 
 def _each_level_once(file: StudyFile) -> Iterator[dict[str, str]]:

@@ -64,6 +64,8 @@ class Room:
     def present(self, condition: Mapping[str, str]) -> Feeling:
         """Put a condition's scene over the devices, the hand at the begin of its path, which waits.
 
+        A twin's hand that is still under way ends its path first: no arm can be at another place at once.
+
         Raises
         ------
         SessionError
@@ -74,6 +76,8 @@ class Room:
         before = self._session
         session = self._built(condition)
         if before is not None:
+            if self._under_way:
+                self.run(lambda: before.done)
             succeed(session, before.state)
         self._take(session, condition)
         if not int(session.state["ready"]):  # the rig finds its heights by touch
@@ -95,6 +99,13 @@ class Room:
         """Return where the session stands after a trial."""
         session = self.session
         return Standing(place, dict(self.condition), layout_of(session), session.state.tobytes())
+
+    @property
+    def _under_way(self) -> bool:
+        session = self.session
+        hands = [f"{probe.name}.hand.steered" for probe in session.model.probes]
+        let_go = any(name in session.state and not session.state[name] for name in hands)
+        return session.scripted and let_go and not session.done
 
     def hold(self) -> None:
         """Let the hand of a twin wait on its path."""
