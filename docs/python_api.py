@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
 
+from itouch.plugin import Device
+
 
 @dataclass(frozen=True, slots=True)
 class Page:
@@ -65,6 +67,18 @@ def public(module: str) -> list[str]:
     return sorted((name for name in listed if not isinstance(getattr(home, name), types.ModuleType)), key=str.lower)
 
 
+def asked(home: type) -> list[str]:
+    """Return the methods that whoever derives from a class of a plugin's contract writes, in the order of the source.
+
+    They are shown before all that has a default: what is abstract, and of a device `write`, too, which one that only
+    measures leaves out.
+    """
+    wanted = set(getattr(home, "__abstractmethods__", ()))
+    if home is Device:
+        wanted.add("write")
+    return [name for name in vars(home) if name in wanted]
+
+
 def _homes() -> dict[int, str]:
     """Return where each class and function is described: the first module that offers it."""
     found: dict[int, str] = {}
@@ -98,5 +112,11 @@ def _lines(page: Page) -> Iterator[str]:
 
 def _directive(path: str, thing: object) -> str:
     if inspect.isclass(thing):
-        return f".. autoclass:: {path}\n   :members:\n   :undoc-members:\n   :show-inheritance:"
+        first = asked(thing)
+        lines = [f".. autoclass:: {path}", "   :members:", "   :undoc-members:", "   :show-inheritance:",
+                 "   :member-order: bysource"]  # fmt: skip
+        if first:
+            lines += [f"   :exclude-members: {', '.join(first)}", ""]
+            lines += [f"   .. automethod:: {path}.{name}" for name in first]
+        return "\n".join(lines)
     return f".. autofunction:: {path}" if callable(thing) else f".. autodata:: {path}"

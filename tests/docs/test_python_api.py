@@ -47,3 +47,17 @@ def test_what_the_program_offers_is_in_the_reference() -> None:
     assert "quantity" in public("itouch.schema")
     assert "Falcon" in public("itouch_usb_arm")
     assert {"solve", "Stepper"} <= set(public("itouch_thermal"))
+
+
+def test_what_a_device_writes_is_shown_before_what_has_a_default() -> None:
+    from python_api import asked
+
+    from itouch.plugin import Device, Twin
+
+    assert asked(Device) == ["open", "close", "read", "write"]
+    assert asked(Twin) == ["step", "read"]
+    page = pages()["python-plugin.md"]()
+    block = page.split(".. autoclass:: itouch.plugin.Device\n")[1].split("```")[0]
+    assert ":exclude-members: open, close, read, write" in block  # or they would stand there twice
+    shown = [line.split("::")[1].strip() for line in block.splitlines() if "automethod" in line]
+    assert shown == [f"itouch.plugin.Device.{name}" for name in ("open", "close", "read", "write")]

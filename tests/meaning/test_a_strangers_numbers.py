@@ -118,7 +118,15 @@ def test_bids_has_them(made):
     said = {name: sidecar[name] for sidecar in sidecars for name in sidecar["Columns"] if name in sidecar}
     assert said["squeeze"] == {"Units": "Pa", "Description": PRESSURE}
     assert said["twin.let_in"] == {"Units": "Pa", "Description": LEVEL}
-    assert any(gzip.decompress(file.read_bytes()) for file in (folder / "bids").rglob("*physio.tsv.gz"))
+    columns = {}
+    for sidecar in (folder / "bids").rglob("*physio.json"):
+        text = gzip.decompress(sidecar.with_suffix("").with_suffix(".tsv.gz").read_bytes()).decode()
+        values = zip(*(line.split("\t") for line in text.splitlines()), strict=True)
+        columns |= dict(zip(json.loads(sidecar.read_text())["Columns"], values, strict=True))
+    let_in = [float(value) for value in columns["twin.let_in"]]
+    assert let_in == pytest.approx([tick + 1.0 for tick in range(200)])  # 1 kPa/s, after each tick
+    told = [float(value) for value in columns["squeeze"]]
+    assert told == pytest.approx([101325.0 + tick for tick in range(200)], abs=1e-3)  # read before the tick's step
 
 
 def test_the_window_plots_and_explains_them(made):
