@@ -192,11 +192,11 @@ def limit(
     int
         0, or PYTHON if the command is not a number: nothing has been written then.
     """
-    if not finite(wanted):
-        return PYTHON
     values = np.empty(wanted.shape[0])
     for i in range(wanted.shape[0]):
         values[i] = wanted[i]
+    if not finite(values):  # the copy: a plugin's thread may write to what it wants meanwhile
+        return PYTHON
     for k in range(bounds.locked.shape[0]):
         i = bounds.locked[k]
         if values[i] != bounds.resting[k]:
