@@ -35,6 +35,8 @@ from itouch.compiling import kernel, nogil_kernel
 _SIGNATURE = int64(int64)
 #: What a call returns to leave out the others of its step.
 SKIP = 1 << 40
+#: How many numbers say where a chain stands.
+_ABOUT = 7
 #: What arrays may hold.
 _KINDS = (
     np.float64, np.float32, np.int64, np.int32, np.int16, np.int8, np.uint64, np.uint32, np.uint16, np.uint8,
@@ -82,10 +84,17 @@ def _read_clock(typing: Any, address: Any, which: Any, memory: Any) -> Any:
 
 
 @nogil_kernel
-def _run(entries: Any, words: Any, ends: Any, begin: int) -> int:
-    """Run the calls from ``begin`` on; return -1, or where one wants Python and what it says: index * 2**32 + code."""
+def _run(about: int, begin: int) -> int:
+    """Run the calls from ``begin`` on; return -1, or where one wants Python and what it says: index * 2**32 + code.
+
+    ``about``: where the chain stands (``Chain``).  Numbers are what Python hands over quickest.
+    """
+    chain = carray(_pointer(about), _ABOUT, int64)
+    count = chain[0]
+    entries, words = carray(_pointer(chain[1]), count, int64), carray(_pointer(chain[2]), count, int64)
+    ends = carray(_pointer(chain[3]), count, int64)
     i = begin
-    while i < entries.shape[0]:
+    while i < count:
         code: int = _call(entries[i], words[i])
         if code != 0 and code != SKIP:
             return (i << 32) | code
@@ -94,15 +103,18 @@ def _run(entries: Any, words: Any, ends: Any, begin: int) -> int:
 
 
 @nogil_kernel
-def _run_timed(
-    entries: Any, words: Any, ends: Any, steps: Any, begin: int, stamps: Any, first: int, clock: int, memory: Any
-) -> int:  # fmt: skip
+def _run_timed(about: int, begin: int, stamps: Any, first: int) -> int:
     """Do what ``_run`` does, and write the host time [s] after step i to ``stamps[first + i]``."""
+    chain = carray(_pointer(about), _ABOUT, int64)
+    count = chain[0]
+    entries, words = carray(_pointer(chain[1]), count, int64), carray(_pointer(chain[2]), count, int64)
+    ends, steps = carray(_pointer(chain[3]), count, int64), carray(_pointer(chain[4]), count, int64)
+    memory = carray(_pointer(chain[6]), 2, int64)
     i = begin
-    while i < entries.shape[0]:
+    while i < count:
         code: int = _call(entries[i], words[i])
         if code != 0 or i + 1 == ends[i]:
-            _read_clock(clock, 1, memory.ctypes.data)
+            _read_clock(chain[5], 1, chain[6])
             stamps[first + steps[i]] = memory[0] + 1e-9 * memory[1]
         if code != 0 and code != SKIP:
             return (i << 32) | code
@@ -145,16 +157,21 @@ class Chain:
         if sum(counts) != len(self.calls) or min(counts, default=1) < 1:
             raise ValueError(f"steps of {counts} calls are not {len(self.calls)} calls")
         #: The step of each call, and the first call after that step.
-        self.steps = np.repeat(np.arange(len(counts)), counts)
+        self.steps = np.repeat(np.arange(len(counts), dtype=np.int64), counts)
         self.ends = np.repeat(np.cumsum(counts, dtype=np.int64), counts)
         self._words = [np.array(_words(call.arguments), np.int64) for call in calls]
         self._entries = np.array([_entry(call) for call in calls], np.int64)
         self._blocks = np.array([words.ctypes.data for words in self._words], np.int64)
-        self._clock, self._memory = _clock_address(), np.zeros(2, np.int64)
+        self._memory = np.zeros(2, np.int64)
+        arrays = (self._entries, self._blocks, self.ends, self.steps)
+        addresses = [array.ctypes.data for array in arrays]
+        #: Where the chain stands, for compiled code: how many calls, their arrays, and the clock with its memory.
+        self._about = np.array([len(calls), *addresses, _clock_address(), self._memory.ctypes.data], np.int64)
+        self._place = int(self._about.ctypes.data)
 
     def run(self, begin: int = 0) -> int:
         """Run the calls from ``begin`` on; return -1, or where one wants Python: its index * 2**32 + its code."""
-        return _run(self._entries, self._blocks, self.ends, begin)
+        return _run(self._place, begin)
 
     def rehearse(self) -> None:
         """Compile, or load, what runs the calls; none of them is run."""
@@ -170,8 +187,7 @@ class Chain:
 
     def run_timed(self, stamps: NDArray[np.float64], first: int, begin: int = 0) -> int:
         """Do what ``run`` does, and write the host time [s] after step i to ``stamps[first + i]``."""
-        ends, steps = self.ends, self.steps
-        return _run_timed(self._entries, self._blocks, ends, steps, begin, stamps, first, self._clock, self._memory)
+        return _run_timed(self._place, begin, stamps, first)
 
 
 def can_join() -> bool:

@@ -25,6 +25,8 @@ from itouch.session import Session, build, load_scene
 PROBES, OBJECTS, DEVICES = (1, 2, 4, 8), (1, 10, 100, 1000), (1, 2, 5, 10)
 #: So many ticks are measured at once in one compiled loop: no more than a busy machine leaves undisturbed.
 ROUND = 10
+#: A tick may cost so many times its compiled steps in one loop, and a step in plain Python so much more [us].
+TIMES, SPLIT = 2.0, 10.0
 #: The longest search for a contact [simulated s].
 SEARCH = 60.0
 
@@ -169,7 +171,9 @@ def _text(found: dict[str, Any]) -> Iterator[str]:
     joined = f"{found['joined_steps']} of them compiled"
     yield f"  plan            {found['steps']} steps, {joined}, in {found['calls']} calls from Python"
     times = tick["p50"] / found["compiled_us"] if found["compiled_us"] else float("inf")
-    yield f"  compiled steps  {found['compiled_us']:.2f} us in one compiled loop; a tick is {times:.1f} x that"
-    yield f"  a Python step   that splits the plan and does nothing costs {found['split_us']:.2f} us"
+    ratio = f"{times:.1f} x that (bound {TIMES:g})"
+    yield f"  compiled steps  {found['compiled_us']:.2f} us in one compiled loop; a tick is {ratio}"
+    split = f"{found['split_us']:.2f} us (bound {SPLIT:g})"
+    yield f"  a Python step   that splits the plan and does nothing costs {split}"
     for row in found["growth"]:
         yield f"  {row['count']:>5} {row['of']:<9} p50 {row['p50_us']:.1f} us"

@@ -96,7 +96,6 @@ class Engine:
         self.guarded = False
         #: Host seconds at the begin of the last tick, after its steps if they were timed, and at its end.
         self.stamps = np.zeros(1 + max(1, len(self.plan.steps)))
-        self._ends = self.stamps[:: len(self.stamps) - 1]
         #: Called with the number of a tick when it is over, also in the safe sequence; they must not change the State.
         self.taps: list[Callable[[int], None]] = []
         self.state["seed"] = seed
@@ -208,13 +207,12 @@ class Engine:
             self._require_enabled()
         tick, ready, stamps = self._tick.item(), bool(self._ready), self.stamps
         timed = bool(self.plan.steps) and (self._paced or not tick % _SAMPLED)
-        stamps[0] = now()
+        stamps[0] = begin = now()
         try:
             if timed:
                 self.plan.run_timed(tick, ready, stamps)
             else:
                 self.plan.run(tick, ready)
-                stamps[-1] = now()
         except DeviceFaultError as raised:
             fault = with_writer(self.model, self.state, raised)
             self.make_safe(fault)
@@ -226,7 +224,11 @@ class Engine:
         if not ready and all(rig.ready for rig in self._rigs):  # scripts begin with the next tick
             self._ready[...] = 1
         self._tick[...] = tick + 1
-        self.times.add(stamps if timed else self._ends)
+        if timed:
+            self.times.add(stamps)
+        else:
+            stamps[-1] = end = now()
+            self.times.add_whole(end - begin)
         for tap in self.taps:
             tap(tick)
 

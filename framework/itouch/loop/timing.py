@@ -89,6 +89,9 @@ def _count(counts: Any, greatest: Any, row: int, seconds: float) -> None:
         greatest[row] = seconds
 
 
+_count_one = getattr(_count, "py_func", _count)
+
+
 @kernel
 def _count_tick(counts: Any, greatest: Any, stamps: Any, used: int) -> None:
     """Count a tick in row 1, and its parts in the rows after it if they were stamped."""
@@ -115,6 +118,9 @@ class Timing:
         self.record = record if record is not None else Record.of(timing_fields(len(self.parts)))
         self._counts = self.record["counts"]
         self._greatest = self.record["greatest"]
+        # the same memory for Python, which counts a single duration quicker than it can call compiled code
+        self._counted, self._most = self._counts.data, self._greatest.data
+        self._told = self.record["ticks"].reshape(1).data
         self._stamps = np.zeros(2 + len(self.parts))
         _count_tick(self._counts.copy(), self._greatest.copy(), self._stamps, 2)  # compiled now, not in the first tick
         self._ticks, self._overruns, self._skipped = (self.record[n] for n in ("ticks", "overruns", "skipped"))
@@ -138,11 +144,16 @@ class Timing:
         return int(self._skipped)
 
     def _add(self, row: int, seconds: float) -> None:
-        _count(self._counts, self._greatest, row, seconds)
+        _count_one(self._counted, self._most, row, seconds)
+
+    def add_whole(self, seconds: float) -> None:
+        """Note one tick that took so long [s], of which no parts are known."""
+        self._told[0] += 1
+        _count_one(self._counted, self._most, 1, seconds)
 
     def add(self, stamps: Stamps) -> None:
         """Note one tick; ``stamps`` [s] are taken at its begin, after each part (or none) and at its end."""
-        self._ticks += 1
+        self._told[0] += 1
         used = len(stamps)
         self._stamps[:used] = stamps
         _count_tick(self._counts, self._greatest, self._stamps, used)
