@@ -91,8 +91,12 @@ class Browser:
 
     def open(self, path: Path, *, width: int, height: int) -> None:
         """Show a file in a window of this size and wait until it is loaded."""
+        self.go(path.as_uri(), width=width, height=height)
+
+    def go(self, address: str, *, width: int, height: int) -> None:
+        """Show what is at an address and wait until it is loaded."""
         self._call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
-        self._call("Page.navigate", url=path.as_uri())
+        self._call("Page.navigate", url=address)
         while self._message().get("method") != "Page.loadEventFired":
             pass
 
@@ -115,6 +119,10 @@ class Browser:
     def pdf(self) -> bytes:
         """Return the page as it prints."""
         return base64.b64decode(self._call("Page.printToPDF", printBackground=True)["data"])
+
+    def signal(self, number: int) -> None:
+        """Send it a signal: a browser that hangs, or dies."""
+        self._process.send_signal(number)
 
     def close(self) -> None:
         """End the browser."""

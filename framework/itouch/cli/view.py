@@ -1,10 +1,13 @@
 """``itouch-py view``: open a window on a session that runs; closing it does not end the session.
 
-``--rerun`` opens Rerun's window on a recording.
+``--web`` shows it to browsers, ``--rerun`` opens Rerun's window on a recording.
 """
 
 from __future__ import annotations
 
+import argparse
+import contextlib
+import socket
 import subprocess
 import sys
 import tempfile
@@ -15,6 +18,9 @@ from pathlib import Path
 from itouch.cli.arguments import Parser
 from itouch.schema import ItouchError
 
+#: Where browsers look, if nothing else listens there.
+PORT = 8080
+
 
 def main(argv: Sequence[str]) -> int:
     """Open a window on a running session."""
@@ -22,11 +28,23 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("session", nargs="?", metavar="NAME|FILE.mcap",
                         help="name or process id; not needed if only one runs; with --rerun a recording")  # fmt: skip
     parser.add_argument("--rerun", action="store_true", help="open Rerun on a recording (extra [rerun])")
+    parser.add_argument("--web", action="store_true",
+                        help="for browsers on this machine, to look at only (extra [web])")  # fmt: skip
+    parser.add_argument(
+        "--port", type=int, metavar="N", help="with --web: the port (default 8080, or any that is free)"
+    )
+    parser.add_argument("--host", metavar="ADDRESS",
+                        help="with --web: let other machines look, by this address of ours; needs --token")  # fmt: skip
+    parser.add_argument("--token", metavar="TEXT", help="with --web: what a browser must show, 16 letters or more")
     parser.add_argument("--list", action="store_true", help="list the sessions that run, and open nothing")
     parser.add_argument("--mute", action="store_true", help="without sound")
     options = parser.parse_args(argv)
     if options.rerun:
         return _rerun(options.session or "")
+    if options.web:
+        return _web(options)
+    if options.port is not None or options.host or options.token is not None:
+        raise ItouchError("--port, --host and --token say how browsers look; they go with --web")
     from itouch.servo import attach, sessions
 
     if options.list:
@@ -41,6 +59,43 @@ def main(argv: Sequence[str]) -> int:
         window = open_window(link, time.perf_counter, mute=options.mute)
         print(f"attached to '{link.name}'; closing the window does not end it", file=sys.stderr)
         window.show(while_=lambda: link.alive)
+    return 0
+
+
+def _web(options: argparse.Namespace) -> int:
+    """Show a running session to browsers until it ends."""
+    from itouch.schema.extras import need
+    from itouch.servo import attach
+
+    need("web", "--web")
+    host, token = options.host or "127.0.0.1", options.token or ""
+    if options.port is not None and not 0 <= options.port <= 65535:
+        raise ItouchError(f"--port {options.port}: a port is 0 to 65535; 0 takes any that is free")
+    if options.token is not None and (len(token) < 16 or not all(c.isalnum() or c in "-_" for c in token)):
+        raise ItouchError("--token is 16 letters, digits, '-' or '_' or more, so that nobody guesses it")
+    if options.host and not token:
+        raise ItouchError(f"--host {host} lets other machines look; say with --token TEXT what they must show")
+    from itouch.viewer.web import Access, show
+
+    port = options.port if options.port is not None else _free(host)
+    with attach(options.session) as link:
+
+        def told(address: str) -> None:
+            print(f"attached to '{link.name}'; Ctrl-C ends the view and not the session", file=sys.stderr)
+            print(address, flush=True)
+
+        with contextlib.suppress(KeyboardInterrupt):
+            show(link, Access(host, port, token), told)
+    return 0
+
+
+def _free(host: str) -> int:
+    """Return the usual port, or 0 for any where something else listens there."""
+    kind = socket.AF_INET6 if ":" in host else socket.AF_INET
+    with contextlib.suppress(OSError), socket.socket(kind) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        probe.bind((host.strip("[]"), PORT))
+        return PORT
     return 0
 
 

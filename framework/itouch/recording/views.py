@@ -192,6 +192,15 @@ def packed(points: NDArray[Any], corners: NDArray[Any]) -> dict[str, str]:
     return {name: base64.b64encode(np.ascontiguousarray(array).tobytes()).decode() for name, array in pairs}
 
 
+def arrow_of(vector: Sequence[float]) -> tuple[float, float, float] | None:
+    """Return the arrow [m] that shows a force [N], from its begin to its end; None if it is too small to be shown."""
+    if not _shown(vector):
+        return None
+    size = math.hypot(*vector)
+    x, y, z = (part * min(_LONGEST, _PER_NEWTON * size) / size for part in vector)
+    return x, y, z
+
+
 def _shown(vector: Sequence[float]) -> bool:
     return all(map(math.isfinite, vector)) and math.hypot(*vector) >= _LEAST
 
@@ -248,7 +257,7 @@ def _arrow(vector: Sequence[float]) -> dict[str, Any]:
     x, y, z = (part / size for part in vector)
     turn = (1.0 + x, 0.0, -z, y) if x > -1.0 + 1e-9 else (0.0, 0.0, 0.0, 1.0)
     norm = math.hypot(*turn)
-    length = min(_LONGEST, _PER_NEWTON * size)
+    length = math.hypot(*(arrow_of(vector) or (0.0, 0.0, 0.0)))
     head = min(0.35 * length, 0.008)
     return {"pose": _pose((0, 0, 0, *(part / norm for part in turn))), "shaft_length": length - head,
             "shaft_diameter": 0.0024, "head_length": head, "head_diameter": 0.006,

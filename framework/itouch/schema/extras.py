@@ -14,6 +14,7 @@ EXTRAS: dict[str, tuple[str, tuple[str, ...]]] = {
     "bench": ("this", ("scipy",)),
     "study": ("studies", ("scipy", "SweetSpot", "statsmodels")),
     "rerun": ("Rerun", ("rerun",)),
+    "web": ("browsers", ("viser",)),
     "lsl": ("Lab Streaming Layer", ("pylsl",)),
 }
 
