@@ -18,10 +18,12 @@ from itouch.monitors import Surface
 from itouch.monitors.carried import size
 from itouch.plugin import Bound, Record, Role, Touch
 from itouch.safety.lifecycle import ENABLED
+from itouch.schema.until import Until
 from itouch.twin.coupling import Coupling
 from itouch.twin.hand import Hand
 from itouch.twin.skin import Floats, Skin
 from itouch.world import Model, ProbeModel
+from itouch.world.skin import skin_of
 from itouch.world.state import truth
 
 
@@ -77,8 +79,10 @@ class ProbeRig:
         hand = None
         if operator is not None and self.tracker.model.twin:
             probe = self.probe
+            waits = any(isinstance(target.hold, Until) for target in operator.motion.targets)
             hand = Hand(
-                operator, probe.name, state, self.model.period, recorded=probe.recorded, start=probe.start
+                operator, probe.name, state, self.model.period, recorded=probe.recorded, start=probe.start,
+                skin=skin_of(self.model, probe) if waits else None,
             )  # fmt: skip
         return Coupling(
             hand, self.probe.scene.radius, self.tracker,

@@ -285,6 +285,9 @@ def finger(rig: ProbeRig, state: Record) -> Iterator[Step]:
         moved = _of(name, "hand.ticks", "hand.offset", "hand.steered", "hand.wanted")
         along = coupling.hand.bound(state["ready"].reshape(1))
         reads = (*moved, "ready", f"{rig.table.model.name}.touch_off.stage" if rig.table is not None else "")
+        if coupling.hand.waits is not None:
+            moved += coupling.hand.waits.written
+            reads += (*coupling.hand.waits.written, *coupling.hand.waits.reads)
         if along is None:
             yield Step(f"hand {name}", lambda tick, ready: rig.lead(ready), reads, moved)
         else:

@@ -8,6 +8,7 @@ from itouch.exchange import ThreadedDevice
 from itouch.loop.missing import missed_plates
 from itouch.loop.running import Running
 from itouch.loop.timing import Timing
+from itouch.loop.waiting import vain_waits, waits_of
 from itouch.plugin.fenced import FencedRecord
 from itouch.world import ModalityModel, limits
 from itouch.world.failing import said
@@ -65,9 +66,10 @@ def summary(engine: Running, open_contacts: list[dict[str, Any]], wall: float) -
             }
             for name in model.devices
         },
-        "notices": [*model.notices, *missed_plates(model, engine.state)],
+        "notices": [*model.notices, *missed_plates(model, engine.state), *vain_waits(model, engine.state)],
         "modalities": {m.name: _told(m, engine) for m in model.modalities},
         "contacts": [*ledger.contacts, *open_contacts],
+        "waits": waits_of(model, engine.state),
         "faults": sorted([*ledger.faults, *engine.injected], key=lambda entry: int(entry["tick"])),
     }
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TextIO
 
 from itouch.loop.faultwords import outcome, what
 from itouch.loop.missing import missed_plates
+from itouch.loop.waiting import vain_waits, waiting_now
 from itouch.report import columns
 from itouch.schema.terminal import MANNER, colours, control, is_terminal, plain
 
@@ -51,7 +52,7 @@ class Screen:
         self._live = is_terminal(stream) and not MANNER.quiet
         self._next = 0.0
         self._told = len(engine.ledger.contacts)
-        self._missed = missed_plates(engine.model, engine.state)
+        self._missed = _noted(engine)
 
     def show(self) -> None:
         """Show progress; called every now and then."""
@@ -68,10 +69,11 @@ class Screen:
             self._stream.flush()
 
     def _tell_missed(self) -> None:
-        """Say once that a plate was not felt where it should have been."""
-        for sentence in missed_plates(self._engine.model, self._engine.state)[len(self._missed) :]:
-            self.interrupt(f"note: {sentence}")
-            self._missed = (*self._missed, sentence)
+        """Say once that a plate was not felt where it should have been, or that a skin did not come back."""
+        for sentence in _noted(self._engine):
+            if sentence not in self._missed:
+                self.interrupt(f"note: {sentence}")
+                self._missed = (*self._missed, sentence)
 
     def interrupt(self, sentence: str) -> None:
         """Say what can't wait, on a line of its own."""
@@ -90,6 +92,7 @@ class Screen:
             where = f"on {engine.model.objects[index]}" if index >= 0 else "free"
             if index < 0 <= near:
                 where = f"near {engine.model.objects[near]}"
+            where = waiting_now(engine.model, probe, engine.state) or where
             parts.append(f"{probe.name} {where:<18}")
         if not engine.state["ready"]:
             parts.append("calibrating")
@@ -127,6 +130,8 @@ class Screen:
         for entry in report["contacts"]:
             for line in columns.remarks(self._engine.model, entry):
                 self._stream.write(line + "\n")
+        for line in _waited(report):
+            self._stream.write(line + "\n")
         self._stream.write(_closing(report) + "\n")
         for name, device in report["devices"].items():
             if device.get("exchanges"):
@@ -134,6 +139,20 @@ class Screen:
         for fault in report["faults"]:
             self._stream.write(_fault(fault) + "\n")
         self._stream.flush()
+
+
+def _noted(engine: Followed) -> tuple[str, ...]:
+    """Return what is said once, when it happens."""
+    return (*missed_plates(engine.model, engine.state), *vain_waits(engine.model, engine.state))
+
+
+def _waited(report: dict[str, Any]) -> list[str]:
+    """Say for each finger how long it waited for its skin."""
+    found: dict[str, list[str]] = {}
+    for entry in report.get("waits", ()):
+        over = "" if entry["back"] else " (not back)" if entry["ended"] else " so far"
+        found.setdefault(entry["probe"], []).append(f"{entry['waited_s']:.1f} s{over}")
+    return [f"{probe} waited for its skin: {', '.join(times)}" for probe, times in found.items()]
 
 
 def fitted(parts: list[str], width: int) -> str:

@@ -9,6 +9,7 @@ from itouch.scene import elements
 from itouch.scene.extensions import Extensions
 from itouch.schema.fields import REQUIRED, Spec, default_of, specs, tag_of, xml_name
 from itouch.schema.quantities import describe, format_quantity
+from itouch.schema.until import SKIN, WORD
 
 _SECTIONS: tuple[tuple[type, str], ...] = (
     (elements.Include, "inside `<itouch>`, any number of times"),
@@ -86,6 +87,8 @@ def _what(spec: Spec) -> str:
     if spec.kind == "quantity":
         limits = spec.range_text()
         return describe(spec.unit, spec.size, spec.absolute) + (f", {limits}" if limits else "")
+    if spec.kind == "hold":
+        return f"{describe(spec.unit)}, {spec.range_text()}, or `{WORD} {SKIN}` and a difference in K"
     if spec.kind == "choice":
         return " or ".join(f"`{value}`" for value in spec.values)
     if spec.kind == "ref":
@@ -104,6 +107,6 @@ def _default(value: Any, spec: Spec) -> str:
         return "required"
     if value is None or value == "":
         return "none"
-    if spec.kind == "quantity":
+    if spec.kind in ("quantity", "hold"):
         return f"`{format_quantity(value, spec.unit)}`"
     return f"`{'yes' if value else 'no'}`" if spec.kind == "flag" else f"`{value}`"

@@ -10,6 +10,7 @@ from itouch.schema.diagnostics import did_you_mean, meant
 from itouch.schema.fields import Spec
 from itouch.schema.quantities import QuantityError, describe, parse_quantity
 from itouch.schema.units import CELSIUS_OFFSET
+from itouch.schema.until import LEAST, MOST, SKIN, WORD, Until
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
 _INTEGER = re.compile(r"[+-]?\d{1,18}")
@@ -46,6 +47,37 @@ def _quantity(spec: Spec, text: str) -> float | tuple[float, ...]:
                 "out-of-range", f"{_shown(spec, value)} is out of range", _range_advice(spec, text, values)
             )
     return values[0] if spec.scalar else values
+
+
+def _hold(spec: Spec, text: str) -> float | Until:
+    words = text.split(maxsplit=2)
+    if words[:1] != [WORD]:
+        return _lasting(spec, text)
+    example = f"such as '{WORD} {SKIN} 0.5 K'"
+    if len(words) < 2 or words[1] != SKIN:
+        found = f"'{words[1]}' is nothing that can be waited for" if len(words) > 1 else "it does not say for what"
+        mend = (words[1], SKIN) if len(words) > 1 and meant(words[1], (SKIN,)) else None
+        raise ValueProblemError("bad-value", found, f"the skin's temperature, {example}", mend)
+    if len(words) < 3:
+        raise ValueProblemError("bad-value", "it does not say how near the skin must be", f"a difference, {example}")
+    try:
+        (within,) = parse_quantity(words[2], "K")
+    except QuantityError as error:
+        raise ValueProblemError("bad-value", str(error), f"a difference of temperature in K, {example}") from None
+    if not LEAST <= within <= MOST:
+        raise ValueProblemError("out-of-range", f"{within:g} K is out of range", f"allowed: {LEAST:g} to {MOST:g} K")
+    return Until(within)
+
+
+def _lasting(spec: Spec, text: str) -> float:
+    """Read a duration; where it is none, say that it may be a wait, too."""
+    try:
+        value = _quantity(spec, text)
+    except ValueProblemError as fault:
+        if fault.code == "bad-value":
+            fault.advice += f", or a wait such as '{WORD} {SKIN} 0.5 K'"
+        raise
+    return value[0] if isinstance(value, tuple) else value
 
 
 def _shown(spec: Spec, value: float) -> str:
@@ -114,6 +146,7 @@ def _flag(spec: Spec, text: str) -> bool | str:
 
 _PARSERS: dict[str, Any] = {
     "quantity": _quantity,
+    "hold": _hold,
     "integer": _integer,
     "text": _text,
     "file": _file,

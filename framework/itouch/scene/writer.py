@@ -80,7 +80,7 @@ def _inner(value: Any, spec: Spec, prefix: str) -> list[str]:
 
 
 def _text(value: Any, spec: Spec) -> str:
-    if spec.kind == "quantity":
+    if spec.kind == "quantity" or (spec.kind == "hold" and isinstance(value, int | float)):
         return format_quantity(value, spec.unit)
     if spec.kind == "flag":
         return value if isinstance(value, str) else "yes" if value else "no"

@@ -16,6 +16,7 @@ from itouch.scene.extensions import Extensions
 from itouch.scene.loader import DEFAULTABLE
 from itouch.schema.fields import REQUIRED, Spec, default_of, specs, tag_of, xml_name
 from itouch.schema.quantities import describe, format_quantity
+from itouch.schema.until import SKIN, WORD
 
 NAMESPACE = "urn:itouch:plugin:"
 _ROOTS: dict[str, type] = {
@@ -167,6 +168,8 @@ def _words(spec: Spec, default: Any) -> str:
     if spec.kind == "quantity":
         limits = spec.range_text()
         parts.append(describe(spec.unit, spec.size, spec.absolute) + (f", {limits}" if limits else ""))
+    elif spec.kind == "hold":
+        parts.append(f"{describe(spec.unit)}, {spec.range_text()}, or '{WORD} {SKIN}' and a difference in K")
     elif spec.kind == "integer":
         parts.append(f"whole number, {spec.range_text()}" if spec.range_text() else "whole number")
     elif spec.kind == "ref":
@@ -174,7 +177,7 @@ def _words(spec: Spec, default: Any) -> str:
     if default is REQUIRED:
         parts.append("required")
     elif default not in (None, ""):
-        shown = format_quantity(default, spec.unit) if spec.kind == "quantity" else _plain(default)
+        shown = format_quantity(default, spec.unit) if spec.kind in ("quantity", "hold") else _plain(default)
         parts.append(f"default: {shown}")
     return "; ".join(parts)
 
@@ -192,8 +195,8 @@ def _type(spec: Spec, indent: int) -> str:
         return f'{pad}<xs:simpleType><xs:restriction base="xs:token">{inner}</xs:restriction></xs:simpleType>'
     if spec.kind == "integer":
         return f'{pad}<xs:simpleType><xs:restriction base="xs:integer"/></xs:simpleType>'
-    if spec.kind == "quantity":
-        pattern = r"\s*[-+.0-9](.|\s)*"
+    if spec.kind in ("quantity", "hold"):
+        pattern = r"\s*[-+.0-9](.|\s)*" + (rf"|\s*{WORD}\s+{SKIN}\s+[-+.0-9](.|\s)*" if spec.kind == "hold" else "")
         return (
             f'{pad}<xs:simpleType><xs:restriction base="xs:string">'
             f'<xs:pattern value="{pattern}"/></xs:restriction></xs:simpleType>'

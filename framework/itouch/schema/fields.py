@@ -21,7 +21,9 @@ from typing import Any, ClassVar, Literal, get_args
 
 from itouch.schema.roles import Role
 
-Kind = Literal["quantity", "integer", "text", "file", "name", "ref", "choice", "flag", "child", "children", "plugin"]
+Kind = Literal[
+    "quantity", "hold", "integer", "text", "file", "name", "ref", "choice", "flag", "child", "children", "plugin"
+]
 
 #: Marks a field that must be given.
 REQUIRED = MISSING
@@ -95,6 +97,11 @@ def temperature(
 ) -> Any:
     """Declare an absolute temperature [K]; files may write degC."""
     return quantity("K", low=low, high=high, size=size, absolute=True, default=default, doc=doc)
+
+
+def hold(*, high: float, default: Any = REQUIRED, doc: str = "") -> Any:
+    """Declare a duration [s] of at most ``high``, or a wait that ends when something is so: a float, or an `Until`."""
+    return _make(Spec("hold", doc, "s", low=0.0, high=high), default)
 
 
 def integer(*, low: float = -math.inf, high: float = math.inf, default: Any = REQUIRED, doc: str = "") -> Any:

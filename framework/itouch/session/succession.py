@@ -14,6 +14,9 @@ from itouch.session.errors import SessionError
 #: What goes on beside the devices' own fields.
 _GOES_ON = ("tick", "seed", "ready", "hold", "events.count", "events.table", "marks.count", "marks.table")
 
+#: What goes on of a hand that waits for its skin: how warm that was at the session's start.
+_BASELINE = ("baseline", "averaged")
+
 
 def succeed(session: Session, before: Record) -> None:
     """Let a session that has not run yet go on from the State of one with the same devices, in which nothing touches.
@@ -40,6 +43,7 @@ def succeed(session: Session, before: Record) -> None:
         raise SessionError("the scene can't change while something is touched")
     devices = tuple(f"{name}." for name in session.model.devices)
     persons = {f"{one.name}.{name}" for one in session.model.modalities for name in one.instance.goes_on}
+    persons |= {f"{probe.name}.hand.{name}" for probe in session.model.probes for name in _BASELINE}
     merged = session.state.copy()
     for name in wanted:
         if name in persons:

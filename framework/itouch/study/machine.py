@@ -11,6 +11,8 @@ import math
 from dataclasses import dataclass, field
 from enum import Enum
 
+from itouch.world.skin import is_back
+
 
 class Phase(Enum):
     """Where a trial stands; the value is what data and tests call it."""
@@ -123,8 +125,8 @@ class Machine:
 
     def _skin(self, sensed: Sensed) -> None:
         rules, skin = self.rules, sensed.skin
-        known = skin is not None and rules.baseline is not None and math.isfinite(skin)
-        back = not known or abs((skin or 0.0) - (rules.baseline or 0.0)) <= rules.skin_return
+        unknown = skin is None or rules.baseline is None or not math.isfinite(skin)
+        back = unknown or is_back(skin or 0.0, rules.baseline or 0.0, rules.skin_return)
         if not back and self.since() < rules.skin_wait:
             return
         self.waited_out += not back

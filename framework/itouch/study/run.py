@@ -19,9 +19,7 @@ from itouch.study.room import Room
 from itouch.study.store import Row, Store
 from itouch.study.tasks import choices_of, is_right, question_of, taken_answer
 from itouch.study.touches import Presented, figures
-
-#: Seconds over which the skin is averaged for the participant's baseline.
-BASELINE = 1.0
+from itouch.world.skin import BASELINE
 
 
 @dataclass(frozen=True, slots=True)

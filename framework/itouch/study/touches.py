@@ -26,6 +26,7 @@ from itouch.study.machine import Machine, Phase, Rules, Sensed
 from itouch.study.observers import DEPTH, Felt
 from itouch.study.reading import StudyFile
 from itouch.world import Model, declared
+from itouch.world.skin import sensed_skin
 
 #: Thermal diffusivity of skin [m2/s]: 0.37 W/mK over an effusivity of 1167 W s^.5/m2K, squared.
 DIFFUSIVITY = 1.005e-7
@@ -113,7 +114,7 @@ class Feeling:
         self.index = next(i for i, each in enumerate(model.scene.world.objects) if each.name == rules.object_)
         self._every = max(1, round(SAMPLING / model.period))
         self._samples: list[tuple[int, float, float]] = []
-        self._skin = _measured_skin(model)
+        self._skin = sensed_skin(model, model.probes[0]) if model.probes else None
         self._ready = ""
 
     @property
@@ -142,8 +143,8 @@ class Feeling:
         """Return what the machine is told of the tick that is over."""
         state, skin = session.state, None
         if self._skin is not None:
-            value, valid = self._skin
-            skin = state[value].item() if not valid or bool(state[valid].item()) else None
+            valid = self._skin.valid
+            skin = state[self._skin.field].item() if not valid or bool(state[valid].item()) else None
         ready = not self._ready or bool(state[self._ready])
         return Sensed(session.seconds, skin, ready, self._current.item(), session.done)
 
@@ -153,15 +154,6 @@ class Feeling:
         measured = [one for modality in session.model.modalities for one in modality.instance.measured]
         period = self._every * session.model.period
         return _presented(self._samples, self.index, report, self._rules, measured, period, void)
-
-
-def _measured_skin(model: Model) -> tuple[str, str] | None:
-    """Return the readings that are the skin's temperature [K] and whether it is valid; None: nothing measures it."""
-    for device in model.devices.values():
-        channel, valid = device.reading(Role.SKIN_TEMPERATURE), device.reading(Role.SKIN_VALID)
-        if channel is not None:
-            return f"{device.name}.{channel.name}", "" if valid is None else f"{device.name}.{valid.name}"
-    return None
 
 
 def figures(touch: Presented) -> dict[str, Any]:

@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from itouch.plugin import Bound, Record
 from itouch.scene.elements import Operator
 from itouch.twin.mechanics import follow_path
+from itouch.twin.waits import Waits
 from itouch.world.recorded import RecordedMotion
+from itouch.world.skin import SkinSource
 
 Vector = tuple[float, float, float]
 #: Speed at which a hand is led away from its path for a calibration, and back [m/s].
@@ -33,7 +35,7 @@ class Path:
         rows, here, time = [], self.start, 0.0
         for target in targets:
             rows.append((time, target.in_, *here, *target.pos))
-            time += target.in_ + target.hold
+            time += target.in_ + (target.hold if isinstance(target.hold, float | int) else 0.0)
             here = target.pos
         self.duration = time
         self.pieces = np.array(rows or [(0.0, 1.0, *self.start, *self.start)], np.float64)
@@ -70,7 +72,7 @@ class Hand:
 
     def __init__(
         self, operator: Operator, name: str, state: Record, period: float, *, recorded: RecordedMotion | None = None,
-        start: Vector = (0.0, 0.0, 0.0),
+        start: Vector = (0.0, 0.0, 0.0), skin: SkinSource | None = None,
     ) -> None:  # fmt: skip
         self.operator, self._period = operator, period
         self._recorded = RecordedPath(recorded) if recorded is not None else None
@@ -81,17 +83,22 @@ class Hand:
         #: Where on its path the hand is [s], shape (1,); found anew in every step.
         self.time = np.zeros(1)
         self.motion: NDArray[np.float64] = state.flat(f"{name}.hand.position", f"{name}.hand.target")
+        #: Its waits for the skin, if its path has any.
+        self.waits = Waits(operator, name, state, period, skin) if skin is not None else None
 
     def reset(self) -> None:
         """Rest at the first target."""
         self.motion[:] = (*self.path.start, 0.0, 0.0, 0.0, *self.path.start)
         self.offset[:] = self._wanted[:] = 0.0
         self.ticks[...] = self._steered[...] = 0
+        if self.waits is not None:
+            self.waits.reset()
 
     @property
     def done(self) -> bool:
         """Whether the scripted motion has ended."""
-        return bool(self.ticks.item() >= self._end)
+        ticks = self.ticks.item()
+        return bool(ticks >= self._end) and (self.waits is None or not self.waits.pending(ticks))
 
     def lower(self, offset: float) -> None:
         """Move the hand's target towards a height above (or below) its path [m], as slowly as a person would."""
@@ -134,12 +141,16 @@ class Hand:
         """Return the usual way along the path as one compiled call, which asks for ``advance`` if it is another."""
         if self._recorded is not None:
             return None
+        if self.waits is not None:
+            return self.waits.bound(moving, self._steered, self.ticks, self.time, self._period)
         return Bound(follow_path, moving, self._steered, self.ticks, self.time, self._period)
 
     def advance(self, moving: bool) -> None:
         """Find the time on the path for the next step; it moves on if ``moving``."""
         ticks: int = self.ticks.item()
-        if moving and not self._follow():
+        if self.waits is not None:
+            self.waits.look()
+        if moving and not self._follow() and (self.waits is None or not self.waits.stay()):
             ticks += 1
             self.ticks[...] = ticks
         if self._recorded is not None:

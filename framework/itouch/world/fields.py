@@ -160,3 +160,20 @@ HAND = (
     Field("steered", "i8", unit="1", doc="1 while somebody steers the finger"),
     Field("wanted", "f8", 3, unit="m/s", doc="where somebody steers the finger to"),
 )
+
+
+def wait_fields(waits: int) -> tuple[Field, ...]:
+    """Return the State of a hand that waits for the skin so many times on its way."""
+    return (
+        Field("baseline", low=0.0, unit="K", doc="the skin at the session's start, averaged over a second"),
+        Field("averaged", "i8", low=0, unit="tick", doc="over how many readings that is averaged so far"),
+        Field("skin", low=0.0, unit="K", doc="the skin now, averaged over 0.1 s"),
+        Field("fresh", "i8", low=0, unit="tick", doc="for how long it has been read without a break"),
+        Field("wait_begin", "i8", waits, low=-1, unit="tick", doc="when each wait for the skin began, -1: not yet"),
+        Field("waited", "i8", waits, low=0, unit="tick", doc="how long each wait has lasted"),
+        Field(
+            "wait_end", "i8", waits, low=0, high=2, unit="1",
+            doc="how each wait ended: 0 not yet, 1 the skin was back, 2 it was not after the longest time",
+        ),
+        Field("wait_skin", "f8", waits, low=0.0, unit="K", doc="the skin at the end of each wait, 0: never read"),
+    )  # fmt: skip

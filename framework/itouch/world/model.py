@@ -28,6 +28,7 @@ from itouch.world.overlap import overlaps
 from itouch.world.recorded import RecordedMotion, recorded_motion
 from itouch.world.rig import DeviceModel, build_devices, orientation
 from itouch.world.shapes import build_shapes
+from itouch.world.skin import unfelt
 from itouch.world.surfaces import build_effects, build_friction, contact_of
 from itouch.world.swapped import differences, fitted
 
@@ -146,7 +147,8 @@ def compile_scene(scene: Scene, catalog: Catalog) -> tuple[Model | None, list[Pr
         devices, tuple(probes), tuple(modalities), tuple(notices), layout.MEMORY_POSES + 7 * len(shapes),
         layout.RESULT_SIZE, reader.all(), effects, motions,
     )  # fmt: skip
-    return model, problems
+    problems += unfelt(model)
+    return (None if any(problem.severity == "error" for problem in problems) else model), problems
 
 
 def worn_on(scene: Scene, devices: Mapping[str, DeviceModel], tracker: str) -> tuple[DeviceModel, ...]:

@@ -9,9 +9,10 @@ from dataclasses import replace
 from itouch.contact.surfaces import EFFECTS_MEMORY
 from itouch.plugin import Field, Record, Role
 from itouch.plugin.declared import faults_of
+from itouch.schema.until import Until
 from itouch.world import marks
 from itouch.world.failing import failing
-from itouch.world.fields import CELLS, HAND, probe_fields, skin_fields
+from itouch.world.fields import CELLS, HAND, probe_fields, skin_fields, wait_fields
 from itouch.world.model import Model
 from itouch.world.rig import DeviceModel
 from itouch.world.supervision import supervision
@@ -116,6 +117,8 @@ def layout(model: Model) -> tuple[Field, ...]:
             )
         if probe.operator is not None:
             fields += _own(f"{probe.name}.hand", HAND)
+            if waits := sum(isinstance(target.hold, Until) for target in probe.operator.motion.targets):
+                fields += _own(f"{probe.name}.hand", wait_fields(waits))
             if beside := model.beside(probe):
                 what = "what arm and plate of each other probe on its finger push it with, world frame"
                 fields.append(Field(f"{probe.name}.pushed", "f8", (beside, 3), unit="N", doc=what, show="no"))

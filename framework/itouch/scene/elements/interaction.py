@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from itouch.scene.elements.document import PluginPart
-from itouch.schema.fields import child, children, file, name, plugin_parts, quantity, ref, temperature, text
+from itouch.schema.fields import child, children, file, hold, name, plugin_parts, quantity, ref, temperature, text
 from itouch.schema.roles import Role
+from itouch.schema.until import Until
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,12 +52,17 @@ class Probe:
 
 @dataclass(frozen=True, slots=True)
 class To:
-    """A target of the hand: go there in a time, on a minimum-jerk path, then hold."""
+    """A target of the hand: go there in a time, on a minimum-jerk path, then hold, or wait until something is so."""
 
     TAG: ClassVar[str] = "to"
     pos: tuple[float, float, float] = quantity("m", size=3, low=-10, high=10, doc="target of the fingertip's centre")
     in_: float = quantity("s", positive=True, high=3600, doc="duration of the movement")
-    hold: float = quantity("s", low=0.0, high=3600, default=0.0, doc="how long to stay there")
+    hold: float | Until = hold(
+        high=3600,
+        default=0.0,
+        doc="how long to stay there; or a wait until the skin is so near its temperature at the session's start, "
+        "of at most 60 s",
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,6 +35,7 @@ MEASURED: tuple[Measured, ...] = (
         role=Role.HEAT_FLUX,
     ),
     Measured("peak_flux_W_m2", "W/m^2", "extreme of the obtained flux", "peak flux", digits=0, show="page"),
+    Measured("skin_begin_degC", "degC", "skin temperature at the begin", "skin at begin", "skin degC"),
     Measured("skin_drop_K", "K", "skin temperature at the begin minus its extreme", "skin drop", "skin K",
              role=Role.SKIN_TEMPERATURE),
     Measured(
@@ -110,13 +111,15 @@ def measures(state: Record, name: str, source: str) -> dict[str, float | str | b
     """Return the report's figures of the contact."""
     rendered, ready, ticks, total, peak, first, extreme, squares, scored = state[f"{name}.account"].tolist()
     if not rendered or not ticks:
-        keys = ("flux_source", "mean_flux_W_m2", "peak_flux_W_m2", "skin_drop_K", "flux_error_rms", "plate_ready")
+        keys = ("flux_source", "mean_flux_W_m2", "peak_flux_W_m2", "skin_begin_degC", "skin_drop_K", "flux_error_rms",
+                "plate_ready")  # fmt: skip
         return {**dict.fromkeys(keys), "plate_ready": bool(ready) if rendered else None}
     drop = first - extreme
     return {
         "flux_source": source,
         "mean_flux_W_m2": total / ticks,
         "peak_flux_W_m2": peak,
+        "skin_begin_degC": first - 273.15 if math.isfinite(first) else None,
         "skin_drop_K": drop if math.isfinite(drop) else None,
         "flux_error_rms": math.sqrt(squares / scored) if scored else None,
         "plate_ready": bool(ready),

@@ -1,0 +1,165 @@
+"""A hand that waits on its path until the skin is as it was at the session's start, on its part of State.
+
+The baseline is the mean of the first second of what is read while the finger is free; the skin now is the mean of the
+last 0.1 s of it.  While the hand waits, its path stands still; it goes on after the longest time in any case.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.compiling import kernel
+from itouch.plugin import Bound, Record
+from itouch.scene.elements import Operator
+from itouch.schema.until import Until
+from itouch.world.fields import wait_fields
+from itouch.world.skin import SkinSource, window_ticks
+
+Floats = NDArray[np.float64]
+
+#: How a wait ended.
+NOT_YET, BACK, TOO_LONG = 0, 1, 2
+
+
+@kernel
+def look(
+    skin: Any, valid: Any, object_: Any, force: Any, spans: Any, baseline: Any, averaged: Any, now: Any, fresh: Any
+) -> int:
+    """Take in the skin of this tick; return 0.
+
+    Parameters
+    ----------
+    skin, valid
+        What is read [K], of which the first entry counts, and whether it is valid, shape (1,).
+    object_, force
+        The touched object (-1: none) and the plate's force on the finger [N], shape (1,).
+    spans
+        Baseline, window and longest wait in ticks, shape (3,).
+    baseline, averaged, now, fresh
+        The fields of State, shape (1,); written.
+    """
+    free = valid[0] != 0 and object_[0] < 0 and force[0] <= 0.0
+    if not free or not (skin[0] > 0.0 and skin[0] < np.inf):
+        fresh[0] = 0
+        return 0
+    if averaged[0] < spans[0]:
+        averaged[0] += 1
+        baseline[0] += (skin[0] - baseline[0]) / averaged[0]
+    fresh[0] += 1
+    now[0] += (skin[0] - now[0]) / min(fresh[0], spans[1])
+    return 0
+
+
+@kernel
+def stay(
+    ticks: Any, tick: Any, at: Any, within: Any, spans: Any, baseline: Any, averaged: Any, now: Any, fresh: Any,
+    begin: Any, waited: Any, end: Any, found: Any,
+) -> int:  # fmt: skip
+    """Return 1 if the hand waits in this tick, which would take it further along its path, else 0.
+
+    Parameters
+    ----------
+    ticks, tick
+        How far it is along its path, and the tick, shape (1,).
+    at, within
+        Where on the path each wait is [tick], and how near the skin must be [K], shape (n,).
+    spans, baseline, averaged, now, fresh
+        As in ``look``.
+    begin, waited, end, found
+        When each wait began, how long it has lasted [tick], how it ended, and the skin then [K], shape (n,); written.
+    """
+    for k in range(at.shape[0]):
+        if end[k] != NOT_YET:
+            continue
+        if ticks[0] < at[k]:
+            return 0
+        if begin[k] < 0:
+            begin[k] = tick[0]
+        known = fresh[0] >= spans[1] and averaged[0] > 0
+        if known and abs(now[0] - baseline[0]) <= within[k]:
+            end[k] = BACK
+        elif waited[k] >= spans[2]:
+            end[k] = TOO_LONG
+        else:
+            waited[k] += 1
+            return 1
+        found[k] = now[0] if fresh[0] > 0 else 0.0
+    return 0
+
+
+@kernel
+def follow_waiting_path(
+    moving: Any, steered: Any, ticks: Any, time: Floats, period: float, skin: Any, valid: Any, object_: Any,
+    force: Any, tick: Any, at: Any, within: Any, spans: Any, baseline: Any, averaged: Any, now: Any, fresh: Any,
+    begin: Any, waited: Any, end: Any, found: Any,
+) -> int:  # fmt: skip
+    """Move on along a hand's path by one tick, or wait; return 1, and leave it to Python, if it rests or is led.
+
+    The first five are those of ``mechanics.follow_path``, the others those of ``look`` and ``stay``.
+    """
+    if moving[0] == 0 or steered[0] != 0:
+        return 1
+    look(skin, valid, object_, force, spans, baseline, averaged, now, fresh)
+    if stay(ticks, tick, at, within, spans, baseline, averaged, now, fresh, begin, waited, end, found) == 0:
+        ticks[0] += 1
+    time[0] = ticks[0] * period
+    return 0
+
+
+class Waits:
+    """The waits of one hand.
+
+    Parameters
+    ----------
+    operator, name, state, period
+        Whose hand it is, of which probe, the State, and the servo period [s].
+    source
+        What tells the skin.
+    """
+
+    def __init__(self, operator: Operator, name: str, state: Record, period: float, source: SkinSource) -> None:
+        at, within, time = [], [], 0.0
+        for target in operator.motion.targets:
+            time += target.in_
+            if isinstance(target.hold, Until):
+                at.append(math.ceil(time / period - 1e-9))
+                within.append(target.hold.within)
+            else:
+                time += target.hold
+        own = f"{name}.hand"
+        #: What of State it reads and writes.
+        self.reads = ("tick", source.field, source.valid, f"{name}.contact.object", f"{name}.plate_force")
+        self.written = tuple(f"{own}.{field.name}" for field in wait_fields(len(at)))
+        self.at, spans = np.array(at, np.int64), np.array(window_ticks(period), np.int64)
+        self._begin, self._end = state[f"{own}.wait_begin"], state[f"{own}.wait_end"]
+        self._memory = [state[f"{own}.{field}"] for field in ("baseline", "averaged", "skin", "fresh")]
+        self._table = [self._begin, state[f"{own}.waited"], self._end, state[f"{own}.wait_skin"]]
+        skin = state[source.field].reshape(-1)[:1]
+        valid = state[source.valid] if source.valid else np.ones(1)
+        self._seen = (skin, valid, state[f"{name}.contact.object"], state[f"{name}.plate_force"])
+        self._rules = (state["tick"], self.at, np.array(within, np.float64), spans)
+        self.look = Bound(look, *self._seen, spans, *self._memory)
+        self.stay = Bound(stay, state[f"{own}.ticks"], *self._rules, *self._memory, *self._table)
+        self.look.rehearse()
+        self.stay.rehearse()
+
+    def bound(self, moving: Any, steered: Any, ticks: Any, time: Floats, period: float) -> Bound:
+        """Return the way along the path with its waits as one compiled call."""
+        return Bound(
+            follow_waiting_path, moving, steered, ticks, time, period, *self._seen, *self._rules, *self._memory,
+            *self._table,
+        )  # fmt: skip
+
+    def reset(self) -> None:
+        """Begin without a baseline, and before the first wait."""
+        for field in (*self._memory, *self._table):
+            field[...] = 0
+        self._begin[...] = -1
+
+    def pending(self, ticks: int) -> bool:
+        """Tell whether a wait that the hand has come to has not ended."""
+        return bool(np.any((self._end == NOT_YET) & (self.at <= ticks)))

@@ -1,0 +1,146 @@
+"""Where the temperature of a finger's skin is known from, by role: a sensor that looks at it, or else its twin.
+
+Also by what rule it counts as recovered: a script's ``hold="until skin ..."`` and a study's trials go by the same one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from itouch.plugin import Role
+from itouch.scene.elements import Operator, Probe
+from itouch.schema import Problem
+from itouch.schema.until import SKIN, WORD, Until
+from itouch.world.rig import DeviceModel
+
+#: Over what the skin at the session's start is averaged, over what the skin now, and how long a wait may be [s].
+BASELINE, WINDOW, LONGEST = 1.0, 0.1, 60.0
+
+
+class Finger(Protocol):
+    """What must be known of a probe: its element, who moves it, and the device that it meets."""
+
+    @property
+    def name(self) -> str:
+        """The probe's name."""
+
+    @property
+    def scene(self) -> Probe:
+        """Its element."""
+
+    @property
+    def operator(self) -> Operator | None:
+        """Whose hand moves it, if a twin's does."""
+
+    @property
+    def face(self) -> str:
+        """The device of all that its table carries which it touches; empty: none."""
+
+
+class Rigged(Protocol):
+    """What must be known of a compiled scene."""
+
+    @property
+    def scene(self) -> Any:
+        """The scene."""
+
+    @property
+    def probes(self) -> Sequence[Finger]:
+        """Its probes."""
+
+    @property
+    def devices(self) -> Mapping[str, DeviceModel]:
+        """Its devices by name."""
+
+    def worn(self, probe: Any) -> tuple[DeviceModel, ...]:
+        """Return what the finger's twin of a probe wears."""
+
+
+@dataclass(frozen=True, slots=True)
+class SkinSource:
+    """The field of State with the skin's temperature [K], and the one that says whether it is valid (empty: always).
+
+    ``sensed``: a device reads it; else a finger's twin tells it.
+    """
+
+    field: str
+    valid: str = ""
+    sensed: bool = True
+
+
+def is_back(skin: float, baseline: float, within: float) -> bool:
+    """Tell whether a skin [K] has recovered to within so many kelvin of its baseline [K]."""
+    return abs(skin - baseline) <= within
+
+
+def sensed_skin(model: Rigged, probe: Finger) -> SkinSource | None:
+    """Return the reading that is the skin of a probe's finger; None: no device measures it."""
+    for device in _near(model, probe):
+        if field := device.field(Role.SKIN_TEMPERATURE):
+            return SkinSource(field, device.field(Role.SKIN_VALID))
+    return None
+
+
+def skin_of(model: Rigged, probe: Finger) -> SkinSource | None:
+    """Return what tells the skin of a probe's finger: a sensor, else its twin; None: nothing does."""
+    sensed = sensed_skin(model, probe)
+    if sensed is not None:
+        return sensed
+    leader = next((one for one in model.probes if _same(one, probe) and model.worn(one)), None)
+    if leader is not None:
+        return SkinSource(f"{leader.name}.skin", sensed=False)
+    for device in _near(model, probe):
+        own = device.twin_fields() if device.twin else ()
+        if field := next((one.name for one in own if one.role is Role.SKIN_TEMPERATURE), ""):
+            return SkinSource(f"{device.name}.twin.{field}", sensed=False)
+    return None
+
+
+def unfelt(model: Rigged) -> Iterator[Problem]:
+    """Find waits for a skin that nothing tells the temperature of."""
+    for probe in model.probes:
+        if probe.operator is None:
+            continue
+        waits = [target for target in probe.operator.motion.targets if isinstance(target.hold, Until)]
+        if waits and skin_of(model, probe) is None:
+            sentence = f"nothing tells how warm the skin of '{probe.name}' is, so that nobody can wait for it"
+            advice = (
+                "put a device under the finger that reads it (role SKIN_TEMPERATURE) or whose twin has a skin, or hold "
+                f"for a time in place of '{WORD} {SKIN}'"
+            )
+            yield Problem("missing-channel", sentence, model.scene.places.of(waits[0], "hold"), advice)
+
+
+def _same(one: Finger, other: Finger) -> bool:
+    return one.scene.pose_from == other.scene.pose_from
+
+
+def _near(model: Rigged, probe: Finger) -> list[DeviceModel]:
+    """Return the devices at a probe's finger: its plate, what is on what moves it, then what is at no other finger."""
+    mine = {name for one in model.probes if _same(one, probe) for name in _bound(one)}
+    others = {name for one in model.probes if not _same(one, probe) for name in _bound(one)} - mine
+    carriers = {name: {name, *_carriers(model, device)} for name, device in model.devices.items()}
+    on_it = [name for name in model.devices if carriers[name] & mine]
+    free = [name for name in model.devices if not carriers[name] & (mine | others)]
+    listed = [name for name in (probe.face, *on_it, *free) if name in model.devices]
+    return [model.devices[name] for name in dict.fromkeys(listed)]
+
+
+def _bound(probe: Finger) -> tuple[str, ...]:
+    named = (probe.scene.pose_from, probe.scene.force_to, probe.scene.surface_to, probe.face)
+    return tuple(name for name in named if name)
+
+
+def _carriers(model: Rigged, device: DeviceModel) -> Iterator[str]:
+    while device.carrier and device.carrier in model.devices:
+        yield device.carrier
+        device = model.devices[device.carrier]
+
+
+def window_ticks(period: float) -> tuple[int, int, int]:
+    """Return how many ticks of so many seconds `BASELINE`, `WINDOW` and `LONGEST` are."""
+    baseline, window, longest = (max(1, math.ceil(seconds / period - 1e-9)) for seconds in (BASELINE, WINDOW, LONGEST))
+    return baseline, window, longest

@@ -1,0 +1,113 @@
+"""How often the intervals of ``identify`` hold the truth: random fingers, touches with noise, and a bound beside each.
+
+A finger is drawn from what is assumed of fingers, and touches a film on a sample at a few forces.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from itouch_thermal.display.column import Array
+from itouch_thermal.film.params import FilmParams
+from itouch_thermal.identify.differences import readings
+from itouch_thermal.identify.fit import TOLD, Problem
+from itouch_thermal.identify.forward import Forward, Known
+from itouch_thermal.rendering.materials import material
+
+#: Temperatures of skin and room [K], rms of one sample [W/m2], forces [N], depth of a known sample [m].
+SKIN, ROOM, NOISE, FORCES, DEPTH = 306.15, 296.15, 20.0, (0.5, 1.0, 2.0), 0.02
+#: Times of the samples [s]: 4 s at 500 Hz.
+TIMES: Array = np.arange(1, 2001, dtype=np.float64) * 2e-3
+#: What part of the intervals must hold the truth, and how sure one must be that it does not (standard deviations).
+LEAST, MOST, SURE = 0.93, 0.97, 3.29
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One value over all fingers.
+
+    ``error`` is the rms difference from the truth and ``bound`` the least that it can be (Cramer-Rao with what is
+    assumed beforehand, its mean square over the same fingers), both in standard deviations of what is assumed;
+    ``told`` is for what part of the fingers the data tell it.
+    """
+
+    name: str
+    fingers: int
+    covered: int
+    error: float
+    bound: float
+    told: float
+
+    @property
+    def coverage(self) -> float:
+        """Part of the fingers whose interval holds the truth."""
+        return self.covered / self.fingers
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Between what the true part lies, by Wilson's score."""
+        n, p, z = self.fingers, self.coverage, SURE
+        middle, half = p + z * z / (2 * n), z * math.sqrt(p * (1.0 - p) / n + z * z / (4.0 * n * n))
+        return (middle - half) / (1.0 + z * z / n), (middle + half) / (1.0 + z * z / n)
+
+    @property
+    def holds(self) -> bool:
+        """Whether the part is within what must be; with few fingers: whether it may be."""
+        low, high = self.interval
+        return LEAST <= self.coverage <= MOST or (low <= LEAST <= high or low <= MOST <= high)
+
+
+def touched(sample: str) -> Known:
+    """Return what is known of touches of a sample, a material's name; empty: it is not known."""
+    layer = material(sample)[1].layer(DEPTH) if sample else None
+    return Known(SKIN, ROOM, FilmParams().film, FORCES, DEPTH, layer)
+
+
+def campaign(
+    fingers: int, seed: int, sample: str = "", *, other: bool = False, each: Callable[[int], None] | None = None
+) -> list[Row]:
+    """Return coverage, error and bound of every value over random fingers.
+
+    Parameters
+    ----------
+    fingers, seed
+        How many, and the seed of all that is random.
+    sample
+        The material that is touched; empty: its effusivity is looked for.
+    other
+        Data of finite differences with noise after Laplace, in place of the closed form with normal noise.
+    each
+        Called with the number of fingers that are done.
+    """
+    rng, of = np.random.default_rng(seed), touched(sample)
+    names = Problem(of, TIMES, np.zeros((len(FORCES), len(TIMES))), NOISE)
+    exact, shape = Forward(of, TIMES), (len(FORCES), len(TIMES))
+    held: list[list[float]] = []
+    off: list[list[float]] = []
+    least: list[list[float]] = []
+    told: list[list[float]] = []
+    for done in range(1, fingers + 1):
+        place = rng.normal(size=len(names.names))
+        truth = names.values(place)
+        noise = rng.laplace(size=shape) / math.sqrt(2.0) if other else rng.normal(size=shape)
+        shown = readings(of, truth, TIMES) if other else exact(truth)
+        problem = Problem(of, TIMES, shown + NOISE * noise, NOISE)
+        fit, bound = problem.fit(), problem.bound(truth)
+        found = [fit.found[name] for name in problem.names]
+        true = [getattr(truth, name) for name in problem.names]
+        held.append([float(one.low <= value <= one.high) for one, value in zip(found, true, strict=True)])
+        off.append(((fit.point - place) ** 2).tolist())
+        least.append([bound[name] ** 2 for name in problem.names])
+        told.append([float(one.narrowed < TOLD) for one in found])
+        if each is not None:
+            each(done)
+    covered, error, bounds, part = (np.array(rows).mean(axis=0) for rows in (held, off, least, told))
+    return [
+        Row(name, fingers, round(float(covered[k]) * fingers), math.sqrt(error[k]), math.sqrt(bounds[k]),
+            float(part[k]))
+        for k, name in enumerate(names.names)
+    ]  # fmt: skip
