@@ -161,3 +161,19 @@ def test_what_is_not_in_state_does_not_change(finished: itouch.Session) -> None:
         engine.run(0.2)
     assert other.state.tobytes() == finished_again.state.tobytes()
     assert np.isfinite(other.state["finger.hip"]).all()
+
+
+@pytest.mark.long
+def test_a_skin_that_has_recovered_is_told_and_gives_what_a_first_touch_gives() -> None:
+    engine = itouch.build(SCENES / "four_materials_recovered.xml", seed=1)
+    engine.run()
+    report = engine.report()
+    recovered = {entry["material"]: entry for entry in report["contacts"]}
+    assert set(recovered) == set(ORDER)
+    assert all(32.4 < entry["skin_begin_degC"] < 33.1 for entry in recovered.values())
+    assert [entry["waited_s"] for entry in report["waits"] if entry["back"] is False] == [60.0, 60.0]
+    short = itouch.build(SCENE, seed=1)
+    short.run()
+    usual = {entry["material"]: entry for entry in short.report()["contacts"]}
+    assert usual["wood"]["skin_begin_degC"] < 30.5
+    assert recovered["wood"]["mean_flux_W_m2"] > 1.25 * usual["wood"]["mean_flux_W_m2"]
