@@ -22,6 +22,8 @@ from itouch.world import Model, compile_scene
 
 #: How far [m] the end of a scripted hand's way may be from its begin.
 CLOSED = 1e-3
+#: What lies on a display's current before each touch of a blind study, over the noise of its own control.
+PRESET_NOISE = "0.2 A"
 #: Levels of the factors, and of a staircase under its name.
 Condition = Mapping[str, str]
 
@@ -94,7 +96,7 @@ class StudyFile:
         if blind is None or not blind.equalise:
             return []
         place = self.places.of(blind) or Place(self.path, 1, 1)
-        values = {"equalise": "yes", "preset_time": f"{blind.approach:g} s"}
+        values = {"equalise": "yes", "preset_time": f"{blind.approach:g} s", "preset_noise": PRESET_NOISE}
         return [
             Edit(f"{part.name}.{name.replace('_', '-')}", Attribute(value, place))
             for part in scene.modalities if hasattr(part.params, "equalise")

@@ -78,5 +78,5 @@ def _figures(model: FluxModel, law: ModelLaw, course: Preview) -> usual.Figures:
         float(course.resistance), float(model.press), float(model.period), float(model.dew), float(model.skin),
         float(model.preset_time), float(low), float(high), float(law.display.flux_limit), float(law.ceiling),
         float(law.capacity), max(DEADBEAT, 1.5 * model.period), float(part(model)),
-        float(model.finger.resting_flux), float(model.lead),
+        float(model.finger.resting_flux), float(model.lead), float(model.preset_noise), float(model.current),
     )  # fmt: skip

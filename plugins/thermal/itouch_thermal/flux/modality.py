@@ -12,6 +12,7 @@ from typing import Any
 
 from itouch.plugin import Bound, Contact, ContactEvent, Field, Modality, Record, Role, World
 from itouch_thermal.flux import account, approach, command, condensation, joined, predictive, published, telling
+from itouch_thermal.flux.masking import masked
 from itouch_thermal.flux.params import FluxControlParams
 from itouch_thermal.flux.setting import FluxModel, setting
 from itouch_thermal.flux.start import within
@@ -194,6 +195,8 @@ class FluxControl(Modality):
         state[names.flux] = flux
         if model.law is not None and model.estimates:
             state[names.obtained] = model.law.estimate(state)[0]
+        if not touching:
+            current = masked(current, model.preset_noise, model.current, tick)
         command.issue(model, state, current, model.hold)
 
     def bound_update(self, model: FluxModel, state: Record, period: float) -> tuple[Bound, ...]:

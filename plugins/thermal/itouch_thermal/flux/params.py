@@ -47,6 +47,9 @@ class FluxControlParams:
     preset_time: float = schema.quantity(
         "s", low=0.0, high=60.0, default=0.0, doc="that time; 0: what the longest switch between two objects takes"
     )
+    preset_noise: float = schema.quantity(
+        "A", low=0.0, high=1.0, default=0.0, doc="noise on the current before a touch, over what else is heard of it"
+    )
     condensation: str = schema.choice(
         "warn", "avoid", default="warn", doc="below the dew point: warn, or keep the plate 1 K above it"
     )
@@ -65,6 +68,8 @@ class FluxControlParams:
             raise ValueError("the attribute 'desired-from' must say what computes the desired flux")
         if self.preset_time and not self.equalise:
             raise ValueError('preset-time goes with equalise="yes"')
+        if self.preset_noise and not self.equalise:
+            raise ValueError('preset-noise goes with equalise="yes"')
         materials = [curve.material for curve in self.curves]
         twice = next((name for name in materials if materials.count(name) > 1), "")
         if twice:

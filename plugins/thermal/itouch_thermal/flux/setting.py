@@ -52,6 +52,7 @@ class FluxModel:
     skin temperatures), ``temperatures`` [K] before anything was touched, ``curves``, ``objects`` and ``materials``
     (names) are per object; ``dew`` [K] is the room's dew point; ``steady`` says that the contact resistance is the
     same at any force and time; ``preset_time`` [s] is what ``equalise`` makes every approach take, 0 without it;
+    ``preset_noise`` [A] is what lies on the current before a touch;
     ``wire`` says that readings and currents are late, and ``at`` at which places the display reads flux and plate;
     ``finger`` is that at rest, in steps of an update; ``lead`` is how long [s] the plate takes to where it is sent;
     ``hold`` is how many servo periods an update stands for, ``again`` after how many the start temperature is found
@@ -88,6 +89,7 @@ class FluxModel:
     press: float
     steady: bool
     preset_time: float
+    preset_noise: float
     again: int
     finger: Column
     lead: float
@@ -199,6 +201,7 @@ def setting(name: str, params: FluxControlParams, world: World) -> FluxModel:
         press=heat.press,
         steady=heat.press == 0.0 and isinstance(heat.law(), ConstantResistance),
         preset_time=_preset_time(params, display, ceiling, starts, band),
+        preset_noise=params.preset_noise if display.command == "current" else 0.0,
         again=max(1, round(AGAIN / (world.servo_period * hold))) * hold,
         finger=column(
             heat.layers or FINGER, heat.arterial, world.skin_temperature, display.plate, world.servo_period * hold,

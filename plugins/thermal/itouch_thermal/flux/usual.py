@@ -16,6 +16,7 @@ from itouch.plugin.kernels import kernel
 from itouch_thermal.display.column import F_BEGIN, F_DECAY, F_END, F_PORT
 from itouch_thermal.flux import law as laws
 from itouch_thermal.flux import observer
+from itouch_thermal.flux.masking import masked
 from itouch_thermal.flux.preview import look_ahead, run_ahead
 from itouch_thermal.flux.start import MARGIN
 from itouch_thermal.laws import press_factor
@@ -173,6 +174,8 @@ class Figures(NamedTuple):
     part: float
     resting: float
     lead: float
+    noise: float
+    most: float
 
 
 class Taken(NamedTuple):
@@ -439,5 +442,6 @@ def command(scene: Scene, own: Own, given: Given, figures: Figures, memory: Memo
             passed = (scene.tick[0] - own.preset_begun[0]) * figures.period / figures.preset_time
         own.readiness[0] = judged(error, passed)
         own.plate_ready[0] = int(own.readiness[0] >= 1.0)
+        current = masked(current, figures.noise, figures.most, scene.tick[0])
     own.flux[0], scene.command[0] = flux, current
     return 0

@@ -1,0 +1,21 @@
+"""Noise on the display's current before a touch: its own, which differs with the plate's temperature, is under it.
+
+A study in which nothing but the touch may tell the material asks for it.  It is white and a function of the tick alone,
+so that it is the same for every condition, and a plate is too slow to feel it.
+"""
+
+from __future__ import annotations
+
+from itouch.plugin.kernels import kernel
+
+
+@kernel
+def masked(current: float, amplitude: float, most: float, tick: int) -> float:
+    """Return a current [A] with uniform noise of an amplitude [A] on it; what may flow [A] holds for both together."""
+    if amplitude <= 0.0:
+        return current
+    current = min(most - amplitude, max(amplitude - most, current))
+    word = (tick * 1103515245 + 12345) & 0x7FFFFFFF
+    word = ((word ^ (word >> 15)) * 0x2C1B3C6D) & 0x7FFFFFFF
+    word = ((word ^ (word >> 12)) * 0x297A2D39) & 0x7FFFFFFF
+    return current + amplitude * ((word ^ (word >> 15)) / 1073741824.0 - 1.0)
