@@ -204,6 +204,7 @@ def nothing(folder: Path, patch: pytest.MonkeyPatch) -> Names:
 
 SETUPS: dict[str, Setup] = {
     "docs/explanation/observers.md": nothing,
+    "docs/reference/studies.md": nothing,
     "README.md": plugin,
     "docs/how-to/slow-device.md": plugin,
     "docs/how-to/lead-from-another-program.md": led,

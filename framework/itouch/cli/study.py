@@ -109,6 +109,9 @@ def _load(path: str) -> StudyFile | None:
 
 
 def _check(options: argparse.Namespace) -> int:
+    from itouch.study.brought import task_of
+    from itouch.study.elements import TASKS
+    from itouch.study.tasks import question_of
     from itouch.study.trials import trials_of
 
     file = _load(options.study)
@@ -129,6 +132,9 @@ def _check(options: argparse.Namespace) -> int:
         counts[repr(trial.condition)] += 1
     if len(set(counts.values())) > 1:
         print("  unbalanced: " + ", ".join(f"{count} x {name}" for name, count in counts.items()))
+    if file.study.task.kind not in TASKS:
+        brought = task_of(file.study.task.kind)
+        print(f"  {brought.whose} asks: {question_of(file.study)}")
     if file.study.blind is not None and file.study.blind.noise:
         print("  masking noise is yours to play, from the approach to the release: this program plays none")
     if options.participant:

@@ -22,6 +22,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     run.add_argument("-o", "--output", metavar="FOLDER", help="the study's data; default: NAME.data beside the file")
     run.add_argument("--participant", metavar="CODE", required=True, help="the participant's code, as P07")
     run.add_argument("--answers", metavar="FILE", help="a script, ANSWER [SECONDS] a line; - reads it from the input")
+    run.add_argument("--answers-from", metavar="NAME", help="an answer device that a plugin brings (itouch.tasks)")
     run.add_argument("--pace", choices=("real", "fast"), help="default: real for a person, fast for a script")
     run.add_argument("--deviation", metavar="WORDS", help="note what was changed after the study was frozen, and why")
     run.add_argument("--window", action="store_true", help="the participant's window, answered by mouse and keys")
@@ -77,16 +78,18 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
 def _answers(file: StudyFile, options: argparse.Namespace) -> tuple[Answers, Callable[[Shown], None] | None]:
     """Return who answers, and who is told what to show."""
     from itouch.schema import ItouchError
-    from itouch.study.answers import Script, Typed
+    from itouch.study.answers import Beside, Script, Typed
+    from itouch.study.brought import device_of
 
-    if options.answers and options.window:
-        raise ItouchError("--answers and --window exclude one another: a script needs no window")
+    if options.answers and (options.window or options.answers_from):
+        raise ItouchError("--answers excludes --window and --answers-from: a script has all answers")
+    brought = device_of(options.answers_from, print) if options.answers_from else None
     if options.window:
         from itouch.cli.study_window import WindowAnswers
 
         page = file.instructions()
         window = WindowAnswers(page, light=options.light, fullscreen=options.full_screen)
-        return window, window.show
+        return window if brought is None else Beside(brought, window), window.show
     if options.answers == "-":
         return Script(sys.stdin), None
     if options.answers:
@@ -96,4 +99,6 @@ def _answers(file: StudyFile, options: argparse.Namespace) -> tuple[Answers, Cal
             raise ItouchError(f"cannot read '{options.answers}': {getattr(error, 'strerror', error)}") from error
     for line in file.instructions():
         print(line)
+    if brought is not None:
+        return brought, None
     return Typed(sys.stdin, lambda words: print(words, flush=True)), None

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from itouch.study import statistics as stats
+from itouch.study.elements import TASKS
 from itouch.study.figures import OWN
 from itouch.study.reading import StudyFile
 from itouch.study.store import Row
@@ -30,14 +31,15 @@ def analyse(file: StudyFile, rows: Sequence[Row], *, draws: int = DRAWS) -> dict
     """
     study = file.study
     counted = [row for row in rows if row.block != "practice" and not row.void]
+    judged = _judged(file, counted)
     result: dict[str, Any] = {
         "study": file.name, "task": study.task.kind, "participants": len({row.participant for row in counted}),
         "trials": len(counted), "practice": sum(row.block == "practice" for row in rows),
         "void": dict(Counter(row.void for row in rows if row.void)),
-        "conditions": [_condition(file, counted, condition) for condition in file.conditions()],
+        "conditions": [_condition(counted, condition, judged=judged) for condition in file.conditions()],
         "felt": _felt(file, counted),
     }  # fmt: skip
-    if study.task.kind != "rate":
+    if judged:
         result["correct"] = _correct(counted, study.seed, draws)
     if study.task.kind == "identify":
         result["identification"] = [
@@ -49,10 +51,16 @@ def analyse(file: StudyFile, rows: Sequence[Row], *, draws: int = DRAWS) -> dict
         result["ratings"] = _ratings(file, counted, draws)
     if study.staircases:
         result["staircases"] = [_staircase(file, counted, one.name) for one in study.staircases]
-    if len(study.factors) > 1 and study.task.kind != "rate":
+    if len(study.factors) > 1 and judged:
         result["differences"] = _differences(file, counted)
         result["model"] = _model(file, counted)
     return dict(_plain(result))
+
+
+def _judged(file: StudyFile, rows: Sequence[Row]) -> bool:
+    """Tell whether answers are right or wrong in this study; of a plugin's task its own rows say it."""
+    kind = file.study.task.kind
+    return kind != "rate" and (kind in TASKS or any(row.right is not None for row in rows))
 
 
 def _plain(value: Any) -> Any:
@@ -93,11 +101,11 @@ def _correct(rows: Sequence[Row], seed: int, draws: int) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _condition(file: StudyFile, rows: Sequence[Row], condition: dict[str, str]) -> dict[str, Any]:
+def _condition(rows: Sequence[Row], condition: dict[str, str], *, judged: bool) -> dict[str, Any]:
     here = [row for row in rows if dict(row.condition) == condition]
     right = sum(row.right or 0 for row in here)
     entry: dict[str, Any] = {"condition": condition, "trials": len(here)}
-    if file.study.task.kind != "rate":
+    if judged:
         entry |= {"proportion": _share(here), "wilson_95": stats.wilson(right, len(here))}
     return entry
 

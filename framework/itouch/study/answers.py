@@ -47,6 +47,28 @@ class Answers(Protocol):
         """Tell the participant something."""
 
 
+class Beside:
+    """Two sources of answers at once, such as a pedal and a window: the first that answers counts."""
+
+    def __init__(self, first: Answers, second: Answers) -> None:
+        self._both = (first, second)
+
+    def ask(self, question: Question) -> None:
+        """Put the question to both."""
+        for one in self._both:
+            one.ask(question)
+
+    def poll(self, waited: float) -> str | None:
+        """Return the answer of the first that has one; either may end the session."""
+        found = [one.poll(waited) for one in self._both]
+        return next((answer for answer in found if answer is not None), None)
+
+    def tell(self, words: str) -> None:
+        """Tell both."""
+        for one in self._both:
+            one.tell(words)
+
+
 class Script:
     """Answers that were written before: a line a trial, ``ANSWER [SECONDS]``; what follows ``#`` does not count.
 

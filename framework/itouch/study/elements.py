@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from itouch.schema.fields import child, children, choice, flag, integer, name, quantity, text
 from itouch.study.adaptive import Staircase
+from itouch.study.brought import task_of
 
 #: Version of the study language that this program reads.
 VERSION = "1.0"
@@ -71,7 +72,7 @@ class Task:
     """What is asked."""
 
     TAG: ClassVar[str] = "task"
-    kind: str = choice(*TASKS, doc="identify one of n, which is colder, which is the odd one, same or not, a rating")
+    kind: str = text(doc="identify (one of n), colder, odd, same (or different), rate, or the name of a plugin's task")
     factor: str = text(doc="the factor whose levels are told apart")
     standard: str = text(default="", doc="the level that the others are compared with; for colder, odd and same")
     question: str = text(default="", doc="what the participant reads")
@@ -79,7 +80,7 @@ class Task:
     @property
     def intervals(self) -> int:
         """How many touches a trial has."""
-        return INTERVALS[self.kind]
+        return INTERVALS[self.kind] if self.kind in INTERVALS else task_of(self.kind).intervals
 
     def __post_init__(self) -> None:
         if self.kind in ("colder", "odd", "same") and not self.standard:

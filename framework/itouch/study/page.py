@@ -107,7 +107,7 @@ def _table(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
 def _sections(result: dict[str, Any]) -> list[str]:
     parts = []
     rows: list[tuple[Any, ...]]
-    if result["task"] != "rate":
+    if "correct" in result:
         rows = [
             (_name(one["condition"]), one["trials"], _percent(one["proportion"]), _interval(one["wilson_95"]).strip())
             for one in result["conditions"]

@@ -31,6 +31,9 @@ FINGERS = (25.7, 28.5, 31.3)
 #: Touches of each condition at each of them, which differ by the noise of the twins.
 TOUCHES = 2
 
+#: Tasks that a simulated panel is drawn for.
+POWERED = ("identify", "colder", "odd", "same")
+
 
 class PowerError(ItouchError):
     """A study whose power can't be computed so."""
@@ -108,8 +111,9 @@ def power(
     PowerError
         If the study is adaptive, or has no right answers.
     """
-    if file.study.staircases or file.study.task.kind == "rate":
-        raise PowerError("power is of studies with conditions and right answers: this one has staircases or ratings")
+    if file.study.staircases or file.study.task.kind not in POWERED:
+        other = "this one has staircases, ratings or a plugin's task"
+        raise PowerError(f"power is of studies with conditions and right answers: {other}")
     found = []
     for count in repetitions or (file.study.order.repetitions,):
         shares = [_shares(file, felt, model, count, orders.generator(seed, f"pool{n}")) for n in range(pool)]

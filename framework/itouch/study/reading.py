@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from itouch.plugin.discovery import Catalog
+from itouch.plugin.discovery import Catalog, PluginError
 from itouch.scene import Scene
 from itouch.scene.binding import Binder
 from itouch.scene.edits import Edit
@@ -17,7 +17,8 @@ from itouch.scene.loader import in_file_order, read_scene
 from itouch.scene.places import Places
 from itouch.scene.source import Attribute, Node, SourceError, read_root
 from itouch.schema.diagnostics import Place, Problem, SceneError, did_you_mean
-from itouch.study.elements import VERSION, Adaptive, Factor, Study
+from itouch.study.brought import TaskError, offered, task_names, task_of
+from itouch.study.elements import TASKS, VERSION, Adaptive, Factor, Study
 from itouch.world import Model, compile_scene
 
 #: How far [m] the end of a scripted hand's way may be from its begin.
@@ -168,6 +169,7 @@ def _wanting(study: Study, root: Node) -> Iterator[Problem]:
 def _contradictions(file: StudyFile) -> Iterator[Problem]:
     """Find what the study says of things that it has not."""
     study, places = file.study, file.places
+    yield from _unknown_task(file)
     levels = {factor.name: factor.names for factor in study.factors}
     owners: list[Factor | Adaptive] = [*study.factors, *study.staircases]
     names = [owner.name for owner in owners]
@@ -205,6 +207,27 @@ def _contradictions(file: StudyFile) -> Iterator[Problem]:
         yield Problem("bad-value", sentence, places.of(study.task, "kind"))
     if study.factors and not file.conditions():
         yield Problem("bad-value", "every combination of levels is excluded", places.of(study.excluded[0]))
+
+
+def _unknown_task(file: StudyFile) -> Iterator[Problem]:
+    """Find a task that nobody brings, or that asks for what the study has not."""
+    task, place = file.study.task, file.places.of(file.study.task, "kind")
+    if task.kind in TASKS:
+        return
+    try:
+        brought = task_of(task.kind)
+        factor = next((one for one in file.study.factors if one.name == task.factor), None)
+        brought.choices(factor.names if factor is not None else ())
+    except (TaskError, PluginError) as error:
+        if offered(task.kind):
+            yield Problem("bad-value", str(error), place)
+        else:
+            advice = did_you_mean(task.kind, [*TASKS, *task_names()], "there are")
+            yield Problem("unknown-name", f"there is no task '{task.kind}'", place, advice)
+        return
+    if brought.intervals > 1 and not task.standard:
+        sentence = f"'{task.kind}' compares with a standard: say which level of '{task.factor}' that is"
+        yield Problem("bad-value", sentence, place, 'write standard="LEVEL"')
 
 
 def _scenes(file: StudyFile, catalog: Catalog) -> Iterator[Problem]:

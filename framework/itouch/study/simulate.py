@@ -12,12 +12,14 @@ import numpy as np
 from itouch.plugin.discovery import Catalog
 from itouch.schema import SceneError
 from itouch.study import orders
+from itouch.study.brought import TaskError, task_of
 from itouch.study.course import Course, Due
+from itouch.study.elements import TASKS
 from itouch.study.observers import Felt, Person
 from itouch.study.panelists import observer_of
 from itouch.study.reading import StudyFile, load_study
 from itouch.study.store import Row, Store
-from itouch.study.tasks import is_right
+from itouch.study.tasks import is_right, taken_answer
 from itouch.study.touches import Toucher, figures
 from itouch.study.trials import Trial
 
@@ -83,7 +85,9 @@ class Simulation:
 
     def _answer(self, trial: Trial, felt: list[Felt], rng: np.random.Generator) -> tuple[str, int | None]:
         task = self._study.task
-        if task.kind == "identify":
+        if task.kind not in TASKS:
+            answer = self._taken(task_of(task.kind).simulated(self.observer, felt, rng))
+        elif task.kind == "identify":
             answer = self.observer.identify(felt[0], self._prototypes(trial.condition), rng)
         elif task.kind == "colder":
             answer = str(self.observer.colder(felt, rng))
@@ -94,6 +98,13 @@ class Simulation:
         else:
             answer = f"{self.observer.coldness(felt[0], rng):.4f}"
         return answer, is_right(task, trial, answer, [one.mean_flux() for one in felt])
+
+    def _taken(self, said: str) -> str:
+        """Return a plugin's answer as it is kept."""
+        found = taken_answer(self._study, said)
+        if found is None:
+            raise TaskError(f"{task_of(self._study.task.kind).whose}: simulated gave '{said}', which is no choice")
+        return found
 
     def _prototypes(self, condition: Mapping[str, str]) -> dict[str, Felt]:
         """Return what each answer feels like, learnt before the study with the other factors as they are."""

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
-from itouch.study.elements import Study, Task
+from itouch.study.brought import task_of
+from itouch.study.elements import TASKS, Study, Task
 from itouch.study.trials import Trial
 
 _ORDINALS = ("the first", "the second", "the third")
@@ -17,14 +19,17 @@ _QUESTIONS = {
 
 def question_of(study: Study) -> str:
     """Return what the participant is asked."""
-    return study.task.question or _QUESTIONS[study.task.kind]
+    kind = study.task.kind
+    return study.task.question or (_QUESTIONS[kind] if kind in _QUESTIONS else task_of(kind).question)
 
 
 def choices_of(study: Study) -> tuple[tuple[str, str], ...]:
     """Return the answers that there are, (as it is kept, as it is shown); none: any number is one."""
     task = study.task
+    names = next((factor.names for factor in study.factors if factor.name == task.factor), ())
+    if task.kind not in TASKS:
+        return task_of(task.kind).choices(names)
     if task.kind == "identify":
-        names = next((factor.names for factor in study.factors if factor.name == task.factor), ())
         return tuple((name, name) for name in names)
     if task.kind in ("colder", "odd"):
         return tuple((str(index), _ORDINALS[index]) for index in range(task.intervals))
@@ -52,6 +57,8 @@ def is_right(task: Task, trial: Trial, answer: str, fluxes: Sequence[float]) -> 
 
     ``fluxes`` [W/m2] is what was felt in each interval: the coldest is the one that drew most.
     """
+    if task.kind not in TASKS:
+        return task_of(task.kind).right(answer, _told(task, trial, fluxes))
     if task.kind == "identify":
         return int(answer == trial.condition[task.factor])
     if task.kind == "colder":
@@ -61,3 +68,11 @@ def is_right(task: Task, trial: Trial, answer: str, fluxes: Sequence[float]) -> 
     if task.kind == "same":
         return int((answer == "same") == (trial.condition[task.factor] == task.standard))
     return None
+
+
+def _told(task: Task, trial: Trial, fluxes: Sequence[float]) -> dict[str, Any]:
+    """Return what a plugin's task is told of a trial."""
+    return {
+        "levels": [condition.get(task.factor) for condition in trial.shown], "target": trial.target,
+        "standard": task.standard, "condition": dict(trial.condition), "flux_W_m2": list(fluxes),
+    }  # fmt: skip
