@@ -228,6 +228,7 @@ def test_help_says_of_each_command_what_it_does() -> None:
         (("export", "x.mcap", "--parquet"), "tables", "pyarrow"),
         (("export", "x.mcap", "-o", "x.rrd"), "rerun", "rerun"),
         (("view", "--web"), "web", "viser"),
+        (("export", "x.mcap", "--rosbag", "bag"), "ros", "rosbags"),
         (("run", FIRST, "--headless", "--film", "x.mp4"), "film", "av"),
         (("reproduce", "-o", "out"), "plot", "matplotlib"),
     ],

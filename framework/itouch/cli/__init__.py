@@ -38,6 +38,7 @@ COMMANDS = {
     "view": ("itouch.cli.view", "open a window on a session that runs"),
     "replay": ("itouch.cli.replay", "feed a recording to the engine and compare every command"),
     "safety-report": ("itouch.cli.safety_report", "write limits, trips, worst case and tests of a scene, for a board"),
+    "sync": ("itouch.cli.sync", "measure the delay between a mark and the wire on this machine"),
     "study": ("itouch.cli.study", "psychophysical studies: check, freeze, run, simulate, report, power, audit"),
     "sweep": ("itouch.cli.sweep", "very many runs with parameters by path, on this machine or a cluster"),
     "recover": ("itouch.cli.recover", "make a damaged recording whole: its longest valid prefix"),

@@ -25,7 +25,8 @@ def main(argv: Sequence[str]) -> int:
         with waiting(f"exporting {options.file}"):
             written = _session(options) if options.file.endswith((".itouch", ".xml")) else _recording(options)
     except OSError as error:
-        outputs = (options.xml, options.itouch, options.csv, options.parquet, options.bids, options.layout, options.rrd)
+        outputs = (options.xml, options.itouch, options.csv, options.parquet, options.bids, options.layout, options.rrd,
+                   options.rosbag)  # fmt: skip
         name = error.filename or next((output for output in outputs if output), options.file)
         raise ItouchError(f"cannot write '{name}': {error.strerror or error}") from error
     except ValueError as error:
@@ -54,6 +55,8 @@ def _chosen(options: argparse.Namespace) -> None:
         need("tables", "--parquet")
     if options.rrd:
         need("rerun", "--rrd")
+    if options.rosbag:
+        need("ros", "--rosbag")
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -75,6 +78,8 @@ def _parser() -> argparse.ArgumentParser:
                         help="panels for Foxglove and Lichtblick: the scene, a plot a unit, the events")  # fmt: skip
     parser.add_argument("--rrd", type=output_file, metavar="FILE.rrd",
                         help="for Rerun: the 3-D scene, the curves, the events (extra [rerun])")  # fmt: skip
+    parser.add_argument("--rosbag", type=output_folder, metavar="DIR",
+                        help="a bag of ROS 2: poses, wrenches, temperatures, frames, events (extra [ros])")  # fmt: skip
     add_json(parser)
     return parser
 
@@ -117,8 +122,14 @@ def _recording(options: argparse.Namespace) -> list[str]:
 
     if options.xml or options.itouch:
         raise ItouchError(f"'{options.file}' is not a session; --xml writes one (.itouch) as XML")
-    if options.csv is None and options.parquet is None and not (options.bids or options.layout or options.rrd):
-        raise ItouchError("say what to write: --csv, --parquet, --bids DIR, --layout FILE.json or --rrd FILE.rrd")
+    if (
+        options.csv is None
+        and options.parquet is None
+        and not any((options.bids, options.layout, options.rrd, options.rosbag))
+    ):
+        raise ItouchError(
+            "say what to write: --csv, --parquet, --bids DIR, --layout FILE.json, --rrd FILE.rrd or --rosbag DIR"
+        )
     recording = read(options.file)
     for loss in recording.losses:
         note(loss)
@@ -139,4 +150,8 @@ def _recording(options: argparse.Namespace) -> list[str]:
         from itouch.recording.rerun import export_rrd
 
         written += export_rrd(recording, options.rrd)
+    if options.rosbag:
+        from itouch.recording.rosbag import export_rosbag
+
+        written += export_rosbag(recording, options.rosbag)
     return written

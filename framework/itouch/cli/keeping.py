@@ -25,6 +25,18 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--save-every", type=seconds, metavar="10s",
                        help="save to the file of --save again and again while it runs")  # fmt: skip
     group.add_argument("--lsl", action="store_true", help="Lab Streaming Layer: offer readings, give and take marks")
+    group.add_argument("--trigger", metavar="PORT",
+                       help="put the code of each mark on a serial trigger box or /dev/parport0")  # fmt: skip
+    group.add_argument("--code", action="append", default=[], type=_code, metavar="NAME=N",
+                       help="code 1 to 255 of marks of this name; a payload may bring its own 'code'")  # fmt: skip
+
+
+def _code(text: str) -> tuple[str, int]:
+    """Read ``NAME=N``."""
+    name, _, number = text.rpartition("=")
+    if not name or not number.isdecimal() or not 1 <= int(number) <= 255:
+        raise argparse.ArgumentTypeError(f"'{text}' is no code; write for example begin=1, with a number of 1 to 255")
+    return name, int(number)
 
 
 def wanted(options: argparse.Namespace) -> Keep:
@@ -43,7 +55,10 @@ def wanted(options: argparse.Namespace) -> Keep:
         raise ItouchError("--save-every is at least 0.1 s")
     if options.record and options.no_record:
         raise ItouchError("--record and --no-record exclude one another")
-    return Keep(options.record or "", not options.no_record, options.save or "", options.save_every or 0.0, options.lsl)
+    if options.code and not options.trigger:
+        raise ItouchError("--code says what --trigger PORT puts on the wire; name the port, too")
+    return Keep(options.record or "", not options.no_record, options.save or "", options.save_every or 0.0, options.lsl,
+                options.trigger or "", dict(options.code))  # fmt: skip
 
 
 @contextlib.contextmanager

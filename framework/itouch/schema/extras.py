@@ -15,6 +15,7 @@ EXTRAS: dict[str, tuple[str, tuple[str, ...]]] = {
     "study": ("studies", ("scipy", "SweetSpot", "statsmodels")),
     "rerun": ("Rerun", ("rerun",)),
     "web": ("browsers", ("viser",)),
+    "ros": ("bags of ROS", ("rosbags",)),
     "lsl": ("Lab Streaming Layer", ("pylsl",)),
 }
 

@@ -60,6 +60,8 @@ class Session(Shown, Engine):
         self._posted: deque[tuple[str, Any]] = deque()
         #: Called at once with each loss of what is kept, a recording or a snapshot, as it stands in the report.
         self.loss_hooks: list[Callable[[dict[str, Any]], None]] = []
+        #: Called with name and payload of each mark at once, in the thread that sets it; they must not wait.
+        self.mark_hooks: list[Callable[[str, Any], None]] = []
         #: Called when a tick has failed, before anything is made safe; they must not change the State.
         self.fault_hooks: list[Callable[[DeviceFaultError], None]] = []
         with keeping(self._bases):
@@ -278,6 +280,8 @@ class Session(Shown, Engine):
         """
         stored, text = marks.encode(name, payload)
         tick = marks.put(self.state, stored, text)
+        for hook in self.mark_hooks:
+            hook(name, payload)
         if self.recorder is not None:
             self.recorder.tell("/log/marks", tick, name=name, payload=text.decode())
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -25,6 +25,8 @@ class Keep:
         File to save to every so many seconds; 0: not while it runs.
     streams
         Offer Lab Streaming Layer streams.
+    trigger, codes
+        Port that event codes are put on, and the codes of marks by name; empty: none.
     """
 
     record: str = ""
@@ -32,6 +34,8 @@ class Keep:
     save: str = ""
     every: float = 0.0
     streams: bool = False
+    trigger: str = ""
+    codes: Mapping[str, int] = field(default_factory=dict)
 
     def dump(self) -> dict[str, Any]:
         """Return it as plain data."""
@@ -57,4 +61,9 @@ def keeping(session: Session, keep: Keep) -> Iterator[None]:
             from itouch.session.lsl import Streams
 
             stack.enter_context(Streams(session))
+        if keep.trigger:
+            from itouch.session.triggers import Triggers
+            from itouch.session.wires import wire
+
+            stack.enter_context(Triggers(session, wire(keep.trigger), keep.codes))
         yield

@@ -1,0 +1,147 @@
+"""Event codes: each mark shows its code on a wire at once, for as long as a pulse; a wire that fails stops nothing."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from program import program
+from shipped import SCENES
+
+import itouch
+from itouch.plugin import Terminal
+from itouch.session.errors import SessionError
+from itouch.session.triggers import LOST, PULSE, Triggers
+from itouch.session.wires import ParallelWire, wire
+
+FIRST = SCENES / "first_touch.xml"
+
+
+@pytest.fixture(scope="module")
+def session() -> Iterator[Any]:
+    engine = itouch.build(FIRST)
+    engine.run(0.01)
+    yield engine
+    engine.close()
+
+
+@pytest.fixture
+def box() -> Iterator[Terminal]:
+    terminal = Terminal()
+    yield terminal
+    terminal.close()
+
+
+def heard(box: Terminal, count: int) -> bytes:
+    """Return so many bytes: a pseudo-terminal hands them on when the system finds the time."""
+    found, end = b"", time.monotonic() + 30
+    while len(found) < count and time.monotonic() < end:
+        found += box.receive()
+    return found
+
+
+def test_a_mark_is_on_the_wire_at_once_and_the_lines_are_zero_after_the_pulse(session: Any, box: Terminal) -> None:
+    with Triggers(session, wire(box.path), {"begin": 7}) as triggers:
+        assert heard(box, 1) == b"\0"
+        session.mark("begin")
+        assert heard(box, 1) == b"\x07"  # before any tick
+        session.mark("answer", {"code": 200, "key": "left"})
+        session.mark("no code")
+        session.mark("begin", {"code": 3})
+        assert heard(box, 2) == b"\xc8\x03"
+        session.run(0.001)
+        time.sleep(PULSE)
+        session.run(0.002)
+        assert heard(box, 1) == b"\0"
+        session.post_mark("begin")
+        session.run(0.001)
+        assert heard(box, 1) == b"\x07"
+    assert heard(box, 1) == b"\0"
+    assert [code for _, code in triggers.put] == [0, 7, 200, 3, 0, 7, 0]
+    session.mark("begin")
+    assert box.receive() == b""
+
+
+def test_a_box_that_is_pulled_out_is_told_by_a_mark_and_the_session_goes_on(session: Any) -> None:
+    box = Terminal()
+    with Triggers(session, wire(box.path), {"begin": 7}):
+        box.close()
+        session.mark("begin")
+        session.run(0.002)
+        session.mark("begin")
+        session.run(0.002)
+    lost = [mark for mark in session.marks if mark["name"] == LOST]
+    assert len(lost) == 1 and lost[0]["payload"]["port"] == box.path
+
+
+@given(st.dictionaries(st.text(max_size=5), st.integers(1, 255)), st.text(max_size=5),
+       st.none() | st.integers() | st.text() | st.dictionaries(st.sampled_from(["code", "x"]), st.integers() | st.text()))  # fmt: skip
+def test_a_code_is_that_of_the_payload_else_of_the_name_else_none(
+    codes: dict[str, int], name: str, payload: Any
+) -> None:
+    found = Triggers(None, None, codes).code(name, payload)  # type: ignore[arg-type]
+    own = payload.get("code") if isinstance(payload, dict) else None
+    expected = own if isinstance(own, int) and 0 < own < 256 else codes.get(name, 0)
+    assert found == expected and 0 <= found <= 255
+
+
+def test_a_parallel_port_is_claimed_set_and_let_go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The requests are those of linux/ppdev.h; no port of this machine is touched."""
+    port, asked = tmp_path / "parport0", []
+    port.write_bytes(b"")
+    monkeypatch.setattr("fcntl.ioctl", lambda handle, request, data: asked.append((request, data)))
+    line = wire(str(port))
+    assert isinstance(line, ParallelWire)
+    line.put(65)
+    line.close()
+    ppdev = ord("p") << 8
+    assert asked == [(ppdev | 0x8B, b""), (1 << 30 | 1 << 16 | ppdev | 0x86, b"A"), (ppdev | 0x8C, b"")]
+
+
+def test_a_run_puts_codes_and_what_can_not_be_is_said(box: Terminal, tmp_path: Path) -> None:
+    done = program("run", str(FIRST), "--headless", "--for", "0.02s", "--no-record", "--trigger", box.path,
+                   "--code", "begin=1")  # fmt: skip
+    assert done.returncode == 0 and heard(box, 2) == b"\0\0"
+    for words, said in (
+        (("--trigger", str(tmp_path)), "no event codes can be put on"),
+        (("--trigger", os.devnull), "no serial port"),
+        (("--code", "begin=1"), "name the port, too"),
+        (("--trigger", box.path, "--code", "begin=256"), "is no code"),
+    ):
+        failed = program("run", str(FIRST), "--headless", "--for", "0.02s", *words)
+        assert failed.returncode == 2 and said in failed.stderr and "Traceback" not in failed.stderr, failed.stderr
+    with pytest.raises(SessionError):
+        wire(str(tmp_path / "none"))
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--port", "/dev/ttyS99"), "--port PORT --loopback go together"),
+        (("--marks", "1"), "10 to 100000"),
+        (("--limit", "-1"), "above 0"),
+        (("none.xml",), "none.xml"),
+    ],
+)
+def test_what_sync_can_not_measure_is_said(words: tuple[str, ...], said: str) -> None:
+    done = program("sync", *words)
+    assert done.returncode == 2 and said in done.stderr and "Traceback" not in done.stderr
+
+
+@pytest.mark.long
+def test_sync_tells_the_distribution() -> None:
+    done = program("sync", "--marks", "40", "--json")
+    told = json.loads(done.stdout)
+    assert done.returncode == 0 and told["good"]
+    asked, ticked = told["ways"]
+    assert asked["marks"] == 40 and asked["lost"] == ticked["lost"] == 0
+    assert 0.0 < asked["min_ms"] <= asked["p50_ms"] <= asked["p99_ms"] <= asked["max_ms"]
+    assert ticked["p50_ms"] < asked["p50_ms"]  # who asks waits for the tick
+    assert program("sync", "--marks", "10", "--limit", "0.0001").returncode == 1
