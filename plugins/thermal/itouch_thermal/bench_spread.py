@@ -1,0 +1,49 @@
+"""``itouch-py bench spread``: by how much the twin, in which heat spreads at once, is off under a small finger."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+#: Contact areas [cm2], times [s], and the errors that are looked for.
+AREAS, TIMES, BOUNDS = (0.5, 1.1, 2.0, 4.0, 8.0, 16.0), (0.02, 0.1, 0.3, 1.0, 3.0, 10.0), (0.01, 0.03, 0.1)
+
+
+def main(argv: Sequence[str]) -> int:
+    """Print by how much the flux of one dimension is off, by contact area and time, and from when on by 1, 3, 10 %."""
+    from itouch_thermal.rendering.spread import Touched, error, passed
+
+    parser = argparse.ArgumentParser(prog="itouch-py bench spread", description=main.__doc__)
+    parser.add_argument("--area", type=float, action="append", metavar="CM2", help="contact area; may be given again")
+    parser.add_argument("--resistance", type=float, default=2e-3, metavar="K*M2/W", help="of the contact (0.002)")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the rows to this file too")
+    options = parser.parse_args(list(argv))
+    fine, rows = np.unique(np.concatenate((np.geomspace(0.01, 10.0, 121), TIMES))), []
+    print(
+        f"{'cm2':>5}" + "".join(f"{f'{t:g} s':>9}" for t in TIMES) + "".join(f"{f'>{100 * b:g} %':>9}" for b in BOUNDS)
+    )
+    try:
+        for area in options.area or AREAS:
+            off = error(Touched(1e-4 * area, options.resistance), fine)
+            at = [float(off[np.searchsorted(fine, t)]) for t in TIMES]
+            since = [passed(fine, off, bound) for bound in BOUNDS]
+            cells = "".join(f"{100 * value:>+8.1f}%" for value in at)
+            print(
+                f"{area:>5g}{cells}" + "".join(f"{'never' if t is None else f'{t:.2g} s':>9}" for t in since),
+                flush=True,
+            )
+            rows.append({"contact_area_cm2": area, "times_s": TIMES, "error": at, "bounds": BOUNDS, "since_s": since})
+        if options.json is not None:
+            options.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    except ValueError as fault:
+        print(f"error: {fault}", file=sys.stderr)
+        return 2
+    except OSError as fault:
+        print(f"error: '{fault.filename}': {fault.strerror}\n  = help: check the path", file=sys.stderr)
+        return 2
+    return 0

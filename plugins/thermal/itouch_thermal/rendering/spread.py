@@ -1,0 +1,255 @@
+"""Heat that spreads sideways under a finger that covers a part of the plate: an axisymmetric model of finger and plate.
+
+Finite volumes on rings, implicit in time, of what a touch changes: everything begins at rest, and the contact begins
+with a difference of temperature.  The twin of the display is one-dimensional: heat spreads at once over the whole
+plate, and not at all in the finger.  The same solver does that, too, so that their difference is spreading alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from contact_heat.layers import Layer
+from itouch_thermal.display.column import Array
+from itouch_thermal.display.params import ALUMINA, FILM, DisplayParams
+from itouch_thermal.heat import FINGER
+
+#: Radius of a fingertip [m].
+TIP = 8e-3
+#: A factor on the conduction along the plate that makes its temperature even.
+EVEN = 1e5
+#: Steps [s] and until when each is used; cells from the middle to the contact's edge, to the tip's, to the plate's.
+_STEPS = ((2e-3, 0.2), (2e-2, math.inf))
+_RINGS = (12, 6, 12)
+#: Cells of a layer of the plate up to a thickness [m], of a thick one with its growth, and of all tissue with theirs.
+_CELLS, _THICK, _TISSUE = ((1e-4, 2), (1e-3, 6)), (18, 1.4), (26, 1.28)
+
+
+@dataclass(frozen=True, slots=True)
+class Touched:
+    """A touch whose heat spreads: area [m2] and resistance [K m2/W] of the contact, the display and its layers.
+
+    ``air`` [W/m2K] is the film through which skin gives heat to a room that is as warm as the plate at the begin.
+    ``along_plate`` and ``along_finger`` are factors on what is conducted sideways: 1 as it is, 0 not at all.
+    """
+
+    contact_area: float
+    resistance: float = 2e-3
+    display: DisplayParams = DisplayParams()
+    plate: tuple[Layer, ...] = (FILM, ALUMINA)
+    air: float = 10.0
+    along_plate: float = 1.0
+    along_finger: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.contact_area <= self.display.area:
+            raise ValueError(
+                f"contact_area = {self.contact_area!r} m^2 is out of range: above 0, at most the plate's "
+                f"{self.display.area:g} m^2"
+            )
+        if not 0.0 < self.resistance < math.inf:
+            raise ValueError(f"resistance = {self.resistance!r} K*m^2/W is out of range: above 0")
+
+
+def one_dimensional(touched: Touched) -> Touched:
+    """Return the same touch as the display's twin takes it."""
+    from dataclasses import replace
+
+    return replace(touched, along_plate=EVEN, along_finger=0.0)
+
+
+def flux(touched: Touched, times: Array) -> Array:
+    """Return the mean flux through the contact [W/m2] per kelvin that skin and plate differ at the begin.
+
+    Parameters
+    ----------
+    touched
+        What is touched, and how.
+    times
+        Ascending times since the touch began [s], shape (n,).
+    """
+    grid = _Grid.of(touched)
+    matrix, source, look, driven = _system(touched, grid)
+    shown, at, state = [driven], [0.0], np.zeros(len(source))
+    last = float(np.max(times))
+    for step, until in _STEPS:
+        if at[-1] >= last:
+            break
+        first, gain = _stages(matrix, step)
+        while at[-1] < min(until, last) - 1e-9:
+            state = first @ state + gain @ source
+            at.append(at[-1] + step)
+            shown.append(driven + float(look @ state))
+    return np.asarray(np.interp(times, at, shown))
+
+
+def _stages(matrix: Array, step: float) -> tuple[Array, Array]:
+    """Return what a step makes of the state and of a constant source: two implicit stages, L-stable, second order."""
+    gamma, one = 1.0 - math.sqrt(0.5), np.eye(len(matrix))
+    inverse = np.linalg.inv(one - gamma * step * matrix)
+    k_state, k_source = inverse @ matrix, inverse
+    second = inverse @ matrix @ (one + (1.0 - gamma) * step * k_state)
+    second_source = inverse @ (one + (1.0 - gamma) * step * matrix @ k_source)
+    return (
+        one + step * ((1.0 - gamma) * k_state + gamma * second),
+        step * ((1.0 - gamma) * k_source + gamma * second_source),
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Grid:
+    """Rings and the cells of a column: areas [m2], radii of edges and middles [m]; layers with their thickness [m]."""
+
+    edges: Array
+    contact: int
+    tip: int
+    plate: list[tuple[Layer, float]]
+    tissue: list[tuple[Layer, float]]
+
+    @classmethod
+    def of(cls, touched: Touched) -> _Grid:
+        rim = math.sqrt(touched.display.area / math.pi)
+        edge = math.sqrt(touched.contact_area / math.pi)
+        tip = max(edge, min(TIP, rim))
+        parts = [_towards(0.0, edge, _RINGS[0], end=True)]
+        if tip > edge * 1.01:
+            parts.append(_towards(edge, tip, _RINGS[1], end=False)[1:])
+        else:
+            tip = edge
+        if rim > tip * 1.001:
+            parts.append(_towards(tip, rim, _RINGS[2], end=False)[1:])
+        edges = np.concatenate(parts)
+        index = {name: int(np.argmin(np.abs(edges - radius))) for name, radius in (("edge", edge), ("tip", tip))}
+        plate = [(layer, width) for layer in touched.plate for width in _widths(layer)]
+        return cls(edges, index["edge"], index["tip"], plate, _tissue())
+
+    @property
+    def areas(self) -> Array:
+        """Area of each ring [m2]."""
+        found: Array = math.pi * np.diff(self.edges**2)
+        return found
+
+
+def _towards(begin: float, end_: float, count: int, *, end: bool) -> Array:
+    """Return edges that crowd towards one end, which is that of the contact [m]."""
+    part: Array = np.linspace(0.0, 1.0, count + 1, dtype=np.float64)
+    part = 1.0 - (1.0 - part) ** 1.6 if end else part**1.6
+    found: Array = begin + (end_ - begin) * part
+    return found
+
+
+def _widths(layer: Layer) -> list[float]:
+    """Return the thickness of each cell of a layer of the plate [m], from the face down."""
+    thickness = layer.thickness or 0.0
+    count, growth = next(((n, 1.0) for most, n in _CELLS if thickness <= most), _THICK)
+    widths = growth ** np.arange(count)
+    return [float(width) for width in widths / widths.sum() * thickness]
+
+
+def _tissue() -> list[tuple[Layer, float]]:
+    """Return the cells of the tissue from the skin inwards: thin at the skin, each in the layer of its middle."""
+    depth = sum(layer.thickness or 0.0 for layer in FINGER)
+    count, growth = _TISSUE
+    widths = growth ** np.arange(count)
+    widths *= depth / widths.sum()
+    middles = np.cumsum(widths) - 0.5 * widths
+    ends = np.cumsum([layer.thickness or 0.0 for layer in FINGER])
+    return [
+        (FINGER[int(np.searchsorted(ends, at))], float(width))
+        for at, width in zip(middles.tolist(), widths.tolist(), strict=True)
+    ]
+
+
+def _system(touched: Touched, grid: _Grid) -> tuple[Array, Array, Array, float]:
+    """Return matrix [1/s] and source [K/s] of the cells, and the contact's mean flux: what makes it, and at the begin.
+
+    Cells are those of the plate ring by ring from the face down, then those of the finger from the skin in.
+    """
+    areas, rings, tip = grid.areas, len(grid.areas), grid.tip
+    np_, nt = len(grid.plate), len(grid.tissue)
+    size = rings * np_ + tip * nt
+    book = _Book(np.zeros((size, size)), np.zeros(size))
+    h = touched.display
+    for i in range(rings):
+        column = [i * np_ + k for k in range(np_)]
+        book.stack(column, grid.plate, float(areas[i]))
+        book.matrix[column[-1], column[-1]] += areas[i] * h.conductance / h.area  # through the legs to the sink
+        if i >= grid.contact:
+            book.matrix[column[0], column[0]] += areas[i] * h.film_coefficient
+    base = rings * np_
+    for i in range(tip):
+        column = [base + i * nt + k for k in range(nt)]
+        book.stack(column, grid.tissue, float(areas[i]))
+        layer, width = grid.tissue[-1]
+        book.matrix[column[-1], column[-1]] += areas[i] * layer.conductivity / (0.5 * width)  # to the core
+        if i >= grid.contact:
+            book.matrix[column[0], column[0]] += areas[i] * touched.air
+    book.sideways(0, rings, grid.plate, grid.edges, touched.along_plate)
+    book.sideways(base, tip, grid.tissue, grid.edges, touched.along_finger)
+    (film, thin), (skin, outer) = grid.plate[0], grid.tissue[0]
+    whole = 0.5 * thin / film.conductivity + 0.5 * outer / skin.conductivity + touched.resistance
+    look, source = np.zeros(size), np.zeros(size)
+    total = float(areas[: grid.contact].sum())
+    for i in range(grid.contact):
+        below, above, link = i * np_, base + i * nt, float(areas[i]) / whole
+        book.join(below, above, link)
+        source[below], source[above] = link, touched.air * float(areas[i]) - link  # what air took, the plate takes now
+        look[below], look[above] = -link / total, link / total
+    matrix = -book.matrix / book.capacity[:, None]
+    return matrix, source / book.capacity, look, 1.0 / whole
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Book:
+    """Conductances [W/K] between cells, and heat capacities [J/K]."""
+
+    matrix: Array
+    capacity: Array
+
+    def join(self, one: int, other: int, link: float) -> None:
+        """Let heat pass between two cells."""
+        self.matrix[one, one] += link
+        self.matrix[other, other] += link
+        self.matrix[one, other] -= link
+        self.matrix[other, one] -= link
+
+    def stack(self, column: Sequence[int], cells: Sequence[tuple[Layer, float]], area: float) -> None:
+        """Lay the cells of one ring on one another, with their blood."""
+        for index, (layer, width) in zip(column, cells, strict=True):
+            self.capacity[index] = area * width * layer.heat_capacity
+            self.matrix[index, index] += area * width * layer.perfusion
+        for k in range(len(column) - 1):
+            (one, above), (other, below) = cells[k], cells[k + 1]
+            self.join(
+                column[k], column[k + 1], area / (0.5 * above / one.conductivity + 0.5 * below / other.conductivity)
+            )
+
+    def sideways(
+        self, base: int, rings: int, cells: Sequence[tuple[Layer, float]], edges: Array, factor: float
+    ) -> None:
+        """Let heat pass between rings."""
+        if factor <= 0.0:
+            return
+        middles = 0.5 * (edges[1:] + edges[:-1])
+        for i in range(rings - 1):
+            shape = factor * 2.0 * math.pi * float(edges[i + 1]) / float(middles[i + 1] - middles[i])
+            for k, (layer, width) in enumerate(cells):
+                self.join(
+                    base + i * len(cells) + k, base + (i + 1) * len(cells) + k, shape * width * layer.conductivity
+                )
+
+
+def error(touched: Touched, times: Array) -> Array:
+    """Return by what part the one-dimensional flux is greater than that of the spreading heat, shape (n,)."""
+    found: Array = flux(one_dimensional(touched), times) / flux(touched, times) - 1.0
+    return found
+
+
+def passed(times: Array, off: Array, bound: float) -> float | None:
+    """Return from when on [s] an error is beyond a bound for the first time; None: it never is."""
+    beyond = np.flatnonzero(np.abs(off) > bound)
+    return float(times[beyond[0]]) if len(beyond) else None
