@@ -220,7 +220,7 @@ def test_a_person_is_forgotten_by_one_command(tmp_path: Path, capsys: pytest.Cap
     before = json.loads((folder / "report.json").read_text())
     assert main(["study", "forget", str(folder), "--participant", "P07"]) == 0
     assert "are deleted" in capsys.readouterr().out
-    assert not any(b"left-handed-for-sure" in each.read_bytes() for each in folder.iterdir())
+    assert not any(b"left-handed-for-sure" in each.read_bytes() for each in folder.rglob("*") if each.is_file())
     assert main(["study", "report", str(path), str(folder)]) == 0
     assert json.loads((folder / "report.json").read_text()) == before
     assert main(["study", "forget", str(tmp_path / "none"), "--participant", "P07"]) == 2

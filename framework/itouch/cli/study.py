@@ -154,14 +154,16 @@ def _stamp(file: StudyFile, folder: Path, deviation: str = "") -> None:
     from datetime import UTC, datetime
     from importlib.metadata import version
 
-    from itouch.study.frozen import digest_of
+    from itouch.study.frozen import digest_of, keep_copy
     from itouch.study.store import Store
 
+    digest = digest_of(file)
     with Store.open(folder, create=True) as store:
         store.freeze(
-            name=file.name, seed=file.study.seed, digest=digest_of(file), program=version("itouch-py"),
+            name=file.name, seed=file.study.seed, digest=digest, program=version("itouch-py"),
             frozen=datetime.now(UTC).isoformat(timespec="seconds"), deviation=deviation,
         )  # fmt: skip
+    keep_copy(file, folder, digest)
 
 
 def _prepared(options: argparse.Namespace, folder: str, *, deviation: str = "") -> StudyFile | int:

@@ -25,6 +25,8 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     run.add_argument("--answers-from", metavar="NAME", help="an answer device that a plugin brings (itouch.tasks)")
     run.add_argument("--pace", choices=("real", "fast"), help="default: real for a person, fast for a script")
     run.add_argument("--deviation", metavar="WORDS", help="note what was changed after the study was frozen, and why")
+    kept = "one recording a session, in the folder's recordings; default: yes for a person, no for a script"
+    run.add_argument("--record", action=argparse.BooleanOptionalAction, default=None, help=kept)
     run.add_argument("--window", action="store_true", help="the participant's window, answered by mouse and keys")
     run.add_argument("--light", action="store_true", help="dark letters on light ground")
     run.add_argument("--full-screen", action="store_true", help="the window fills the screen")
@@ -48,20 +50,24 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
     from itouch.study.store import Store
 
     answers, shows = _answers(file, options)
+    record = options.record if options.record is not None else not options.answers
     real = (options.pace or ("fast" if options.answers else "real")) == "real"
     with Store.open(folder_of(options)) as store:
         session = Run(
             file, options.participant, store, answers, Catalog(), clock=WallClock() if real else VirtualClock(),
-            show=shows,
+            show=shows, record=record,
         )  # fmt: skip
         before = len(session.course.rows)
         print(f"{options.participant}: {before} trials are kept, {session.course.left} of the order are left")
-        made = 0
+        made, lost = 0, list[str]()
         try:
             for row in session.trials():
                 made += 1
                 told = "void, comes again" if row.void else "kept"
                 print(f"trial {row.place + 1}: {told}", flush=True)
+                if session.room.losses and not lost:
+                    lost.append(session.room.losses[0])
+                    print(f"the session is not recorded any more: {lost[0]}", file=sys.stderr)
         except Stopped:
             print(f"stopped after {made} new trials; the same command goes on from here")
             return 3

@@ -184,11 +184,48 @@ class Session(Shown, Engine):
             os.makedirs(os.path.dirname(target) or ".", exist_ok=True)
         except OSError as error:
             raise RecordingError(f"cannot write '{target}': {error.strerror or error}") from error
-        asked = Asked(self.snapshot, self.report, self.note_fault, self.recording_failed)
-        self.recorder, self.records = Recorder(self, asked, target, tracks), False
-        self.taps.append(self.recorder.tap)
-        self.fault_hooks.append(self.recorder.hear)
-        return self.recorder
+        recorder = Recorder(self, self._asked, target, tracks)
+        self._record_by(recorder)
+        return recorder
+
+    @property
+    def _asked(self) -> Asked:
+        return Asked(self.snapshot, self.report, self.note_fault, self.recording_failed)
+
+    def _record_by(self, recorder: Recorder) -> None:
+        self.recorder, self.records = recorder, False
+        self.taps.append(recorder.tap)
+        self.fault_hooks.append(recorder.hear)
+
+    def hand_on(self, to: Session) -> bool:
+        """Let a recording go on with the session of another scene, which has this one's State.
+
+        Returns
+        -------
+        bool
+            False if there is none, or if the other State has other fields: it stays here, and can be ended.
+        """
+        recorder = self.recorder
+        if recorder is None or to.state.dtype != self.state.dtype:
+            return False
+        self.recorder = None
+        self._let_go(recorder)
+        recorder.follow(to, to._asked)
+        to._record_by(recorder)
+        return True
+
+    def end_recording(self) -> None:
+        """End the recording, if there is one; the session goes on.
+
+        Raises
+        ------
+        RecordingError
+            If it could not be finished.
+        """
+        recorder, self.recorder = self.recorder, None
+        if recorder is not None:
+            self._let_go(recorder)
+            recorder.close()
 
     def recording_failed(self, recorder: Recorder) -> None:
         """Note that recording has stopped; the session goes on, or ends after this tick, as the scene says."""
@@ -317,17 +354,11 @@ class Session(Shown, Engine):
         RecordingError
             If the recording could not be finished.
         """
-        in_turn(super().close, self._end_participant, self._end_recording)
+        in_turn(super().close, self._end_participant, self.end_recording)
 
     def _end_participant(self) -> None:
         if self._participant is not None:
             self._participant.end()
-
-    def _end_recording(self) -> None:
-        recorder, self.recorder = self.recorder, None
-        if recorder is not None:
-            self._let_go(recorder)
-            recorder.close()
 
     def _let_go(self, recorder: Recorder) -> None:
         if recorder.tap in self.taps:

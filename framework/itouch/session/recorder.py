@@ -142,7 +142,8 @@ class Recorder:
             tuple((ring.rows[slot * shape.row + a : slot * shape.row + b], source) for source, a, b in pieces)
             for slot in range(capacity)
         ]
-        count, room, whole, look = 0, capacity, slice(None), self._look
+        count, whole, look = int(words[Word.ROWS_IN]), slice(None), self._look
+        room = int(words[Word.ROWS_OUT]) + capacity
         state_every, timing_every = (round(s / self._period) for s in (STATE_EVERY, TIMING_EVERY))
         table: Any = self.session.state.dtype.fields
         place = table["events.count"][1]
@@ -216,6 +217,19 @@ class Recorder:
     def note_state(self, reason: str) -> None:
         """Record the whole State: ``start``, ``every``, ``enable`` (a replay starts again from it) or ``fault``."""
         self._post(STATE, int(self.session.state["tick"]), reason, self.session.state.tobytes())
+
+    def follow(self, session: Running, asked: Asked) -> None:
+        """Go on with another scene under the same devices, whose State has the same fields; ``tap`` is another then.
+
+        What follows can't be replayed: the file holds the first scene, and of the others their State.
+        """
+        self._tell_faults()
+        self.session, self._asked = session, asked
+        self._rows = Rows(session.state, self.tracks, self._view.fields)
+        self._events, self._faults = int(session.state["events.count"]), len(session.ledger.faults)
+        self._counted = session.times.record["counts"][:2].copy()
+        self.tap = self._make_tap()
+        self.note_state("scene")
 
     def hear(self, fault: DeviceFaultError) -> None:
         """Record the State of a tick that has failed: its readings never come to be in a row."""

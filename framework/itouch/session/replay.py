@@ -44,6 +44,8 @@ def session_of(recording: Recording, *, catalog: Catalog | None = None) -> Sessi
         If the recording lacks it, or it can't be built here.
     """
     plugins = catalog or Catalog()
+    if any(letter["reason"] == "scene" for letter in recording.states):
+        raise RecordingError(f"'{recording.path}' can't be replayed: its scene changed from trial to trial")
     if not recording.states:
         raise RecordingError(f"'{recording.path}' holds no State to begin from")
     snapshot = snapshot_at(recording, recording.states[0], plugins)

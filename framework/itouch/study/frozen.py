@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import zipfile
 from pathlib import Path
 
 from itouch.plugin.discovery import Catalog
@@ -16,6 +17,28 @@ def digest_of(file: StudyFile) -> str:
     for path in sorted(_documents(file)):
         total.update(b"\0" + str(path.relative_to(folder.resolve())).encode() + b"\0" + path.read_bytes())
     return total.hexdigest()
+
+
+def keep_copy(file: StudyFile, folder: Path, digest: str) -> Path:
+    """Keep study, scene and the files that they name as they are now, in ``frozen/DIGEST.zip`` of a study's folder.
+
+    Raises
+    ------
+    OSError
+        If it can't be written.
+    """
+    target = folder / "frozen" / f"{digest[:12]}.zip"
+    if target.exists():
+        return target
+    target.parent.mkdir(exist_ok=True)
+    root, draft = Path(file.scene_path).parent.resolve(), target.with_suffix(".part")
+    entries = {f"scene/{path.relative_to(root)}": path for path in _documents(file)}
+    entries |= {Path(file.path).name: Path(file.path)}
+    with zipfile.ZipFile(draft, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, path in sorted(entries.items()):
+            archive.writestr(zipfile.ZipInfo(name), path.read_bytes(), zipfile.ZIP_DEFLATED)
+    draft.replace(target)
+    return target
 
 
 def _documents(file: StudyFile) -> set[Path]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
 from itouch.loop import Clock
 from itouch.plugin.discovery import Catalog
@@ -26,9 +27,16 @@ class Room:
         Of the twins' noise.
     clock
         What paces the loop.
+    record
+        File that all of them are recorded to; a State with other fields needs one more, ``NAME-2.mcap``.
     """
 
-    def __init__(self, file: StudyFile, catalog: Catalog, *, seed: int, clock: Clock | None = None) -> None:
+    def __init__(
+        self, file: StudyFile, catalog: Catalog, *, seed: int, clock: Clock | None = None, record: Path | None = None
+    ) -> None:
+        self._record, self._recorded = record, 0
+        #: What is not kept any more of the recording, a sentence each.
+        self.losses: list[str] = []
         self._file, self._catalog, self._seed, self._clock = file, catalog, seed, clock
         self._models = Toucher(file, catalog)
         self._session: Session | None = None
@@ -157,7 +165,19 @@ class Room:
             truth = None
         self._feeling = Feeling(session.model, self._file.study.contact, truth)
         self._feeling.listen(session)
-        self._session, self.condition = session, dict(condition)
+        before, self._session, self.condition = self._session, session, dict(condition)
+        if self._record is not None:
+            self._keep(before, session, self._record)
+
+    def _keep(self, before: Session | None, session: Session, path: Path) -> None:
+        """Let the recording go on, or begin one."""
+        session.loss_hooks.append(lambda loss: self.losses.append(str(loss["cause"])))
+        if (before is not None and before.hand_on(session)) or self.losses:
+            return
+        if before is not None:
+            before.end_recording()
+        self._recorded += 1
+        session.record(path if self._recorded == 1 else path.with_name(f"{path.stem}-{self._recorded}.mcap"))
 
 
 def layout_of(session: Session) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from pathlib import Path
 
 from itouch.loop import Clock, DeviceFaultError
 from itouch.plugin.discovery import Catalog
@@ -61,23 +62,27 @@ class Run:
         Of the loop; default: as fast as it computes.
     show
         Called between ticks, at most some thirty times a second of the servo's clock, with what is shown.
+    record
+        Keep a recording of the session, ``recordings/CODE-SESSION.mcap`` in the study's folder.
     """
 
     def __init__(
         self, file: StudyFile, code: str, store: Store, answers: Answers, catalog: Catalog, *,
-        clock: Clock | None = None, show: Show | None = None,
+        clock: Clock | None = None, show: Show | None = None, record: bool = False,
     ) -> None:  # fmt: skip
         self._file, self._code, self._store, self._answers = file, code, store, answers
         self._study, self._show = file.study, show
         self.course = Course(file, code, store.rows(code))
         seed = int(orders.generator(file.study.seed, code, "twins").integers(2**31))
-        self.room = Room(file, catalog, seed=seed, clock=clock)
+        #: Which session of this participant it is: what stands in the rows, and what its recording is called.
+        number = 1 + len({row.session for row in self.course.rows})
+        kept = _unused(store.folder / "recordings", code, number) if record else None
+        self.name = kept.stem if kept is not None else f"{code}-{number}"
+        self.room = Room(file, catalog, seed=seed, clock=clock, record=kept)
         self._baseline: float | None = None
         self._total = len(self.course.planned)
         self._said = ""
         self._shown_at = -1.0
-        #: Which session of this participant it is: what stands in the rows.
-        self.name = f"{code}-{1 + len({row.session for row in self.course.rows})}"
 
     def trials(self) -> Iterator[Row]:
         """Make the trials that are left, and yield each when it is on the disk.
@@ -135,6 +140,7 @@ class Run:
 
     def _trial(self, due: Due) -> Row:
         feeling = self.room.present(due.shown[0])
+        self.room.session.mark("trial", {"place": due.place})  # where it begins in the recording
         machine = Machine(rules_of(self._study, feeling.index, len(due.shown), self._baseline))
         begun = self.room.session.seconds
         touches: list[Presented] = []
@@ -266,6 +272,13 @@ class Run:
             choices = tuple(words for _, words in choices_of(self._study))
             shown = replace(shown, question=question_of(self._study), choices=choices)
         return replace(shown, left=left, force=force, window=window)
+
+
+def _unused(folder: Path, code: str, number: int) -> Path:
+    """Return the file for a session's recording: one that was ended before its first trial has left its own."""
+    while (found := folder / f"{code}-{number}.mcap").exists():
+        number += 1
+    return found
 
 
 def rules_of(study: Study, index: int, intervals: int, baseline: float | None) -> Rules:
