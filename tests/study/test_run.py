@@ -271,3 +271,20 @@ def test_a_script_says_what_is_wrong_with_it() -> None:
     assert script.poll(0.5) == "7"
     with pytest.raises(Stopped):
         script.ask(Question(2, "?", ()))
+
+
+def test_masking_noise_is_played_on_request_and_its_absence_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The same rows with it and without."""
+    from itouch.sound import masking
+
+    rows = []
+    for noise, mute in (("no", ()), ("yes", ()), ("yes", ("--mute",))):
+        folder = tmp_path / f"{noise}{len(mute)}"
+        path = write_study(folder, repetitions=1, more=f'<blind approach="0.1 s" noise="{noise}"/>')
+        monkeypatch.setattr(masking.Masker.__init__, "__kwdefaults__", {"output": masking.Silence})
+        assert run(path, folder / "data", "--answers", str(scripted(tmp_path, 3)), *mute) == 0
+        assert ("is not heard" in capsys.readouterr().err) == (noise == "yes" and not mute)
+        rows.append([(row.answer, row.felt, row.begun_s) for row in kept(folder / "data")])
+    assert rows[0] == rows[1] == rows[2]

@@ -136,7 +136,9 @@ def _check(options: argparse.Namespace) -> int:
         brought = task_of(file.study.task.kind)
         print(f"  {brought.whose} asks: {question_of(file.study)}")
     if file.study.blind is not None and file.study.blind.noise:
-        print("  masking noise is yours to play, from the approach to the release: this program plays none")
+        print(
+            "  masking noise is played from the first trial to the last: closed headphones, and set its loudness before"
+        )
     if options.participant:
         for trial in planned:
             words = " | ".join(", ".join(each.values()) or trial.staircase for each in trial.shown)

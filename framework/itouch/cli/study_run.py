@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -28,6 +29,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     kept = "one recording a session, in the folder's recordings; default: yes for a person, no for a script"
     run.add_argument("--record", action=argparse.BooleanOptionalAction, default=None, help=kept)
     run.add_argument("--window", action="store_true", help="the participant's window, answered by mouse and keys")
+    run.add_argument("--mute", action="store_true", help="without the masking noise that the study asks for")
     run.add_argument("--light", action="store_true", help="dark letters on light ground")
     run.add_argument("--full-screen", action="store_true", help="the window fills the screen")
 
@@ -52,7 +54,7 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
     answers, shows = _answers(file, options)
     record = options.record if options.record is not None else not options.answers
     real = (options.pace or ("fast" if options.answers else "real")) == "real"
-    with Store.open(folder_of(options)) as store:
+    with Store.open(folder_of(options)) as store, _masking(file, options):
         session = Run(
             file, options.participant, store, answers, Catalog(), clock=WallClock() if real else VirtualClock(),
             show=shows, record=record,
@@ -79,6 +81,19 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
             return 1
     print(f"all done: {made} new trials")
     return 0
+
+
+def _masking(file: StudyFile, options: argparse.Namespace) -> contextlib.AbstractContextManager[object]:
+    """Play masking noise if the study asks for it, and say if nothing can be heard."""
+    if file.study.blind is None or not file.study.blind.noise or options.mute:
+        return contextlib.nullcontext()
+    from itouch.sound.masking import Masker
+
+    stack = contextlib.ExitStack()
+    masker = stack.enter_context(Masker(file.study.seed))
+    if not masker.heard:
+        print("no sound card is found: the masking noise that the study asks for is not heard", file=sys.stderr)
+    return stack
 
 
 def _answers(file: StudyFile, options: argparse.Namespace) -> tuple[Answers, Callable[[Shown], None] | None]:

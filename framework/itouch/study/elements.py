@@ -155,7 +155,7 @@ class Blind:
     TAG: ClassVar[str] = "blind"
     equalise: bool = flag(default=True, doc="the signal comes after the same time for every condition")
     approach: float = quantity("s", low=0.1, high=120.0, default=8.0, doc="that time: longer than any plate needs")
-    noise: bool = flag(default=False, doc="the laboratory plays masking noise: kept with the study, not played here")
+    noise: bool = flag(default=False, doc="masking noise is played from the first trial to the last")
 
 
 @dataclass(frozen=True, slots=True)
