@@ -1,14 +1,11 @@
-"""The flux-control plant as an environment of Gymnasium."""
+"""The flux-control plant as an environment of Gymnasium, which knows it when this package has been imported."""
 
 from __future__ import annotations
 
-#: The name by which ``gymnasium.make`` knows it.
+import gymnasium
+
+#: The name by which ``gymnasium.make`` knows it; ``itouch_gym:`` before it imports this package.
 NAME = "itouch/FluxControl-v0"
 
-
-def register() -> None:
-    """Make the environment known to Gymnasium, once."""
-    import gymnasium
-
-    if NAME not in gymnasium.registry:
-        gymnasium.register(NAME, entry_point="itouch_gym.env:FluxControlEnv")
+if NAME not in gymnasium.registry:
+    gymnasium.register(NAME, entry_point="itouch_gym.env:FluxControlEnv")
