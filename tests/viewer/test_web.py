@@ -329,6 +329,22 @@ def test_chromium_shows_it_and_dies_and_hangs_and_the_loop_goes_on(tmp_path: Pat
         handle.close()
 
 
+@pytest.mark.long
+def test_the_bench_watches_the_loop_beside_a_browser() -> None:
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "report"))
+    from browser import need_chromium
+
+    from itouch.bench import viewer_servo
+    from itouch.bench.viewer_web import Browsers
+
+    need_chromium()
+    rows = viewer_servo.measure(0.3, 1, browsers=Browsers)
+    assert [row.situation for row in rows] == [
+        viewer_servo.NONE, viewer_servo.THERE, viewer_servo.KILLED, viewer_servo.FROZEN,
+    ]  # fmt: skip
+    assert all(row.ticks > 0 and row.late.sum() == row.ticks for row in rows) and rows[2].reopened >= 1
+
+
 def _until(true: Any, seconds: float) -> None:
     end = time.monotonic() + seconds
     while not true():

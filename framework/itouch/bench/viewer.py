@@ -25,12 +25,16 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--json", metavar="FILE", help="write the figures, too")
     beside = "instead: the servo loop beside a viewer that is there, killed, frozen, overloaded"
     parser.add_argument("--servo", action="store_true", help=beside)
+    parser.add_argument("--web", action="store_true",
+                        help="with --servo: a browser instead, on `itouch-py view --web`")  # fmt: skip
     parser.add_argument("--seconds", type=float, default=10.0, metavar="S",
                         help="with --servo: of each situation in a round (default 10)")  # fmt: skip
     parser.add_argument("--rounds", type=int, default=1, metavar="N", help="with --servo: rounds (default 1)")
     options = parser.parse_args(argv)
     if not 0.1 <= options.seconds <= 3600 or not 1 <= options.rounds <= 1000:
         parser.error("--seconds must be 0.1 to 3600, --rounds 1 to 1000")
+    if options.web and not options.servo:
+        parser.error("--web goes with --servo")
     if options.servo:
         return _beside_the_loop(options)
     from itouch.viewer.offscreen import size_of
@@ -53,7 +57,12 @@ def main(argv: Sequence[str]) -> int:
 def _beside_the_loop(options: argparse.Namespace) -> int:
     from itouch.bench import viewer_servo
 
-    rows = viewer_servo.measure(options.seconds, options.rounds)
+    if options.web:
+        from itouch.bench.viewer_web import Browsers
+
+        rows = viewer_servo.measure(options.seconds, options.rounds, browsers=Browsers)
+    else:
+        rows = viewer_servo.measure(options.seconds, options.rounds)
     print(viewer_servo.table(rows))
     _write([row.figures() for row in rows], options.json)
     return 0

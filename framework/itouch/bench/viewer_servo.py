@@ -16,7 +16,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -79,10 +79,30 @@ class Viewers:
         ItouchError
             If it does not.
         """
-        words = [sys.executable, "-m", "itouch.cli", "view", name, "--mute"]
-        process = subprocess.Popen(words, stderr=subprocess.PIPE, text=True, env=self._environment)
-        self._process = process
-        _await_opened(process)
+        self._process = subprocess.Popen(
+            self.words(name), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=self._environment
+        )
+        self.await_line("attached")
+
+    def words(self, name: str) -> list[str]:
+        """Return the command that shows a session."""
+        return [sys.executable, "-m", "itouch.cli", "view", name, "--mute"]
+
+    def await_line(self, begin: str) -> None:
+        """Wait until the viewer says something that begins so.
+
+        Raises
+        ------
+        ItouchError
+            If it ends or is silent instead.
+        """
+        if self._process is not None:
+            _await_line(self._process, begin)
+
+    def first_line(self) -> str:
+        """Return the first line of what it wrote as its result."""
+        stream = None if self._process is None else self._process.stdout
+        return "" if stream is None else stream.readline().strip()
 
     def signal(self, number: int) -> None:
         """Send it a signal."""
@@ -95,24 +115,32 @@ class Viewers:
         if process is not None:
             process.kill()
             process.wait()
-            if process.stderr is not None:
-                process.stderr.close()
+            for stream in (process.stdout, process.stderr):
+                if stream is not None:
+                    stream.close()
+
+    def close(self) -> None:
+        """End what is left."""
+        self.end()
 
     @property
     def used(self) -> float:
         """Processor time [s] that it has used."""
-        if self._process is None:
-            return 0.0
-        try:
-            text = Path(f"/proc/{self._process.pid}/stat").read_text()
-        except OSError:
-            return 0.0
-        user, system = text.rpartition(")")[2].split()[11:13]
-        return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
+        return 0.0 if self._process is None else processor_time(self._process.pid)
 
 
-def _await_opened(process: subprocess.Popen[str]) -> None:
-    """Wait until a viewer says that it is attached.
+def processor_time(pid: int) -> float:
+    """Return the processor time [s] that a process has used; 0 if there is none."""
+    try:
+        text = Path(f"/proc/{pid}/stat").read_text()
+    except OSError:
+        return 0.0
+    user, system = text.rpartition(")")[2].split()[11:13]
+    return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
+
+
+def _await_line(process: subprocess.Popen[str], begin: str) -> None:
+    """Wait until a viewer says something that begins so.
 
     Raises
     ------
@@ -124,7 +152,7 @@ def _await_opened(process: subprocess.Popen[str]) -> None:
     try:
         for line in process.stderr or ():
             said += line
-            if line.startswith("attached"):
+            if line.startswith(begin):
                 return
     finally:
         late.cancel()
@@ -158,8 +186,12 @@ def display() -> Iterator[dict[str, str]]:
         server.wait()
 
 
-def measure(seconds: float, rounds: int = 1, triangles: int = 2_000_000) -> list[Row]:
+def measure(
+    seconds: float, rounds: int = 1, triangles: int = 2_000_000, browsers: Callable[[], Viewers] | None = None
+) -> list[Row]:
     """Measure every situation for some seconds a round; ``triangles``: of the great mesh.
+
+    ``browsers`` makes the viewers where they are browsers; the great mesh is then left out.
 
     Raises
     ------
@@ -167,9 +199,11 @@ def measure(seconds: float, rounds: int = 1, triangles: int = 2_000_000) -> list
         If no viewer can be opened.
     """
     rows = []
-    with display() as environment, tempfile.TemporaryDirectory() as folder:
-        viewers = Viewers(environment)
-        for count, situations in ((0, _SMALL), (triangles, _GREAT)):
+    with contextlib.ExitStack() as stack:
+        folder = stack.enter_context(tempfile.TemporaryDirectory())
+        viewers = browsers() if browsers else Viewers(stack.enter_context(display()))
+        stack.callback(viewers.close)
+        for count, situations in ((0, _SMALL), (triangles, _GREAT))[: 1 if browsers else 2]:
             path = _write(Path(folder), count)
             found = {situation: Row(situation, count) for situation in situations}
             with launch(path) as handle:

@@ -84,8 +84,11 @@ def _web(options: argparse.Namespace) -> int:
             print(f"attached to '{link.name}'; Ctrl-C ends the view and not the session", file=sys.stderr)
             print(address, flush=True)
 
+        def looks(count: int) -> None:
+            print(f"a browser looks ({count} in all)", file=sys.stderr, flush=True)
+
         with contextlib.suppress(KeyboardInterrupt):
-            show(link, Access(host, port, token), told)
+            show(link, Access(host, port, token), told, looks)
     return 0
 
 

@@ -24,7 +24,7 @@ from itouch.world import Model
 RATE, WORDS, NICE = 30.0, 6, 10
 
 
-def show(link: Link, access: Access, told: Callable[[str], None]) -> None:
+def show(link: Link, access: Access, told: Callable[[str], None], looks: Callable[[int], None]) -> None:
     """Serve a session until it ends.
 
     Parameters
@@ -35,6 +35,8 @@ def show(link: Link, access: Access, told: Callable[[str], None]) -> None:
         Where browsers reach it, and what they must show.
     told
         Called with the address for a browser when there is one.
+    looks
+        Called, in another thread, when one more browser shows the session, with how many do.
 
     Raises
     ------
@@ -47,6 +49,7 @@ def show(link: Link, access: Access, told: Callable[[str], None]) -> None:
         inner = (server.get_host(), server.get_port())
         model = Model.of(link.scene(), Catalog())
         scenery = Scenery(server, model, link.state)
+        server.on_client_connect(lambda _: looks(len(server.get_clients())))
         asyncio.run(_serve(link, access, inner, scenery, told))
 
 
