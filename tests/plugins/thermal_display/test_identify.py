@@ -90,6 +90,19 @@ def test_the_bench_prints_coverage_and_the_bound_beside_the_error(benched):
     assert stored["values"]["perfusion"]["told"] == 0.0 and stored["values"]["resistance"]["told"] == 1.0
 
 
+def test_a_step_does_not_leap_into_a_false_valley():
+    """The tenth finger of this seed: its first step was so long that the fit ended 240 times as far off."""
+    of, rng, shape = touched("aluminium"), np.random.default_rng(12), (len(FORCES), len(TIMES))
+    problem = Problem(of, TIMES, np.zeros(shape), NOISE)
+    for _ in range(10):
+        place, noise = rng.normal(size=len(problem.names)), NOISE * rng.normal(size=shape)
+    truth = problem.values(place)
+    problem = Problem(of, TIMES, Forward(of, TIMES)(truth) + noise, NOISE)
+    point, cost = problem.solve()
+    assert cost < 1.6 * problem.data.size
+    assert problem.values(point).resistance == pytest.approx(truth.resistance, rel=0.05)
+
+
 def test_intervals_that_are_too_narrow_are_seen(monkeypatch, capsys):
     monkeypatch.setattr("itouch_thermal.identify.fit.HALF", 0.1)
     assert bench_identify.main(["--fingers", "3", "--sample", "wood"]) == 1

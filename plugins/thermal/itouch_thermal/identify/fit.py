@@ -40,6 +40,8 @@ TOLD = 0.7
 #: Half width of an interval that holds 95 of 100, in standard deviations.
 HALF = 1.959964
 _STEPS, _MOVE = 100, 1e-3
+#: Longest step towards the least point, in any coordinate: a longer one leaps over valleys into false ones.
+_LONGEST = 1.0
 #: A sum of squares so many standard deviations too large, or a value so far from what is assumed, is tried again.
 _UNLIKELY, _FAR = 1.5, 2.8
 #: Between these the profile of a logarithm's interval is followed.
@@ -165,6 +167,7 @@ class Problem:
             pull = slopes.T @ off + point[free]
             for _ in range(8):
                 move = np.linalg.solve(bend + damping * np.diag(np.diag(bend)), pull)
+                move *= _LONGEST / max(_LONGEST, float(np.abs(move).max()))
                 trial = point.copy()
                 trial[free] = np.clip(point[free] - move, -6.0, 6.0)
                 there = self.residual(trial)
