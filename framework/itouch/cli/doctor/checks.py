@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from itouch.cli.doctor.extras import extras
 from itouch.cli.doctor.faces import display, graphics, sound
 from itouch.cli.doctor.finding import Finding
 from itouch.cli.doctor.kept import compile_cache, kept_results
@@ -24,7 +25,7 @@ def examine() -> list[Finding]:
         ("system", system), ("processors", processors), ("kernel", kernel), ("timer", timer), ("priority", priority),
         ("memory lock", memory_lock), ("shared memory", shared_memory), ("compile cache", compile_cache),
         ("kept results", kept_results), ("display", display), ("graphics", graphics), ("sound", sound), ("usb", usb),
-        ("disk", disk),
+        ("disk", disk), ("extras", extras),
     ]  # fmt: skip
     return [_safely(name, look) for name, look in looks]
 
