@@ -21,7 +21,8 @@ from itouch.plugin.discovery import Catalog
 from itouch.study.answers import AnswerError, Question, Script, Stopped
 from itouch.study.course import Course
 from itouch.study.reading import load_study
-from itouch.study.run import Run, Shown
+from itouch.study.run import Run
+from itouch.study.shown import Shown
 from itouch.study.store import Row, Store
 from itouch.study.tasks import taken_answer
 

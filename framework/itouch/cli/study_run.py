@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from itouch.study.answers import Answers
     from itouch.study.reading import StudyFile
-    from itouch.study.run import Shown
+    from itouch.study.shown import Shown
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -29,6 +29,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     kept = "one recording a session, in the folder's recordings; default: yes for a person, no for a script"
     run.add_argument("--record", action=argparse.BooleanOptionalAction, default=None, help=kept)
     run.add_argument("--window", action="store_true", help="the participant's window, answered by mouse and keys")
+    run.add_argument("--operator", action="store_true", help="the operator's window: devices, pause, notes, stop")
     run.add_argument("--mute", action="store_true", help="without the masking noise that the study asks for")
     run.add_argument("--light", action="store_true", help="dark letters on light ground")
     run.add_argument("--full-screen", action="store_true", help="the window fills the screen")
@@ -44,6 +45,7 @@ def folder_of(options: argparse.Namespace) -> Path:
 
 def run(file: StudyFile, options: argparse.Namespace) -> int:
     """Make the trials that are left, and say what was made; 3: the session was ended before the last trial."""
+    from itouch.cli.study_window import operators_window
     from itouch.loop import DeviceFaultError, VirtualClock
     from itouch.loop.clock import WallClock
     from itouch.plugin.discovery import Catalog
@@ -57,7 +59,7 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
     with Store.open(folder_of(options)) as store, _masking(file, options):
         session = Run(
             file, options.participant, store, answers, Catalog(), clock=WallClock() if real else VirtualClock(),
-            show=shows, record=record,
+            show=shows, record=record, operator=operators_window(light=options.light) if options.operator else None,
         )  # fmt: skip
         before = len(session.course.rows)
         print(f"{options.participant}: {before} trials are kept, {session.course.left} of the order are left")

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 from itouch.study.answers import Question, Stopped
 
 if TYPE_CHECKING:
-    from itouch.study.run import Shown
+    from itouch.study.operating import Operator
+    from itouch.study.shown import Shown
 
 
 class WindowAnswers:
@@ -66,3 +67,22 @@ class WindowAnswers:
         if self.window.stopped:
             self.window.close()
             raise Stopped
+
+
+def operators_window(*, light: bool = False) -> Operator:
+    """Open the operator's window.
+
+    Raises
+    ------
+    GraphicsError
+        If there is no usable OpenGL.
+    """
+    from itouch.viewer.offscreen import ADVICE, GraphicsError
+
+    try:
+        from itouch.viewer.asking import DARK, LIGHT
+        from itouch.viewer.operatorwindow import OperatorWindow
+
+        return OperatorWindow(look=LIGHT if light else DARK)
+    except Exception as error:  # pyglet raises many kinds, one a platform
+        raise GraphicsError(f"no window: {error or type(error).__name__}\n  = help: {ADVICE}") from error

@@ -2,49 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
 from itouch.loop import Clock, DeviceFaultError
 from itouch.plugin.discovery import Catalog
 from itouch.study import orders
-from itouch.study.answers import Answers, Question
+from itouch.study.answers import Answers, Question, Stopped
 from itouch.study.course import Course, Due
 from itouch.study.elements import Study
 from itouch.study.figures import FLUX
 from itouch.study.machine import Machine, Phase, Rules
+from itouch.study.operating import Operator, keep_note, lines_of
 from itouch.study.reading import StudyFile
 from itouch.study.room import Room
+from itouch.study.shown import Show, Shown
 from itouch.study.store import Row, Store
 from itouch.study.tasks import choices_of, is_right, question_of, taken_answer
 from itouch.study.touches import Presented, figures
 from itouch.world.skin import BASELINE
-
-
-@dataclass(frozen=True, slots=True)
-class Shown:
-    """What participant and operator are shown of a session; nothing of it depends on the condition.
-
-    ``cue`` is what to do now (a phase's name, ``lift``, ``break`` or ``done``), ``left`` [s] of it if that is known,
-    ``force`` and ``window`` [N] of the touch if the study asks for one, ``trial`` of ``trials``, and how many were
-    void.
-    """
-
-    cue: str
-    question: str = ""
-    choices: tuple[str, ...] = ()
-    left: float | None = None
-    force: float | None = None
-    window: tuple[float, float] | None = None
-    trial: int = 0
-    trials: int = 0
-    void: int = 0
-    message: str = ""
-
-
-Show = Callable[[Shown], None]
 
 
 class Run:
@@ -64,14 +42,16 @@ class Run:
         Called between ticks, at most some thirty times a second of the servo's clock, with what is shown.
     record
         Keep a recording of the session, ``recordings/CODE-SESSION.mcap`` in the study's folder.
+    operator
+        Sees how it goes, pauses, writes notes, and stops.
     """
 
     def __init__(
         self, file: StudyFile, code: str, store: Store, answers: Answers, catalog: Catalog, *,
-        clock: Clock | None = None, show: Show | None = None, record: bool = False,
+        clock: Clock | None = None, show: Show | None = None, record: bool = False, operator: Operator | None = None,
     ) -> None:  # fmt: skip
         self._file, self._code, self._store, self._answers = file, code, store, answers
-        self._study, self._show = file.study, show
+        self._study, self._show, self._operator = file.study, show, operator
         self.course = Course(file, code, store.rows(code))
         seed = int(orders.generator(file.study.seed, code, "twins").integers(2**31))
         #: Which session of this participant it is: what stands in the rows, and what its recording is called.
@@ -106,6 +86,7 @@ class Run:
                 yield row
                 due = self.course.next()
                 if due is not None:
+                    self._attend()
                     self._rest(due)
             self._tell(self._progress("done"))
         finally:
@@ -240,20 +221,44 @@ class Run:
 
         self.room.run(until)
 
+    def _attend(self) -> None:
+        """Let the operator pause or stop between two trials."""
+        operator = self._operator
+        if operator is None:
+            return
+        self._tell(self._progress("pause"))
+        if operator.paused:
+            self.room.run(self._waits_for_operator)
+        if operator.stopped:
+            raise Stopped
+
+    def _waits_for_operator(self) -> bool:
+        if self._due_to_show():
+            self._tell(self._progress("break"))
+        return self._operator is None or not self._operator.paused or self._operator.stopped
+
     def _progress(self, cue: str) -> Shown:
         rows, void = self.course.rows, sum(bool(row.void) for row in self.course.rows)
         return Shown(cue, trial=len(rows) + 1, trials=max(self._total, len(rows)), void=void, message=self._said)
 
     def _display(self, machine: Machine) -> None:
+        if (self._show is not None or self._operator is not None) and self._due_to_show():
+            self._tell(self._face(machine))
+
+    def _due_to_show(self) -> bool:
         now = self.room.session.seconds
-        if self._show is None or 0.0 <= now - self._shown_at < 1.0 / 30.0:
-            return
+        if 0.0 <= now - self._shown_at < 1.0 / 30.0:
+            return False
         self._shown_at = now
-        self._tell(self._face(machine))
+        return True
 
     def _tell(self, shown: Shown) -> None:
         if self._show is not None:
             self._show(shown)
+        if self._operator is not None:
+            self._operator.show(shown, lines_of(self.room))
+            for words in self._operator.notes():
+                keep_note(self._store.folder, self._code, shown.trial, words)
 
     def _face(self, machine: Machine) -> Shown:
         contact, phase = self._study.contact, machine.phase

@@ -30,7 +30,7 @@ _LETTER, _POINT = 0.73, 96.0 / 72.0
 
 
 class Face(Protocol):
-    """What is shown of a session; see `itouch.study.run.Shown`."""
+    """What is shown of a session; see `itouch.study.shown.Shown`."""
 
     @property
     def cue(self) -> str:

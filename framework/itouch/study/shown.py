@@ -1,0 +1,30 @@
+"""What is shown of a session, to the participant and to the operator."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """What participant and operator are shown of a session; nothing of it depends on the condition.
+
+    ``cue`` is what to do now (a phase's name, ``lift``, ``break`` or ``done``), ``left`` [s] of it if that is known,
+    ``force`` and ``window`` [N] of the touch if the study asks for one, ``trial`` of ``trials``, and how many were
+    void.
+    """
+
+    cue: str
+    question: str = ""
+    choices: tuple[str, ...] = ()
+    left: float | None = None
+    force: float | None = None
+    window: tuple[float, float] | None = None
+    trial: int = 0
+    trials: int = 0
+    void: int = 0
+    message: str = ""
+
+
+Show = Callable[[Shown], None]
