@@ -163,6 +163,18 @@ def test_heat_of_a_worn_pad_reaches_the_skin_and_is_told(scene: Path, capsys: py
     json.dumps(session.report())
 
 
+def test_a_hand_waits_for_the_skin_that_is_worn_on(scene: Path) -> None:
+    """Nothing reads the skin here: the finger's twin tells it."""
+    text = SCENE.format(plate="", surface="").replace('hold="0.3 s"/>', 'hold="until skin 0.3 K"/>')
+    scene.write_text(text)
+    session = itouch.build(scene)
+    session.run()
+    (entry,) = session.report()["waits"]
+    assert entry["back"] is True and entry["waited_s"] > 0.5
+    assert 33.0 < entry["baseline_degC"] < 33.1  # of the time before the touch alone; the pad keeps the air away
+    assert entry["skin_degC"] == pytest.approx(entry["baseline_degC"] - 0.3, abs=0.05)
+
+
 def test_a_restored_session_has_the_same_skin(scene: Path, tmp_path: Path) -> None:
     session = itouch.build(scene)
     session.run(1.0)

@@ -1,7 +1,8 @@
 """A hand that waits on its path until the skin is as it was at the session's start, on its part of State.
 
-The baseline is the mean of the first second of what is read while the finger is free; the skin now is the mean of the
-last 0.1 s of it.  While the hand waits, its path stands still; it goes on after the longest time in any case.
+The baseline is the mean of the first second of what is read, or of less if something is touched sooner; the skin now is
+the mean of the last 0.1 s of what is read while the finger is free.  While the hand waits, its path stands still; it
+goes on after the longest time in any case.
 """
 
 from __future__ import annotations
@@ -42,8 +43,10 @@ def look(
     baseline, averaged, now, fresh
         The fields of State, shape (1,); written.
     """
-    free = valid[0] != 0 and object_[0] < 0 and force[0] <= 0.0
-    if not free or not (skin[0] > 0.0 and skin[0] < np.inf):
+    touched = object_[0] >= 0 or force[0] > 0.0
+    if touched and averaged[0] > 0:  # what follows is not the skin of the start any more
+        averaged[0] = spans[0]
+    if touched or valid[0] == 0 or not (skin[0] > 0.0 and skin[0] < np.inf):
         fresh[0] = 0
         return 0
     if averaged[0] < spans[0]:

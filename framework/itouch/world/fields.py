@@ -166,7 +166,7 @@ def wait_fields(waits: int) -> tuple[Field, ...]:
     """Return the State of a hand that waits for the skin so many times on its way."""
     return (
         Field("baseline", low=0.0, unit="K", doc="the skin at the session's start, averaged over a second"),
-        Field("averaged", "i8", low=0, unit="tick", doc="over how many readings that is averaged so far"),
+        Field("averaged", "i8", low=0, unit="tick", doc="over how many readings so far; all once touched"),
         Field("skin", low=0.0, unit="K", doc="the skin now, averaged over 0.1 s"),
         Field("fresh", "i8", low=0, unit="tick", doc="for how long it has been read without a break"),
         Field("wait_begin", "i8", waits, low=-1, unit="tick", doc="when each wait for the skin began, -1: not yet"),
