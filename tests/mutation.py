@@ -127,11 +127,10 @@ class Reach:
     took: dict[str, float] = field(default_factory=dict)
 
     def of(self, mutant: Mutant) -> list[str]:
-        """Return the tests for a mutant, quickest first: those that reach its line, else its module, else all."""
+        """Return the tests for a mutant, quickest first: those that reach its line, else all."""
         lines = self.lines.get(str(mutant.path), {})
-        found = set(lines.get(mutant.line, ())) or {test for tests in lines.values() for test in tests}
-        if _compiled(mutant.path) or not found:
-            found = set(self.took)
+        found = set(lines.get(mutant.line, ())) if not _compiled(mutant.path) else set[str]()
+        found = found or set(self.took)  # what runs at import is in nobody's reach, and in everybody's
         return sorted(found, key=lambda test: self.took.get(test, 0.0))
 
 
@@ -195,6 +194,13 @@ def _mutant(room: str, path: Path, line: int, name: str, occurrence: int) -> Mut
 
 class _Bare(ast.NodeTransformer):
     """Leaves out what has no effect when the program runs: annotations, ``TYPE_CHECKING``, names of slots."""
+
+    def visit_arguments(self, node: ast.arguments) -> ast.AST:
+        """Take no notice of the bare ``*`` or ``/`` of a signature: it is no operator, and computes nothing."""
+        node.args, node.posonlyargs = [*node.posonlyargs, *node.args, *node.kwonlyargs], []
+        node.defaults += [default for default in node.kw_defaults if default is not None]
+        node.kwonlyargs, node.kw_defaults = [], []
+        return self.generic_visit(node)
 
     def visit_arg(self, node: ast.arg) -> ast.arg:
         node.annotation = None

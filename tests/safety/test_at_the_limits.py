@@ -12,7 +12,7 @@ from parts import ARM, LIMITS, PLATE, TABLE, FakeTwin, model, record, state
 
 from itouch.monitors import Arm, Heat, Ordinary, Push, Readings, Surface, Trip, heat, readings, runaway, surface
 from itouch.monitors import limits as default
-from itouch.monitors.carried import Nearing, rise
+from itouch.monitors.carried import Load, Nearing, felt, rise
 from itouch.monitors.history import SLOTS, History
 from itouch.monitors.limits import DeviceLimits
 from itouch.monitors.runaway import COLDEST_TARGET, LAG, PART, PARTS, RUNAWAY_TIME, Runaway, drive_of
@@ -356,6 +356,19 @@ def test_the_extremes_of_two_seconds() -> None:
     assert Runaway._extremes(memory, 340.0, 4.0, 4.0)[1] == 340.0
     assert Runaway._extremes(memory, 340.0, 4.0, 3.0)[0] >= 329.0
     assert (LAG, PART) == (0.15, 0.1)
+    _, memory = drifting()
+    assert Runaway._extremes(memory, 300.0, 1.0, 1.0) == (300.0, 300.0)
+    assert Runaway._extremes(memory, 301.0, 1.05, 1.0) == (300.0, 301.0)  # what was read at the begin counts
+
+
+@pytest.mark.parametrize(("wrench", "force"), [
+    ((0.0, 0.0, -2.0, 0.0, 0.0, 0.0), 2.0), ((0.3, 0.4, 0.0, 0.0, 0.0, 0.0), 0.5),
+    ((0.0, 0.0, -2.0, -0.3, 0.4, 0.0), 5.0), ((0.0, 0.0, -2.0, -0.06, 0.08, 0.0), 2.0),
+])  # fmt: skip
+def test_a_torque_counts_as_the_force_that_has_it_at_its_lever(wrench: tuple[float, ...], force: float) -> None:
+    load = Load(np.array(wrench), np.array([3, 4]), np.array([0.1]))
+    assert felt(load) == pytest.approx(force)
+    assert felt(Load(np.zeros(0), np.array([3, 4]), np.array([0.1]))) == 0.0
 
 
 # --- history --------------------------------------------------------------------------------------------------------
@@ -557,6 +570,72 @@ def test_a_monitor_is_told_how_long_ago_it_looked_last() -> None:
     for tick in range(25, 30):
         device.read(tick)
     assert Times.seen[3:] == [(0.032, 0.012)]
+
+
+class Moments(Times):
+    """Notes what it is told of the moment."""
+
+    name: ClassVar[str] = "moments"
+    told: ClassVar[list[tuple[float, bool, float]]] = []
+    placed: ClassVar[bool] = False
+
+    def check(self, state: Record, reading: Record, sent: Record, moment: Moment) -> float:
+        self.told.append((moment.now, moment.fresh, moment.age))
+        return 1.0
+
+
+class Placed(Moments):
+    """Looks where the finger is."""
+
+    name: ClassVar[str] = "placed"
+    placed: ClassVar[bool] = True
+
+
+def listened(kind: type[Monitor]) -> tuple[Supervisor, FakeTwin]:
+    """Return an open display whose monitors are asked what they are told, with readings that can be believed."""
+    twin, one = FakeTwin(), model(PLATE, twin=True, offered=(kind,))
+    device = Supervisor(one, state(one), 0.001, twin=twin)
+    device.reset()
+    device.open()
+    for name, view in device.reading.items():
+        view[...] = 0.0 if name == "heat_flux" else 300.0
+    Moments.told.clear()
+    return device, twin
+
+
+def test_a_monitor_is_told_how_old_the_reading_is() -> None:
+    device, twin = listened(Moments)
+    device.read(0)
+    twin.says = lambda reading: False
+    for tick in range(1, 11):
+        device.read(tick)
+    assert Moments.told == [(0.0, True, 0.0), (0.01, False, pytest.approx(0.01))]
+
+
+def test_nothing_is_fresh_before_the_first_reading_and_after_all_was_forgotten() -> None:
+    device, _ = listened(Placed)
+    device.panel.begin()
+    device.panel.look_placed(1)
+    assert [fresh for _, fresh, _ in Moments.told] == [False]
+    device.read(2)
+    device.panel.look_placed(2)
+    device.panel.look_placed(3)
+    assert [fresh for _, fresh, _ in Moments.told] == [False, True, False]
+
+
+def test_the_first_reading_is_looked_at_when_it_comes() -> None:
+    device, _ = listened(Moments)
+    device.panel.due[0] = -1
+    device.read(3)
+    assert device.panel.due[0] == 3  # whatever the clock says
+
+
+def test_a_reading_is_believed_once() -> None:
+    device, _ = listened(Moments)
+    device.read(0)
+    assert device._sequence.item() == 1
+    device.watch_reading(0)
+    assert device._sequence.item() == 1
 
 
 @pytest.mark.parametrize(("high", "said"), [(1e300, False), (9e299, True)])

@@ -247,6 +247,18 @@ def test_a_quiet_tick_leaves_nothing_to_python(channels: Channels) -> None:
     assert looks == (10 if channels is PLATE else 0)  # what is placed is looked at where the finger is
 
 
+@pytest.mark.parametrize("channels", [ARM, TABLE, PLATE], ids=["arm", "table", "plate"])
+def test_a_share_that_a_reading_had_is_given_back_by_the_next_that_is_believed(channels: Channels) -> None:
+    bench = Bench(channels)
+    bench.say(_numbers(channels, np.random.default_rng(1)))
+    bench.both(lambda one: one.enable())
+    bench.tick(0)
+    for _, memory, _ in (bench.one, bench.other):
+        memory["it.readings.share"] = 0.5
+    bench.tick(1)
+    assert bench.other[1]["it.readings.share"] == 1.0
+
+
 def test_what_was_bound_before_a_twin_was_replaced_leaves_every_reading_to_python() -> None:
     """As a plan does, which binds once."""
     bench = Bench(PLATE)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from typing import ClassVar
 
 import pytest
 from parts import ARM, PERIOD, PLATE, TABLE, Channels, Fake, model, state
 
+from itouch.plugin import Field, Moment, Monitor, Record, Rule, Watched
 from itouch.safety import Supervisor
 from itouch.safety.rehearsing import rehearse
 
@@ -47,3 +49,37 @@ def test_every_entrance_is_gone_through_and_no_device_is_made(
         assert all(isinstance(inspect.getattr_static(type(monitor), name), functools.cached_property) for name in more)
         assert {name: vars(monitor)[name] for name in was} == was
     assert min(called.values()) >= 1 and called["look"] >= 2 and called["guard"] >= 2  # out of touch and in touch
+
+
+class Asked(Monitor):
+    """Notes what it is asked about."""
+
+    name: ClassVar[str] = "asked"
+    trips: ClassVar[dict[int, str]] = {}
+    placed: ClassVar[bool] = True
+    seen: ClassVar[list[tuple[float, bool, bool, float]]] = []
+
+    @classmethod
+    def of(cls, device: Watched) -> Iterable[Monitor]:
+        return (cls(device),)
+
+    def fields(self) -> tuple[Field, ...]:
+        return ()
+
+    def check(self, state: Record, reading: Record, sent: Record, moment: Moment) -> float:
+        self.seen.append((moment.gap, moment.calibrated, moment.touched, reading["plate_temperature"].item()))
+        return 1.0
+
+    def rules(self) -> tuple[Rule, ...]:
+        return ()
+
+
+def test_what_is_rehearsed_is_a_touch_and_none_at_room_temperature() -> None:
+    """A monitor that goes another way in touch, or at zero kelvin, has gone it before a finger is there."""
+    one = model(PLATE, offered=(Asked,))
+    Asked.seen.clear()
+    rehearse(one, state(one), PERIOD)
+    away, pressed = Asked.seen
+    assert away[0] > 0.0 and not away[1]
+    assert pressed[0] < 0.0 and pressed[1] and pressed[2]
+    assert {kelvin for *_, kelvin in Asked.seen} == {one.ambient}

@@ -170,6 +170,7 @@ def test_a_surface_that_goes_the_wrong_way_is_held_then_driven_back() -> None:
     assert rig.table.stopped.item() == 1
     held = [height for _, height, _ in rig.sent].count(highest)
     assert held * PERIOD == pytest.approx(0.05, abs=0.004)
+    assert held == 52  # for more than 50 ms, and the tick in which it was seen
 
 
 def test_one_that_turns_round_on_its_way_back_is_held_where_it_was_furthest() -> None:
