@@ -41,6 +41,12 @@ def test_files_that_the_pages_name_exist() -> None:
         assert (ROOT / "framework" / "itouch" / folder / name.partition("/")[2]).is_file(), name
 
 
+def test_no_two_files_of_tests_have_one_name() -> None:
+    """They stand in no packages: the second would not be collected."""
+    own = [path.name for path in (ROOT / "tests").rglob("test_*.py") if "outside" not in path.parts]
+    assert sorted(own) == sorted(set(own))
+
+
 def test_decisions_are_numbered_once() -> None:
     numbers = [page.name[:4] for page in DECISIONS]
     assert len(set(numbers)) == len(numbers)
