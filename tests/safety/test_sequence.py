@@ -5,12 +5,24 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 from parts import ARM, PERIOD, PLATE, TABLE, Fake, FakeTwin, model, state
 
 from itouch.plugin import Channel, Record
+from itouch.plugin.stamps import Stamped
 from itouch.safety import DeviceFaultError, Outcome, SafeSequence, Status, Supervisor, Trip
 from itouch.safety.sequence import LEAVE_TIME, SAFE_TIME
+
+
+class Line(Fake, Stamped):
+    """A device whose readings were measured so many ticks before they come."""
+
+    behind = 0
+
+    def measured(self, state: Record, tick: int, ticks: NDArray[np.int64]) -> None:
+        ticks[...] = tick - self.behind
 
 
 class Rig:
@@ -23,7 +35,7 @@ class Rig:
         ]  # fmt: skip
         self.state = state(*models)
         self.twin = FakeTwin()
-        parts: list[dict[str, object]] = [{"device": Fake()}, {"device": Fake()}, {"device": Fake()}]
+        parts: list[dict[str, object]] = [{"device": Fake()}, {"device": Line()}, {"device": Fake()}]
         if twin:
             parts[1] = {"twin": self.twin}
         self.all = [
@@ -256,6 +268,75 @@ def test_hardware_that_is_not_believed_can_not_be_verified() -> None:
         assert "can't be verified" in outcome.devices["table"]
         kept = sum(drive == 1.5 for _, _, drive in rig.sent)
         assert kept * PERIOD == pytest.approx(LEAVE_TIME, abs=2 * PERIOD)  # a sensor that lies ends no waiting
+
+
+def slow_table(rig: Rig, silent: int, behind: int) -> None:
+    """Let the table say nothing for so many ticks of the sequence, then what was true so many ticks before."""
+    past = [(rig.height, rig.load)] * (behind + 1)
+    assert rig.table.device is not None
+    device = rig.table.device
+
+    def read(reading: Record) -> bool:
+        past.append((rig.height, rig.load))
+        if rig.ticks <= silent:
+            return False
+        height, load = past[-1 - behind]
+        reading["pose"] = (0.0, 0.0, height, 1.0, 0.0, 0.0, 0.0)
+        reading["wrench"] = (0.0, 0.0, -load - 1e-6 * (rig.ticks % 2), 0.0, 0.0, 0.0)
+        return True
+
+    device.read = read  # type: ignore[method-assign]
+    device.behind = behind  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("behind", [0, 7, 20])
+@pytest.mark.parametrize("silent", [0, 20, 60])
+def test_one_that_was_late_is_believed_when_it_answers_again(silent: int, behind: int) -> None:
+    """A busy machine was late by a tick, and a reversed table then rose for half a second: it was not listened to."""
+    rig = Rig()
+    slow_table(rig, silent, behind)
+    rig.obey = lambda goal: (setattr(rig, "height", 0.06 - goal), setattr(rig, "load", 0.0))[0]
+    outcome = rig.stop("table", Trip.SILENT)
+    assert outcome.devices["table"].startswith("goes the wrong way: held ")
+    late = silent + 2 * behind  # it answers, then says what was measured since, then that it has come nearer
+    assert rig.height < 0.03 + (late + 12) * 0.00025
+
+
+@pytest.mark.parametrize("behind", [7, 20])
+def test_what_a_late_wire_tells_of_the_time_before_says_nothing_of_the_retreat(behind: int) -> None:
+    """It had risen while nothing was heard, as it should: that is no reason to hold it."""
+    rig = Rig()
+    slow_table(rig, 3, behind)
+    rig.height, rig.load = 0.035, 0.0  # the last that was heard of it was 30 mm
+    rig.table.sent["pose_target"][2] = 0.035
+    outcome = rig.stop("table", Trip.SILENT)
+    assert outcome.safe
+    assert outcome.devices["table"].startswith("retracted ")
+
+
+def test_one_that_never_answers_again_is_not_believed() -> None:
+    rig = Rig()
+    slow_table(rig, 10**6, 0)
+    outcome = rig.stop("table", Trip.SILENT)
+    assert not outcome.safe
+    assert "can't be verified" in outcome.devices["table"]
+
+
+def test_a_glance_that_brings_nothing_judges_nothing() -> None:
+    """A number that stands still because nothing has come is not frozen, and one that was bad is bad once."""
+    rig = Rig()
+    seen: list[int] = []
+    rig.table.panel.believe = lambda tick, seconds: seen.append(tick)  # type: ignore[method-assign]
+    assert rig.table.device is not None
+    rig.table.device.read = lambda reading: False  # type: ignore[method-assign]
+    assert not rig.table.glance(5)
+    assert not seen
+    rig.table.device.read = lambda reading: True  # type: ignore[method-assign]
+    assert rig.table.glance(6)
+    assert seen == [6]
+    rig.table.fault(Trip.SPEED, 7)
+    assert rig.table.glance(8)
+    assert seen == [6]
 
 
 def test_the_true_place_of_a_twin_counts_where_its_sensors_lie() -> None:

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.monitors import DOUBTS, DeviceFaultError, Heat
+from itouch.monitors import DOUBTS, DeviceFaultError, Heat, Trip
 from itouch.plugin import RETRACT, Record, Role
 from itouch.safety.lifecycle import BACKWARDS, HELD, Status
 from itouch.safety.supervisor import Supervisor
@@ -35,6 +35,9 @@ SETTLE = 0.05
 ANSWER = 0.1
 #: How far [m] it is then driven back at least.
 CLEAR = 0.008
+#: Trips after which nothing that a device says is believed.  One that was only late says what is true when it answers
+#: again: not to listen to it would let a surface go the wrong way for as long as the sequence takes.
+LIES = DOUBTS - {Trip.SILENT}
 
 
 class Outcome(NamedTuple):
@@ -64,7 +67,9 @@ class SafeSequence:
         self._held_for: dict[str, int] = {}
         self._begun: dict[str, list[float]] = {}
         self._furthest: dict[str, float] = {}
-        self._passed = 0
+        #: Surfaces that were late when all stopped, until the first reading that was measured since.
+        self._late: set[str] = set()
+        self._since = self._passed = 0
         names = {s.model.name for s in self._retracting}
         self._carried = [s for s in supervisors if s.model.carrier in names and not _retracts(s)]
 
@@ -80,6 +85,8 @@ class SafeSequence:
         self._answered.clear()
         heights = {s.model.name: _height(s) for s in self._retracting}
         self._furthest = dict(heights)
+        self._late = {s.model.name for s in self._retracting if s.twin is None and s.trip is Trip.SILENT}
+        self._since = self._tick.item()
         for supervisor in self._carried:
             supervisor.keeping = supervisor.model.name != fault.device
         self._passed = 0
@@ -139,7 +146,7 @@ class SafeSequence:
     def _believed(self, supervisor: Supervisor) -> bool:
         """Tell whether what a device measures can be believed now."""
         name = supervisor.model.name
-        if name in self._mute or supervisor.trip in DOUBTS:
+        if name in self._mute or supervisor.trip in LIES:
             return False
         frozen = name in self._begun and supervisor.panel.values == self._begun[name]
         return not frozen or self._passed * self._period < SETTLE
@@ -162,6 +169,11 @@ class SafeSequence:
             if supervisor.twin is None and not self._believed(supervisor):
                 continue  # a place that is not believed says nothing of a direction
             height = _height(supervisor)
+            if name in self._late:
+                if supervisor.measured_at(Role.TRACKED_POSE) < self._since:
+                    continue  # what a late wire brings first tells where the surface went before
+                self._late.discard(name)
+                heights[name] = self._furthest[name] = height
             furthest = self._furthest[name] = min(self._furthest[name], height)
             gone = heights[name] - height
             if stopped.item() == 0 and height - furthest > WRONG_WAY:

@@ -10,7 +10,7 @@ import numpy as np
 
 from itouch.joining import is_newest
 from itouch.monitors import LOSSES, DeviceFaultError, Readings, Trip, TripError
-from itouch.plugin import Bound, Device, DeviceError, Record, Twin
+from itouch.plugin import Bound, Device, DeviceError, Record, Role, Twin
 from itouch.plugin.stamps import Stamped
 from itouch.safety import limiting, watching
 from itouch.safety.guard import Guard
@@ -178,6 +178,11 @@ class Supervisor(Lifecycle):
         """Note that a loop that was late has left out so many periods: time has gone on in them."""
         self.panel.leave_out(ticks)
 
+    def measured_at(self, role: Role) -> int:
+        """Return the tick at which the newest reading of a role was measured, -1 if there is none."""
+        index = next((i for i, channel in enumerate(self.model.reads) if channel.role is role), None)
+        return -1 if index is None else int(self._measured[index])
+
     def _disbelieve(self, tick: int, error: TripError) -> None:
         self._keep_sane()
         if self._status.item() != FAULT:
@@ -339,6 +344,7 @@ class Supervisor(Lifecycle):
         status, answered = self._status.item(), False
         try:
             answered = status != CLOSED and self._take() is not False
+            self._stamp(tick, answered)
             if answered and status != FAULT:
                 self.panel.believe(tick, self._every * self._period)
         except TripError as error:
