@@ -76,7 +76,8 @@ def scenes(draw: st.DrawFn) -> Scene:
         static_friction=friction[1], dynamic_friction=friction[0],
     )  # fmt: skip
     color = st.floats(0, 1)
-    visual = draw(st.none() | st.builds(Visual, color=st.tuples(color, color, color)))
+    finish = st.sampled_from(["matte", "metal", "glass", "wood", "foam"])
+    visual = draw(st.none() | st.builds(Visual, color=st.tuples(color, color, color), finish=finish))
     arm = DeviceElement(
         name="arm", plugin="usb-arm", optional=draw(st.booleans()),
         mount=Mount(pos=draw(_three), rpy=draw(_rotation)), limits=Limits(force=draw(st.none() | st.floats(0.1, 3.0))),

@@ -120,7 +120,8 @@ def test_temperature_colours_tell_objects_apart(tmp_path, session):
     plain = {draw.owner: draw.colour for draw in stage.draws(session.state)}
     thermal = {draw.owner: draw.colour for draw in stage.draws(session.state, thermal=True)}
     assert plain["wood"] != plain["pyrex"]
-    assert thermal["wood"] == thermal["pyrex"] == colours.of_temperature(296.15)
+    assert thermal["wood"] == thermal["pyrex"] == stage.range.colour(296.15)
+    assert {draw.finish for draw in stage.draws(session.state, thermal=True)} == {0}  # colour alone tells there
 
 
 def test_the_force_arrow_has_its_direction_and_grows_with_it():

@@ -25,7 +25,8 @@ from shipped import SCENES
 import itouch
 from itouch.plugin import poses
 from itouch.viewer.colours import of_temperature
-from itouch.viewer.stage import Stage, plate_temperature
+from itouch.viewer.stage import Stage
+from itouch.viewer.warmth import plate_temperature
 from itouch.viewer.web import Access
 from itouch.viewer.web.gate import COOKIE, Gate, Request
 

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import subprocess
 import threading
 import time
 from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -36,10 +39,18 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--monitor", metavar="SOURCE",
                         help="a PulseAudio source that hears what is played (of a null sink: NAME.monitor): "
                              "the strokes are recorded from it with parec, timed and analysed")  # fmt: skip
+    parser.add_argument(
+        "--judge",
+        action="store_true",
+        help="render strokes and slides, and compare decay, modes, level and pitch with what was measured",
+    )
+    parser.add_argument("--keep", type=Path, metavar="FOLDER", help="with --judge: write the sounds as files, too")
     parser.add_argument("--json", metavar="FILE", help="write the figures, too")
     options = parser.parse_args(argv)
     if not 1 <= options.strokes <= 1000:
         parser.error("--strokes must be 1 to 1000")
+    if options.judge:
+        return _judge(options.keep, options.json)
     found = measure(options.strokes, options.monitor)
     for name, value in found.items():
         print(f"{name.replace('_', ' '):<34} {value if isinstance(value, str) else _shown(value)}")
@@ -47,6 +58,20 @@ def main(argv: Sequence[str]) -> int:
         with open(options.json, "w", encoding="utf-8") as stream:
             json.dump(found, stream, indent=1)
     return 0
+
+
+def _judge(keep: Path | None, path: str | None) -> int:
+    """Print each figure beside its bound; 1 if one is outside."""
+    from itouch.bench.hearing import judged
+
+    rows = judged(keep)
+    for row in rows:
+        bound = f"above {row.low:g}" if row.high == math.inf else f"{row.low:.3g} to {row.high:.3g}"
+        print(f"{row.what:<58} {row.value:>9.3g} {row.unit:<5} {bound:<18} {'' if row.good else 'OUTSIDE'}".rstrip())
+    if path:
+        with open(path, "w", encoding="utf-8") as stream:
+            json.dump([asdict(row) for row in rows], stream, indent=1)
+    return 0 if all(row.good for row in rows) else 1
 
 
 def _shown(value: Any) -> str:

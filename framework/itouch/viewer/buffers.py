@@ -102,7 +102,7 @@ class Paint:
 class ShadowMap:
     """A square depth texture that the sun's view is drawn into."""
 
-    def __init__(self, size: int = 2048) -> None:
+    def __init__(self, size: int = 896) -> None:
         self.size = size
         (self.texture,), (self._frame,) = _names(gl.glGenTextures, 1), _names(gl.glGenFramebuffers, 1)
         gl.glBindTexture(gl.GL_TEXTURE_2D, self.texture)
@@ -124,6 +124,24 @@ class ShadowMap:
         gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, self._frame)
         gl.glViewport(0, 0, self.size, self.size)
         gl.glClear(gl.GL_DEPTH_BUFFER_BIT)
+
+
+class HeightMap:
+    """A texture of heights (rows, columns), 0 to 1, that repeats; the lowest row comes first."""
+
+    def __init__(self, heights: NDArray[np.float32]) -> None:
+        rows, columns = heights.shape
+        (self.texture,) = _names(gl.glGenTextures, 1)
+        gl.glBindTexture(gl.GL_TEXTURE_2D, self.texture)
+        gl.glPixelStorei(gl.GL_UNPACK_ALIGNMENT, 1)
+        pixels = heights.ctypes.data_as(ctypes.c_void_p)
+        gl.glTexImage2D(gl.GL_TEXTURE_2D, 0, gl.GL_R32F, columns, rows, 0, gl.GL_RED, gl.GL_FLOAT, pixels)
+        gl.glGenerateMipmap(gl.GL_TEXTURE_2D)
+        for name, value in (
+            (gl.GL_TEXTURE_MIN_FILTER, gl.GL_LINEAR_MIPMAP_LINEAR), (gl.GL_TEXTURE_MAG_FILTER, gl.GL_LINEAR),
+            (gl.GL_TEXTURE_WRAP_S, gl.GL_REPEAT), (gl.GL_TEXTURE_WRAP_T, gl.GL_REPEAT),
+        ):  # fmt: skip
+            gl.glTexParameteri(gl.GL_TEXTURE_2D, name, value)
 
 
 class Frame:

@@ -113,6 +113,10 @@ class Camera:
         target = middle + centre[0] * view[0] + centre[1] * view[1]
         self.target = (float(target[0]), float(target[1]), float(target[2]))
 
+    def metre(self, height: int) -> float:
+        """Return how many pixels a metre at the target has in a picture of this height [pixels]."""
+        return height / (2.0 * self.distance * math.tan(FIELD_OF_VIEW / 2))
+
     def project(self, point: NDArray[np.float64], width: int, height: int) -> tuple[float, float] | None:
         """Return where a point appears in a picture [pixels from the lower left], or None behind the eye."""
         clip = self.projection(width / height) @ self.view() @ np.append(point, 1.0)

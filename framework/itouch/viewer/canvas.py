@@ -9,16 +9,20 @@ from numpy.typing import NDArray
 from pyglet import gl
 
 from itouch.plugin import Record, Role
-from itouch.viewer import colours, shaders, solids
-from itouch.viewer.buffers import Frame, Paint, Program, ShadowMap, Triangles
+from itouch.viewer import colours, shaders, shading, solids
+from itouch.viewer.buffers import Frame, HeightMap, Paint, Program, ShadowMap, Triangles
 from itouch.viewer.camera import Camera
 from itouch.viewer.drawing import look, rectangle
+from itouch.viewer.finishes import FINISHES, Carved
+from itouch.viewer.scales import grid_step
 from itouch.viewer.stage import Draw, Stage, from_pose
 
 Matrix = NDArray[np.float64]
 
 #: Edges of the unit box, shape (24, 3): what is seen through others is made of such boxes.
 _EDGES = solids.box_edges((-0.5, -0.5, -0.5), (0.5, 0.5, 0.5)).astype(np.float64)
+_NONE = np.empty((0, 3))
+_GLASS = FINISHES["glass"]
 #: Where the sun stands, seen from the scene.
 SUN = np.array([0.35, -0.45, 0.82]) / math.sqrt(0.35**2 + 0.45**2 + 0.82**2)
 
@@ -28,13 +32,17 @@ class Canvas:
 
     def __init__(self, stage: Stage) -> None:
         self._stage = stage
-        self._solid = Program(shaders.SOLID_VERTEX, shaders.SOLID_FRAGMENT)
+        self._solid = Program(shading.VERTEX, shading.FRAGMENT)
         self._flat = Program(shaders.DEPTH_VERTEX, shaders.FLAT_FRAGMENT)
         self._depth = Program(shaders.DEPTH_VERTEX, shaders.DEPTH_FRAGMENT)
         self.paint = Paint(Program(shaders.PAINT_VERTEX, shaders.PAINT_FRAGMENT))
         self._shadows = ShadowMap()
         self._meshes = {key: _PerProgram(solid, (self._solid, self._flat, self._depth))
                         for key, solid in stage.solids.items()}  # fmt: skip
+        self._edges = {key: solids.feature_edges(solid) for key, solid in stage.solids.items()
+                       if key.startswith("object ")}  # fmt: skip
+        self._maps = {id(carved): HeightMap(carved.heights) for carved in stage.carved}
+        self._flat_map = HeightMap(np.ones((1, 1), np.float32))
 
     def draw(self, state: Record, camera: Camera, frame: Frame, *, thermal: bool = False, aids: bool = True) -> None:
         """Draw a State as the camera sees it into a frame, which stays bound."""
@@ -53,11 +61,27 @@ class Canvas:
         seen = camera.projection(frame.width / frame.height) @ camera.view()
         if aids:
             self._aids(state, seen, float(low[2]), float(max(high[:2] - low[:2])))
-        hidden = [draw for draw in draws if draw.through]
-        self._lit([draw for draw in draws if draw.opacity == 1.0 and not draw.through], seen, lit, camera)
+        hidden, clear = [draw for draw in draws if draw.through], [draw for draw in draws if draw.finish == _GLASS]
+        solid = [draw for draw in draws if draw.opacity == 1.0 and not draw.through and draw.finish != _GLASS]
+        self._lit(solid, seen, lit, camera)
+        self._outline(solid, seen)
+        self._lit(clear, seen, lit, camera)
+        self._outline(clear, seen)
         self._ghosts(hidden, seen)
         self._lit(hidden, seen, lit, camera)
         self._lit([draw for draw in draws if draw.opacity < 1.0 and not draw.through], seen, lit, camera)
+
+    def _outline(self, draws: list[Draw], seen: Matrix) -> None:
+        """Draw the sharp edges of objects, a little nearer than they are, so that faces do not hide them."""
+        near = np.diag((1.0, 1.0, 1.0, 1.0))
+        near[2, 3] = -2e-4
+        rows = [np.empty((0, 7), np.float32)]
+        for draw in draws:
+            edges = self._edges.get(draw.solid, _EDGES if draw.owner and draw.solid == "unit box" else _NONE)
+            tint = (*(0.42 * part for part in draw.colour), 0.55) if draw.finish != _GLASS else (0.95, 1.0, 1.0, 0.75)
+            moved = edges @ draw.matrix[:3, :3].T + draw.matrix[:3, 3]
+            rows.append(tinted(moved.astype(np.float32), (tint[0], tint[1], tint[2], tint[3])))
+        self.paint.draw(gl.GL_LINES, np.vstack(rows), near @ seen)
 
     def _cast(self, draws: list[Draw], lit: Matrix) -> None:
         self._shadows.begin()
@@ -96,9 +120,11 @@ class Canvas:
         program.use()
         program.matrix("seen", seen)
         program.matrix("lit", lit)
+        program.vector("texel", 2.0 / (self._shadows.size * float(np.linalg.norm(lit[0, :3]))))
         program.vector("eye", *camera.eye.tolist())
         program.vector("sun", *SUN.tolist())
         program.unit("shadows", 0)
+        program.unit("heights", 1)
         gl.glActiveTexture(gl.GL_TEXTURE0)
         gl.glBindTexture(gl.GL_TEXTURE_2D, self._shadows.texture)
         for draw in draws:
@@ -110,13 +136,27 @@ class Canvas:
             program.matrix("turned", turned)
             program.vector("colour", *draw.colour, draw.opacity)
             program.vector("gloss", draw.gloss)
+            program.vector("finish", float(draw.finish))
+            self._carve(draw.carved)
             self._meshes[draw.solid].draw(program)
         gl.glDisable(gl.GL_CULL_FACE)
 
+    def _carve(self, carved: Carved | None) -> None:
+        """Lay a height map over what is drawn next."""
+        size = (1.0, 1.0, 0.0, -1.0) if carved is None else (*carved.size, carved.depth, float(carved.axis))
+        self._solid.vector("carve", *size)
+        found = self._flat_map if carved is None else self._maps[id(carved)]
+        gl.glActiveTexture(gl.GL_TEXTURE1)
+        gl.glBindTexture(gl.GL_TEXTURE_2D, found.texture)
+        gl.glActiveTexture(gl.GL_TEXTURE0)
+
     def _aids(self, state: Record, seen: Matrix, floor: float, width: float) -> None:
-        step = 10.0 ** math.floor(math.log10(max(width, 1e-3) / 4.0))
-        lines = solids.grid(max(1.5 * width, 4 * step), step) + np.array([0, 0, floor - 2e-4], np.float32)
-        self.paint.draw(gl.GL_LINES, tinted(lines, (*look().grid, 0.8)), seen)
+        step = grid_step(width)
+        lines, strength = solids.grid(max(1.5 * width, 4 * step), step)
+        lines = lines + np.array([0, 0, floor - 2e-4], np.float32)
+        rows = tinted(lines, (*look().grid, 1.0))
+        rows[:, 6] *= strength
+        self.paint.draw(gl.GL_LINES, rows, seen)
         for device in self._stage.tables:
             target = device.command(Role.SURFACE_POSE)
             if target is None or not target.low or not np.isfinite((*target.low[:3], *target.high[:3])).all():

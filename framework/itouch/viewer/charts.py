@@ -1,4 +1,4 @@
-"""Draws the curves of the last seconds, and the scale of temperatures."""
+"""Draws the curves of the last seconds."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pyglet import gl
 
-from itouch.viewer import colours
 from itouch.viewer.buffers import Paint
-from itouch.viewer.drawing import Rectangle, line, look, rectangle, ribbon, triangle
+from itouch.viewer.drawing import Rectangle, line, look, rectangle, ribbon
+from itouch.viewer.scales import titled
 from itouch.viewer.signals import WINDOW, Chart, Curves, Signal
 from itouch.viewer.words import Text
 
@@ -21,14 +21,17 @@ Values = NDArray[np.float64]
 #: Seconds between two lines of the time axis; length of a dash and of the gap after it [s].
 STEP = 2.0
 _DASH = 0.12
+#: Least height of a chart, in letters' sizes; where there is less room, the last charts are left out.
+LEAST_HEIGHT = 10.5
 
 
 def draw(ring: Curves, paint: Paint, text: Text, area: Rectangle, seen: NDArray[np.float64], size: float) -> None:
     """Draw all charts, one under the other with one time axis, into an area: left, bottom, width, height [pixels]."""
     left, bottom, width, height = area
-    count, gap, axis = len(ring.charts), 0.8 * size, 2.4 * size
-    each = min((height - axis - gap * (count - 1)) / max(count, 1), 0.32 * height)
-    for index, chart in enumerate(ring.charts):
+    gap, axis = 0.8 * size, 2.4 * size
+    count = min(len(ring.charts), max(1, int((height - axis + gap) / (LEAST_HEIGHT * size + gap))))
+    each = min((height - axis - gap * (count - 1)) / max(count, 1), max(0.32 * height, LEAST_HEIGHT * size))
+    for index, chart in enumerate(ring.charts[:count]):
         last = index == count - 1
         below = bottom + height - (index + 1) * each - index * gap - (axis if last else 0.0)
         place = (left, below, width, each + (axis if last else 0.0))
@@ -41,7 +44,8 @@ def _chart(
 ) -> None:  # fmt: skip
     left, bottom, width, height = area
     paint.draw(gl.GL_TRIANGLES, rectangle(area, look().panel), seen)
-    text.put(f"{chart.title} [{chart.unit}]", left + 0.9 * size, bottom + height - 1.8 * size, look().words, size=size)
+    title = titled(chart.title, chart.unit, int((width - 1.8 * size) / text.width(size)))
+    text.put(title, left + 0.9 * size, bottom + height - 1.8 * size, look().words, size=size)
     head, foot = 4.3 * size, foot + 0.9 * size
     if height < head + foot + 3.0 * size:
         return
@@ -82,9 +86,12 @@ def _time_axis(text: Text, area: Rectangle, size: float, *, words: bool) -> list
     """Return the lines of the time axis, and write its numbers."""
     x0, y0, w, h = area
     lines = []
+    told = STEP if w * STEP / WINDOW > 5.0 * text.width(0.85 * size) else WINDOW / 2
     for seconds in np.arange(-WINDOW, 0.5 * STEP, STEP):
         x = x0 + w * (1.0 + seconds / WINDOW)
         lines.append(line((x, y0), (x, y0 + h), look().fine))
+    for seconds in np.arange(-WINDOW, 0.5 * told, told):
+        x = x0 + w * (1.0 + seconds / WINDOW)
         if words:
             said = f"{seconds:g}" if seconds else "now"
             text.put(said + (" s" if seconds == -WINDOW else ""), x, y0 - 1.9 * size, look().quiet, size=0.85 * size,
@@ -138,40 +145,3 @@ def ticks(low: float, high: float, most: int = 6) -> list[float]:
     power = 10.0 ** math.floor(math.log10(raw))
     step = next(f * power for f in (1.0, 2.0, 5.0, 10.0) if f * power >= raw * 0.999)
     return [round(i * step, 12) for i in range(math.ceil(low / step), math.floor(high / step) + 1)]
-
-
-def scale(
-    paint: Paint, text: Text, place: tuple[float, float], seen: NDArray[np.float64], size: float, *,
-    title: str, marks: dict[str, float], skin: colours.Colour,
-) -> None:  # fmt: skip
-    """Draw the scale of temperatures in degC with marks at some [K], and which colour is what.
-
-    An empty ``title`` leaves the scale out.
-    """
-    left, bottom = place
-    width, height, parts = 24 * size, 1.0 * size, 64
-    panel = (left, bottom, width + 3 * size, (8.6 if title else 2.9) * size)
-    x0, y0 = left + 1.5 * size, bottom + 4.6 * size
-    rows = [rectangle(panel, look().panel)]
-    for index in range(parts if title else 0):
-        kelvin = colours.COLD + (colours.WARM - colours.COLD) * (index + 0.5) / parts
-        part = (x0 + width * index / parts, y0, width / parts + 0.5, height)
-        rows.append(rectangle(part, (*colours.of_temperature(kelvin), 1.0)))
-    for kelvin in marks.values():
-        rows.append(triangle(_along(kelvin, x0, width), y0 + 0.7 * size, 0.5 * size, (*look().words, 1.0)))
-    x = x0
-    for words, colour in (("HIP", colours.HIP), ("proxy", skin), ("force", colours.FORCE)):
-        rows.append(rectangle((x, bottom + 1.0 * size, 0.9 * size, 0.9 * size), (*colour, 1.0)))
-        text.put(words, x + 1.4 * size, bottom + 1.0 * size, look().quiet, size=0.85 * size)
-        x += 8.0 * size
-    paint.draw(gl.GL_TRIANGLES, np.vstack(rows), seen)
-    if not title:
-        return
-    text.put(title, x0, y0 + 2.0 * size, look().words, size=0.9 * size)
-    for celsius in (15, 20, 25, 30, 35, 40):
-        at = _along(celsius + 273.15, x0, width)
-        text.put(f"{celsius}", at, y0 - 1.9 * size, look().quiet, size=0.85 * size, anchor="center")
-
-
-def _along(kelvin: float, left: float, width: float) -> float:
-    return left + width * min(1.0, max(0.0, (kelvin - colours.COLD) / (colours.WARM - colours.COLD)))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 Colour = tuple[float, float, float]
 
 #: Samples of the colour map "cividis" (Nunez, Anderton and Renslow 2018, placed in the public domain): lightness rises
@@ -23,15 +25,21 @@ SKY: Colour = (0.045, 0.052, 0.068)
 GRID: Colour = (0.27, 0.29, 0.34)
 HIP: Colour = (0.95, 0.45, 0.20)
 PROXY: Colour = (0.34, 0.71, 0.91)
+#: Of what has no temperature, as before a first reading.
+UNKNOWN: Colour = (0.62, 0.62, 0.64)
 FORCE: Colour = (0.95, 0.90, 0.35)
 SPACE: Colour = (0.30, 0.55, 0.65)
 
 #: Ends of the temperature scale [K].
 COLD, WARM = 288.15, 313.15
+#: Kelvin beyond which nothing is a temperature that a finger or a plate has: no reading yet, or a broken sensor.
+COLDEST, HOTTEST = 200.0, 400.0
 
 
 def of_temperature(kelvin: float, cold: float = COLD, warm: float = WARM) -> Colour:
     """Return the colour of a temperature [K] on the scale from ``cold`` to ``warm``; beyond, the end's colour."""
+    if not math.isfinite(kelvin):
+        return UNKNOWN
     place = min(1.0, max(0.0, (kelvin - cold) / (warm - cold))) * (len(_CIVIDIS) - 1)
     index = min(int(place), len(_CIVIDIS) - 2)
     part = place - index

@@ -13,7 +13,7 @@ from itouch.loop.faultwords import is_loss, what
 from itouch.plugin import Channel, Record, Role
 from itouch.plugin.quantity import PLAIN
 from itouch.viewer.scales import scale_of
-from itouch.viewer.stage import plate_temperature
+from itouch.viewer.warmth import plate_temperature
 from itouch.world import Model, declared
 
 if TYPE_CHECKING:
@@ -138,6 +138,17 @@ def status(model: Model, state: Record, now: Situation) -> Words:
     if now.message:
         lines.append((now.message, "good"))
     return Words(tuple(lines))
+
+
+def fitted(words: Words, width: int, lines: int) -> Words:
+    """Return as many lines as there is room for, cut to a width [letters]: what is well is left out first."""
+    rank = {"bad": 0, "warn": 0, "plain": 1, "good": 2}
+    order = sorted(range(len(words.lines)), key=lambda index: rank[words.lines[index][1]])
+    kept = sorted(order[: max(0, lines)])
+    cut = [words.lines[index] for index in kept]
+    return Words(
+        tuple((line if len(line) <= width else line[: max(0, width - 1)] + "…", weight) for line, weight in cut)
+    )
 
 
 def alarm(now: Situation, width: int) -> Words | None:

@@ -9,20 +9,23 @@ from numpy.typing import NDArray
 from pyglet import gl
 
 from itouch.plugin import Record
-from itouch.viewer import charts, colours, menu, overlay, timebar
+from itouch.viewer import charts, colours, legend, menu, overlay, timebar
 from itouch.viewer.buffers import Frame
 from itouch.viewer.camera import Camera
 from itouch.viewer.canvas import Canvas
 from itouch.viewer.drawing import DARK, LIGHT, Rectangle, Tint, border, draw_in, look, pixels, rectangle
 from itouch.viewer.overlay import Situation, Words
 from itouch.viewer.signals import Curves, Ring
-from itouch.viewer.stage import Stage, plate_temperature, skin_temperature
+from itouch.viewer.stage import Stage
+from itouch.viewer.warmth import plate_temperature, skin_temperature
 from itouch.viewer.words import Text
 from itouch.world import Model
 
 _ALARM_EDGE: Tint = (1.00, 0.45, 0.30, 1.0)
 #: Most objects whose names are written.
 _NAMED = 16
+#: Greatest share of a picture's width that curves or keys take.
+_BESIDE = 0.32
 
 
 @dataclass(slots=True)
@@ -65,7 +68,7 @@ class Picture:
         chosen, size = self.choices, max(7.0, 8.0 * self.scale) * self.choices.larger
         draw_in(LIGHT if chosen.light else DARK)
         docked = chosen.help or (chosen.curves and self.ring.charts)
-        beside = min(0.30 * frame.width, 46 * size) if docked else 0.0
+        beside = min(_BESIDE * frame.width, 46 * size) if docked else 0.0
         self.camera.aside = beside / frame.width
         if not self._framed:
             self.reframe(state, frame)
@@ -80,9 +83,11 @@ class Picture:
         upper = frame.height - size
         if chosen.words:
             upper = self._headline(overlay.headline(self.model, state), frame.width - beside, upper, seen, size)
+            below = self._scale(state, frame, foot, seen, min(size, 0.40 * (frame.width - beside) / legend.WIDE))
             words = overlay.status(self.model, state, now)
-            self._corner(words, frame, size, upper=upper)
-            self._scale(state, foot, seen, size)
+            room = int((frame.width - beside - 5 * size) / self.text.width(size))
+            lines = int(min(upper - below, 0.32 * frame.height) / (2.0 * size)) - 1
+            self._corner(overlay.fitted(words, room, lines), frame, size, upper=upper)
         if beside and not chosen.help:
             area = (frame.width - beside - size, size, beside, frame.height - 2 * size)
             charts.draw(self.ring, self.canvas.paint, self.text, area, seen, size)
@@ -114,7 +119,8 @@ class Picture:
             foot += area[3] + size
         return foot
 
-    def _scale(self, state: Record, foot: float, seen: NDArray[np.float64], size: float) -> None:
+    def _scale(self, state: Record, frame: Frame, foot: float, seen: NDArray[np.float64], size: float) -> float:
+        """Draw the legend; return where what stands above it begins [pixels]."""
         skin = skin_temperature(state, self.model)
         marks = {} if skin is None else {"skin": skin}
         for device in self.model.devices.values():
@@ -122,15 +128,26 @@ class Picture:
             if plate is not None:
                 marks[f"plate {device.name}"] = plate
         title = "skin, plate, objects [degC]" if self.choices.thermal else "skin, plate [degC]" if marks else ""
-        charts.scale(self.canvas.paint, self.text, (size, foot), seen, size, title=title, marks=marks,
-                     skin=colours.PROXY if skin is None else colours.of_temperature(skin))  # fmt: skip
+        ends = self.stage.range
+        area = legend.draw(self.canvas.paint, self.text, (size, foot), seen, size, title=title, marks=marks, ends=ends,
+                           skin=colours.PROXY if skin is None else ends.colour(skin),
+                           metre=self.camera.metre(frame.height))  # fmt: skip
+        return area[1] + area[3] + size
 
     def _names(self, state: Record, frame: Frame, foot: float, room: float, size: float) -> None:
-        """Write the name of each object under it, where it is wide enough and nothing stands in the way."""
+        """Write the name of each object under it, where it is wide enough and nothing stands in the way.
+
+        Where colours tell temperatures, the temperature stands with it.
+        """
         if len(self.model.objects) > _NAMED:
             return
         written: list[tuple[float, float, float]] = []
-        for name, corners in zip(self.model.objects, self.stage.corners(state), strict=True):
+        rows = [np.empty((0, 7), np.float32)]
+        for element, corners in zip(self.model.scene.objects, self.stage.corners(state), strict=True):
+            name = element.name
+            if self.choices.thermal:
+                kelvin = self.model.scene.world.temperature if element.temperature is None else element.temperature
+                name += f" {kelvin - 273.15:.1f} degC"
             found = [self.camera.project(corner, frame.width, frame.height) for corner in corners]
             places = [place for place in found if place is not None]
             if len(places) < len(found):
@@ -138,11 +155,14 @@ class Picture:
             left, right = min(x for x, _ in places), max(x for x, _ in places)
             wide, x = len(name) * self.text.width(0.9 * size), (left + right) / 2
             y = min(y for _, y in places) - 1.5 * size
-            low = foot + (9.5 * size if x - wide / 2 < 29 * size else 0.0)  # the scale of temperatures
+            low = foot + (12.0 * size if x - wide / 2 < (legend.WIDE + 2.0) * size else 0.0)
             free = all(abs(y - v) > 1.5 * size or abs(x - u) > (wide + w) / 2 + size for u, v, w in written)
             if free and right - left > wide and y > low and x + wide / 2 < room:
                 written.append((x, y, wide))
+                ground = (x - wide / 2 - 0.5 * size, y - 0.55 * size, wide + size, 1.9 * size)
+                rows.append(rectangle(ground, (*look().panel[:3], 0.62)))
                 self.text.put(name, x, y, look().words, size=0.9 * size, anchor="center")
+        self.canvas.paint.draw(gl.GL_TRIANGLES, np.vstack(rows), pixels(frame.width, frame.height))
 
     def reframe(self, state: Record, frame: Frame) -> None:
         """Put everything in the picture, with room for the arrow of a force."""
@@ -152,6 +172,8 @@ class Picture:
         self._framed = True
 
     def _corner(self, words: Words, frame: Frame, size: float, *, upper: float) -> None:
+        if not words.lines:
+            return
         self._panel(size, upper, words, frame, size)
         for index, (line, weight) in enumerate(words.lines):
             self.text.put(line, 2 * size, upper - 2.0 * size * (index + 1) + 0.1 * size, look().tint(weight), size=size)
@@ -178,8 +200,12 @@ class Picture:
     def _help(self, now: Situation, area: Rectangle, frame: Frame, size: float) -> None:
         """Write the keys where the curves are, beside finger and scene; what is on is written in green."""
         left, bottom, width, height = area
-        letter = self.text.width(size)
-        listed = menu.rows(playback=now.timeline is not None, width=int((width - 2 * size) / letter))
+        for _ in range(24):
+            letter = self.text.width(size)
+            listed = menu.rows(playback=now.timeline is not None, width=int((width - 2 * size) / letter))
+            if 2.0 * size * (len(listed) + 0.5) <= height or size < 7.0:
+                break
+            size *= 0.95  # rather smaller words than a key that is not told
         seen = pixels(frame.width, frame.height)
         self.canvas.paint.draw(gl.GL_TRIANGLES, rectangle(area, look().help), seen)
         places = menu.places(listed, area, letter, size) if self.choices.menu else []

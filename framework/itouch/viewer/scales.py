@@ -1,4 +1,4 @@
-"""How numbers of each unit are shown in charts: unit on screen, title of the chart, least axis, digits."""
+"""How numbers are shown: of each unit in charts (unit on screen, title, least axis, digits), and round lengths."""
 
 from __future__ import annotations
 
@@ -59,3 +59,22 @@ ORDER = tuple(_SCALES)
 def scale_of(unit: str) -> Scale:
     """Return how numbers of an SI unit are shown; of one that is not in the table, as they are."""
     return _SCALES.get(unit, Scale(unit, unit))
+
+
+def titled(title: str, unit: str, room: int) -> str:
+    """Return a chart's title with its unit, in so many letters: the words are cut, never the unit."""
+    shown = f" [{unit}]"
+    left = room - len(shown)
+    return (title if len(title) <= left else title[: max(1, left - 1)].rstrip() + "…") + shown
+
+
+def length(metre: float, room: float) -> float:
+    """Return the round length [m], 1, 2 or 5 times a power of ten, that is as long as there is room [pixels]."""
+    most = room / metre
+    power = 10.0 ** math.floor(math.log10(most))
+    return max(factor * power for factor in (1.0, 2.0, 5.0) if factor * power <= most * (1.0 + 1e-9))
+
+
+def grid_step(width: float) -> float:
+    """Return how far apart [m] the lines of the grid are under a scene of this width [m]: 1, 10, 100 mm."""
+    return float(10.0 ** math.floor(math.log10(max(width, 1e-3) / 4.0)))

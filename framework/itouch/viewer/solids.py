@@ -158,14 +158,44 @@ def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     return unit
 
 
-def grid(half: float, step: float) -> Floats:
-    """Return line ends (n, 3) of a square grid in the plane z = 0 with lines every ``step`` [m]."""
+def grid(half: float, step: float) -> tuple[Floats, Floats]:
+    """Return line ends (n, 3) of a square grid in the plane z = 0, a line every ``step`` [m], and their strength (n,).
+
+    Lines fade from the middle outwards, so that they end nowhere; every fifth is stronger.
+    """
     count = max(1, round(half / step))
-    lines = []
-    for i in range(-count, count + 1):
-        at = i * step
-        lines += [(at, -count * step, 0.0), (at, count * step, 0.0), (-count * step, at, 0.0), (count * step, at, 0.0)]
-    return np.array(lines, np.float32)
+    places = np.arange(-count, count + 1)
+    along = np.repeat(places, 2)[1:-1] * step  # begin and end of each piece
+    strong = np.where(places % 5 == 0, 0.60, 0.26)
+    first = np.stack([np.repeat(places * step, len(along)), np.tile(along, len(places))], 1)
+    flat = np.vstack([first, first[:, ::-1]])
+    away = np.minimum((flat**2).sum(1) / (count * step) ** 2, 1.0)
+    strength = np.tile(np.repeat(strong, len(along)), 2) * (1.0 - away) ** 2
+    lines = np.column_stack([flat, np.zeros(len(flat))])
+    return lines.astype(np.float32), strength.astype(np.float32)
+
+
+def feature_edges(solid: Solid, *, most: int = 60_000) -> NDArray[np.float64]:
+    """Return line ends (n, 3) of the edges at which a solid bends by more than 40 degrees, or ends.
+
+    None of a solid with more than ``most`` faces: its edges would be a cloud.
+    """
+    if not 0 < len(solid.faces) <= most:
+        return np.empty((0, 3))
+    size = float(np.ptp(solid.positions, axis=0).max()) or 1.0
+    places, index = np.unique(np.round(solid.positions / (1e-5 * size)), axis=0, return_inverse=True)
+    faces = index.reshape(-1)[solid.faces]
+    corners = solid.positions.astype(np.float64)[solid.faces]
+    flat = _unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    whole = (faces != np.roll(faces, 1, 1)).all(1)
+    faces, flat = faces[whole], flat[whole]
+    ends = np.sort(np.stack([faces, np.roll(faces, -1, 1)], 2).reshape(-1, 2), 1)
+    edges, which, count = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
+    sums = np.zeros((len(edges), 3))
+    np.add.at(sums, which.reshape(-1), np.repeat(flat, 3, 0))
+    bent = (count != 2) | (np.linalg.norm(sums, axis=1) < 2.0 * math.cos(math.radians(20.0)))
+    found: NDArray[np.float64] = places[edges[bent]].reshape(-1, 3) * (1e-5 * size)
+    return found
 
 
 def box_edges(low: tuple[float, float, float], high: tuple[float, float, float]) -> Floats:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,8 +13,10 @@ from itouch.contact import Box, Capsule, Cylinder, Plane, Sphere
 from itouch.plugin import Record, Role, poses
 from itouch.viewer import colours, solids
 from itouch.viewer.colours import Colour
+from itouch.viewer.finishes import UNPAINTED, Carved, Finish, finishes
 from itouch.viewer.solids import Solid
-from itouch.world import Model, declared
+from itouch.viewer.warmth import Range, plate_temperature, skin_temperature
+from itouch.world import Model
 from itouch.world.rig import DeviceModel
 
 Matrix = NDArray[np.float64]
@@ -28,7 +29,6 @@ SEEN_THROUGH = 0.45
 ARROW_PER_NEWTON, ARROW_MAX, ARROW_LEAST = 0.02, 0.08, 0.02
 #: Half side [m] of the square that stands for an endless plane.
 PLANE_HALF = 0.3
-_UNPAINTED: Colour = (0.62, 0.62, 0.64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,8 @@ class Draw:
     """One solid to draw: its key in ``Stage.solids``, world matrix (4, 4), colour, opacity, and whose it is.
 
     ``owner`` is the name of the object or device that picking finds, empty for marks such as the force arrow;
-    ``cast`` says whether it throws a shadow, ``through`` whether it is seen through the objects that hide it.
+    ``cast`` says whether it throws a shadow, ``through`` whether it is seen through the objects that hide it;
+    ``finish`` and ``carved`` are those of its material.
     """
 
     solid: str
@@ -47,6 +48,8 @@ class Draw:
     gloss: float = 0.25
     cast: bool = True
     through: bool = False
+    finish: int = 0
+    carved: Carved | None = None
 
 
 class Stage:
@@ -65,7 +68,10 @@ class Stage:
             self.solids[f"object {name}"] = solid_of(shape)
         self._corners = [_corners(self.solids[f"object {name}"], shape)
                          for name, shape in zip(model.objects, model.shapes, strict=True)]  # fmt: skip
-        self._colours = {element.name: _colour(model, element.material) for element in model.scene.objects}
+        looks, plain = finishes(model), Finish()
+        self._looks = {element.name: looks.get(element.material, plain) for element in model.scene.objects}
+        self.carved = [look.carved for look in self._looks.values() if look.carved is not None]
+        self.range = Range(model)
         self.tables = [d for d in model.devices.values() if d.command(Role.SURFACE_POSE) is not None]
         self.faces = {d.name: f for d in model.devices.values() if (f := d.cls.face(d.params)) is not None}
         self._bare = [
@@ -100,6 +106,7 @@ class Stage:
 
     def draws(self, state: Record, *, thermal: bool = False) -> list[Draw]:
         """Return all that is drawn; ``thermal`` colours objects by their temperature instead of their material."""
+        self.range.hold(state, self.model)
         found = [*self._objects(state, thermal), *self._plates(state)]
         for probe in self.model.probes:
             found += self._probe(state, probe.name, probe.scene.radius)
@@ -109,8 +116,11 @@ class Stage:
         ambient = self.model.scene.world.temperature
         for index, element in enumerate(self.model.scene.objects):
             kelvin = ambient if element.temperature is None else element.temperature
-            colour = colours.of_temperature(kelvin) if thermal else self._colours[element.name]
-            yield Draw(f"object {element.name}", from_pose(state["objects.pose"][index]), colour, owner=element.name)
+            look, place = self._looks[element.name], from_pose(state["objects.pose"][index])
+            if thermal:
+                look = Finish(self.range.colour(kelvin), carved=look.carved)
+            yield Draw(f"object {element.name}", place, look.colour, owner=element.name, finish=look.kind,
+                       carved=look.carved)  # fmt: skip
 
     def _plates(self, state: Record) -> Iterator[Draw]:
         touched = any(int(state[f"{probe.name}.object"]) >= 0 for probe in self.model.probes)
@@ -122,7 +132,7 @@ class Stage:
             if name in self._bare and pose in state:
                 place = place @ shift(state[pose][:3])
             kelvin = plate_temperature(state, self.model.devices[name])
-            colour = _UNPAINTED if kelvin is None else colours.of_temperature(kelvin)
+            colour = UNPAINTED if kelvin is None else self.range.colour(kelvin)
             yield Draw("unit box", place @ shift((0, 0, -PLATE_THICKNESS / 2)) @ scale((2 * half[0], 2 * half[1],
                        PLATE_THICKNESS)), colour, glass, name, gloss=0.5, through=True)  # fmt: skip
             carrier = (0.35, 0.37, 0.42)
@@ -143,7 +153,7 @@ class Stage:
         drawn = max(radius, 0.002)
         skin = skin_temperature(state, self.model)
         touching = int(state[f"{name}.object"]) >= 0
-        pad = colours.of_temperature(skin) if skin is not None else colours.PROXY
+        pad = self.range.colour(skin) if skin is not None else colours.PROXY
         yield Draw("unit sphere", shift(proxy) @ scale((drawn,) * 3), pad, 0.55, gloss=0.6)
         yield Draw("unit sphere", shift(hip) @ scale((drawn * 0.45,) * 3), colours.HIP, gloss=0.6)
         if touching:
@@ -194,22 +204,6 @@ def arrow(start: NDArray[np.float64], force: NDArray[np.float64], factor: float 
     yield Draw("tip", frame @ shift((0, 0, length - tip)) @ scale((wide, wide, tip)), colours.FORCE, cast=False)
 
 
-def plate_temperature(state: Mapping[str, Any], device: DeviceModel) -> float | None:
-    """Return the temperature [K] that a device reads of what the skin touches, or None if it has no such channel."""
-    name = device.field(Role.SKIN_CONTACT_TEMPERATURE)
-    return float(np.ravel(state[name])[0]) if name else None
-
-
-def skin_temperature(state: Mapping[str, Any], model: Model) -> float | None:
-    """Return the temperature [K] of the skin: as a modality renders it, else as a device reads it, else None."""
-    owners = [modality.name for modality in model.modalities]
-    named = [name for name, field in declared(model).items() if field.role is Role.SKIN_TEMPERATURE and name in state]
-    for key in sorted(named, key=lambda name: name.partition(".")[0] not in owners):
-        kelvin = float(np.ravel(state[key])[0])
-        return kelvin if math.isfinite(kelvin) and kelvin > 200.0 else None
-    return None
-
-
 def from_pose(pose: NDArray[np.float64]) -> Matrix:
     """Return the matrix (4, 4) of a pose (7,)."""
     matrix = np.eye(4)
@@ -241,8 +235,3 @@ def along(direction: NDArray[np.float64], origin: NDArray[np.float64]) -> Matrix
     matrix = np.eye(4)
     matrix[:3, 0], matrix[:3, 1], matrix[:3, 2], matrix[:3, 3] = x, np.cross(direction, x), direction, origin
     return matrix
-
-
-def _colour(model: Model, material: str) -> Colour:
-    found = next((m for m in model.scene.materials if m.name == material), None)
-    return found.visual.color if found is not None and found.visual is not None else _UNPAINTED

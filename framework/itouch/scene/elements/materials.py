@@ -8,7 +8,7 @@ from typing import ClassVar
 from itouch.scene.elements.document import PluginPart
 from itouch.scene.elements.sound import Sound
 from itouch.scene.elements.surface import Magnetic, Softness, StickSlip, Texture, Vibration, Viscosity
-from itouch.schema.fields import child, children, flag, name, plugin_parts, quantity, ref
+from itouch.schema.fields import child, children, choice, flag, name, plugin_parts, quantity, ref
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +34,10 @@ class Visual:
 
     TAG: ClassVar[str] = "visual"
     color: tuple[float, float, float] = quantity("", size=3, low=0.0, high=1.0, doc="red, green and blue, 0 to 1")
+    finish: str = choice(
+        "matte", "metal", "glass", "wood", "foam", default="matte",
+        doc="what light does with it in the window: nothing that is felt or measured depends on it",
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

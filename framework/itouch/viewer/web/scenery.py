@@ -14,7 +14,8 @@ from itouch.plugin import Record, poses
 from itouch.recording.views import WORLD, Frame, Solid, View, arrow_of
 from itouch.session.drawn import view_of
 from itouch.viewer import colours
-from itouch.viewer.stage import Stage, plate_temperature, skin_temperature
+from itouch.viewer.stage import Stage
+from itouch.viewer.warmth import plate_temperature, skin_temperature
 from itouch.world import Model
 
 #: Most objects whose names are written, and least change of a temperature [K] that changes a colour.
