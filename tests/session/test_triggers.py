@@ -18,7 +18,8 @@ from shipped import SCENES
 import itouch
 from itouch.plugin import Terminal
 from itouch.session.errors import SessionError
-from itouch.session.triggers import LOST, PULSE, Triggers
+from itouch.session.keeping import Keep, keeping
+from itouch.session.triggers import CONTACT, LOST, PULSE, Triggers
 from itouch.session.wires import ParallelWire, wire
 
 FIRST = SCENES / "first_touch.xml"
@@ -69,6 +70,36 @@ def test_a_mark_is_on_the_wire_at_once_and_the_lines_are_zero_after_the_pulse(se
     assert box.receive() == b""
 
 
+def test_contacts_are_on_the_wire_before_their_tick_has_ended(box: Terminal) -> None:
+    engine = itouch.build(FIRST)
+    (touched,) = engine.model.objects
+    wished = {"begin": 10, "end": 11, f"end:{touched}": 12}
+    codes: list[int] = []
+    try:
+        with keeping(engine, Keep(records=False, trigger=box.path, contacts=wished)):
+            engine.run(2.0)
+        kinds = {int(one["tick"]): int(one["kind"]) for one in engine.state["events.table"]
+                 if one["kind"] in (1, 3)}  # fmt: skip
+        end = time.monotonic() + 30
+        while len(codes) < len(kinds) and time.monotonic() < end:
+            codes += [code for code in box.receive() if code]
+        assert kinds and codes == [10 if kind == 1 else 12 for _, kind in sorted(kinds.items())]
+        marks = [mark["payload"] for mark in engine.marks if mark["name"] == CONTACT]
+        assert {mark["tick"]: mark["code"] for mark in marks} == {t: 10 if k == 1 else 12 for t, k in kinds.items()}
+        assert {(mark["object"], mark["event"]) for mark in marks} <= {(touched, "begin"), (touched, "end")}
+    finally:
+        engine.close()
+
+
+@given(st.dictionaries(st.sampled_from(["begin", "end", "begin:a", "end:a:b", "begin:end"]), st.integers(1, 255)),
+       st.sampled_from(["begin", "end"]), st.sampled_from(["a", "a:b", "end", "c"]))  # fmt: skip
+def test_a_contact_has_the_code_of_its_object_else_of_its_kind_else_none(
+    codes: dict[str, int], kind: str, name: str
+) -> None:
+    found = Triggers(None, None, {}, codes).of_contact(kind, name)  # type: ignore[arg-type]
+    assert found == codes.get(f"{kind}:{name}", codes.get(kind, 0))
+
+
 def test_a_box_that_is_pulled_out_is_told_by_a_mark_and_the_session_goes_on(session: Any) -> None:
     box = Terminal()
     with Triggers(session, wire(box.path), {"begin": 7}):
@@ -114,6 +145,9 @@ def test_a_run_puts_codes_and_what_can_not_be_is_said(box: Terminal, tmp_path: P
         (("--trigger", os.devnull), "no serial port"),
         (("--code", "begin=1"), "name the port, too"),
         (("--trigger", box.path, "--code", "begin=256"), "is no code"),
+        (("--contact-code", "end=1"), "--contact-code says what --trigger PORT"),
+        (("--trigger", box.path, "--contact-code", "move=1"), "is no code of contacts"),
+        (("--trigger", box.path, "--contact-code", "begin:none=1"), "contacts with 'none'"),
     ):
         failed = program("run", str(FIRST), "--headless", "--for", "0.02s", *words)
         assert failed.returncode == 2 and said in failed.stderr and "Traceback" not in failed.stderr, failed.stderr

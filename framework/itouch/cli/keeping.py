@@ -26,9 +26,20 @@ def add_options(parser: argparse.ArgumentParser) -> None:
                        help="save to the file of --save again and again while it runs")  # fmt: skip
     group.add_argument("--lsl", action="store_true", help="Lab Streaming Layer: offer readings, give and take marks")
     group.add_argument("--trigger", metavar="PORT",
-                       help="put the code of each mark on a serial trigger box or /dev/parport0")  # fmt: skip
+                       help="put codes of marks and contacts on a serial trigger box or /dev/parport0")  # fmt: skip
     group.add_argument("--code", action="append", default=[], type=_code, metavar="NAME=N",
                        help="code 1 to 255 of marks of this name; a payload may bring its own 'code'")  # fmt: skip
+    group.add_argument("--contact-code", action="append", default=[], type=_contact, metavar="KIND=N",
+                       help="code of contacts: begin=N, end=N, or of one object begin:NAME=N; see --trigger")  # fmt: skip
+
+
+def _contact(text: str) -> tuple[str, int]:
+    """Read ``begin=N``, ``end=N``, or either with ``:OBJECT``."""
+    name, number = _code(text)
+    kind, colon, touched = name.partition(":")
+    if kind not in ("begin", "end") or bool(colon) != bool(touched):
+        raise argparse.ArgumentTypeError(f"'{text}' is no code of contacts; write begin=10, end=11 or begin:wood=12")
+    return name, number
 
 
 def _code(text: str) -> tuple[str, int]:
@@ -55,10 +66,12 @@ def wanted(options: argparse.Namespace) -> Keep:
         raise ItouchError("--save-every is at least 0.1 s")
     if options.record and options.no_record:
         raise ItouchError("--record and --no-record exclude one another")
-    if options.code and not options.trigger:
-        raise ItouchError("--code says what --trigger PORT puts on the wire; name the port, too")
+    for named in ("code", "contact_code"):
+        if getattr(options, named) and not options.trigger:
+            option = named.replace("_", "-")
+            raise ItouchError(f"--{option} says what --trigger PORT puts on the wire; name the port, too")
     return Keep(options.record or "", not options.no_record, options.save or "", options.save_every or 0.0, options.lsl,
-                options.trigger or "", dict(options.code))  # fmt: skip
+                options.trigger or "", dict(options.code), dict(options.contact_code))  # fmt: skip
 
 
 @contextlib.contextmanager

@@ -7,6 +7,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from itouch.session.errors import SessionError
+
 if TYPE_CHECKING:
     from itouch.session.engine import Session
 
@@ -27,6 +29,8 @@ class Keep:
         Offer Lab Streaming Layer streams.
     trigger, codes
         Port that event codes are put on, and the codes of marks by name; empty: none.
+    contacts
+        Codes of contacts: of ``begin``, ``end``, and of either with one object, ``begin:OBJECT``.
     """
 
     record: str = ""
@@ -36,6 +40,7 @@ class Keep:
     streams: bool = False
     trigger: str = ""
     codes: Mapping[str, int] = field(default_factory=dict)
+    contacts: Mapping[str, int] = field(default_factory=dict)
 
     def dump(self) -> dict[str, Any]:
         """Return it as plain data."""
@@ -62,8 +67,14 @@ def keeping(session: Session, keep: Keep) -> Iterator[None]:
 
             stack.enter_context(Streams(session))
         if keep.trigger:
-            from itouch.session.triggers import Triggers
+            from itouch.session.triggers import OF, Triggers
             from itouch.session.wires import wire
 
-            stack.enter_context(Triggers(session, wire(keep.trigger), keep.codes))
+            objects = session.model.objects
+            for name in keep.contacts:
+                touched = name.partition(OF)[2]
+                if touched and touched not in objects:
+                    raise SessionError(f"a code is for contacts with '{touched}', but the scene's objects are "
+                                       f"{', '.join(objects)}")  # fmt: skip
+            stack.enter_context(Triggers(session, wire(keep.trigger), keep.codes, keep.contacts))
         yield
