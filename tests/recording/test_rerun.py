@@ -144,11 +144,6 @@ def test_a_recording_that_was_cut_says_what_to_do(session: Any, tmp_path: Path) 
         list(messages(read(tmp_path / "cut.mcap")))
 
 
-def test_what_can_not_be_shown_is_said() -> None:
-    done = program("view", "four_materials", "--rerun")
-    assert done.returncode == 2 and "shows a recording (.mcap)" in done.stderr
-
-
 @pytest.mark.long
 def test_rerun_has_it_all_where_it_is(session: Any, tmp_path: Path) -> None:
     """Through Rerun's own package and its command: what is there, and each place to 1e-6 m."""
@@ -190,7 +185,7 @@ def test_rerun_has_it_all_where_it_is(session: Any, tmp_path: Path) -> None:
             pass
 
     spy, state, compared = Spy(), engine.state.copy(), 0
-    ours._scene(spy, read(path))
+    ours.Scene(spy).put(messages(read(path)))
     times, columns = spy.sent["world/finger\\/hip"]
     places = next(c for c in columns if "translation" in str(c.component_descriptor())).as_arrow_array()
     for time, place in zip(times, places.to_pylist(), strict=True):

@@ -30,7 +30,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--code", action="append", default=[], type=_code, metavar="NAME=N",
                        help="code 1 to 255 of marks of this name; a payload may bring its own 'code'")  # fmt: skip
     group.add_argument("--contact-code", action="append", default=[], type=_contact, metavar="KIND=N",
-                       help="code of contacts: begin=N, end=N, or of one object begin:NAME=N; see --trigger")  # fmt: skip
+                       help="code of contacts: begin=N, end=N, or of one object begin:NAME=N")  # fmt: skip
 
 
 def _contact(text: str) -> tuple[str, int]:

@@ -1,6 +1,6 @@
 """``itouch-py view``: open a window on a session that runs; closing it does not end the session.
 
-``--web`` shows it to browsers, ``--rerun`` opens Rerun's window on a recording.
+``--web`` shows it to browsers, ``--rerun`` to Rerun, which opens recordings, too; ``--ros2`` tells it to ROS 2.
 """
 
 from __future__ import annotations
@@ -27,7 +27,14 @@ def main(argv: Sequence[str]) -> int:
     parser = Parser(prog="itouch-py view", description=main.__doc__)
     parser.add_argument("session", nargs="?", metavar="NAME|FILE.mcap",
                         help="name or process id; not needed if only one runs; with --rerun a recording")  # fmt: skip
-    parser.add_argument("--rerun", action="store_true", help="open Rerun on a recording (extra [rerun])")
+    parser.add_argument("--rerun", action="store_true", help="open Rerun on it, or on a recording (extra [rerun])")
+    parser.add_argument("--to", metavar="ADDRESS",
+                        help="with --rerun: a Rerun that runs, such as rerun+http://127.0.0.1:9876/proxy")  # fmt: skip
+    parser.add_argument("--ros2", action="store_true",
+                        help="tell it as topics of ROS 2, by Zenoh and without ROS (extra [ros2])")  # fmt: skip
+    parser.add_argument("--router", metavar="HOST[:PORT]", help="with --ros2: a Zenoh router (default localhost:7447)")
+    parser.add_argument("--domain", type=int, metavar="N", help="with --ros2: ROS_DOMAIN_ID (default: as set, or 0)")
+    parser.add_argument("--rate", type=float, metavar="HZ", help="with --ros2: messages a second (default 100)")
     parser.add_argument("--web", action="store_true",
                         help="for browsers on this machine, to look at only (extra [web])")  # fmt: skip
     parser.add_argument(
@@ -39,12 +46,19 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--list", action="store_true", help="list the sessions that run, and open nothing")
     parser.add_argument("--mute", action="store_true", help="without sound")
     options = parser.parse_args(argv)
+    _check(options)
+    if options.ros2:
+        from itouch.cli.telling import ros2
+
+        return ros2(options)
+    if options.rerun and not (options.session or "").endswith(".mcap"):
+        from itouch.cli.telling import rerun
+
+        return rerun(options)
     if options.rerun:
-        return _rerun(options.session or "")
+        return _rerun(options.session)
     if options.web:
         return _web(options)
-    if options.port is not None or options.host or options.token is not None:
-        raise ItouchError("--port, --host and --token say how browsers look; they go with --web")
     from itouch.servo import attach, sessions
 
     if options.list:
@@ -60,6 +74,19 @@ def main(argv: Sequence[str]) -> int:
         print(f"attached to '{link.name}'; closing the window does not end it", file=sys.stderr)
         window.show(while_=lambda: link.alive)
     return 0
+
+
+def _check(options: argparse.Namespace) -> None:
+    """Refuse what does not go together."""
+    ways = [f"--{way}" for way in ("web", "rerun", "ros2") if getattr(options, way)]
+    if len(ways) > 1:
+        raise ItouchError(f"{' and '.join(ways)}: one of them; a session can have several views, each by a command")
+    if not options.web and (options.port is not None or options.host or options.token is not None):
+        raise ItouchError("--port, --host and --token say how browsers look; they go with --web")
+    if not options.ros2 and (options.router or options.domain is not None or options.rate is not None):
+        raise ItouchError("--router, --domain and --rate say how ROS 2 is told; they go with --ros2")
+    if options.to and not options.rerun:
+        raise ItouchError("--to says which Rerun is told; it goes with --rerun")
 
 
 def _web(options: argparse.Namespace) -> int:
@@ -110,8 +137,6 @@ def _rerun(file: str) -> int:
     from itouch.schema.waits import waiting
     from itouch.viewer.offscreen import has_display
 
-    if not file.endswith(".mcap"):
-        raise ItouchError("--rerun shows a recording (.mcap); a session that runs is shown without --rerun")
     need("rerun", "--rerun")
     if not has_display():
         raise ItouchError(f"there is no display; `itouch-py export {file} --rrd FILE.rrd` needs none")

@@ -7,7 +7,7 @@ Rerun's own reader of MCAP shows the tracks as columns; here they are what they 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from itouch.plugin import poses
 from itouch.recording.errors import RecordingError
 from itouch.recording.recording import Recording
-from itouch.recording.tables import columns_of
+from itouch.recording.tables import columns_in
+from itouch.recording.tracks import Track
 from itouch.recording.views import TOPICS, WORLD
 from itouch.recording.wellknown import decode
 
@@ -46,8 +47,8 @@ def export_rrd(recording: Recording, target: str) -> list[str]:
     stream = rr.RecordingStream("itouch-py", recording_id=Path(recording.path).stem)
     try:
         with stream:
-            stream.save(partial, default_blueprint=_blueprint(recording))
-            _scene(stream, recording)
+            stream.save(partial, default_blueprint=blueprint(recording.tracks.values()))
+            Scene(stream).put(messages(recording))
             _curves(stream, recording)
             _texts(stream, recording)
             stream.flush()
@@ -80,36 +81,50 @@ def messages(recording: Recording) -> Iterator[tuple[float, str, dict[str, Any]]
         ) from error
 
 
-def _scene(stream: Any, recording: Recording) -> None:
-    import rerun as rr
+class Scene:
+    """Puts the messages of the 3-D scene into a stream of Rerun, as they come."""
 
-    parents: dict[str, str] = {}
-    moves: dict[str, list[tuple[float, list[float]]]] = defaultdict(list)
-    marks: Marks = defaultdict(list)
-    where: dict[str, str] = {}
-    for time, name, content in messages(recording):
-        if name == "FrameTransforms":
-            for transform in content["transforms"]:
-                parents[transform["child_frame_id"]] = transform["parent_frame_id"]
-                moves[transform["child_frame_id"]].append((time, _numbers(transform)))
-            continue
+    def __init__(self, stream: Any) -> None:
+        self._stream = stream
+        self._parents: dict[str, str] = {}
+        self._where: dict[str, str] = {}
+        self._kinds: dict[tuple[str, str], dict[str, Any]] = {}
+
+    def put(self, told: Iterable[tuple[float, str, dict[str, Any]]]) -> None:
+        """Put messages: time [s], name of the schema, content."""
+        import rerun as rr
+
+        moves: dict[str, list[tuple[float, list[float]]]] = defaultdict(list)
+        marks: Marks = defaultdict(list)
+        for time, name, content in told:
+            if name == "FrameTransforms":
+                for transform in content["transforms"]:
+                    self._parents[transform["child_frame_id"]] = transform["parent_frame_id"]
+                    moves[transform["child_frame_id"]].append((time, _numbers(transform)))
+            else:
+                self._entities(time, content, marks)
+        for frame, found in moves.items():
+            numbers = np.array([pose for _, pose in found])
+            self._stream.send_columns(
+                _path(frame, self._parents), [rr.TimeColumn(TIME, duration=[time for time, _ in found])],
+                [*rr.Transform3D.columns(translation=numbers[:, :3], quaternion=numbers[:, [4, 5, 6, 3]])],
+            )  # fmt: skip
+        for (frame, name), listed in marks.items():
+            kind = next(entity for entity in (*(e for _, e in listed), self._kinds.get((frame, name))) if entity)
+            first = self._kinds.setdefault((frame, name), kind) is kind
+            _marks(self._stream, f"{_path(frame, self._parents)}/{_part(name)}", listed, kind, first=first)
+
+    def _entities(self, time: float, content: dict[str, Any], marks: Marks) -> None:
         for entity in content["entities"]:
-            where[entity["id"]] = entity["frame_id"]
+            self._where[entity["id"]] = entity["frame_id"]
             if entity["arrows"] or entity["texts"]:
                 marks[entity["frame_id"], entity["id"]].append((time, entity))
             else:
-                _solid(stream, f"{_path(entity['frame_id'], parents)}/{_part(entity['id'])}", entity)
+                path = f"{_path(entity['frame_id'], self._parents)}/{_part(entity['id'])}"
+                _solid(self._stream, path, entity)
         for gone in content["deletions"]:
-            if gone["id"] in where:
-                marks[where[gone["id"]], gone["id"]].append((time, None))
-    for frame, found in moves.items():
-        numbers = np.array([pose for _, pose in found])
-        stream.send_columns(
-            _path(frame, parents), [rr.TimeColumn(TIME, duration=[time for time, _ in found])],
-            [*rr.Transform3D.columns(translation=numbers[:, :3], quaternion=numbers[:, [4, 5, 6, 3]])],
-        )  # fmt: skip
-    for (frame, name), listed in marks.items():
-        _marks(stream, f"{_path(frame, parents)}/{_part(name)}", listed)
+            if gone["id"] in self._where:
+                marks[self._where[gone["id"]], gone["id"]].append((time, None))
 
 
 def _numbers(pose: dict[str, Any]) -> list[float]:
@@ -176,20 +191,22 @@ def _normals(points: NDArray[np.float64], corners: NDArray[np.uint32]) -> NDArra
     return np.asarray(found / np.where(size > 0.0, size, 1.0))
 
 
-def _marks(stream: Any, path: str, listed: list[tuple[float, dict[str, Any] | None]]) -> None:
-    """Put what comes and goes: forces as arrows, temperatures as words."""
+def _marks(stream: Any, path: str, listed: list[tuple[float, dict[str, Any] | None]], kinds: dict[str, Any], *,
+           first: bool) -> None:  # fmt: skip
+    """Put what comes and goes, of the kind of an entity: forces as arrows, temperatures as words."""
     import rerun as rr
 
     axis = rr.TimeColumn(TIME, duration=[time for time, _ in listed])
-    kinds = next(entity for _, entity in listed if entity is not None)
     if kinds["arrows"]:
         vectors = [[0.0] * 3 if entity is None else _vector(entity["arrows"][0]) for _, entity in listed]
-        stream.log(path, rr.Arrows3D.from_fields(colors=[_colour(kinds["arrows"][0])], radii=[0.0012]), static=True)
+        if first:
+            stream.log(path, rr.Arrows3D.from_fields(colors=[_colour(kinds["arrows"][0])], radii=[0.0012]), static=True)
         stream.send_columns(path, [axis], [*rr.Arrows3D.columns(vectors=vectors)])
         return
     words = ["" if entity is None else entity["texts"][0]["text"] for _, entity in listed]
     place = _numbers(kinds["texts"][0]["pose"] or {})[:3]
-    stream.log(path, rr.Points3D.from_fields(positions=[place], radii=[0.0], show_labels=True), static=True)
+    if first:
+        stream.log(path, rr.Points3D.from_fields(positions=[place], radii=[0.0], show_labels=True), static=True)
     stream.send_columns(path, [axis], [*rr.Points3D.columns(labels=words)])
 
 
@@ -201,31 +218,40 @@ def _vector(arrow: dict[str, Any]) -> list[float]:
 
 
 def _curves(stream: Any, recording: Recording) -> None:
+    for track in recording.tracks.values():
+        curves(stream, track, recording[track.name], first=True)
+
+
+def curves(stream: Any, track: Track, rows: NDArray[Any], *, first: bool) -> None:
+    """Put rows (n,) of a track as curves by unit; ``first``: with their names."""
     import rerun as rr
 
-    for track in recording.tracks.values():
-        columns = columns_of(recording, track, celsius=True)
-        times = np.asarray(columns["time"][1], np.float64)
-        units = list(dict.fromkeys(unit for label, (unit, _) in columns.items() if label not in ("time", "tick")))
-        for unit in units if len(times) else ():
-            found = {
-                label: values for label, (u, values) in columns.items() if u == unit and label not in ("time", "tick")
-            }
-            path = f"/curves/{_part(unit or '1')}/{_part(track.name)}"
+    columns = columns_in(rows, track, celsius=True)
+    times = np.asarray(columns["time"][1], np.float64)
+    units = list(dict.fromkeys(unit for label, (unit, _) in columns.items() if label not in ("time", "tick")))
+    for unit in units if len(times) else ():
+        found = {label: values for label, (u, values) in columns.items() if u == unit and label not in ("time", "tick")}
+        path = f"/curves/{_part(unit or '1')}/{_part(track.name)}"
+        if first:
             names = [f"{track.name}.{label}" + (f" [{unit}]" if unit else "") for label in found]
-            rows = np.column_stack([np.asarray(values, np.float64) for values in found.values()])
             stream.log(path, rr.SeriesLines.from_fields(names=names), static=True)
-            each = rr.Scalars.columns(scalars=rows.reshape(-1)).partition([len(found)] * len(rows))
-            stream.send_columns(path, [rr.TimeColumn(TIME, duration=times)], [*each])
+        table = np.column_stack([np.asarray(values, np.float64) for values in found.values()])
+        each = rr.Scalars.columns(scalars=table.reshape(-1)).partition([len(found)] * len(table))
+        stream.send_columns(path, [rr.TimeColumn(TIME, duration=times)], [*each])
 
 
 def _texts(stream: Any, recording: Recording) -> None:
-    for event in recording.events:
-        _say(stream, event["time"], "INFO", f"{event['kind']}: {event['probe']} on {event['object']}")
-    for mark in recording.marks:
-        _say(stream, mark["time"], "INFO", f"mark {mark['name']} {mark.get('payload') or ''}".strip())
+    happened(stream, recording.events, recording.marks)
     for fault in recording.faults:
         _say(stream, fault["time"], "ERROR", f"fault: {fault['device']}: {fault['cause']}")
+
+
+def happened(stream: Any, events: Iterable[dict[str, Any]], marks: Iterable[dict[str, Any]]) -> None:
+    """Put contact events and marks as text."""
+    for event in events:
+        _say(stream, event["time"], "INFO", f"{event['kind']}: {event['probe']} on {event['object']}")
+    for mark in marks:
+        _say(stream, mark["time"], "INFO", f"mark {mark['name']} {mark.get('payload') or ''}".strip())
 
 
 def _say(stream: Any, time: float, level: str, words: str) -> None:
@@ -235,12 +261,12 @@ def _say(stream: Any, time: float, level: str, words: str) -> None:
     stream.log("events", rr.TextLog(words, level=level))
 
 
-def _blueprint(recording: Recording) -> Any:
+def blueprint(tracks: Iterable[Track]) -> Any:
     """Return how it is laid out: the scene and the events left, a panel of curves for each unit right."""
     import rerun.blueprint as rrb
 
     units = list(dict.fromkeys(
-        column.unit for track in recording.tracks.values() for column in track.columns
+        column.unit for track in tracks for column in track.columns
         if column.unit and not column.name.startswith("command.")
     ))[:PANELS]  # fmt: skip
     shown = [{"K": "degC"}.get(unit, unit) for unit in units]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TextIO
+from typing import Any, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +22,14 @@ Columns = dict[str, tuple[str, NDArray[np.generic]]]
 
 def columns_of(recording: Recording, track: Track, *, celsius: bool, prefix: str = "") -> Columns:
     """Return a track's numbers as columns: label -> (unit, values); kelvin become degC if ``celsius``."""
+    return columns_in(recording[track.name], track, celsius=celsius, prefix=prefix)
+
+
+def columns_in(rows: NDArray[Any], track: Track, *, celsius: bool, prefix: str = "") -> Columns:
+    """Return rows (n,) of a track's dtype as columns, as `columns_of` does."""
     units = {label: u for c in track.columns for label, u in zip(c.labels, c.units, strict=True)}
     found: Columns = {}
-    for label, values in flat(recording[track.name], track).items():
+    for label, values in flat(rows, track).items():
         unit = {"time": "s", "tick": ""}.get(label, units.get(label, ""))
         name = label if label in ("time", "tick") else prefix + label
         if celsius and unit == "K":

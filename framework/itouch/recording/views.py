@@ -113,11 +113,11 @@ class View:
 
 
 class Drawing:
-    """Makes the messages of one recording, of rows of State."""
+    """Makes the messages of one recording, of rows of State; ``step``: of every so manieth tick there is a row."""
 
-    def __init__(self, view: View, places: Mapping[str, int], *, period: float, start_ns: int) -> None:
+    def __init__(self, view: View, places: Mapping[str, int], *, period: float, start_ns: int, step: int = 1) -> None:
         self._view, self._places, self._start = view, places, start_ns
-        self._period, self._every = period, max(1, round(1.0 / (RATE * period)))
+        self._period, self._every = period, step * max(1, round(1.0 / (RATE * period * step)))
         self._begun = False
         self._drawn: set[str] = set()
 
@@ -130,7 +130,7 @@ class Drawing:
             due[0] = True
         for tick, row in zip(ticks[due].tolist(), rows[due], strict=True):
             stamp = self._stamp(tick)
-            yield "/view/transforms", tick, encode("FrameTransforms", {"transforms": self._transforms(row, stamp)})
+            yield "/view/transforms", tick, encode("FrameTransforms", {"transforms": self.transforms(row, stamp)})
             entities = [] if self._begun else [_entity(solid, stamp) for solid in self._view.solids]
             self._begun = True
             now = self._marks(row, stamp)
@@ -147,7 +147,8 @@ class Drawing:
         found: list[float] = row[at : at + 8 * size].copy().view(np.float64).tolist()
         return found
 
-    def _transforms(self, row: NDArray[np.uint8], stamp: Mapping[str, int]) -> list[dict[str, Any]]:
+    def transforms(self, row: NDArray[np.uint8], stamp: Mapping[str, int]) -> list[dict[str, Any]]:
+        """Return where the frames are in a row of State (bytes,), as contents of ``foxglove.FrameTransform``."""
         found = []
         for frame in self._view.frames:
             place = self._numbers(row, frame.field, frame.first, frame.size)

@@ -16,6 +16,7 @@ EXTRAS: dict[str, tuple[str, tuple[str, ...]]] = {
     "rerun": ("Rerun", ("rerun",)),
     "web": ("browsers", ("viser",)),
     "ros": ("bags of ROS", ("rosbags",)),
+    "ros2": ("ROS 2", ("zenoh_ros2_sdk", "rosbags")),
     "lsl": ("Lab Streaming Layer", ("pylsl",)),
 }
 

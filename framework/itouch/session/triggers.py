@@ -1,4 +1,4 @@
-"""Event codes: marks and contacts that have one are put on a wire when they are, for an amplifier that records lines."""
+"""Event codes: marks and contacts that have one are put on a wire, for an amplifier that records lines."""
 
 from __future__ import annotations
 

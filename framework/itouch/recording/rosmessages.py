@@ -1,0 +1,112 @@
+"""Messages of ROS 2 for columns of numbers and for frames: which there are, and how they are made.
+
+Poses, points, wrenches, temperatures and heat fluxes are its standard messages; the package `rosbags` knows these,
+without ROS, and packs them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, Final
+
+from itouch.recording.tracks import Column, identifier
+
+#: Kelvin at 0 degC: ``sensor_msgs/Temperature`` is in degC.
+_ICE: Final = 273.15
+#: What the frames of the 3-D scene are told as, and events, marks and faults as JSON.
+FRAMES, TEXT = "tf2_msgs/msg/TFMessage", "std_msgs/msg/String"
+
+Row = Sequence[float]
+
+
+def store() -> Any:
+    """Return the types of messages, those of ROS 2 Jazzy."""
+    from rosbags.typesys import Stores, get_typestore
+
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
+def topic_of(name: str) -> str:
+    """Return a name as parts of a topic: letters, digits and underscores between slashes."""
+    return "".join(f"/{identifier(part).replace('__', '_')}" for part in name.split("."))
+
+
+def type_of(column: Column) -> str:
+    """Return the message that a column's numbers are, or nothing."""
+    if column.kind != "f8":
+        return ""
+    kinds = {
+        ("m", 7): "geometry_msgs/msg/PoseStamped", ("m", 3): "geometry_msgs/msg/PointStamped",
+        ("N", 6): "geometry_msgs/msg/WrenchStamped", ("N", 3): "geometry_msgs/msg/WrenchStamped",
+        ("K", 1): "sensor_msgs/msg/Temperature", ("W/m^2", 1): "std_msgs/msg/Float64",
+    }  # fmt: skip
+    return kinds.get((column.unit, max(1, column.size)), "")
+
+
+class Messages:
+    """Makes messages of a store of types, stamped from a begin [ns]."""
+
+    def __init__(self, store: Any, start: int) -> None:
+        self.store, self._start = store, start
+
+    def at(self, start: int) -> None:
+        """Stamp from another begin [ns] on."""
+        self._start = start
+
+    def nanoseconds(self, time: float) -> int:
+        """Return when something was, by the clock of the recording's begin."""
+        return self._start + round(time * 1e9)
+
+    def make(self, kind: str, **fields: Any) -> Any:
+        """Return a message."""
+        return self.store.types[kind](**fields)
+
+    def header(self, time: float, frame: str) -> Any:
+        """Return the head of a stamped message."""
+        seconds, rest = divmod(self.nanoseconds(time), 10**9)
+        stamp = self.make("builtin_interfaces/msg/Time", sec=seconds, nanosec=rest)
+        return self.make("std_msgs/msg/Header", stamp=stamp, frame_id=frame)
+
+    def maker(self, column: Column, frame: str) -> Callable[[float, Row], Any]:
+        """Return what makes the message of a row of a column."""
+        kind = type_of(column)
+
+        def made(time: float, row: Row) -> Any:
+            if kind == "std_msgs/msg/Float64":
+                return self.make(kind, data=row[0])
+            head = self.header(time, frame)
+            if kind == "sensor_msgs/msg/Temperature":
+                return self.make(kind, header=head, temperature=row[0] - _ICE, variance=0.0)
+            if kind == "geometry_msgs/msg/PointStamped":
+                return self.make(kind, header=head, point=self._three("Point", row))
+            if kind == "geometry_msgs/msg/PoseStamped":
+                pose = self.make("geometry_msgs/msg/Pose", position=self._three("Point", row),
+                                 orientation=self._turn(row[3:]))  # fmt: skip
+                return self.make(kind, header=head, pose=pose)
+            wrench = self.make("geometry_msgs/msg/Wrench", force=self._three("Vector3", row),
+                               torque=self._three("Vector3", row[3:] or (0.0, 0.0, 0.0)))  # fmt: skip
+            return self.make(kind, header=head, wrench=wrench)
+
+        return made
+
+    def _three(self, name: str, row: Row) -> Any:
+        return self.make(f"geometry_msgs/msg/{name}", x=row[0], y=row[1], z=row[2])
+
+    def _turn(self, row: Row) -> Any:
+        return self.make("geometry_msgs/msg/Quaternion", w=row[0], x=row[1], y=row[2], z=row[3])
+
+    def frames(self, time: float, transforms: Iterable[Mapping[str, Any]]) -> Any:
+        """Return frames of the 3-D scene, given as contents of ``foxglove.FrameTransform``."""
+        found = []
+        for one in transforms:
+            place, turn = one["translation"] or {}, one["rotation"] or {"w": 1.0}
+            moved = self.make(
+                "geometry_msgs/msg/Transform",
+                translation=self._three("Vector3", [place.get(axis, 0.0) for axis in "xyz"]),
+                rotation=self._turn([turn.get(axis, 0.0) for axis in "wxyz"]),
+            )
+            found.append(self.make(
+                "geometry_msgs/msg/TransformStamped", header=self.header(time, one["parent_frame_id"]),
+                child_frame_id=one["child_frame_id"], transform=moved,
+            ))  # fmt: skip
+        return self.make(FRAMES, transforms=found)
