@@ -144,6 +144,25 @@ def test_a_recording_that_was_cut_says_what_to_do(session: Any, tmp_path: Path) 
         list(messages(read(tmp_path / "cut.mcap")))
 
 
+class Spy:
+    """Stands for a stream of Rerun: keeps what it is sent."""
+
+    def __init__(self) -> None:
+        self.sent: dict[str, list[tuple[Any, list[Any]]]] = {}
+        self.said: list[str] = []
+
+    def send_columns(self, entity: str, axes: list[Any], columns: list[Any]) -> None:
+        times = axes[0].as_arrow_array().cast("int64").to_numpy() / 1e9
+        self.sent.setdefault(entity, []).append((times, columns))
+
+    def set_time(self, *_: Any, **__: Any) -> None:
+        pass
+
+    def log(self, entity: str, what: Any, **_: Any) -> None:
+        if entity == "events":
+            self.said += what.text.as_arrow_array().to_pylist()
+
+
 @pytest.mark.long
 def test_rerun_has_it_all_where_it_is(session: Any, tmp_path: Path) -> None:
     """Through Rerun's own package and its command: what is there, and each place to 1e-6 m."""
@@ -174,19 +193,9 @@ def test_rerun_has_it_all_where_it_is(session: Any, tmp_path: Path) -> None:
     assert program("recover", str(tmp_path / "cut.mcap"), "-o", str(tmp_path / "mended.mcap")).returncode == 0
     assert program("export", str(tmp_path / "mended.mcap"), "--rrd", str(tmp_path / "b.rrd")).returncode == 0
 
-    class Spy:
-        def __init__(self) -> None:
-            self.sent: dict[str, list[Any]] = {}
-
-        def send_columns(self, entity: str, axes: list[Any], columns: list[Any]) -> None:
-            self.sent[entity] = [axes[0].as_arrow_array().cast("int64").to_numpy() / 1e9, columns]
-
-        def log(self, *_: Any, **__: Any) -> None:
-            pass
-
     spy, state, compared = Spy(), engine.state.copy(), 0
     ours.Scene(spy).put(messages(read(path)))
-    times, columns = spy.sent["world/finger\\/hip"]
+    ((times, columns),) = spy.sent["world/finger\\/hip"]
     places = next(c for c in columns if "translation" in str(c.component_descriptor())).as_arrow_array()
     for time, place in zip(times, places.to_pylist(), strict=True):
         tick = round(time / engine.model.period)
@@ -195,3 +204,59 @@ def test_rerun_has_it_all_where_it_is(session: Any, tmp_path: Path) -> None:
             assert np.abs(np.array(place[0]) - state["finger.hip"]).max() < 1e-6
             compared += 1
     assert compared > 150
+
+
+@pytest.mark.long
+def test_what_is_told_of_a_running_session_is_where_it_is() -> None:
+    """Moment by moment: each place and each curve's number as State has it, and contacts as they come."""
+    from itouch.viewer.live.moments import Moment
+    from itouch.viewer.live.rerun import Shown
+
+    engine, states, spy = itouch.build(SCENES / "first_touch.xml"), {}, Spy()
+    shown = Shown(spy, engine.model, engine.state)
+    for _ in range(60):
+        moments = []
+        for _ in range(8):
+            engine.run(0.004)
+            moments.append(Moment(int(engine.state["tick"]), 0, engine.state.copy()))
+            states[moments[-1].tick] = moments[-1].state
+        shown.show(moments)
+    engine.close()
+    compared = 0
+    for times, columns in spy.sent["world/finger\\/hip"]:
+        places = next(c for c in columns if "translation" in str(c.component_descriptor())).as_arrow_array()
+        for time, place in zip(times, places.to_pylist(), strict=True):
+            state = states[round(time / engine.model.period)]
+            assert np.abs(np.array(place[0]) - state["finger.hip"]).max() < 1e-6
+            compared += 1
+    assert compared > 50
+    rows = 0
+    for times, columns in spy.sent["/curves/m/arm"]:
+        for time, row in zip(times, columns[0].as_arrow_array().to_pylist(), strict=True):
+            assert row[:3] == states[round(time / engine.model.period)]["arm.pose"][:3].tolist()
+            rows += 1
+    assert rows > 400
+    assert [words.partition(":")[0] for words in spy.said] == ["NEAR", "BEGIN"]
+
+
+@pytest.mark.long
+def test_rerun_is_told_by_another_process(tmp_path: Path) -> None:
+    """A session in real time, `view --rerun` beside it, and Rerun's own server, which keeps what it is sent."""
+    import socket
+
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    kept, address = tmp_path / "live.rrd", f"rerun+http://127.0.0.1:{port}/proxy"
+    server = subprocess.Popen([sys.executable, "-m", "rerun", "--port", str(port), "--save", str(kept)])
+    try:
+        with itouch.launch(SCENES / "first_touch.xml") as handle:
+            words = [sys.executable, "-m", "itouch.cli", "view", handle.name, "--rerun", "--to", address]
+            view = subprocess.run(words, capture_output=True, text=True, timeout=120)  # until the session ends
+        assert view.returncode == 0, view.stderr
+    finally:
+        server.terminate()
+        server.wait(60)
+    listed = subprocess.run([sys.executable, "-m", "rerun", "rrd", "print", str(kept)], capture_output=True, text=True)
+    for entity in ("/world/finger\\/hip", "/world/object\\/", "/curves/N/arm"):
+        assert entity in listed.stdout, entity

@@ -104,8 +104,8 @@ def measure(seconds: float, rate: float) -> list[dict[str, Any]]:
 
 
 @contextlib.contextmanager
-def listening() -> Iterator[tuple[int, dict[str, Line]]]:
-    """Yield the port of a router on this machine, and what comes on each topic through it."""
+def listening(port: int = 0) -> Iterator[tuple[int, dict[str, Line]]]:
+    """Yield the port of a router on this machine, a free one if none is named, and what comes on each topic."""
     import zenoh
 
     from itouch.recording.rosmessages import store
@@ -123,7 +123,7 @@ def listening() -> Iterator[tuple[int, dict[str, Line]]]:
         if head is not None:
             line.late.append(1e-9 * (now - head.stamp.sec * 10**9 - head.stamp.nanosec))
 
-    port = _free()
+    port = port or _free()
     with (
         zenoh.open(_config(zenoh, "router", "listen", port)),
         zenoh.open(_config(zenoh, "client", "connect", port)) as client,
@@ -156,3 +156,8 @@ def _await(there: Any, process: subprocess.Popen[str]) -> None:
             said = process.stderr.read() if process.poll() is not None and process.stderr else "nothing came"
             raise ItouchError(f"no topic came: {said.strip()}")
         time.sleep(0.05)
+
+
+if __name__ == "__main__":  # a listener at a port, until it is killed
+    with listening(int(sys.argv[1])):
+        threading.Event().wait()

@@ -27,14 +27,17 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--servo", action="store_true", help=beside)
     parser.add_argument("--web", action="store_true",
                         help="with --servo: a browser instead, on `itouch-py view --web`")  # fmt: skip
+    parser.add_argument("--rerun", action="store_true", help="with --servo: Rerun instead, told by `view --rerun`")
+    parser.add_argument("--ros2", action="store_true", help="with --servo: a listener instead, told by `view --ros2`")
     parser.add_argument("--seconds", type=float, default=10.0, metavar="S",
                         help="with --servo: of each situation in a round (default 10)")  # fmt: skip
     parser.add_argument("--rounds", type=int, default=1, metavar="N", help="with --servo: rounds (default 1)")
     options = parser.parse_args(argv)
     if not 0.1 <= options.seconds <= 3600 or not 1 <= options.rounds <= 1000:
         parser.error("--seconds must be 0.1 to 3600, --rounds 1 to 1000")
-    if options.web and not options.servo:
-        parser.error("--web goes with --servo")
+    beside = [way for way in ("web", "rerun", "ros2") if getattr(options, way)]
+    if beside and not options.servo or len(beside) > 1:
+        parser.error("--web, --rerun and --ros2 go with --servo, one at a time")
     if options.servo:
         return _beside_the_loop(options)
     from itouch.viewer.offscreen import size_of
@@ -61,6 +64,11 @@ def _beside_the_loop(options: argparse.Namespace) -> int:
         from itouch.bench.viewer_web import Browsers
 
         rows = viewer_servo.measure(options.seconds, options.rounds, browsers=Browsers)
+    elif options.rerun or options.ros2:
+        from itouch.bench.viewer_told import Listeners, Reruns
+
+        other = Reruns if options.rerun else Listeners
+        rows = viewer_servo.measure(options.seconds, options.rounds, browsers=other)
     else:
         rows = viewer_servo.measure(options.seconds, options.rounds)
     print(viewer_servo.table(rows))

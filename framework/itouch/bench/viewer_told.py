@@ -1,0 +1,101 @@
+"""``itouch-py bench viewer --servo --rerun`` and ``--ros2``: the loop beside programs that are told of a session."""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+import time
+
+from itouch.bench.viewer_servo import OPENING, Viewers, processor_time
+from itouch.schema import ItouchError
+from itouch.schema.extras import need
+
+
+class Told(Viewers):
+    """Opens a program on a port of this machine, and `itouch-py view` that tells it of a session.
+
+    The program is killed and frozen; what tells it is killed with it, and not frozen.
+    """
+
+    #: The program, which takes the number of its port as the last word, and how `view` is told of it.
+    program: tuple[str, ...] = ()
+    extra = ""
+
+    def __init__(self) -> None:
+        need(self.extra, f"bench viewer --servo --{self.extra}")
+        super().__init__(dict(os.environ))
+        self._port = 0
+        self._other: subprocess.Popen[bytes] | None = None
+
+    def told(self, port: int) -> list[str]:
+        """Return the words by which `view` finds the program."""
+        raise NotImplementedError
+
+    def words(self, name: str) -> list[str]:
+        """Return the command that tells of a session."""
+        return [sys.executable, "-m", "itouch.cli", "view", name, *self.told(self._port)]
+
+    def open(self, name: str) -> None:
+        """Open the program, and what tells it."""
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            self._port = int(probe.getsockname()[1])
+        self._other = subprocess.Popen(
+            [sys.executable, *self.program, str(self._port)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
+        end = time.monotonic() + OPENING
+        while not _listens(self._port):
+            if self._other.poll() is not None or time.monotonic() > end:
+                raise ItouchError(f"the program that --{self.extra} tells did not open its port")
+            time.sleep(0.05)
+        super().open(name)
+
+    def signal(self, number: int) -> None:
+        """Send the program a signal."""
+        if self._other is not None:
+            self._other.send_signal(number)
+
+    def end(self) -> None:
+        """Kill both."""
+        super().end()
+        other, self._other = self._other, None
+        if other is not None:
+            other.kill()
+            other.wait()
+
+    @property
+    def used(self) -> float:
+        """Processor time [s] that both have used."""
+        return super().used + (0.0 if self._other is None else processor_time(self._other.pid))
+
+
+class Reruns(Told):
+    """Rerun, drawing off the screen."""
+
+    program = ("-m", "rerun", "--headless", "--window-size", "1280x720", "--port")
+    extra = "rerun"
+
+    def told(self, port: int) -> list[str]:
+        """Return how Rerun is told."""
+        return ["--rerun", "--to", f"rerun+http://127.0.0.1:{port}/proxy"]
+
+
+class Listeners(Told):
+    """A Zenoh router with a listener to all topics, as ROS 2 has them."""
+
+    program = ("-m", "itouch.bench.ros2")
+    extra = "ros2"
+
+    def told(self, port: int) -> list[str]:
+        """Return how ROS 2 is told."""
+        return ["--ros2", "--router", f"127.0.0.1:{port}"]
+
+
+def _listens(port: int) -> bool:
+    try:
+        socket.create_connection(("127.0.0.1", port), 0.5).close()
+    except OSError:
+        return False
+    return True
