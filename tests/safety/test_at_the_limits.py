@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterable
 from typing import Any, ClassVar
@@ -811,3 +812,26 @@ def test_what_a_monitor_keeps(kind: type[Monitor], what: str) -> None:
         span = f"[{field.low:g}..{field.high:g}]" if math.isfinite(field.low) or math.isfinite(field.high) else ""
         told.append(f"{field.name}{shape}{span}")
     assert " ".join(told) == KEPT[kind, what]
+
+
+def test_of_two_sensors_that_disagree_the_first_is_named() -> None:
+    """Not the first number of the device, nor the one that was doubted before."""
+    reads = (Channel("load", 1, "N"), Channel("a", 2, "K", role=SKIN))
+    monitor, memory = made(Readings, (reads, ()))
+    reading = record(reads)
+    memory["figure"] = 7.0, 7.0
+    reading["a"] = 300.0, 304.0
+    assert monitor.check(memory, reading, reading, Moment(seconds=10.0)) == -Trip.SENSOR_DISAGREE
+    assert memory["figure"].tolist() == [1.0, pytest.approx(4.0)]
+
+
+def test_the_flux_at_which_it_trips_is_printed_as_a_third_more_than_the_limit() -> None:
+    for limit, trip in ((15e3, "20 kW/m²"), (749.25, "0.999 kW/m²")):
+        device = watched("it", "fake", None, PLATE, dataclasses.replace(LIMITS, flux=limit), twin=False)
+        (monitor,) = Heat.of(device)
+        assert [rule.trip for rule in monitor.rules() if rule.number == "T6"] == [trip]
+
+
+@pytest.mark.parametrize("beyond", [-5.0, -0.5, -1e-9, 0.0])
+def test_within_a_limit_all_of_the_drive_is_left(beyond: float) -> None:
+    assert heat._left(beyond, 2.0) == 1.0
