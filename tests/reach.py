@@ -91,7 +91,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     (folder,) = map(Path, sys.argv[1:] if argv is None else argv)
     cost, reached = read(folder)
     can_go = spare(cost, reached)
-    print(f"{len(cost)} tests, {sum(cost.values()):.0f} s; {len(can_go)} of them, {sum(cost[t] for t in can_go):.0f} s, reach no line alone")
+    print(
+        f"{len(cost)} tests, {sum(cost.values()):.0f} s; {len(can_go)} of them, {sum(cost[t] for t in can_go):.0f} s, reach no line alone"
+    )
     for test in can_go:
         print(f"{cost[test]:8.2f}  {test}")
     return 0

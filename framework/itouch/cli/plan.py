@@ -49,6 +49,7 @@ def _row(session: Session, step: Any) -> dict[str, Any]:
         "code": step.code,
         "reads": reads,
         "writes": list(step.writes),
+        **({"amends": list(step.amends)} if step.amends else {}),
     }
 
 
@@ -62,6 +63,7 @@ def plan_text(facts: dict[str, Any]) -> list[str]:
         lines.append(f"  {row['step']:<{wide}}  {row['rate_hz']:>6g}  {row['code']:<13}  {cost}")
         for verb in ("reads", "writes"):
             lines += _wrapped(verb, row[verb])
+        lines += _wrapped("amends", row.get("amends", []))
     whole = facts["tick_us"]
     lines.append(
         f"  a whole tick: p50 {whole['p50']:.1f} us, p99 {whole['p99']:.1f} us, of {facts['ticks']} on this machine"

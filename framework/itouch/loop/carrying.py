@@ -5,6 +5,7 @@ The arithmetic is in ``render`` and ``surface``.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -15,12 +16,15 @@ from itouch.contact.beside import beside
 from itouch.joining import SKIP
 from itouch.loop import render
 from itouch.loop.surface import force, ground, memory, plate
+from itouch.loop.surface.feeling import feel
 from itouch.monitors.carried import pace
 
 Floats = NDArray[np.float64]
 
 #: Leaves the step to Python.
 PYTHON = 1
+#: A surface that is further away than this is as good as none [m].
+FURTHEST = 1.0
 
 
 @kernel
@@ -91,6 +95,38 @@ def carry(
     below[0] = ground.find(c, world, mesh, poses, figures, kept)
     plate.carry(c, table, sent, figures, kept, goal, load[2], primary[0] >= 0, ready[0] != 0, tick[0] * period)
     present[0] = int(kept[memory.PRESENT])
+    rising[0] = (figures[render.PLATE_TOP] - before) / period
+    return 0
+
+
+@kernel
+def look_below(
+    c: Floats, world: Floats, mesh: Any, poses: Floats, figures: Floats, kept: Floats, below: Any
+) -> int:  # fmt: skip
+    """Find the virtual surface below the finger, for who carries one to it; ``below`` (1,) is written: whose it is."""
+    below[0] = ground.find(c, world, mesh, poses, figures, kept)
+    return 0
+
+
+@kernel
+def carried(
+    c: Floats, table: Floats, sent: Floats, figures: Floats, kept: Floats, load: Floats, renders: Any, present: Any,
+    distance: Any, gap: Any, primary: Any, there: Any, rising: Floats, period: float,
+) -> int:  # fmt: skip
+    """Take over how somebody else carries a surface to the finger; all but arrays of the probe have shape (1,).
+
+    ``there`` and ``rising`` are written as by ``carry``.  What is not a number is left to Python.
+    """
+    if math.isnan(distance[0]) or math.isnan(gap[0]) or math.isnan(renders[0]) or math.isnan(present[0]):
+        return PYTHON
+    before = figures[render.PLATE_TOP]
+    away = min(max(distance[0], -FURTHEST), FURTHEST)
+    figures[render.PLATE_TOP] = figures[render.HIP + 2] - c[render.RADIUS] - away
+    figures[render.PLATE_GAP] = gap[0]
+    plate.take_over(kept, renders[0] != 0, present[0] != 0, away, primary[0] >= 0)
+    plate.stray(figures, sent, table)
+    feel(c, figures, kept, load[2], primary[0] >= 0)
+    there[0] = int(kept[memory.PRESENT])
     rising[0] = (figures[render.PLATE_TOP] - before) / period
     return 0
 

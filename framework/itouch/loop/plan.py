@@ -26,7 +26,7 @@ from itouch.loop.step import Step
 from itouch.plugin import Record
 from itouch.safety import Hold
 from itouch.schema import ItouchError
-from itouch.world import Model
+from itouch.world import ModalityModel, Model
 
 Stamps = NDArray[np.float64]
 
@@ -159,6 +159,29 @@ def _supervision(
         yield steps.share(finger, devices, state, model.period)
 
 
+def _surface(rig: ProbeRig, model: Model, state: Record, views: Mapping[str, Record]) -> Iterator[Step]:
+    """Yield what carries a surface to a finger: the framework's way, or what takes over from a modality its own."""
+    one = model.carrier_to(rig.probe.name)
+    if one is None:
+        yield steps.surface(rig)
+        return
+    yield steps.look_below(rig)
+    yield from _fenced([one], model, state, views, f" {rig.probe.name}")
+    yield steps.carried(rig, one, state, model)
+
+
+def _fenced(
+    listed: Sequence[ModalityModel], model: Model, state: Record, views: Mapping[str, Record], where: str = ""
+) -> Iterator[Step]:
+    """Yield modalities between what remembers and what puts back all that is not theirs."""
+    if listed:
+        around = Fence(listed, state)
+        yield steps.fence(around, where)
+        for one in listed:
+            yield steps.modality(model, one, views[one.name], around)
+        yield steps.mend(model, around, listed, where)
+
+
 def build(
     model: Model, state: Record, runners: Mapping[str, Runner], rigs: Sequence[ProbeRig], objects: Objects,
     events: Events, hold: Hold, views: Mapping[str, Record], tracking: Counts,
@@ -173,16 +196,14 @@ def build(
     if model.moving:
         listed.append(steps.move_objects(model, objects))
     listed += [steps.contact(rig, model) for rig in rigs]
-    listed += [steps.surface(rig) for rig in rigs if rig.table is not None]
+    for rig in rigs:
+        if rig.table is not None:
+            listed += _surface(rig, model, state, views)
     listed += [steps.force(rig) for rig in rigs]
     listed += _supervision(model, state, runners, rigs, tracking)
     if rigs:
         listed.append(steps.tell(model, events, rigs))
-    if model.modalities:
-        around = Fence(model.modalities, state)
-        listed.append(steps.fence(model, around))
-        listed += [steps.modality(model, one, views[one.name], around) for one in model.modalities]
-        listed.append(steps.mend(model, around))
+    listed += _fenced([one for one in model.modalities if one.carries is None], model, state, views)
     if hold.required:
         listed.append(steps.hold(hold, runners.values()))
     for runner in runners.values():

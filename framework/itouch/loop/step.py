@@ -24,6 +24,7 @@ class Step:
 
     ``reads`` and ``writes`` name fields of State; a name that ends, or begins, in ``*`` stands for all that begin, or
     end, so, and ``reads`` is None where a plugin does not say.  ``every``: in how many ticks it runs once.
+    ``amends`` names commands that another step writes, over which this one may have the last word.
 
     A step with ``bounds`` joins the steps beside it that have some: together they are one call from Python.  What it
     leaves to Python, ``answer`` does; what has not been run of its bounds then is left out.
@@ -37,6 +38,7 @@ class Step:
     code: str = PYTHON
     bounds: tuple[Bound, ...] = ()
     answer: Answer | None = None
+    amends: tuple[str, ...] = ()
 
     @property
     def bound(self) -> Bound | None:

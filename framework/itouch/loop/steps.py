@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from itouch.joining import is_newest
 from itouch.loop import carrying
 from itouch.loop.blame import foreign_write, modality_fault
@@ -102,8 +104,42 @@ def contact(rig: ProbeRig, model: Model) -> Step:
     )
 
 
+def look_below(rig: ProbeRig) -> Step:
+    """Find the virtual surface below the finger, for a modality that carries one to it."""
+    name = rig.probe.name
+    written = _of(name, "surface_height", "below", "surface.upright", "surface.climb")
+    return joinable(f"below {name}", rig.toucher.looks, (*_of(name, "hip", "velocity"), "objects.pose"), written)
+
+
+def carried(rig: ProbeRig, one: ModalityModel, state: Record, model: Model) -> Step:
+    """Take over what a modality says of the surface that it carries; touch-off and T4 have the last word on it."""
+    reads, writes, goal = _surface_fields(rig)
+    said = () if one.carries is None else _of(one.name, *one.carries[2:])
+
+    def answer(code: int, tick: int, ready: bool) -> None:
+        for field in said:
+            if np.isnan(state[field]).any():
+                raise modality_fault(model, one.instance, "update", tick, ValueError(f"'{field}' is not a number"))
+        rig.surface(tick, ready)
+
+    name, bounds = f"surface {rig.probe.name}", rig.bound_surface()
+    if bounds:
+        return replace(joinable(name, bounds, (*reads, *said), writes, answer), amends=goal)
+    work = lambda tick, ready: answer(0, tick, ready)  # noqa: E731
+    return Step(name, work, (*reads, *said), writes, 1, CALLS_KERNELS, amends=goal)
+
+
 def surface(rig: ProbeRig) -> Step:
     """Carry a surface to the finger."""
+    reads, writes, goal = _surface_fields(rig)
+    name, bounds = f"surface {rig.probe.name}", rig.bound_surface()
+    if bounds:
+        return joinable(name, bounds, reads, (*writes, *goal), lambda code, tick, ready: rig.surface(tick, ready))
+    return Step(name, rig.surface, reads, (*writes, *goal), 1, CALLS_KERNELS)
+
+
+def _surface_fields(rig: ProbeRig) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
+    """Return what carrying a surface reads and writes, and the command by which it does."""
     name, table = rig.probe.name, rig.table.model.name if rig.table is not None else ""
     figures = _of(name, "plate_gap", "surface_height", "plate_yield", "plate_top", "tracking", "plate", "below")
     figures += _of(name, "surface.*", "felt_force")
@@ -112,15 +148,9 @@ def surface(rig: ProbeRig) -> Step:
     reads += _of(table, "touch_off.*", "calibration", "surface.*")
     reads += _roles(rig.table, Role.TRACKED_POSE, Role.CONTACT_FORCE)
     reads += _roles(rig.table, Role.SURFACE_POSE, kind="sent")
-    written = _of(table, "touch_off.*", "calibration", "surface.withdrawn", "clamped")
-    written += _roles(rig.table, Role.SURFACE_POSE, kind="command")
-    reads, written = (*reads, "objects.pose", "ready"), (*figures, *written, *_of(name, "hand.offset"))
-    bounds = rig.bound_surface()
-    if bounds:
-        return joinable(
-            f"surface {name}", bounds, reads, written, lambda code, tick, ready: rig.surface(tick, ready)
-        )  # fmt: skip
-    return Step(f"surface {name}", rig.surface, reads, written, 1, CALLS_KERNELS)
+    written = (*figures, *_of(table, "touch_off.*", "calibration", "surface.withdrawn", "clamped"))
+    goal = _roles(rig.table, Role.SURFACE_POSE, kind="command")
+    return (*reads, "objects.pose", "ready"), (*written, *_of(name, "hand.offset")), goal
 
 
 def force(rig: ProbeRig) -> Step:
@@ -187,18 +217,18 @@ def _joins(one: ModalityModel) -> bool:
     )
 
 
-def fence(model: Model, around: Fence) -> Step:
+def fence(around: Fence, where: str = "") -> Step:
     """Remember what modalities may not write: compiled code could, whatever it was given."""
-    return joinable("fence", around.keep, ("*",), ())
+    return joinable(f"fence{where}", around.keep, ("*",), ())
 
 
-def mend(model: Model, around: Fence) -> Step:
-    """Put back what modalities may not write, before anything is checked or sent; it is a fault."""
+def mend(model: Model, around: Fence, listed: Sequence[ModalityModel], where: str = "") -> Step:
+    """Put back what these modalities may not write, before anything is checked or sent; it is a fault."""
 
     def answer(code: int, tick: int, ready: bool) -> None:
-        raise foreign_write(model, model.modalities, around.mend(), tick)
+        raise foreign_write(model, listed, around.mend(), tick)
 
-    return joinable("mend", around.look, ("*",), (), answer)
+    return joinable(f"mend{where}", around.look, ("*",), (), answer)
 
 
 def supervise(

@@ -123,8 +123,21 @@ class Toucher:
             )
         if table is None:  # nothing but the virtual force can be felt
             found.append(Bound(carrying.only_virtual, self.figures, state[f"{probe.name}.felt_force"]))
-        #: What follows the tracker and finds what it touches; what carries the surface, if there is one.
+        #: What follows the tracker and finds what it touches; what carries the surface, if there is one, and what
+        #: looks below the finger for a modality that carries it instead.
         self.finds, self.carries = tuple(found), (carry,) if table is not None else ()
+        self.looks: tuple[Bound, ...] = ()
+        one = model.carrier_to(probe.name)
+        if one is not None and one.carries is not None and table is not None:
+            here = (self._constants, world, mesh, poses, self.figures, self.surface, self.below)
+            self.looks = (Bound(carrying.look_below, *here),)
+            said = [state[f"{one.name}.{field}"].reshape(1) for field in one.carries[2:]]
+            taken = Bound(
+                carrying.carried, self._constants, table.read_as(Role.TRACKED_POSE),
+                table.sent_as(Role.SURFACE_POSE), self.figures, self.surface, load, *said, self.object, self.plate,
+                self._rising, model.period,
+            )  # fmt: skip
+            self.carries = (taken,)
 
     def reset(self) -> None:
         """Begin without contact."""

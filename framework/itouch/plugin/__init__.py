@@ -31,7 +31,16 @@ from itouch.plugin.groups import Emulation, Mechanics, Opening, OperatorInput, T
 from itouch.plugin.ideal import IdealTwin
 from itouch.plugin.impedance import FingerTwin, ImpedanceArm
 from itouch.plugin.measured import Measured
-from itouch.plugin.modality import Contact, ContactEvent, Modality, ParameterError, World, WorldDevice, WorldObject
+from itouch.plugin.modality import (
+    Carries,
+    Contact,
+    ContactEvent,
+    Modality,
+    ParameterError,
+    World,
+    WorldDevice,
+    WorldObject,
+)
 from itouch.plugin.monitor import Moment, Monitor, Rule, Watched
 from itouch.plugin.noise import gaussian
 from itouch.plugin.quantity import HURTING, NEVER_HARMLESS, Quantity, Role
@@ -52,6 +61,7 @@ __all__ = [
     "ROTATIONS",
     "Attached",
     "Bound",
+    "Carries",
     "Channel",
     "Contact",
     "ContactEvent",

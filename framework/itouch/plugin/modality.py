@@ -139,6 +139,34 @@ class ParameterError(ValueError):
         self.field = field
 
 
+class Carries(NamedTuple):
+    """That a modality itself brings a device's surface to a probe's finger, and which of its own fields say how.
+
+    Each names a field that the modality declares (``fields``), of one number, without the modality's own name in front.
+
+    Attributes
+    ----------
+    probe, device
+        The probe, and the device that it names in ``surface-to``.
+    renders
+        Field: 1 where the contact is the surface's to render, 0 where it is the arm's alone.
+    present
+        Field: 1 while what touches the finger is the surface, so that its temperature is what is felt.
+    distance
+        Field: how far the finger's pad is from the surface [m]; below 0 where it is pressed in, infinite out of reach.
+    gap
+        Field: by how much the surface is short of the virtual one [m]; below 0 where it stands out, infinite where
+        there is no virtual one.  Over the first millimetre the arm takes over the normal force.
+    """
+
+    probe: str
+    device: str
+    renders: str
+    present: str
+    distance: str
+    gap: str
+
+
 class Modality(ABC):
     """A modality plugin.  ``model`` is what ``compile`` returned: read-only; everything that changes is in State.
 
@@ -180,6 +208,16 @@ class Modality(ABC):
     def commands(self, model: Any) -> tuple[str, ...]:
         """Return the command channels that it writes, as ``device.channel``; each has exactly one writer."""
         return ()
+
+    def carries(self, model: Any) -> Carries | None:
+        """Return what it says of a surface that it brings to a finger in the place of the framework's way; None: none.
+
+        Its ``update`` then runs in each tick after contact and before the force on the finger: it finds the virtual
+        surface in ``PROBE.surface_height`` (the highest below the finger), ``PROBE.normal`` and ``PROBE.object`` (-1:
+        nothing is touched), and commands the device.  Touch-off, the withdrawal of T4, the speed at which a surface
+        may come near, and every other limit stay with the framework, and have the last word.
+        """
+        return None
 
     def reads(self, model: Any) -> tuple[str, ...] | None:
         """Return the fields of State that it reads besides its own, for whoever looks at the plan; None: not said.

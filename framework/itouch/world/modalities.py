@@ -6,12 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from itouch.plugin import Modality, ParameterError, World, WorldDevice, WorldObject
+from itouch.plugin import Carries, Modality, ParameterError, World, WorldDevice, WorldObject
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
 from itouch.scene.elements import Operator, PluginPart
 from itouch.schema import Problem
 from itouch.schema.fields import specs
+from itouch.world.carried import check_carried
 from itouch.world.failing import failing, failure
 from itouch.world.files import SceneFiles
 from itouch.world.rig import DeviceModel
@@ -28,6 +29,8 @@ class ModalityModel:
     every: int
     commands: tuple[str, ...]
     attends: bool = False
+    #: The surface that it brings to a finger, if it does.
+    carries: Carries | None = None
 
 
 def build_modalities(
@@ -61,7 +64,11 @@ def build_modalities(
             continue
         with failing(f"modality '{part.name}'", "commands", scene.places.of(part)):
             commands, attends = instance.commands(model), every > 1 and instance.attends(model)
-            found.append(ModalityModel(part.name, part.plugin, instance, model, every, commands, attends))
+            carries = instance.carries(model)
+            if carries is not None:
+                fields = {field.name: field.size for field in instance.fields(model)}
+                problems += check_carried(scene, part, carries, fields, commands, devices, every)
+            found.append(ModalityModel(part.name, part.plugin, instance, model, every, commands, attends, carries))
     return found
 
 

@@ -72,6 +72,10 @@ class Model:
     #: What State declares, once it was asked for.
     declared: list[Any] = field(default_factory=list, init=False, repr=False, compare=False)
 
+    def carrier_to(self, probe: str) -> ModalityModel | None:
+        """Return the modality that brings a surface to a probe in the place of the framework's way, or None."""
+        return next((one for one in self.modalities if one.carries and one.carries.probe == probe), None)
+
     @property
     def moving(self) -> bool:
         """Whether any object moves."""
@@ -216,7 +220,8 @@ def _writers(
         for bound, role in (("force_to", Role.FORCE_ON_OPERATOR), ("surface_to", Role.SURFACE_POSE)):
             device = devices.get(getattr(probe, bound))
             channel = device.command(role) if device is not None else None
-            if device is not None and channel is not None:
+            taken = role is Role.SURFACE_POSE and any(m.carries and m.carries.probe == probe.name for m in modalities)
+            if device is not None and channel is not None and not taken:
                 writers.append((f"{device.name}.{channel.name}", probe, bound, f"probe '{probe.name}'"))
     parts = {part.name: part for part in scene.modalities}
     for modality in modalities:

@@ -33,11 +33,12 @@ from itouch.loop.render import (
     TABLE_SPEED,
     TRACKING,
 )
-from itouch.loop.surface.choice import choose, doubt
+from itouch.loop.surface.choice import LED, choose, doubt
 from itouch.loop.surface.feeling import feel
 from itouch.loop.surface.ground import along_plate
 from itouch.loop.surface.memory import (
     ABOUT,
+    CHANGING,
     CLIMB,
     GIVE,
     HAND_OVER,
@@ -225,6 +226,25 @@ def _command(c: Floats, figures: Floats, sent: Floats, goal: Floats, height: flo
 
 
 @kernel
+def stray(figures: Floats, sent: Floats, table: Floats) -> None:
+    """Write how far what carries a surface is from where it was sent; poses (7,)."""
+    square = 0.0
+    for i in range(3):
+        square += (sent[i] - table[i]) ** 2
+    figures[TRACKING] = math.sqrt(square)
+
+
+@kernel
+def take_over(memory: Floats, renders: bool, present: bool, away: float, touching: bool) -> None:
+    """Remember who renders a contact as somebody else says it who carries the surface, ``away`` from the finger [m]."""
+    if touching and memory[PRESSED] > 0.0 and renders != (memory[RENDERS] > 0.0):
+        memory[CHANGING] = LED
+    memory[RENDERS] = 1.0 if renders else 0.0
+    memory[PRESENT] = 1.0 if touching and present else 0.0
+    memory[SETTLED], memory[PRESS] = 1.0, -away
+
+
+@kernel
 def carry(
     c: Floats, table: Floats, sent: Floats, figures: Floats, memory: Floats, goal: Floats, load: float,
     touching: bool, ready: bool, time: float,
@@ -258,8 +278,5 @@ def carry(
     wanted = min(wanted, _bearable(c, figures, memory, pressed))
     _command(c, figures, sent, goal, wanted, touching)
     memory[PRESENT] = 1.0 if touching and _there(memory, top - lowest, pressed) else 0.0
-    square = 0.0
-    for i in range(3):
-        square += (sent[i] - table[i]) ** 2
-    figures[TRACKING] = math.sqrt(square)
+    stray(figures, sent, table)
     feel(c, figures, memory, load, touching)
