@@ -15,62 +15,38 @@ from test_outside_surface import PLUGIN, SCENE
 import itouch
 from itouch.cli.__main__ import main
 
-CARRIER = """
-from dataclasses import dataclass
-import numpy as np
-
-from itouch.plugin import Carries, Field, Modality, Role, schema
+EXAMPLE = (
+    (Path(__file__).parent / "brings_a_surface.py")
+    .read_text(encoding="utf-8")
+    .replace("from __future__ import annotations\n", "")
+)
+WRONG = """
 
 @dataclass(frozen=True, slots=True)
-class Brings:
-    probe: str = schema.ref("probe", doc="the finger")
-    robot: str = schema.ref("device", doc="what brings it")
-    stands_off: float = schema.quantity("m", low=1e-3, high=0.1, default=0.012, doc="how far away it waits")
-    error: str = schema.text(default="", doc="what it does wrong, for a test")
+class Asked(Brings):
+    error: str = schema.text(default="", doc="what it does wrong")
 
 
-class Hover(Modality):
-    "Keeps the prop where the virtual surface is, or well away from the finger."
-    Params = Brings
+class Wrong(Hover):
+    Params = Asked
 
     def compile(self, name, params, world):
-        robot = world.devices[params.robot]
-        return dict(
-            name=name, params=params, radius=world.probes[params.probe],
-            goal=f"{params.robot}.command.{robot.command(Role.SURFACE_POSE).name}",
-            channel=f"{params.robot}.{robot.command(Role.SURFACE_POSE).name}",
-            prop=robot.read_field(Role.TRACKED_POSE),
-        )
-
-    def fields(self, model):
-        return tuple(Field(name, unit=unit, doc="how the prop stands") for name, unit in
-                     (("renders", "1"), ("there", "1"), ("away", "m"), ("short", "m")))
+        Wrong.error = params.error
+        return super().compile(name, params, world)
 
     def commands(self, model):
-        return () if model["params"].error == "silent" else (model["channel"],)
+        return () if self.error == "silent" else super().commands(model)
 
     def carries(self, model):
-        away = "nothing" if model["params"].error == "nameless" else "away"
-        return Carries(model["params"].probe, model["params"].robot, "renders", "there", away, "short")
-
-    def reset(self, model, state):
-        state[f"{model['name']}.away"] = state[f"{model['name']}.short"] = np.inf
+        carries = super().carries(model)
+        return carries._replace(distance="nothing") if self.error == "nameless" else carries
 
     def update(self, model, state, period):
-        probe, own, params = model["params"].probe, model["name"], model["params"]
-        x, y, z = state[f"{probe}.hip"].tolist()
-        height, lowest = float(state[f"{probe}.surface_height"]), z - model["radius"]
-        upright = float(state[f"{probe}.surface.upright"]) > 0.95
-        goal = state[model["goal"]]
-        goal[:2], goal[3:] = (x, y), (1, 0, 0, 0)
-        goal[2] = max(height, lowest - params.stands_off) if upright else lowest - params.stands_off
-        top = float(state[model["prop"]][2])
-        state[f"{own}.renders"] = upright
-        state[f"{own}.away"] = np.nan if params.error == "nan" and float(state["tick"]) > 500 else lowest - top
-        state[f"{own}.short"] = height - top if np.isfinite(height) else np.inf
-        state[f"{own}.there"] = upright and lowest - top < 3e-4
-        if params.error == "far":
-            goal[2] = 5.0
+        super().update(model, state, period)
+        if self.error == "nan" and state["tick"].item() > 500:
+            state[f"{model.name}.away"] = float("nan")
+        if self.error == "far":
+            state[f"{model.robot}.command.{model.channel}"][2] = 5.0
 """
 ASKED = '<robo:brings probe="tip" robot="presenter"{0}/>\n    <operator'
 NUMBERS = itertools.count()
@@ -82,10 +58,10 @@ def scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Path
     info = tmp_path / "site" / "robo-1.0.dist-info"
     info.mkdir(parents=True)
     module = f"robo_{next(NUMBERS)}"
-    (info.parent / f"{module}.py").write_text(PLUGIN + CARRIER)
+    (info.parent / f"{module}.py").write_text(PLUGIN + EXAMPLE + WRONG)
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: robo\nVersion: 1.0\n")
     (info / "entry_points.txt").write_text(
-        f"[itouch.devices]\nrobo = {module}:Presenter\n[itouch.modalities]\nrobo.brings = {module}:Hover\n"
+        f"[itouch.devices]\nrobo = {module}:Presenter\n[itouch.modalities]\nrobo.brings = {module}:Wrong\n"
     )
     monkeypatch.syspath_prepend(str(info.parent))
 

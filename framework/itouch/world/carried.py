@@ -17,7 +17,7 @@ _ONE = (0, 1)
 
 
 def check_carried(
-    scene: Scene, part: PluginPart, carries: Carries, fields: Mapping[str, int], commands: Sequence[str],
+    scene: Scene, part: PluginPart, carries: Carries, fields: Mapping[str, object], commands: Sequence[str],
     devices: Mapping[str, DeviceModel], every: int,
 ) -> Iterator[Problem]:  # fmt: skip
     """Find what keeps a modality from carrying the surface that it says it carries; ``fields``: sizes of its own."""

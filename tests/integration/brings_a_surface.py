@@ -1,0 +1,91 @@
+"""A modality that brings a prop to the finger in a way of its own: it waits further away than a table would."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from itouch.plugin import Carries, Field, Modality, Record, Role, World, schema
+
+#: Cosine of the steepest slope that the prop renders.
+LEVEL = 0.95
+#: How near [m] the prop is to the finger when it counts as there.
+THERE = 3e-4
+
+
+@dataclass(frozen=True, slots=True)
+class Brings:
+    """Its element: ``<PLUGIN:brings probe="..." robot="..."/>``."""
+
+    probe: str = schema.ref("probe", doc="the finger")
+    robot: str = schema.ref("device", doc="what brings the prop")
+    stands_off: float = schema.quantity("m", low=1e-3, high=0.1, default=0.012, doc="how far away the prop waits")
+
+
+class Plan(NamedTuple):
+    """The read-only model: names of what it works with, and lengths [m]."""
+
+    name: str
+    probe: str
+    robot: str
+    channel: str
+    prop: str
+    radius: float
+    stands_off: float
+
+
+class Hover(Modality):
+    """Keeps the prop where the virtual surface is, or well away from the finger."""
+
+    Params = Brings
+
+    def compile(self, name: str, params: Any, world: World) -> Plan:
+        """Find the robot's command and reading by what they are for."""
+        robot = world.devices[params.robot]
+        goal = robot.command(Role.SURFACE_POSE)
+        if goal is None:
+            raise ValueError(f"device '{params.robot}' brings no surface")
+        prop = robot.read_field(Role.TRACKED_POSE)
+        return Plan(name, params.probe, params.robot, goal.name, prop, world.probes[params.probe], params.stands_off)
+
+    def fields(self, model: Plan) -> tuple[Field, ...]:
+        """Declare the four numbers by which it says how the prop stands."""
+        return (
+            Field("renders", unit="1", doc="1: the contact is the prop's to render"),
+            Field("there", unit="1", doc="1: the prop is at the finger"),
+            Field("away", unit="m", doc="distance of the finger's pad from the prop"),
+            Field("short", unit="m", doc="height of the virtual surface above the prop"),
+        )
+
+    def commands(self, model: Plan) -> tuple[str, ...]:
+        """Command the robot."""
+        return (f"{model.robot}.{model.channel}",)
+
+    def carries(self, model: Plan) -> Carries | None:
+        """Say that it brings the robot's surface, and in which fields it tells how that stands."""
+        return Carries(model.probe, model.robot, "renders", "there", "away", "short")
+
+    def reads(self, model: Plan) -> tuple[str, ...]:
+        """Name what it reads of State."""
+        probe = model.probe
+        return f"{probe}.hip", f"{probe}.surface_height", f"{probe}.surface.upright", model.prop
+
+    def reset(self, model: Plan, state: Record) -> None:
+        """Begin out of reach."""
+        state[f"{model.name}.away"] = state[f"{model.name}.short"] = math.inf
+
+    def update(self, model: Plan, state: Record, period: float) -> None:
+        """Send the prop to the virtual surface, or away from the finger, and say how it stands."""
+        own = model.name
+        x, y, z = state[f"{model.probe}.hip"].tolist()
+        height, lowest = state[f"{model.probe}.surface_height"].item(), z - model.radius
+        level = state[f"{model.probe}.surface.upright"].item() > LEVEL
+        away = lowest - model.stands_off
+        goal = state[f"{model.robot}.command.{model.channel}"]
+        goal[:] = (x, y, max(height, away) if level else away, 1.0, 0.0, 0.0, 0.0)
+        top = state[model.prop][2].item()
+        state[f"{own}.renders"] = level
+        state[f"{own}.there"] = level and lowest - top < THERE
+        state[f"{own}.away"] = lowest - top
+        state[f"{own}.short"] = height - top if math.isfinite(height) else math.inf
