@@ -35,8 +35,8 @@ def main(argv: Sequence[str]) -> int:
     options = parser.parse_args(argv)
     if not 0.1 <= options.seconds <= 3600 or not 1 <= options.rounds <= 1000:
         parser.error("--seconds must be 0.1 to 3600, --rounds 1 to 1000")
-    beside = [way for way in ("web", "rerun", "ros2") if getattr(options, way)]
-    if beside and not options.servo or len(beside) > 1:
+    ways = [way for way in ("web", "rerun", "ros2") if getattr(options, way)]
+    if ways and not options.servo or len(ways) > 1:
         parser.error("--web, --rerun and --ros2 go with --servo, one at a time")
     if options.servo:
         return _beside_the_loop(options)
