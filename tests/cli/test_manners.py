@@ -316,3 +316,35 @@ def test_check_writes_sarif_that_annotates_lines(tmp_path: Path) -> None:
     assert all(rule["shortDescription"]["text"] for rule in work["tool"]["driver"]["rules"])
     done = run("check", "my scene.xml", "-o", "out.sarif", cwd=tmp_path)
     assert done.returncode == 2 and json.loads((tmp_path / "out.sarif").read_text())["runs"][0]["results"] == results
+
+
+def test_sarif_offers_what_fix_would_do_and_nothing_else(tmp_path: Path) -> None:
+    text = (
+        '<itouch version="1.0">\n  <wrld temprature="22 degC"><!-- Größe --><box nmae="ä" size="60 60 20 mm"/>\n  </wrld>\n'
+        '  <safety frce="2 N"/>\n</itouch>\n'
+    )
+    (tmp_path / "s.xml").write_text(text, encoding="utf-8")
+    log = json.loads(run("check", "s.xml", "--sarif", cwd=tmp_path).stdout)
+    lines = text.split("\n")
+    offered = [fix for result in log["runs"][0]["results"] for fix in result.get("fixes", [])]
+    assert offered and (tmp_path / "s.xml").read_text(encoding="utf-8") == text
+    changes = [change for fix in offered for change in fix["artifactChanges"]]
+    assert {change["artifactLocation"]["uri"] for change in changes} == {"s.xml"}
+    edits = [edit for change in changes for edit in change["replacements"]]
+    for edit in sorted(edits, key=lambda e: (-e["deletedRegion"]["startLine"], -e["deletedRegion"]["startColumn"])):
+        region, line = edit["deletedRegion"], edit["deletedRegion"]["startLine"] - 1
+        first, last = region["startColumn"] - 1, region["endColumn"] - 1
+        lines[line] = lines[line][:first] + edit["insertedContent"]["text"] + lines[line][last:]
+    once = "\n".join(lines)
+    assert "<world" in once and "</world>" in once and "frce" in once  # what limits is left to a person
+    assert run("check", "s.xml", "--fix", cwd=tmp_path).stdout.startswith("--- s.xml")
+    fixed = (tmp_path / "s.xml").read_text(encoding="utf-8")
+    assert "frce" in fixed and "temperature" in fixed and "name=" in fixed  # in the second round
+    (tmp_path / "s.xml").write_text(once, encoding="utf-8")
+    for _ in range(3):  # applying what is offered again and again comes to the same
+        log = json.loads(run("check", "s.xml", "--sarif", cwd=tmp_path).stdout)
+        offers = [fix for result in log["runs"][0]["results"] for fix in result.get("fixes", [])]
+        if not offers:
+            break
+        run("check", "s.xml", "--fix", "-q", cwd=tmp_path)
+    assert (tmp_path / "s.xml").read_text(encoding="utf-8") == fixed

@@ -105,6 +105,27 @@ def test_a_card_that_is_pulled_out_leaves_silence(session):
     speaker.close()
 
 
+def test_it_is_turned_off_and_on_without_a_click(session):
+    tape = Tape()
+    speaker = Speaker(session.model, output=lambda: tape)
+    speaker.hear(session.state)
+    strike(session.state)
+    speaker.hear(session.state)
+    tape.turn.release(3)
+    until(lambda: speaker.blocks == 3)
+    assert speaker.turn().startswith("sound off") and speaker.hushed
+    tape.turn.release(4)
+    until(lambda: speaker.blocks == 7)
+    assert speaker.turn() == "sound on"
+    tape.turn.release(4)
+    until(lambda: speaker.blocks == 11)
+    tape.turn.release(50)
+    speaker.close()
+    heard = tape.samples()
+    assert heard[: 2 * BLOCK].any() and not heard[5 * BLOCK : 6 * BLOCK].any() and heard[9 * BLOCK : 10 * BLOCK].any()
+    assert np.abs(np.diff(heard)).max() < 2 * np.pi * 1234 / RATE
+
+
 def test_mute_opens_nothing(session):
     def refuse() -> output.Output:
         raise AssertionError("it was opened")
@@ -113,6 +134,7 @@ def test_mute_opens_nothing(session):
     speaker.hear(session.state)
     speaker.close()
     assert speaker.muted and speaker.driver == "" and speaker.blocks == 0
+    assert speaker.turn().startswith("nothing is heard")
 
 
 def test_an_output_that_takes_everything_does_not_make_the_maker_run_away(session):

@@ -13,6 +13,7 @@ from itouch.schema import ItouchError
 from itouch.schema.terminal import MANNER, did
 
 if TYPE_CHECKING:
+    from itouch.scene.mending import Edit
     from itouch.schema import Problem
     from itouch.world import Model
 
@@ -138,7 +139,7 @@ def _write(
     sarif = options.sarif or (options.output or "").lower().endswith(".sarif")
     if sarif:
         content: Any = as_sarif({path: problems for path, (_, problems) in results.items()},
-                                version=version("itouch-py"))  # fmt: skip
+                                version=version("itouch-py"), edits=_edits(options, results))  # fmt: skip
     else:
         content = {"scenes": [_entry(path, *results[path], good=not bad[path]) for path in results]}
     if options.output is None:
@@ -147,6 +148,28 @@ def _write(
     with open(options.output, "w", encoding="utf-8") as stream:
         stream.write(as_json(content) + "\n")
     did(f"wrote {options.output}")
+
+
+def _edits(
+    options: argparse.Namespace, results: dict[str, tuple[Model | None, list[Problem]]]
+) -> dict[Problem, list[Edit]]:
+    """Return what --fix would do about each problem that it would mend."""
+    from pathlib import Path
+
+    from itouch.cli.fixing import fixed
+    from itouch.scene.mending import edits
+
+    found = {}
+    for path, (_, problems) in results.items():
+        if not any(problem.mend for problem in problems):
+            continue
+        try:
+            mending = fixed(path, lambda one: examined(one, options.rig, options.twin)[1])
+        except ItouchError:  # no copy can be made beside it: then nothing is offered
+            continue
+        data = Path(path).read_bytes()
+        found |= {one: edits(data, path, one) for one in problems if mending is not None and one in mending.problems}
+    return found
 
 
 def _entry(path: str, model: Model | None, problems: Sequence[Problem], *, good: bool) -> dict[str, Any]:

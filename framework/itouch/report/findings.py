@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from itouch.scene.mending import Edit
 from itouch.schema.codes import CODES
 from itouch.schema.diagnostics import Place, Problem
 
@@ -32,7 +33,9 @@ def _place(place: Place | None) -> dict[str, Any] | None:
     return {"file": place.file, "line": place.line, "column": place.column, "length": place.length}
 
 
-def as_sarif(found: Mapping[str, Sequence[Problem]], *, version: str) -> dict[str, Any]:
+def as_sarif(
+    found: Mapping[str, Sequence[Problem]], *, version: str, edits: Mapping[Problem, Sequence[Edit]] | None = None
+) -> dict[str, Any]:
     """Return the problems of scenes as one SARIF log.
 
     Parameters
@@ -41,9 +44,14 @@ def as_sarif(found: Mapping[str, Sequence[Problem]], *, version: str) -> dict[st
         Problems by the path of the scene that was checked.
     version
         Of the program.
+    edits
+        What ``check --fix`` would do about a problem: a review offers it.
     """
     rules = sorted({problem.code for problems in found.values() for problem in problems})
-    results = [_result(problem, path, rules) for path, problems in found.items() for problem in dict.fromkeys(problems)]
+    results = [
+        _result(problem, path, rules) | _fixes(problem, path, (edits or {}).get(problem, ()))
+        for path, problems in found.items() for problem in dict.fromkeys(problems)
+    ]  # fmt: skip
     driver = {
         "name": "itouch-py", "version": version, "semanticVersion": version,
         "rules": [_rule(code) for code in rules],
@@ -79,6 +87,23 @@ def _result(problem: Problem, path: str, rules: list[str]) -> dict[str, Any]:
             for index, (place, label) in enumerate(problem.related)
         ]
     return result
+
+
+def _fixes(problem: Problem, path: str, edits: Sequence[Edit]) -> dict[str, Any]:
+    """Return the one fix of a problem, if there is one."""
+    if not edits or problem.mend is None:
+        return {}
+    replacements = [
+        {
+            "deletedRegion": {"startLine": e.line, "startColumn": e.column, "endColumn": e.column + e.length},
+            "insertedContent": {"text": e.text},
+        }
+        for e in edits
+    ]
+    file = _location(problem.place, path)["physicalLocation"]["artifactLocation"]
+    wrong, right = problem.mend
+    change = {"artifactLocation": file, "replacements": replacements}
+    return {"fixes": [{"description": {"text": f"'{wrong}' becomes '{right}'"}, "artifactChanges": [change]}]}
 
 
 def _location(place: Place | None, path: str) -> dict[str, Any]:

@@ -17,6 +17,16 @@ _VALUE = re.compile(rb"""([^\s=<>/]+)\s*=\s*(["'])""")
 
 
 @dataclass(frozen=True, slots=True)
+class Edit:
+    """A word to replace: line and column from 1, how many letters, by what."""
+
+    line: int
+    column: int
+    length: int
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
 class _Element:
     """Where an element begins and its end tag does, if it has one [bytes]; its names from the root."""
 
@@ -57,6 +67,19 @@ def mended(data: bytes, file: str, problems: Iterable[Problem]) -> tuple[bytes, 
         length, new = changes[at]
         data = data[:at] + new + data[at + length :]
     return data, done
+
+
+def edits(data: bytes, file: str, problem: Problem) -> list[Edit]:
+    """Return what ``mended`` replaces for one problem of a file, as an editor counts; nothing where it leaves it."""
+    if problem.mend is None or problem.place is None or problem.place.file != file:
+        return []
+    found = []
+    for at, length, new in _changes(data, problem.place, problem.mend, problem.code, _elements(data)):
+        start = data.rfind(b"\n", 0, at) + 1
+        column = len(data[start:at].decode("utf-8")) + 1
+        gone = len(data[at : at + length].decode("utf-8"))
+        found.append(Edit(data.count(b"\n", 0, at) + 1, column, gone, new.decode("utf-8")))
+    return sorted(found, key=lambda edit: (edit.line, edit.column))
 
 
 def _changes(

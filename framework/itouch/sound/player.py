@@ -47,6 +47,9 @@ class Speaker:
         self._lock, self._closing = threading.Lock(), threading.Event()
         #: Whether nothing is to be heard: asked for, or there is no card.
         self.muted = mute
+        #: Whether a person has turned it off; what plays goes on unheard, and comes back where it is then.
+        self.hushed = False
+        self._gain = 1.0
         #: What plays: empty until it is open.
         self.driver = ""
         #: Blocks played, and how long [s] before it is heard the last one was made.
@@ -62,6 +65,13 @@ class Speaker:
         with self._lock:
             self._synth.hear(state)
             self.heard = time.perf_counter()
+
+    def turn(self) -> str:
+        """Turn it off or on again; return what to say of it."""
+        if self.muted:
+            return "nothing is heard: it was started mute, or this machine has no sound"
+        self.hushed = not self.hushed
+        return "sound off; U turns it on again" if self.hushed else "sound on"
 
     def close(self) -> None:
         """Fade out and be silent."""
@@ -87,6 +97,9 @@ class Speaker:
     def _block(self) -> NDArray[np.float64]:
         with self._lock:
             heard, samples = self.heard, self._synth.render(BLOCK)
+        gain, self._gain = self._gain, 0.0 if self.hushed else 1.0
+        if gain != self._gain or gain == 0.0:  # no step: it fades within a block
+            samples = samples * np.linspace(gain, self._gain, BLOCK)
         if heard > self.made:
             self.made = time.perf_counter()
         return samples

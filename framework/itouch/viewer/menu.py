@@ -13,7 +13,7 @@ from itouch.viewer.overlay import KEYS, PLAYBACK_KEYS
 
 #: Words of a row of keys -> what pressing them presses, by pyglet's names.  Rows of the mouse press nothing.
 PRESSES: dict[str, tuple[tuple[str, str], ...]] = {
-    **{letter: ((letter, letter),) for letter in "HPSRTGCNLFM"},
+    **{letter: ((letter, letter),) for letter in "HPSRTGCNLFMU"},
     "Space": (("Space", "SPACE"),),
     "Esc": (("Esc", "ESCAPE"),),
     "+ -": (("+", "PLUS"), ("-", "MINUS")),
@@ -25,9 +25,11 @@ PRESSES: dict[str, tuple[tuple[str, str], ...]] = {
     "Home, End": (("Home", "HOME"), ("End", "END")),
 }
 #: Which choice of the picture a key turns on and off.
-SHOWS = {"T": "thermal", "G": "aids", "C": "curves", "N": "names", "L": "light"}
+SHOWS = {"T": "thermal", "G": "aids", "C": "curves", "N": "names", "L": "light", "U": "sound"}
 #: Words of the button that opens the menu.
 BUTTON = "menu (H)"
+#: Words of the button beside it where something plays: by whether it is heard.
+SOUND = {True: "sound on (U)", False: "sound off (U)"}
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,6 +31,7 @@ KEYS = {
     "C": "show or hide the curves",
     "N": "show or hide the names of objects",
     "L": "light or dark",
+    "U": "sound on or off",
     "+ -": "larger, smaller words (100 to 250 %)",
     "1 2 3 4 5": "views: operator, front, side, top, corner",
     "F": "frame everything",

@@ -41,6 +41,8 @@ class Choices:
     names: bool = True
     words: bool = True
     light: bool = False
+    #: Whether the sound is on; None: nothing plays.
+    sound: bool | None = None
     #: How much larger than usual words are, 1 to 2.5.
     larger: float = 1.0
 
@@ -77,7 +79,7 @@ class Picture:
         seen = pixels(frame.width, frame.height)
         self.text.begin()
         foot = self._foot(frame, now, beside, seen, size)
-        self.menu = [self._button(frame.width - beside, foot, seen, size)] if chosen.menu else []
+        self.menu = self._buttons(frame.width - beside, foot, seen, size) if chosen.menu else []
         if chosen.names:
             self._names(state, frame, foot, frame.width - beside, size)
         upper = frame.height - size
@@ -188,14 +190,21 @@ class Picture:
         self.text.put(words, 2 * size, upper - height + 0.55 * height - 0.45 * large, look().words, size=large)
         return upper - height - size
 
-    def _button(self, right: float, foot: float, seen: NDArray[np.float64], size: float) -> menu.Place:
-        """Draw the button that opens the menu, in the lower right of the scene."""
-        width = len(menu.BUTTON) * self.text.width(size) + 2 * size
-        place = menu.Place((right - 2 * size - width, foot, width, 2.4 * size), "H")
-        ground = look().axis if place.holds(*self.pointed) else look().panel
-        self.canvas.paint.draw(gl.GL_TRIANGLES, rectangle(place.area, ground), seen)
-        self.text.put(menu.BUTTON, place.area[0] + size, foot + 0.75 * size, look().words, size=size)
-        return place
+    def _buttons(self, right: float, foot: float, seen: NDArray[np.float64], size: float) -> list[menu.Place]:
+        """Draw the buttons in the lower right of the scene: the menu, and beside it the sound, where something plays."""
+        said = [(menu.BUTTON, "H")]
+        if self.choices.sound is not None:
+            said.append((menu.SOUND[self.choices.sound], "U"))
+        places = []
+        for words, key in said:
+            width = len(words) * self.text.width(size) + 2 * size
+            place = menu.Place((right - 2 * size - width, foot, width, 2.4 * size), key)
+            ground = look().axis if place.holds(*self.pointed) else look().panel
+            self.canvas.paint.draw(gl.GL_TRIANGLES, rectangle(place.area, ground), seen)
+            self.text.put(words, place.area[0] + size, foot + 0.75 * size, look().words, size=size)
+            places.append(place)
+            right = place.area[0] + size
+        return places
 
     def _help(self, now: Situation, area: Rectangle, frame: Frame, size: float) -> None:
         """Write the keys where the curves are, beside finger and scene; what is on is written in green."""

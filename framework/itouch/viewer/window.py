@@ -109,6 +109,7 @@ class Window(pyglet.window.Window):
             self._said_at = begin
         self.picture.ring.add(self.source.state)
         self._speaker.hear(self.source.state)
+        self.picture.choices.sound = None if self._speaker.muted else not self._speaker.hushed
         self.switch_to()
         self.picture.draw(self.source.state, self._target, self.source.situation)
         self._target.blit()
@@ -159,6 +160,8 @@ class Window(pyglet.window.Window):
             self._say(source.save())
         elif symbol == key.R:
             self._say(source.rearm())
+        elif symbol == key.U:
+            self._say(self._speaker.turn())
         elif symbol == key.M:
             self._say(self._steering.toggle())
         elif symbol == key.SPACE:

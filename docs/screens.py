@@ -1,0 +1,156 @@
+"""Pictures of every screen for the gallery of screens: ``python docs/screens.py [window | page | terminal] ...``.
+
+The window is drawn off the screen, the page by Chromium, the terminal by a program on a pseudo-terminal of so many
+columns.  Pictures go to ``docs/pictures/screens``; what is to be seen in each is said in ``docs/reference/screens.md``.
+"""
+
+from __future__ import annotations
+
+import os
+import pty
+import shutil
+import struct
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+HERE = Path(__file__).parent
+SCENES, OUT = HERE.parent / "scenes", HERE / "pictures" / "screens"
+#: Size -> word in a file's name.
+SIZES = {(1280, 720): "hd", (3840, 2160): "4k"}
+
+
+def window() -> None:
+    """Draw the window in a contact on both grounds, and its menu, temperatures, large words and a fault."""
+    import itouch
+    from itouch.viewer.offscreen import Offscreen
+    from itouch.viewer.overlay import Situation
+    from itouch.viewer.signals import Ring
+
+    session = itouch.build(SCENES / "four_materials.xml")
+    ring = Ring(session.model)
+    session.run(11.0, each=lambda: ring.add(session.state), every=10)
+    fault = [{"trip": "silence", "device": "table", "cause": "is silent", "safe": {"reached": True}}]
+    for (width, height), size in SIZES.items():
+        shots = Offscreen(session.model, width=width, height=height)
+        shots.picture.ring, chosen = ring, shots.picture.choices
+        chosen.menu, chosen.sound = True, True
+        for light in (False, True):
+            chosen.light = light
+            ground = "light" if light else "dark"
+            _keep(f"window-{size}-{ground}", shots.shoot(session.state))
+            if light:
+                continue
+            for name, choices in {"temperatures": {"thermal": True}, "menu": {"help": True},
+                                  "large": {"larger": 2.5}}.items():  # fmt: skip
+                if size == "hd" or name == "large":
+                    before = {word: getattr(chosen, word) for word in choices}
+                    for word, value in choices.items():
+                        setattr(chosen, word, value)
+                    _keep(f"window-{size}-{name}", shots.shoot(session.state))
+                    for word, value in before.items():
+                        setattr(chosen, word, value)
+            if size == "hd":
+                _keep("window-hd-fault", shots.shoot(session.state, Situation(faults=fault)))
+        shots.close()
+
+
+def _keep(name: str, pixels: NDArray[np.uint8]) -> None:
+    """Write a picture, shape (height, width, 3), as WebP: a tenth of a PNG, and the colours stay."""
+    OUT.mkdir(parents=True, exist_ok=True)
+    Image.fromarray(pixels).save(OUT / f"{name}.webp", quality=86, method=6)
+
+
+def page() -> None:
+    """Let Chromium draw a session's page: on a screen, on a dark one, on a phone, on paper."""
+    browser = shutil.which("chromium") or shutil.which("google-chrome") or "chrome"
+    with tempfile.TemporaryDirectory() as folder:
+        recording, report = f"{folder}/run.mcap", f"{folder}/run.html"
+        scene = str(SCENES / "four_materials.xml")
+        _itouch("run", scene, "--headless", "--for", "24s", "--record", recording)
+        _itouch("report", recording, "-o", report)
+        for name, size, words in (
+            ("page-hd-light", (1280, 720), ()),
+            ("page-hd-dark", (1280, 720), ("--blink-settings=preferredColorScheme=0",)),
+            ("page-4k-light", (3840, 2160), ("--force-device-scale-factor=1",)),
+            ("page-phone", (390, 844), ()),
+        ):
+            shot = f"{folder}/shot.png"
+            _chromium(browser, folder, f"--window-size={size[0]},{size[1]}", f"--screenshot={shot}", *words, report)
+            with Image.open(shot) as picture:
+                _keep(name, np.asarray(picture.convert("RGB")))
+        printed = f"{folder}/page.pdf"
+        _chromium(browser, folder, f"--print-to-pdf={printed}", "--no-pdf-header-footer", report)
+        if shutil.which("pdftoppm"):
+            subprocess.run(["pdftoppm", "-png", "-r", "60", "-f", "1", "-l", "1", "-singlefile", printed,
+                            str(OUT / "page-print")], check=True)  # fmt: skip
+
+
+def _chromium(browser: str, home: str, *words: str) -> None:
+    base = [browser, "--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars",
+            f"--user-data-dir={home}/chromium", "--virtual-time-budget=8000"]  # fmt: skip
+    subprocess.run([*base, *words], check=True, capture_output=True, timeout=300)
+
+
+def _itouch(*words: str) -> None:
+    subprocess.run([sys.executable, "-m", "itouch", *words], check=True, capture_output=True)
+
+
+def terminal() -> None:
+    """Write what stands on terminals of 80 and 120 columns after a run and a check, as pictures of text."""
+    from rich.console import Console
+    from rich.text import Text
+
+    with tempfile.TemporaryDirectory() as folder:
+        wrong = Path(folder) / "scene.xml"
+        wrong.write_text('<itouch version="1.0">\n  <wrold temperature="22"/>\n</itouch>\n', encoding="utf-8")
+        said = {
+            "run": ["run", str(SCENES / "first_touch.xml"), "--headless"],
+            "check": ["check", "scene.xml"],
+            "help": ["--help"],
+        }
+        for columns in (80, 120):
+            for name, words in said.items():
+                shown = "".join(_typed(words, columns, folder))
+                console = Console(record=True, width=columns, file=open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+                for line in shown.replace("\r\n", "\n").split("\n"):
+                    console.print(Text.from_ansi(line.rpartition("\x1b[2K")[2].rpartition("\r")[2]))
+                OUT.mkdir(parents=True, exist_ok=True)
+                console.save_svg(str(OUT / f"terminal-{columns}-{name}.svg"), title=f"itouch-py {words[0]}")
+
+
+def _typed(words: list[str], columns: int, folder: str) -> Iterator[str]:
+    """Yield what a command writes on a terminal of so many columns."""
+    import fcntl
+    import termios
+
+    ours, theirs = pty.openpty()
+    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 40, columns, 0, 0))
+    command = [sys.executable, "-m", "itouch", *words]
+    environment = {**os.environ, "TERM": "xterm-256color", "COLUMNS": ""}
+    process = subprocess.Popen(command, stdin=theirs, stdout=theirs, stderr=theirs, cwd=folder, env=environment)
+    os.close(theirs)
+    data = b""
+    while True:
+        try:
+            block = os.read(ours, 65536)
+        except OSError:
+            break
+        if not block:
+            break
+        data += block
+    process.wait()
+    os.close(ours)
+    yield data.decode()
+
+
+if __name__ == "__main__":
+    parts: dict[str, Callable[[], None]] = {"window": window, "page": page, "terminal": terminal}
+    for word in sys.argv[1:] or parts:
+        parts[word]()
