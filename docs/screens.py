@@ -111,13 +111,13 @@ def terminal() -> None:
         wrong = Path(folder) / "scene.xml"
         wrong.write_text('<itouch version="1.0">\n  <wrold temperature="22"/>\n</itouch>\n', encoding="utf-8")
         said = {
-            "run": ["run", str(SCENES / "first_touch.xml"), "--headless"],
+            "run": ["run", "scenes/first_touch.xml", "--headless"],
             "check": ["check", "scene.xml"],
             "help": ["--help"],
         }
         for columns in (80, 120):
             for name, words in said.items():
-                shown = "".join(_typed(words, columns, folder))
+                shown = "".join(_typed(words, columns, folder if name == "check" else str(HERE.parent)))
                 console = Console(record=True, width=columns, file=open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
                 for line in shown.replace("\r\n", "\n").split("\n"):
                     console.print(Text.from_ansi(line.rpartition("\x1b[2K")[2].rpartition("\r")[2]))

@@ -159,7 +159,7 @@ def _edits(
     from itouch.cli.fixing import fixed
     from itouch.scene.mending import edits
 
-    found = {}
+    found: dict[Problem, list[Edit]] = {}
     for path, (_, problems) in results.items():
         if not any(problem.mend for problem in problems):
             continue
