@@ -26,9 +26,10 @@ _PERCENTILES = ("p50", "p99", "p99.9", "max")
 def head(findings: Findings) -> str:
     """Return the title, what it is of, and the buttons."""
     source = os.path.basename(str(findings.provenance.get("scene") or ""))
-    told = [f"{findings.kind} of {source}" if source else findings.kind, findings.provenance.get("begin")]
+    kind = f"{findings.kind} {findings.title} of {source}" if source else findings.kind
+    told = ", ".join(part for part in (kind, findings.provenance.get("begin")) if part)
     return (
-        f'<header><h1>{text(findings.title)}</h1><p class="soft">{text(", ".join(t for t in told if t))}</p>'
+        f'<header><h1>{text(source.removesuffix(".xml") or findings.title)}</h1><p class="soft">{text(told)}</p>'
         '<div class="controls"><button id="print" type="button">Print or save as PDF</button></div></header>'
     )
 
