@@ -191,7 +191,7 @@ class Picture:
         return upper - height - size
 
     def _buttons(self, right: float, foot: float, seen: NDArray[np.float64], size: float) -> list[menu.Place]:
-        """Draw the buttons in the lower right of the scene: the menu, and beside it the sound, where something plays."""
+        """Draw the buttons in the lower right of the scene: the menu, and the sound where something plays."""
         said = [(menu.BUTTON, "H")]
         if self.choices.sound is not None:
             said.append((menu.SOUND[self.choices.sound], "U"))
