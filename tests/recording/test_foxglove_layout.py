@@ -77,3 +77,39 @@ def test_every_panel_stands_once_and_plots_have_one_unit(written: tuple[Path, di
         for name, panel in layout["configById"].items()
         if name.startswith("Plot!")
     )
+
+
+#: What Lichtblick 1.2x asks of the settings of the panels used here: field -> what it is, for those that have no default
+#: in their type.  Source: `PlotConfig`, `PlotPath` (panels/Plot/config.ts), `RendererConfig` and `FollowMode`
+#: (panels/ThreeDeeRender/IRenderer.ts), the types of panels (panels/index.ts) and PANEL_TITLE_CONFIG_KEY, read 2026-11.
+PANELS = {
+    "Plot": {"paths": list, "showLegend": bool, "legendDisplay": ("floating", "top", "left", "none"),
+             "showPlotValuesInLegend": bool, "showXAxisLabels": bool, "showYAxisLabels": bool, "isSynced": bool,
+             "xAxisVal": ("timestamp", "index", "custom", "currentCustom"), "sidebarDimension": (int, float),
+             "lichtblickPanelTitle": str, "foxglovePanelTitle": str, "title": str},
+    "3D": {"cameraState": dict, "followTf": str, "followMode": ("follow-pose", "follow-position", "follow-none"),
+           "scene": dict, "publish": dict, "transforms": dict, "topics": dict, "layers": dict, "imageMode": dict},
+    "RawMessages": {"topicPath": str, "diffEnabled": bool},
+}  # fmt: skip
+PATH = {"value": str, "enabled": bool, "label": str, "timestampMethod": ("receiveTime", "headerStamp")}
+
+
+def fits(content: dict[str, Any], fields: dict[str, Any]) -> bool:
+    """Say whether all fields are there and of their kind, and no other ones."""
+
+    def right(value: Any, kind: Any) -> bool:
+        words = isinstance(kind, tuple) and isinstance(kind[0], str)
+        return value in kind if words else isinstance(value, kind)
+
+    return content.keys() == fields.keys() and all(right(content[name], kind) for name, kind in fields.items())
+
+
+def test_panels_are_those_that_lichtblick_knows_with_all_their_settings(written: tuple[Path, dict[str, Any]]) -> None:
+    _, layout = written
+    assert {"configById", "globalVariables", "userNodes", "playbackConfig", "layout"} == layout.keys()
+    for name, panel in layout["configById"].items():
+        assert fits(panel, PANELS[name.partition("!")[0]]), (name, panel)
+        assert all(fits(path, PATH) for path in panel.get("paths", ()))
+    camera = layout["configById"]["3D!scene"]["cameraState"]
+    assert camera.keys() == {"distance", "phi", "thetaOffset", "perspective", "target", "targetOffset",
+                             "targetOrientation", "fovy", "near", "far"}  # fmt: skip

@@ -19,6 +19,9 @@ SCENE, TRANSFORMS, EVENTS, WORLD = "/view/scene", "/view/transforms", "/log/even
 #: How many plots there are, and lines in one of them.
 PLOTS, LINES = 6, 9
 
+#: What the title of a panel is called: by both viewers once, by Foxglove, by Lichtblick.
+TITLES = ("title", "foxglovePanelTitle", "lichtblickPanelTitle")
+
 Panel = dict[str, Any]
 
 
@@ -39,10 +42,16 @@ def layout(recording: Recording) -> dict[str, Any]:
     panels: dict[str, Panel] = {
         "3D!scene": {
             "followTf": WORLD,
+            "followMode": "follow-pose",
             "topics": {SCENE: {"visible": True}},
             "scene": {"backgroundColor": "#16181d"},
             "cameraState": {"distance": 0.5, "phi": 60.0, "thetaOffset": 30.0, "perspective": True,
-                            "target": [0.0, 0.0, 0.0], "targetOffset": [0.0, 0.0, 0.0]},
+                            "target": [0.0, 0.0, 0.0], "targetOffset": [0.0, 0.0, 0.0],
+                            "targetOrientation": [0.0, 0.0, 0.0, 1.0], "fovy": 45.0, "near": 0.01, "far": 100.0},
+            "publish": {"type": "point", "poseTopic": "/move_base_simple/goal", "pointTopic": "/clicked_point",
+                        "poseEstimateTopic": "/initialpose", "poseEstimateXDeviation": 0.5,
+                        "poseEstimateYDeviation": 0.5, "poseEstimateThetaDeviation": 0.26179939},
+            "transforms": {}, "layers": {}, "imageMode": {},
         },
         "RawMessages!events": {"topicPath": EVENTS, "diffEnabled": False},
     }  # fmt: skip
@@ -50,10 +59,11 @@ def layout(recording: Recording) -> dict[str, Any]:
     for unit, lines in _lines(recording).items():
         name = f"Plot!{identifiers([unit])[0]}"
         panels[name] = {
-            "title": f"[{unit}]",
+            **dict.fromkeys(TITLES, f"[{unit}]"),
             "paths": [{"value": path, "label": label, "enabled": True, "timestampMethod": "receiveTime"}
                       for path, label in lines],
-            "showLegend": True, "isSynced": True, "xAxisVal": "timestamp",
+            "showLegend": True, "legendDisplay": "floating", "showPlotValuesInLegend": False, "showXAxisLabels": True,
+            "showYAxisLabels": True, "sidebarDimension": 240, "isSynced": True, "xAxisVal": "timestamp",
         }  # fmt: skip
         plots.append(name)
     left = {"first": "3D!scene", "second": "RawMessages!events", "direction": "column", "splitPercentage": 75}
