@@ -1,0 +1,75 @@
+"""Makes the gallery's films: ``python docs/gallery.py [SCENE ...]``, each shipped scene as a small moving picture.
+
+A film has some twenty pictures of the part of a run that shows what the scene is for.  They are kept in the repository
+(``docs/pictures/gallery``), so that the page can be read there; a test keeps them whole and small.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from PIL import Image
+
+import itouch
+from itouch.viewer.offscreen import Offscreen
+from itouch.viewer.overlay import Situation
+
+HERE = Path(__file__).parent
+SCENES, FILMS = HERE.parent / "scenes", HERE / "pictures" / "gallery"
+#: Pictures of a film, what it is drawn and kept at [pixels], how long one stands [ms], how good it is (0 to 100).
+PICTURES, DRAWN, KEPT, EACH, QUALITY = 20, (1280, 720), (720, 405), 250, 55
+#: Scene -> from when to when it is shown [s of the session].
+PARTS = {
+    "first_touch": (0.1, 2.0), "four_materials": (6.0, 30.0), "four_materials_diy": (6.0, 20.0),
+    "four_materials_recovered": (6.0, 13.5), "four_materials_wire": (6.0, 13.5), "metamer": (1.0, 16.0),
+    "mesh": (0.2, 4.0), "moving": (0.2, 6.0), "two_fingers": (0.2, 5.0), "texture": (0.2, 8.0),
+    "texture_and_sound": (0.2, 8.0), "faults": (0.2, 6.0), "thermal_display": (1.0, 16.0),
+    "handbook_touch": (0.1, 4.0), "study_sample": (0.2, 8.0),
+}  # fmt: skip
+
+
+def film(name: str) -> Path:
+    """Make the film of a scene; return its file."""
+    begin, end = PARTS[name]
+    engine = itouch.build(SCENES / f"{name}.xml", twin="all")
+    period, due = engine.model.period, [begin + (end - begin) * k / (PICTURES - 1) for k in range(PICTURES)]
+    offscreen = Offscreen(engine.model, width=DRAWN[0], height=DRAWN[1])
+    pictures: list[Image.Image] = []
+
+    def tap(tick: int) -> None:
+        offscreen.picture.ring.add(engine.state)
+        if len(pictures) < PICTURES and (tick + 1) * period >= due[len(pictures)]:
+            now = Situation(faults=list(engine.ledger.faults))
+            pictures.append(Image.fromarray(offscreen.shoot(engine.state, now)).resize(KEPT, Image.Resampling.LANCZOS))
+
+    engine.taps.append(tap)
+    try:
+        engine.enable()
+        engine.run(end + 2 * period)
+    except itouch.DeviceFaultError:  # a scene that shows one: the picture of it is the last
+        now = Situation(faults=list(engine.ledger.faults))
+        pictures.append(Image.fromarray(offscreen.shoot(engine.state, now)).resize(KEPT, Image.Resampling.LANCZOS))
+    finally:
+        engine.taps.remove(tap)
+        engine.close()
+        offscreen.close()
+    FILMS.mkdir(parents=True, exist_ok=True)
+    path = FILMS / f"{name}.webp"
+    first, *rest = pictures
+    lasts = [EACH] * len(rest) + [4 * EACH]
+    first.save(path, save_all=True, append_images=rest, duration=lasts, loop=0, quality=QUALITY, method=4)
+    return path
+
+
+def main(names: Sequence[str]) -> int:
+    """Make the films of scenes, or of all."""
+    for name in names or PARTS:
+        path = film(name)
+        print(f"{path.relative_to(HERE.parent)}  {path.stat().st_size / 1000:.0f} kB", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
