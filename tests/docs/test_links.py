@@ -116,6 +116,22 @@ def test_the_four_kinds_of_page_are_complete() -> None:
             assert (DOCS / folder / f"{name}.md").is_file(), f"{folder}/{name}"
 
 
+def test_every_scene_has_a_small_film_in_the_gallery() -> None:
+    from gallery import FILMS, PARTS
+    from PIL import Image
+
+    text = (DOCS / "reference" / "gallery.md").read_text(encoding="utf-8")
+    shipped = {path.stem for path in (ROOT / "scenes").glob("*.xml")}
+    assert shipped - set(PARTS) == {"materials", "handbook", "real_touch"}  # two libraries, and touches of a sample
+    assert {path.stem for path in FILMS.iterdir()} == set(PARTS)
+    for name in PARTS:
+        path = FILMS / f"{name}.webp"
+        assert f"](../pictures/gallery/{name}.webp)" in text and f"`scenes/{name}.xml`" in text
+        assert path.stat().st_size < 250_000, name
+        with Image.open(path) as film:
+            assert film.n_frames > 3, name
+
+
 def test_the_gallery_pictures_eight_scenes_that_run() -> None:
     from generated import PICTURES
 
