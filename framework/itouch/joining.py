@@ -43,6 +43,8 @@ _KINDS = (
 )  # fmt: skip
 #: The entries of this process, by function, body and the named tuples in it.
 _made: dict[tuple[Any, ...], Any] = {}
+#: Their addresses, by function and kinds of arguments: a session has dozens of them, and a sweep ten thousand sessions.
+_addresses: dict[tuple[Any, ...], int] = {}
 _untyped: Any = numba  # what it exports is not typed
 intrinsic: Any = _intrinsic
 carray, config = _untyped.carray, _untyped.config
@@ -253,6 +255,23 @@ def _words(arguments: Sequence[Any]) -> list[int]:
 
 def _entry(call: Call) -> int:
     """Return the address of a function that takes the address of the words, and calls with what they stand for."""
+    known = (call.function, _kinds(call.arguments))
+    if known not in _addresses:
+        _addresses[known] = _written(call)
+    return _addresses[known]
+
+
+def _kinds(arguments: Sequence[Any]) -> tuple[Any, ...]:
+    """Return what decides how arguments are put together again: of an array its dimensions and type, not its place."""
+    return tuple(
+        (each.ndim, each.dtype) if isinstance(each, np.ndarray)
+        else (type(each), _kinds(each)) if isinstance(each, tuple)
+        else type(each)
+        for each in arguments
+    )  # fmt: skip
+
+
+def _written(call: Call) -> int:
     writer = _Writer()
     passed = [writer.write(argument) for argument in call.arguments]
     lines = [*writer.lines, f"return int64(function({', '.join(passed)}))"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 from itouch.joining import SKIP
 from itouch.plugin import Bound
@@ -76,6 +77,7 @@ def joinable(
     return Step(name, work, reads, writes, 1, COMPILED, bounds, answer)
 
 
+@lru_cache(maxsize=4096)
 def _fitting(patterns: tuple[str, ...], fields: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(pattern for pattern in patterns if any(True for _ in matching((pattern,), fields))))
 
