@@ -1,115 +1,30 @@
 """``itouch-py bench sweep``: sessions a second, written by hand, by processes and by Dask, beside plain computing.
 
 All of them in one run, because on a busy machine only the ratios mean anything.  With ``--cost`` the parts of the cost
-model: seconds and bytes of a run, what the engine adds to a task, and how long a worker takes to begin.
+model: seconds and bytes of a run, what the engine adds to a task, and how long a worker takes to begin.  With
+``--grow`` that model beside sweeps of more and more runs.
 """
 
 from __future__ import annotations
 
 import argparse
-import contextlib
 import json
-import os
-import socket
-import subprocess
-import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from itouch.bench.batch import computed
 from itouch.platforms import cores
 from itouch.plugin.discovery import Catalog
 from itouch.schema import ItouchError
-from itouch.sweeps.client import sweep
+from itouch.sweeps import growth, ways
+from itouch.sweeps.client import TASK
 from itouch.sweeps.instant import client_alone
-from itouch.sweeps.store import paths_of
 
-_SWEEP = """<sweep version="1.0" name="bench" scene="{scene}">
-  <seeds count="{count}"/>
-  {rule}
-  <collect><report name="contacts" key="contacts[*].peak_force_N" reduce="count"/></collect>
-</sweep>
-"""
-
-
-def by_hand(scene: Path, count: int, seconds: float | None) -> float:
-    """Return sessions a second of the loop that one would write."""
-    import itouch
-
-    begin = time.perf_counter()
-    for seed in range(count):
-        session = itouch.build(scene, seed=seed)
-        session.run(seconds)
-        session.report()
-        session.close()
-    return count / (time.perf_counter() - begin)
-
-
-def by_sweep(scene: Path, count: int, seconds: float | None, **engine: Any) -> dict[str, float]:
-    """Return sessions a second of a sweep, with and without its begin and end, and the bytes of a row."""
-    with tempfile.TemporaryDirectory(prefix="itouch-bench-") as inner:
-        file = Path(inner) / "bench.xml"
-        rule = "" if seconds is None else f'<run for="{seconds} s"/>'
-        file.write_text(_SWEEP.format(scene=os.path.relpath(scene, inner), count=count, rule=rule), encoding="utf-8")
-        marks: list[tuple[float, int]] = []
-        begin = time.perf_counter()
-        sweep(file, Path(inner) / "rows", told=lambda p: marks.append((time.perf_counter(), p.done)), **engine)
-        whole = time.perf_counter() - begin
-        size = sum(path.stat().st_size for path in paths_of(Path(inner) / "rows"))
-    return {"per_s": count / whole, "steady_per_s": _steady(marks), "bytes_a_row": size / count, "s": whole}
-
-
-def _steady(marks: Sequence[tuple[float, int]]) -> float:
-    """Return the rate between the first row and the last."""
-    seen = [mark for mark in marks if mark[1] > 0]
-    if not seen or seen[-1][1] <= seen[0][1]:
-        return float("nan")
-    last = next(mark for mark in seen if mark[1] == seen[-1][1])
-    return (last[1] - seen[0][1]) / max(last[0] - seen[0][0], 1e-9)
-
-
-@contextlib.contextmanager
-def dask_cluster(workers: int) -> Iterator[str]:
-    """Return the address of a scheduler with so many worker processes of this machine, by Dask's own commands."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        address = f"tcp://127.0.0.1:{probe.getsockname()[1]}"
-    dask = [sys.executable, "-m", "dask"]
-    quiet: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    begun = [subprocess.Popen([*dask, "scheduler", "--host", address, "--no-dashboard"], **quiet)]
-    try:
-        for _ in range(workers):
-            words = [*dask, "worker", address, "--nthreads", "1", "--no-dashboard"]
-            begun.append(subprocess.Popen(words, **quiet))
-        yield address
-    finally:
-        for one in reversed(begun):
-            one.terminate()
-        for one in begun:
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                one.wait(10.0)
-            one.kill()
-
-
-def measure(scene: Path, sessions: int, seconds: float | None, *, dask: bool) -> dict[str, Any]:
-    """Return sessions a second by each way, and the gain of plain compute loops in the same run."""
-    count, rounds = cores(), 3_000_000
-    found: dict[str, Any] = {"scene": scene.name, "cores": count, "sessions": sessions}
-    found["by hand"] = by_hand(scene, sessions, seconds)
-    found["one process"] = by_sweep(scene, sessions, seconds, workers=1)
-    loop_one = computed(1, rounds)
-    found["processes"] = by_sweep(scene, sessions * count, seconds, workers=count)
-    found["gain of plain loops"] = computed(count, rounds) / loop_one
-    found["gain"] = found["processes"]["steady_per_s"] / found["one process"]["steady_per_s"]
-    found["share of that"] = found["gain"] / found["gain of plain loops"]
-    if dask:
-        with dask_cluster(count) as address:
-            found["dask"] = by_sweep(scene, sessions * count, seconds, engine="dask", scheduler=address)
-        found["dask of processes"] = found["dask"]["steady_per_s"] / found["processes"]["steady_per_s"]
-    return found
+#: The sweep to which the model is stretched: runs, workers.
+FAR = (1e8, 1e4)
 
 
 def overhead(tasks: int = 200) -> dict[str, float]:
@@ -128,17 +43,35 @@ def _nothing(number: int) -> int:
     return number
 
 
-def main(argv: Sequence[str]) -> int:
-    """Measure how many sessions a second sweeps run here, and what the cores and a cluster bring."""
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="itouch-py bench sweep", description=main.__doc__)
     parser.add_argument("scene", metavar="SCENE", help="a scene; it runs on twins")
-    parser.add_argument("--sessions", type=int, default=8, metavar="N", help="of each worker (default 8)")
+    parser.add_argument("--sessions", type=int, default=8, metavar="N", help="of each worker and round (default 8)")
+    parser.add_argument("--rounds", type=int, default=2, metavar="N", help="how often each way is measured (default 2)")
     parser.add_argument("--seconds", type=float, metavar="S", help="simulated, of each; default: its whole motion")
     parser.add_argument("--no-dask", action="store_true", help="leave out the cluster")
     parser.add_argument("--cost", action="store_true", help="the parts of the cost model instead")
     parser.add_argument("--client", type=int, metavar="N", help="what the client alone does with N runs of no time")
+    parser.add_argument("--grow", type=_counts, metavar="100,1000", help="sweeps of so many runs beside the cost model")
+    parser.add_argument("--run-seconds", type=float, default=8.0, metavar="S",
+                        help="of a run in the 1e8 to which --grow is stretched (default 8)")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print JSON")
-    options = parser.parse_args(argv)
+    return parser
+
+
+def _counts(text: str) -> tuple[int, ...]:
+    try:
+        found = tuple(round(float(part)) for part in text.split(","))
+    except (ValueError, OverflowError):
+        found = ()
+    if not found or min(found) < 2 or max(found) > 10**7:
+        raise argparse.ArgumentTypeError(f"'{text}' is not like 100,1000,1e4")
+    return found
+
+
+def main(argv: Sequence[str]) -> int:
+    """Measure how many sessions a second sweeps run here, and what the cores and a cluster bring."""
+    options = _parser().parse_args(argv)
     scene = Path(options.scene)
     if not scene.is_file():
         raise ItouchError(f"there is no scene '{scene}'")
@@ -147,41 +80,49 @@ def main(argv: Sequence[str]) -> int:
         return _printed(_client(scene, options.client), as_json=options.json)
     if options.cost:
         return _cost(scene, max(2, options.sessions), options.seconds, as_json=options.json)
-    found = measure(scene, max(2, options.sessions), options.seconds, dask=not options.no_dask)
+    if options.grow:
+        return _grow(scene, options)
+    found = ways.measure(
+        scene, max(2, options.sessions), options.seconds, dask=not options.no_dask, rounds=max(1, options.rounds)
+    )
+    print(json.dumps(ways.plain(found), indent=1) if options.json else "\n".join(ways.shown(found)))
+    return 0 if all(value >= ways.SHARE for _, value in found.bounds()) else 1
+
+
+def _grow(scene: Path, options: argparse.Namespace) -> int:
+    model = growth.parts(scene, options.seconds)
+    if not options.json:
+        print(f"model: first row after {model.begin_s:.1f} s, then {1e3 * model.run_s:.1f} ms a run in one process, "
+              f"{model.gain:.2f} times as many by {cores()} cores (two plain loops)", flush=True)  # fmt: skip
+    done = []
+    for one in growth.grown(scene, options.grow, options.seconds, model, dask=not options.no_dask):
+        done.append(one)
+        if not options.json:
+            print(growth.line(one), flush=True)
+    far = growth.extrapolated(done, *FAR, options.run_seconds, TASK)
     if options.json:
-        print(json.dumps(found, indent=1))
-        return 0
-    print(f"{found['scene']}, sessions a second (between the first row and the last):")
-    print(f"  by hand, one process    {found['by hand']:8.3f}")
-    rows = (("one process", "sweep, one process"), ("processes", "sweep, processes"), ("dask", "sweep, Dask"))
-    for key, name in rows:
-        if key in found:
-            print(f"  {name:<23} {found[key]['steady_per_s']:8.3f}   with begin and end {found[key]['per_s']:.3f}")
-    print(f"  gain of {found['cores']} cores {found['gain']:.2f}; of plain compute loops "
-          f"{found['gain of plain loops']:.2f}: {found['share of that']:.2f} of that")  # fmt: skip
-    if "dask" in found:
-        print(f"  Dask has {found['dask of processes']:.2f} of the rate of processes")
+        print(json.dumps({"model": asdict(model), "grown": [asdict(one) for one in done], "far": far}, indent=1))
+    else:
+        print("\n".join(far))
     return 0
 
 
 def _cost(scene: Path, sessions: int, seconds: float | None, *, as_json: bool) -> int:
     parts = overhead()
-    run = by_sweep(scene, sessions, seconds, workers=1)
+    rate, size = ways.by_sweep(scene, sessions, seconds, workers=1)
     found = {
-        "run_s": 1.0 / run["steady_per_s"], "bytes_a_row": run["bytes_a_row"], "engine_task_s": parts["task_s"],
-        "engine_begin_s": parts["begin_s"], "sweep_begin_s": max(0.0, run["s"] - sessions / run["steady_per_s"]),
+        "run_s": 1.0 / rate.per_s, "bytes_a_row": size, "engine_task_s": parts["task_s"],
+        "engine_begin_s": parts["begin_s"], "sweep_begin_s": max(0.0, rate.whole_s - sessions / rate.per_s),
     }  # fmt: skip
     return _printed(found, as_json=as_json)
 
 
 def _client(scene: Path, count: int) -> dict[str, float]:
     with tempfile.TemporaryDirectory(prefix="itouch-bench-") as inner:
-        file = Path(inner) / "bench.xml"
-        file.write_text(_SWEEP.format(scene=os.path.relpath(scene, inner), count=count, rule=""), encoding="utf-8")
-        return client_alone(file)
+        return client_alone(ways.written(Path(inner), scene, count, None))
 
 
-def _printed(found: dict[str, float], *, as_json: bool) -> int:
+def _printed(found: Mapping[str, Any], *, as_json: bool) -> int:
     if as_json:
         print(json.dumps(found, indent=1))
         return 0
