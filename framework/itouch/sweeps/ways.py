@@ -145,11 +145,12 @@ class Cluster:
 
 
 @contextlib.contextmanager
-def dask_cluster(workers: int) -> Iterator[Cluster]:
-    """Begin a scheduler and so many worker processes on this machine, by Dask's own commands."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        address = f"tcp://127.0.0.1:{probe.getsockname()[1]}"
+def dask_cluster(workers: int, address: str = "") -> Iterator[Cluster]:
+    """Begin a scheduler, at this address if there is one, and so many workers here, by Dask's own commands."""
+    if not address:
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            address = f"tcp://127.0.0.1:{probe.getsockname()[1]}"
     dask = [sys.executable, "-m", "dask"]
     quiet: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     scheduler = subprocess.Popen([*dask, "scheduler", "--host", address, "--no-dashboard"], **quiet)

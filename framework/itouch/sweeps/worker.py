@@ -161,10 +161,11 @@ def _tried(work: Work, run: Run, done: Done) -> dict[str, Any] | None:
                 runner.close()
                 return None
             kind, what, seconds = runner.run(run)
-            _give_back(runner)
             if kind == "row":
+                _give_back(runner)
                 done.seconds.append(seconds)
                 return dict(what)
+            runner.close()  # what it has taken, such as memory, is free again
             status, reason, outside = "machine", str(what), True
         except DeadError as dead:
             status, reason, outside = dead.status, str(dead), dead.outside
