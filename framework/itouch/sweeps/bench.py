@@ -53,6 +53,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--cost", action="store_true", help="the parts of the cost model instead")
     parser.add_argument("--client", type=int, metavar="N", help="what the client alone does with N runs of no time")
     parser.add_argument("--grow", type=_counts, metavar="100,1000", help="sweeps of so many runs beside the cost model")
+    parser.add_argument("--timeless", action="store_true", help="the runs of --grow take no time: only what client, "
+                        "engine and scheduler do with them")  # fmt: skip
     parser.add_argument("--run-seconds", type=float, default=8.0, metavar="S",
                         help="of a run in the 1e8 to which --grow is stretched (default 8)")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print JSON")
@@ -90,8 +92,8 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _grow(scene: Path, options: argparse.Namespace) -> int:
-    model = growth.parts(scene, options.seconds)
-    if not options.json:
+    model = None if options.timeless else growth.parts(scene, options.seconds)
+    if model is not None and not options.json:
         print(f"model: first row after {model.begin_s:.1f} s, then {1e3 * model.run_s:.1f} ms a run in one process, "
               f"{model.gain:.2f} times as many by {cores()} cores (two plain loops)", flush=True)  # fmt: skip
     done = []
@@ -99,9 +101,15 @@ def _grow(scene: Path, options: argparse.Namespace) -> int:
         done.append(one)
         if not options.json:
             print(growth.line(one), flush=True)
-    far = growth.extrapolated(done, *FAR, options.run_seconds, TASK)
+    each = 0.0
+    if not options.no_dask:
+        with ways.dask_cluster(cores()) as cluster:
+            each = growth.scheduler_s(cluster)
+    largest = max(done, key=lambda one: one.runs)
+    far = growth.extrapolated(largest, *FAR, options.run_seconds, TASK, each_s=each)
     if options.json:
-        print(json.dumps({"model": asdict(model), "grown": [asdict(one) for one in done], "far": far}, indent=1))
+        told = {"model": None if model is None else asdict(model), "grown": [asdict(one) for one in done]}
+        print(json.dumps({**told, "scheduler_task_s": each, "far": far}, indent=1))
     else:
         print("\n".join(far))
     return 0

@@ -17,9 +17,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from itouch.platforms import cores
+from itouch.plugin.discovery import Catalog
 from itouch.schema import ItouchError
-from itouch.sweeps.client import sweep
+from itouch.sweeps.client import Client as Sweeping
+from itouch.sweeps.engines import Engine
+from itouch.sweeps.instant import Timeless
 from itouch.sweeps.progress import Progress
+from itouch.sweeps.reading import load_sweep
 from itouch.sweeps.store import paths_of
 from itouch.sweeps.ways import Cluster, dask_cluster, loops, written
 
@@ -72,8 +76,8 @@ class Grown:
         return self.client.whole_s / self.model_s
 
 
-def client(file: Path, folder: Path, engine: str, scheduler: str, workers: int) -> Client:
-    """Run a sweep in this process, which does nothing else."""
+def client(file: Path, folder: Path, engine: str, scheduler: str, workers: int, *, timeless: bool = False) -> Client:
+    """Run a sweep in this process, which does nothing else; ``timeless``: with runs that take no time."""
     import resource
 
     begin, first, busy = time.perf_counter(), 0.0, time.process_time()
@@ -83,12 +87,14 @@ def client(file: Path, folder: Path, engine: str, scheduler: str, workers: int) 
         if not first and progress.done:
             first, busy = time.perf_counter() - begin, time.process_time()
 
-    ended = sweep(file, folder, engine=engine, scheduler=scheduler, workers=workers, told=told)
+    plugins, works = Catalog(), Engine(engine, scheduler, workers)
+    chosen = Timeless(works) if timeless else works
+    ended = Sweeping(load_sweep(file, plugins), folder, chosen, plugins, told).sweep()
     whole, most = time.perf_counter() - begin, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return Client(ended.rows, first or whole, whole, time.process_time() - busy, most / 1024.0)
 
 
-def apart(file: Path, folder: Path, cluster: Cluster | None, workers: int) -> Client:
+def apart(file: Path, folder: Path, cluster: Cluster | None, workers: int, *, timeless: bool = False) -> Client:
     """Run a sweep by a client that is a process of its own.
 
     Raises
@@ -98,6 +104,7 @@ def apart(file: Path, folder: Path, cluster: Cluster | None, workers: int) -> Cl
     """
     engine = ("dask", cluster.address) if cluster else ("processes", "")
     words = [sys.executable, "-m", "itouch.sweeps.growth", os.fspath(file), os.fspath(folder), *engine, str(workers)]
+    words += ["timeless"] if timeless else []
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     if done.returncode:
         raise ItouchError(f"the client ended with {done.returncode}: {done.stderr.strip()[-500:]}")
@@ -114,22 +121,25 @@ def parts(scene: Path, seconds: float | None) -> Parts:
     return Parts(one.first_s, (one.whole_s - one.first_s) / (PILOTS - 1), gain, size)
 
 
-def grown(scene: Path, counts: Sequence[int], seconds: float | None, model: Parts, *, dask: bool) -> Iterator[Grown]:
-    """Yield a sweep of each number of runs as it ends."""
+def grown(
+    scene: Path, counts: Sequence[int], seconds: float | None, model: Parts | None, *, dask: bool
+) -> Iterator[Grown]:  # fmt: skip
+    """Yield a sweep of each number of runs as it ends; without a model the runs take no time."""
+    no_time = model is None
     for count in counts:
         with tempfile.TemporaryDirectory(prefix="itouch-bench-") as inner:
             file, rows = written(Path(inner), scene, count, seconds), Path(inner) / "rows"
             if dask:
                 with dask_cluster(cores()) as cluster:
-                    done = apart(file, rows, cluster, cores())
+                    done = apart(file, rows, cluster, cores(), timeless=no_time)
                     busy, most = process(cluster.scheduler.pid)
             else:
-                done, busy, most = apart(file, rows, None, cores()), 0.0, 0.0
+                done, busy, most = apart(file, rows, None, cores(), timeless=no_time), 0.0, 0.0
             files = paths_of(rows)
             size = sum(path.stat().st_size for path in files) / count
         if done.rows != count:
             raise ItouchError(f"{count} runs have {done.rows} rows")
-        yield Grown(count, done, model.seconds(count), size, len(files), busy, most)
+        yield Grown(count, done, model.seconds(count) if model else float("nan"), size, len(files), busy, most)
 
 
 def process(pid: int) -> tuple[float, float]:
@@ -144,31 +154,52 @@ def process(pid: int) -> tuple[float, float]:
     return busy, most / 1024.0
 
 
-def extrapolated(some: Sequence[Grown], runs: float, workers: float, run_s: float, task_s: float) -> list[str]:
+def scheduler_s(cluster: Cluster, tasks: int = 100, idle_s: float = 3.0) -> float:
+    """Return the processor time [s] that a scheduler spends on a task, beyond what it spends on waiting.
+
+    The tasks do nothing, and are handed out as ever.
+    """
+    pid = cluster.scheduler.pid
+    with Engine("dask", cluster.address).working() as pool:
+        list(pool.results((_nothing, (number,)) for number in range(8)))
+        marks = [(time.perf_counter(), process(pid)[0])]
+        time.sleep(idle_s)
+        marks.append((time.perf_counter(), process(pid)[0]))
+        list(pool.results((_nothing, (number,)) for number in range(tasks)))
+        marks.append((time.perf_counter(), process(pid)[0]))
+    (begin, first), (middle, idle), (end, last) = marks
+    return max(0.0, last - idle - (idle - first) / (middle - begin) * (end - middle)) / tasks
+
+
+def _nothing(number: int) -> int:
+    return number
+
+
+def extrapolated(
+    largest: Grown, runs: float, workers: float, run_s: float, task_s: float, *, each_s: float = 0.0
+) -> list[str]:  # fmt: skip
     """Return what so many runs of so many seconds on so many workers would ask of each part, and which breaks.
 
     Parameters
     ----------
-    some
-        The sweeps by which client and scheduler are judged: the largest, and of the scheduler what it has more than
-        with the smallest.
+    largest
+        The sweep by which the client is judged.
     runs, workers, run_s
         Of the sweep that is asked about.
     task_s
         Seconds of work in a task.
+    each_s
+        Processor time of the scheduler for a task; 0: nobody knows.
     """
-    ordered = sorted(some, key=lambda one: one.runs)
-    least, most = ordered[0], ordered[-1]
-    rate, client_s = workers / run_s, most.client.cpu_s / most.runs
+    rate, client_s = workers / run_s, largest.client.cpu_s / largest.runs
     lines = [f"{runs:.0e} runs of {run_s:g} s on {workers:.0e} workers: {runs * run_s / workers / 3600.0:.1f} h, "
              f"{rate:.0f} rows a second"]  # fmt: skip
     lines.append(f"  client: {1e3 * client_s:.3f} ms of processor a row: {_load(rate * client_s)}")
-    spent = most.client.whole_s - least.client.whole_s
-    if spent > 0.0 and most.scheduler_cpu_s > least.scheduler_cpu_s:
-        each = (most.scheduler_cpu_s - least.scheduler_cpu_s) / (spent * cores() / task_s)
-        lines.append(f"  scheduler: {1e3 * each:.1f} ms of processor a task of {task_s:g} s, its idle time counted in: "
-                     f"{_load(workers / task_s * each)}")  # fmt: skip
-    lines.append(f"  rows: {runs * most.row_bytes / 1e9:.1f} GB in {runs / FILE:.0f} files or more, "
+    if each_s > 0.0:
+        lines.append(f"  scheduler: {1e3 * each_s:.2f} ms of processor a task, with tasks of {max(task_s, run_s):g} s: "
+                     f"{_load(workers / max(task_s, run_s) * each_s)}; 60 % with tasks of "
+                     f"{workers * each_s / 0.6:.0f} s")  # fmt: skip
+    lines.append(f"  rows: {runs * largest.row_bytes / 1e9:.1f} GB in {runs / FILE:.0f} files or more, "
                  f"{runs / PARTITION:.0f} partitions")  # fmt: skip
     lines.append(f"  to resume: {runs * DIGEST / 1e6:.0f} MB of digests")
     return lines
@@ -181,11 +212,15 @@ def _load(share: float) -> str:
 def line(one: Grown) -> str:
     """Return a sweep as a line."""
     told = one.client
-    scheduler = f", scheduler {one.scheduler_MiB:.0f} MiB {one.scheduler_cpu_s:.1f} s" if one.scheduler_MiB else ""
-    return (f"{one.runs:7d} runs: {told.whole_s:8.1f} s, model {one.model_s:8.1f} s ({one.ratio:.2f}); first row after "
-            f"{told.first_s:.1f} s; client {told.memory_MiB:.0f} MiB {told.cpu_s:.1f} s of processor{scheduler}; "
-            f"{one.row_bytes:.0f} bytes a row, {one.files} files")  # fmt: skip
+    model = f", model {one.model_s:8.1f} s ({one.ratio:.2f})" if one.model_s > 0.0 else ""
+    theirs = f"; scheduler {one.scheduler_MiB:.0f} MiB, {one.scheduler_cpu_s:.1f} s" if one.scheduler_MiB else ""
+    return (
+        f"{one.runs:7d} runs: {told.whole_s:8.1f} s{model}; first row after {told.first_s:.1f} s; client "
+        f"{told.memory_MiB:.0f} MiB, {told.cpu_s:.1f} s of processor{theirs}; {one.row_bytes:.0f} bytes a row, "
+        f"{one.files} files"
+    )
 
 
 if __name__ == "__main__":
-    print(json.dumps(asdict(client(Path(sys.argv[1]), Path(sys.argv[2]), sys.argv[3], sys.argv[4], int(sys.argv[5])))))
+    FOLDERS, ENGINE = (Path(sys.argv[1]), Path(sys.argv[2])), (sys.argv[3], sys.argv[4], int(sys.argv[5]))
+    print(json.dumps(asdict(client(*FOLDERS, *ENGINE, timeless="timeless" in sys.argv[6:]))))
