@@ -76,6 +76,12 @@ def cues(session: Session) -> Callable[[], dict[str, float]]:
     return end
 
 
+def felt(session: Session) -> Callable[[], dict[str, float]]:
+    """Return the mean flux [W/m2] of the first second, as the twin's finger felt it."""
+    touch = Touch(session, "peltier.twin.true_flux", "peltier.twin.true_skin")
+    return lambda: {"flux": touch.felt().mean_flux() if touch.samples else math.nan}
+
+
 def truth(session: Session) -> Callable[[], dict[str, Any]]:
     """Return how many absolute limits were truly passed, whatever sensors said, and the extremes of the plate."""
     watched = Truth(session)

@@ -4,10 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from itouch.plugin.discovery import Catalog
+from itouch.scene import shipping
+from itouch.study.observers import Felt
+from itouch.study.power import power
+from itouch.study.reading import StudyFile, load_study
 from itouch.sweeps.figures import bits, confusion, proportion
 
 if TYPE_CHECKING:
@@ -67,6 +73,61 @@ def _percent(values: Sequence[float]) -> str:
     if len(values) < 2:
         return f"{mean} %"
     return f"{mean} ± {196.0 * float(np.std(values, ddof=1)) / math.sqrt(len(values)):.1f} %"
+
+
+def how_many_people(found: Rows) -> tuple[list[str], Drawn]:
+    """Tell how wide intervals are, and how often equivalence is found, against the size of the panel."""
+    study = _study(found)
+    done = [row for row in found if row["status"] == "done" and row["felt_flux"] is not None]
+    panels, repetitions = (8, 12, 16, 24, 32, 40), (5, 10, 20)
+    powers = power(study, _library(study, done), panels, repetitions=repetitions)
+    names = list(powers[0].equivalence)
+    lines = [f"'{study.name}', {len(done)} touches; observers judge by flux, and differ in noise, lapses, finger.", "",
+             "| people | repetitions | right | 95 % interval | " + " | ".join(names) + " |",
+             "|---|---|---|---|" + "---|" * len(names)]  # fmt: skip
+    for one in powers:
+        cells = " | ".join(f"{100.0 * one.equivalence[name]:.0f} %" for name in names)
+        lines.append(f"| {one.panel} | {one.repetitions} | {100.0 * one.proportion:.1f} % | "
+                     f"± {100.0 * one.half_width:.1f} % | {cells} |")  # fmt: skip
+    lines.append("\nThe last columns: power of the test of equivalence, margin 10 %, two one-sided tests at 5 %.")
+
+    def draw(axes: Axes) -> None:
+        for count in repetitions:
+            some = [one for one in powers if one.repetitions == count]
+            sizes = [one.panel for one in some]
+            (line,) = axes.plot(sizes, [100.0 * one.half_width for one in some], marker="o",
+                                label=f"interval, {count} repetitions")  # fmt: skip
+            for name in names:
+                axes.plot(sizes, [100.0 * one.equivalence[name] for one in some], linestyle="--",
+                          color=line.get_color(), label=f"power, {name}, {count}")  # fmt: skip
+        axes.set_xlabel("people")
+        axes.set_ylabel("half of the 95 % interval, power [%]")
+        axes.legend(fontsize=6)
+
+    return lines, draw
+
+
+def _study(found: Rows) -> StudyFile:
+    """Return the shipped study whose factors the rows have."""
+    home = shipping.folder() or Path()
+    for path in sorted((home / "studies").glob("*.xml")):
+        study = load_study(path, Catalog())
+        known = {repr(condition) for condition in study.conditions()}
+        names = [factor.name for factor in study.study.factors]
+        if names and all(repr({name: row.get(name) for name in names}) in known for row in found):
+            return study
+    raise ValueError("no shipped study has these conditions; for your own use 'itouch-py study power'")
+
+
+def _library(study: StudyFile, done: Rows) -> list[dict[str, list[Felt]]]:
+    """Return what is felt, finger by finger: condition (as its repr) -> touches of that mean flux."""
+    names = [factor.name for factor in study.study.factors]
+    fingers: dict[float, dict[str, list[Felt]]] = {}
+    for row in done:
+        flux = np.full(100, row["felt_flux"])
+        touches = fingers.setdefault(row["finger"], {}).setdefault(repr({name: row[name] for name in names}), [])
+        touches.append(Felt(flux, np.full(100, 300.0), np.full(100, 300.0), 0.01))
+    return [fingers[finger] for finger in sorted(fingers)]
 
 
 def one_tuning(found: Rows) -> tuple[list[str], Drawn]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +18,9 @@ from itouch.sweeps import pages
 from itouch.sweeps.figures import bits, confusion, proportion
 from itouch.sweeps.pages import maker, names
 
-choose, identify, safety, tuning = (
-    maker(name) for name in ("choose-a-display", "identify-materials", "safety-by-number", "one-tuning")
+choose, identify, safety, tuning, people = (
+    maker(name)
+    for name in ("choose-a-display", "identify-materials", "safety-by-number", "one-tuning", "how-many-people")
 )
 
 
@@ -104,8 +106,28 @@ def test_what_is_beaten_in_everything_is_not_on_the_front(tmp_path: Path) -> Non
     assert (tmp_path / "figure.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_more_people_make_narrower_intervals_and_more_power(monkeypatch: pytest.MonkeyPatch) -> None:
+    module = people.__globals__
+    monkeypatch.setitem(module, "power", partial(module["power"], pool=24, studies=24))
+    flux = {"aluminium": 3700.0, "pyrex": 3100.0, "wood": 1900.0, "pmma": 2300.0, "polystyrene": 430.0}
+    rows = [
+        {"status": "done", "material": material, "source": source, "finger": finger, "felt_flux": own * (finger / 30.0)}
+        for material, own in flux.items() for source in ("real", "rendered") for finger in (25.7, 28.5, 31.3)
+    ]  # fmt: skip
+    lines, draw = people([*rows, {**rows[0], "status": "crashed", "felt_flux": None}])
+    assert lines[0].startswith("'real and rendered', 30 touches")
+    cells = [line.split(" | ") for line in lines if line.startswith(("| 8 ", "| 40 "))]
+    widths = {(row[0].strip("| "), row[1]): float(row[3].split()[1]) for row in cells}
+    assert widths["8", "10"] > 1.5 * widths["40", "10"]
+    powers = {(row[0].strip("| "), row[1]): float(row[4].split()[0]) for row in cells}
+    assert powers["40", "20"] >= powers["8", "5"]  # both sources are the same here
+    assert powers["40", "20"] > 95.0
+    with pytest.raises(ValueError, match="no shipped study has these conditions"):
+        people([{**row, "source": "dreamt"} for row in rows])
+
+
 def test_the_shipped_pages_are_those_of_the_shipped_sweeps() -> None:
-    assert names() == ["choose-a-display", "identify-materials", "one-tuning", "safety-by-number"]
+    assert names() == ["choose-a-display", "how-many-people", "identify-materials", "one-tuning", "safety-by-number"]
     with pytest.raises(ItouchError, match="did you mean 'one-tuning'"):
         maker("one-tunin")
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import random
 import shutil
 import signal
@@ -191,33 +190,6 @@ def test_a_scheduler_that_is_not_there_is_told(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr("itouch.sweeps.engines.ANSWERS", 1.0)
     with pytest.raises(NoEngineError, match="no scheduler answers at"), Engine("dask", "tcp://127.0.0.1:9").working():
         pass
-
-
-def killed(path: Path, out: Path, wanted: int, seed: int) -> int:
-    """Run a sweep by its command and kill the client again and again; return how often it was killed."""
-    rng, kills = random.Random(seed), 0
-    command = [sys.executable, "-m", "itouch.cli", "sweep", str(path), "-o", str(out), "--workers", "1"]
-    while kills < wanted:
-        client = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
-        try:
-            client.wait(rng.uniform(1.0, 15.0))
-        except subprocess.TimeoutExpired:
-            os.killpg(client.pid, signal.SIGKILL)
-            client.wait()
-            kills += 1
-        else:
-            break
-    return kills
-
-
-@pytest.mark.long
-def test_clients_that_are_killed_lose_and_double_nothing(tmp_path: Path) -> None:
-    inside = VARIED.replace('<seeds count="2"/>', '<seeds count="200"/>') + COLLECT
-    path = written(tmp_path / "a", inside)
-    assert killed(path, tmp_path / "out", 50, 1) == 50
-    assert swept(path, tmp_path / "out", Engine(workers=2)).whole
-    assert swept(path, tmp_path / "alone", Breaking()).rows == 800
-    assert table(tmp_path / "out").equals(table(tmp_path / "alone"))
 
 
 def test_a_client_that_is_killed_leaves_whole_files(home: Path, tmp_path: Path) -> None:

@@ -76,8 +76,9 @@ def strike(path: Path, out: Path, number: int, rng: random.Random) -> dict[str, 
         command = [sys.executable, "-c", _ENDING, place, str(rng.choice((0, 1, 2, 2, 3, 3))), *words]
     else:
         command = [sys.executable, "-m", "itouch.cli", *words]
-    client, begin = begun(command, mark, path.parent / "clients.log"), time.monotonic()
-    _wait(client, stage, out, len(before), rng)
+    files, begin = len(paths_of(out)), time.monotonic()
+    client = begun(command, mark, path.parent / "clients.log")
+    _wait(client, stage, out, files, rng)
     died = time.monotonic() - begin
     ended = client.poll() is not None
     client.kill()
@@ -90,12 +91,11 @@ def strike(path: Path, out: Path, number: int, rng: random.Random) -> dict[str, 
             "good": not lost and not doubled and not left}  # fmt: skip
 
 
-def _wait(client: subprocess.Popen[bytes], stage: str, out: Path, before: int, rng: random.Random) -> None:
+def _wait(client: subprocess.Popen[bytes], stage: str, out: Path, files: int, rng: random.Random) -> None:
     """Wait until the instant at which a client is to be killed, or has ended itself."""
     end = time.monotonic() + (rng.uniform(0.0, 12.0) if stage == "begin" else BEGUN)
-    files = len(paths_of(out))
     while time.monotonic() < end and client.poll() is None:
-        if stage == "rows" and len(paths_of(out)) > files and len(_digests(out)) > before:
+        if stage == "rows" and len(paths_of(out)) > files:
             time.sleep(rng.uniform(0.0, 2.5))
             return
         time.sleep(0.02)

@@ -17,8 +17,8 @@ from itouch.schema import ItouchError
 from itouch.sweeps.store import rows, table
 from itouch.sweeps.ways import dask_cluster
 
-#: Runs of the sweep whose function ends its process on one of them, of the others, and which run is hit.
-MANY, SOME, HIT = 1000, 200, 503
+#: Runs of the sweep whose function ends its process on one of them, on a cluster, and of the others; which run is hit.
+MANY, CLUSTER, SOME, HIT = 1000, 1500, 200, 503
 #: Seconds within which each of them must have come to its end.
 PATIENCE = 3000.0
 _CRASHES = f"""import os, signal
@@ -83,7 +83,7 @@ def _wait(what: Callable[[], bool]) -> None:
 
 def cluster(home: Path) -> dict[str, Any]:
     """Kill a worker of a Dask cluster, then its scheduler and all others; begin them anew at the same address."""
-    path, out = small(home, SOME, run="1 s"), home / "rows"
+    path, out = small(home, CLUSTER, run="1 s"), home / "rows"
     with dask_cluster(3) as one:
         client = subprocess.Popen(
             _sweep(path, out, "--engine", "dask", "--scheduler", one.address), stdout=subprocess.DEVNULL,
@@ -104,19 +104,21 @@ def cluster(home: Path) -> dict[str, Any]:
     alone = _ran(_sweep(path, home / "alone", "--workers", "1"))
     same = client.returncode == 0 and alone.returncode == 0 and bool(table(out).equals(table(home / "alone")))
     return {"rows": _count(out), "at_worker": first, "at_scheduler": second, "code": client.returncode, "same": same,
-            "good": same and second < SOME}  # fmt: skip
+            "good": same and second < CLUSTER}  # fmt: skip
 
 
 def disk(home: Path) -> dict[str, Any]:
-    """Let the disk be full, then have room again: in a file system of a few hundred kilobytes."""
-    path, out = small(home, SOME, run="0.2 s"), home / "small"
+    """Let a disk be full when the first rows are on it, then have room again: in a file system of a megabyte."""
+    path, out = small(home, 4 * SOME, run="1 s"), home / "small"
     out.mkdir(exist_ok=True)
     command = " ".join(f"'{word}'" for word in _sweep(path, out / "rows", "--workers", "1"))
-    script = f"""mount -t tmpfs -o size=96k tmpfs '{out}' || exit 77
-dd if=/dev/zero of='{out}/filler' bs=1k count=60 2>/dev/null
-{command} >'{home}/first' 2>&1; echo $? >'{home}/code'
-ls '{out}/rows/runs'/*/*.parquet 2>/dev/null | wc -l >'{home}/files'
+    script = f"""mount -t tmpfs -o size=1m tmpfs '{out}' || exit 77
+{command} >'{home}/first' 2>&1 & client=$!
+until ls '{out}'/rows/runs/*/*.parquet >/dev/null 2>&1 || ! kill -0 $client 2>/dev/null; do sleep 0.1; done
+dd if=/dev/zero of='{out}/filler' bs=1k 2>/dev/null
+wait $client; echo $? >'{home}/code'
 rm '{out}/filler'; mount -o remount,size=64m tmpfs '{out}'
+cp -r '{out}/rows' '{home}/then'
 {command} >'{home}/second' 2>&1; code=$?
 cp -r '{out}/rows' '{home}/rows'; exit $code
 """
@@ -125,9 +127,10 @@ cp -r '{out}/rows' '{home}/rows'; exit $code
         return {"tried": False, "why": "no file system can be mounted here", "good": True}
     alone = _ran(_sweep(path, home / "alone", "--workers", "1"))
     said = (home / "first").read_text(encoding="utf-8").strip().splitlines()[-1:]
-    code = int((home / "code").read_text(encoding="utf-8"))
+    code, then = int((home / "code").read_text(encoding="utf-8")), _count(home / "then")
     same = done.returncode == 0 and alone.returncode == 0 and bool(table(home / "rows").equals(table(home / "alone")))
-    return {"tried": True, "code": code, "said": " ".join(said), "same": same, "good": same and code == 2}
+    return {"tried": True, "code": code, "said": " ".join(said), "rows_then": then, "same": same,
+            "good": same and code == 2 and 0 < then < 4 * SOME}  # fmt: skip
 
 
 def memory(home: Path) -> dict[str, Any]:
