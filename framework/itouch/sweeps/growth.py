@@ -222,5 +222,6 @@ def line(one: Grown) -> str:
 
 
 if __name__ == "__main__":
-    FOLDERS, ENGINE = (Path(sys.argv[1]), Path(sys.argv[2])), (sys.argv[3], sys.argv[4], int(sys.argv[5]))
-    print(json.dumps(asdict(client(*FOLDERS, *ENGINE, timeless="timeless" in sys.argv[6:]))))
+    FILE_OF, ROWS, ENGINE, SCHEDULER, WORKERS, *HOW = sys.argv[1:]
+    DONE = client(Path(FILE_OF), Path(ROWS), ENGINE, SCHEDULER, int(WORKERS), timeless="timeless" in HOW)
+    print(json.dumps(asdict(DONE)))
