@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from functools import partial
 from pathlib import Path
+from types import FunctionType
+from typing import cast
 
 import numpy as np
 import pytest
@@ -107,7 +109,7 @@ def test_what_is_beaten_in_everything_is_not_on_the_front(tmp_path: Path) -> Non
 
 
 def test_more_people_make_narrower_intervals_and_more_power(monkeypatch: pytest.MonkeyPatch) -> None:
-    module = people.__globals__
+    module = cast("FunctionType", people).__globals__
     monkeypatch.setitem(module, "power", partial(module["power"], pool=24, studies=24))
     flux = {"aluminium": 3700.0, "pyrex": 3100.0, "wood": 1900.0, "pmma": 2300.0, "polystyrene": 430.0}
     rows = [
