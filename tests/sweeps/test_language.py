@@ -78,7 +78,7 @@ def test_the_schema_takes_shipped_sweeps_and_refuses_mistakes(tmp_path: Path) ->
     for path in SWEEPS:
         schema.assertValid(etree.parse(str(path)))
         text = path.read_text(encoding="utf-8")
-        for right, wrong in (("<collect>", '<collect of="1">'), (' name="material"', ' nam="material"')):
+        for right, wrong in (("<collect>", '<collect of="1">'), (' set="', ' sett="')):
             assert right in text
             assert not schema.validate(etree.fromstring(text.replace(right, wrong).encode()))
 
