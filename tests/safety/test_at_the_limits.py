@@ -431,9 +431,9 @@ def test_a_full_ring_forgets_the_oldest() -> None:
 )  # fmt: skip
 def test_from_where_a_surface_is_touched(load: float, gap: float, calibrated: bool, touched: bool) -> None:
     monitor, memory = made(Surface, TABLE)
-    reading, moment = record(TABLE[0]), Moment(now=1.0, gap=gap, calibrated=calibrated)
+    reading, moment = record(TABLE[0]), Moment(now=1.0, time=1.0, gap=gap, calibrated=calibrated)
     reading["wrench"][2] = -load
-    assert monitor.check(memory, reading, reading, moment) == 1.0
+    assert monitor.check(memory, reading, record(TABLE[1]), moment) == 1.0
     assert (moment.touched, moment.force) == (touched, load)
 
 
@@ -442,18 +442,33 @@ def test_a_surface_trips_above_five_newton(load: float, found: float) -> None:
     monitor, memory = made(Surface, TABLE)
     reading = record(TABLE[0])
     reading["wrench"][1] = load
-    assert monitor.check(memory, reading, reading, Moment(now=1.0, gap=0.0)) == found
+    assert monitor.check(memory, reading, record(TABLE[1]), Moment(now=1.0, time=1.0, gap=0.0)) == found
 
 
 def test_a_surface_may_be_astray_for_a_tenth_of_a_second() -> None:
     monitor, memory = made(Surface, TABLE)
-    assert not monitor._astray(memory, Moment(strayed=0.005, seconds=9.0))
+    assert not monitor._astray(memory, record(TABLE[0]), Moment(strayed=0.005, seconds=9.0))
     for _ in range(10):
-        assert not monitor._astray(memory, Moment(strayed=0.0051, seconds=0.01))
+        assert not monitor._astray(memory, record(TABLE[0]), Moment(strayed=0.0051, seconds=0.01))
     assert memory["strayed_for"].item() == pytest.approx(0.1)
-    assert monitor._astray(memory, Moment(strayed=0.0051, seconds=0.0001))
-    assert not monitor._astray(memory, Moment(strayed=math.nan, seconds=9.0))
+    assert monitor._astray(memory, record(TABLE[0]), Moment(strayed=0.0051, seconds=0.0001))
+    assert not monitor._astray(memory, record(TABLE[0]), Moment(strayed=math.nan, seconds=9.0))
     assert memory["strayed_for"].item() == 0.0
+
+
+def test_a_surface_behind_a_wire_is_astray_from_where_it_was_sent_when_it_was_measured() -> None:
+    """A reading that is 20 ms old is measured by the goals of the last 40 ms and a step, not by the newest one."""
+    for age, where, astray in ((0.020, 0.010, False), (0.020, 0.0125 + 0.0051, True), (0.0, 0.010, True)):
+        monitor, memory = made(Surface, TABLE)
+        monitor.forget(memory)
+        reading, sent = record(TABLE[0]), record(TABLE[1])
+        for step in range(20):  # 0.25 m/s downwards, noted every 10 ms
+            sent["pose_target"][2] = 0.010 + 0.0025 * (19 - step - 4)
+            monitor._note(memory, sent, 0.01 * step)
+        reading["pose"][2] = where
+        away = where - sent["pose_target"][2].item()
+        moment = Moment(now=0.19, time=0.19 - age, strayed=abs(away), seconds=1.0)
+        assert monitor._astray(memory, reading, moment) is astray, (age, where)
 
 
 def test_the_clock_of_contact_at_its_limits() -> None:
@@ -795,11 +810,11 @@ KEPT = {
     (Arm, "arm"): "figure",
     (Push, "pad"): "figure",
     (Ordinary, "arm"): "figure",
-    (Surface, "table"): "contact_time[0..inf] withdrawn counted strayed_for doubted near_since looked places[0..inf] "
-    "track(16, 7) figure(2)",
+    (Surface, "table"): "contact_time[0..inf] withdrawn counted strayed_for[0..inf] doubted[0..inf] near_since looked "
+    "places[0..inf] track(16, 7) goals(16, 4) goal[0..inf] figure(2)",
     (Heat, "plate"): "samples[0..inf] history(256, 4) flux tails(4)[0..inf] dose[0..inf] cold_time[0..inf] since frozen "
-    "frozen_at frozen_for frozen_drive frozen_held frozen_slope frozen_from driven_for parts(24, 3) touched_at odd_for figure2(2) "
-    "figure(3)",
+    "frozen_at frozen_for[0..inf] frozen_drive[0..inf] frozen_held[0..inf] frozen_slope frozen_from driven_for "
+    "parts(24, 3) touched_at odd_for[0..inf] figure2(2) figure(3)",
 }  # fmt: skip
 
 

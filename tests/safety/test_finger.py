@@ -10,11 +10,15 @@ from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, Channels, Fake, model, stat
 
 from itouch.monitors import DeviceFaultError, Trip
 from itouch.monitors.carried import Nearing
-from itouch.plugin import DeviceError, Record, plate_temperature, temperature_target
+from itouch.plugin import Channel, DeviceError, Record, Role, measured_wrench, plate_temperature, temperature_target
 from itouch.safety import Finger, Supervisor
 from itouch.world.limits import DeviceLimits
 
 Parts = dict[str, Channels]
+#: A cuff of air.
+PAD: Channels = (
+    (measured_wrench(force=50.0),), (Channel("air", 1, "Pa", (0.0,), (5e4,), safe=(0.0,), role=Role.PRESSURE),),
+)  # fmt: skip
 #: A pad that holds a temperature by its own control; 0 K: it holds none.
 HOLDER: Channels = ((plate_temperature(),), (temperature_target("goal", low=0.0, high=330.0, safe=0.0),))
 
@@ -57,6 +61,31 @@ def test_an_arm_leaves_to_a_plate_what_it_presses_with(pressed: float, left: flo
     press(table, pressed)
     finger.check(1)
     assert push(arm, 3.0) == pytest.approx(left)
+
+
+@pytest.mark.parametrize(("pressed", "left"), [(0.0, 3.0), (0.02, 3.0), (1.0, 2.0), (3.5, 0.0)])
+def test_an_arm_leaves_to_a_cuff_what_it_presses_with(pressed: float, left: float) -> None:
+    _, (arm, cuff), finger = hand({"arm": ARM, "cuff": PAD})
+    press(cuff, pressed)
+    finger.check(1)
+    assert push(arm, 3.0) == pytest.approx(left)
+    assert not finger.alone
+    assert not finger.simple
+
+
+def test_a_cuff_and_a_surface_trip_together_and_the_stronger_is_named() -> None:
+    """Three newton each; five is the trip of each, and of both."""
+    for names in (("cuff", "table"), ("one", "cuff")):
+        parts = {name: PAD if name == "cuff" else TABLE for name in names}
+        _, devices, finger = hand(parts)
+        for device, force in zip(devices, (2.4, 2.5), strict=True):
+            press(device, force)
+        finger.check(1)
+        press(devices[1], 2.7, 2)
+        with pytest.raises(DeviceFaultError, match="presses with others on the finger of 'tip' with 5.1 N") as caught:
+            finger.check(2)
+        assert caught.value.device == names[1]
+        assert caught.value.trip is Trip.FINGER_FORCE
 
 
 def test_an_arm_leaves_what_surfaces_may_press_with_next() -> None:

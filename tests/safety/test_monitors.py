@@ -226,9 +226,10 @@ class Toy(Monitor):
         yield cls(device)
 
     def check(self, state: Record, reading: Record, sent: Record, moment: Moment) -> float:
-        if isinstance(self.says, Exception):
+        if isinstance(self.says, BaseException):
             raise self.says
-        return float(self.says)
+        reading.numbers[:], sent.numbers[:], moment.touched = 0.0, 9.0, False  # what it is shown is its own
+        return self.says  # type: ignore[no-any-return]
 
     def rule(self, code: int, reading: Record) -> str:
         if code == 2:
@@ -258,12 +259,40 @@ def toyed(says: Any, kind: type[Toy] = Toy, twin: Any = None) -> Supervisor:
         (-3.0, Trip.MONITOR_ERROR, "returned -3.0: neither a share nor a trip"),
         (math.nan, Trip.MONITOR_ERROR, "returned nan"), (2.0, Trip.MONITOR_ERROR, "returned 2.0"),
         (-math.inf, Trip.MONITOR_ERROR, "returned -inf"), (ValueError("no"), Trip.MONITOR_ERROR, "failed: ValueError: no"),
+        (SystemExit(3), Trip.MONITOR_ERROR, "failed: SystemExit: 3"), ("0.5", Trip.MONITOR_ERROR, "'0.5' is no number"),
+        (b"1", Trip.MONITOR_ERROR, "b'1' is no number"), (None, Trip.MONITOR_ERROR, "failed: TypeError"),
     ],
 )  # fmt: skip
 def test_what_a_monitor_may_return(says: Any, trip: Trip, words: str) -> None:
     with pytest.raises(DeviceFaultError, match=words) as caught:
         toyed(says).read(0)
     assert caught.value.trip is trip
+
+
+def test_what_a_monitor_of_a_plugin_writes_is_seen_by_nobody() -> None:
+    device = toyed(0.5)
+    device.read(0)
+    assert device.panel.seen["plate_temperature"].item() == 300.0
+    assert device.sent["current"].item() == 0.0
+    assert device.panel.moment.touched
+
+
+def test_ctrl_c_in_a_plugin_is_ctrl_c() -> None:
+    with pytest.raises(KeyboardInterrupt):
+        toyed(KeyboardInterrupt()).read(0)
+    device = toyed(1.0)
+    assert isinstance(device.device, Fake)
+
+    def stop(reading: Record) -> bool:
+        raise KeyboardInterrupt
+
+    device.read(0)
+    device.device.write_fails = KeyboardInterrupt()  # type: ignore[assignment]
+    with pytest.raises(KeyboardInterrupt):
+        device.write(1)
+    device.device.says = stop
+    with pytest.raises(KeyboardInterrupt):
+        device.read(2)
 
 
 def test_the_words_of_a_monitor_that_says_nothing() -> None:
@@ -335,6 +364,47 @@ def test_a_reading_may_be_older_than_it_comes() -> None:
     twin.left, twin.says = None, lambda reading: False
     device.read(2)
     assert (device._left.item(), set(device._measured.tolist())) == (3, {-1})
+
+
+@pytest.mark.parametrize("channels", [PLATE, ARM, TABLE], ids=["plate", "arm", "table"])
+@pytest.mark.parametrize(("behind", "silent"), [(20, False), (21, True)])
+def test_a_reading_is_as_old_as_what_was_measured_first(channels: Any, behind: int, silent: bool) -> None:
+    """The watchdog of 20 ms counts from when it was measured, of what may be hurt by or press; only while enabled."""
+
+    class Old(StampedTwin):
+        def measured(self, state: Record, tick: int, ticks: Any) -> None:
+            ticks[...] = tick
+            ticks[0] = tick - behind
+
+    one = model(channels, twin=True)
+    device = Supervisor(one, state(one), PERIOD, twin=Old())
+    device.reset()
+    device.open()
+    for name, view in device.reading.items():
+        view[...] = 300.0 if name.endswith("temperature") else 0.0
+    device.read(0)
+    device.enable()
+    if not silent:
+        device.read(1)
+        return
+    with pytest.raises(DeviceFaultError, match=r"was silent for 0\.021 s") as caught:
+        device.read(1)
+    assert caught.value.trip is Trip.SILENT
+
+
+def test_a_heat_sink_may_be_asked_now_and_then() -> None:
+    class Sink(StampedTwin):
+        def measured(self, state: Record, tick: int, ticks: Any) -> None:
+            ticks[...] = tick, tick - 500, tick
+
+    one = model(PLATE, twin=True)
+    device = Supervisor(one, state(one), PERIOD, twin=Sink())
+    device.reset()
+    device.open()
+    device.reading["plate_temperature"] = device.reading["sink_temperature"] = 300.0
+    device.read(0)
+    device.enable()
+    device.read(1)
 
 
 def test_a_target_goes_to_the_middle_as_less_is_left() -> None:

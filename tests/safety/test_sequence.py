@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable
 
@@ -10,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from parts import ARM, PERIOD, PLATE, TABLE, Fake, FakeTwin, model, state
 
-from itouch.plugin import Channel, Record
+from itouch.plugin import HOLD, Channel, Record
 from itouch.plugin.stamps import Stamped
 from itouch.safety import DeviceFaultError, Outcome, SafeSequence, Status, Supervisor, Trip
 from itouch.safety.sequence import LEAVE_TIME, SAFE_TIME
@@ -377,6 +378,17 @@ def test_without_a_force_sensor_the_finger_is_taken_to_leave() -> None:
     assert [drive for _, _, drive in rig.sent][:3] == [1.5, 0.0, 0.0]
 
 
+@pytest.mark.parametrize(("load", "said"), [(0.0, "held where it is"), (1.0, "held where it is, still touched")])
+def test_a_surface_whose_plugin_holds_it_is_held(load: float, said: str) -> None:
+    holds = dataclasses.replace(TABLE[1][0], safe=HOLD)
+    rig = Rig(table=(TABLE[0], (holds,)))
+    rig.load = load
+    rig.obey = lambda goal: None
+    outcome = rig.stop("arm")
+    assert outcome.devices["table"] == said
+    assert outcome.safe is (load == 0.0)
+
+
 def test_a_surface_without_ends_retracts_nowhere() -> None:
     endless = Channel("pose_target", 7, "m", safe=TABLE[1][0].safe, role=TABLE[1][0].role)
     rig = Rig(table=(TABLE[0], (endless,)))
@@ -491,3 +503,25 @@ def test_a_display_may_answer_now_and_then_but_must_not_fall_silent(every: int, 
 
     rig.plate.device.read = say  # type: ignore[method-assign]
     assert rig.stop("arm", Trip.SPEED).safe is safe
+
+
+@pytest.mark.parametrize("behind", [7, 20])
+def test_a_backlog_from_before_any_stop_says_nothing_of_the_retreat(behind: int) -> None:
+    """An arm trips while a table behind a wire goes down; it then comes up: what arrives at first is its way down."""
+    rig = Rig()
+    slow_table(rig, 0, behind)
+    rig.load = 0.0
+    rig.obey = lambda goal: setattr(rig, "height", 0.06 - goal)
+    outcome = rig.stop("arm", Trip.SPEED)
+    assert outcome.devices["table"].startswith("goes the wrong way: held ")
+    assert rig.height < 0.03 + (2 * behind + 12) * 0.00025
+
+
+def test_readings_that_were_all_measured_before_the_stop_verify_nothing() -> None:
+    rig = Rig()
+    assert rig.table.device is not None
+    stuck = rig.state["tick"].item() - 1
+    rig.table.device.measured = lambda state, tick, ticks: ticks.__setitem__(Ellipsis, stuck)  # type: ignore[attr-defined]
+    outcome = rig.stop("arm", Trip.SPEED)
+    assert not outcome.safe
+    assert outcome.devices["table"] == "not measured since it was told to retract"

@@ -42,10 +42,14 @@ class ThreadedDevice(Device, Stamped):
     replaced by the safe one: a loop that hangs must not leave its last force standing.
     """
 
-    def __init__(self, device: Device, *, patience: float, servo_period: float = 1e-3) -> None:
+    def __init__(
+        self, device: Device, *, patience: float, servo_period: float = 1e-3, commands: tuple[Channel, ...] = ()
+    ) -> None:
         super().__init__(device.params)
         self.device, self._period = device, servo_period
-        self._reads, self._commands = type(device).channels(device.params)
+        self._reads, declared = type(device).channels(device.params)
+        #: With what each is when the device must be safe, which the plugin may have left open.
+        self._commands = commands or declared
         self._patience = patience
         self._reading, self._command = _record(self._reads), _record(self._commands)
         self._newest: _Reading | None = None
@@ -149,16 +153,16 @@ class ThreadedDevice(Device, Stamped):
         keep_up()
         try:
             self.device.open()
-        except Exception as error:
-            self._error = error
+        except BaseException as error:
+            self._error = _told(error)
             read.set()
             return
         finally:
             opened.set()
         try:
             self._exchange(read, ending)
-        except Exception as error:
-            self._error = error
+        except BaseException as error:
+            self._error = _told(error)
         finally:
             self._call(self.device.close)
             read.set()
@@ -166,8 +170,8 @@ class ThreadedDevice(Device, Stamped):
     def _call(self, act: Callable[[], None]) -> None:
         try:
             act()
-        except Exception as error:
-            self._error = self._error or error
+        except BaseException as error:
+            self._error = self._error or _told(error)
 
     def _exchange(self, read: threading.Event, ending: threading.Event) -> None:
         period, sent, stamps, way = type(self.device).period, None, self._stamps, 0.0
@@ -213,6 +217,11 @@ class ThreadedDevice(Device, Stamped):
             self._wanted = None if self._wanted is wanted else self._wanted
         self.device.write(self._command)
         return wanted
+
+
+def _told(error: BaseException) -> Exception:
+    """Return what the loop is to raise: a driver that wants to end the program has failed like any other."""
+    return error if isinstance(error, Exception) else DeviceError(f"has tried to end the program: {error!r}")
 
 
 def keep_up() -> None:

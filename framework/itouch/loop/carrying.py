@@ -110,21 +110,25 @@ def look_below(
 
 @kernel
 def carried(
-    c: Floats, table: Floats, sent: Floats, figures: Floats, kept: Floats, load: Floats, renders: Any, present: Any,
-    distance: Any, gap: Any, primary: Any, there: Any, rising: Floats, period: float,
+    c: Floats, table: Floats, sent: Floats, figures: Floats, kept: Floats, goal: Floats, load: Floats, renders: Any,
+    present: Any, distance: Any, gap: Any, primary: Any, there: Any, rising: Floats, period: float,
 ) -> int:  # fmt: skip
     """Take over how somebody else carries a surface to the finger; all but arrays of the probe have shape (1,).
 
-    ``there`` and ``rising`` are written as by ``carry``.  What is not a number is left to Python.
+    ``there`` and ``rising`` are written as by ``carry``, and ``goal`` is lowered where the surface would press harder
+    than it may.  How near it is, is what is said or what the device's own pose says, whichever is nearer: a limit of
+    speed near a finger hangs on it.  What is not a number is left to Python.
     """
     if math.isnan(distance[0]) or math.isnan(gap[0]) or math.isnan(renders[0]) or math.isnan(present[0]):
         return PYTHON
     before = figures[render.PLATE_TOP]
     away = min(max(distance[0], -FURTHEST), FURTHEST)
-    figures[render.PLATE_TOP] = figures[render.HIP + 2] - c[render.RADIUS] - away
+    said = figures[render.HIP + 2] - c[render.RADIUS] - away
+    figures[render.PLATE_TOP] = max(said, plate.top(c, table))
     figures[render.PLATE_GAP] = gap[0]
     plate.take_over(kept, renders[0] != 0, present[0] != 0, away, primary[0] >= 0)
     plate.stray(figures, sent, table)
+    plate.spare(c, figures, kept, goal, max(0.0, -load[2]))
     feel(c, figures, kept, load[2], primary[0] >= 0)
     there[0] = int(kept[memory.PRESENT])
     rising[0] = (figures[render.PLATE_TOP] - before) / period

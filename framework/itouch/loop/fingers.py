@@ -21,13 +21,14 @@ def fingers(runners: Mapping[str, Runner], rigs: Sequence[ProbeRig]) -> Iterator
     named = {one.model.name for rig in rigs for one in (rig.arm, rig.table) if one is not None}
     chains = {name: {*_carriers(runners, name)} for name in runners}
     somewhere = {*trackers, *named}
-    free = [one for name, one in runners.items() if one.heats and not {name, *chains[name]} & somewhere]
+    acting = {name: one for name, one in runners.items() if one.heats or one.presses}
+    free = [one for name, one in acting.items() if not {name, *chains[name]} & somewhere]
     for tracker in trackers:
         mine = [rig for rig in rigs if rig.tracker.model.name == tracker]
         found = [one for rig in mine for one in (rig.arm, rig.table) if one is not None]
         carriers = {tracker, *(one.model.name for one in found)}
         found += [one for name, one in runners.items() if carriers & chains[name]]
-        found += [runners[tracker]] if runners[tracker].heats else []
+        found += [acting[tracker]] if tracker in acting else []
         nearing = {rig.table.model.name: rig.toucher.nearing for rig in mine if rig.table is not None}
         yield from _finger(mine[0].probe.name, [*found, *free], nearing)
     if not trackers:

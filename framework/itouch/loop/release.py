@@ -36,7 +36,9 @@ def released(runner: Runner) -> None:
     """
     try:
         runner.close()
-    except Exception as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # a plugin that exits does not end the program
         why = str(error) if isinstance(error, ItouchError) else said(error)
         raise DeviceError(f"device '{runner.model.name}' could not be released: {why}") from error
 

@@ -83,7 +83,9 @@ class Runner(Supervisor):
             return
         try:
             self.twin.step(self.twin_state, self.sent, self.touch, self._period)
-        except Exception as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # a plugin that exits does not end the program
             cause = f"failed in the step of its twin: {said(error)}"
             raise DeviceFaultError(self.model.name, tick, Trip.DEVICE_ERROR, cause) from error
 

@@ -134,8 +134,8 @@ class Toucher:
             said = [state[f"{one.name}.{field}"].reshape(1) for field in one.carries[2:]]
             taken = Bound(
                 carrying.carried, self._constants, table.read_as(Role.TRACKED_POSE),
-                table.sent_as(Role.SURFACE_POSE), self.figures, self.surface, load, *said, self.object, self.plate,
-                self._rising, model.period,
+                table.sent_as(Role.SURFACE_POSE), self.figures, self.surface, table.commanded(Role.SURFACE_POSE),
+                load, *said, self.object, self.plate, self._rising, model.period,
             )  # fmt: skip
             self.carries = (taken,)
 

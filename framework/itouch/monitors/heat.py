@@ -74,6 +74,8 @@ class Heat(Monitor):
             return ()
         return tuple(cls(device, index) for index in range(len(plates(device)) if separate(device) else 1))
 
+    moments: ClassVar[tuple[str, ...]] = ("since", "history", "frozen_at", "parts", "touched_at")
+
     @property
     def watches(self) -> tuple[str, ...]:
         """Names of the drives that heat or cool its plate."""

@@ -38,9 +38,13 @@ class Push(Monitor):
         """Return the State that it needs."""
         return (Field("figure", unit="N", doc="the force that tripped"),)
 
+    def felt(self, reading: Record) -> float:
+        """Return the force [N] with which it presses, as it feels it."""
+        return max(math.hypot(*reading[name].reshape(-1)[:3].tolist()) for name in self._loads)
+
     def check(self, state: Record, reading: Record, sent: Record, moment: Moment) -> float:
         """Cut the pressure down between limit and trip."""
-        force = max(math.hypot(*reading[name].reshape(-1)[:3].tolist()) for name in self._loads)
+        force = self.felt(reading)
         if force > self._trip:
             state["figure"][...] = force
             return -float(Trip.PLATE_FORCE)

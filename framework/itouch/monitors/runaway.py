@@ -57,9 +57,9 @@ class Runaway:
         return (
             Field("frozen", unit="K", doc="the reading that has been exactly the same; NaN: none yet"),
             Field("frozen_at", unit="s", doc="when the newest reading was measured"),
-            Field("frozen_for", unit="s", doc="for how long it has been the same"),
-            Field("frozen_drive", unit="s", doc="how much the drive has changed meanwhile, times time"),
-            Field("frozen_held", unit="s", doc="seconds of full drive meanwhile, while the drive was strong"),
+            Field("frozen_for", low=0.0, unit="s", doc="for how long it has been the same"),
+            Field("frozen_drive", low=0.0, unit="s", doc="how much the drive has changed meanwhile, times time"),
+            Field("frozen_held", low=0.0, unit="s", doc="seconds of full drive meanwhile, while the drive was strong"),
             Field("frozen_slope", unit="K/s", doc="how fast it went before, under a drive that was steady"),
             Field("frozen_from", unit="1", doc="drive when that began, as a part of the limit in force"),
             Field("driven_for", unit="s", doc="how long a strong drive has lasted; > 0 cools, < 0 heats"),
@@ -71,7 +71,7 @@ class Runaway:
                 doc="time, least and greatest temperature of tenths of a second",
             ),
             Field("touched_at", unit="s", doc="when the plate was last touched"),
-            Field("odd_for", unit="s", doc="for how long the plate has been on the wrong side of its heat sink"),
+            Field("odd_for", low=0.0, unit="s", doc="for how long it has been on the wrong side of its heat sink"),
             Field("figure2", "f8", 2, unit="mixed", doc="the figures of the last trip of sensor or drive"),
         )
 
@@ -95,7 +95,7 @@ class Runaway:
 
     def _still(self, state: Record, temperature: float, drive: float, moment: Moment) -> float:
         """Trip on a sensor that reads exactly the same while the drive changes, or the plate must go on (T8)."""
-        passed, state["frozen_at"][...] = moment.time - state["frozen_at"].item(), moment.time
+        passed, state["frozen_at"][...] = max(0.0, moment.time - state["frozen_at"].item()), moment.time
         before, change = state["frozen"].item(), abs(drive - state["frozen_from"].item())
         if temperature != before:
             elapsed, slope = state["frozen_for"].item() + passed, state["frozen_slope"].item()

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 #: Force [N] that counts as a touch of the plate; gap [m] that does, too, once the height is known.
 TOUCH_FORCE, TOUCH_GAP = 0.03, 2e-4
+#: Gap [m] that counts where nothing measures the force: then the height is known from the mount only.
+TOUCH_GUESS = 1e-3
 #: A force [N] that cannot be where the finger is so far [m] from the plate, and for how long [s] it may seem so; wider
 #: before the height is calibrated.
 DOUBT_FORCE, DOUBT_GAP, DOUBT_GAP_UNCALIBRATED, DOUBT_TIME = 0.5, 0.004, 0.015, 0.1
@@ -40,6 +42,7 @@ class Surface(Monitor):
 
     name = "surface"
     placed: ClassVar[bool] = True
+    moments: ClassVar[tuple[str, ...]] = ("counted", "near_since", "looked", "track", "goals")
     trips: ClassVar[Mapping[int, str]] = {int(trip): trip.label for trip in _TRIPS}
 
     def __init__(self, device: Watched) -> None:
@@ -73,14 +76,16 @@ class Surface(Monitor):
             Field("contact_time", low=0.0, unit="s", doc="how long it has been touched; falls while it is not (T4)"),
             Field("withdrawn", "i8", unit="1", doc="1 while it is withdrawn because of T4"),
             Field("counted", unit="s", doc="when that clock was looked at last"),
-            Field("strayed_for", unit="s", doc="for how long it has been astray (K6)"),
-            Field("doubted", unit="s", doc="for how long a force without a finger has been felt (T8)"),
+            Field("strayed_for", low=0.0, unit="s", doc="for how long it has been astray (K6)"),
+            Field("doubted", low=0.0, unit="s", doc="for how long a force without a finger has been felt (T8)"),
             Field("near_since", unit="s", doc="since when the finger has been near; NaN: it is not (K5)"),
             Field("looked", unit="s", doc="when it was looked at last; NaN: after a pause"),
             Field("places", "i8", low=0, unit="1", doc="how many places are remembered"),
             Field(
                 "track", "f8", (SLOTS, 7), unit="mixed", doc="times [s], places of the surface and of the finger [m]"
             ),
+            Field("goals", "f8", (SLOTS, 4), unit="mixed", doc="times [s] and places [m] that it was sent to last"),
+            Field("goal", "i8", low=0, unit="1", doc="how many of them were noted"),
             Field("figure", "f8", 2, unit="mixed", doc="the figures of the last trip"),
         )
 
@@ -93,7 +98,7 @@ class Surface(Monitor):
         """Forget what was measured, not for how long it was touched."""
         state["strayed_for"][...] = state["doubted"][...] = 0.0
         state["near_since"][...] = state["looked"][...] = math.nan
-        state["places"][...] = 0
+        state["places"][...] = state["goal"][...] = 0
 
     @property
     def paces(self) -> tuple[float, float, float, float]:
@@ -120,7 +125,7 @@ class Surface(Monitor):
 
     def check(self, state: Record, reading: Record, sent: Record, moment: Moment) -> float:
         """Check one tick."""
-        astray = self._astray(state, moment)
+        astray = self._astray(state, reading, moment)
         load = self.felt(reading)
         if astray or load > self._force_trip:
             state["figure"][0] = moment.strayed if astray else load
@@ -130,7 +135,9 @@ class Surface(Monitor):
             return 1.0
         passed = moment.now - looked if looked == looked else 0.0
         state["looked"][...] = moment.now
-        touched = load > TOUCH_FORCE or (moment.calibrated and moment.gap < TOUCH_GAP)
+        self._note(state, sent, moment.now)
+        near = TOUCH_GAP if moment.calibrated else 0.0 if self._load else TOUCH_GUESS
+        touched = load > TOUCH_FORCE or (near > 0.0 and moment.gap < near)
         moment.touched, moment.force = touched, load if self._load else math.nan
         found = self._moves(state, reading, moment) or self._doubt(state, load, passed, moment)
         return found or 1.0
@@ -184,8 +191,28 @@ class Surface(Monitor):
         """The distance [m] and force [N] beyond which more than a glance is needed, and the time [s] between looks."""
         return default.TRACKING_TRIP, float(self._force_trip), _DUE
 
-    def _astray(self, state: Record, moment: Moment) -> bool:
+    def _note(self, state: Record, sent: Record, now: float) -> None:
+        """Note where it is sent to, which a reading that comes over a wire knows of later."""
+        count = state["goal"].item()
+        state["goals"][count % SLOTS] = (now, *sent[self._target][:3].tolist())
+        state["goal"][...] = count + 1
+
+    def _strayed(self, state: Record, reading: Record, moment: Moment) -> float:
+        """Return how far [m] it is from where it was sent to, by a reading that is as old as it says.
+
+        What was measured so long ago was on its way to an older goal, which had itself been under way for as long.
+        """
+        age = moment.now - moment.time
+        if age <= 0.0 or not self._pose or not moment.strayed > default.TRACKING_TRIP:
+            return moment.strayed
+        known = state["goals"][: min(state["goal"].item(), SLOTS)]
+        known = known[known[:, 0] >= moment.time - age - SLOW]
+        away = np.linalg.norm(known[:, 1:] - reading[self._pose][:3], axis=1)
+        return min(moment.strayed, float(away.min(initial=math.inf)))
+
+    def _astray(self, state: Record, reading: Record, moment: Moment) -> bool:
         """Tell whether the surface has been away from its command for too long (K6)."""
+        moment.strayed = self._strayed(state, reading, moment)
         if not moment.strayed > default.TRACKING_TRIP:
             if state["strayed_for"].item():
                 state["strayed_for"][...] = 0.0

@@ -124,6 +124,9 @@ class Monitor(ABC):
     trips: ClassVar[Mapping[int, str]] = {}
     #: True: checked in each tick, when the finger's place of that tick is known.
     placed: ClassVar[bool] = False
+    #: Its fields that hold moments of session time [s] (of a table: in its first column): in no stored session is one
+    #: of them later than the session is.
+    moments: ClassVar[tuple[str, ...]] = ()
 
     def __init__(self, device: Watched) -> None:
         self.device = device

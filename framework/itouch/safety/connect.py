@@ -56,8 +56,10 @@ def _start(supervisor: Supervisor, failures: dict[str, str]) -> threading.Thread
             if supervisor.device is not None and (refused := hardware_refused([supervisor.model.name])):
                 raise DeviceError(refused)
             supervisor.open()
-        except Exception as error:  # whatever a driver raises, the others must still be told of
-            failures[supervisor.model.name] = str(error) or type(error).__name__
+        except BaseException as error:  # whatever a driver raises, the others must still be told of
+            ends = f"has tried to end the program: {error!r}"
+            said = str(error) or type(error).__name__
+            failures[supervisor.model.name] = said if isinstance(error, Exception) else ends
 
     thread = threading.Thread(target=work, name=f"open {supervisor.model.name}", daemon=True)
     thread.start()

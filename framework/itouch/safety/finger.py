@@ -1,8 +1,8 @@
 """One finger, and all that acts on it: what several devices do to it is limited together.
 
-The scene's force holds for the sum of arms and surfaces; thermal dose, time in the cold and time in contact are those
-of the finger, whichever device gives them.  A display that is worn is always in contact, and counts while it is driven;
-where a surface would withdraw, it lets go.
+The scene's force holds for the sum of arms, surfaces and what presses by a fluid; thermal dose, time in the cold and
+time in contact are those of the finger, whichever device gives them.  A display that is worn is always in contact, and
+counts while it is driven; where a surface would withdraw, it lets go.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.monitors import DeviceFaultError, Heat, Surface, Trip
+from itouch.monitors import DeviceFaultError, Heat, Push, Surface, Trip
 from itouch.monitors import limits as default
 from itouch.monitors.surface import TOUCH_FORCE
 from itouch.plugin import Role
@@ -35,6 +35,11 @@ class Finger:
         #: What pushes on it, and what carries a surface to it.
         self.arms_of = [one for one in devices if any(c.role is Role.FORCE_ON_OPERATOR for c in one.model.commands)]
         self.tables = [one for one in devices if one.panel.surface is not None]
+        #: What presses by a fluid and feels with what force, each with what watches that.
+        self.pads = [
+            (one, post.monitor) for one in devices for post in one.panel.posts if isinstance(post.monitor, Push)
+        ]
+        pushing = (*self.tables, *(one for one, _ in self.pads))
         self._heats = [(one, post) for one in devices for post in one.heats]
         brought = {one.model.name for one in self.tables}
         carriers = {one.model.name: one.model.carrier for one in devices}
@@ -44,10 +49,10 @@ class Finger:
             for one, post in self._heats
             if self.tables and not brought & {*_chain(one.model.name, carriers)}
         ]
-        limits = [one.model.limits for one in (*self.arms_of, *self.tables)]
+        limits = [one.model.limits for one in (*self.arms_of, *pushing)]
         #: Greatest force [N] of all that pushes on the finger together.
         self.force = min((one.finger_force for one in limits), default=0.0)
-        self._trip = max((one.model.limits.plate_force_trip for one in self.tables), default=0.0)
+        self._trip = max((one.model.limits.plate_force_trip for one in pushing), default=0.0)
         self._wrenches = [
             [one.sent[c.name] for c in one.model.commands if c.role is Role.FORCE_ON_OPERATOR] for one in self.arms_of
         ]
@@ -58,20 +63,23 @@ class Finger:
     @property
     def alone(self) -> bool:
         """Whether there is nothing that acts together on the finger."""
-        return len(self.arms_of) + len(self.tables) < 2 and len(self._heats) < 2 and not self.tables
+        return len(self.arms_of) + len(self.tables) + len(self.pads) < 2 and len(self._heats) < 2 and not self.tables
 
     @property
     def simple(self) -> bool:
         """Whether at most one device of each kind acts on the finger, and one carries a surface to it."""
-        return len(self.tables) == 1 and len(self.arms_of) < 2 and len(self._heats) < 2
+        few = len(self.arms_of) < 2 and not self.pads
+        return len(self.tables) == 1 and few and len(self._heats) < 2
 
     def pressed(self, but: Supervisor | None = None) -> float:
-        """Return the force [N] with which surfaces press on the finger, as they feel it; leave one away."""
-        total = 0.0
-        for table in self.tables:
-            felt = _felt(table) if table is not but else 0.0
-            total += felt if felt > TOUCH_FORCE else 0.0
-        return total
+        """Return the force [N] with which surfaces and pads press on the finger, as they feel it; leave one away."""
+        felt = (*(_felt(one) for one in self.tables if one is not but), *(force for _, force in self._padded()))
+        return sum(force for force in felt if force > TOUCH_FORCE)
+
+    def _padded(self) -> Iterator[tuple[Supervisor, float]]:
+        """Yield what presses by a fluid, with the force [N] that it feels."""
+        for one, push in self.pads:
+            yield one, push.felt(one.panel.seen)
 
     def taken(self) -> float:
         """Return the force [N] that arms must leave to surfaces: what they press with, and what that may rise by."""
@@ -93,12 +101,13 @@ class Finger:
         DeviceFaultError
             If all together do more than one may.
         """
-        pressed = self.pressed() if self.tables else 0.0
-        if len(self.tables) > 1 and pressed > self._trip:
-            most = max(self.tables, key=_felt)
+        pressed = self.pressed()
+        if len(self.tables) + len(self.pads) > 1 and pressed > self._trip:
+            each = [*((one, _felt(one)) for one in self.tables), *self._padded()]
+            most, _ = max(each, key=lambda pair: pair[1])
             what = f"presses with others on the finger of '{self.name}' with {pressed:.1f} N"
             raise DeviceFaultError(most.model.name, tick, Trip.FINGER_FORCE, what)
-        left = max(0.0, self.force - (self.taken() if self.arms_of and self.tables else 0.0))
+        left = max(0.0, self.force - (self.taken() if self.arms_of else 0.0))
         for arm in self.arms_of:
             arm.moving.room[0] = left
         if self.tables:

@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from itouch.monitors import LOSSES, Heat, Trip, TripError
+from itouch.monitors import LOSSES, Heat, Push, Trip, TripError
 from itouch.plugin import Channel, Device, DeviceError, Record, Role, Twin
 from itouch.safety.panel import Panel
 from itouch.world import DeviceModel
@@ -73,6 +73,8 @@ class Lifecycle(ABC):
         self.panel = Panel(model, state, self.reading, self.sent, period)
         #: Those of its plates.
         self.heats = [post for post in self.panel.posts if isinstance(post.monitor, Heat)]
+        #: Whether it presses by a fluid, and feels with what force.
+        self.presses = any(isinstance(post.monitor, Push) for post in self.panel.posts)
         #: What else may be used up that it shares with other devices on the same finger.
         self.shared: list[Callable[[], str]] = []
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from copy import copy
 
 import numpy as np
 from numpy.typing import NDArray
@@ -284,9 +285,17 @@ class Panel:
         moment.seconds = seconds if seconds is not None else self._since(now - checked) if checked >= 0 else 0.0
         moment.fresh = self._heard.item() > checked
         post.checked[...] = now
+        sent = self._sent
+        if not post.own:  # what a plugin is shown is its own: what it writes there changes nothing that others see
+            reading, sent, moment = reading.copy(), sent.copy(), copy(moment)
         try:
-            found = float(post.monitor.check(post.state, reading, self._sent, moment))
-        except Exception as error:
+            said: object = post.monitor.check(post.state, reading, sent, moment)
+            if isinstance(said, str | bytes):
+                raise TypeError(f"{said!r} is no number")
+            found = float(said)  # type: ignore[arg-type]  # whatever else it is, this raises
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # a plugin that exits does not end the program
             cause = f"was stopped because its monitor '{post.monitor.name}' failed: {type(error).__name__}: {error}"
             raise TripError(Trip.MONITOR_ERROR, cause) from error
         if found != post.share.item():

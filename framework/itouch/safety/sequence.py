@@ -67,7 +67,7 @@ class SafeSequence:
         self._held_for: dict[str, int] = {}
         self._begun: dict[str, list[float]] = {}
         self._furthest: dict[str, float] = {}
-        #: Surfaces that were late when all stopped, until the first reading that was measured since.
+        #: Surfaces of which nothing is known that was measured since all stopped.
         self._late: set[str] = set()
         self._since = self._passed = 0
         names = {s.model.name for s in self._retracting}
@@ -85,7 +85,7 @@ class SafeSequence:
         self._answered.clear()
         heights = {s.model.name: _height(s) for s in self._retracting}
         self._furthest = dict(heights)
-        self._late = {s.model.name for s in self._retracting if s.twin is None and s.trip is Trip.SILENT}
+        self._late = {s.model.name for s in self._retracting if s.twin is None}
         self._since = self._tick.item()
         for supervisor in self._carried:
             supervisor.keeping = supervisor.model.name != fault.device
@@ -193,6 +193,9 @@ class SafeSequence:
             return "can't be verified: its sensors are not believed, or it does not answer", True
         if name in heights:
             return self._seen_surface(supervisor, heights[name])
+        if supervisor.model.command(Role.SURFACE_POSE) is not None:
+            pressed = self._pressed(supervisor)
+            return f"held where it is{', still touched' if pressed else ''}", pressed
         acting = [n for n, guard in supervisor.guards if isinstance(guard.channel.safe, tuple)]
         left_on = [n for n, guard in supervisor.guards if _differs(supervisor.sent[n], guard.channel.safe)]
         if left_on:
@@ -208,6 +211,8 @@ class SafeSequence:
     def _seen_surface(self, supervisor: Supervisor, before: float) -> tuple[str, bool]:
         channel = next((c for c in supervisor.model.commands if c.role is Role.SURFACE_POSE), None)
         bottom = channel.low[2] if channel is not None and channel.low else -math.inf
+        if supervisor.twin is None and supervisor.measured_at(Role.TRACKED_POSE) < self._since:
+            return "not measured since it was told to retract", True
         height = _height(supervisor)
         gone = before - height
         pressed = self._pressed(supervisor)

@@ -19,6 +19,11 @@ from itouch.world import DeviceModel
 from itouch.world import limits as default
 from itouch.world.failing import failing
 
+#: What a finger can be hurt by within the time that a watchdog waits, or what lets a device run.
+_TIMELY = frozenset(
+    {Role.TRACKED_POSE, Role.CONTACT_FORCE, Role.SKIN_CONTACT_TEMPERATURE, Role.HEAT_FLUX, Role.DEADMAN}
+)
+
 
 class Supervisor(Lifecycle):
     """Supervises one device, or its twin, on its part of State."""
@@ -42,6 +47,11 @@ class Supervisor(Lifecycle):
         self.leave_room: Callable[[], None] | None = None
         #: Keep the last command instead of the safe one: a plate that is on its way from the finger stays as it is.
         self.keeping = False
+        #: The readings that must be new for the device to be supervised, where the wire says when each was measured.
+        source: object = device if twin is None else twin
+        self._timely = (
+            [i for i, c in enumerate(model.reads) if c.role in _TIMELY] if isinstance(source, Stamped) else []
+        )
         #: Whether a new reading was taken that nobody has checked yet.
         self._taken = np.zeros(1, np.int64)
         #: Told of the loss of an optional device, without which the session goes on; None: its loss stops everything.
@@ -86,6 +96,8 @@ class Supervisor(Lifecycle):
             self._stamp(tick, new)
             if not new:
                 self._wait(tick, status)
+            elif status == ENABLED and self._timely:
+                self._doubt_age(tick)
         except TripError as error:
             self._disbelieve(tick, error)
 
@@ -216,7 +228,9 @@ class Supervisor(Lifecycle):
                 return self.device.read(self.reading)
         except DeviceError as error:
             raise TripError(Trip.DEVICE_ERROR, f"failed: {error}") from error
-        except Exception as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # a plugin that exits does not end the program
             raise TripError(Trip.DEVICE_ERROR, f"failed in read: {type(error).__name__}: {error}") from error
         return False
 
@@ -225,6 +239,12 @@ class Supervisor(Lifecycle):
         age = self._age.item() + self._every
         self._age[...] = age
         if status == ENABLED:
+            self.panel.wait(tick, age * self._period)
+
+    def _doubt_age(self, tick: int) -> None:
+        """Count the age of a reading that has come from when it was measured, too: old news is no news (W1)."""
+        age = tick - min(int(self._measured[index]) for index in self._timely)
+        if age > 0:
             self.panel.wait(tick, age * self._period)
 
     def write(self, tick: int) -> None:
@@ -314,7 +334,9 @@ class Supervisor(Lifecycle):
             self.device.write(self.sent)
         except DeviceError as error:
             raise TripError(Trip.DEVICE_ERROR, f"failed: {error}") from error
-        except Exception as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # a plugin that exits does not end the program
             raise TripError(Trip.DEVICE_ERROR, f"failed in write: {type(error).__name__}: {error}") from error
 
     def _fail(self, fault: DeviceFaultError, error: TripError) -> None:

@@ -12,15 +12,15 @@ from itouch.world.rig import DeviceModel
 
 #: Attributes of a probe that say how the framework itself carries a surface.
 _OWN = ("clearance", "plate_angle")
-#: Sizes of a field that holds one number.
-_ONE = (0, 1)
+#: Kind and size of a field that holds one number.
+_ONE = (("f8", 0), ("f8", 1), ("i8", 0), ("i8", 1))
 
 
 def check_carried(
     scene: Scene, part: PluginPart, carries: Carries, fields: Mapping[str, object], commands: Sequence[str],
     devices: Mapping[str, DeviceModel], every: int,
 ) -> Iterator[Problem]:  # fmt: skip
-    """Find what keeps a modality from carrying the surface that it says it carries; ``fields``: sizes of its own."""
+    """Find what keeps a modality from carrying the surface that it says it carries; ``fields``: kinds and sizes."""
     who, place = f"modality '{part.name}'", scene.places.of(part)
     probe = next((one for one in scene.probes if one.name == carries.probe), None)
     if probe is None or probe.surface_to != carries.device:
@@ -35,8 +35,10 @@ def check_carried(
         sentence = f"{who} carries the surface of '{carries.device}', but does not command '{channel.name}'"
         yield Problem("modality", sentence, place, f"its commands must have {carries.device}.{channel.name}")
     for name in carries[2:]:
-        if fields.get(name, -1) not in _ONE:
-            sentence = f"{who} says how its surface stands in field '{name}', which it does not declare as one number"
+        if fields.get(name) not in _ONE:
+            sentence = (
+                f"{who} says how its surface stands in field '{name}', which it does not declare as one number (f8)"
+            )
             yield Problem("modality", sentence, place, f"it declares {', '.join(fields) or 'none'}")
     if every != 1:
         sentence = f"{who} carries a surface, which moves in every tick, but is updated in one of {every}"

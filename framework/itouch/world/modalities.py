@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from itouch.plugin import Carries, Modality, ParameterError, World, WorldDevice, WorldObject
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
@@ -66,7 +68,7 @@ def build_modalities(
             commands, attends = instance.commands(model), every > 1 and instance.attends(model)
             carries = instance.carries(model)
             if carries is not None:
-                fields = {field.name: field.size for field in instance.fields(model)}
+                fields = {field.name: (np.dtype(field.dtype).str[1:], field.size) for field in instance.fields(model)}
                 problems += check_carried(scene, part, carries, fields, commands, devices, every)
             found.append(ModalityModel(part.name, part.plugin, instance, model, every, commands, attends, carries))
     return found

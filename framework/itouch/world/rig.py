@@ -20,6 +20,7 @@ from itouch.world.failing import failing
 from itouch.world.files import SceneFiles
 from itouch.world.injection import injections
 from itouch.world.limits import DeviceLimits, resolve
+from itouch.world.safevalues import acting_at_rest, with_safe_values
 from itouch.world.supervision import monitors_of, supervision, supervision_problems, watched
 
 Vector = tuple[float, float, float]
@@ -115,7 +116,9 @@ class DeviceModel:
         device.limits = self.limits.table()
         made = device
         if self.cls.blocking:
-            made = ThreadedDevice(device, patience=self.limits.watchdog, servo_period=self.servo_period)
+            made = ThreadedDevice(
+                device, patience=self.limits.watchdog, servo_period=self.servo_period, commands=self.commands
+            )
         made.trace = trace.wanted(self.name)
         return made
 
@@ -161,6 +164,14 @@ def _build(
         return None
     limits, found = resolve(scene, element, reads, commands)
     problems += found
+    problems += acting_at_rest(element.name, commands, place)
+    commands = with_safe_values(commands, limits)
+    if commands and cls.period > limits.watchdog:
+        sentence = (
+            f"device '{element.name}': plugin '{element.plugin}' exchanges every {cls.period:g} s, "
+            f"but a reading may be {limits.watchdog:g} s old at most (W1)"
+        )
+        problems.append(Problem("plugin-failed", sentence, place, "its author must make `period` shorter"))
     if not element.twin and cls.twin_only:
         sentence = f"device '{element.name}': plugin '{element.plugin}' has no working driver, it is twin only"
         place = scene.places.of(element, "twin")

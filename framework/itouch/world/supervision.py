@@ -13,6 +13,7 @@ from itouch.monitors import own_monitors
 from itouch.monitors.limits import REARMS, DeviceLimits
 from itouch.plugin import HURTING, NEVER_HARMLESS, Channel, Field, Monitor, Role, Rule, Watched
 from itouch.schema import Place, Problem
+from itouch.schema.units import parse_unit
 
 _EVERY = (
     Field("status", "i8", low=0, high=3, unit="1", doc="0 CLOSED, 1 OPEN (measures), 2 ENABLED (obeys), 3 FAULT"),
@@ -29,7 +30,7 @@ _EVERY = (
     Field("touched", "i8", low=0, high=1, unit="1", doc="1 while a finger touches it, as far as is known"),
     Field("felt", unit="N", doc="force between finger and device; NaN: not measured"),
     Field("missed", "i8", low=0, unit="tick", doc="periods that a late loop has left out; time goes on in them"),
-    Field("heard", "i8", unit="tick", doc="when the newest reading came, with what the loop has left out"),
+    Field("heard", "i8", low=-1, unit="tick", doc="when the newest reading came, with what the loop has left out"),
     Field("rearmed", "i8", REARMS, unit="tick", doc="when it was re-armed last, and before; -1: never"),
 )
 
@@ -37,16 +38,25 @@ _EVERY = (
 _MONITOR = (
     Field("share", low=0.0, high=1.0, unit="1", doc="share of the drive that this monitor leaves"),
     Field(
-        "checked", "i8", unit="tick", doc="when this monitor looked last, with what the loop has left out; -1: never"
+        "checked",
+        "i8",
+        low=-1,
+        unit="tick",
+        doc="when this monitor looked last, with what the loop has left out; -1: never",
     ),
 )
 _SURFACE = Field("stopped", "i8", low=0, high=2, unit="1", doc="1 held, 2 driven back, in the safe sequence")
 
 #: Units of commands that can hurt, if nobody says what they are for.
+_TEMPERATURE = "Role.TEMPERATURE_TARGET"
 _DANGEROUS = {
     "A": "Role.DRIVE, Role.ELECTRODE", "V": "Role.DRIVE, Role.ELECTRODE", "W": "Role.DRIVE, Role.ULTRASOUND",
-    "K": "Role.TEMPERATURE_TARGET", "N": "Role.FORCE_ON_OPERATOR", "Pa": "Role.PRESSURE, Role.ULTRASOUND",
+    "K": _TEMPERATURE, "N": "Role.FORCE_ON_OPERATOR", "Pa": "Role.PRESSURE, Role.ULTRASOUND",
+    "W/m^2": "Role.DRIVE, Role.ULTRASOUND", "N*m": "Role.FORCE_ON_OPERATOR", "A*s": "Role.ELECTRODE",
+    "A/m^2": "Role.ELECTRODE", "V/m": "Role.ELECTRODE",
 }  # fmt: skip
+#: The same by dimension: a part or a multiple of a unit hurts as well.
+_DANGERS = {parse_unit(unit).dimension: roles for unit, roles in _DANGEROUS.items()}
 #: What watches a drive: what to write.
 _ADVICE = {
     Role.DRIVE: "declare the temperature of what it heats: temperature(NAME, Role.SKIN_CONTACT_TEMPERATURE)",
@@ -111,15 +121,26 @@ def supervision_problems(device: Watched, monitors: Sequence[Monitor], place: Pl
     seen = {name for monitor in monitors for name in monitor.watches}
     for channel in device.commands:
         what = f"device '{device.name}': command '{channel.name}' [{channel.unit}]"
-        if channel.role is Role.SIGNAL and channel.unit in _DANGEROUS and not channel.harmless:
+        roles, harmless = _danger(channel), channel.harmless.strip()
+        never = channel.role in NEVER_HARMLESS or roles == _TEMPERATURE
+        if channel.role is Role.SIGNAL and roles and not harmless:
             sentence = f"{what} does not say what it is for, and could hurt"
-            advice = f"write role={_DANGEROUS[channel.unit].replace(', ', ' or role=')} into the plugin's channel"
+            advice = f"write role={roles.replace(', ', ' or role=')} into the plugin's channel"
             yield Problem("missing-role", sentence, place, advice)
-        elif channel.harmless and channel.role in NEVER_HARMLESS:
-            sentence = f"{what} is called harmless, which no {channel.role.value} can be"
+        elif channel.harmless and never:
+            called = Role.TEMPERATURE_TARGET if roles == _TEMPERATURE else channel.role
+            sentence = f"{what} is called harmless, which no {called.value} can be"
             yield Problem("harmless-refused", sentence, place, "remove `harmless` from the plugin's channel")
-        elif channel.role in HURTING and channel.name not in seen and not channel.harmless:
+        elif channel.role in HURTING and channel.name not in seen and not harmless:
             yield _unmonitored(device, channel, what, place)
+
+
+def _danger(channel: Channel) -> str:
+    """Return what a command in its unit may be for, if it can hurt; empty: it can't, or nobody knows the unit."""
+    try:
+        return _DANGERS.get(parse_unit(channel.unit).dimension, "")
+    except ValueError:
+        return ""
 
 
 def _unmonitored(device: Watched, channel: Channel, what: str, place: Place | None) -> Problem:

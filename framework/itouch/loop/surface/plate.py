@@ -18,6 +18,7 @@ from itouch.compiling import kernel
 from itouch.loop.render import (
     CLEARANCE,
     FORCE_LIMIT,
+    HAS_LOAD,
     HIP,
     NORMAL,
     OFFSET,
@@ -201,7 +202,7 @@ def _there(memory: Floats, depth: float, pressed: float) -> bool:
 
 
 @kernel
-def _top(c: Floats, pose: Floats) -> float:
+def top(c: Floats, pose: Floats) -> float:
     """Return the height of the plate's top [m] in the world if its carrier has a pose (7,)."""
     _, _, z = turned_out(c, TABLE, pose[0] + c[OFFSET], pose[1] + c[OFFSET + 1], pose[2] + c[OFFSET + 2])
     return float(z + c[TABLE + 2])
@@ -232,6 +233,16 @@ def stray(figures: Floats, sent: Floats, table: Floats) -> None:
     for i in range(3):
         square += (sent[i] - table[i]) ** 2
     figures[TRACKING] = math.sqrt(square)
+
+
+@kernel
+def spare(c: Floats, figures: Floats, memory: Floats, goal: Floats, pressed: float) -> None:
+    """Lower the goal (7,) of a surface that somebody else carries to where it presses no harder than it may (K4)."""
+    _smooth(c, memory, figures[HIP + 2] - c[RADIUS])
+    if c[HAS_LOAD] > 0.0:
+        wanted = top(c, goal)
+        allowed = min(wanted, _bearable(c, figures, memory, pressed)) - _yield(c, figures, pressed)
+        goal[2] -= max(0.0, wanted - allowed)
 
 
 @kernel
@@ -267,8 +278,8 @@ def carry(
         Whether there is a virtual contact, whether the rig is calibrated, and the time of the tick [s].
     """
     lowest, height = figures[HIP + 2] - c[RADIUS], figures[SURFACE_HEIGHT]
-    top, last = _top(c, table), _top(c, sent)
-    figures[PLATE_TOP], figures[PLATE_GAP] = top, height - top if height > -np.inf else np.inf
+    here, last = top(c, table), top(c, sent)
+    figures[PLATE_TOP], figures[PLATE_GAP] = here, height - here if height > -np.inf else np.inf
     pressed = max(0.0, -load)
     choose(c, memory, along_plate(c, figures[NORMAL : NORMAL + 3]) if touching else memory[UPRIGHT], touching)
     if ready:
@@ -277,6 +288,6 @@ def carry(
     wanted = _height(c, figures, memory, lowest, last, pressed, touching)
     wanted = min(wanted, _bearable(c, figures, memory, pressed))
     _command(c, figures, sent, goal, wanted, touching)
-    memory[PRESENT] = 1.0 if touching and _there(memory, top - lowest, pressed) else 0.0
+    memory[PRESENT] = 1.0 if touching and _there(memory, here - lowest, pressed) else 0.0
     stray(figures, sent, table)
     feel(c, figures, memory, load, touching)

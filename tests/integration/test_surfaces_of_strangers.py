@@ -1,0 +1,148 @@
+"""Surfaces of strangers where a lab's differ from ours: without a force sensor, behind a wire, brought by what lies."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_carried_by_a_modality import ASKED, EXAMPLE
+from test_outside_surface import PLUGIN, SCENE
+
+import itouch
+
+NUMBERS = itertools.count()
+FORCELESS = PLUGIN.replace(
+    '        Channel("strain", 6, "N", (-20.0,) * 6, (20.0,) * 6, role=Role.CONTACT_FORCE, doc="on the prop"),\n', ""
+).replace('        reading["strain"][:3], reading["strain"][3:] = state["load"], 0\n', "")
+WIRED = PLUGIN.replace(
+    "    Params, Twin = Reach, Moves\n",
+    "    Params, Twin = Reach, Moves\n    blocking, period, delay = True, 0.02, 0.02\n",
+)
+STUCK = WIRED.replace('state["tip"] += (', 'state["tip"] += (0.0 if command["prop_goal"][2] + 0.002 < state["tip"][2] > 0.005 else 1.0) * (')
+LIES = """
+class Lies(Hover):
+    def update(self, model, state, period):
+        super().update(model, state, period)
+        state[f"{model.name}.away"] = math.inf
+        state[f"{model.robot}.command.{model.channel}"][2] = -0.05 if state["tick"].item() < 600 else 5.0
+"""
+PRESSES = """
+class Presses(Hover):
+    def update(self, model, state, period):
+        super().update(model, state, period)
+        if state[f"{model.name}.renders"]:
+            state[f"{model.robot}.command.{model.channel}"][2] += 0.004
+"""
+WHOLE = """
+class Whole(Hover):
+    def fields(self, model):
+        return tuple(Field(f.name, "i4" if f.name == "there" else "f8", unit=f.unit, doc=f.doc) for f in super().fields(model))
+"""
+
+Made = Callable[..., Path]
+
+
+@pytest.fixture
+def made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Made:
+    """Return what installs a robot, with a modality or without, and writes a scene of it."""
+
+    def write(robot: str, *, brings: str = "", hold: float = 0.5, safety: str = "") -> Path:
+        module = f"strangers_robo_{next(NUMBERS)}"
+        info = tmp_path / module / f"{module}-1.0.dist-info"
+        info.mkdir(parents=True)
+        code = robot + (EXAMPLE + brings if brings else "")
+        (info.parent / f"{module}.py").write_text(code, encoding="utf-8")
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {module}\nVersion: 1.0\n", encoding="utf-8")
+        entries = "[itouch.devices]\nrobo = {0}:Presenter\n"
+        if brings:
+            name = brings.split("class ")[1].split("(")[0]
+            entries += f"[itouch.modalities]\nrobo.brings = {{0}}:{name}\n"
+        (info / "entry_points.txt").write_text(entries.format(module), encoding="utf-8")
+        monkeypatch.syspath_prepend(str(info.parent))
+        text = SCENE.replace('in="0.5 s" hold="0.5 s"/>', f'in="0.5 s" hold="{hold} s"/>')
+        text = text.replace("</interaction>", f"</interaction><safety {safety}/>" if safety else "</interaction>")
+        if brings:
+            text = text.replace("<operator", ASKED.format(""), 1)
+            text = text.replace('xmlns:usb-arm="', 'xmlns:robo="urn:itouch:plugin:robo" xmlns:usb-arm="', 1)
+        path = tmp_path / f"{module}.xml"
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return write
+
+
+def watched(session: itouch.Session, *fields: str) -> list[list[float]]:
+    """Return what will hold these fields, tick by tick."""
+    found: list[list[float]] = []
+    state = session.state
+    session.taps.append(
+        lambda tick: found.append([float(np.asarray(state[field]).reshape(-1)[-1]) for field in fields])
+    )
+    return found
+
+
+def test_the_time_in_contact_is_counted_without_a_force_sensor(made: Made) -> None:
+    """T4: the finger rests for 4 s on a prop whose force nobody measures; it withdraws after 2 s."""
+    session = itouch.build(made(FORCELESS, hold=4.0, safety='contact-time="2 s"'))
+    rows = watched(session, "tip.plate_force", "presenter.surface.contact_time", "presenter.surface.withdrawn")
+    session.run()
+    truly = sum(force > 0.05 for force, _, _ in rows) * 1e-3
+    assert max(row[2] for row in rows) == 1.0
+    assert truly < 2.5
+    withdrawn = next(index for index, row in enumerate(rows) if row[2])
+    assert max(row[0] for row in rows[withdrawn + 300 : withdrawn + 800]) == 0.0
+
+
+def test_a_surface_behind_a_wire_withdraws_without_a_fault(made: Made) -> None:
+    """T4 sends it down at 0.25 m/s; what is read of it is 20 to 40 ms old, and it was not astray (K6)."""
+    session = itouch.build(made(WIRED, hold=4.0, safety='contact-time="2 s"'))
+    rows = watched(session, "presenter.surface.withdrawn", "tip.tracking")
+    session.run()
+    assert max(row[0] for row in rows) == 1.0
+    assert max(row[1] for row in rows) > 0.005  # by the newest command it seemed to be
+    assert session.report()["faults"] == []
+
+
+def test_one_that_is_stuck_behind_a_wire_is_astray(made: Made) -> None:
+    session = itouch.build(made(STUCK, hold=4.0, safety='contact-time="2 s"'))
+    with pytest.raises(itouch.DeviceFaultError, match="from its command"):
+        session.run()
+    assert session.report()["faults"][0]["trip"] == "tracking"
+
+
+def test_what_is_said_of_a_distance_loosens_no_speed(made: Made) -> None:
+    """A modality says that the prop is out of reach, and sends it up: near the finger it goes no faster than it may."""
+    session = itouch.build(made(PLUGIN, brings=LIES))
+    rows = watched(session, "presenter.sent.prop_goal")
+    heights: list[float] = []
+    state = session.state
+    session.taps.append(lambda tick: heights.append(state["presenter.sent.prop_goal"][2].item()))
+    gaps: list[float] = []
+    session.taps.append(lambda tick: gaps.append(float(state["tip.hip"][2] - 0.008 - state["presenter.prop"][2])))
+    session.run()
+    steps = np.diff(heights)
+    near = steps[np.array(gaps[1:]) < 0.02]
+    assert len(rows) == len(heights)
+    assert near.max() <= 0.10e-3 + 1e-9
+    assert steps.max() > 0.10e-3 + 1e-6  # further away it may
+
+
+def test_a_surface_that_is_brought_yields_like_one_that_is_carried(made: Made) -> None:
+    """K4: with 0.3 N at most the prop gives way, though who brings it pushes it 4 mm into the finger."""
+    peaks = []
+    for safety in ("", 'plate-force="0.3 N"'):
+        session = itouch.build(made(PLUGIN, brings=PRESSES, hold=2.0, safety=safety))
+        rows = watched(session, "tip.plate_force")
+        session.run()
+        assert session.report()["faults"] == []
+        peaks.append(max(row[0] for row in rows[900:]))
+    assert peaks[1] < 0.5 * peaks[0]
+    assert peaks[1] < 0.75
+
+
+def test_how_a_surface_stands_is_said_in_whole_numbers_or_real_ones_of_eight_bytes(made: Made) -> None:
+    with pytest.raises(itouch.ItouchError, match=r"field 'there', which it does not declare as one number \(f8\)"):
+        itouch.build(made(PLUGIN, brings=WHOLE))
