@@ -42,7 +42,8 @@ class Channel(Quantity):
         Greatest change a second, ``size`` numbers; for a pose target the first three are its speed.
     safe
         A value, HOLD or RETRACT; a command channel must state it (zero is safe for a force, not for a pose).
-        RETRACT goes down to ``low[2]``.
+        RETRACT goes down to ``low[2]``.  Where it is left open, or HOLD, of what acts by its size, the framework takes
+        nothing, or the least of the range; of a temperature without an output switch the middle of the limits.
     locked
         Degrees of freedom, numbered 0..5 as in a wrench, that the mechanism cannot move or exert.
     harmless

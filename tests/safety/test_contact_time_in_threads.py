@@ -1,0 +1,92 @@
+"""T4 through the entrance of hardware: arm and table each in a thread, exchanged at odd times; the wall is the judge."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import ClassVar
+
+import pytest
+from test_strangers import Nothing, catalog
+
+import itouch
+from itouch.loop import WallClock
+from itouch.plugin import Device, Record, deadman, measured_wrench, pose, pose_target, wrench
+
+CLAMP = 1.2
+SCENE = f"""<itouch version="1.0">
+  <materials><material name="m"><contact stiffness="800 N/m"/></material></materials>
+  <world><box name="block" size="60 60 20 mm" pos="0 0 10 mm" material="m"/></world>
+  <devices><device name="stick" plugin="arm" twin="no"/><device name="slab" plugin="table" twin="no"/></devices>
+  <interaction>
+    <probe name="tip" radius="8 mm" pose-from="stick" force-to="stick" surface-to="slab"/>
+  </interaction><safety contact-time="{CLAMP} s"/></itouch>"""
+#: Lowest point of the finger [m], a millimetre below the top of the object.
+LOWEST = 0.019
+
+
+class Arm(Device):
+    """An arm whose finger rests a millimetre deep in the object."""
+
+    Params = Nothing
+    watchdog: ClassVar[float | None] = 0.1
+    reads = (pose(), deadman("held"))
+    commands = (wrench(force=3.0),)
+
+    def open(self) -> None: ...
+    def close(self) -> None: ...
+
+    def read(self, reading: Record) -> bool | None:
+        reading["pose"] = (1e-6 * (time.monotonic() % 1.0), 0.0, LOWEST + 0.008, 1.0, 0.0, 0.0, 0.0)
+        reading["held"] = 1.0
+        return True
+
+
+class Slab(Device):
+    """A table that goes where it is sent at 0.25 m/s, and feels the finger as a spring."""
+
+    Params = Nothing
+    blocking: ClassVar[bool] = True
+    watchdog: ClassVar[float | None] = 0.1
+    reads = (pose(locked=(3, 4, 5)), measured_wrench(force=50.0))
+    commands = (pose_target(low=(-0.1, -0.1, -0.03), high=(0.1, 0.1, 0.06), speed=0.3),)
+    touches: ClassVar[list[tuple[float, bool]]] = []
+
+    def open(self) -> None:
+        self.height = self.goal = 0.018
+        self.then = time.monotonic()
+
+    def close(self) -> None: ...
+
+    def write(self, command: Record) -> None:
+        self.goal = command["pose_target"][2].item()
+
+    def read(self, reading: Record) -> bool | None:
+        now = time.monotonic()
+        most, self.then = 0.25 * (now - self.then), now
+        self.height += max(-most, min(most, self.goal - self.height))
+        time.sleep(self.period)
+        force = 400.0 * max(0.0, self.height - LOWEST)
+        self.touches.append((now, force > 0.03))
+        reading["pose"] = (0.0, 0.0, self.height, 1.0, 0.0, 0.0, 0.0)
+        reading["wrench"] = (0.0, 0.0, -force - 1e-6 * (now % 1.0), 0.0, 0.0, 0.0)
+        return True
+
+
+@pytest.mark.parametrize("every", [0.007, 0.020, 0.023])
+def test_the_clock_of_contact_is_the_walls(tmp_path: Path, every: float) -> None:
+    table = type("Slab", (Slab,), {"touches": [], "period": every})
+    (tmp_path / "s.xml").write_text(SCENE, encoding="utf-8")
+    with itouch.build(tmp_path / "s.xml", catalog=catalog({"arm": Arm, "table": table}), clock=WallClock()) as session:
+        session.enable()
+        clock: list[tuple[float, float, int]] = []
+        told = session.state["slab.surface.contact_time"], session.state["slab.surface.withdrawn"]
+        session.run(4.0, each=lambda: clock.append((time.monotonic(), told[0].item(), told[1].item())))
+    begin = next(now for now, touched in table.touches if touched)
+    end = next(now for now, touched in table.touches if now > begin and not touched)
+    again = next((now for now, touched in table.touches if now > end and touched), end + 4.0)
+    first = next(now for now, _, withdrawn in clock if withdrawn)
+    assert first - begin == pytest.approx(CLAMP, rel=0.05, abs=2 * every + 0.06)
+    assert end - begin < CLAMP + 0.3
+    assert again - end > 0.5 * CLAMP - 0.1
+    assert max(spent for _, spent, _ in clock) < CLAMP + 0.3
