@@ -227,6 +227,29 @@ def test_a_person_is_forgotten_by_one_command(tmp_path: Path, capsys: pytest.Cap
     assert main(["study", "forget", str(tmp_path / "none"), "--participant", "P07"]) == 2
 
 
+def test_the_recordings_of_a_person_go_only_if_they_are_asked_for(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, folder = write_study(tmp_path, repetitions=1), tmp_path / "data"
+    assert run(path, folder, "--answers", str(scripted(tmp_path, 2)), "--record") == 3
+    others = [folder / "recordings" / name for name in ("P07-1-1.mcap", "P071-1.mcap", "AP07-1.mcap")]
+    for other in others:
+        other.write_bytes(b"another's")
+    assert main(["study", "report", str(path), str(folder)]) == 0
+    before = json.loads((folder / "report.json").read_text())
+    forget = ["study", "forget", str(folder), "--participant", "P07"]
+    assert main(forget) == 0
+    assert "1 recording of the sessions: kept" in capsys.readouterr().out
+    assert (folder / "recordings" / "P07-1.mcap").exists()
+    assert main([*forget, "--recordings"]) == 0
+    assert "1 recording of the sessions: deleted, too" in capsys.readouterr().out
+    assert sorted((folder / "recordings").iterdir()) == sorted(others)
+    assert main([*forget, "--recordings"]) == 0
+    assert "recording" not in capsys.readouterr().out.replace("personal data", "")
+    assert main(["study", "report", str(path), str(folder)]) == 0
+    assert json.loads((folder / "report.json").read_text()) == before
+
+
 @pytest.mark.parametrize("code", ["", "../P07", "P 07", "x" * 33, "P07\n"])
 def test_a_code_is_a_word(tmp_path: Path, code: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(write_study(tmp_path), tmp_path / "data", code=code) == 2

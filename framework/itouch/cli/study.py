@@ -58,6 +58,7 @@ def main(argv: Sequence[str]) -> int:
     forget = commands.add_parser("forget", help="delete a participant's personal data for good; the trials stay")
     forget.add_argument("folder", metavar="FOLDER")
     forget.add_argument("--participant", metavar="CODE", required=True)
+    forget.add_argument("--recordings", action="store_true", help="the recordings of the sessions, too")
     options = parser.parse_args(argv)
     missing = _missing()
     if missing:
@@ -213,10 +214,20 @@ def _forget(options: argparse.Namespace) -> int:
     try:
         with Store.open(Path(options.folder)) as store:
             gone = store.forget(options.participant)
+            recordings = store.recordings(options.participant)
+            for path in recordings if options.recordings else ():
+                path.unlink()
     except StoreError as error:
         return _store_error(error)
+    except OSError as error:
+        print(f"{options.participant}: not all recordings could be deleted: {error}", file=sys.stderr)
+        return 1
     words = "the personal data are deleted" if gone else "there were no personal data"
     print(f"{options.participant}: {words}; the trials stay under the code")
+    if recordings:
+        many = f"{len(recordings)} recording{'s' if len(recordings) > 1 else ''} of the sessions"
+        told = "deleted, too" if options.recordings else "kept: they show how a hand moved; --recordings deletes them"
+        print(f"{options.participant}: {many}: {told}")
     return 0
 
 

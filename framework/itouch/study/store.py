@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import re
 import sqlite3
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -273,6 +274,12 @@ class Store:
             personal.execute("VACUUM")  # or the bytes would stay in the file's free pages
             personal.execute("PRAGMA wal_checkpoint(TRUNCATE)")
         return gone > 0
+
+    def recordings(self, participant: str) -> list[Path]:
+        """Return the recordings of a participant's sessions: what was felt and done, tick by tick, under the code."""
+        named = re.compile(re.escape(participant) + r"-\d+\.mcap")
+        folder = self.folder / "recordings"
+        return sorted(path for path in folder.iterdir() if named.fullmatch(path.name)) if folder.is_dir() else []
 
 
 def _row(values: tuple[Any, ...]) -> Row:
