@@ -21,7 +21,11 @@ WIRED = PLUGIN.replace(
     "    Params, Twin = Reach, Moves\n",
     "    Params, Twin = Reach, Moves\n    blocking, period, delay = True, 0.02, 0.02\n",
 )
-STUCK = WIRED.replace('state["tip"] += (', 'state["tip"] += (0.0 if command["prop_goal"][2] + 0.002 < state["tip"][2] > 0.005 else 1.0) * (')
+STUCK = WIRED.replace(
+    'state["tip"] += (',
+    'state["tip"] += (0.0 if command["prop_goal"][2] + 0.002 < state["tip"][2] > 0.005 else 1.0) * (',
+)
+ASIDE = WIRED.replace('state["tip"] += (', 'state["tip"] += (state["tip"][2] < 0.005, 1.0, 1.0) * (')
 LIES = """
 class Lies(Hover):
     def update(self, model, state, period):
@@ -108,6 +112,20 @@ def test_a_surface_behind_a_wire_withdraws_without_a_fault(made: Made) -> None:
 
 def test_one_that_is_stuck_behind_a_wire_is_astray(made: Made) -> None:
     session = itouch.build(made(STUCK, hold=4.0, safety='contact-time="2 s"'))
+    with pytest.raises(itouch.DeviceFaultError, match="from its command"):
+        session.run()
+    assert session.report()["faults"][0]["trip"] == "tracking"
+
+
+def test_one_whose_drive_is_stuck_while_the_finger_goes_to_and_fro_is_astray_behind_a_wire(made: Made) -> None:
+    """Its goal passes the place where it is stuck again and again."""
+    path = made(ASIDE)
+    ways = "".join(f'<to pos="{15 * (-1) ** n} 0 25 mm" in="0.15 s"/>' for n in range(16))
+    text = path.read_text(encoding="utf-8").replace(
+        '<to pos="0 0 40 mm" in="0.3 s"', ways + '<to pos="0 0 40 mm" in="0.3 s"'
+    )
+    path.write_text(text, encoding="utf-8")
+    session = itouch.build(path)
     with pytest.raises(itouch.DeviceFaultError, match="from its command"):
         session.run()
     assert session.report()["faults"][0]["trip"] == "tracking"

@@ -120,7 +120,7 @@ def model(
     )  # fmt: skip
 
 
-def state(*models: DeviceModel) -> Record:
+def state(*models: DeviceModel, wire: bool = False) -> Record:
     """Return a State for devices."""
     fields = [Field("tick", "i8"), Field("hold", "i8")]
     for one in models:
@@ -129,6 +129,10 @@ def state(*models: DeviceModel) -> Record:
         fields += [Field(f"{one.name}.sent.{c.name}", "f8", c.size) for c in one.commands]
         fields += [Field(f"{one.name}.{f.name}", f.dtype, f.size) for f in supervision(one.monitors)]
         fields.append(Field(f"{one.name}.measured", "i8", max(1, len(one.reads))))
+        if wire:
+            fields += [Field(f"{one.name}.left", "i8"), Field(f"{one.name}.gone", "f8", (8, 4))]
+            fields.append(Field(f"{one.name}.goings", "i8"))
+            fields += [Field(f"{one.name}.out.{c.name}", "f8", c.size) for c in one.commands]
     return Record.of(fields)
 
 

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
-from parts import ARM, LIMITS, PLATE, TABLE, FakeTwin, model, record, state
+from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, FakeTwin, model, record, state
 
 from itouch.monitors import Arm, Heat, Ordinary, Push, Readings, Surface, Trip, heat, readings, runaway, surface
 from itouch.monitors import limits as default
@@ -447,28 +447,41 @@ def test_a_surface_trips_above_five_newton(load: float, found: float) -> None:
 
 def test_a_surface_may_be_astray_for_a_tenth_of_a_second() -> None:
     monitor, memory = made(Surface, TABLE)
-    assert not monitor._astray(memory, record(TABLE[0]), Moment(strayed=0.005, seconds=9.0))
+    assert not monitor._astray(memory, Moment(strayed=0.005, seconds=9.0))
     for _ in range(10):
-        assert not monitor._astray(memory, record(TABLE[0]), Moment(strayed=0.0051, seconds=0.01))
+        assert not monitor._astray(memory, Moment(strayed=0.0051, seconds=0.01))
     assert memory["strayed_for"].item() == pytest.approx(0.1)
-    assert monitor._astray(memory, record(TABLE[0]), Moment(strayed=0.0051, seconds=0.0001))
-    assert not monitor._astray(memory, record(TABLE[0]), Moment(strayed=math.nan, seconds=9.0))
+    assert monitor._astray(memory, Moment(strayed=0.0051, seconds=0.0001))
+    assert not monitor._astray(memory, Moment(strayed=math.nan, seconds=9.0))
     assert memory["strayed_for"].item() == 0.0
 
 
 def test_a_surface_behind_a_wire_is_astray_from_where_it_was_sent_when_it_was_measured() -> None:
-    """A reading that is 20 ms old is measured by the goals of the last 40 ms and a step, not by the newest one."""
-    for age, where, astray in ((0.020, 0.010, False), (0.020, 0.0125 + 0.0051, True), (0.0, 0.010, True)):
-        monitor, memory = made(Surface, TABLE)
-        monitor.forget(memory)
-        reading, sent = record(TABLE[0]), record(TABLE[1])
-        for step in range(20):  # 0.25 m/s downwards, noted every 10 ms
-            sent["pose_target"][2] = 0.010 + 0.0025 * (19 - step - 4)
-            monitor._note(memory, sent, 0.01 * step)
-        reading["pose"][2] = where
-        away = where - sent["pose_target"][2].item()
-        moment = Moment(now=0.19, time=0.19 - age, strayed=abs(away), seconds=1.0)
-        assert monitor._astray(memory, reading, moment) is astray, (age, where)
+    """Of the commands that have left it is the newest that acted by then; while none is known, the one given."""
+    one = model(TABLE, twin=True)
+    data = state(one, wire=True)
+    table = Supervisor(one, data, PERIOD, twin=FakeTwin())
+    table.reading["pose"][:3] = 0.0, 0.003, 0.020
+    table._measured[...] = 100
+    assert table.strayed(0.5) == 0.5
+    for left, height in ((60, 0.030), (80, 0.024), (101, 0.010)):
+        table._out["pose_target"][2] = height
+        table._note_goal(left)
+    assert table.strayed(0.5) == pytest.approx(0.005)
+    table._measured[...] = 79
+    assert table.strayed(0.5) == pytest.approx(math.hypot(0.003, 0.010))
+    table._measured[...] = 59
+    assert table.strayed(0.5) == 0.5
+    for left in range(200, 300):  # what left long ago is forgotten
+        table._out["pose_target"][2] = 0.020
+        table._note_goal(left)
+    table._measured[...] = 150
+    assert table.strayed(0.5) == 0.5
+    table._measured[...] = 400
+    assert table.strayed(0.5) == pytest.approx(0.003)
+    other = Supervisor(model(TABLE, twin=True), state(model(TABLE, twin=True)), PERIOD, twin=FakeTwin())
+    other._note_goal(3)
+    assert other.strayed(0.25) == 0.25  # no wire
 
 
 def test_the_clock_of_contact_at_its_limits() -> None:
@@ -811,7 +824,7 @@ KEPT = {
     (Push, "pad"): "figure",
     (Ordinary, "arm"): "figure",
     (Surface, "table"): "contact_time[0..inf] withdrawn counted strayed_for[0..inf] doubted[0..inf] near_since looked "
-    "places[0..inf] track(16, 7) goals(16, 4) goal[0..inf] figure(2)",
+    "places[0..inf] track(16, 7) figure(2)",
     (Heat, "plate"): "samples[0..inf] history(256, 4) flux tails(4)[0..inf] dose[0..inf] cold_time[0..inf] since frozen "
     "frozen_at frozen_for[0..inf] frozen_drive[0..inf] frozen_held[0..inf] frozen_slope frozen_from driven_for "
     "parts(24, 3) touched_at odd_for[0..inf] figure2(2) figure(3)",

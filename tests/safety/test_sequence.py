@@ -5,13 +5,14 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from parts import ARM, PERIOD, PLATE, TABLE, Fake, FakeTwin, model, state
 
-from itouch.plugin import HOLD, Channel, Record
+from itouch.plugin import HOLD, RETRACT, Channel, Record
 from itouch.plugin.stamps import Stamped
 from itouch.safety import DeviceFaultError, Outcome, SafeSequence, Status, Supervisor, Trip
 from itouch.safety.sequence import LEAVE_TIME, SAFE_TIME
@@ -44,7 +45,7 @@ class Rig:
             for one, part in zip(models, parts, strict=True)
         ]
         self.arm, self.table, self.plate = self.all
-        self.height, self.load, self.temperature = 0.03, 1.0, 300.0
+        self.height, self.load, self.temperature, self.own = 0.03, 1.0, 300.0, 300.0
         self.leaves_after, self.ticks = 0.005, 0
         self.obey: Callable[[float], None] = self.follow
         self.noise = True
@@ -71,6 +72,8 @@ class Rig:
 
     def say_table(self, reading: Record) -> bool:
         reading["pose"] = (0.0, 0.0, self.height, 1.0, 0.0, 0.0, 0.0)
+        if "plate_temperature" in reading:
+            reading["plate_temperature"] = reading["sink_temperature"] = self.own
         if "wrench" in reading:
             reading["wrench"] = (0.0, 0.0, -self.load - 1e-6 * (self.ticks % 2) * self.noise, 0.0, 0.0, 0.0)
         return True
@@ -387,6 +390,24 @@ def test_a_surface_whose_plugin_holds_it_is_held(load: float, said: str) -> None
     outcome = rig.stop("arm")
     assert outcome.devices["table"] == said
     assert outcome.safe is (load == 0.0)
+
+
+@pytest.mark.parametrize("safe", [HOLD, RETRACT], ids=["held", "retracted"])
+@pytest.mark.parametrize(("temperature", "safely"), [(300.0, True), (319.15, False)])
+def test_a_surface_with_a_plate_of_its_own_is_safe_when_both_are(safe: Any, temperature: float, safely: bool) -> None:
+    both = (
+        (*TABLE[0], PLATE[0][0], PLATE[0][1]), (dataclasses.replace(TABLE[1][0], safe=safe), PLATE[1][0])
+    )  # fmt: skip
+    rig = Rig(table=both)
+    rig.own = temperature
+    rig.load = 0.0
+    rig.obey = lambda goal: setattr(rig, "height", goal)
+    outcome = rig.stop("arm", Trip.SPEED)
+    assert outcome.safe is safely
+    said = (
+        "off, but the plate is at 46.0" if not safely else "held where it is, plate" if safe is HOLD else "retracted "
+    )
+    assert outcome.devices["table"].startswith(said)
 
 
 def test_a_surface_without_ends_retracts_nowhere() -> None:

@@ -15,6 +15,9 @@ from test_strangers import Nothing, Plate, catalog, plate, scene
 
 import itouch
 from itouch.loop import WallClock
+from itouch.monitors import Ordinary
+from itouch.monitors import limits as default
+from itouch.monitors.limits import DeviceLimits
 from itouch.plugin import (
     HOLD,
     Channel,
@@ -27,12 +30,14 @@ from itouch.plugin import (
     Twin,
     plate_temperature,
     pose,
+    pose_target,
     temperature_target,
     wrench,
 )
-from itouch.safety import DeviceFaultError, Trip
+from itouch.safety import DeviceFaultError, Finger, Trip
 from itouch.schema import SceneError
 from itouch.session import SessionError
+from itouch.world.safevalues import with_safe_values
 
 # --- old news -------------------------------------------------------------------------------------------------------
 
@@ -66,6 +71,31 @@ def test_old_news_is_no_news(tmp_path: Path, honest: tuple[str, ...]) -> None:
             session.run(5.0)
         assert caught.value.trip is Trip.SILENT
         assert session.seconds < 0.3 + 0.5 + 0.7
+
+
+def test_the_ages_on_the_way_and_since_are_one(tmp_path: Path) -> None:
+    """Each reading is 0.3 s old when it comes, and the next one comes 0.3 s later: 0.6 s are more than 0.5 s."""
+
+    class Both(Pad):
+        last = -1.0
+
+        def read(self, reading: Record) -> bool | None:
+            now = time.monotonic()
+            time.sleep(0.005)
+            if now - self.begin > 0.3 and now - self.last < 0.3:
+                return False
+            self.last = now
+            reading["t"], reading["j"], reading["b"] = K0 + 30.0 + 1e-3 * (now % 1.0), 0.0, 1.0
+            self.stamps.measured(ago=0.3 if now - self.begin > 0.3 else 0.0)
+            return True
+
+    with itouch.build(
+        scene(tmp_path, "pad", twin="no"), catalog=catalog({"stranger": Both}), clock=WallClock()
+    ) as session:
+        session.enable()
+        with pytest.raises(DeviceFaultError, match="silent") as caught:
+            session.run(5.0)
+        assert caught.value.trip is Trip.SILENT
 
 
 # --- what is safe ---------------------------------------------------------------------------------------------------
@@ -124,6 +154,47 @@ def test_a_target_that_is_held_goes_to_the_middle_of_the_limits(tmp_path: Path) 
         session.run(3.0)
     low, high = session.model.devices["pad"].limits.temperature or (0.0, 0.0)
     assert session.state["pad.sent.x"].item() == pytest.approx(0.5 * (low + high))
+
+
+@pytest.mark.parametrize("safe", [None, HOLD], ids=["nothing said", "held"])
+def test_a_switch_is_off_whatever_its_plugin_left_open(tmp_path: Path, safe: Any) -> None:
+    switch = Channel("on", 1, "1", (0.0,), (1.0,), safe=safe, role=Role.OUTPUT_SWITCH, doc="output")
+    session = itouch.build(
+        scene(tmp_path, "pad"), catalog=catalog({"stranger": heating(temperature_target("x"), switch)})
+    )
+
+    def heat(tick: int) -> None:
+        session.state["pad.command.x"], session.state["pad.command.on"] = K0 + 38.0, 1.0
+
+    session.taps.append(heat)
+    with pytest.raises(DeviceFaultError):
+        session.run(3.0)
+    assert session.state["pad.sent.on"].item() == 0.0
+
+
+def test_a_switch_that_is_safe_when_it_is_on_is_refused(tmp_path: Path) -> None:
+    switch = Channel("on", 1, "1", (0.0,), (1.0,), safe=(1.0,), role=Role.OUTPUT_SWITCH, doc="output")
+    with pytest.raises(SceneError, match="command 'on' calls 1 1 safe, but that acts"):
+        itouch.build(scene(tmp_path, "pad"), catalog=catalog({"stranger": heating(temperature_target("x"), switch)}))
+
+
+@pytest.mark.parametrize(("low", "high", "safe", "found"), [
+    (250.0, 400.0, HOLD, 300.65), (288.15, 295.15, HOLD, 291.65), (314.0, 330.0, HOLD, 314.0),
+    (250.0, 400.0, (353.15,), 313.15), (250.0, 400.0, (260.0,), 288.15), (0.0, 400.0, (0.0,), 0.0),
+    (250.0, 400.0, (300.0,), 300.0), (288.15, 295.15, (400.0,), 295.15),
+])  # fmt: skip
+def test_a_safe_temperature_is_within_limits_and_range(low: float, high: float, safe: Any, found: float) -> None:
+    """Limits of 15 to 40 degC; below 200 K a target is off."""
+    channel = Channel("x", 1, "K", (low,), (high,), safe=safe, role=Role.TEMPERATURE_TARGET, doc="target")
+    (resolved,) = with_safe_values([channel], DeviceLimits(temperature=(288.15, 313.15)))
+    assert resolved.safe == (pytest.approx(found),)
+
+
+def test_a_safe_temperature_without_a_range_is_the_middle_of_the_default_limits() -> None:
+    channel = Channel("x", 2, "K", role=Role.TEMPERATURE_TARGET, doc="two targets")
+    (resolved,) = with_safe_values([channel], DeviceLimits())
+    low, high = default.PLATE_TEMPERATURE
+    assert resolved.safe == pytest.approx((0.5 * (low + high),) * 2)
 
 
 def test_a_target_with_a_switch_stays_where_it_is_and_is_switched_off(tmp_path: Path) -> None:
@@ -215,6 +286,14 @@ def test_a_device_that_is_read_more_seldom_than_its_reading_may_be_old_is_refuse
         itouch.build(scene(tmp_path, "pad", twin=twin), catalog=catalog({"stranger": cls}))
 
 
+@pytest.mark.parametrize("twin", ["yes", "no"])
+def test_one_whose_exchange_takes_longer_is_refused(tmp_path: Path, twin: str) -> None:
+    cls = plate("t", "i")
+    cls.blocking, cls.delay = True, 0.6
+    with pytest.raises(SceneError, match=r"takes for an exchange 0\.6 s, but a reading may be 0\.5 s old"):
+        itouch.build(scene(tmp_path, "pad", twin=twin), catalog=catalog({"stranger": cls}))
+
+
 # --- plugins that end the program -----------------------------------------------------------------------------------
 
 
@@ -249,13 +328,22 @@ class Watches(Monitor):
         return 1.0
 
 
+def _leave(*asked: Any) -> str:
+    raise SystemExit(3)
+
+
 @pytest.mark.parametrize(("where", "trip"), [
-    ("step", Trip.DEVICE_ERROR), ("read", Trip.DEVICE_ERROR), ("monitor", Trip.MONITOR_ERROR)
+    ("step", Trip.DEVICE_ERROR), ("read", Trip.DEVICE_ERROR), ("monitor", Trip.MONITOR_ERROR),
+    ("sentence", Trip.MONITOR),
 ])  # fmt: skip
 def test_a_plugin_that_ends_the_program_stops_its_device(tmp_path: Path, where: str, trip: Trip) -> None:
     cls = plate("t", "i")
     cls.Twin = type("Inner", (Leaves,), {"where": where})
     watches = type("Watches", (Watches,), {"where": where})
+    if where == "sentence":
+        watches.check = lambda self, state, reading, sent, moment: 1.0 if moment.now < 0.3 else -1.0
+        watches.sentence = _leave
+        watches.trips = {1: "leaves"}
     session = itouch.build(scene(tmp_path, "pad"), catalog=catalog({"stranger": cls}, {"leaver": watches}))
     with pytest.raises(DeviceFaultError, match="SystemExit") as caught:
         session.run(1.0)
@@ -325,6 +413,29 @@ def test_what_a_plugins_monitor_writes_changes_nothing(tmp_path: Path) -> None:
         return session.state.tobytes()
 
     assert run({}, "honest") == run({"leaver": Forges}, "forged")
+
+
+def test_a_monitor_made_from_one_of_the_frameworks_is_a_plugins(tmp_path: Path) -> None:
+    class Own(Ordinary):
+        name = "mine"
+
+        def check(self, state: Record, reading: Record, sent: Record, moment: Any) -> float:
+            reading.numbers[:] = 0.0
+            return 1.0
+
+    session = itouch.build(scene(tmp_path, "pad"), catalog=catalog({"stranger": plate("t", "i")}, {"mine": Own}))
+    session.run(0.1)
+    (panel,) = [runner.panel for runner in session.runners]
+    assert panel.seen["t"].item() > 290.0
+    assert [post.own for post in panel.posts if post.monitor.name == "mine"] == [False]
+
+
+def test_a_moment_that_is_no_field_is_told_when_the_scene_is_built(tmp_path: Path) -> None:
+    class Forgets(Watches):
+        moments: ClassVar[tuple[str, ...]] = ("when",)
+
+    with pytest.raises(SceneError, match="has no field 'when', which it names in `moments`"):
+        itouch.build(scene(tmp_path, "pad"), catalog=catalog({"stranger": plate("t", "i")}, {"leaver": Forgets}))
 
 
 @pytest.mark.parametrize("said", ["0.5", b"0.5", None, [0.5, 0.5], math.nan])
@@ -431,6 +542,31 @@ def test_what_presses_by_a_fluid_leaves_the_arm_the_rest(tmp_path: Path) -> None
     session.taps.append(push)
     session.run(1.0)
     assert most == [pytest.approx(1.0, abs=0.01), pytest.approx(0.4, abs=0.01)]
+
+
+class Inflated(Device):
+    """A surface that a stage brings, and that is blown up."""
+
+    Params = Nothing
+    reads = (pose(), Channel("f", 6, "N", (-50.0,) * 6, (50.0,) * 6, role=Role.CONTACT_FORCE, doc="how it presses"))
+    commands = (
+        pose_target(low=(-0.05,) * 3, high=(0.05,) * 3, speed=0.2),
+        Channel("p", 1, "Pa", (0.0,), (5e4,), safe=(0.0,), role=Role.PRESSURE, doc="pressure"),
+    )
+
+    def open(self) -> None: ...
+    def close(self) -> None: ...
+    def read(self, reading: Record) -> bool | None: ...
+
+
+def test_a_surface_that_is_blown_up_counts_once(tmp_path: Path) -> None:
+    session = itouch.build(scene(tmp_path, "pad"), catalog=catalog({"stranger": Inflated}))
+    (runner,) = session.runners
+    finger = Finger("tip", [runner])
+    runner.panel.seen["f"][2] = -3.0
+    assert finger.pressed() == 3.0
+    assert finger.pressed(but=runner) == 0.0
+    finger.check(5)
 
 
 def test_several_that_press_by_a_fluid_trip_together(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from typing import ClassVar
 from bad import bad
 from slider import Slider, SliderTwin
 
-from itouch.plugin import Channel, Field, Role, current, deadman, plate_temperature, pose, temperature
+from itouch.plugin import HOLD, Channel, Field, Role, current, deadman, plate_temperature, pose, temperature
 
 POSE = pose(locked=(3, 4, 5))
 
@@ -136,3 +136,23 @@ class HasASwitch(Slider):
 
     reads = (POSE, deadman("grip"))
     Twin = None
+
+
+@bad("declarations")
+class HoldsItsDrive(FollowsItsPlate):
+    commands = (*Slider.commands, replace(current(limit=4.0), safe=HOLD))
+
+
+@bad("declarations")
+class ActsWhenItIsSafe(FollowsItsPlate):
+    commands = (*Slider.commands, replace(current(limit=4.0), safe=(1.0,)))
+
+
+@bad("declarations")
+class IsSlowerThanItsWatchdog(Slider):
+    period = 0.25
+
+
+@bad("declarations")
+class TakesLongerThanItsWatchdog(Slider):
+    blocking, delay = True, 0.03

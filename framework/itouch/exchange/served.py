@@ -5,7 +5,7 @@ from __future__ import annotations
 import select
 import threading
 
-from itouch.exchange.thread import keep_up
+from itouch.exchange.thread import keep_up, told
 from itouch.plugin import Emulator, Record
 
 #: How long [s] closing waits for the thread.
@@ -69,5 +69,5 @@ class ServedEmulator:
                 driven = emulator.serve(now, self._reading, self._command)
                 self._asked = driven, self._command.tobytes()
                 select.select(emulator.handles(), [], [], max(0.0, emulator.patience()))
-        except Exception as error:
-            self._error = error
+        except BaseException as error:
+            self._error = told(error)

@@ -154,7 +154,7 @@ class ThreadedDevice(Device, Stamped):
         try:
             self.device.open()
         except BaseException as error:
-            self._error = _told(error)
+            self._error = told(error)
             read.set()
             return
         finally:
@@ -162,7 +162,7 @@ class ThreadedDevice(Device, Stamped):
         try:
             self._exchange(read, ending)
         except BaseException as error:
-            self._error = _told(error)
+            self._error = told(error)
         finally:
             self._call(self.device.close)
             read.set()
@@ -171,7 +171,7 @@ class ThreadedDevice(Device, Stamped):
         try:
             act()
         except BaseException as error:
-            self._error = self._error or _told(error)
+            self._error = self._error or told(error)
 
     def _exchange(self, read: threading.Event, ending: threading.Event) -> None:
         period, sent, stamps, way = type(self.device).period, None, self._stamps, 0.0
@@ -219,7 +219,7 @@ class ThreadedDevice(Device, Stamped):
         return wanted
 
 
-def _told(error: BaseException) -> Exception:
+def told(error: BaseException) -> Exception:
     """Return what the loop is to raise: a driver that wants to end the program has failed like any other."""
     return error if isinstance(error, Exception) else DeviceError(f"has tried to end the program: {error!r}")
 

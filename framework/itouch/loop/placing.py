@@ -132,7 +132,7 @@ def bound_supervision(
     if isinstance(monitor, Arm) and runner is rig.arm:
         wrench, velocity = monitor.sent_of(runner.sent), state[f"{rig.probe.name}.velocity"]
         looks = Bound(arm, own, monitor.pushing, wrench, velocity, post.state["figure"], tick, int(ENABLED))
-    elif isinstance(monitor, Surface) and runner is rig.table:
+    elif isinstance(monitor, Surface) and runner is rig.table and not runner.model.wire:
         distance, lasted, looked = state[f"{rig.probe.name}.tracking"], post.state["strayed_for"], post.state["looked"]
         looks = Bound(
             surface, own, Rules(*monitor.most, rig.model.period), monitor.load(panel.seen),

@@ -251,7 +251,8 @@ class ProbeRig:
         if runner is self.arm:
             moment.speed = size(figures[render.VELOCITY : render.VELOCITY + 3])
         if runner is self.table:
-            moment.strayed = distance = figures[render.TRACKING].item()
+            distance = figures[render.TRACKING].item()
+            moment.strayed = runner.strayed(distance)
             if counting:
                 self._ledger.tracking.add(distance)
             moment.gap = self._gap()

@@ -42,7 +42,7 @@ class Surface(Monitor):
 
     name = "surface"
     placed: ClassVar[bool] = True
-    moments: ClassVar[tuple[str, ...]] = ("counted", "near_since", "looked", "track", "goals")
+    moments: ClassVar[tuple[str, ...]] = ("counted", "near_since", "looked", "track")
     trips: ClassVar[Mapping[int, str]] = {int(trip): trip.label for trip in _TRIPS}
 
     def __init__(self, device: Watched) -> None:
@@ -84,8 +84,6 @@ class Surface(Monitor):
             Field(
                 "track", "f8", (SLOTS, 7), unit="mixed", doc="times [s], places of the surface and of the finger [m]"
             ),
-            Field("goals", "f8", (SLOTS, 4), unit="mixed", doc="times [s] and places [m] that it was sent to last"),
-            Field("goal", "i8", low=0, unit="1", doc="how many of them were noted"),
             Field("figure", "f8", 2, unit="mixed", doc="the figures of the last trip"),
         )
 
@@ -98,7 +96,7 @@ class Surface(Monitor):
         """Forget what was measured, not for how long it was touched."""
         state["strayed_for"][...] = state["doubted"][...] = 0.0
         state["near_since"][...] = state["looked"][...] = math.nan
-        state["places"][...] = state["goal"][...] = 0
+        state["places"][...] = 0
 
     @property
     def paces(self) -> tuple[float, float, float, float]:
@@ -125,7 +123,7 @@ class Surface(Monitor):
 
     def check(self, state: Record, reading: Record, sent: Record, moment: Moment) -> float:
         """Check one tick."""
-        astray = self._astray(state, reading, moment)
+        astray = self._astray(state, moment)
         load = self.felt(reading)
         if astray or load > self._force_trip:
             state["figure"][0] = moment.strayed if astray else load
@@ -135,7 +133,6 @@ class Surface(Monitor):
             return 1.0
         passed = moment.now - looked if looked == looked else 0.0
         state["looked"][...] = moment.now
-        self._note(state, sent, moment.now)
         near = TOUCH_GAP if moment.calibrated else 0.0 if self._load else TOUCH_GUESS
         touched = load > TOUCH_FORCE or (near > 0.0 and moment.gap < near)
         moment.touched, moment.force = touched, load if self._load else math.nan
@@ -191,28 +188,8 @@ class Surface(Monitor):
         """The distance [m] and force [N] beyond which more than a glance is needed, and the time [s] between looks."""
         return default.TRACKING_TRIP, float(self._force_trip), _DUE
 
-    def _note(self, state: Record, sent: Record, now: float) -> None:
-        """Note where it is sent to, which a reading that comes over a wire knows of later."""
-        count = state["goal"].item()
-        state["goals"][count % SLOTS] = (now, *sent[self._target][:3].tolist())
-        state["goal"][...] = count + 1
-
-    def _strayed(self, state: Record, reading: Record, moment: Moment) -> float:
-        """Return how far [m] it is from where it was sent to, by a reading that is as old as it says.
-
-        What was measured so long ago was on its way to an older goal, which had itself been under way for as long.
-        """
-        age = moment.now - moment.time
-        if age <= 0.0 or not self._pose or not moment.strayed > default.TRACKING_TRIP:
-            return moment.strayed
-        known = state["goals"][: min(state["goal"].item(), SLOTS)]
-        known = known[known[:, 0] >= moment.time - age - SLOW]
-        away = np.linalg.norm(known[:, 1:] - reading[self._pose][:3], axis=1)
-        return min(moment.strayed, float(away.min(initial=math.inf)))
-
-    def _astray(self, state: Record, reading: Record, moment: Moment) -> bool:
+    def _astray(self, state: Record, moment: Moment) -> bool:
         """Tell whether the surface has been away from its command for too long (K6)."""
-        moment.strayed = self._strayed(state, reading, moment)
         if not moment.strayed > default.TRACKING_TRIP:
             if state["strayed_for"].item():
                 state["strayed_for"][...] = 0.0

@@ -37,7 +37,10 @@ class Finger:
         self.tables = [one for one in devices if one.panel.surface is not None]
         #: What presses by a fluid and feels with what force, each with what watches that.
         self.pads = [
-            (one, post.monitor) for one in devices for post in one.panel.posts if isinstance(post.monitor, Push)
+            (one, post.monitor)
+            for one in devices
+            for post in one.panel.posts
+            if isinstance(post.monitor, Push) and one.panel.surface is None
         ]
         pushing = (*self.tables, *(one for one, _ in self.pads))
         self._heats = [(one, post) for one in devices for post in one.heats]

@@ -250,7 +250,7 @@ class Lifecycle(ABC):
 
     def leave(self) -> None:
         """Give the device up, whatever it says; any status -> CLOSED."""
-        with contextlib.suppress(Exception):  # a lost device may refuse to be closed
+        with contextlib.suppress(Exception, SystemExit):  # a lost device may refuse to be closed
             self.close()
 
     def close(self) -> None:

@@ -37,7 +37,7 @@ class Post:
         self.state = state.part(f"{name}.", fields) if fields else Record.of(())
         self.share, self.checked = state[f"{name}.share"], state[f"{name}.checked"]
         #: Whether it is one of the framework's own.
-        self.own = isinstance(monitor, OWN)
+        self.own = type(monitor) in OWN
 
 
 class Panel:
@@ -325,7 +325,9 @@ class Panel:
             number = monitor.rule(code, reading)
             every = [*monitor.rules(), *(rule for other in self.posts for rule in other.monitor.rules())]
             quoted = next((rule for rule in every if number in (rule.number, rule.quantity) and rule.trip), None)
-        except Exception as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
             sentence, quoted = f"was stopped by {monitor.trips[code]} ({type(error).__name__} while it was told)", None
         if quoted is not None:
             sentence += f" ({quoted.number + ' ' if quoted.number else ''}{quoted.quantity}: trips at {quoted.trip})"

@@ -191,11 +191,9 @@ class SafeSequence:
         name = supervisor.model.name
         if supervisor.twin is None and not self._believed(supervisor):
             return "can't be verified: its sensors are not believed, or it does not answer", True
-        if name in heights:
-            return self._seen_surface(supervisor, heights[name])
-        if supervisor.model.command(Role.SURFACE_POSE) is not None:
-            pressed = self._pressed(supervisor)
-            return f"held where it is{', still touched' if pressed else ''}", pressed
+        surface = self._seen_surface(supervisor, heights[name]) if name in heights else None
+        if surface is not None and surface[1]:
+            return surface
         acting = [n for n, guard in supervisor.guards if isinstance(guard.channel.safe, tuple)]
         left_on = [n for n, guard in supervisor.guards if _differs(supervisor.sent[n], guard.channel.safe)]
         if left_on:
@@ -206,6 +204,11 @@ class SafeSequence:
             if one.beyond(supervisor.reading):
                 return f"off, but the plate is {one.shown(supervisor.reading)}", True
         plate = "".join(f", plate {one.shown(supervisor.reading)}" for one in plates)
+        if surface is not None:
+            return f"{surface[0]}{plate}", False
+        if supervisor.model.command(Role.SURFACE_POSE) is not None:
+            pressed = self._pressed(supervisor)
+            return f"held where it is{', still touched' if pressed else ''}{plate}", pressed
         return (f"{', '.join(acting)} off{plate}" if acting else "nothing to switch off"), False
 
     def _seen_surface(self, supervisor: Supervisor, before: float) -> tuple[str, bool]:

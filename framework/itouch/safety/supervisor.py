@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from itouch.joining import is_newest
 from itouch.monitors import LOSSES, DeviceFaultError, Readings, Trip, TripError
@@ -52,6 +53,11 @@ class Supervisor(Lifecycle):
         self._timely = (
             [i for i, c in enumerate(model.reads) if c.role in _TIMELY] if isinstance(source, Stamped) else []
         )
+        #: Behind a wire: where a surface was sent to last, and from which ticks on.
+        self._gone: NDArray[np.float64] | None = state.get(f"{model.name}.gone")
+        self._goings = state[f"{model.name}.goings"] if self._gone is not None else np.zeros((), np.int64)
+        target = model.command(Role.SURFACE_POSE)
+        self._target = target.name if target is not None else ""
         #: Whether a new reading was taken that nobody has checked yet.
         self._taken = np.zeros(1, np.int64)
         #: Told of the loss of an optional device, without which the session goes on; None: its loss stops everything.
@@ -213,6 +219,28 @@ class Supervisor(Lifecycle):
             left = source.departed(self.twin_state, tick, self._out)
             if left is not None:
                 self._left[...] = left
+                self._note_goal(left)
+
+    def _note_goal(self, left: int) -> None:
+        """Note where a command that has left sends a surface, and from which tick on."""
+        if self._gone is not None:
+            count = self._goings.item()
+            self._gone[count % len(self._gone)] = (left, *self._out[self._target][:3].tolist())
+            self._goings[...] = count + 1
+
+    def strayed(self, distance: float) -> float:
+        """Return how far [m] a surface was from its command when it was measured; ``distance``: from the newest one.
+
+        Behind a wire the newest reading is older than the newest command: it is held against the one that acted then.
+        """
+        if self._gone is None or self._pose is None:
+            return distance
+        known = self._gone[: min(self._goings.item(), len(self._gone))]
+        acted = known[known[:, 0] <= self.measured_at(Role.TRACKED_POSE)]
+        if not len(acted):
+            return distance
+        goal = acted[np.argmax(acted[:, 0])]
+        return math.dist(goal[1:].tolist(), self.reading[self._pose][:3].tolist())
 
     def _keep_sane(self) -> None:
         """Let nobody work with numbers that mean nothing."""
@@ -238,14 +266,20 @@ class Supervisor(Lifecycle):
         """Count the age of the last reading; an enabled device may not be silent for long (W1)."""
         age = self._age.item() + self._every
         self._age[...] = age
+        if self._timely:
+            age = max(age, self._oldest(tick))
         if status == ENABLED:
             self.panel.wait(tick, age * self._period)
 
     def _doubt_age(self, tick: int) -> None:
         """Count the age of a reading that has come from when it was measured, too: old news is no news (W1)."""
-        age = tick - min(int(self._measured[index]) for index in self._timely)
+        age = self._oldest(tick)
         if age > 0:
             self.panel.wait(tick, age * self._period)
+
+    def _oldest(self, tick: int) -> int:
+        """Return how many ticks ago the oldest of those readings was measured that must be new."""
+        return tick - min(int(self._measured[index]) for index in self._timely)
 
     def write(self, tick: int) -> None:
         """Send the commands through the guards; only safe ones unless ENABLED.

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from itouch.plugin import ROTATIONS, Channel, Device, Role, Safe
+from itouch.plugin import HOLD, HURTING, ROTATIONS, Channel, Device, Role, Safe
 from itouch.plugin.discovery import NAMESPACE
 from itouch.plugin.quantity import PLAIN
 from itouch.scene import loads, write
@@ -19,6 +19,8 @@ from itouch.schema.quantities import format_quantity
 from itouch.schema.units import parse_unit
 from itouch.testing.checks import CheckError, NotApplicableError, check
 from itouch.testing.harness import DeviceSubject
+from itouch.world.limits import WATCHDOG, WATCHDOG_OTHER
+from itouch.world.safevalues import acting_at_rest, too_slow
 
 
 def _fail(seen: str, cause: str, advice: str) -> CheckError:
@@ -49,6 +51,11 @@ def declarations(subject: DeviceSubject) -> None:
             raise _fail(f"two channels have one name: {names}", "a channel was declared twice", "rename one of them")
     for channel in commands:
         _command(channel)
+    for problem in acting_at_rest("unit", commands, None):
+        raise _fail(problem.sentence, "the safe value was taken for a value to begin with", problem.advice)
+    patience = min((WATCHDOG.get(channel.role, WATCHDOG_OTHER) for channel in commands), default=math.inf)
+    if slow := too_slow(cls, patience):
+        raise _fail(f"it {slow}", "a period in ms, or a device that is too slow for what it does", "make it faster")
     for text in ("period", "delay"):
         value = getattr(cls, text)
         if not (isinstance(value, (int, float)) and math.isfinite(value) and 0.0 <= value < 10.0):
@@ -83,6 +90,12 @@ def _command(channel: Channel) -> None:
                 "units, or a sign",
                 "make low <= safe <= high",
             )
+    elif channel.safe is HOLD and channel.role in HURTING - {Role.SURFACE_POSE, Role.TEMPERATURE_TARGET}:
+        raise _fail(
+            f"the command '{channel.name}', a {channel.role.value}, is held when the device must be safe",
+            "HOLD was given for a drive",
+            "what acts by its size is safe at 0, or at the least that it can be",
+        )
     elif not isinstance(channel.safe, Safe):
         raise _fail(
             f"safe = {channel.safe!r} of '{channel.name}'",

@@ -37,5 +37,7 @@ def failing(what: str, method: str, place: Place | None) -> Iterator[None]:
         yield
     except ItouchError:
         raise
-    except Exception as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # a plugin that exits does not end the program
         raise SceneError([failure(what, method, error, place)]) from error

@@ -20,12 +20,14 @@ from itouch.world.failing import failing
 from itouch.world.files import SceneFiles
 from itouch.world.injection import injections
 from itouch.world.limits import DeviceLimits, resolve
-from itouch.world.safevalues import acting_at_rest, with_safe_values
+from itouch.world.safevalues import acting_at_rest, too_slow, with_safe_values
 from itouch.world.supervision import monitors_of, supervision, supervision_problems, watched
 
 Vector = tuple[float, float, float]
 #: What State has of a device beside channels and supervision: when readings were measured, and when commands left.
-STAMPS = frozenset({"measured", "left"})
+STAMPS = frozenset({"measured", "left", "gone", "goings"})
+#: So many commands that have left are remembered of a surface.
+GONE = 32
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,12 +168,10 @@ def _build(
     problems += found
     problems += acting_at_rest(element.name, commands, place)
     commands = with_safe_values(commands, limits)
-    if commands and cls.period > limits.watchdog:
-        sentence = (
-            f"device '{element.name}': plugin '{element.plugin}' exchanges every {cls.period:g} s, "
-            f"but a reading may be {limits.watchdog:g} s old at most (W1)"
-        )
-        problems.append(Problem("plugin-failed", sentence, place, "its author must make `period` shorter"))
+    if commands and (slow := too_slow(cls, limits.watchdog)):
+        sentence = f"device '{element.name}': plugin '{element.plugin}' {slow}"
+        advice = "its author must make it faster, or who has tightened that limit (`watchdog`) must loosen it"
+        problems.append(Problem("plugin-failed", sentence, place, advice))
     if not element.twin and cls.twin_only:
         sentence = f"device '{element.name}': plugin '{element.plugin}' has no working driver, it is twin only"
         place = scene.places.of(element, "twin")

@@ -2,53 +2,83 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from itouch.plugin import HOLD, HURTING, RETRACT, Channel, Role
+from itouch.monitors.runaway import COLDEST_TARGET
+from itouch.plugin import HURTING, RETRACT, Channel, Device, Role
 from itouch.schema import Place, Problem
 from itouch.world import limits as default
 from itouch.world.limits import DeviceLimits
 
 #: Roles whose command acts by its size: nothing is what is safe.
-_ACTING = HURTING - {Role.SURFACE_POSE, Role.TEMPERATURE_TARGET}
+_ACTING = (HURTING - {Role.SURFACE_POSE, Role.TEMPERATURE_TARGET}) | {Role.OUTPUT_SWITCH}
 
 
 def with_safe_values(commands: Sequence[Channel], limits: DeviceLimits) -> tuple[Channel, ...]:
     """Return the commands of a device, each with what it is when the device must be safe.
 
-    A drive that is held would go on heating or pressing after a trip: it is off, or as little as its range allows.  A
-    temperature that is held goes to the middle of the limits, unless something switches the output off.  A surface
-    whose plugin says nothing retracts.
+    A drive or a switch that is held would go on heating or pressing after a trip: it is off, or as little as its range
+    allows.  A temperature that is held goes to the middle of what limits and range leave, unless a switch turns the
+    output off, and one that its plugin calls safe is no further than the limits.  A surface whose plugin says nothing
+    retracts.
     """
     switched = any(channel.role is Role.OUTPUT_SWITCH for channel in commands)
     return tuple(_resolved(channel, limits, switched) for channel in commands)
 
 
 def _resolved(channel: Channel, limits: DeviceLimits, switched: bool) -> Channel:
-    held = channel.safe is None or channel.safe is HOLD
     if channel.role in _ACTING and not isinstance(channel.safe, tuple):
         return replace(channel, safe=_least(channel))
-    if channel.role is Role.TEMPERATURE_TARGET and held and not switched:
-        low, high = limits.temperature or default.PLATE_TEMPERATURE
-        return replace(channel, safe=(0.5 * (low + high),) * channel.size)
+    if channel.role is Role.TEMPERATURE_TARGET:
+        return _resolved_target(channel, limits.temperature or default.PLATE_TEMPERATURE, switched)
     if channel.role is Role.SURFACE_POSE and channel.safe is None and channel.low:
         return replace(channel, safe=RETRACT)
     return channel
 
 
+def _resolved_target(channel: Channel, limits: tuple[float, float], switched: bool) -> Channel:
+    """Return a temperature target whose safe value is off, left to a switch, or within the limits."""
+    bounds = [_within(limits, low, high) for low, high in _ranges(channel)]
+    if isinstance(channel.safe, tuple):
+        kept = (
+            value if value < COLDEST_TARGET else min(max(value, low), high)
+            for value, (low, high) in zip(channel.safe, bounds, strict=True)
+        )
+        return replace(channel, safe=tuple(kept))
+    return channel if switched else replace(channel, safe=tuple(0.5 * (low + high) for low, high in bounds))
+
+
+def _within(limits: tuple[float, float], low: float, high: float) -> tuple[float, float]:
+    """Return what a range leaves of limits, or its end that is nearest to them."""
+    return min(max(limits[0], low), high), max(min(limits[1], high), low)
+
+
+def _ranges(channel: Channel) -> list[tuple[float, float]]:
+    if not channel.low or not channel.high:
+        return [(-math.inf, math.inf)] * channel.size
+    return list(zip(channel.low, channel.high, strict=True))
+
+
 def _least(channel: Channel) -> tuple[float, ...]:
     """Return what of the range of a channel is nearest to nothing."""
-    if not channel.low or not channel.high:
-        return (0.0,) * channel.size
-    return tuple(min(max(0.0, low), high) for low, high in zip(channel.low, channel.high, strict=True))
+    return tuple(min(max(0.0, low), high) for low, high in _ranges(channel))
 
 
 def acting_at_rest(name: str, commands: Sequence[Channel], place: Place | None) -> Iterator[Problem]:
-    """Find drives whose plugin calls another value safe than none."""
+    """Find drives and switches whose plugin calls another value safe than none."""
     for channel in commands:
         if channel.role in _ACTING and isinstance(channel.safe, tuple) and channel.safe != _least(channel):
             shown = " ".join(f"{value:g}" for value in channel.safe)
             sentence = f"device '{name}': command '{channel.name}' calls {shown} {channel.unit} safe, but that acts"
             advice = "its author must make it 0, or the least that it can be"
             yield Problem("plugin-failed", sentence, place, advice)
+
+
+def too_slow(cls: type[Device], watchdog: float) -> str:
+    """Say why no reading of a device can be as new as its watchdog [s] wants; empty: they can be."""
+    for what, time in (("exchanges every", cls.period), ("takes for an exchange", cls.delay)):
+        if time > watchdog:
+            return f"{what} {time:g} s, but a reading may be {watchdog:g} s old at most (W1)"
+    return ""

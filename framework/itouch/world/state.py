@@ -14,7 +14,7 @@ from itouch.world import marks
 from itouch.world.failing import failing
 from itouch.world.fields import CELLS, HAND, probe_fields, skin_fields, wait_fields
 from itouch.world.model import Model
-from itouch.world.rig import DeviceModel
+from itouch.world.rig import GONE, DeviceModel
 from itouch.world.supervision import supervision
 
 #: The range of what must be a number.
@@ -210,12 +210,17 @@ def _stamps(device: DeviceModel) -> list[Field]:
 
     ``measured`` has the tick at which each channel of the newest reading was measured, in the order of the reads; by
     ``age`` only the device's silence is counted, from when that reading came.  Behind a wire ``out`` is the newest
-    command that has left, and ``left`` the tick in which it did.
+    command that has left, and ``left`` the tick in which it did; of a surface the last ones are kept, so that a reading
+    is compared with what was commanded when it was measured.
     """
     measured = "tick at which each channel of the newest reading was measured, in the order of the reads"
     fields = [Field("measured", "i8", max(1, len(device.reads)), unit="tick", doc=measured)]
     if device.wire:
         fields.append(Field("left", "i8", unit="tick", doc="when the newest command left"))
+        if any(channel.role is Role.SURFACE_POSE for channel in device.commands):
+            places = "ticks from which the newest commands have acted, and where they sent the surface [m]"
+            fields.append(Field("gone", "f8", (GONE, 4), unit="mixed", doc=places))
+            fields.append(Field("goings", "i8", low=0, unit="1", doc="how many commands have left"))
         sent = [Field.of(c, f"out.{c.name}", doc=f"left: {c.doc}" if c.doc else "", show="no") for c in device.commands]
         fields += [replace(field, low=_FINITE[0], high=_FINITE[1]) for field in sent]
     return fields

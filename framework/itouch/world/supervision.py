@@ -12,6 +12,7 @@ from typing import Any
 from itouch.monitors import own_monitors
 from itouch.monitors.limits import REARMS, DeviceLimits
 from itouch.plugin import HURTING, NEVER_HARMLESS, Channel, Field, Monitor, Role, Rule, Watched
+from itouch.plugin.quantity import PLAIN
 from itouch.schema import Place, Problem
 from itouch.schema.units import parse_unit
 
@@ -92,6 +93,10 @@ def monitors_of(device: Watched, offered: Sequence[type[Monitor]]) -> tuple[Moni
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise ValueError(f"two monitors of device '{device.name}' are named '{twice}'")
+    for monitor in found:
+        unknown = set(monitor.moments) - {field.name for field in monitor.fields()}
+        if unknown:
+            raise ValueError(f"monitor '{monitor.name}' has no field '{min(unknown)}', which it names in `moments`")
     return tuple(found)
 
 
@@ -125,7 +130,9 @@ def supervision_problems(device: Watched, monitors: Sequence[Monitor], place: Pl
         never = channel.role in NEVER_HARMLESS or roles == _TEMPERATURE
         if channel.role is Role.SIGNAL and roles and not harmless:
             sentence = f"{what} does not say what it is for, and could hurt"
-            advice = f"write role={roles.replace(', ', ' or role=')} into the plugin's channel"
+            advice = "write its unit in SI, or its role, into the plugin's channel"
+            if roles in _DANGEROUS.values():
+                advice = f"write role={roles.replace(', ', ' or role=')} into the plugin's channel"
             yield Problem("missing-role", sentence, place, advice)
         elif channel.harmless and never:
             called = Role.TEMPERATURE_TARGET if roles == _TEMPERATURE else channel.role
@@ -136,11 +143,11 @@ def supervision_problems(device: Watched, monitors: Sequence[Monitor], place: Pl
 
 
 def _danger(channel: Channel) -> str:
-    """Return what a command in its unit may be for, if it can hurt; empty: it can't, or nobody knows the unit."""
+    """Return what a command in its unit may be for, if it can hurt or nobody knows the unit; empty: it can't."""
     try:
         return _DANGERS.get(parse_unit(channel.unit).dimension, "")
     except ValueError:
-        return ""
+        return "" if channel.unit in PLAIN else "unknown"
 
 
 def _unmonitored(device: Watched, channel: Channel, what: str, place: Place | None) -> Problem:

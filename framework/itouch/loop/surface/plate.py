@@ -242,7 +242,8 @@ def spare(c: Floats, figures: Floats, memory: Floats, goal: Floats, pressed: flo
     if c[HAS_LOAD] > 0.0:
         wanted = top(c, goal)
         allowed = min(wanted, _bearable(c, figures, memory, pressed)) - _yield(c, figures, pressed)
-        goal[2] -= max(0.0, wanted - allowed)
+        x, y, z = turned_in(c, TABLE, 0.0, 0.0, min(0.0, allowed - wanted))
+        goal[0], goal[1], goal[2] = goal[0] + x, goal[1] + y, goal[2] + z
 
 
 @kernel
