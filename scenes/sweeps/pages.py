@@ -24,6 +24,9 @@ ERROR = 0.03
 #: The noise of a person's cue (docs/explanation/observers.md).
 PERSON = 0.375
 
+#: One for each comparison of a figure.
+_MARKERS = "os^Dv"
+
 Rows = list[dict[str, Any]]
 Drawn = Callable[["Axes"], None]
 
@@ -92,17 +95,21 @@ def how_many_people(found: Rows) -> tuple[list[str], Drawn]:
     lines.append("\nThe last columns: power of the test of equivalence, margin 10 %, two one-sided tests at 5 %.")
 
     def draw(axes: Axes) -> None:
+        widths = axes.twinx()
         for count in repetitions:
             some = [one for one in powers if one.repetitions == count]
             sizes = [one.panel for one in some]
-            (line,) = axes.plot(sizes, [100.0 * one.half_width for one in some], marker="o",
-                                label=f"interval, {count} repetitions")  # fmt: skip
-            for name in names:
-                axes.plot(sizes, [100.0 * one.equivalence[name] for one in some], linestyle="--",
-                          color=line.get_color(), label=f"power, {name}, {count}")  # fmt: skip
+            (line,) = widths.plot(sizes, [100.0 * one.half_width for one in some], linestyle=":")
+            for name, marker in zip(names, _MARKERS * len(names), strict=False):
+                axes.plot(sizes, [100.0 * one.equivalence[name] for one in some], marker=marker,
+                          color=line.get_color(), label=f"{name}, {count} repetitions")  # fmt: skip
         axes.set_xlabel("people")
-        axes.set_ylabel("half of the 95 % interval, power [%]")
-        axes.legend(fontsize=6)
+        axes.set_ylabel("power of the test of equivalence [%]")
+        widths.set_ylabel("half of the 95 % interval (dotted) [%]")
+        axes.set_ylim(0.0, 105.0)
+        widths.set_ylim(0.0, None)
+        axes.set_xticks(panels)
+        axes.legend(fontsize=7, loc="lower right")
 
     return lines, draw
 
