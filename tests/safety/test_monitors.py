@@ -278,8 +278,14 @@ def test_what_a_monitor_of_a_plugin_writes_is_seen_by_nobody() -> None:
 
 
 def test_ctrl_c_in_a_plugin_is_ctrl_c() -> None:
+    class Interrupted(Toy):
+        def rule(self, code: int, reading: Record) -> str:
+            raise KeyboardInterrupt
+
     with pytest.raises(KeyboardInterrupt):
         toyed(KeyboardInterrupt()).read(0)
+    with pytest.raises(KeyboardInterrupt):
+        toyed(-1.0, Interrupted).read(0)
     device = toyed(1.0)
     assert isinstance(device.device, Fake)
 
