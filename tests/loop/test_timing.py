@@ -64,6 +64,18 @@ def test_an_overrun_names_the_part_that_took_longest_and_its_backlog_too() -> No
     assert times.culprits() == {"read arm": 3, WAKE_UP: 1}
 
 
+def test_the_worst_overruns_are_kept_by_tick_and_told_worst_first() -> None:
+    times = Timing(["read arm", "contact", "twins"])
+    assert times.worst() == []
+    lates = [1e-3 * (1 + (7 * n) % 20) for n in range(20)]
+    for tick, late in enumerate(lates):
+        times.pace(late, 1e-3, [0.0, 1e-5, 2e-5, 3e-5], tick)
+        times.pace(0.0, 1e-3, [0.0, 1e-5, 2e-5, 3e-5], tick)
+    assert [one["tick"] for one in times.worst()] == sorted(range(20), key=lambda tick: -lates[tick])[:8]
+    assert times.worst()[0]["us"] == pytest.approx(19030.0)
+    assert {one["culprit"] for one in times.worst()} == {WAKE_UP}
+
+
 def test_a_slow_device_is_told_as_the_culprit() -> None:
     late = [0.0] * 300
     late[100] = 0.005
@@ -71,6 +83,9 @@ def test_a_slow_device_is_told_as_the_culprit() -> None:
     engine.run(0.3)
     servo = engine.report()["servo"]
     assert servo["culprits"].get(WAKE_UP, 0) >= 1
+    worst = servo["worst"][0]
+    assert (worst["tick"], worst["culprit"]) == (100, WAKE_UP)
+    assert worst["us"] > 4000.0
     assert servo["overruns"] == sum(servo["culprits"].values())
     assert servo["lateness_us"]["max"] == pytest.approx(5000, rel=1e-6)
     json.dumps(servo, allow_nan=False)

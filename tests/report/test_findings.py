@@ -108,6 +108,7 @@ def test_figures_that_are_none_do_not_stop_the_page(tmp_path):
     shown.faults = [{"time_s": text, "safe": {"reached": True, "after_s": nan}}, {}]
     shown.marks = [{"time": nan, "payload": [1]}]
     shown.timing = {"tick_us": {"p50": nan, "p99": "x"}, "histograms_us": [], "parts_us": 3, "culprits": None}
+    shown.timing |= {"worst": [{"tick": nan, "us": text}, {}, 3], "rate_hz": text}
     shown.curves.whole.values[:, ::3] = np.nan
     assert "NaN" not in page(shown).split('id="data"')[1].split("</script>")[0]
 

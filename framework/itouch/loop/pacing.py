@@ -82,7 +82,7 @@ class Pacing:
 
     def _watch_pace(self, late: float) -> None:
         engine = self._engine
-        culprit = engine.times.pace(late, engine.model.period, engine.stamps)
+        culprit = engine.times.pace(late, engine.model.period, engine.stamps, engine.ticks - 1)
         if culprit is None:
             return
         stops = engine.model.scene.safety.servo_overrun == "stop"

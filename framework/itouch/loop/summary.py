@@ -19,6 +19,7 @@ def timing_report(times: Timing, real: bool) -> dict[str, Any]:
     paced = {
         "culprits": times.culprits(),
         "skipped": times.skipped,
+        "worst": times.worst(),
         "histograms_us": times.histograms(),
     }
     return {"parts_us": times.split(), **(paced if real else {})}

@@ -68,6 +68,10 @@ def percentile(counts: NDArray[Any], percent: float, greatest: float = math.inf)
     return min(greatest, LEAST * math.pow(2.0, (index + share) / PER_OCTAVE))
 
 
+#: So many of the worst overruns are kept.
+WORST = 8
+
+
 def timing_fields(parts: int) -> tuple[Field, ...]:
     """Return the fields of a Timing record for a tick of so many parts."""
     return (
@@ -76,6 +80,7 @@ def timing_fields(parts: int) -> tuple[Field, ...]:
         Field("skipped", "i8", unit="tick", doc="periods that were given up after the loop had been held for too long"),
         Field("greatest", "f8", 2 + parts, unit="s", doc="greatest lateness, tick time, and time of each part"),
         Field("culprits", "i8", 1 + parts, unit="tick", doc="overruns by the part that took longest"),
+        Field("worst", "f8", (WORST, 3), unit="mixed", doc="overruns: tick, how long after the next was due [s], part"),
         Field("counts", "u4", (2 + parts, BINS), unit="tick", doc="histograms of lateness, tick time and of each part"),
     )
 
@@ -158,7 +163,7 @@ class Timing:
         self._stamps[:used] = stamps
         _count_tick(self._counts, self._greatest, self._stamps, used)
 
-    def pace(self, late: float, period: float, stamps: Stamps) -> str | None:
+    def pace(self, late: float, period: float, stamps: Stamps, tick: int = 0) -> str | None:
         """Note how late [s] a tick began in real time; return the culprit if it overran."""
         self._add(0, max(late, 0.0))
         work = float(stamps[-1] - stamps[0])
@@ -169,7 +174,21 @@ class Timing:
             self._culprit = self._blame(late, stamps)
         self._overruns += 1
         self.record["culprits"][self._culprit] += 1
+        self._keep(tick, late + work - period)
         return self.culprit_names[self._culprit]
+
+    def _keep(self, tick: int, over: float) -> None:
+        """Keep an overrun if it is among the worst."""
+        worst = self.record["worst"]
+        least = int(worst[:, 1].argmin())
+        if over > worst[least, 1]:
+            worst[least] = tick, over, self._culprit
+
+    def worst(self) -> list[dict[str, Any]]:
+        """Return the worst overruns, worst first: tick, how long after the next was due [us], and what made it."""
+        rows = sorted((row for row in self.record["worst"].tolist() if row[1] > 0.0), key=lambda row: -row[1])
+        names = self.culprit_names
+        return [{"tick": int(tick), "us": over * 1e6, "culprit": names[int(part)]} for tick, over, part in rows]
 
     def _blame(self, late: float, stamps: Stamps) -> int:
         shares = [float(after - before) for before, after in zip(stamps, stamps[1:], strict=False)]

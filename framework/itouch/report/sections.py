@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import math
 import os
 from typing import Any
 
@@ -125,11 +126,20 @@ def timing(findings: Findings, histograms: int) -> str:
     rows = [[name, *(number(figures.get(p), ".1f") for p in _PERCENTILES)] for name, figures in _measured(found)]
     facts = [row for key in ("ticks", "overruns", "skipped", "lost") for row in flattened(_FACTS[key], found.get(key))]
     facts += flattened("overruns by", found.get("culprits") or {})
+    rate, late = found.get("rate_hz"), found.get("worst")
+    scale = 1.0 / rate if isinstance(rate, float | int) and rate > 0 else math.nan
+    worst = [
+        [number(one.get("tick"), ".0f"), number(one.get("tick"), ".3f", scale), number(one.get("us"), ".0f"),
+         str(one.get("culprit", ""))]
+        for one in (late if isinstance(late, list) else ()) if isinstance(one, dict)
+    ]  # fmt: skip
     made = "<h2>Timing of the servo loop</h2>\n"
     if rows:
         made += table(["duration [µs]", *_PERCENTILES], rows)
     if facts:
         made += table(["count", "value"], facts)
+    if worst:
+        made += table(["tick that ended latest", "at [s]", "after the next was due [µs]", "made by"], worst)
     plots = "".join(f'<div class="plot" id="histogram{index}"></div>' for index in range(histograms))
     return made + f'<div class="grid">{plots}</div>' if rows or facts or plots else ""
 
