@@ -29,7 +29,7 @@ from itouch.plugin import (
     measured_wrench,
     temperature_target,
 )
-from itouch.safety import Supervisor
+from itouch.safety import Supervisor, guard
 from itouch.world.supervision import watched
 
 K0 = 273.15
@@ -840,6 +840,42 @@ def test_what_a_monitor_keeps(kind: type[Monitor], what: str) -> None:
         span = f"[{field.low:g}..{field.high:g}]" if math.isfinite(field.low) or math.isfinite(field.high) else ""
         told.append(f"{field.name}{shape}{span}")
     assert " ".join(told) == KEPT[kind, what]
+
+
+@pytest.mark.parametrize(("value", "found"), [
+    (1.0, 1.0), (-1.0, 1.0), (beyond(1.0), -float(Trip.SENSOR_RANGE)), (-beyond(1.0), -float(Trip.SENSOR_RANGE))
+])  # fmt: skip
+def test_what_is_at_the_end_of_its_range_is_in_it(value: float, found: float) -> None:
+    reads = (Channel("load", 1, "N", (-1.0,), (1.0,)),)
+    monitor, memory = made(Readings, (reads, ()))
+    reading = record(reads)
+    reading["load"] = value
+    assert monitor.check(memory, reading, reading, Moment(seconds=0.01)) == found
+
+
+@pytest.mark.parametrize(("role", "unit", "most"), [
+    (Role.DRIVE, "A", 2.0), (Role.DRIVE, "V", 12.0), (Role.ELECTRODE, "A", 12.0)
+])  # fmt: skip
+def test_the_limit_of_current_is_of_drives_in_ampere(role: Role, unit: str, most: float) -> None:
+    channel = Channel("x", 1, unit, (-12.0,), (12.0,), safe=(0.0,), role=role)
+    assert guard._ceilings(channel, LIMITS).tolist() == [[most], [most]]
+
+
+def test_of_a_slow_loop_every_reading_is_looked_at_at_once() -> None:
+    one = model(PLATE)
+    slow = Supervisor(one, state(one), 0.005, device=None)
+    assert (slow.panel.apart, slow.panel.clock) == (1, 2)
+
+
+@pytest.mark.parametrize(("ramp", "share"), [(0.5, 0.0), (1e-3, 0.0), (0.0, 1.0)])
+def test_a_device_begins_with_nothing_where_it_ramps_in(ramp: float, share: float) -> None:
+    one = model(ARM, limits=dataclasses.replace(LIMITS, ramp=ramp), twin=True)
+    arm = Supervisor(one, state(one), PERIOD, twin=FakeTwin())
+    arm.reset()
+    arm.open()
+    arm.read(0)
+    arm.enable()
+    assert arm._ramp.item() == share
 
 
 def test_of_two_sensors_that_disagree_the_first_is_named() -> None:

@@ -269,6 +269,13 @@ def test_what_a_monitor_may_return(says: Any, trip: Trip, words: str) -> None:
     assert caught.value.trip is trip
 
 
+@pytest.mark.parametrize("share", [0.0, 1.0])
+def test_a_monitor_may_leave_nothing_or_all(share: float) -> None:
+    device = toyed(share)
+    device.read(0)
+    assert device.panel.share == share
+
+
 def test_what_a_monitor_of_a_plugin_writes_is_seen_by_nobody() -> None:
     device = toyed(0.5)
     device.read(0)

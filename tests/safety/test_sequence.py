@@ -410,6 +410,18 @@ def test_a_surface_with_a_plate_of_its_own_is_safe_when_both_are(safe: Any, temp
     assert outcome.devices["table"].startswith(said)
 
 
+@pytest.mark.parametrize(("until", "known"), [(300, False), (460, True)])
+def test_what_has_not_answered_for_a_tenth_of_a_second_is_not_verified(until: int, known: bool) -> None:
+    """The table does not obey, and all wait for half a second; meanwhile the arm falls silent."""
+    rig = Rig()
+    rig.obey = lambda goal: None
+    rig.arm.device.read = lambda reading: rig.ticks < until and rig.say_arm(reading)  # type: ignore[method-assign,union-attr]
+    outcome = rig.stop("table")
+    assert outcome.seconds == pytest.approx(SAFE_TIME, abs=2 * PERIOD)
+    assert (outcome.devices["arm"] == "wrench off") is known
+    assert outcome.devices["arm"].startswith("can't be verified") is not known
+
+
 def test_a_surface_without_ends_retracts_nowhere() -> None:
     endless = Channel("pose_target", 7, "m", safe=TABLE[1][0].safe, role=TABLE[1][0].role)
     rig = Rig(table=(TABLE[0], (endless,)))
