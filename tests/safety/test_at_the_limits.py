@@ -861,6 +861,24 @@ def test_the_limit_of_current_is_of_drives_in_ampere(role: Role, unit: str, most
     assert guard._ceilings(channel, LIMITS).tolist() == [[most], [most]]
 
 
+def test_a_surface_leaves_all_between_two_looks() -> None:
+    monitor, memory = made(Surface, TABLE)
+    reading, sent = record(TABLE[0]), record(TABLE[1])
+    looks = [monitor.check(memory, reading, sent, Moment(now=now, time=now, gap=0.05)) for now in (1.0, 1.001, 1.009)]
+    assert looks == [1.0, 1.0, 1.0]
+    assert memory["looked"].item() == 1.0
+
+
+def test_a_drive_that_changes_forgets_how_fast_the_plate_went() -> None:
+    watch = Runaway(follows=True, part=1.0)
+    memory = Record.of(watch.fields())
+    watch.forget(memory)
+    for step, drive in enumerate((0.8, 0.8, 0.8, 0.8, 0.2)):
+        moment = Moment(now=0.1 * step, time=0.1 * step, seconds=0.1, touched=True)
+        watch.check(memory, 300.0 + 0.1 * step, 300.0, drive, moment, True)
+        assert (memory["frozen_slope"].item() > 0.0) is (1 < step < 4 or step == 1)
+
+
 def test_of_a_slow_loop_every_reading_is_looked_at_at_once() -> None:
     one = model(PLATE)
     slow = Supervisor(one, state(one), 0.005, device=None)

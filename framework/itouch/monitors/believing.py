@@ -48,7 +48,7 @@ class Memory(NamedTuple):
 @kernel
 def _found(able: Any, memory: Any, values: Floats) -> float:
     """Note which number is out of range or none at all, and return its trip."""
-    for i in range(values.shape[0]):
+    for i in range(len(values)):
         finite = math.isfinite(values[i])
         if not finite or not able.low[i] <= values[i] <= able.high[i]:
             memory.figure[0], memory.figure[1] = i, 0.0
@@ -61,12 +61,12 @@ def _found(able: Any, memory: Any, values: Floats) -> float:
 def doubt(able: Any, memory: Any, values: Floats, seconds: float) -> float:
     """Return 1, or minus the trip of a reading (n,) that cannot be believed, so many seconds after the one before."""
     total = 0.0
-    for i in range(values.shape[0]):
+    for i in range(len(values)):
         total += float(values[i])
     if not math.isfinite(total):  # something is not a number, or infinite
         return float(_found(able, memory, values))
     known = memory.known[0] != 0
-    for k in range(able.checked.shape[0]):
+    for k in range(len(able.checked)):
         i = able.checked[k]
         value = values[i]
         if not able.low[i] <= value <= able.high[i]:
@@ -75,7 +75,7 @@ def doubt(able: Any, memory: Any, values: Floats, seconds: float) -> float:
         if abs(value - last) > able.speed[i] * seconds + able.room[i]:
             memory.figure[0], memory.figure[1] = i, 0.0
             return -float(able.jump[0])
-    for k in range(able.first.shape[0]):
+    for k in range(len(able.first)):
         apart = abs(values[able.first[k]] - values[able.second[k]])
         if apart > able.apart[0]:
             memory.figure[0], memory.figure[1] = able.first[k], apart
@@ -88,7 +88,7 @@ def check(able: Any, memory: Any, values: Floats, seconds: float) -> float:
     """Do what ``doubt`` does, and remember a reading that is believed."""
     found = float(doubt(able, memory, values, seconds))
     if found == 1.0:
-        for i in range(values.shape[0]):
+        for i in range(len(values)):
             memory.believed[i] = values[i]
         memory.known[0] = 1
     return found

@@ -30,10 +30,10 @@ def size(vector: Floats) -> float:
 @kernel
 def felt(load: Any) -> float:
     """Return the force [N] on the surface in whatever direction; a torque counts as a force, too."""
-    if load.reading.shape[0] == 0:
+    if len(load.reading) == 0:
         return 0.0
     square = 0.0
-    for k in range(load.torques.shape[0]):
+    for k in range(len(load.torques)):
         square += load.reading[load.torques[k]] ** 2
     return float(max(size(load.reading), math.sqrt(square) / load.lever[0]))
 

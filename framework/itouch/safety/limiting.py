@@ -62,7 +62,7 @@ class Moving(NamedTuple):
 @kernel
 def _into_box(bounds: Any, values: Floats) -> int:
     clamped = 0
-    for i in range(bounds.high.shape[0]):
+    for i in range(len(bounds.high)):
         if values[i] > bounds.high[i]:
             values[i], clamped = bounds.high[i], 1
         elif values[i] < bounds.low[i]:
@@ -73,7 +73,7 @@ def _into_box(bounds: Any, values: Floats) -> int:
 @kernel
 def _slew(bounds: Any, values: Floats, last: Floats, period: float) -> int:
     clamped = 0
-    for i in range(bounds.slew.shape[0]):
+    for i in range(len(bounds.slew)):
         step = values[i] - last[i]
         if abs(step) > bounds.slew[i] * period:
             values[i], clamped = last[i] + math.copysign(bounds.slew[i] * period, step), 1
@@ -95,7 +95,7 @@ def _wrench(bounds: Any, values: Floats, last: Floats, share: float, growth: flo
         for i in range(3):
             values[i] *= scale
         clamped = 1
-    for k in range(bounds.free.shape[0]):
+    for k in range(len(bounds.free)):
         i = bounds.free[k]
         top = bounds.torques[i] * share
         if abs(values[i]) > top:
@@ -124,7 +124,7 @@ def _pose(bounds: Any, values: Floats, last: Floats, share: float, period: float
 def _drive(bounds: Any, values: Floats, last: Floats, share: float, period: float) -> int:
     """Limit a drive: its ceiling, the scene's limit, and the part that the monitors leave of it."""
     clamped = _into_box(bounds, values)
-    for i in range(values.shape[0]):
+    for i in range(len(values)):
         value = values[i]
         ceiling = bounds.ceilings[1 if value > 0.0 else 0, i]
         top = (ceiling if math.isfinite(ceiling) else abs(value)) * share
@@ -146,13 +146,13 @@ def _temperature(bounds: Any, values: Floats, last: Floats, share: float, period
     if share < 1.0:
         half = 0.5 * (high - low) * share
         low, high = middle - half, middle + half
-    for i in range(values.shape[0]):
+    for i in range(len(values)):
         asked, kept = values[i], bounds.off[i]
         if math.isnan(kept) or (share > 0.0 and asked >= COLDEST_TARGET):
-            if bounds.high.shape[0] > 0:
+            if len(bounds.high) > 0:
                 values[i] = min(max(values[i], bounds.low[i]), bounds.high[i])
             kept = min(max(values[i], low), high)
-            if bounds.slew.shape[0] > 0:
+            if len(bounds.slew) > 0:
                 begin, most = last[i] if last[i] >= COLDEST_TARGET else middle, bounds.slew[i] * period
                 kept = min(max(kept, begin - most), begin + most)
         values[i] = kept
@@ -165,7 +165,7 @@ def _temperature(bounds: Any, values: Floats, last: Floats, share: float, period
 def finite(values: Floats) -> bool:
     """Tell whether numbers, and their sum, are finite."""
     total = 0.0
-    for i in range(values.shape[0]):
+    for i in range(len(values)):
         total += float(values[i])
     return math.isfinite(total)
 
@@ -192,12 +192,12 @@ def limit(
     int
         0, or PYTHON if the command is not a number: nothing has been written then.
     """
-    values = np.empty(wanted.shape[0])
-    for i in range(wanted.shape[0]):
+    values = np.empty(len(wanted))
+    for i in range(len(wanted)):
         values[i] = wanted[i]
     if not finite(values):  # the copy: a plugin's thread may write to what it wants meanwhile
         return PYTHON
-    for k in range(bounds.locked.shape[0]):
+    for k in range(len(bounds.locked)):
         i = bounds.locked[k]
         if values[i] != bounds.resting[k]:
             values[i] = bounds.resting[k]
@@ -213,7 +213,7 @@ def limit(
         found = _temperature(bounds, values, sent, share, period)
     else:
         found = _into_box(bounds, values) | _slew(bounds, values, sent, period)
-    for i in range(values.shape[0]):
+    for i in range(len(values)):
         sent[i] = values[i]
     clamped[0] += found
     return 0
@@ -234,7 +234,7 @@ def begin(
     if status[0] != enabled:
         return PYTHON
     first = 0
-    for k in range(ends.shape[0]):
+    for k in range(len(ends)):
         if not finite(wanted[first : ends[k]]):
             return PYTHON
         first = ends[k]

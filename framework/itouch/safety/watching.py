@@ -71,7 +71,7 @@ def due(status: Any, sequence: Any, tick: Any, taken: Any, replaced: Any, closed
 def came(tick: Any, measured: Any, taken: Any) -> int:
     """Note that a reading has come, measured in this tick: ``measured`` has the tick of each channel."""
     taken[0] = 1
-    for i in range(measured.shape[0]):
+    for i in range(len(measured)):
         measured[i] = tick[0]
     return 0
 
@@ -98,11 +98,11 @@ def watch(
         device.taken[0] = device.age[0] = 0
         device.sequence[0] += 1
         device.heard[0] = device.checked[0] = now
-        for i in range(device.raw.shape[0]):
+        for i in range(len(device.raw)):
             device.seen[i] = device.raw[i]
     if device.heard[0] < 0:
         return 0
-    for k in range(device.turns.shape[0]):
+    for k in range(len(device.turns)):
         checked = device.words[device.turns[k]]
         if checked < 0 or now - checked >= rhythm.clock or device.due[0] == now:
             return LOOK
