@@ -15,6 +15,7 @@ from parts import ARM, PERIOD, PLATE, TABLE, Fake, FakeTwin, model, state
 from itouch.plugin import HOLD, RETRACT, Channel, Record
 from itouch.plugin.stamps import Stamped
 from itouch.safety import DeviceFaultError, Outcome, SafeSequence, Status, Supervisor, Trip
+from itouch.safety.lifecycle import BACKWARDS, HELD
 from itouch.safety.sequence import LEAVE_TIME, SAFE_TIME
 
 
@@ -64,7 +65,10 @@ class Rig:
             one.enable()
         self.arm.sent["wrench"][0] = 1.0
         self.plate.sent["current"][0] = 1.5
-        self.sequence = SafeSequence(self.all, self.state, PERIOD, self.move)
+        self.finger = 0.03
+        self.sequence = SafeSequence(
+            self.all, self.state, PERIOD, self.move, {"table": (self.arm, lambda: self.finger)}
+        )
 
     def say_arm(self, reading: Record) -> bool:
         reading["pose"] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
@@ -558,3 +562,108 @@ def test_readings_that_were_all_measured_before_the_stop_verify_nothing() -> Non
     outcome = rig.stop("arm", Trip.SPEED)
     assert not outcome.safe
     assert outcome.devices["table"] == "not measured since it was told to retract"
+
+
+def pushed(rig: Rig, way: Callable[[], float], lag: int = 0) -> None:
+    """Let a table go up as it is told to go down where ``way`` is -1, and push the finger before it."""
+    before = [rig.table.sent["pose_target"][2].item()]
+    moves = [0.0] * lag
+
+    def obey(goal: float) -> None:
+        moves.append(way() * (goal - before[0]))
+        before[0] = goal
+        rig.height = min(0.06, max(0.0, rig.height + moves[-1 - lag]))
+        rig.finger = max(rig.finger, rig.height)
+        rig.load = 1.0 if rig.finger == rig.height else 0.0
+
+    rig.obey = obey
+
+
+@pytest.mark.parametrize("lag", [0, 5])
+def test_where_a_surface_lies_about_its_place_the_finger_that_it_pushes_tells(lag: int) -> None:
+    rig = Rig()
+    pushed(rig, lambda: -1.0, lag)
+    outcome = rig.stop("table", Trip.SENSOR_JUMP)
+    assert not outcome.safe
+    assert outcome.devices["table"].startswith("can't be verified")
+    assert rig.finger < 0.03 + 0.0125 + 0.00025 * lag  # the least stretch that is judged, twice
+    assert rig.height < 0.02
+
+
+def test_a_finger_that_is_lifted_turns_no_surface_round() -> None:
+    """It rises by 0.1 m/s while the surface goes down by 0.25 m/s."""
+    rig = Rig()
+
+    def obey(goal: float) -> None:
+        rig.height, rig.load = goal, 0.0
+        rig.finger += 1e-4
+
+    rig.obey = obey
+    rig.stop("table", Trip.SENSOR_JUMP)
+    assert rig.height == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("trip", [Trip.SENSOR_RANGE, Trip.NONE])
+def test_a_tracker_that_lies_or_is_silent_is_no_witness(trip: Trip) -> None:
+    rig = Rig()
+    pushed(rig, lambda: -1.0)
+    assert rig.arm.device is not None
+    if trip is Trip.NONE:
+        rig.arm.device.read = lambda reading: False  # type: ignore[method-assign]
+    else:
+        rig.arm.fault(trip, 0)
+    rig.stop("table", Trip.SENSOR_JUMP)
+    assert rig.height > 0.05
+
+
+def test_without_a_witness_a_surface_that_lies_goes_where_it_should_be_down() -> None:
+    rig = Rig()
+    rig.sequence = SafeSequence(rig.all, rig.state, PERIOD, rig.move)
+    pushed(rig, lambda: -1.0)
+    rig.stop("table", Trip.SENSOR_JUMP)
+    assert rig.height > 0.05
+
+
+def test_one_that_pushes_whichever_way_it_is_told_to_go_is_held() -> None:
+    rig = Rig()
+    last = [rig.table.sent["pose_target"][2].item()]
+
+    def obey(goal: float) -> None:
+        rig.height += abs(goal - last[0])
+        last[0], rig.finger = goal, rig.height
+
+    rig.obey = obey
+    rig.stop("table", Trip.SENSOR_JUMP)
+    held = rig.height
+    assert rig.table.stopped is not None
+    assert rig.table.stopped.item() == HELD
+    assert held < 0.03 + 3 * 0.0125
+
+
+@pytest.mark.parametrize("lag", [0, 5])
+def test_one_that_turns_round_again_while_it_is_driven_back_goes_down_after_all(lag: int) -> None:
+    """Its drive is reversed when all stop, and not any more when it has been driven back for some time."""
+    rig = Rig()
+    pushed(rig, lambda: -1.0 if rig.ticks < 90 else 1.0, lag)
+    outcome = rig.stop("arm", Trip.SPEED)
+    assert outcome.safe
+    assert outcome.devices["table"].startswith("retracted ")
+    assert rig.finger < 0.04
+
+
+def test_one_that_turns_round_again_and_again_is_held() -> None:
+    rig = Rig()
+    pushed(rig, lambda: -1.0)
+    ways = [1.0]
+
+    def contrary() -> float:
+        """Go up, whatever it is told."""
+        assert rig.table.stopped is not None
+        ways[0] = 1.0 if rig.table.stopped.item() == BACKWARDS else -1.0
+        return ways[0]
+
+    pushed(rig, contrary)
+    outcome = rig.stop("arm", Trip.SPEED)
+    assert not outcome.safe
+    assert outcome.devices["table"].startswith("goes the wrong way: held -")
+    assert rig.height < 0.06

@@ -172,6 +172,9 @@ class FaultyTwin(Twin, Stamped):
         for channel in self.reads:
             if channel.role is Role.TRACKED_POSE:
                 state["fault.origin"][slot] = values[at : at + 7]
+                place = self.twin.position(state)
+                if place is not None and not np.isfinite(values[at : at + 3]).all():  # bent by another fault already
+                    state["fault.origin"][slot][:3] = place
             at += channel.size
 
     def _chosen(self, state: Record, slot: int) -> list[int]:

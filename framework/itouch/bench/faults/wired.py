@@ -322,9 +322,8 @@ def _cell(pair: Pair, phase: str, faults: Sequence[tuple[str, Kind, int]], begin
     if (
         not reached and first is not None and safe is not None
     ):  # sensors that lie verify nothing: then what is true counts, and that it is said
-        said = [
-            text for text in safe["devices"].values() if "can't be verified" in text or text.startswith("retracted")
-        ]
+        honest = ("can't be verified", "retracted", "goes the wrong way")
+        said = [text for text in safe["devices"].values() if text.startswith(honest)]
         reached = bool(said) and pair.truly_safe(first["time_s"], begin)
     early = first is not None and first["time_s"] < begin - 1e-9  # stopped before: by a machine that is too busy
     return Cell(
