@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import Any
 
 from itouch.loop.ledger import Ledger
 from itouch.loop.rig import ProbeRig
 from itouch.loop.runner import Runner
-from itouch.plugin import Record, Role
+from itouch.plugin import Record
 from itouch.safety import DeviceFaultError, SafeSequence, Trip
 from itouch.world import Model
 
@@ -24,11 +23,7 @@ class SafeStop:
     ) -> None:  # fmt: skip
         self._model, self._runners, self._rigs, self._ledger = model, runners, rigs, ledger
         self._tick, self._injected = state["tick"], injected
-        witnesses = {
-            rig.table.model.name: (rig.tracker, partial(_finger_over, rig, rig.table))
-            for rig in rigs if rig.table is not None and rig.table is not rig.tracker
-        }  # fmt: skip
-        self._sequence = SafeSequence(runners, state, model.period, self._move, witnesses)
+        self._sequence = SafeSequence(runners, state, model.period, self._move)
         needed = {rig.tracker.model.name for rig in rigs}
         for runner in runners:
             if runner.model.optional and runner.model.name not in needed:
@@ -87,9 +82,3 @@ class SafeStop:
         if injected:
             entry["injected"] = [{key: one[key] for key in ("device", "kind", "scene")} for one in injected]
         return entry
-
-
-def _finger_over(rig: ProbeRig, table: Runner) -> float:
-    """Return how high [m] the finger is in the direction in which a table lifts, by what tracks it."""
-    tracked = rig.tracker.read_as(Role.TRACKED_POSE)[:3].tolist()
-    return rig.frame_of(table).into(rig.frame_of(rig.tracker).point(tracked))[2]

@@ -10,7 +10,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -38,10 +38,10 @@ CLEAR = 0.008
 #: Trips after which nothing that a device says is believed.  One that was only late says what is true when it answers
 #: again: not to listen to it would let a surface go the wrong way for as long as the sequence takes.
 LIES = DOUBTS - {Trip.SILENT}
-#: A finger is pushed that rises by this part of so much that a surface was told to go the other way [m].
-PUSHED = 0.006, 0.6
-#: How often a surface is turned round, and how long [s] it may go on as it went before.
-TURNS, TURNING = 2, 0.03
+#: How often a surface is turned round; what is measured within so long [s] of it may be of the way it went before.
+TURNS, TURNING = 2, 0.025
+#: A surface that is held so much nearer [m] than it was is not safe, whatever its force sensor says.
+NEARER = 0.003
 
 
 class Outcome(NamedTuple):
@@ -56,19 +56,11 @@ class Outcome(NamedTuple):
     also: dict[str, str]
 
 
-#: What tracks the finger over a surface, and how high [m] it reads it in the surface's own direction.
-Witness = tuple[Supervisor, Callable[[], float]]
-
-
 class SafeSequence:
-    """Carries out the sequence for the devices of one session.
-
-    ``witnesses``, by the names of surfaces: who knows of the finger where the surface's own sensors are not believed.
-    """
+    """Carries out the sequence for the devices of one session."""
 
     def __init__(
         self, supervisors: Sequence[Supervisor], state: Record, period: float, move: Callable[[], None],
-        witnesses: Mapping[str, Witness] | None = None,
     ) -> None:  # fmt: skip
         self._supervisors, self._period, self._move = tuple(supervisors), period, move
         self._tick = state["tick"]
@@ -81,17 +73,18 @@ class SafeSequence:
         self._furthest: dict[str, float] = {}
         #: Surfaces of which nothing is known that was measured since all stopped.
         self._late: set[str] = set()
-        #: How often a surface was turned round, when it was last, where it was sent and the finger stood then.
+        #: How often a surface was turned round, and the tick in which it was last.
         self._turns: dict[str, int] = {}
-        self._turned: dict[str, float] = {}
-        self._watched: dict[str, tuple[float, float]] = {}
-        self._witnesses = witnesses or {}
+        self._turned: dict[str, int] = {}
         self._since = self._passed = 0
         names = {s.model.name for s in self._retracting}
         self._carried = [s for s in supervisors if s.model.carrier in names and not _retracts(s)]
 
     def carry_out(self, fault: DeviceFaultError, after_tick: Callable[[], None]) -> Outcome:
         """Make every device safe; ``after_tick`` is called at the end of each tick that this takes."""
+        for supervisor, stopped in self._ways:
+            if supervisor.enabled:  # what was found of its ways in an earlier stop is over
+                stopped[...] = 0
         for supervisor in self._supervisors:
             if supervisor.model.name == fault.device:
                 supervisor.fault(fault.trip, fault.tick)
@@ -102,7 +95,6 @@ class SafeSequence:
         self._answered.clear()
         self._turns.clear()
         self._turned.clear()
-        self._watched.clear()
         heights = {s.model.name: _height(s) for s in self._retracting}
         self._furthest = dict(heights)
         self._late = {s.model.name for s in self._retracting if s.twin is None}
@@ -187,15 +179,14 @@ class SafeSequence:
         for supervisor, stopped in self._ways:
             name = supervisor.model.name
             if supervisor.twin is None and not self._believed(supervisor):
-                self._mind_finger(supervisor, stopped)  # a place that is not believed says nothing of a direction
-                continue
+                continue  # a place that is not believed says nothing of a direction
             height = _height(supervisor)
             if name in self._late:
                 if supervisor.measured_at(Role.TRACKED_POSE) < self._since:
                     continue  # what a late wire brings first tells where the surface went before
                 self._late.discard(name)
                 heights[name] = self._furthest[name] = height
-            if self._passed * self._period < self._turned.get(name, -math.inf) + TURNING:
+            if self._measured(supervisor) < self._turned.get(name, 0):
                 self._furthest[name] = height  # it goes on for a moment as it went before
             furthest = self._furthest[name] = min(self._furthest[name], height)
             gone = heights[name] - height
@@ -211,36 +202,16 @@ class SafeSequence:
                 stopped[...] = HELD
                 self._held_for.pop(name, None)
 
+    def _measured(self, supervisor: Supervisor) -> int:
+        """Return the tick at which a surface was where it is taken to be."""
+        return self._tick.item() if supervisor.twin is not None else supervisor.measured_at(Role.TRACKED_POSE)
+
     def _turn(self, name: str, stopped: NDArray[np.int8]) -> None:
         """Drive a surface the other way; one that has been turned often is held: none of its ways is the right one."""
         self._held_for.pop(name, None)
-        self._turned[name] = self._passed * self._period
+        self._turned[name] = self._tick.item() + round(TURNING / self._period)
         self._turns[name] = self._turns.get(name, 0) + 1
         stopped[...] = HELD if self._turns[name] > TURNS else BACKWARDS if stopped.item() == 0 else 0
-
-    def _mind_finger(self, supervisor: Supervisor, stopped: NDArray[np.int8]) -> None:
-        """Turn a surface whose own place is not believed, if the finger rises as it is told to go down.
-
-        A finger that rises by most of what the surface should have gone down, as quickly, is pushed by it: so says the
-        device that tracks the finger, which knows nothing of the surface.
-        """
-        name = supervisor.model.name
-        witness = self._witnesses.get(name)
-        if witness is None or stopped.item() == HELD:
-            return
-        tracker, height = witness
-        channel = supervisor.model.command(Role.SURFACE_POSE)
-        if tracker.trip in LIES or tracker.model.name in self._mute or channel is None:
-            return
-        sent, finger = supervisor.sent[channel.name][2].item(), height()
-        if name not in self._watched:
-            self._watched[name] = sent, finger
-        asked, rose = abs(sent - self._watched[name][0]), finger - self._watched[name][1]
-        if asked >= PUSHED[0] and rose >= PUSHED[1] * asked:
-            self._turn(name, stopped)
-            del self._watched[name]
-        elif asked > 2.0 * PUSHED[0]:  # that stretch is over, and nothing was pushed
-            self._watched[name] = sent, finger
 
     def _seen(self, supervisor: Supervisor, heights: dict[str, float]) -> tuple[str, bool]:
         """Say what is seen of a device, and whether it is not safe."""
@@ -276,7 +247,8 @@ class SafeSequence:
         gone = before - height
         pressed = self._pressed(supervisor)
         if any(s is supervisor and stopped.item() for s, stopped in self._ways):
-            return f"goes the wrong way: held {gone * 1e3:.1f} mm further back", pressed
+            nearer = gone < -NEARER
+            return f"goes the wrong way: held {gone * 1e3:.1f} mm further back", pressed or nearer
         if (gone >= RETREAT or height <= bottom + AT_END) and not pressed:
             return f"retracted {max(0.0, gone) * 1e3:.1f} mm", False
         return f"retracted only {gone * 1e3:.1f} mm{', still touched' if pressed else ''}", True
