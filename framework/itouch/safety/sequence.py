@@ -192,6 +192,7 @@ class SafeSequence:
             gone = heights[name] - height
             if stopped.item() == 0 and height - furthest > WRONG_WAY:
                 stopped[...], self._held_for[name] = HELD, 0
+                self._change(name)
             elif stopped.item() == HELD and name in self._held_for:
                 self._held_for[name] += 1
                 if self._held_for[name] * self._period > SETTLE and self._pressed(supervisor):
@@ -202,6 +203,10 @@ class SafeSequence:
                 stopped[...] = HELD
                 self._held_for.pop(name, None)
 
+    def _change(self, name: str) -> None:
+        """Note that a surface goes another way from now on."""
+        self._turned[name] = self._tick.item() + round(TURNING / self._period)
+
     def _measured(self, supervisor: Supervisor) -> int:
         """Return the tick at which a surface was where it is taken to be."""
         return self._tick.item() if supervisor.twin is not None else supervisor.measured_at(Role.TRACKED_POSE)
@@ -209,7 +214,7 @@ class SafeSequence:
     def _turn(self, name: str, stopped: NDArray[np.int8]) -> None:
         """Drive a surface the other way; one that has been turned often is held: none of its ways is the right one."""
         self._held_for.pop(name, None)
-        self._turned[name] = self._tick.item() + round(TURNING / self._period)
+        self._change(name)
         self._turns[name] = self._turns.get(name, 0) + 1
         stopped[...] = HELD if self._turns[name] > TURNS else BACKWARDS if stopped.item() == 0 else 0
 
@@ -247,8 +252,11 @@ class SafeSequence:
         gone = before - height
         pressed = self._pressed(supervisor)
         if any(s is supervisor and stopped.item() for s, stopped in self._ways):
-            nearer = gone < -NEARER
-            return f"goes the wrong way: held {gone * 1e3:.1f} mm further back", pressed or nearer
+            going_on = supervisor.twin is None and self._measured(supervisor) < self._turned.get(
+                supervisor.model.name, 0
+            )
+            unsafe = pressed or going_on or gone < -NEARER
+            return f"goes the wrong way: held {gone * 1e3:.1f} mm further back", unsafe
         if (gone >= RETREAT or height <= bottom + AT_END) and not pressed:
             return f"retracted {max(0.0, gone) * 1e3:.1f} mm", False
         return f"retracted only {gone * 1e3:.1f} mm{', still touched' if pressed else ''}", True
