@@ -60,8 +60,8 @@ class SafeSequence:
     """Carries out the sequence for the devices of one session."""
 
     def __init__(
-        self, supervisors: Sequence[Supervisor], state: Record, period: float, move: Callable[[], None],
-    ) -> None:  # fmt: skip
+        self, supervisors: Sequence[Supervisor], state: Record, period: float, move: Callable[[], None]
+    ) -> None:
         self._supervisors, self._period, self._move = tuple(supervisors), period, move
         self._tick = state["tick"]
         self._ways = [(s, s.stopped) for s in supervisors if s.stopped is not None and _retracts(s)]
@@ -212,11 +212,11 @@ class SafeSequence:
         return self._tick.item() if supervisor.twin is not None else supervisor.measured_at(Role.TRACKED_POSE)
 
     def _turn(self, name: str, stopped: NDArray[np.int8]) -> None:
-        """Drive a surface the other way; one that has been turned often is held: none of its ways is the right one."""
+        """Send a surface that was driven back down again; one that was turned often is held: no way is right."""
         self._held_for.pop(name, None)
         self._change(name)
         self._turns[name] = self._turns.get(name, 0) + 1
-        stopped[...] = HELD if self._turns[name] > TURNS else BACKWARDS if stopped.item() == 0 else 0
+        stopped[...] = HELD if self._turns[name] > TURNS else 0
 
     def _seen(self, supervisor: Supervisor, heights: dict[str, float]) -> tuple[str, bool]:
         """Say what is seen of a device, and whether it is not safe."""
@@ -252,9 +252,8 @@ class SafeSequence:
         gone = before - height
         pressed = self._pressed(supervisor)
         if any(s is supervisor and stopped.item() for s, stopped in self._ways):
-            going_on = supervisor.twin is None and self._measured(supervisor) < self._turned.get(
-                supervisor.model.name, 0
-            )
+            since = self._turned.get(supervisor.model.name, 0)
+            going_on = supervisor.twin is None and self._measured(supervisor) < since
             unsafe = pressed or going_on or gone < -NEARER
             return f"goes the wrong way: held {gone * 1e3:.1f} mm further back", unsafe
         if (gone >= RETREAT or height <= bottom + AT_END) and not pressed:

@@ -48,8 +48,8 @@ _MONITOR = (
 )
 _SURFACE = Field("stopped", "i8", low=0, high=2, unit="1", doc="1 held, 2 driven back, in the safe sequence")
 
-#: Units of commands that can hurt, if nobody says what they are for.
 _TEMPERATURE = "Role.TEMPERATURE_TARGET"
+#: Units of commands that can hurt, if nobody says what they are for.
 _DANGEROUS = {
     "A": "Role.DRIVE, Role.ELECTRODE", "V": "Role.DRIVE, Role.ELECTRODE", "W": "Role.DRIVE, Role.ULTRASOUND",
     "K": _TEMPERATURE, "N": "Role.FORCE_ON_OPERATOR", "Pa": "Role.PRESSURE, Role.ULTRASOUND",
