@@ -249,3 +249,12 @@ def test_one_plate_alone_has_nothing_to_share() -> None:
     assert not hand({"table": TABLE})[2].alone
     assert not hand({"one": ARM, "two": ARM})[2].alone
     assert not hand({"one": PLATE, "two": PLATE})[2].alone
+
+
+def test_the_clock_of_contact_goes_on_in_periods_that_a_late_loop_has_left_out() -> None:
+    data, (_, table), finger = hand({"arm": ARM, "table": TABLE})
+    table.panel.touch(True, 1.0)
+    finger.check(1)
+    table.leave_out(500)
+    finger.check(2)
+    assert float(data["table.surface.contact_time"]) == pytest.approx(0.501, abs=1e-6)
