@@ -36,7 +36,8 @@ HERE = Path(__file__).resolve().parent
 TREE = HERE.parent
 SAFETY = (
     "guard", "readings", "heat", "carrier", "finger", "monitors", "supervisor", "hold_connect", "sequence",
-    "joined_steps", "edges", "rehearsing", "at_the_limits",
+    "joined_steps", "edges", "rehearsing", "at_the_limits", "two_on_one_finger", "laws", "phases", "strangers",
+    "what_attackers_found", "exchanged",
 )  # fmt: skip
 #: Room -> the folder of its modules and the tests that answer for it, if they are not those in the folder of its name.
 ROOMS: dict[str, tuple[str, tuple[str, ...]]] = {

@@ -427,7 +427,7 @@ def test_a_full_ring_forgets_the_oldest() -> None:
 @pytest.mark.parametrize(
     ("load", "gap", "calibrated", "touched"),
     [(0.03, 1.0, True, False), (beyond(0.03), 1.0, True, True), (0.0, 2e-4, True, False), (0.0, 1.9e-4, True, True),
-     (0.0, 1.9e-4, False, False)],
+     (0.0, 1.9e-4, False, False), (0.0, -0.001, False, False)],  # a place that is not calibrated says nothing
 )  # fmt: skip
 def test_from_where_a_surface_is_touched(load: float, gap: float, calibrated: bool, touched: bool) -> None:
     monitor, memory = made(Surface, TABLE)
@@ -495,6 +495,8 @@ def test_the_clock_of_contact_at_its_limits() -> None:
     memory["counted"] = 1.0
     assert monitor.count(memory, 1.0099, True) == 1.0 and memory["counted"].item() == 1.0
     assert monitor.count(memory, 1.01, True) == 1.0 and memory["counted"].item() == 1.01
+    memory["counted"] = 0.0
+    assert monitor.count(memory, 0.01, True) == 1.0 and memory["counted"].item() == 0.01
 
 
 def test_a_surface_comes_back_below_half_of_its_time() -> None:
@@ -639,6 +641,24 @@ def test_a_monitor_is_told_how_old_the_reading_is() -> None:
     for tick in range(1, 11):
         device.read(tick)
     assert Moments.told == [(0.0, True, 0.0), (0.01, False, pytest.approx(0.01))]
+
+
+def test_silence_is_looked_at_in_the_time_that_has_truly_passed() -> None:
+    device, _ = listened(Moments)
+    device.read(0)
+    device.leave_out(7)
+    device.panel.wait(3, 0.01)
+    assert device.panel.moment.now == pytest.approx(0.010)
+
+
+def test_what_acts_elsewhere_on_the_finger_counts_from_its_first_word() -> None:
+    device, _ = listened(Moments)
+    device.panel.leave("tip", 0.0)
+    assert device.panel.share == 0.0
+    device.panel.leave("thumb", 0.5)
+    assert device.panel.share == 0.0
+    device.panel.leave("tip", 1.0)
+    assert device.panel.share == 0.5
 
 
 def test_nothing_is_fresh_before_the_first_reading_and_after_all_was_forgotten() -> None:

@@ -251,6 +251,12 @@ def test_one_plate_alone_has_nothing_to_share() -> None:
     assert not hand({"one": PLATE, "two": PLATE})[2].alone
 
 
+def test_what_one_plate_alone_has_given_is_said_by_its_own_monitor() -> None:
+    data, _, finger = hand({"table": TABLE, "plate": PLATE})
+    data["plate.heat.dose"] = 1e6
+    finger.check(1)  # "with others on the same finger" would not be true
+
+
 def test_the_clock_of_contact_goes_on_in_periods_that_a_late_loop_has_left_out() -> None:
     data, (_, table), finger = hand({"arm": ARM, "table": TABLE})
     table.panel.touch(True, 1.0)

@@ -631,3 +631,80 @@ def test_what_was_found_of_a_surface_in_one_stop_is_over_in_the_next() -> None:
     outcome = rig.stop("arm", Trip.SPEED)
     assert outcome.safe
     assert outcome.devices["table"].startswith("retracted ")
+
+
+def test_one_that_goes_wrong_twice_is_turned_twice_and_then_held() -> None:
+    """As long as a third way is left it goes it: reversed at the stop, again when driven back, and obeying at last."""
+    rig = Rig()
+    turned = []
+
+    def way() -> float:
+        """Go up as long as it was not turned round so often."""
+        assert rig.table.stopped is not None
+        now = rig.table.stopped.item()
+        if not turned or turned[-1] != now:
+            turned.append(now)
+        up_when_driven = 1.0 if now == BACKWARDS else -1.0
+        return up_when_driven if turned.count(0) <= 2 else 1.0
+
+    pushed(rig, way)
+    outcome = rig.stop("arm", Trip.SPEED)
+    assert turned.count(BACKWARDS) == 2
+    assert turned.count(0) == 3
+    assert outcome.devices["table"].startswith(("retracted", "goes the wrong way")), outcome
+
+
+class Two(Rig):
+    """A rig with a second table, both behind wires, that go up where they are told to go down."""
+
+    def __init__(self, late: int) -> None:
+        super().__init__()
+        one = [model(TABLE, name=name) for name in ("first", "second")]
+        self.state = state(*one)
+        self.places = [0.03, 0.03]
+        self.all = [Supervisor(m, self.state, PERIOD, device=Line()) for m in one]
+        for place, supervisor in enumerate(self.all):
+            assert supervisor.device is not None
+            supervisor.device.read = lambda reading, place=place: self.say(reading, place)  # type: ignore[method-assign,misc]
+            supervisor.reset()
+            supervisor.open()
+            supervisor.read(0)
+            supervisor.enable()
+        assert self.all[0].device is not None
+        self.all[0].device.behind = late  # type: ignore[attr-defined]
+        self.sequence = SafeSequence(self.all, self.state, PERIOD, self.move)
+
+    def say(self, reading: Record, place: int) -> bool:
+        reading["pose"] = (0.0, 0.0, self.places[place], 1.0, 0.0, 0.0, 0.0)
+        reading["wrench"] = (0.0, 0.0, -1e-6 * (self.ticks % 2), 0.0, 0.0, 0.0)
+        return True
+
+    def move(self) -> None:
+        self.ticks += 1
+        self.places = [0.06 - one.sent["pose_target"][2].item() for one in self.all]
+
+
+def test_a_surface_of_which_nothing_new_is_known_keeps_no_other_from_being_minded() -> None:
+    rig = Two(late=60)
+    rig.stop("first", Trip.SPEED)
+    assert rig.places[1] < 0.0325  # it is seen as soon as it rises, while the first is not yet heard of
+
+
+@pytest.mark.parametrize(("stamp", "said"), [(-1, "not measured since it was told to retract"), (0, "retracted ")])
+def test_what_was_measured_in_the_very_tick_of_the_stop_is_of_the_retreat(stamp: int, said: str) -> None:
+    rig = Rig()
+    assert rig.table.device is not None
+    stuck = rig.state["tick"].item() + stamp
+    rig.table.device.measured = lambda state, tick, ticks: ticks.__setitem__(Ellipsis, stuck)  # type: ignore[attr-defined]
+    assert rig.stop("arm", Trip.SPEED).devices["table"].startswith(said)
+
+
+def test_how_far_a_surface_was_driven_is_told_in_millimetres() -> None:
+    rig = Rig()
+    rig.height, rig.load = 0.03, 0.0
+    rig.obey = lambda goal: None
+    rig.height = 0.03
+    for supervisor, stopped in rig.sequence._ways:
+        stopped[...] = 1
+        assert rig.sequence._seen_surface(supervisor, 0.0875)[0] == "goes the wrong way: held 57.5 mm further back"
+        assert rig.sequence._seen_surface(supervisor, 0.7805)[0] == "goes the wrong way: held 750.5 mm further back"

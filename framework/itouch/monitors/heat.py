@@ -125,7 +125,7 @@ class Heat(Monitor):
         return self._switch is not None and bool(sent[self._switch.name].item() < 0.5)
 
     def _temperature(self, reading: Record) -> float:
-        return float(reading[self.plate].reshape(-1)[self._component])
+        return float(reading[self.plate].ravel()[self._component])
 
     def check(self, state: Record, reading: Record, sent: Record, moment: Moment) -> float:
         """Check the newest readings; budgets and clocks run on without news, with what was read last."""
@@ -151,7 +151,7 @@ class Heat(Monitor):
             return 0.0
         found = 0.0
         for (channel, component), ceiling in zip(self._drives, self._ceilings, strict=True):
-            drive = drive_of(channel, sent[channel.name].reshape(-1)[component].item(), temperature, ceiling)
+            drive = drive_of(channel, sent[channel.name].ravel()[component].item(), temperature, ceiling)
             found = drive if abs(drive) > abs(found) else found
         return found
 
@@ -278,7 +278,7 @@ def _ceiling(channel: Channel, component: int, limits: Mapping[str, object]) -> 
 def _pulls(drive: tuple[Channel, int], ceiling: float, sent: Record, plate: float, withdrawn: bool) -> bool:
     """Tell whether one drive acts; a target acts while it is held, however near to it the plate is."""
     channel, component = drive
-    value: float = sent[channel.name].reshape(-1)[component].item()
+    value: float = sent[channel.name].ravel()[component].item()
     if channel.role is Role.TEMPERATURE_TARGET:
         return value >= COLDEST_TARGET and not withdrawn
     return abs(drive_of(channel, value, plate, ceiling)) > DRIVEN

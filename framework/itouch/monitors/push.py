@@ -40,7 +40,7 @@ class Push(Monitor):
 
     def felt(self, reading: Record) -> float:
         """Return the force [N] with which it presses, as it feels it."""
-        return max(math.hypot(*reading[name].reshape(-1)[:3].tolist()) for name in self._loads)
+        return max(math.hypot(*reading[name].ravel()[:3].tolist()) for name in self._loads)
 
     def check(self, state: Record, reading: Record, sent: Record, moment: Moment) -> float:
         """Cut the pressure down between limit and trip."""

@@ -148,7 +148,7 @@ class Readings(Monitor):
         if code == Trip.PLATE_TEMPERATURE:
             plates = [c for c in self.device.reads if c.role is Role.SKIN_CONTACT_TEMPERATURE]
             low, _ = self.device.limits["temperature_trip"]
-            return "T2" if any(value < low for c in plates for value in reading[c.name].reshape(-1).tolist()) else "T1"
+            return "T2" if any(value < low for c in plates for value in reading[c.name].ravel().tolist()) else "T1"
         return "T7" if code == Trip.SINK_TEMPERATURE else "T8"
 
     def rules(self) -> tuple[Rule, ...]:
