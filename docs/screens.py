@@ -47,18 +47,23 @@ def window() -> None:
             _keep(f"window-{size}-{ground}", shots.shoot(session.state))
             if light:
                 continue
-            for name, choices in {"temperatures": {"thermal": True}, "menu": {"help": True},
-                                  "large": {"larger": 2.5}}.items():  # fmt: skip
-                if size == "hd" or name == "large":
-                    before = {word: getattr(chosen, word) for word in choices}
-                    for word, value in choices.items():
-                        setattr(chosen, word, value)
-                    _keep(f"window-{size}-{name}", shots.shoot(session.state))
-                    for word, value in before.items():
-                        setattr(chosen, word, value)
-            if size == "hd":
-                _keep("window-hd-fault", shots.shoot(session.state, Situation(faults=fault)))
+            for name, choices in {"temperatures": {"thermal": True}, "menu": {"help": True}, "large": {"larger": 2.5},
+                                  "below": {"under": True}}.items():  # fmt: skip
+                before = {word: getattr(chosen, word) for word in choices}
+                for word, value in choices.items():
+                    setattr(chosen, word, value)
+                _keep(f"window-{size}-{name}", shots.shoot(session.state))
+                for word, value in before.items():
+                    setattr(chosen, word, value)
+            _keep(f"window-{size}-fault", shots.shoot(session.state, Situation(faults=fault)))
+            shots.picture.pointed = (0.92 * width, 0.62 * height)
+            _keep(f"window-{size}-cursor", shots.shoot(session.state))
+            shots.picture.pointed = (-1.0, -1.0)
         shots.close()
+    shots = Offscreen(session.model, width=720, height=1280)
+    shots.picture.ring = ring
+    _keep("window-upright", shots.shoot(session.state))
+    shots.close()
 
 
 def _keep(name: str, pixels: NDArray[np.uint8]) -> None:

@@ -60,7 +60,7 @@ def test_a_reading_that_jumps_as_far_as_it_may_is_believed() -> None:
     assert monitor.check(memory, reading, reading, Moment(seconds=0.01)) == 1.0
     reading["plate_temperature"] = 310.0
     assert monitor.check(memory, reading, reading, Moment(seconds=0.01)) == 1.0
-    reading["plate_temperature"] = beyond(310.0) - 20.0 - 1e-9
+    reading["plate_temperature"], memory["figure"] = beyond(310.0) - 20.0 - 1e-9, (7.0, 7.0)
     assert monitor.check(memory, reading, reading, Moment(seconds=0.01)) == -Trip.SENSOR_JUMP
     assert memory["figure"].tolist() == [0.0, 0.0]
     assert memory["believed"].tolist() == [310.0, 300.0, 0.0]
@@ -641,6 +641,29 @@ def test_a_monitor_is_told_how_old_the_reading_is() -> None:
     for tick in range(1, 11):
         device.read(tick)
     assert Moments.told == [(0.0, True, 0.0), (0.01, False, pytest.approx(0.01))]
+
+
+class Measured(Moments):
+    """Notes when what it is shown was measured."""
+
+    name: ClassVar[str] = "measured"
+    placed: ClassVar[bool] = True
+    times: ClassVar[list[float]] = []
+
+    def check(self, state: Record, reading: Record, sent: Record, moment: Moment) -> float:
+        self.times.append(moment.time)
+        return 1.0
+
+
+def test_a_monitor_is_told_when_a_reading_was_measured_that_came_late() -> None:
+    device, _ = listened(Measured)
+    Measured.times.clear()
+    device.read(0)
+    device.panel.begin()
+    for measured in (5, 3):
+        device._measured[...] = measured
+        device.panel.look_placed(5)
+    assert Measured.times == [pytest.approx(0.005), pytest.approx(0.003)]
 
 
 def test_silence_is_looked_at_in_the_time_that_has_truly_passed() -> None:

@@ -251,6 +251,13 @@ def test_one_plate_alone_has_nothing_to_share() -> None:
     assert not hand({"one": PLATE, "two": PLATE})[2].alone
 
 
+def test_a_load_of_the_touch_force_itself_is_none_yet() -> None:
+    _, (table,), finger = hand({"table": TABLE})
+    for load, pressed in ((0.03, 0.0), (0.0301, 0.0301)):
+        table.panel.seen["wrench"] = (0.0, 0.0, -load, 0.0, 0.0, 0.0)
+        assert finger.pressed() == pytest.approx(pressed)
+
+
 def test_what_one_plate_alone_has_given_is_said_by_its_own_monitor() -> None:
     data, _, finger = hand({"table": TABLE, "plate": PLATE})
     data["plate.heat.dose"] = 1e6

@@ -346,6 +346,7 @@ def test_a_surface_says_what_is_touched_and_how_fast_it_may_close_in() -> None:
     assert device.panel.closing(0.05, 0.004) == 0.0
     assert device.panel._clamped.item() == count + 1
     assert device.panel.follow(0.03, False) == 0.03
+    assert device.panel._clamped.item() == count + 1
     surface = device.panel.surface
     assert surface is not None
     surface.state["withdrawn"][...] = 1

@@ -7,7 +7,7 @@ import pytest
 from shipped import SCENES
 
 import itouch
-from itouch.viewer import colours, drawing, menu, overlay, solids
+from itouch.viewer import colours, docking, drawing, menu, overlay, solids
 from itouch.viewer.camera import VIEWS, Camera
 from itouch.viewer.overlay import Situation
 from itouch.viewer.signals import Ring
@@ -255,7 +255,7 @@ def test_the_keys_fit_beside_the_scene():
 @pytest.mark.parametrize("width", [40, 120])
 def test_the_menu_presses_every_key_and_no_two_at_once(playback, width):
     listed = menu.rows(playback=playback, width=width)
-    by_mouse = {"Drag", "Wheel", "Click", "Time line"}
+    by_mouse = {"Drag", "Wheel", "Click", "Point", "Time line"}
     assert {row.keys for row in listed if row.presses} == {row.keys for row in listed} - by_mouse
     area = (700.0, 10.0, 9.0 * width, 900.0)
     found = menu.places(listed, area, 9.0, 8.0)
@@ -283,3 +283,44 @@ def test_words_and_curves_are_read_on_light_and_on_dark_ground(shown):
         assert contrast(shown.tint(weight), shown.panel) >= 4.5, weight
     for colour in colours.CURVES:
         assert contrast(shown.drawn(colour), shown.panel) >= 3.0, colour
+
+
+@pytest.mark.parametrize("count", [0, 1, 4, 9])
+@pytest.mark.parametrize("area", [(900.0, 8.0, 370.0, 700.0), (8.0, 8.0, 1264.0, 270.0), (8.0, 8.0, 380.0, 330.0)])
+def test_charts_stand_in_their_area_and_none_on_another(count, area):
+    left, bottom, width, height = area
+    places = docking.arranged(count, area, 8.0)
+    assert min(count, 1) <= len(places) <= count
+    for index, ((x, y, w, h), foot) in enumerate(places):
+        assert (
+            x >= left - 1e-9 and y >= bottom - 1e-9 and x + w <= left + width + 1e-9 and y + h <= bottom + height + 1e-9
+        )
+        assert h >= docking.LEAST_HEIGHT * 8.0 * 0.9 and foot in (0.0, 2.4 * 8.0)
+        for (u, v, wide, high), _ in places[:index]:
+            assert x >= u + wide or u >= x + w or y >= v + high or v >= y + h
+    columns = {x for (x, *_), _ in places}
+    lowest = {x: min(y for (u, y, *_), _ in places if u == x) for x in columns}
+    assert all((foot > 0.0) is (y == lowest[x]) for (x, y, *_), foot in places)  # each column has its time axis once
+
+
+def test_keys_tell_the_sample_at_the_cursor_or_the_newest():
+    times = np.array([3.0, 3.5, 4.0, 4.5])
+    assert docking.sample(times, None) == 3
+    assert docking.sample(times, -0.5) == 2
+    assert docking.sample(times, -0.6) == 2
+    assert docking.sample(times, 0.0) == 3
+    assert docking.sample(times, -1.6) == 4  # nothing is known of then
+    assert docking.sample(times[:0], -1.0) == -1
+    assert docking.told(times, ".1f", 4) == docking.told(times[:0], ".1f", -1) == "--"
+    assert docking.told(times, ".1f", 1) == "3.5"
+
+
+def test_what_stands_below_leaves_the_scene_the_rest():
+    camera = Camera(under=0.4)
+    below, plain = camera.projection(1.5), Camera().projection(1.5)
+    assert below[1, 2] == -0.4 and plain[1, 2] == 0.0
+    low, high = np.full(3, -0.05), np.full(3, 0.05)
+    camera.frame(low, high, 1.5)
+    corners = [np.array([x, y, z]) for x in (-0.05, 0.05) for y in (-0.05, 0.05) for z in (-0.05, 0.05)]
+    found = [camera.project(corner, 1500, 1000) for corner in corners]
+    assert all(place is not None and place[1] > 400.0 for place in found)

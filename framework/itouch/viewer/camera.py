@@ -35,6 +35,7 @@ class Camera:
     azimuth: float = 0.0
     elevation: float = 28.0
     aside: float = 0.0
+    under: float = 0.0
 
     @property
     def eye(self) -> NDArray[np.float64]:
@@ -64,13 +65,14 @@ class Camera:
     def projection(self, aspect: float) -> Matrix:
         """Return the perspective matrix (4, 4) for a picture of this width over height.
 
-        The right part ``aside`` of the picture is left to what stands beside the scene.
+        The right part ``aside`` of the picture is left to what stands beside the scene, the lower part ``under`` to
+        what stands below it.
         """
         near, far = self.distance * 0.02, self.distance * 50.0
         scale = 1.0 / math.tan(FIELD_OF_VIEW / 2)
         matrix = np.zeros((4, 4))
         matrix[0, 0], matrix[1, 1] = scale / aspect, scale
-        matrix[0, 2] = self.aside
+        matrix[0, 2], matrix[1, 2] = self.aside, -self.under
         matrix[2, 2], matrix[2, 3] = (far + near) / (near - far), 2 * far * near / (near - far)
         matrix[3, 2] = -1.0
         return matrix
@@ -101,7 +103,7 @@ class Camera:
         radius = max(0.01, float(np.linalg.norm(high - low)) / 2)
         corners = np.array([[(low, high)[i >> axis & 1][axis] for axis in range(3)] for i in range(8)])
         view = self.view()[:3, :3]
-        half = math.tan(FIELD_OF_VIEW / 2) * np.array([aspect * (1.0 - self.aside), 1.0]) * FILLED
+        half = math.tan(FIELD_OF_VIEW / 2) * np.array([aspect * (1.0 - self.aside), 1.0 - self.under]) * FILLED
         right, up, out = ((corners - middle) @ view.T).T
         self.distance = radius
         for _ in range(4):  # the middle of what is seen depends on the distance

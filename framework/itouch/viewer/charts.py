@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pyglet import gl
 
+from itouch.viewer import docking
 from itouch.viewer.buffers import Paint
 from itouch.viewer.drawing import Rectangle, line, look, rectangle, ribbon
 from itouch.viewer.scales import titled
@@ -21,37 +22,38 @@ Values = NDArray[np.float64]
 #: Seconds between two lines of the time axis; length of a dash and of the gap after it [s].
 STEP = 2.0
 _DASH = 0.12
-#: Least height of a chart, in letters' sizes; where there is less room, the last charts are left out.
-LEAST_HEIGHT = 10.5
 
 
-def draw(ring: Curves, paint: Paint, text: Text, area: Rectangle, seen: NDArray[np.float64], size: float) -> None:
-    """Draw all charts, one under the other with one time axis, into an area: left, bottom, width, height [pixels]."""
-    left, bottom, width, height = area
-    gap, axis = 0.8 * size, 2.4 * size
-    count = min(len(ring.charts), max(1, int((height - axis + gap) / (LEAST_HEIGHT * size + gap))))
-    each = min((height - axis - gap * (count - 1)) / max(count, 1), max(0.32 * height, LEAST_HEIGHT * size))
-    for index, chart in enumerate(ring.charts[:count]):
-        last = index == count - 1
-        below = bottom + height - (index + 1) * each - index * gap - (axis if last else 0.0)
-        place = (left, below, width, each + (axis if last else 0.0))
-        _chart(ring, chart, paint, text, place, seen, size, foot=axis if last else 0.0)
+def draw(
+    ring: Curves, paint: Paint, text: Text, area: Rectangle, seen: NDArray[np.float64], size: float, *,
+    pointed: tuple[float, float] = (-1.0, -1.0),
+) -> None:  # fmt: skip
+    """Draw all charts into an area [pixels], one under the other, or side by side if it is wide.
+
+    All have one time axis; where the mouse points into one, a line stands at that time in all, and their keys tell the
+    values of then.
+    """
+    places = docking.arranged(len(ring.charts), area, size)
+    times = (docking.pointed_time(place, foot, pointed, size) for place, foot in places)
+    cursor = next((time for time in times if time is not None), None)
+    for (place, foot), chart in zip(places, ring.charts, strict=False):
+        _chart(ring, chart, paint, text, place, seen, size, foot=foot, cursor=cursor)
 
 
 def _chart(
     ring: Curves, chart: Chart, paint: Paint, text: Text, area: Rectangle, seen: NDArray[np.float64], size: float, *,
-    foot: float,
+    foot: float, cursor: float | None,
 ) -> None:  # fmt: skip
     left, bottom, width, height = area
     paint.draw(gl.GL_TRIANGLES, rectangle(area, look().panel), seen)
     title = titled(chart.title, chart.unit, int((width - 1.8 * size) / text.width(size)))
     text.put(title, left + 0.9 * size, bottom + height - 1.8 * size, look().words, size=size)
-    head, foot = 4.3 * size, foot + 0.9 * size
-    if height < head + foot + 3.0 * size:
+    x0, y0, w, h = docking.inner(area, foot, size)
+    if h < 3.0 * size:
         return
-    x0, y0, w, h = left + 5.0 * size, bottom + foot, width - 6.4 * size, height - foot - head
     times, values = ring.curves(chart)
-    _keys(chart, values, paint, text, (left + 0.9 * size, bottom + height - 3.5 * size, width - 1.8 * size, size), seen)
+    keys = (left + 0.9 * size, bottom + height - 3.5 * size, width - 1.8 * size, size)
+    _keys(chart, values, docking.sample(times, cursor), paint, text, keys, seen)
     low, high = span(values, chart.least)
     lines = []
     for value in ticks(low, high, round(h / (2.0 * size))):
@@ -59,7 +61,7 @@ def _chart(
         lines.append(line((x0, y), (x0 + w, y), look().fine if value else look().axis))
         text.put(f"{value:g}", x0 - 0.5 * size, y - 0.35 * size, look().quiet, size=0.85 * size, anchor="right")
     end = float(times[-1]) if len(times) else 0.0
-    lines += _time_axis(text, (x0, y0, w, h), size, words=foot > 2.0 * size)
+    lines += _time_axis(text, (x0, y0, w, h), size, words=foot > 2.0 * size, cursor=cursor)
     paint.draw(gl.GL_LINES, np.vstack(lines), seen)
     curves = [np.empty((0, 7), np.float32)]
     for row, signal in sorted(zip(values, chart.signals, strict=True), key=lambda pair: pair[1].dashed):
@@ -82,8 +84,10 @@ def clipped(area: Rectangle) -> Iterator[None]:
         gl.glDisable(gl.GL_SCISSOR_TEST)
 
 
-def _time_axis(text: Text, area: Rectangle, size: float, *, words: bool) -> list[NDArray[np.float32]]:
-    """Return the lines of the time axis, and write its numbers."""
+def _time_axis(
+    text: Text, area: Rectangle, size: float, *, words: bool, cursor: float | None
+) -> list[NDArray[np.float32]]:
+    """Return the lines of the time axis and of the cursor, and write their numbers."""
     x0, y0, w, h = area
     lines = []
     told = STEP if w * STEP / WINDOW > 5.0 * text.width(0.85 * size) else WINDOW / 2
@@ -92,21 +96,29 @@ def _time_axis(text: Text, area: Rectangle, size: float, *, words: bool) -> list
         lines.append(line((x, y0), (x, y0 + h), look().fine))
     for seconds in np.arange(-WINDOW, 0.5 * told, told):
         x = x0 + w * (1.0 + seconds / WINDOW)
-        if words:
+        hidden = cursor is not None and abs(seconds - cursor) * w / WINDOW < 5.5 * text.width(0.85 * size)
+        if words and not hidden:
             said = f"{seconds:g}" if seconds else "now"
             text.put(said + (" s" if seconds == -WINDOW else ""), x, y0 - 1.9 * size, look().quiet, size=0.85 * size,
                      anchor="center")  # fmt: skip
+    if cursor is not None:
+        x = x0 + w * (1.0 + cursor / WINDOW)
+        lines.append(line((x, y0), (x, y0 + h), (*look().words, 1.0)))
+        if words:
+            text.put(f"{cursor:.2f} s", x, y0 - 1.9 * size, look().words, size=0.85 * size, anchor="center")
     return lines
 
 
-def _keys(chart: Chart, values: Values, paint: Paint, text: Text, place: Rectangle, seen: NDArray[np.float64]) -> None:
-    """Write what each curve is, with a piece of it and its last value; as many as there is room for."""
+def _keys(
+    chart: Chart, values: Values, index: int, paint: Paint, text: Text, place: Rectangle, seen: NDArray[np.float64]
+) -> None:
+    """Write what each curve is, with a piece of it and its value at a sample; as many as there is room for."""
     left, y, width, size = place
     x, small = left, 0.9 * size
     letter = text.width(small)
-    shown = [(row, s) for row, s in zip(values, chart.signals, strict=True) if not _silent(row, s)]
+    shown = [(row, s) for row, s in zip(values, chart.signals, strict=True) if not _silent(row, s, index)]
     signals = [signal for _, signal in shown]
-    said = [f"{signal.label} {_last(row, chart.digits)}" for row, signal in shown]
+    said = [f"{signal.label} {docking.told(row, chart.digits, index)}" for row, signal in shown]
     if sum(2.3 * size + (len(words) + 1.6) * letter for words in said) > width:
         said = [signal.label for signal in signals]
     for words, signal in zip(said, signals, strict=True):
@@ -119,13 +131,9 @@ def _keys(chart: Chart, values: Values, paint: Paint, text: Text, place: Rectang
         x += 2.3 * size + (len(words) + 1.6) * letter
 
 
-def _silent(row: Values, signal: Signal) -> bool:
-    """Whether a curve is that one of two forms of a reading, measured or held, that is not the one of now."""
-    return signal.held is not None and not (len(row) and math.isfinite(row[-1]))
-
-
-def _last(row: Values, digits: str) -> str:
-    return format(row[-1], digits) if len(row) and math.isfinite(row[-1]) else "--"
+def _silent(row: Values, signal: Signal, index: int) -> bool:
+    """Whether a curve is that one of two forms of a reading, measured or held, that is not the one of a sample."""
+    return signal.held is not None and not (0 <= index < len(row) and math.isfinite(row[index]))
 
 
 def span(values: Values, least: float) -> tuple[float, float]:

@@ -13,7 +13,7 @@ from itouch.viewer.overlay import KEYS, PLAYBACK_KEYS
 
 #: Words of a row of keys -> what pressing them presses, by pyglet's names.  Rows of the mouse press nothing.
 PRESSES: dict[str, tuple[tuple[str, str], ...]] = {
-    **{letter: ((letter, letter),) for letter in "HPSRTGCNLFMU"},
+    **{letter: ((letter, letter),) for letter in "HPSRTGCDNLFMU"},
     "Space": (("Space", "SPACE"),),
     "Esc": (("Esc", "ESCAPE"),),
     "+ -": (("+", "PLUS"), ("-", "MINUS")),

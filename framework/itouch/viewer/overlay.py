@@ -29,6 +29,7 @@ KEYS = {
     "T": "colour objects by temperature or by material",
     "G": "show or hide grid and workspace",
     "C": "show or hide the curves",
+    "D": "curves beside the scene or below it",
     "N": "show or hide the names of objects",
     "L": "light or dark",
     "U": "sound on or off",
@@ -40,6 +41,7 @@ KEYS = {
     "Drag": "orbit; with Shift or the middle button: pan",
     "Wheel": "zoom",
     "Click": "properties of an object or a device",
+    "Point": "at a curve: the values of that time",
 }
 
 
@@ -77,9 +79,9 @@ PLAYBACK_KEYS = {
     "Up, Down": "play faster, slower",
     "Page up, down": "the contact, mark or fault before, the next one",
     "Home, End": "the begin, the end",
-    **{key: KEYS[key] for key in ("T", "G", "C", "N", "L", "+ -", "1 2 3 4 5", "F")},
+    **{key: KEYS[key] for key in ("T", "G", "C", "D", "N", "L", "+ -", "1 2 3 4 5", "F")},
     "Time line": "click or drag: wind",
-    **{key: KEYS[key] for key in ("Drag", "Wheel", "Click")},
+    **{key: KEYS[key] for key in ("Drag", "Wheel", "Click", "Point")},
     "Esc": "close",
 }
 

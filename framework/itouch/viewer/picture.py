@@ -26,6 +26,8 @@ _ALARM_EDGE: Tint = (1.00, 0.45, 0.30, 1.0)
 _NAMED = 16
 #: Greatest share of a picture's width that curves or keys take.
 _BESIDE = 0.32
+#: Greatest share of a picture's height that curves take below the scene.
+_UNDER = 0.40
 
 
 @dataclass(slots=True)
@@ -35,6 +37,8 @@ class Choices:
     thermal: bool = False
     aids: bool = True
     curves: bool = True
+    #: Whether the curves stand below the scene and not beside it; None: below in a picture that is higher than wide.
+    under: bool | None = None
     help: bool = False
     #: Whether a button opens the list of keys, and the mouse presses them.
     menu: bool = False
@@ -63,6 +67,8 @@ class Picture:
         self.bar: Rectangle | None = None
         self.menu: list[menu.Place] = []
         self.pointed = (-1.0, -1.0)
+        #: Whether the last picture had its curves below the scene.
+        self.under = False
         self._framed = False
 
     def draw(self, state: Record, frame: Frame, now: Situation) -> None:
@@ -70,29 +76,33 @@ class Picture:
         chosen, size = self.choices, max(7.0, 8.0 * self.scale) * self.choices.larger
         draw_in(LIGHT if chosen.light else DARK)
         docked = chosen.help or (chosen.curves and self.ring.charts)
-        beside = min(_BESIDE * frame.width, 46 * size) if docked else 0.0
-        self.camera.aside = beside / frame.width
+        self.under = chosen.under if chosen.under is not None else frame.height > frame.width
+        below = bool(docked) and self.under and not chosen.help  # keys need the height
+        beside = min(_BESIDE * frame.width, 46 * size) if docked and not below else 0.0
+        under = min(_UNDER * frame.height, 34 * size) if below else 0.0
+        self.camera.aside, self.camera.under = beside / frame.width, under / frame.height
         if not self._framed:
             self.reframe(state, frame)
         self.canvas.draw(state, self.camera, frame, thermal=chosen.thermal, aids=chosen.aids)
         gl.glDisable(gl.GL_DEPTH_TEST)
         seen = pixels(frame.width, frame.height)
         self.text.begin()
-        foot = self._foot(frame, now, beside, seen, size)
+        foot = self._foot(frame, now, beside, under, seen, size)
         self.menu = self._buttons(frame.width - beside, foot, seen, size) if chosen.menu else []
         if chosen.names:
             self._names(state, frame, foot, frame.width - beside, size)
         upper = frame.height - size
         if chosen.words:
             upper = self._headline(overlay.headline(self.model, state), frame.width - beside, upper, seen, size)
-            below = self._scale(state, frame, foot, seen, min(size, 0.40 * (frame.width - beside) / legend.WIDE))
+            legend_top = self._scale(state, frame, foot, seen, min(size, 0.40 * (frame.width - beside) / legend.WIDE))
             words = overlay.status(self.model, state, now)
             room = int((frame.width - beside - 5 * size) / self.text.width(size))
-            lines = int(min(upper - below, 0.32 * frame.height) / (2.0 * size)) - 1
+            lines = int(min(upper - legend_top, 0.32 * frame.height) / (2.0 * size)) - 1
             self._corner(overlay.fitted(words, room, lines), frame, size, upper=upper)
-        if beside and not chosen.help:
+        if docked and not chosen.help:
             area = (frame.width - beside - size, size, beside, frame.height - 2 * size)
-            charts.draw(self.ring, self.canvas.paint, self.text, area, seen, size)
+            area = (size, size, frame.width - 2 * size, under) if below else area
+            charts.draw(self.ring, self.canvas.paint, self.text, area, seen, size, pointed=self.pointed)
         if now.picked:
             words = overlay.properties(self.model, state, now.picked)
             self._corner(words, frame, size, upper=foot + 10.0 * size + 2.0 * size * (len(words.lines) + 0.4))
@@ -100,9 +110,11 @@ class Picture:
             self._help(now, (frame.width - beside - size, size, beside, frame.height - 2 * size), frame, size)
         self.text.draw()
 
-    def _foot(self, frame: Frame, now: Situation, beside: float, seen: NDArray[np.float64], size: float) -> float:
+    def _foot(
+        self, frame: Frame, now: Situation, beside: float, under: float, seen: NDArray[np.float64], size: float
+    ) -> float:
         """Draw the time line and the alarm; return where what stands above them begins [pixels]."""
-        width, foot = frame.width - beside - (3 if beside else 2) * size, size
+        width, foot = frame.width - beside - (3 if beside else 2) * size, size + (under + size if under else 0.0)
         self.bar = None
         if now.timeline is not None:
             area = (size, foot, width, 5.6 * size)

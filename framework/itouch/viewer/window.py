@@ -138,6 +138,8 @@ class Window(pyglet.window.Window):
             chosen.aids = not chosen.aids
         elif symbol == key.C:
             chosen.curves = not chosen.curves
+        elif symbol == key.D:
+            chosen.under = not self.picture.under
         elif symbol == key.N:
             chosen.names = not chosen.names
         elif symbol == key.L:
@@ -226,6 +228,10 @@ class Window(pyglet.window.Window):
         """Move the finger across, if the mouse has it."""
         self.picture.pointed = (x * self.get_pixel_ratio(), y * self.get_pixel_ratio())
         self._say(self._steering.moved(dx, dy))
+
+    def on_mouse_leave(self, x: int, y: int) -> None:
+        """Point at nothing any more."""
+        self.picture.pointed = (-1.0, -1.0)
 
     def on_mouse_scroll(self, x: int, y: int, scroll_x: float, scroll_y: float) -> None:
         """Zoom, or raise and lower the finger, if the mouse has it."""
