@@ -1,7 +1,8 @@
-"""Pictures of every screen for the gallery of screens: ``python docs/screens.py [window | page | terminal] ...``.
+"""Pictures of every screen for the gallery of screens: ``python docs/screens.py [window | page | terminal | TREE]``.
 
 The window is drawn off the screen, the page by Chromium, the terminal by a program on a pseudo-terminal of so many
-columns.  Pictures go to ``docs/pictures/screens``; what is to be seen in each is said in ``docs/reference/screens.md``.
+columns.  TREE is a checkout of an earlier commit with its own ``.venv``, whose screens are those of before.  Pictures
+go to ``docs/pictures/screens``; what is to be seen in each is said in ``docs/reference/screens.md``.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import struct
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,8 @@ HERE = Path(__file__).parent
 SCENES, OUT = HERE.parent / "scenes", HERE / "pictures" / "screens"
 #: Size -> word in a file's name.
 SIZES = {(1280, 720): "hd", (3840, 2160): "4k"}
+#: The command line of this program.
+OURS = (sys.executable, "-m", "itouch")
 
 
 def window() -> None:
@@ -72,29 +75,46 @@ def _keep(name: str, pixels: NDArray[np.uint8]) -> None:
     Image.fromarray(pixels).save(OUT / f"{name}.webp", quality=86, method=6)
 
 
-def page() -> None:
+def before(tree: Path) -> None:
+    """Draw what an earlier commit showed: window, page, terminal."""
+    program = (str(tree / ".venv" / "bin" / "itouch-py"),)
+    with tempfile.TemporaryDirectory() as folder:
+        for (width, height), size in SIZES.items():
+            shot, scene = f"{folder}/shot.png", str(tree / "scenes" / "four_materials.xml")
+            words = ("--screenshot", shot, "--at", "11s", "--for", "11.1s", "--size", f"{width}x{height}")
+            subprocess.run([*program, "run", scene, "--headless", *words], check=True, capture_output=True, cwd=folder)
+            with Image.open(shot) as picture:
+                _keep(f"before-window-{size}", np.asarray(picture.convert("RGB")))
+    page(program, "before-page", tree)
+    terminal(program, "before-terminal", tree)
+
+
+def page(program: Sequence[str] = OURS, begin: str = "page", tree: Path = HERE.parent) -> None:
     """Let Chromium draw a session's page: on a screen, on a dark one, on a phone, on paper."""
     browser = shutil.which("chromium") or shutil.which("google-chrome") or "chrome"
     with tempfile.TemporaryDirectory() as folder:
         recording, report = f"{folder}/run.mcap", f"{folder}/run.html"
-        scene = str(SCENES / "four_materials.xml")
-        _itouch("run", scene, "--headless", "--for", "24s", "--record", recording)
-        _itouch("report", recording, "-o", report)
+        scene = str(tree / "scenes" / "four_materials.xml")
+        for done in (
+            ("run", scene, "--headless", "--for", "24s", "--record", recording),
+            ("report", recording, "-o", report),
+        ):
+            subprocess.run([*program, *done], check=True, capture_output=True, cwd=folder)
         for name, size, words in (
-            ("page-hd-light", (1280, 720), ()),
-            ("page-hd-dark", (1280, 720), ("--blink-settings=preferredColorScheme=0",)),
-            ("page-4k-light", (3840, 2160), ("--force-device-scale-factor=1",)),
-            ("page-phone", (390, 844), ()),
+            ("hd-light", (1280, 720), ()),
+            ("hd-dark", (1280, 720), ("--blink-settings=preferredColorScheme=0",)),
+            ("4k-light", (3840, 2160), ("--force-device-scale-factor=1",)),
+            ("phone", (390, 844), ()),
         ):
             shot = f"{folder}/shot.png"
             _chromium(browser, folder, f"--window-size={size[0]},{size[1]}", f"--screenshot={shot}", *words, report)
             with Image.open(shot) as picture:
-                _keep(name, np.asarray(picture.convert("RGB")))
+                _keep(f"{begin}-{name}", np.asarray(picture.convert("RGB")))
         printed = f"{folder}/page.pdf"
         _chromium(browser, folder, f"--print-to-pdf={printed}", "--no-pdf-header-footer", report)
         if shutil.which("pdftoppm"):
             subprocess.run(["pdftoppm", "-png", "-r", "60", "-f", "1", "-l", "1", "-singlefile", printed,
-                            str(OUT / "page-print")], check=True)  # fmt: skip
+                            str(OUT / f"{begin}-print")], check=True)  # fmt: skip
 
 
 def _chromium(browser: str, home: str, *words: str) -> None:
@@ -103,11 +123,7 @@ def _chromium(browser: str, home: str, *words: str) -> None:
     subprocess.run([*base, *words], check=True, capture_output=True, timeout=300)
 
 
-def _itouch(*words: str) -> None:
-    subprocess.run([sys.executable, "-m", "itouch", *words], check=True, capture_output=True)
-
-
-def terminal() -> None:
+def terminal(program: Sequence[str] = OURS, begin: str = "terminal", tree: Path = HERE.parent) -> None:
     """Write what stands on terminals of 80 and 120 columns after a run and a check, as pictures of text."""
     from rich.console import Console
     from rich.text import Text
@@ -122,22 +138,22 @@ def terminal() -> None:
         }
         for columns in (80, 120):
             for name, words in said.items():
-                shown = "".join(_typed(words, columns, folder if name == "check" else str(HERE.parent)))
+                command = [*program, *words]
+                shown = "".join(_typed(command, columns, folder if name == "check" else str(tree)))
                 console = Console(record=True, width=columns, file=open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
                 for line in shown.replace("\r\n", "\n").split("\n"):
                     console.print(Text.from_ansi(line.rpartition("\x1b[2K")[2].rpartition("\r")[2]))
                 OUT.mkdir(parents=True, exist_ok=True)
-                console.save_svg(str(OUT / f"terminal-{columns}-{name}.svg"), title=f"itouch-py {words[0]}")
+                console.save_svg(str(OUT / f"{begin}-{columns}-{name}.svg"), title=f"itouch-py {words[0]}")
 
 
-def _typed(words: list[str], columns: int, folder: str) -> Iterator[str]:
+def _typed(command: list[str], columns: int, folder: str) -> Iterator[str]:
     """Yield what a command writes on a terminal of so many columns."""
     import fcntl
     import termios
 
     ours, theirs = pty.openpty()
     fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 40, columns, 0, 0))
-    command = [sys.executable, "-m", "itouch", *words]
     environment = {**os.environ, "TERM": "xterm-256color", "COLUMNS": ""}
     process = subprocess.Popen(command, stdin=theirs, stdout=theirs, stderr=theirs, cwd=folder, env=environment)
     os.close(theirs)
@@ -158,4 +174,4 @@ def _typed(words: list[str], columns: int, folder: str) -> Iterator[str]:
 if __name__ == "__main__":
     parts: dict[str, Callable[[], None]] = {"window": window, "page": page, "terminal": terminal}
     for word in sys.argv[1:] or parts:
-        parts[word]()
+        parts[word]() if word in parts else before(Path(word).resolve())
