@@ -663,7 +663,11 @@ def test_a_monitor_is_told_when_a_reading_was_measured_that_came_late() -> None:
     for measured in (5, 3):
         device._measured[...] = measured
         device.panel.look_placed(5)
-    assert Measured.times == [pytest.approx(0.005), pytest.approx(0.003)]
+    device.leave_out(7)
+    device._measured[...] = 5
+    device.panel.look_placed(5)
+    assert Measured.times == [pytest.approx(0.005), pytest.approx(0.003), pytest.approx(0.012)]
+    assert device.panel.moment.now == pytest.approx(0.012)
 
 
 def test_silence_is_looked_at_in_the_time_that_has_truly_passed() -> None:

@@ -130,11 +130,13 @@ def test_a_free_orientation_stays_a_quaternion_of_numbers_up_to_one() -> None:
     assert sent[3:].tolist() == [1.0, -1.0, 0.5, 0.0]
 
 
-def test_a_locked_axis_of_a_surface_is_dropped() -> None:
-    channel = pose_target(low=(-1, -1, -1), high=(1, 1, 1), speed=0.3, locked=(0, 3, 4, 5))
+@pytest.mark.parametrize("axis", range(3))
+def test_a_locked_axis_of_a_surface_is_dropped(axis: int) -> None:
+    channel = pose_target(low=(-1, -1, -1), high=(1, 1, 1), speed=0.3, locked=(axis, 3, 4, 5))
     sent = np.array([0.0, 0, 0, 1.0, 0, 0, 0])
-    assert Guard(channel, LIMITS).limit(np.array([1e-4, 1e-4, 0, 1.0, 0, 0, 0]), sent, 1.0, 1e-3, 0.1) == (0, 1)
-    assert sent.tolist() == [0.0, 1e-4, 0, 1.0, 0, 0, 0]
+    wanted = np.array([1e-4, 1e-4, 1e-4, 1.0, 0, 0, 0])
+    assert Guard(channel, LIMITS).limit(wanted, sent, 1.0, 1e-3, 0.1) == (0, 1)
+    assert sent.tolist() == [*(0.0 if one == axis else 1e-4 for one in range(3)), 1.0, 0, 0, 0]
     wanted = np.array([0.0, 0, 0, 0.5, 0.5, 0.5, 0.5])
     assert Guard(channel, LIMITS).limit(wanted, sent.copy(), 1.0, 1e-3, 0.1)[1] == 4
 
