@@ -34,15 +34,18 @@ from typing import Any
 
 HERE = Path(__file__).resolve().parent
 TREE = HERE.parent
+#: Tests of the supervisor that need no scene and no compiler; those that do.
 SAFETY = (
     "guard", "readings", "heat", "carrier", "finger", "monitors", "supervisor", "hold_connect", "sequence",
-    "joined_steps", "edges", "rehearsing", "at_the_limits", "two_on_one_finger", "laws", "phases", "strangers",
-    "what_attackers_found", "exchanged",
+    "joined_steps", "edges", "rehearsing", "at_the_limits",
+)  # fmt: skip
+SCENES = (
+    "two_on_one_finger", "laws", "phases", "strangers", "what_attackers_found", "exchanged",
 )  # fmt: skip
 #: Room -> the folder of its modules and the tests that answer for it, if they are not those in the folder of its name.
 ROOMS: dict[str, tuple[str, tuple[str, ...]]] = {
-    "safety": ("framework/itouch/safety", tuple(f"safety/test_{name}.py" for name in SAFETY)),
-    "monitors": ("framework/itouch/monitors", tuple(f"safety/test_{name}.py" for name in SAFETY)),
+    "safety": ("framework/itouch/safety", tuple(f"safety/test_{name}.py" for name in (*SAFETY, *SCENES))),
+    "monitors": ("framework/itouch/monitors", tuple(f"safety/test_{name}.py" for name in (*SAFETY, *SCENES))),
     **{name: (f"framework/itouch/{name}", (name,)) for name in (
         "scene", "exchange", "loop", "recording", "session", "report", "arms", "dynamics", "sound", "study", "world",
     )},

@@ -17,6 +17,7 @@ from program import program
 from shipped import SCENES
 
 import itouch
+from itouch.report import sections
 from itouch.report.collect import collect
 from itouch.report.curves import NUMBERS_CONTACTS, NUMBERS_WHOLE, Block
 from itouch.report.packing import Packer
@@ -54,6 +55,31 @@ def test_the_page_is_one_file_that_asks_for_nothing(recorded):
     assert not re.search(r"""(src|href)\s*=\s*["'](?!data:)""", head)
     assert "@import" not in head and "url(" not in head
     assert "default-src 'none'" in head
+
+
+def test_what_was_not_as_it_should_be_is_said_first(recorded):
+    findings = collect(recorded / "run.mcap")
+    said = sections.answer(findings)
+    assert "all devices were simulated" in said and "not as it should" not in said
+    assert "not as it should be" not in sections.contacts(findings)
+    findings.report["contacts"][1] |= {"plate_limited": True, "plate_ready": False}
+    said = sections.answer(findings)
+    assert (
+        "not as it should have been in 1 of 2 contacts: pyrex (the plate was not ready, the plate was limited)" in said
+    )
+    table = sections.contacts(findings)
+    assert ">the plate was not ready, the plate was limited</td>" in table
+    assert "its start temperature is out of the plate" in table  # the whole sentence below it
+
+
+def test_the_page_pictures_the_first_touch(recorded):
+    findings = collect(recorded / "run.mcap")
+    assert findings.touching and findings.model.objects[int(findings.state["finger.object"])] == "aluminium"
+    begin = findings.contacts[0]["begin_s"]
+    assert int(findings.state["tick"]) * findings.model.period == pytest.approx(begin + 0.5, abs=0.003)
+    assert "in its first touch" in sections.picture(b"png", touching=findings.touching)
+    end = collect(recorded / "end.itouch")
+    assert not end.touching
 
 
 @pytest.mark.parametrize("width", [400, 1600])

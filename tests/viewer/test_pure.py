@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from shipped import SCENES
@@ -166,7 +168,7 @@ def test_a_session_that_begins_again_begins_its_curves_again(session):
 def test_the_overlay_names_devices_contact_and_faults(session):
     now = Situation(tick_us=50.0, overruns=3)
     text = "\n".join(line for line, _ in overlay.status(session.model, session.state, now).lines)
-    for part in ("arm: enabled (twin)", "peltier: plate", "degC", "3 overruns", "1000 Hz", "tick p99 50 us"):
+    for part in ("arm: enabled (simulated)", "peltier: plate", "degC", "3 overruns", "1000 Hz", "tick p99 50 us"):
         assert part in text
     now.faults = [{"trip": "over-temperature", "device": "peltier", "cause": "is at 46 degC"}]
     said = overlay.alarm(now, 200)
@@ -227,7 +229,12 @@ def test_the_first_line_says_what_is_felt(session):
     state["finger.object"] = session.model.objects.index("wood")
     state["finger.total_force"], state["finger.force"] = 0.9, (0.0, 0.0, 1.85)
     state["peltier.heat_flux"], state["flux-control.desired"] = 827.0, 826.0
-    assert overlay.headline(session.model, state) == "finger on wood, 0.9 N felt, 827 of 826 W/m2"
+    assert overlay.headline(session.model, state) == "finger on wood, 0.9 N felt, 827 W/m2, wanted 826"
+    state["peltier.heat_flux"] = 500.0
+    assert overlay.headline(session.model, state).endswith(", 500 W/m2 (61 %), wanted 826")
+    index, objects = session.model.objects.index("wood"), session.model.scene.objects
+    called = SimpleNamespace(objects=["block"] * len(objects), scene=session.model.scene)
+    assert overlay._named(called, index) == "block (wood)"
     words = "\n".join(line for line, _ in overlay.status(session.model, state, Situation()).lines)
     assert "touches wood, 0.90 N felt (1.85 N in the virtual world)" in words
     state["finger.object"], state["finger.near_object"], state["finger.near_distance"] = -1, 0, 0.0123
@@ -324,3 +331,10 @@ def test_what_stands_below_leaves_the_scene_the_rest():
     corners = [np.array([x, y, z]) for x in (-0.05, 0.05) for y in (-0.05, 0.05) for z in (-0.05, 0.05)]
     found = [camera.project(corner, 1500, 1000) for corner in corners]
     assert all(place is not None and place[1] > 400.0 for place in found)
+
+
+def test_a_curve_is_called_as_its_field_says(session):
+    force = next(chart for chart in Ring(session.model).charts if chart.title == "force")
+    assert [(signal.label, signal.dashed) for signal in force.signals] == [("virtual", True), ("felt", False)]
+    warm = next(chart for chart in Ring(session.model).charts if chart.unit == "degC")
+    assert ("skin on the object", True) in [(signal.label, signal.dashed) for signal in warm.signals]

@@ -39,7 +39,8 @@ class Quantity:
         Where it is plotted: ``""`` by its unit, if it is a channel, or a single number of a twin or a modality that
         has a unit; ``"no"`` nowhere; any other words: in the chart of that title, with all others of the same title
         and unit.  ``"wish: TITLE"`` draws it dashed, as what is wanted and not measured; ``"page: TITLE"`` shows it on
-        the report's page only.  The title may be left out: ``"wish:"``.
+        the report's page only.  The title may be left out: ``"wish:"``.  ``"TITLE | NAME"`` calls the curve so, where
+        its field's name would not do.
     """
 
     name: str

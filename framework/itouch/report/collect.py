@@ -45,6 +45,8 @@ class Findings:
     model: Model | None
     state: Record | None
     notices: list[str] = field(default_factory=list)
+    #: Whether ``state`` is of a touch, and not of the end.
+    touching: bool = False
 
     @property
     def contacts(self) -> list[dict[str, Any]]:
@@ -75,7 +77,9 @@ def _recording(path: str, progress: Progress | None) -> Findings:
     work = Replay(recording)
     ticks = len(recording.ticks)
     sampler = Sampler(work.session.model, ticks)
+    shown = _Shown(work.session.model)
     work.session.taps.append(lambda tick: sampler.add(work.session.state))  # in the safe sequence, too
+    work.session.taps.append(lambda tick: shown.look(work.session.state))
     while work.step():
         if progress is not None and work.feed.at % _TOLD_EVERY == 0:
             progress(work.feed.at / ticks)
@@ -94,8 +98,27 @@ def _recording(path: str, progress: Progress | None) -> Findings:
     return Findings(
         os.path.basename(path), "recording", summary, report, faults, recording.marks, losses,
         _timing(recording, report), _provenance(manifest, {"begin": begin}), recording.scene,
-        sampler.curves(spans), work.session.model, work.session.state, list(work.session.notices),
+        sampler.curves(spans), work.session.model, shown.state or work.session.state, list(work.session.notices),
+        touching=shown.state is not None,
     )  # fmt: skip
+
+
+class _Shown:
+    """Keeps the State to be pictured: of the first touch, half a second after its begin."""
+
+    def __init__(self, model: Model) -> None:
+        self.state: Record | None = None
+        self._names = [f"{probe.name}.object" for probe in model.probes]
+        self._left = self._whole = round(0.5 / model.period)
+
+    def look(self, state: Record) -> None:
+        """Look at a tick that is over."""
+        if self.state is not None:
+            return
+        touched = any(int(state[name]) >= 0 for name in self._names)
+        self._left = self._left - 1 if touched else self._whole
+        if self._left <= 0:
+            self.state = state.copy()
 
 
 def _snapshot(path: str) -> Findings:

@@ -52,6 +52,15 @@ def ended(model: Model, entry: Mapping[str, Any]) -> list[str]:
     return [words for words in found if words]
 
 
+def shortcomings(model: Model | None, entry: Mapping[str, Any]) -> list[str]:
+    """Return what a contact was not that it has to be, in the words of what measures it."""
+    found = ["the plate was missed"] if entry.get("plate_missed") else []
+    for one in measured(model):
+        if one.must is not None and entry.get(one.key) is not None and entry[one.key] is not one.must:
+            found.append(one.otherwise)
+    return found
+
+
 def remarks(model: Model, entry: Mapping[str, Any]) -> list[str]:
     """Return what is said of a contact below the table: what was not as it should have been."""
     found: list[str] = []

@@ -29,7 +29,8 @@ def page(findings: Findings, *, picture: bytes | None = None) -> str:
     """
     data = _data(findings)
     parts = [
-        sections.head(findings), sections.answer(findings), sections.summary(findings), sections.picture(picture),
+        sections.head(findings), sections.answer(findings), sections.summary(findings),
+        sections.picture(picture, touching=findings.touching),
         sections.faults(findings), sections.contacts(findings), _curves(findings), sections.meanings(findings),
         sections.timing(findings, len(data["histograms"])),
         sections.marks(findings), sections.parameters(findings),

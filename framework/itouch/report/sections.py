@@ -7,6 +7,7 @@ import math
 import os
 from typing import Any
 
+from itouch.report import columns
 from itouch.report.collect import Findings
 from itouch.report.columns import measured
 from itouch.report.limits import limit_rows
@@ -20,6 +21,8 @@ _CONTACTS = (
     ("plate_gap_mm", "plate gap [mm]", ".3f", 1.0), ("plate_lead_ms", "plate lead [ms]", ".0f", 1.0),
 )  # fmt: skip
 _TEXTS = ("probe", "object", "material")
+#: Most sentences below the table of contacts.
+_REMARKS = 12
 #: Figures of a tick, in the order in which they are shown.
 _PERCENTILES = ("p50", "p99", "p99.9", "max")
 
@@ -45,10 +48,16 @@ def answer(findings: Findings) -> str:
         parts = ["nothing was touched"]
     said = [f"{name}: {value}" for name, value in findings.summary.items() if name == "greatest force felt"]
     wrong = f"{len(findings.faults)} faults, told below" if findings.faults else "no fault"
-    missed = sum(bool(contact.get("plate_missed")) for contact in findings.contacts)
     lost = ["not all of it was kept"] if findings.losses else []
-    plate = [f"the plate was missed in {missed}"] if missed else []
-    return f'<p class="answer">{text("; ".join([*parts, *said, wrong, *plate, *lost]))}</p>'
+    twins = [device.twin for device in findings.model.devices.values()] if findings.model is not None else []
+    kind = ["all devices were simulated"] if twins and all(twins) else []
+    short = [(str(c["object"]), why) for c in findings.contacts if (why := columns.shortcomings(findings.model, c))]
+    named = ", ".join(f"{name} ({', '.join(why)})" for name, why in short[:4]) + (", ..." if len(short) > 4 else "")
+    plain = f'<p class="answer">{text("; ".join([*parts, *said, wrong, *lost, *kind]))}</p>'
+    if not short:
+        return plain
+    count = f"{len(short)} of {len(findings.contacts)} contacts"
+    return plain + f'<p class="bad">{text(f"not as it should have been in {count}: {named}")}</p>'
 
 
 def summary(findings: Findings) -> str:
@@ -108,16 +117,24 @@ def contacts(findings: Findings) -> str:
     ]  # fmt: skip
     rows = [[number(entry.get(key), form, scale) for key, _, form, scale in shown] for entry in found]
     words = [index for index, column in enumerate(shown) if column[0] in _TEXTS]
-    choices = findings.curves is not None
-    return "<h2>Contacts</h2>\n" + table([c[1] for c in shown], rows, words=words, choices=choices)
+    choices, heads = findings.curves is not None, [column[1] for column in shown]
+    short = [columns.shortcomings(findings.model, entry) for entry in found]
+    if any(short):
+        heads, words = [*heads, "not as it should be"], [*words, len(heads)]
+        rows = [[*row, ", ".join(why)] for row, why in zip(rows, short, strict=True)]
+    made = "<h2>Contacts</h2>\n" + table(heads, rows, words=words, choices=choices)
+    said = [line for entry in found for line in columns.remarks(findings.model, entry)] if findings.model else []
+    told = "".join(f'<p class="soft">{text(line)}</p>' for line in said[:_REMARKS])
+    return made + told + (f'<p class="soft">and {len(said) - _REMARKS} more</p>' if len(said) > _REMARKS else "")
 
 
-def picture(png: bytes | None) -> str:
-    """Return the picture of the scene, if there is one."""
+def picture(png: bytes | None, *, touching: bool = False) -> str:
+    """Return the picture of the scene, if there is one: of its first touch, or of its end."""
     if png is None:
         return ""
     image = base64.b64encode(png).decode()
-    return f'<h2>Scene</h2>\n<img alt="the scene at the end of the session" src="data:image/png;base64,{image}">'
+    when = "in its first touch" if touching else "at the end of the session"
+    return f'<h2>Scene {when}</h2>\n<img alt="the scene {when}" src="data:image/png;base64,{image}">'
 
 
 def timing(findings: Findings, histograms: int) -> str:

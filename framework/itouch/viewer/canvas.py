@@ -23,6 +23,8 @@ Matrix = NDArray[np.float64]
 _EDGES = solids.box_edges((-0.5, -0.5, -0.5), (0.5, 0.5, 0.5)).astype(np.float64)
 _NONE = np.empty((0, 3))
 _GLASS = FINISHES["glass"]
+#: By how much what is seen through others is drawn behind where it is: by slope, and in least steps of depth.
+_BEHIND = (1.0, 64.0)
 #: Where the sun stands, seen from the scene.
 SUN = np.array([0.35, -0.45, 0.82]) / math.sqrt(0.35**2 + 0.45**2 + 0.82**2)
 
@@ -67,8 +69,11 @@ class Canvas:
         self._outline(solid, seen)
         self._lit(clear, seen, lit, camera)
         self._outline(clear, seen)
+        gl.glEnable(gl.GL_POLYGON_OFFSET_FILL)
+        gl.glPolygonOffset(*_BEHIND)  # a plate's top lies in the surface that it is felt as: the surface is in front
         self._ghosts(hidden, seen)
         self._lit(hidden, seen, lit, camera)
+        gl.glDisable(gl.GL_POLYGON_OFFSET_FILL)
         self._lit([draw for draw in draws if draw.opacity < 1.0 and not draw.through], seen, lit, camera)
 
     def _outline(self, draws: list[Draw], seen: Matrix) -> None:

@@ -92,7 +92,7 @@ def headline(model: Model, state: Record) -> str:
         index = int(state[f"{probe.name}.object"])
         if index < 0:
             continue
-        parts = [f"{probe.name} on {model.objects[index]}", f"{_felt(state, probe.name):.1f} N felt"]
+        parts = [f"{probe.name} on {_named(model, index)}", f"{_felt(state, probe.name):.1f} N felt"]
         return ", ".join([*parts, *_flux(model, state)])
     near = [
         (float(state[f"{p.name}.near_distance"]), p) for p in model.probes if int(state[f"{p.name}.near_object"]) >= 0
@@ -104,13 +104,19 @@ def headline(model: Model, state: Record) -> str:
     return ", ".join(f"{probe.name} free" for probe in model.probes[:2])
 
 
+def _named(model: Model, index: int) -> str:
+    """Return an object's name, with its material where that is another word."""
+    name, material = model.objects[index], model.scene.objects[index].material
+    return f"{name} ({material})" if material and material != name else name
+
+
 def _felt(state: Record, probe: str) -> float:
     """Return the force on a finger [N]: of arm and plate together."""
     return float(np.ravel(state[f"{probe}.total_force"])[0])
 
 
 def _flux(model: Model, state: Record) -> list[str]:
-    """Return the heat flux that is obtained, of the one that is wanted, if a device and a modality say so."""
+    """Return the heat flux that comes beside the one that is wanted, if a device and a modality say so."""
     wanted = [
         name for name, field in declared(model).items()
         if field.unit == "W/m^2" and field.show.startswith("wish") and name in state
@@ -120,7 +126,11 @@ def _flux(model: Model, state: Record) -> list[str]:
     if not wanted or not obtained:
         return []
     flux, wish = (float(np.ravel(state[names[-1]])[0]) for names in (obtained, wanted))
-    return [f"{flux:.0f} of {wish:.0f} W/m2"] if np.isfinite(flux) and np.isfinite(wish) else []
+    if not (np.isfinite(flux) and np.isfinite(wish)):
+        return []
+    off = abs(flux - wish) > max(0.15 * abs(wish), 200.0)  # more than the sensor's noise
+    short = f" ({100.0 * flux / wish:.0f} %)" if off and abs(wish) > 200.0 else ""
+    return [f"{flux:.0f} W/m2{short}, wanted {wish:.0f}"]
 
 
 def status(model: Model, state: Record, now: Situation) -> Words:
@@ -184,7 +194,7 @@ def _clock(model: Model, state: Record, now: Situation) -> list[str]:
 
 def _device(name: str, twin: bool, state: Record) -> tuple[str, str]:
     status = Status(int(state[f"{name}.status"]))
-    words = f"{name}: {status.name.lower()}{' (twin)' if twin else ''}"
+    words = f"{name}: {status.name.lower()}{' (simulated)' if twin else ''}"
     age = int(state[f"{name}.age"])
     if age > 1:
         words += f", reading {age} ticks old"

@@ -140,8 +140,10 @@ class Picture:
         for device in self.model.devices.values():
             plate = plate_temperature(state, device)
             if plate is not None:
-                marks[f"plate {device.name}"] = plate
-        title = "skin, plate, objects [degC]" if self.choices.thermal else "skin, plate [degC]" if marks else ""
+                marks["plate" if "plate" not in marks else f"plate {device.name}"] = plate
+        told = ", ".join(f"{name} {kelvin - 273.15:.1f}" for name, kelvin in marks.items())
+        title = f"{told} degC" if marks and len(told) < 34 else "skin, plates [degC]" if marks else ""
+        title = title or ("objects [degC]" if self.choices.thermal else "")
         ends = self.stage.range
         area = legend.draw(self.canvas.paint, self.text, (size, foot), seen, size, title=title, marks=marks, ends=ends,
                            skin=colours.PROXY if skin is None else ends.colour(skin),

@@ -71,12 +71,14 @@ class Curves(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class _Drawn:
-    """A number of State that is plotted: whose it is, what it is, where it is shown, and whether it is a wish."""
+    """A number of State that is plotted: whose, what, where it is shown and as what, and whether it is a wish."""
 
     owner: str
     field: Field
     title: str
     wish: bool
+    #: What its curve is called; empty: by its field's name.
+    called: str = ""
     #: The flag of State that says whether it is measured now, or held.
     valid: str = ""
 
@@ -107,7 +109,8 @@ def _drawn(model: Model, page: bool) -> Iterator[_Drawn]:
         for name, field in everything.items():
             if not name.startswith(f"{owner}.") or field.show == "no" or np.dtype(field.dtype).kind not in "fiu":
                 continue
-            word, colon, title = field.show.partition(":")
+            shown, _, called = (part.strip() for part in field.show.partition("|"))
+            word, colon, title = shown.partition(":")
             if colon and word == "page" and not page:
                 continue
             channel = name in read or name in sent
@@ -115,8 +118,8 @@ def _drawn(model: Model, page: bool) -> Iterator[_Drawn]:
             alone = any(name.startswith(prefix) for prefix in plugins) and _count(field) == 1 and bool(field.shown_unit)
             if (asked or alone) and field.unit:
                 flag = valid.get(owner, "") if field.role is Role.SKIN_TEMPERATURE and channel else ""
-                shown = title.strip() if colon else field.show
-                yield _Drawn(owner, field, shown, word == "wish" and bool(colon), flag)
+                shown = title.strip() if colon else shown
+                yield _Drawn(owner, field, shown, word == "wish" and bool(colon), called, flag)
 
 
 def _order(first: _Drawn) -> tuple[bool, int]:
@@ -163,7 +166,9 @@ def _while(valid: str, holds: bool, read: Callable[[Record], float]) -> Callable
 
 
 def _label(title: str, drawn: _Drawn) -> str:
-    """Return the words of a field's name that its chart's title has not."""
+    """Return what a field's curve is called: as it says, or by the words of its name that its chart's title has not."""
+    if drawn.called:
+        return drawn.called
     short = drawn.field.name.removeprefix(f"{drawn.owner}.").removeprefix("sent.").removeprefix("twin.")
     words = short.replace(".", "_").split("_")
     return " ".join(word for word in words if word not in title.split())

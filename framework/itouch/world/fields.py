@@ -20,7 +20,7 @@ _FIGURES = (
         3,
         unit="N",
         doc="force of the virtual coupling, stiffness x (proxy - hip); zero in free space",
-        show="force",
+        show="wish: force | virtual",
     ),
     Field("normal", "f8", 3, unit="1", doc="outward normal of the touched surface"),
     Field("point", "f8", 3, unit="m", doc="touched point of the surface"),
@@ -134,10 +134,20 @@ _CONTACT = (
     Field("contact.impact_speed", unit="m/s", doc="approach speed at the begin"),
     Field("contact.physical_begin", "i8", unit="tick", doc="when the finger met the true plate"),
     Field("plate_touched", "i8", unit="tick", doc="when the finger began to touch the true plate, -1: it does not"),
-    Field("plate_force", unit="N", doc="force of the plate on the finger (of twins: the true one)", show="force"),
+    Field(
+        "plate_force",
+        unit="N",
+        doc="force of the plate on the finger (of twins: the true one)",
+        show="page: force | plate",
+    ),  # fmt: skip
     Field("plate_true_top", unit="m", doc="true height of the plate's top (twins)"),
     Field("plate_distance", unit="m", doc="true distance of finger and plate (twins); below 0 the pad is pressed"),
-    Field("total_force", unit="N", doc="greatest of what acts on the finger: magnitude of arm force + plate force"),
+    Field(
+        "total_force",
+        unit="N",
+        doc="what is felt: magnitude of the arm's force and the plate's together",
+        show="force | felt",
+    ),  # fmt: skip
 )
 
 

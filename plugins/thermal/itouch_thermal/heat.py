@@ -207,7 +207,11 @@ class Heat(Modality):
             Field("in_contact", "i8", unit="1", doc="1 between BEGIN and END"),
             Field("object", "i8", low=-1, high=count - 1, unit="1", doc="number of the object, -1: none"),
             Field(
-                "skin_temperature", role=Role.SKIN_TEMPERATURE, unit="K", doc="temperature of the model finger's skin"
+                "skin_temperature",
+                role=Role.SKIN_TEMPERATURE,
+                unit="K",
+                doc="temperature that the skin would have on the real object",
+                show="wish: | skin on the object",
             ),
             Field(
                 "resistance",
