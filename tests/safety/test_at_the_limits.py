@@ -643,6 +643,29 @@ def test_a_monitor_is_told_how_old_the_reading_is() -> None:
     assert Moments.told == [(0.0, True, 0.0), (0.01, False, pytest.approx(0.01))]
 
 
+class Gaps(Moments):
+    """Notes how long ago it looked last."""
+
+    name: ClassVar[str] = "gaps"
+    placed: ClassVar[bool] = True
+    times: ClassVar[list[float]] = []
+
+    def check(self, state: Record, reading: Record, sent: Record, moment: Moment) -> float:
+        self.times.append(moment.seconds)
+        return 1.0
+
+
+def test_what_is_enabled_anew_was_not_looked_at_before() -> None:
+    device, _ = listened(Gaps)
+    Gaps.times.clear()
+    device.read(0)
+    device.panel.look_placed(100)
+    device.panel.look_placed(103)
+    device.panel.begin()
+    device.panel.look_placed(500)
+    assert Gaps.times[-3:] == [0.0, pytest.approx(0.003), 0.0]
+
+
 class Measured(Moments):
     """Notes when what it is shown was measured."""
 

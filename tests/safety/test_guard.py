@@ -291,9 +291,9 @@ def heights(guard: Guard, start: float, *, backwards: bool = False) -> list[floa
 
 
 def test_retract_goes_down_as_fast_as_allowed_and_stops_at_the_end() -> None:
-    guard = Guard(pose_target(low=(0, 0, 0), high=(1, 1, 1), speed=0.3), LIMITS)
+    guard = Guard(pose_target(low=(0, 0, 0), high=(1, 1, 0.8), speed=0.3), LIMITS)
     assert heights(guard, 0.0006) == pytest.approx([0.00035, 0.0001, 0.0, 0.0], abs=1e-12)
-    assert heights(guard, 0.9994, backwards=True) == pytest.approx([0.99965, 0.9999, 1.0, 1.0], abs=1e-12)
+    assert heights(guard, 0.7994, backwards=True) == pytest.approx([0.79965, 0.7999, 0.8, 0.8], abs=1e-12)
     assert heights(Guard(guard.channel, DeviceLimits()), 0.5) == [0.5] * 4
 
 

@@ -21,6 +21,13 @@ _CONTACTS = (
     ("plate_gap_mm", "plate gap [mm]", ".3f", 1.0), ("plate_lead_ms", "plate lead [ms]", ".0f", 1.0),
 )  # fmt: skip
 _TEXTS = ("probe", "object", "material")
+#: What those columns are that do not say it themselves.
+_MEANT = {
+    "impact_speed_m_s": "speed of the finger towards the surface when the touch began",
+    "peak_force_N": "greatest force on the finger, of arm and plate together",
+    "plate_gap_mm": "height of the virtual surface over the plate's top when the touch began",
+    "plate_lead_ms": "how long before the virtual touch the finger met the plate; below 0: after it",
+}
 #: Most sentences below the table of contacts.
 _REMARKS = 12
 #: Figures of a tick, in the order in which they are shown.
@@ -73,11 +80,17 @@ def summary(findings: Findings) -> str:
 
 
 def meanings(findings: Findings) -> str:
-    """Return what each curve is, with its unit."""
-    if findings.curves is None:
-        return ""
-    rows = [[line.label, chart.unit, line.doc] for chart in findings.curves.charts for line in chart.lines]
-    return "<h2>What the curves are</h2>\n" + table(["curve", "unit", "meaning"], rows, words=(0, 1, 2))
+    """Return what each curve is, with its unit, and each column of the table of contacts."""
+    made = ""
+    if findings.curves is not None:
+        rows = [[line.label, chart.unit, line.doc] for chart in findings.curves.charts for line in chart.lines]
+        made += "<h2>What the curves are</h2>\n" + table(["curve", "unit", "meaning"], rows, words=(0, 1, 2))
+    if findings.contacts:
+        felt = [one for one in measured(findings.model) if one.show != "no"]
+        known = [(title, _MEANT[key]) for key, title, *_ in _CONTACTS if key in _MEANT]
+        rows = [[*pair] for pair in (*known, *((one.page_head, one.doc) for one in felt))]
+        made += "<h2>What the columns of contacts are</h2>\n" + table(["column", "meaning"], rows, words=(0, 1))
+    return made
 
 
 def faults(findings: Findings) -> str:
@@ -151,6 +164,11 @@ def timing(findings: Findings, histograms: int) -> str:
         for one in (late if isinstance(late, list) else ()) if isinstance(one, dict)
     ]  # fmt: skip
     made = "<h2>Timing of the servo loop</h2>\n"
+    if isinstance(rate, float | int) and rate > 0:
+        made += (
+            f'<p class="soft">A tick is due every {1e6 / rate:.0f} µs. Lateness is how long after that it began; an '
+            "overrun is a tick that ended after the next one was due; a period that was given up had no tick.</p>\n"
+        )
     if rows:
         made += table(["duration [µs]", *_PERCENTILES], rows)
     if facts:
