@@ -17,7 +17,7 @@ from itouch.viewer.drawing import DARK, LIGHT, Rectangle, Tint, border, draw_in,
 from itouch.viewer.overlay import Situation, Words
 from itouch.viewer.signals import Curves, Ring
 from itouch.viewer.stage import Stage
-from itouch.viewer.warmth import plate_temperature, skin_temperature
+from itouch.viewer.warmth import plate_temperature, skin_named, skin_temperature
 from itouch.viewer.words import Text
 from itouch.world import Model
 
@@ -136,13 +136,13 @@ class Picture:
     def _scale(self, state: Record, frame: Frame, foot: float, seen: NDArray[np.float64], size: float) -> float:
         """Draw the legend; return where what stands above it begins [pixels]."""
         skin = skin_temperature(state, self.model)
-        marks = {} if skin is None else {"skin": skin}
+        marks = {} if skin is None else {skin_named(state, self.model): skin}
         for device in self.model.devices.values():
             plate = plate_temperature(state, device)
             if plate is not None:
                 marks["plate" if "plate" not in marks else f"plate {device.name}"] = plate
         told = ", ".join(f"{name} {kelvin - 273.15:.1f}" for name, kelvin in marks.items())
-        title = f"{told} degC" if marks and len(told) < 34 else "skin, plates [degC]" if marks else ""
+        title = f"{told} degC" if marks and len(told) < 44 else "skin, plates [degC]" if marks else ""
         title = title or ("objects [degC]" if self.choices.thermal else "")
         ends = self.stage.range
         area = legend.draw(self.canvas.paint, self.text, (size, foot), seen, size, title=title, marks=marks, ends=ends,

@@ -74,9 +74,19 @@ def plate_temperature(state: Mapping[str, Any], device: DeviceModel) -> float | 
 
 def skin_temperature(state: Mapping[str, Any], model: Model) -> float | None:
     """Return the temperature [K] of the skin: as a modality renders it, else as a device reads it, else None."""
+    key = _skin(state, model)
+    kelvin = float(np.ravel(state[key])[0]) if key else math.nan
+    return kelvin if math.isfinite(kelvin) and kelvin > 200.0 else None
+
+
+def skin_named(state: Mapping[str, Any], model: Model) -> str:
+    """Return what that temperature is called, as its curve is."""
+    key = _skin(state, model)
+    return (declared(model)[key].show.partition("|")[2].strip() if key else "") or "skin"
+
+
+def _skin(state: Mapping[str, Any], model: Model) -> str:
+    """Return the field of the skin's temperature; empty: there is none."""
     owners = [modality.name for modality in model.modalities]
     named = [name for name, field in declared(model).items() if field.role is Role.SKIN_TEMPERATURE and name in state]
-    for key in sorted(named, key=lambda name: name.partition(".")[0] not in owners):
-        kelvin = float(np.ravel(state[key])[0])
-        return kelvin if math.isfinite(kelvin) and kelvin > 200.0 else None
-    return None
+    return min(named, key=lambda name: name.partition(".")[0] not in owners, default="")
