@@ -77,7 +77,9 @@ def test_the_page_pictures_the_first_touch(recorded):
     assert findings.touching and findings.model.objects[int(findings.state["finger.object"])] == "aluminium"
     begin = findings.contacts[0]["begin_s"]
     assert int(findings.state["tick"]) * findings.model.period == pytest.approx(begin + 0.5, abs=0.003)
-    assert "in its first touch" in sections.picture(b"png", touching=findings.touching)
+    made = sections.picture((b"light", b"dark"), touching=findings.touching)
+    assert "in its first touch" in made and made.count("data:image/png") == 2 and "(prefers-color-scheme: dark)" in made
+    assert sections.picture(()) == ""
     end = collect(recorded / "end.itouch")
     assert not end.touching
 
