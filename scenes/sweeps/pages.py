@@ -226,6 +226,10 @@ def identify_materials(found: Rows) -> tuple[list[str], Drawn]:
 
     def draw(axes: Axes) -> None:
         order = np.argsort([features[labels == index, 0].mean() for index in range(len(names))])
+        side = 1.8 + max(2.7, 0.115 * len(names))  # room for a name on every row
+        figure = axes.get_figure(root=True)
+        if figure is not None:
+            figure.set_size_inches(side, side)
         axes.imshow(human[np.ix_(order, order)] / human.sum(1).max(), cmap="Greys")
         axes.set_xticks(range(len(names)), [names[i] for i in order], rotation=90, fontsize=5)
         axes.set_yticks(range(len(names)), [names[i] for i in order], fontsize=5)

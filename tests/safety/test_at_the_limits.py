@@ -310,6 +310,24 @@ def test_when_a_moving_plate_seems_to_have_stopped(slope: float, drive: float, s
     assert not Runaway(follows=False)._stopped(memory, drive, same)
 
 
+@pytest.mark.parametrize(
+    ("slope", "same", "stopped"),
+    [
+        (5.1, 0.2, False),
+        (5.1, 0.21, True),
+        (-5.1, 0.21, True),
+        (5.0, 0.21, False),
+        (5.1, 5.0, True),
+        (5.1, 5.01, False),
+    ],
+)
+@pytest.mark.parametrize("follows", [True, False])
+def test_a_fast_plate_does_not_stop_whatever_drives_it(slope: float, same: float, stopped: bool, follows: bool) -> None:
+    _, memory = drifting()
+    memory["frozen_slope"] = slope
+    assert Runaway(follows=follows)._stopped(memory, 0.0, same) is stopped
+
+
 def test_a_plate_may_go_against_its_drive_by_two_kelvin() -> None:
     runaway, memory = drifting()
     for now, kelvin, drive, found in (

@@ -287,7 +287,16 @@ def test_a_moving_plate_does_not_stop_under_a_steady_drive(rate: float, drive: f
     assert after == pytest.approx(max(0.5, 1.0 / abs(rate)), rel=0.1, abs=0.03)
 
 
+@pytest.mark.parametrize(("rate", "drive"), [(6.5, 0.05), (-6.5, 0.0), (9.0, -0.09)])
+def test_a_fast_plate_does_not_stop_by_itself(rate: float, drive: float) -> None:
+    """A driver stuck at full strength, then its sensor frozen: for 0.94 s nobody saw it, and the plate went to 64 degC."""
+    trip, after = moved_then_frozen(rate, drive)
+    assert trip is Trip.SENSOR_FROZEN
+    assert after == pytest.approx(0.21, abs=0.011)
+
+
 def test_a_plate_that_may_stop_is_not_frozen() -> None:
+    assert moved_then_frozen(4.5, 0.015, seconds=0.9)[0] is Trip.NONE
     for rate, drive, wobble in ((-0.19, 0.35, 0.0), (-1.5, 0.1, 0.0), (0.0, 0.35, 0.0), (-1.5, 0.35, 0.1)):
         assert moved_then_frozen(rate, drive, wobble=wobble)[0] is Trip.NONE
     assert moved_then_frozen(-1.5, 0.35, seconds=0.5)[0] is Trip.NONE

@@ -16,6 +16,9 @@ FROZEN_HELD = 0.5
 #: T8: a plate that was moving under a steady drive above ``DRIFT_DRIVE`` cannot read exactly the same where it would
 #: have gone so far [K], after the one and before the other time [s]; how long [s] its slope is smoothed.
 STOPPED, STOPPED_TIME, STOPPED_WITHIN, SLOPE_TIME = 1.0, 0.5, 5.0, 0.3
+#: T8: the same of a plate that was faster than this [K/s], after this time [s], whatever drives it: a driver that is
+#: stuck at full strength brings it 30 K/s on, and nothing but the sensor tells.
+FAST, FAST_TIME = 5.0, 0.2
 #: T9: part of the drive in force, for how long [s], and what change of temperature [K] that must have, or must not; the
 #: time [s] that drive and sensor may lag.
 RUNAWAY_DRIVE, RUNAWAY_TIME, RUNAWAY_STILL, RUNAWAY_WRONG, LAG = 0.5, 2.0, 0.1, 2.0, 0.15
@@ -119,9 +122,10 @@ class Runaway:
 
     def _stopped(self, state: Record, drive: float, same: float) -> bool:
         """Tell whether a plate that moved under a steady drive seems to have stopped from one reading to the next."""
-        gone = abs(state["frozen_slope"].item()) * same
-        driven = self._follows and abs(drive) > DRIFT_DRIVE
-        return driven and STOPPED_TIME < same <= STOPPED_WITHIN and gone > STOPPED
+        slope = abs(state["frozen_slope"].item())
+        driven = self._follows and abs(drive) > DRIFT_DRIVE and same > STOPPED_TIME
+        fast = slope > FAST and same > FAST_TIME
+        return (driven or fast) and same <= STOPPED_WITHIN and slope * same > STOPPED
 
     def _against(self, state: Record, temperature: float, drive: float, moment: Moment) -> float:
         """Trip if the plate does not follow a strong drive, or goes the wrong way (T9)."""
