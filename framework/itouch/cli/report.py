@@ -22,12 +22,12 @@ def main(argv: Sequence[str]) -> int:
     if os.path.exists(given) and os.path.exists(target) and os.path.samefile(given, target):
         raise ItouchError(f"'{target}' is the session itself; name another file for the page")
     from itouch.report.collect import collect
-    from itouch.report.page import page, scene_pictures
+    from itouch.report.page import page, scene_picture
 
     with waiting(f"reading {given}") as wait:
         findings = collect(given, progress=wait.part)
         wait.part(None, "drawing the page")
-        text = page(findings, pictures=() if options.no_picture else scene_pictures(findings))
+        text = page(findings, picture=None if options.no_picture else scene_picture(findings))
     try:
         with open(options.output, "w", encoding="utf-8") as stream:
             stream.write(text)

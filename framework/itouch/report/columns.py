@@ -56,7 +56,7 @@ def shortcomings(model: Model | None, entry: Mapping[str, Any]) -> list[str]:
     """Return what a contact was not that it has to be, in the words of what measures it."""
     found = ["the plate was missed"] if entry.get("plate_missed") else []
     for one in measured(model):
-        if one.must is not None and entry.get(one.key) is not None and entry[one.key] is not one.must:
+        if one.must is not None and entry.get(one.key) is not None and entry[one.key] != one.must:
             found.append(one.otherwise)
     return found
 

@@ -7,7 +7,6 @@ import hashlib
 import json
 import os
 import tempfile
-from collections.abc import Sequence
 from importlib.resources import files
 from typing import Any
 
@@ -22,8 +21,8 @@ MOST_DRAWN = 12
 _HISTOGRAMS = (("tick", "duration of a tick"), ("lateness", "how late ticks began"))
 
 
-def page(findings: Findings, *, pictures: Sequence[bytes] = ()) -> str:
-    """Return the page as HTML; ``pictures`` are PNG of the scene: on a light ground, and for dark screens.
+def page(findings: Findings, *, picture: bytes | None = None) -> str:
+    """Return the page as HTML; ``picture`` is a PNG of the scene.
 
     Its own scripts are the only ones that a browser runs, and it may ask for nothing: its policy says so, with their
     digests.
@@ -31,7 +30,7 @@ def page(findings: Findings, *, pictures: Sequence[bytes] = ()) -> str:
     data = _data(findings)
     parts = [
         sections.head(findings), sections.answer(findings), sections.summary(findings),
-        sections.picture(pictures, touching=findings.touching),
+        sections.picture(picture, touching=findings.touching),
         sections.faults(findings), sections.contacts(findings), _curves(findings), sections.meanings(findings),
         sections.timing(findings, len(data["histograms"])),
         sections.marks(findings), sections.parameters(findings),
@@ -135,25 +134,21 @@ def merged_histograms(histograms: dict[str, Any]) -> list[dict[str, Any]]:
     return found
 
 
-def scene_pictures(findings: Findings) -> tuple[bytes, ...]:
-    """Return the State as a PNG on a light and on a dark ground; nothing where there is no OpenGL."""
+def scene_picture(findings: Findings) -> bytes | None:
+    """Return the State as a PNG on a light ground, or None where there is no OpenGL."""
     if findings.model is None or findings.state is None:
-        return ()
+        return None
     from itouch.viewer.context import write_png
     from itouch.viewer.offscreen import GraphicsError, Offscreen
 
     try:
         shots = Offscreen(findings.model, width=960, height=540)
     except GraphicsError:
-        return ()
-    made = []
-    shots.picture.choices.curves = False
+        return None
+    shots.picture.choices.curves, shots.picture.choices.light = False, True
     with tempfile.TemporaryDirectory() as folder:
         path = os.path.join(folder, "scene.png")
-        for light in (True, False):
-            shots.picture.choices.light = light
-            write_png(path, shots.shoot(findings.state))
-            with open(path, "rb") as stream:
-                made.append(stream.read())
-    shots.close()
-    return tuple(made)
+        write_png(path, shots.shoot(findings.state))
+        shots.close()
+        with open(path, "rb") as stream:
+            return stream.read()

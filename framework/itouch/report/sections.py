@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import math
 import os
-from collections.abc import Sequence
 from typing import Any
 
 from itouch.report import columns
@@ -142,14 +141,13 @@ def contacts(findings: Findings) -> str:
     return made + told + (f'<p class="soft">and {len(said) - _REMARKS} more</p>' if len(said) > _REMARKS else "")
 
 
-def picture(pngs: Sequence[bytes], *, touching: bool = False) -> str:
-    """Return the picture of the scene, if there is one: of its first touch, or of its end; the second for the dark."""
-    if not pngs:
+def picture(png: bytes | None, *, touching: bool = False) -> str:
+    """Return the picture of the scene, if there is one: of its first touch, or of its end."""
+    if png is None:
         return ""
-    light, *dark = (f"data:image/png;base64,{base64.b64encode(png).decode()}" for png in pngs)
-    other = "".join(f'<source media="(prefers-color-scheme: dark)" srcset="{one}">' for one in dark)
+    image = base64.b64encode(png).decode()
     when = "in its first touch" if touching else "at the end of the session"
-    return f'<h2>Scene {when}</h2>\n<picture>{other}<img alt="the scene {when}" src="{light}"></picture>'
+    return f'<h2>Scene {when}</h2>\n<img alt="the scene {when}" src="data:image/png;base64,{image}">'
 
 
 def timing(findings: Findings, histograms: int) -> str:
