@@ -295,6 +295,29 @@ def test_a_fast_plate_does_not_stop_by_itself(rate: float, drive: float) -> None
     assert after == pytest.approx(0.21, abs=0.011)
 
 
+@pytest.mark.parametrize("rate", [6.0, 8.0, -8.0])
+@pytest.mark.parametrize("digits", [1, 2])
+def test_a_device_that_ramps_to_its_target_may_stop_there_at_once(rate: float, digits: int) -> None:
+    """Stimulators ramp at 8 K/s to a temperature, tell it in tenths, and hold it: nothing is wrong with that."""
+    plate = Plate(channels=((PLATE[0][0],), (temperature_target(),)))
+    goal = 28.0 + 0.8 * rate
+    for index in range(400):
+        there = min(max(28.0 + rate * max(0.0, STEP * index - 0.5), min(28.0, goal)), max(28.0, goal))
+        plate.reading["plate_temperature"] = K0 + round(there, digits)
+        plate.sent["temperature_target"] = K0 + goal
+        plate.check(STEP)
+
+
+@pytest.mark.parametrize("rate", [6.0, -8.0])
+def test_a_device_that_stops_on_its_way_to_its_target_has_a_frozen_sensor(rate: float) -> None:
+    plate = Plate(channels=((PLATE[0][0],), (temperature_target(),)))
+    with pytest.raises(TripError, match="reads the same plate_temperature for 0.2[01] s"):
+        for index in range(400):
+            plate.reading["plate_temperature"] = K0 + 28.0 + rate * min(0.6, STEP * index)
+            plate.sent["temperature_target"] = K0 + 28.0 + 0.85 * rate
+            plate.check(STEP)
+
+
 def test_a_plate_that_may_stop_is_not_frozen() -> None:
     assert moved_then_frozen(4.5, 0.015, seconds=0.9)[0] is Trip.NONE
     for rate, drive, wobble in ((-0.19, 0.35, 0.0), (-1.5, 0.1, 0.0), (0.0, 0.35, 0.0), (-1.5, 0.35, 0.1)):

@@ -16,7 +16,7 @@ FROZEN_HELD = 0.5
 #: T8: a plate that was moving under a steady drive above ``DRIFT_DRIVE`` cannot read exactly the same where it would
 #: have gone so far [K], after the one and before the other time [s]; how long [s] its slope is smoothed.
 STOPPED, STOPPED_TIME, STOPPED_WITHIN, SLOPE_TIME = 1.0, 0.5, 5.0, 0.3
-#: T8: the same of a plate that was faster than this [K/s], after this time [s], whatever drives it: a driver that is
+#: T8: the same of a plate that was faster than this [K/s], after this time [s], however weakly driven: a driver that is
 #: stuck at full strength brings it 30 K/s on, and nothing but the sensor tells.
 FAST, FAST_TIME = 5.0, 0.2
 #: T9: part of the drive in force, for how long [s], and what change of temperature [K] that must have, or must not; the
@@ -123,8 +123,10 @@ class Runaway:
     def _stopped(self, state: Record, drive: float, same: float) -> bool:
         """Tell whether a plate that moved under a steady drive seems to have stopped from one reading to the next."""
         slope = abs(state["frozen_slope"].item())
-        driven = self._follows and abs(drive) > DRIFT_DRIVE and same > STOPPED_TIME
-        fast = slope > FAST and same > FAST_TIME
+        strong = abs(drive) > DRIFT_DRIVE
+        driven = self._follows and strong and same > STOPPED_TIME
+        # a device that controls its temperature itself stops where it was told to, however fast it came
+        fast = (self._follows or strong) and slope > FAST and same > FAST_TIME
         return (driven or fast) and same <= STOPPED_WITHIN and slope * same > STOPPED
 
     def _against(self, state: Record, temperature: float, drive: float, moment: Moment) -> float:
@@ -190,7 +192,7 @@ class Runaway:
         if not driven:
             return ()
         sane = "step of 5 K in 50 ms, frozen for 1 s while the drive changes, for 0.5 s of full drive"
-        sane += " or where a moving plate would have gone 1 K on"
+        sane += ", where a moving plate would have gone 1 K on, or for 0.2 s after 5 K/s"
         sane += ", 10 K on the wrong side of its heat sink"
         away = "2 K against a drive above 50 % of the limit in force, or none of its effect for 2 s"
         return (Rule("T8", "sanity of its plate sensor", trip=sane), Rule("T9", "runaway", trip=away))
