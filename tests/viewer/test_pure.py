@@ -165,6 +165,25 @@ def test_a_session_that_begins_again_begins_its_curves_again(session):
     assert times[0] < 0.02 and len(times) == 10
 
 
+def test_what_the_machine_does_to_find_its_heights_is_marked(session):
+    ring, state = Ring(session.model), session.state.copy()
+    for tick in range(0, 14000, 10):
+        state["tick"], state["ready"] = tick, not 500 <= tick < 3000
+        ring.add(state)
+        if tick == 2000:
+            assert ring.preparing() == [(0.5, 2.0)]  # under way
+        if tick == 9000:
+            assert ring.preparing() == [(0.5, 3.0)]
+        if tick == 12000:
+            assert ring.preparing() == [(2.0, 3.0)]  # the rest of it is too long ago
+    assert ring.preparing() == []
+    again = Ring(session.model)
+    for tick in range(0, 1000, 10):  # the one tick in which a rig without a touch-off says that it is ready
+        state["tick"], state["ready"] = tick, tick > 0
+        again.add(state)
+    assert again.preparing() == []
+
+
 def test_the_overlay_names_devices_contact_and_faults(session):
     now = Situation(tick_us=50.0, overruns=3)
     text = "\n".join(line for line, _ in overlay.status(session.model, session.state, now).lines)

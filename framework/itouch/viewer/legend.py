@@ -52,7 +52,7 @@ def draw(
         rows.append(rectangle((x, bottom + 3.6 * size, 0.9 * size, 0.9 * size), (*colour, 1.0)))
         text.put(words, x + 1.4 * size, bottom + 3.6 * size, look().quiet, size=0.85 * size)
         x += 8.0 * size
-    rows.append(_bar(text, (x0, bottom + 1.2 * size), metre, 0.6 * width, size))
+    rows.append(_bar(text, (x0, bottom + 1.2 * size), metre, 0.45 * width, size))
     paint.draw(gl.GL_TRIANGLES, np.vstack(rows), seen)
     if title:
         text.put(title, x0, y0 + 2.0 * size, look().words, size=0.9 * size)
@@ -75,5 +75,6 @@ def _bar(text: Text, place: tuple[float, float], metre: float, room: float, size
         (x + wide, y, 0.2 * size, 0.7 * size),
     )
     said = f"{1e3 * metres:g} mm" if metres < 1.0 else f"{metres:g} m"
+    said += " at the centre"  # nearer things are larger
     text.put(said, x + wide + size, y, look().words, size=0.85 * size)
     return np.vstack([rectangle(piece, tint) for piece in pieces])

@@ -21,6 +21,8 @@ from itouch.world import Model, declared
 
 #: Seconds that a chart shows.
 WINDOW = 10.0
+#: What is shorter [s] is not marked in a chart.
+GLANCE = 0.2
 #: Most curves that one vector gives.
 _MOST = 8
 #: Roles that are drawn in the scene, or say no more than yes and no: plotted only if their quantity asks for it.
@@ -67,6 +69,9 @@ class Curves(Protocol):
 
     def curves(self, chart: Chart) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the times [s], shape (n,), and the values, shape (signals, n), of the last seconds, oldest first."""
+
+    def preparing(self) -> list[tuple[float, float]]:
+        """Return from when to when [s], in the last seconds, the rig was not ready: it finds its heights by touch."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,6 +209,7 @@ class Ring:
         size = round(WINDOW / (self._step * model.period)) + 1
         self._signals = [signal for chart in self.charts for signal in chart.signals]
         self._values = np.full((len(self._signals), size), np.nan)
+        self._ready = np.ones(size, bool)
         self._ticks = np.full(size, -1, np.int64)
         self._count, self._next = 0, 0
 
@@ -220,15 +226,37 @@ class Ring:
         self._ticks[at] = tick
         for row, signal in enumerate(self._signals):
             self._values[row, at] = signal.read(state)
+        self._ready[at] = bool(state["ready"])
         self._count += 1
 
     def curves(self, chart: Chart) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the times [s], shape (n,), and the values, shape (signals, n), oldest first."""
-        size = len(self._ticks)
-        kept = min(self._count, size)
-        order = (self._count - kept + np.arange(kept)) % size
+        order = self._order()
         times = np.asarray(self._ticks[order] * self._period, np.float64)
         return recent(times, self._values[rows_of(self.charts, chart)][:, order])
+
+    def preparing(self) -> list[tuple[float, float]]:
+        """Return from when to when [s] the rig was not ready."""
+        order = self._order()
+        return spans(np.asarray(self._ticks[order] * self._period, np.float64), self._ready[order])
+
+    def _order(self) -> NDArray[np.int64]:
+        """Return where the samples stand, oldest first."""
+        size = len(self._ticks)
+        kept = min(self._count, size)
+        return (self._count - kept + np.arange(kept)) % size
+
+
+def spans(times: NDArray[np.float64], ready: NDArray[np.bool_]) -> list[tuple[float, float]]:
+    """Return from when to when [s] something was not so, in the last seconds; what is shorter than a glance not."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[1], ready.astype(np.int8), [1]])))
+    found = []
+    for first, end in edges.reshape(-1, 2):
+        begin, last = float(times[first]), float(times[min(end, len(times) - 1)])
+        begin = max(begin, float(times[-1]) - WINDOW)
+        if last - begin > GLANCE:
+            found.append((begin, last))
+    return found
 
 
 def recent(times: NDArray[np.float64], values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
