@@ -586,3 +586,79 @@ def test_at_first_nothing_may_approach_and_the_whole_force_is_let_through() -> N
     one = model(TABLE)
     it = Supervisor(one, state(one), PERIOD)
     assert (it.closing, it.panel.share, it.keeping, it.on_loss) == (0.0, 1.0, False, None)
+
+
+def test_hardware_is_handed_from_one_session_to_the_next() -> None:
+    old, new = Rig().enabled(), Rig()
+    with pytest.raises(DeviceError, match="must be made safe before another scene takes it over"):
+        new.it.take_over(old.it)
+    assert old.it.device is old.device
+    old.it.disable()
+    new.it.take_over(old.it)
+    assert (old.it.status, old.it.device) == (Status.CLOSED, None)
+    assert (new.it.status, new.it.device) == (Status.OPEN, old.device)
+    old.it.write(1)
+    assert old.device.written == []  # whoever gave it up can send nothing
+    new.it.read(1)
+    new.it.enable()
+    new.it.command["wrench"][2] = 1.0
+    new.it.write(1)
+    assert len(old.device.written) == 1
+    new.it.close()
+    old.it.close()
+    assert old.device.calls == ["open", "close"]
+
+
+def test_a_latched_trip_is_handed_over_and_what_is_closed_is_not() -> None:
+    old, new = Rig().enabled(), Rig()
+    old.it.fault(Trip.NOT_A_NUMBER, 3)
+    new.state.raw[:] = old.state.raw
+    new.it.take_over(old.it)
+    assert (new.it.status, new.it.trip) == (Status.FAULT, Trip.NOT_A_NUMBER)
+    closed, other = Rig(), Rig()
+    other.it.take_over(closed.it)
+    assert (other.it.status, other.it.device) == (Status.CLOSED, other.device)
+
+
+def held_for(seconds: float, away: list[float], monkeypatch: pytest.MonkeyPatch, *, timed: bool = True) -> list[bool]:
+    """Tell which readings of an arm trip that goes so far [m] in each tick; the first was held for so long [s]."""
+    rig, clock = Rig().enabled(), [100.0]
+    monkeypatch.setattr("itouch.safety.supervisor.time.monotonic", lambda: clock[0])
+    rig.it.timed = timed
+    rig.it.read(1)
+    found = []
+    for tick, way in enumerate(away, 2):
+        clock[0] += PERIOD + (seconds if tick == 2 else 0.0)
+        rig.place[2] += way
+        try:
+            rig.it.read(tick)
+        except DeviceFaultError as error:
+            assert error.trip is Trip.SENSOR_JUMP
+            found.append(True)
+            break
+        found.append(False)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("seconds", "away", "trips"),
+    [(0.0, 0.006, False), (0.0, 0.008, True), (0.02, 0.1, False), (0.02, 0.12, True), (0.3, 1.4, False), (-0.01, 0.008, True)],
+)  # fmt: skip
+def test_hardware_may_have_gone_on_as_long_as_a_tick_was_held(
+    seconds: float, away: float, trips: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A finger does 5 m/s at most, and 2 mm at once; nothing is let through that its time does not allow."""
+    assert held_for(seconds, [away], monkeypatch) == [trips]
+    assert held_for(seconds, [away], monkeypatch, timed=False) == [away > 0.007]
+    assert held_for(seconds, [0.0, 0.008], monkeypatch) == [False, True]  # once, and no more
+
+
+def test_time_that_was_left_out_counts_for_what_is_read_after_it() -> None:
+    rig = Rig().enabled()
+    rig.it.read(1)
+    rig.it.leave_out(30)
+    rig.place[2] += 0.15
+    rig.it.read(2)
+    rig.place[2] += 0.15
+    with pytest.raises(DeviceFaultError, match="not believable"):
+        rig.it.read(3)

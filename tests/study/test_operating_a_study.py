@@ -22,7 +22,7 @@ class Looks:
     """An operator who pauses before the second trial for a while, writes a note, and stops after the third."""
 
     def __init__(self, stops: int = 99) -> None:
-        self.paused = self.stopped = False
+        self.paused = self.stopped = self.held = False
         self.faces: list[tuple[str, int, int, tuple[tuple[str, bool], ...]]] = []
         self._stops, self._rested, self._written = stops, 0, False
 

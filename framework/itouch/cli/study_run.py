@@ -45,6 +45,7 @@ def folder_of(options: argparse.Namespace) -> Path:
 
 def run(file: StudyFile, options: argparse.Namespace) -> int:
     """Make the trials that are left, and say what was made; 3: the session was ended before the last trial."""
+    from itouch.cli import study_rig
     from itouch.cli.study_window import operators_window
     from itouch.loop import DeviceFaultError, VirtualClock
     from itouch.loop.clock import WallClock
@@ -53,10 +54,12 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
     from itouch.study.run import Run
     from itouch.study.store import Store
 
-    answers, shows = _answers(file, options)
+    if study_rig.needed(file):
+        return study_rig.run(file, options)
+    answers, shows = answers_of(file, options)
     record = options.record if options.record is not None else not options.answers
     real = (options.pace or ("fast" if options.answers else "real")) == "real"
-    with Store.open(folder_of(options)) as store, _masking(file, options):
+    with Store.open(folder_of(options)) as store, masking(file, options):
         session = Run(
             file, options.participant, store, answers, Catalog(), clock=WallClock() if real else VirtualClock(),
             show=shows, record=record, operator=operators_window(light=options.light) if options.operator else None,
@@ -85,7 +88,7 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
     return 0
 
 
-def _masking(file: StudyFile, options: argparse.Namespace) -> contextlib.AbstractContextManager[object]:
+def masking(file: StudyFile, options: argparse.Namespace) -> contextlib.AbstractContextManager[object]:
     """Play masking noise if the study asks for it, and say if nothing can be heard."""
     if file.study.blind is None or not file.study.blind.noise or options.mute:
         return contextlib.nullcontext()
@@ -98,7 +101,7 @@ def _masking(file: StudyFile, options: argparse.Namespace) -> contextlib.Abstrac
     return stack
 
 
-def _answers(file: StudyFile, options: argparse.Namespace) -> tuple[Answers, Callable[[Shown], None] | None]:
+def answers_of(file: StudyFile, options: argparse.Namespace) -> tuple[Answers, Callable[[Shown], None] | None]:
     """Return who answers, and who is told what to show."""
     from itouch.schema import ItouchError
     from itouch.study.answers import Beside, Script, Typed

@@ -31,6 +31,7 @@ def serve(file: StudyFile, options: argparse.Namespace) -> int:
     ItouchError
         If the door can't be opened, or the scene can't be presented.
     """
+    from itouch.cli import study_rig
     from itouch.loop import DeviceFaultError, VirtualClock
     from itouch.loop.clock import WallClock
     from itouch.plugin.discovery import Catalog
@@ -43,6 +44,8 @@ def serve(file: StudyFile, options: argparse.Namespace) -> int:
         raise ItouchError("--port is 0 to 65535, --seed 0 to 2^63 - 1")
     path = Path(options.study)
     key = Path(options.key) if options.key else path.with_name(f"{path.stem}.key.json")
+    if study_rig.needed(file):
+        return study_rig.serve(file, key, options)
     clock = WallClock() if options.pace == "real" else VirtualClock()
     with Stopping() as stop:
         try:

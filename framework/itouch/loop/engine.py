@@ -157,6 +157,24 @@ class Engine:
         """The devices, in the order of the scene."""
         return tuple(self._all)
 
+    @property
+    def held(self) -> bool:
+        """Whether somebody holds the dead-man's switch, or none is needed."""
+        hold = self._operating.hold
+        return not hold.required or hold.held(self.ticks)
+
+    @property
+    def since(self) -> float:
+        """Host seconds since the last tick ended."""
+        return now() - float(self.stamps[-1])
+
+    def leave_out(self, seconds: float) -> None:
+        """Let time go on for hardware that nobody has read for so long."""
+        periods = round(seconds / self.model.period)
+        for runner in self._all if periods > 1 else ():
+            if not runner.model.twin:
+                runner.leave_out(periods)
+
     def status(self, device: str) -> Status:
         """Return what a device may do now."""
         return self._runners[device].status
@@ -249,6 +267,7 @@ class Engine:
         """Make every device safe because of a fault, and note it."""
         self.fault = fault
         self._safe_stop.carry_out(fault, self.taps, self.clock.wait if self._paced else None)
+        self.stamps[-1] = now()
 
     def rearm(self) -> None:
         """Release every latched trip, and enable the devices again from where they stand, with a ramp.
@@ -371,6 +390,7 @@ class Engine:
     def park(self) -> None:
         """Make every device safe as after a fault, in the rig's order, because the session ends."""
         self._safe_stop.wind_down(self.taps, self.clock.wait if self._paced else None)
+        self.stamps[-1] = now()
 
     def close(self) -> None:
         """Make every device safe and release it; the state stays readable.

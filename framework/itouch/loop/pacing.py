@@ -37,6 +37,10 @@ class Pacing:
         """Run as ``Engine.run`` says."""
         engine = self._engine
         last = engine.ticks + round(seconds / engine.model.period) if seconds is not None else None
+        if engine.clock.pace == "real" and engine.stamps[-1] > 0.0:  # hardware has gone on since another run, or a stop
+            engine.leave_out(engine.since)
+        for runner in engine.runners:
+            runner.timed = engine.clock.pace == "real" and not runner.model.twin
         engine.clock.start(engine.model.period)
         begin = now()
         try:
@@ -68,6 +72,8 @@ class Pacing:
             if scripted and engine.done:
                 return
             late = engine.times.late = engine.clock.wait() if real else 0.0
+            if late > HOPELESS * engine.model.period:  # what is read now is of now, not of a period after the last
+                self._leave_out(late)
             engine.tick()
             tick += 1
             if real:
@@ -86,13 +92,15 @@ class Pacing:
         if culprit is None:
             return
         stops = engine.model.scene.safety.servo_overrun == "stop"
-        if stops and late > HOPELESS * engine.model.period and engine.model.devices:
+        if stops and late > HOPELESS * engine.model.period and any(runner.enabled for runner in engine.runners):
             cause = f"was {late * 1e3:.1f} ms late: the servo loop cannot keep up ({culprit})"
             fault = DeviceFaultError(next(iter(engine.model.devices)), engine.ticks, Trip.OVERRUN, cause)
             engine.make_safe(fault)
             raise fault
         if late > HOPELESS * engine.model.period:  # a burst of ticks would not undo what was missed
             engine.times.skip(round(late / engine.model.period))
-            for runner in engine.runners:
-                runner.leave_out(round(late / engine.model.period))
             engine.clock.start(engine.model.period)
+
+    def _leave_out(self, late: float) -> None:
+        for runner in self._engine.runners:
+            runner.leave_out(round(late / self._engine.model.period))

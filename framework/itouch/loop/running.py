@@ -52,6 +52,10 @@ class Running(Protocol):
         """Simulated time [s]."""
 
     @property
+    def since(self) -> float:
+        """Host seconds since the last tick ended."""
+
+    @property
     def done(self) -> bool:
         """Whether every scripted motion has ended."""
 
@@ -68,6 +72,9 @@ class Running(Protocol):
 
     def tick(self) -> None:
         """Advance by one servo period."""
+
+    def leave_out(self, seconds: float) -> None:
+        """Let time go on for hardware that nobody has read for so long."""
 
     def make_safe(self, fault: DeviceFaultError) -> None:
         """Make every device safe because of a fault."""

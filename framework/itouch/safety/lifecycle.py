@@ -248,6 +248,24 @@ class Lifecycle(ABC):
             if isinstance(channel.safe, tuple):
                 self.command[channel.name] = self.sent[channel.name] = np.array(channel.safe)
 
+    def take_over(self, other: Lifecycle) -> None:
+        """Go on with the device that another one has open; the other is CLOSED then, and can send nothing any more.
+
+        The device itself does not notice.  What is latched stays so, and commands wait for ``enable``.
+
+        Raises
+        ------
+        DeviceError
+            If the other still lets commands through.
+        """
+        if other.enabled:
+            raise DeviceError(f"device '{self.model.name}' must be made safe before another scene takes it over")
+        if other._status.item() == CLOSED:
+            return
+        self.device, other.device = other.device, None
+        other._status[...] = CLOSED
+        self._status[...] = FAULT if self._trip.item() else OPEN
+
     def leave(self) -> None:
         """Give the device up, whatever it says; any status -> CLOSED."""
         with contextlib.suppress(Exception, SystemExit):  # a lost device may refuse to be closed

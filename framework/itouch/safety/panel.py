@@ -150,7 +150,10 @@ class Panel:
             If it cannot be believed.
         """
         now = tick + self._missed.item()
-        since = now - self._heard.item() if self._heard.item() >= 0 else self.apart
+        since = self.apart
+        if self._heard.item() >= 0:  # it may have gone on in periods that were left out
+            since = now - self._heard.item()
+            seconds = max(seconds, since * self._period)
         self._heard[...] = now
         if since >= self.apart:
             self.due[0] = now

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import time
 from collections.abc import Callable
 
 import numpy as np
@@ -58,6 +59,12 @@ class Supervisor(Lifecycle):
         self._goings = state[f"{model.name}.goings"] if self._gone is not None else np.zeros((), np.int64)
         target = model.command(Role.SURFACE_POSE)
         self._target = target.name if target is not None else ""
+        #: How much longer [s] it is since the reading before than ticks say, shape (1,): in real time a tick may begin
+        #: late, or be held on its way, and hardware goes on meanwhile.
+        self.slip = np.zeros(1)
+        #: Whether that is measured, by the host's clock, and when the last reading was taken.
+        self.timed = False
+        self._came = math.inf
         #: Whether a new reading was taken that nobody has checked yet.
         self._taken = np.zeros(1, np.int64)
         #: Told of the loss of an optional device, without which the session goes on; None: its loss stops everything.
@@ -99,6 +106,8 @@ class Supervisor(Lifecycle):
         try:
             new = self._take() is not False
             self._taken[0] = new
+            if new and self.timed:
+                self._measure_slip()
             self._stamp(tick, new)
             if not new:
                 self._wait(tick, status)
@@ -106,6 +115,12 @@ class Supervisor(Lifecycle):
                 self._doubt_age(tick)
         except TripError as error:
             self._disbelieve(tick, error)
+
+    def _measure_slip(self) -> None:
+        """Note by how much more time has passed since the reading before than ticks say."""
+        before, self._came = self._came, time.monotonic()
+        passed = self._came - before - (self._age.item() + self._every) * self._period
+        self.slip[0] = passed if 0.0 < passed < math.inf else 0.0
 
     def watch_reading(self, tick: int) -> None:
         """Check the reading that was taken in this tick, and let the monitors look whose turn it is.
@@ -161,15 +176,16 @@ class Supervisor(Lifecycle):
             return None
         words, places = turns
         watched = watching.Watched(
-            self._status, self._taken, self._age, self._sequence, *panel.clocks, post.checked, post.share, panel.due,
-            self.reading.numbers, panel.seen.numbers, words, places,
+            self._status, self._taken, self._age, self._sequence, self.slip, *panel.clocks, post.checked, post.share,
+            panel.due, self.reading.numbers, panel.seen.numbers, words, places,
         )  # fmt: skip
         rhythm = watching.Rhythm(self._every, panel.apart, panel.clock, self._period)
         memory = post.monitor.memory(post.state)
         return Bound(watching.watch, watched, post.monitor.able, memory, rhythm, self._tick, CLOSED, FAULT)
 
     def _believe(self, tick: int, status: int) -> None:
-        age = self._age.item()
+        age, slip = self._age.item(), self.slip[0].item()
+        self.slip[0] = 0.0
         if age:
             self._age[...] = 0
         self._sequence[...] = self._sequence.item() + 1
@@ -177,7 +193,7 @@ class Supervisor(Lifecycle):
             self._keep_sane()
             self.panel.take(tick)
             return
-        self.panel.believe(tick, (age + self._every) * self._period)
+        self.panel.believe(tick, (age + self._every) * self._period + slip)
 
     def watch_placed(self, tick: int) -> None:
         """Let the monitors look that need to know where the finger is.

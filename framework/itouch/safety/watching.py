@@ -33,6 +33,7 @@ class Watched(NamedTuple):
     taken: Numbers
     age: Numbers
     sequence: Numbers
+    slip: Floats
     missed: Numbers
     heard: Numbers
     checked: Numbers
@@ -89,13 +90,17 @@ def watch(
         return 0
     now = tick[0] + device.missed[0]
     if device.taken[0] != 0:
-        seconds = (device.age[0] + rhythm.every) * rhythm.period
+        heard = device.heard[0]
+        passed = device.age[0] + rhythm.every
+        if heard >= 0:  # it may have gone on in periods that were left out
+            passed = max(passed, now - heard)
+        seconds = passed * rhythm.period + device.slip[0]
         if status == fault or device.share[0] != 1.0 or check(able, memory, device.raw, seconds) != 1.0:
             return PYTHON
-        heard = device.heard[0]
         if (now - heard if heard >= 0 else rhythm.apart) >= rhythm.apart:
             device.due[0] = now
         device.taken[0] = device.age[0] = 0
+        device.slip[0] = 0.0
         device.sequence[0] += 1
         device.heard[0] = device.checked[0] = now
         for i in range(len(device.raw)):

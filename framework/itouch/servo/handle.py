@@ -6,6 +6,7 @@ import signal
 import socket
 import subprocess
 import threading
+from queue import SimpleQueue
 from types import TracebackType
 from typing import Any
 
@@ -37,6 +38,8 @@ class Handle:
         What is not kept any more of the session, recording or snapshots, as it stands in the report; told at once.
     refused
         Commands that could not be obeyed, and why.
+    others
+        Messages of kinds that are not the servo process's own, of what else ``serves`` there; taken by who knows them.
     notices
         What is rendered otherwise than the scene says, and what could not be done for punctuality, once each.
     """
@@ -49,6 +52,7 @@ class Handle:
         self.contacts: list[dict[str, Any]] = []
         self.efforts: list[tuple[str, bool, str]] = []
         self.refused: list[str] = []
+        self.others: SimpleQueue[dict[str, Any]] = SimpleQueue()
         self.faults: list[dict[str, Any]] = []
         self.losses: list[dict[str, Any]] = []
         self._report: dict[str, Any] | None = None
@@ -84,6 +88,8 @@ class Handle:
             elif kind == "end":
                 ended = True
                 self._finish(message)
+            else:
+                self.others.put(message)
         self._line.close()
         code = self._process.wait()
         self._guarded.wait()

@@ -85,7 +85,27 @@ def launch(
         "save": None if save is None else os.fspath(save), "realtime": realtime, "sys_path": sys.path,
         "keep": (keep or Keep()).dump(),
     }  # fmt: skip
-    handle = _start(name or _name(config["scene"]), config)
+    return start(name or _name(config["scene"]), config)
+
+
+def start(name: str, config: dict[str, Any]) -> Handle:
+    """Start a servo process, and return when its engine is built.
+
+    Parameters
+    ----------
+    name
+        The session's name.
+    config
+        What ``serves`` there, ``MODULE:FUNCTION`` (default: a session of a scene), and what that asks for.
+
+    Raises
+    ------
+    SceneError, SessionError
+        If the scene or session is wrong.
+    ServoError
+        If the servo process can't be started.
+    """
+    handle = _start(name, config)
     try:
         handle.await_ready()
     except KeyboardInterrupt:  # nobody will ever use it

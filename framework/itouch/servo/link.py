@@ -241,7 +241,11 @@ def attach(name: str | None = None) -> Link:
     segments = [s for s in _segments() if name is None or name in (s.name, str(int(s.words[at.SERVO])))]
     ready = [segment for segment in segments if int(segment.words[at.SIZE])]
     if len(ready) == 1:
-        return Link(ready[0])
+        link = Link(ready[0])
+        if link.meta.get("blind"):
+            link.close()
+            raise ServoError(f"session '{link.name}' runs a study: nobody may see what is touched")
+        return link
     for segment in segments:
         segment.close()
     if not segments:

@@ -72,10 +72,11 @@ def _end_without_guardian(segment: Segment, outbox: Outbox) -> None:
 
 
 def _serve(segment: Segment, outbox: Outbox, config: dict[str, Any]) -> tuple[dict[str, Any], BaseException | None]:
-    from itouch.servo.serve import Servo, build
+    from importlib import import_module
 
-    servo = Servo(build(config), segment, outbox, config)
-    return servo.run()
+    module, _, name = str(config.get("serves", "itouch.servo.serve:serve")).partition(":")
+    found: tuple[dict[str, Any], BaseException | None] = getattr(import_module(module), name)(segment, outbox, config)
+    return found
 
 
 def _told(error: BaseException | None) -> dict[str, Any] | None:

@@ -55,6 +55,11 @@ def build(config: dict[str, Any]) -> Session:
     return prepare(config["scene"], seed=config["seed"], twin=config["twin"], rig=config["rig"])
 
 
+def serve(segment: Segment, outbox: Outbox, config: dict[str, Any]) -> tuple[dict[str, Any], BaseException | None]:
+    """Build and run the session that the launcher asks for; return its report, and what ended it if it failed."""
+    return Servo(build(config), segment, outbox, config).run()
+
+
 class Servo:
     """Runs one session in this process."""
 

@@ -25,7 +25,7 @@ from itouch.session.errors import SessionError
 from itouch.session.participants import Participant
 from itouch.session.plausible import check_plausible
 from itouch.session.progress import told
-from itouch.session.recorder import Asked, Recorder
+from itouch.session.recorder import Asked, Onwards, Recorder
 from itouch.session.saving import Saving
 from itouch.session.snapshot import Snapshot, SnapshotWriter, write_snapshot
 from itouch.world import Model
@@ -197,8 +197,21 @@ class Session(Shown, Engine):
         self.taps.append(recorder.tap)
         self.fault_hooks.append(recorder.hear)
 
-    def hand_on(self, to: Session) -> bool:
+    def onwards(self, to: Session) -> Onwards | None:
+        """Return what it takes to let a recording go on with another session; None: there is none, or it can't."""
+        if self.recorder is None or to.state.dtype != self.state.dtype:
+            return None
+        return self.recorder.onwards(to)
+
+    def hand_on(self, to: Session, onwards: Onwards) -> bool:
         """Let a recording go on with the session of another scene, which has this one's State.
+
+        Parameters
+        ----------
+        to
+            The other session.
+        onwards
+            What ``onwards`` returned for it.
 
         Returns
         -------
@@ -210,7 +223,7 @@ class Session(Shown, Engine):
             return False
         self.recorder = None
         self._let_go(recorder)
-        recorder.follow(to, to._asked)
+        recorder.follow(to, to._asked, onwards)
         to._record_by(recorder)
         return True
 

@@ -10,7 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +42,15 @@ _LOOK = 64
 _BEGIN, _END = 20.0, 60.0
 
 Tap = Callable[[int], None]
+#: For every row of the ring, where each piece of State goes, and where it comes from.
+Slots = list[tuple[tuple[memoryview, memoryview], ...]]
+
+
+class Onwards(NamedTuple):
+    """What it takes to record another session into the same file: its rows, and where they go."""
+
+    rows: Rows
+    slots: Slots
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +86,7 @@ class Recorder:
         if self._ring.phase is Phase.FAILED:
             self._end()
             raise RecordingError(self._ring_text)
+        self._copied = self._slots(self._rows)
         self.tap = self._make_tap()
 
     def _spec(self) -> bytes:
@@ -134,14 +144,18 @@ class Recorder:
         """Bytes in the file."""
         return int(self._ring.words[Word.BYTES_WRITTEN])
 
+    def _slots(self, rows: Rows) -> Slots:
+        """Return, for every row of the ring, where each piece of State goes, and where it comes from."""
+        ring, shape = self._ring, self._ring.shape
+        return [
+            tuple((ring.rows[slot * shape.row + a : slot * shape.row + b], source) for source, a, b in rows.pieces)
+            for slot in range(shape.rows)
+        ]
+
     def _make_tap(self) -> Tap:
         """Return the function that copies a row; everything that it needs is at hand."""
-        ring, shape, pieces = self._ring, self._ring.shape, self._rows.pieces
+        ring, shape, slots = self._ring, self._ring.shape, self._copied
         words, ticks, capacity, mask = ring.words, ring.ticks, shape.rows, shape.rows - 1
-        slots = [
-            tuple((ring.rows[slot * shape.row + a : slot * shape.row + b], source) for source, a, b in pieces)
-            for slot in range(capacity)
-        ]
         count, whole, look = int(words[Word.ROWS_IN]), slice(None), self._look
         room = int(words[Word.ROWS_OUT]) + capacity
         state_every, timing_every = (round(s / self._period) for s in (STATE_EVERY, TIMING_EVERY))
@@ -218,14 +232,19 @@ class Recorder:
         """Record the whole State: ``start``, ``every``, ``enable`` (a replay starts again from it) or ``fault``."""
         self._post(STATE, int(self.session.state["tick"]), reason, self.session.state.tobytes())
 
-    def follow(self, session: Running, asked: Asked) -> None:
+    def onwards(self, session: Running) -> Onwards:
+        """Return what it takes to go on with another scene: some tenths of a second of work, which changes nothing."""
+        rows = Rows(session.state, self.tracks, self._view.fields)
+        return Onwards(rows, self._slots(rows))
+
+    def follow(self, session: Running, asked: Asked, onwards: Onwards) -> None:
         """Go on with another scene under the same devices, whose State has the same fields; ``tap`` is another then.
 
         What follows can't be replayed: the file holds the first scene, and of the others their State.
         """
         self._tell_faults()
         self.session, self._asked = session, asked
-        self._rows = Rows(session.state, self.tracks, self._view.fields)
+        self._rows, self._copied = onwards
         self._events, self._faults = int(session.state["events.count"]), len(session.ledger.faults)
         self._counted = session.times.record["counts"][:2].copy()
         self.tap = self._make_tap()

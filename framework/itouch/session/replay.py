@@ -22,6 +22,9 @@ from itouch.session.recorded import snapshot_at, state_of
 
 Path = str | os.PathLike[str]
 
+#: How late [s] any tick of hardware may have begun: that is not recorded.  What was not believed then is a fault there.
+LATE = 1e3
+
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
@@ -84,6 +87,7 @@ class Replay:
                 runner.twin = PlaybackTwin(name, runner.twin, self.feed)
             else:
                 runner.device = PlaybackDevice(name, self.feed)
+        self._real = [runner for runner in self.session.runners if not runner.model.twin]
         self.session.taps.append(self._after)
         self._going = self._parks = False
 
@@ -96,6 +100,8 @@ class Replay:
         if not self._ready(tick):
             return self._skip()
         feed.inputs(self.session.state)
+        for runner in self._real:
+            runner.slip[0] = LATE
         self._mark(tick)
         begin, failed = feed.at, self._failed.pop(tick, None)
         if failed is not None:

@@ -1,15 +1,16 @@
 """Another scene under the same devices, between two ticks: what a study does from one trial to the next.
 
 The devices go on where they are, with their twins, calibrations, trips, doses and what safety remembers; time goes on.
+Hardware stays open, and is handed from one session to the other: it is at rest meanwhile, and enabled anew.
 Objects, modalities, probes and the operator's hand begin as the new scene says; of a modality goes on what it declares
 to be the person's, as the heat in the finger.
 """
 
 from __future__ import annotations
 
-from itouch.plugin import Record
 from itouch.session.engine import Session
 from itouch.session.errors import SessionError
+from itouch.world import DeviceModel, Model
 
 #: What goes on beside the devices' own fields.
 _GOES_ON = ("tick", "seed", "ready", "hold", "events.count", "events.table", "marks.count", "marks.table")
@@ -18,29 +19,33 @@ _GOES_ON = ("tick", "seed", "ready", "hold", "events.count", "events.table", "ma
 _BASELINE = ("baseline", "averaged")
 
 
-def succeed(session: Session, before: Record) -> None:
-    """Let a session that has not run yet go on from the State of one with the same devices, in which nothing touches.
+def touching(session: Session) -> bool:
+    """Tell whether anything is touched."""
+    state = session.state
+    return any(int(state[name]) >= 0 for name in state if name.endswith(".contact.object"))
+
+
+def succeed(session: Session, before: Session) -> None:
+    """Let a session that has not run yet go on from one with the same devices, in which nothing touches.
 
     Parameters
     ----------
     session
-        Of the new scene; all its devices are twins.
+        Of the new scene.
     before
-        The State of the session that ends; it is only read.
+        The session that ends; of its State nothing changes but the status of hardware, which it has no more.
 
     Raises
     ------
     SessionError
-        If a device is no twin, or is not the same in both scenes, or something is touched.
+        If a device is not the same in both scenes, something is touched, or hardware is not at rest; both are as
+        they were.
     """
-    hardware = [device.name for device in session.model.devices.values() if not device.twin]
-    if hardware:
-        raise SessionError(f"the scene changes under twins only; '{hardware[0]}' is real")
-    there, here = before.dtype, session.state.dtype
+    there, here = before.state.dtype, session.state.dtype
     known, wanted = set(there.names or ()), here.names or ()
-    touching = [name for name in known if name.endswith(".contact.object") and int(before[name]) >= 0]
-    if touching:
+    if touching(before):
         raise SessionError("the scene can't change while something is touched")
+    _same_hardware(session, before)
     devices = tuple(f"{name}." for name in session.model.devices)
     persons = {f"{one.name}.{name}" for one in session.model.modalities for name in one.instance.goes_on}
     persons |= {f"{probe.name}.hand.{name}" for probe in session.model.probes for name in _BASELINE}
@@ -48,12 +53,45 @@ def succeed(session: Session, before: Record) -> None:
     for name in wanted:
         if name in persons:
             if name in known and there[name] == here[name]:
-                merged[name] = before[name]
+                merged[name] = before.state[name]
             continue
         if name not in _GOES_ON and not name.startswith(devices):
             continue
         if name not in known or there[name] != here[name]:
             raise SessionError(f"the scenes' devices differ in '{name}': only what is touched and asked may change")
-        merged[name] = before[name]
+        merged[name] = before.state[name]
     session.adopt(merged.tobytes())
+    session.guarded = before.guarded
     session.settle(always=True)
+    others = {runner.model.name: runner for runner in before.runners}
+    for runner in session.runners:  # last: from here on it is the new session that has the hardware
+        if not runner.model.twin:
+            runner.take_over(others[runner.model.name])
+
+
+def _same_hardware(session: Session, before: Session) -> None:
+    """See that each device that is real is the same in both, and at rest."""
+    found = differing(session.model, before.model)
+    if found:
+        raise SessionError(found)
+    acting = [runner.model.name for runner in before.runners if runner.enabled and not runner.model.twin]
+    if acting:
+        raise SessionError(f"'{acting[0]}' is real and not at rest: the scene can't change under it")
+
+
+def differing(model: Model, before: Model) -> str:
+    """Say which device that is real is not the same in two scenes; empty: none."""
+    for name in {**before.devices, **model.devices}:
+        here, there = model.devices.get(name), before.devices.get(name)
+        if all(one is None or one.twin for one in (here, there)):
+            continue
+        if here is None or there is None or _driven(here) != _driven(there):
+            return f"'{name}' is real: a study may not change it, its settings or its limits, nor leave it away"
+    return ""
+
+
+def _driven(model: DeviceModel) -> tuple[object, ...]:
+    """Return what the driver of a device was made of."""
+    return (
+        model.twin, model.cls, model.params, model.reads, model.commands, model.limits.table(), model.servo_period,
+    )  # fmt: skip

@@ -18,6 +18,8 @@ class Operator(Protocol):
 
     paused: bool
     stopped: bool
+    #: Whether the dead-man's switch is held; hardware needs it.
+    held: bool
 
     def show(self, face: Shown, lines: Sequence[tuple[str, bool]]) -> None:
         """Show how it goes; ``lines``: (words, whether all is well)."""

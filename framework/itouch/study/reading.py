@@ -244,7 +244,7 @@ def _scenes(file: StudyFile, catalog: Catalog) -> Iterator[Problem]:
         yield Problem("unknown-name", sentence, file.places.of(file.study.contact, "object_"), advice)
     yield from _open_motions(base)
     told: set[str] = set()
-    for condition in _each_level_once(file):
+    for condition in each_level_once(file):
         scene, found = file.scene(condition, catalog)
         if not any(problem.severity == "error" for problem in found):
             _, more = compile_scene(scene, catalog)
@@ -267,7 +267,7 @@ def _open_motions(scene: Scene) -> Iterator[Problem]:
             )
 
 
-def _each_level_once(file: StudyFile) -> Iterator[dict[str, str]]:
+def each_level_once(file: StudyFile) -> Iterator[dict[str, str]]:
     """Yield conditions that together have every level, one more than there are levels at most."""
     conditions = file.conditions() if file.study.factors else [{}]
     seen: set[tuple[str, str]] = set()

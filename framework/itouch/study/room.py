@@ -1,19 +1,32 @@
-"""The room of a study: twins that go on from trial to trial while the scene above them changes."""
+"""The room of a study: devices that go on from trial to trial while the scene above them changes.
+
+Twins wait while nobody lets time go on.  Hardware can't: while the next scene is built it is at rest, surfaces back and
+drives off, and the loop goes on to read it under the scene before.
+"""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping
+import sys
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import TypeVar
 
 from itouch.loop import Clock
 from itouch.plugin.discovery import Catalog
 from itouch.session import Session, SessionError
-from itouch.session.succession import succeed
+from itouch.session.recorder import Onwards
+from itouch.session.succession import differing, succeed, touching
 from itouch.study.machine import Sensed
 from itouch.study.reading import StudyFile
 from itouch.study.store import Standing
 from itouch.study.touches import Feeling, Presented, Toucher, TouchError, felt_by
+from itouch.world import Model
+
+Result = TypeVar("Result")
+#: How long [s] what is done beside the loop may keep the interpreter to itself.
+SHARE = 5e-4
 
 
 class Room:
@@ -35,9 +48,19 @@ class Room:
         self, file: StudyFile, catalog: Catalog, *, seed: int, clock: Clock | None = None, record: Path | None = None
     ) -> None:
         self._record, self._recorded = record, 0
+        #: Called between two ticks by who runs the loop; what it raises ends the session.
+        self.look: Callable[[], None] | None = None
+        #: Told when hardware has come to rest.
+        self.on_rest: Callable[[], None] | None = None
+        #: Told of each session that takes the place of another one, before it runs.
+        self.on_change: Callable[[Session], None] | None = None
+        #: Told between two ticks for what a person is waited for: ``lift`` the finger, ``hold`` the switch.
+        self.on_wait: Callable[[str], None] | None = None
         #: What is not kept any more of the recording, a sentence each.
         self.losses: list[str] = []
-        self._file, self._catalog, self._seed, self._clock = file, catalog, seed, clock
+        self._file, self._catalog, self._seed = file, catalog, seed
+        #: What paces the loop.
+        self.clock = clock
         self._models = Toucher(file, catalog)
         self._session: Session | None = None
         self._feeling: Feeling | None = None
@@ -72,26 +95,122 @@ class Room:
     def present(self, condition: Mapping[str, str]) -> Feeling:
         """Put a condition's scene over the devices, the hand at the begin of its path, which waits.
 
-        A twin's hand that is still under way ends its path first: no arm can be at another place at once.
+        A twin's hand that is still under way ends its path first: no arm can be at another place at once.  Hardware
+        rests, a person who still touches is waited for, and then whoever holds the dead-man's switch.
 
         Raises
         ------
         SessionError
-            If a device is real, or something is touched.
+            If real devices differ between the scenes, or the hand of a twin does not leave what it touches.
         SceneError
             If the scene has problems.
+        DeviceError, DeviceFaultError
+            If a device can't be enabled, or failed.
         """
         before = self._session
-        session = self._built(condition)
-        if before is not None:
+        if before is None:
+            self.prepare(condition)
+        else:
             if self._under_way:
                 self.run(lambda: before.done)
-            succeed(session, before.state)
-        self._take(session, condition)
+            self.rest()
+            session, feeling, onwards = self.beside(lambda: self._made(condition))
+            if self.real:
+                self._await_person(before)
+            succeed(session, before)
+            self._take(session, condition, feeling, onwards)
+            if self.real:
+                self._wake(session, before)
+        self.begin()
+        return self.feeling
+
+    def _wake(self, session: Session, before: Session) -> None:
+        """Let commands through to hardware that another session had until now."""
+        session.leave_out(before.since)
+        if self.look is not None:
+            self.look()  # the switch is held for a moment only
+        session.enable()
+
+    def survey(self, conditions: Iterable[Mapping[str, str]]) -> None:
+        """Compile the scenes of conditions before anything begins, and see that hardware is the same in all.
+
+        Raises
+        ------
+        SessionError
+            If it is not.
+        SceneError
+            If a scene has problems.
+        """
+        first: Model | None = None
+        for condition in conditions:
+            model = self._models.model(condition)
+            found = differing(model, first or model)
+            if found:
+                raise SessionError(f"{found} (in the condition {', '.join(f'{k}={v}' for k, v in condition.items())})")
+            first = first or model
+
+    def prepare(self, condition: Mapping[str, str]) -> None:
+        """Take the first scene, and let nothing run yet."""
+        session = self._built(condition)
+        self._take(session, condition, self._feel(session), None)
+
+    def begin(self) -> None:
+        """Run until the rig knows where it is and gives its whole force; the hand of a twin waits then."""
+        session = self.session
         if not int(session.state["ready"]):  # the rig finds its heights by touch
             self.run(lambda: bool(session.state["ready"]))
+        ramps = [session.state[f"{runner.model.name}.ramp"] for runner in session.runners if not runner.model.twin]
+        if any(ramp.item() < 1.0 for ramp in ramps):  # what is touched before would be felt too softly
+            self.run(lambda: all(ramp.item() >= 1.0 for ramp in ramps))
         self.hold()
-        return self.feeling
+
+    @property
+    def real(self) -> bool:
+        """Whether any device of the scene is hardware."""
+        return self._session is not None and any(not runner.model.twin for runner in self._session.runners)
+
+    def rest(self) -> None:
+        """Let hardware rest: surfaces go back, drives are off, until the next scene is presented.  Twins only wait."""
+        if self.real and any(one.enabled and not one.model.twin for one in self.session.runners):
+            self.session.park()
+            if self.on_rest is not None:
+                self.on_rest()
+
+    def beside(self, work: Callable[[], Result]) -> Result:
+        """Do what may take long while nothing acts; hardware is read on meanwhile, so that it knows of us.
+
+        Raises
+        ------
+        DeviceFaultError
+            If a device failed meanwhile.
+        """
+        if not self.real:
+            return work()
+        before = sys.getswitchinterval()
+        sys.setswitchinterval(SHARE)
+        try:
+            with ThreadPoolExecutor(1, "itouch-study") as pool:
+                doing = pool.submit(work)
+                self.run(doing.done)
+                return doing.result()
+        finally:
+            sys.setswitchinterval(before)
+
+    def _made(self, condition: Mapping[str, str]) -> tuple[Session, Feeling, Onwards | None]:
+        """Return the next session, what will be noted of it, and what a recording needs to go on with it."""
+        session = self._built(condition)
+        return session, self._feel(session), self.session.onwards(session)
+
+    def _await_person(self, session: Session) -> None:
+        """Run, with everything at rest, until nothing is touched and the switch is held."""
+
+        def so() -> bool:
+            waits = "lift" if touching(session) else "" if session.held else "hold"
+            if waits and self.on_wait is not None:
+                self.on_wait(waits)
+            return not waits
+
+        self.run(so)
 
     def take_up(self, standing: Standing) -> bool:
         """Stand where a participant's session stood; tell whether that was possible with this program."""
@@ -100,7 +219,7 @@ class Room:
             return False
         session.adopt(standing.state)
         session.settle(always=True)
-        self._take(session, standing.condition)
+        self._take(session, standing.condition, self._feel(session), None)
         return True
 
     def standing(self, place: int) -> Standing:
@@ -133,11 +252,20 @@ class Room:
 
     def run(self, until: Callable[[], bool]) -> None:
         """Run until something is so; asked after every tick."""
-        self.session.run(until=until)
+        look = self.look
+        if look is None:
+            self.session.run(until=until)
+            return
+
+        def both() -> bool:
+            look()
+            return until()
+
+        self.session.run(until=both)
 
     def close(self) -> None:
-        """End the session that runs."""
-        if self._session is not None:
+        """End the session that runs, unless somebody else runs the loop, who then does."""
+        if self._session is not None and self.look is None:
             self._session.close()
 
     def _steer(self, step: tuple[float, float, float] | None) -> None:
@@ -148,31 +276,34 @@ class Room:
 
     def _built(self, condition: Mapping[str, str]) -> Session:
         model = self._models.model(condition)
-        real = [name for name, device in model.devices.items() if not device.twin]
-        if real:
-            raise SessionError(
-                f"'{real[0]}' is real: a study's scene changes between trials under twins only so far; run it with "
-                "twins, or drive the trials from your own program"
-            )
-        session = Session(model, seed=self._seed, catalog=self._catalog, clock=self._clock)
+        session = Session(model, seed=self._seed, catalog=self._catalog, clock=self.clock)
         session.records = False
         return session
 
-    def _take(self, session: Session, condition: Mapping[str, str]) -> None:
+    def _feel(self, session: Session) -> Feeling:
+        """Return what will be noted of a session that has not begun."""
         try:
             truth = felt_by(session.model)
-        except TouchError:  # a scene without heat: the report's figures stand for what was felt
+        except TouchError:  # a scene without heat, or hardware: the report's figures stand for what was felt
             truth = None
-        self._feeling = Feeling(session.model, self._file.study.contact, truth)
-        self._feeling.listen(session)
-        before, self._session, self.condition = self._session, session, dict(condition)
-        if self._record is not None:
-            self._keep(before, session, self._record)
+        return Feeling(session.model, self._file.study.contact, truth)
 
-    def _keep(self, before: Session | None, session: Session, path: Path) -> None:
+    def _take(
+        self, session: Session, condition: Mapping[str, str], feeling: Feeling, onwards: Onwards | None
+    ) -> None:  # fmt: skip
+        """Let a session be the one that runs."""
+        before, self._session, self.condition = self._session, session, dict(condition)
+        self._feeling = feeling
+        if self.on_change is not None:
+            self.on_change(session)
+        feeling.listen(session)
+        if self._record is not None:
+            self._keep(before, session, self._record, onwards)
+
+    def _keep(self, before: Session | None, session: Session, path: Path, onwards: Onwards | None) -> None:
         """Let the recording go on, or begin one."""
         session.loss_hooks.append(lambda loss: self.losses.append(str(loss["cause"])))
-        if (before is not None and before.hand_on(session)) or self.losses:
+        if (before is not None and onwards is not None and before.hand_on(session, onwards)) or self.losses:
             return
         if before is not None:
             before.end_recording()

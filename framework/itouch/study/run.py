@@ -1,10 +1,11 @@
-"""A participant's session: trial after trial on the twins, each committed before the next begins."""
+"""A participant's session: trial after trial, each committed before the next begins."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 
 from itouch.loop import Clock, DeviceFaultError
@@ -19,7 +20,7 @@ from itouch.study.operating import Operator, keep_note, lines_of
 from itouch.study.reading import StudyFile
 from itouch.study.room import Room
 from itouch.study.shown import Show, Shown
-from itouch.study.store import Row, Store
+from itouch.study.store import Row, Standing, Store
 from itouch.study.tasks import choices_of, is_right, question_of, taken_answer
 from itouch.study.touches import Presented, figures
 from itouch.world.skin import BASELINE
@@ -59,6 +60,9 @@ class Run:
         kept = _unused(store.folder / "recordings", code, number) if record else None
         self.name = kept.stem if kept is not None else f"{code}-{number}"
         self.room = Room(file, catalog, seed=seed, clock=clock, record=kept)
+        self.room.on_wait = lambda cue: self._wait(cue)
+        self._due: Due | None = None
+        self._goes_on = False
         self._baseline: float | None = None
         self._total = len(self.course.planned)
         self._said = ""
@@ -75,16 +79,18 @@ class Run:
             If the scene can't be presented.
         """
         try:
-            due = self.course.next()
+            if self._due is None:
+                self.prepare()
+            due = self._due
             if due is not None:
                 self._begin(due)
             while due is not None:
                 row = self._trial(due)
-                self._store.add(row, self.room.standing(row.place))
-                self.course.made(row)
+                self.room.rest()
+                self.room.beside(partial(self._keep, row, self.room.standing(row.place)))
                 self._feed_back(row)
                 yield row
-                due = self.course.next()
+                due = self.room.beside(self.course.next)
                 if due is not None:
                     self._attend()
                     self._rest(due)
@@ -92,13 +98,39 @@ class Run:
         finally:
             self.room.close()
 
-    def _begin(self, due: Due) -> None:
-        """Go on from where the last trial ended, or begin; find the baseline of the skin."""
+    def prepare(self) -> bool:
+        """Build the scene of the first trial that is left, on from where the last one ended; nothing runs yet.
+
+        Returns
+        -------
+        bool
+            False if no trial is left.
+
+        Raises
+        ------
+        SessionError, SceneError
+            If the scene can't be presented.
+        """
+        self._due = due = self.course.next()
+        if due is None:
+            return False
         stood = self._store.standing(self._code)
-        if stood is None or stood.place != due.place - 1 or not self.room.take_up(stood):
-            self.room.present(due.shown[0])
-        else:
+        self._goes_on = stood is not None and stood.place == due.place - 1 and self.room.take_up(stood)
+        if not self._goes_on:
+            self.room.prepare(due.shown[0])
+        return True
+
+    def _keep(self, row: Row, standing: Standing) -> None:
+        self._store.add(row, standing)
+        self.course.made(row)
+
+    def _begin(self, due: Due) -> None:
+        """Begin, after the break that is due where a session goes on; find the baseline of the skin."""
+        if self._goes_on:
+            self.room.rest()
             self._rest(due)
+        else:
+            self.room.begin()
         kept = self._store.described(self._code).get("skin_baseline_K")
         if kept is not None:
             self._baseline = float(kept)
@@ -236,6 +268,10 @@ class Run:
         if self._due_to_show():
             self._tell(self._progress("break"))
         return self._operator is None or not self._operator.paused or self._operator.stopped
+
+    def _wait(self, cue: str) -> None:
+        if (self._show is not None or self._operator is not None) and self._due_to_show():
+            self._tell(self._progress(cue))
 
     def _progress(self, cue: str) -> Shown:
         rows, void = self.course.rows, sum(bool(row.void) for row in self.course.rows)

@@ -67,7 +67,7 @@ class Served:
         self._file, self.door, self._virtual = file, door, clock.pace != "real"
         self.room = Room(file, catalog, seed=seed, clock=clock)
         self._levels = self._first()
-        self.room.present(self._levels)
+        self.room.prepare(self._levels)
         self._went = False
         self._waits: list[Waiting] = []
         self._outside: Callable[[], None] | None = None
@@ -92,6 +92,7 @@ class Served:
             If a device failed; it was made safe, and every caller that waits was told.
         """
         try:
+            self.room.begin()
             while not self.ended:
                 if self._virtual and not self._waits:
                     self._look(REST)

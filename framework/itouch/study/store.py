@@ -290,7 +290,8 @@ def _row(values: tuple[Any, ...]) -> Row:
 
 
 def _connect(path: Path, schema: str) -> sqlite3.Connection:
-    connection = sqlite3.connect(path, isolation_level="IMMEDIATE", timeout=60.0)
+    # one thread at a time uses it, but not always the same one: see ``Room.beside``
+    connection = sqlite3.connect(path, isolation_level="IMMEDIATE", timeout=60.0, check_same_thread=False)
     try:
         connection.execute("PRAGMA journal_mode = WAL")
         connection.execute("PRAGMA synchronous = FULL")

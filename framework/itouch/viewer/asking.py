@@ -23,7 +23,8 @@ from itouch.viewer.words import Text
 WORDS: Mapping[str, str] = {
     "skin": "Let your finger rest in the air.", "approach": "Get ready.", "go": "Touch now.",
     "contact": "Hold still.", "judge": "Lift your finger.", "lift": "Lift your finger.", "answer": "",
-    "pause": "Thank you. Rest.", "end": "Thank you. Rest.", "break": "A break.", "done": "All done. Thank you.",
+    "hold": "The devices wait for the operator.", "pause": "Thank you. Rest.",
+    "end": "Thank you. Rest.", "break": "A break.", "done": "All done. Thank you.",
 }  # fmt: skip
 #: Height of a large letter over the font's size in pixels, and pixels of a point.
 _LETTER, _POINT = 0.73, 96.0 / 72.0

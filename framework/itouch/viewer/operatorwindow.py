@@ -19,6 +19,7 @@ class OperatorWindow(pyglet.window.Window):
     """Shows how the session goes, beside the participant's window or alone.
 
     P pauses before the next trial and goes on; N begins a note, which Enter ends and Esc drops; Esc asks to stop.
+    Space is the dead-man's switch of hardware, as long as it is down and the window has the keys.
 
     Attributes
     ----------
@@ -26,6 +27,8 @@ class OperatorWindow(pyglet.window.Window):
         Whether the next trial shall wait.
     stopped
         Whether somebody asked to stop, or closed the window.
+    held
+        Whether the dead-man's switch is held.
     """
 
     def __init__(self, *, look: Look = DARK, width: int = 1280, height: int = 720) -> None:
@@ -36,7 +39,7 @@ class OperatorWindow(pyglet.window.Window):
         self._shown: tuple[object, ...] | None = None
         self._note: str | None = None
         self._notes: list[str] = []
-        self.paused = self.stopped = self._begins = False
+        self.paused = self.stopped = self.held = self._begins = False
 
     def notes(self) -> list[str]:
         """Return the notes that were written since the last call."""
@@ -71,6 +74,17 @@ class OperatorWindow(pyglet.window.Window):
             self.paused = not self.paused
         elif symbol == key.N:
             self._note, self._begins = "", True
+        elif symbol == key.SPACE:
+            self.held = True
+
+    def on_key_release(self, symbol: int, modifiers: int) -> None:
+        """Let the switch go."""
+        if symbol == key.SPACE:
+            self.held = False
+
+    def on_deactivate(self) -> None:
+        """Let the switch go when another window takes the keys."""
+        self.held = False
 
     def _write(self, symbol: int) -> None:
         if symbol == key.BACKSPACE:
@@ -97,4 +111,4 @@ class OperatorWindow(pyglet.window.Window):
 
     def on_close(self) -> None:
         """Ask to stop; whoever opened the window closes it."""
-        self.stopped = True
+        self.stopped, self.held = True, False

@@ -1,0 +1,230 @@
+"""A study on hardware: the devices of a stranger, opened once, at rest while the scene changes; faults, deaths, resume."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from bench_rig import DOWN, UP, Person, install
+
+from itouch.cli import main
+from itouch.loop import DeviceFaultError
+from itouch.plugin.discovery import Catalog
+from itouch.schema import ItouchError
+from itouch.servo import ServoError, sessions
+from itouch.servo.link import attach
+from itouch.study import desk
+from itouch.study.answers import Script
+from itouch.study.client import connect
+from itouch.study.reading import load_study
+from itouch.study.shown import Shown
+from itouch.study.store import Row, Store
+
+pytestmark = pytest.mark.xdist_group("processes")
+
+
+class Touches:
+    """What the participant does at each cue; ``also`` does more."""
+
+    def __init__(self, person: Person, also: Callable[[Shown], None] | None = None) -> None:
+        self.person, self.also, self.cues = person, also, list[str]()
+
+    def __call__(self, face: Shown) -> None:
+        if not self.cues or face.cue != self.cues[-1]:
+            self.cues.append(face.cue)
+        if face.cue == "go":
+            self.person.set(height=DOWN)
+        elif face.cue != "contact":
+            self.person.set(height=UP)
+        if self.also is not None:
+            self.also(face)
+
+
+@pytest.fixture
+def rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Person:
+    monkeypatch.syspath_prepend(str(install(tmp_path)))
+    monkeypatch.setenv("STUDY_BENCH", str(tmp_path))
+    return Person(tmp_path)
+
+
+def rows(folder: Path) -> list[Row]:
+    with Store.open(folder / "data") as store:
+        return store.rows()
+
+
+def begin(folder: Path, *, record: bool = False) -> Any:
+    file = load_study(folder / "study.xml", Catalog())
+    (folder / "data").mkdir(exist_ok=True)
+    with Store.open(folder / "data", create=True):
+        pass
+    return desk.launch(file, "P1", folder / "data", record=record, realtime=False)
+
+
+def attend(handle: Any, touches: Touches, answers: list[str]) -> list[dict[str, Any]]:
+    with handle:
+        return list(desk.Desk(handle, Script(answers), show=touches).attend())
+
+
+def test_a_study_on_a_rig_opens_it_once_and_lets_it_rest_while_the_scene_changes(tmp_path: Path, rig: Person) -> None:
+    touches = Touches(rig)
+    told = attend(begin(tmp_path, record=True), touches, ["low 0.1", "mid 0.1", "high 0.1"])
+    made = rows(tmp_path)
+    assert [one["place"] for one in told if one["kind"] == "trial"] == [0, 1, 2]
+    assert [(row.void, row.answer) for row in made] == [("", "low"), ("", "mid"), ("", "high")]
+    assert {row.condition["height"] for row in made} == {"low", "mid", "high"}
+    assert all(0.09 < (row.reaction_s or 0.0) < 2.0 for row in made)
+    for device in ("stick", "lift", "plate"):
+        assert [entry["what"] for entry in rig.sent(device)] == ["open", "close"], device
+    (_, plate), (_, lift) = rig.sent("plate"), rig.sent("lift")
+    pulses = [number for _, number in plate["sent"]]
+    assert pulses.count(0.0) >= 4  # off before the first trial, between two, and at the end
+    assert max(pulses) == 0.3
+    assert pulses[-1] == 0.0
+    wanted = {"low": 20.0, "mid": 20.3, "high": 20.6}  # the surface of each scene, in the order of the trials
+    assert rig.touched_at() == [wanted[row.condition["height"]] for row in made]
+    assert min(number for _, number in lift["sent"][100:]) < 0.018  # it went back meanwhile
+    (recording,) = (tmp_path / "data" / "recordings").iterdir()
+    assert main(["inspect", str(recording)]) == 0
+
+
+def test_nobody_sees_what_is_touched(tmp_path: Path, rig: Person) -> None:
+    seen: list[str] = []
+
+    def look(face: Shown) -> None:
+        if face.cue == "contact" and not seen:
+            try:
+                attach(next(info.name for info in sessions() if info.name.startswith("study-P1"))).close()
+            except ServoError as error:
+                seen.append(str(error))
+
+    attend(begin(tmp_path), Touches(rig, look), ["low 0.1"])
+    assert ["nobody may see what is touched" in text for text in seen] == [True]
+    assert len(rows(tmp_path)) == 1  # the script had one answer: the session ended in order
+
+
+def test_letting_the_switch_go_in_a_touch_ends_the_session_and_the_same_trial_comes_again(
+    tmp_path: Path, rig: Person
+) -> None:
+    def let_go(face: Shown) -> None:
+        if face.trial == 2 and face.cue == "contact":
+            rig.set(held=False)
+
+    with pytest.raises(DeviceFaultError, match="let go"):
+        attend(begin(tmp_path), Touches(rig, let_go), ["low 0.1"] * 3)
+    assert len(rows(tmp_path)) == 1
+    assert [number for _, number in rig.sent("plate")[-1]["sent"]][-1] == 0.0
+    rig.set(held=True)
+    attend(begin(tmp_path), Touches(rig), ["low 0.1"] * 3)
+    made = rows(tmp_path)
+    assert [row.place for row in made] == [0, 1, 2]
+    assert len({row.condition["height"] for row in made}) == 3
+
+
+def test_in_a_break_the_switch_may_be_let_go_and_a_finger_that_stays_is_waited_for(tmp_path: Path, rig: Person) -> None:
+    path = tmp_path / "study.xml"
+    path.write_text(path.read_text().replace("<order", '<breaks every="1" duration="0.3 s"/><order'))
+    waited: list[float] = []
+
+    def rests(face: Shown) -> None:
+        if face.cue == "break":
+            rig.set(held=False, height=DOWN)
+        elif face.cue == "hold" and face.trial > 1:
+            waited.append(time.monotonic())
+            if waited[-1] - waited[0] > 0.3:
+                rig.set(held=True)
+                waited.clear()
+
+    touches = Touches(rig, rests)
+    attend(begin(tmp_path), touches, ["low 0.1"] * 3)
+    assert [row.void for row in rows(tmp_path)] == ["", "", ""]
+    first = touches.cues.index("break")
+    assert touches.cues[first : first + 3] == ["break", "lift", "hold"]
+    (_, plate) = rig.sent("plate")
+    assert [number for _, number in plate["sent"]].count(0.0) >= 4
+
+
+def test_a_servo_process_that_is_killed_loses_no_trial_that_was_made(tmp_path: Path, rig: Person) -> None:
+    handle = begin(tmp_path)
+
+    def kill(face: Shown) -> None:
+        if face.trial == 2 and face.cue == "contact" and handle.running:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(handle.pid, signal.SIGKILL)
+
+    with pytest.raises(ServoError, match="SIGKILL"):
+        attend(handle, Touches(rig, kill), ["low 0.1"] * 3)
+    assert len(rows(tmp_path)) == 1
+    attend(begin(tmp_path), Touches(rig), ["low 0.1"] * 3)
+    assert [row.place for row in rows(tmp_path)] == [0, 1, 2]
+
+
+def test_the_command_runs_a_study_on_a_rig(tmp_path: Path, rig: Person, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "answers.txt").write_text("low 0.1\nmid 0.1\nhigh 0.1\n")
+    over = threading.Event()
+
+    def dips() -> None:  # nobody is shown anything: the participant touches again and again
+        while not over.is_set():
+            rig.set(height=DOWN)
+            over.wait(0.5)
+            rig.set(height=UP)
+            over.wait(0.9)
+
+    person = threading.Thread(target=dips, daemon=True)
+    person.start()
+    path, data = str(tmp_path / "study.xml"), str(tmp_path / "data")
+    try:
+        code = main(
+            ["study", "run", path, "-o", data, "--participant", "P1", "--answers", str(tmp_path / "answers.txt")]
+        )
+    finally:
+        over.set()
+        person.join()
+    told = capsys.readouterr()
+    assert code in (0, 3), told  # 3: a touch came before its signal, and the script had no answer left for another
+    assert "P1: 0 trials are kept, 3 of the order are left" in told.out
+    assert "trial 1: " in told.out
+
+
+def test_what_cannot_be_done_on_hardware_is_said_before_anything_begins(tmp_path: Path, rig: Person) -> None:
+    file, catalog = load_study(tmp_path / "study.xml", Catalog()), Catalog()
+    assert desk.hardware_of(file, catalog) == ["stick", "lift", "plate"]
+    with pytest.raises(ItouchError, match="real time"):
+        desk.refuse(file, catalog, switch=False, fast=True)
+    desk.refuse(file, catalog, switch=False, fast=False)  # the stick has a switch
+    text = (tmp_path / "study.xml").read_text()
+    edited = text.replace("0 0 10 mm;0 0 10.3 mm;0 0 10.6 mm", "no;yes;no").replace("block.pos", "lift.twin")
+    (tmp_path / "study.xml").write_text(edited)
+    with pytest.raises(ItouchError, match=r"'lift' is real: a study may not change it.*height=mid"):
+        begin(tmp_path)
+    (tmp_path / "study.xml").write_text(text)
+    rig.set(out=True)
+    with pytest.raises(ItouchError, match="the cable is out"):
+        attend(begin(tmp_path), Touches(rig), ["low 0.1"])
+    assert rows(tmp_path) == []
+
+
+def test_another_program_leads_a_rig(tmp_path: Path, rig: Person) -> None:
+    file = load_study(tmp_path / "study.xml", Catalog())
+    with desk.launch_door(file, tmp_path / "key.json", 0, realtime=False) as handle:
+        assert handle.others.get(timeout=10.0)["port"] > 0
+        handle.enable()
+        with connect(tmp_path / "key.json") as touch:
+            for height in ("high", "low"):
+                touch.set(height=height)
+                rig.set(height=DOWN)
+                assert touch.wait_contact(5.0)
+                assert not touch.wait_release(0.3)
+                rig.set(height=UP)
+                assert touch.wait_release(5.0)
+                assert touch.felt()["peak_force_N"] >= 0.0
+            touch.stop()
+        assert handle.wait(20.0)
+    assert [entry["what"] for entry in rig.sent("lift")] == ["open", "close"]
+    assert rig.touched_at() == [20.6, 20.0]
