@@ -1,7 +1,7 @@
 """A stranger's hardware for a study: a tracked stick, a lift behind a wire and a plate, and a person who touches.
 
-The person is a file of three numbers that the stick reads: height [m] of the fingertip, whether the switch is held, and
-whether the cable is out.  Each device keeps what it was sent in a file of its own: seconds, then the numbers.
+The person is a file of four numbers that the devices read: height [m] of the fingertip, whether the switch is held,
+whether the stick's cable is out, and whether the plate's driver fails when it is to switch its drive off.  Each device keeps what it was sent in a file of its own: seconds, then the numbers.
 """
 
 from __future__ import annotations
@@ -57,14 +57,14 @@ class Stick(Device):
         self.told = Told("stick")
         self.told.flush("open")
         with open(os.path.join(FOLDER, "person"), "r+b") as stream:
-            self.person = mmap.mmap(stream.fileno(), 24)
+            self.person = mmap.mmap(stream.fileno(), 32)
         self.height = None
 
     def close(self):
         self.told.flush("close")
 
     def read(self, reading):
-        wanted, held, out = struct.unpack("ddd", self.person[:24])
+        wanted, held, out = struct.unpack("dddd", self.person[:32])[:3]
         if out:
             raise DeviceError("the cable is out")
         if self.height is None:
@@ -112,6 +112,8 @@ class Plate(Device):
 
     def open(self):
         self.told, self.kelvin = Told("plate"), 300.0
+        with open(os.path.join(FOLDER, "person"), "r+b") as stream:
+            self.person = mmap.mmap(stream.fileno(), 32)
         self.told.flush("open")
         self.amperes = 0.0
 
@@ -123,8 +125,34 @@ class Plate(Device):
         reading["warmth"] = self.kelvin + 1e-3 * (time.monotonic() % 0.01)
 
     def write(self, command):
+        if struct.unpack("dddd", self.person[:32])[3] and not command["current"][0]:
+            raise DeviceError("its amplifier does not answer")
         self.amperes = float(command["current"][0])
         self.told.note(round(self.amperes, 3))
+
+
+class Thermometer(Device):
+    """Commands nothing."""
+
+    Params = Nothing
+    reads = (temperature("room", Role.OTHER_TEMPERATURE),)
+
+    def open(self):
+        if os.path.exists(os.path.join(FOLDER, "no-" + type(self).__name__)):
+            raise DeviceError("nothing is plugged in")
+
+    def close(self):
+        pass
+
+    def read(self, reading):
+        reading["room"] = 295.0
+
+
+class Lamp(Thermometer):
+    """May be absent."""
+
+    commands = (current("light", limit=0.1, harmless="it is a lamp that nobody touches"),)
+    watchdog = 0.1
 
 
 class Cool(Modality):
@@ -155,6 +183,8 @@ SCENE = """<itouch version="1.0" xmlns:bench="urn:itouch:plugin:bench">
     <device name="stick" plugin="bench-stick" twin="no"/>
     <device name="lift" plugin="bench-lift" twin="no"><limits speed="0.25 m/s"/></device>
     <device name="plate" plugin="bench-plate" twin="no"><mount on="lift" pos="0 0 0 mm"/></device>
+    <device name="room" plugin="bench-thermometer" twin="no"/>
+    <device name="lamp" plugin="bench-lamp" twin="no" optional="yes"/>
   </devices>
   <interaction>
     <probe name="finger" radius="8 mm" pose-from="stick" force-to="stick" surface-to="lift"/>
@@ -180,11 +210,13 @@ def install(folder: Path) -> Path:
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: bench\nVersion: 1.0\n")
     (info / "entry_points.txt").write_text(
         "[itouch.devices]\nbench-stick = study_bench:Stick\nbench-lift = study_bench:Lift\n"
-        "bench-plate = study_bench:Plate\n[itouch.modalities]\nbench.cool = study_bench:Cool\n"
+        "bench-plate = study_bench:Plate\nbench-thermometer = study_bench:Thermometer\nbench-lamp = study_bench:Lamp\n"
+        "[itouch.modalities]\nbench.cool = study_bench:Cool\n"
     )
     (folder / "scene.xml").write_text(SCENE)
     (folder / "study.xml").write_text(STUDY)
-    (folder / "person").write_bytes(struct.pack("ddd", UP, 1.0, 0.0))
+    (folder / "no-Lamp").write_text("")
+    (folder / "person").write_bytes(struct.pack("dddd", UP, 1.0, 0.0, 0.0))
     return site
 
 
@@ -193,17 +225,21 @@ class Person:
 
     def __init__(self, folder: Path) -> None:
         with (folder / "person").open("r+b") as stream:
-            self._file = mmap.mmap(stream.fileno(), 24)
+            self._file = mmap.mmap(stream.fileno(), 32)
         self._folder = folder
-        self.height, self.held, self.out = UP, True, False
+        self.height, self.held, self.out, self.stuck = UP, True, False, False
         self.set()
 
-    def set(self, *, height: float | None = None, held: bool | None = None, out: bool | None = None) -> None:
-        """Go somewhere, hold the switch or let it go, pull the cable."""
+    def set(
+        self, *, height: float | None = None, held: bool | None = None, out: bool | None = None,
+        stuck: bool | None = None,
+    ) -> None:  # fmt: skip
+        """Go somewhere, hold the switch or let it go, pull the cable, break the plate's driver."""
         self.height = self.height if height is None else height
         self.held = self.held if held is None else held
         self.out = self.out if out is None else out
-        self._file[:24] = struct.pack("ddd", self.height, float(self.held), float(self.out))
+        self.stuck = self.stuck if stuck is None else stuck
+        self._file[:32] = struct.pack("dddd", self.height, float(self.held), float(self.out), float(self.stuck))
 
     def sent(self, device: str) -> list[dict[str, object]]:
         """Return what a device was told, from its opening to its closing each."""

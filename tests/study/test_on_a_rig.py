@@ -17,9 +17,11 @@ from bench_rig import DOWN, UP, Person, install
 from itouch.cli import main
 from itouch.loop import DeviceFaultError
 from itouch.plugin.discovery import Catalog
+from itouch.safety import Trip
 from itouch.schema import ItouchError
 from itouch.servo import ServoError, sessions
 from itouch.servo.link import attach
+from itouch.session import Session
 from itouch.study import desk
 from itouch.study.answers import Script
 from itouch.study.client import connect
@@ -150,6 +152,46 @@ def test_in_a_break_the_switch_may_be_let_go_and_a_finger_that_stays_is_waited_f
     assert [number for _, number in plate["sent"]].count(0.0) >= 4
 
 
+def test_a_drive_that_cannot_be_switched_off_ends_the_session_at_once(tmp_path: Path, rig: Person) -> None:
+    def breaks(face: Shown) -> None:
+        if face.trial == 2 and face.cue == "contact":
+            rig.set(stuck=True)
+
+    with pytest.raises(DeviceFaultError, match="plate"):
+        attend(begin(tmp_path), Touches(rig, breaks), ["low 0.1"] * 3)
+    assert len(rows(tmp_path)) == 1  # nobody is asked about a touch on such a rig
+    rig.set(stuck=False)  # it was repaired; who starts the command again re-arms
+    attend(begin(tmp_path), Touches(rig), ["low 0.1"] * 3)
+    assert [row.place for row in rows(tmp_path)] == [0, 1, 2]
+
+
+def test_what_a_trial_has_used_of_a_budget_stays_used(tmp_path: Path, rig: Person) -> None:
+    """A session that ends in its first touch leaves its State: doses, clocks and the trip go on with the next one."""
+    study = tmp_path / "study.xml"
+    study.write_text(study.read_text().replace('duration="0.1 s"', 'duration="20 s"'))
+    since: list[float] = []
+
+    def lets_go(face: Shown) -> None:
+        if face.cue == "contact":
+            since.append(time.monotonic())
+            rig.set(held=since[-1] - since[0] < 0.5)
+
+    with pytest.raises(DeviceFaultError, match="let go"):
+        attend(begin(tmp_path), Touches(rig, lets_go), ["low 0.1"])
+    assert rows(tmp_path) == []
+    with Store.open(tmp_path / "data") as store:
+        stood = store.standing("P1")
+    assert stood is not None
+    assert stood.place == -1
+    file = load_study(study, Catalog())
+    session = Session(file.model(stood.condition, Catalog()), catalog=Catalog())
+    session.adopt(stood.state)
+    assert session.ticks > 1000
+    latched = session.latched()
+    assert latched is not None
+    assert latched.trip is Trip.RELEASED
+
+
 def test_a_servo_process_that_is_killed_loses_no_trial_that_was_made(tmp_path: Path, rig: Person) -> None:
     handle = begin(tmp_path)
 
@@ -194,7 +236,7 @@ def test_the_command_runs_a_study_on_a_rig(tmp_path: Path, rig: Person, capsys: 
 
 def test_what_cannot_be_done_on_hardware_is_said_before_anything_begins(tmp_path: Path, rig: Person) -> None:
     file, catalog = load_study(tmp_path / "study.xml", Catalog()), Catalog()
-    assert desk.hardware_of(file, catalog) == ["stick", "lift", "plate"]
+    assert desk.hardware_of(file, catalog) == ["stick", "lift", "plate", "room", "lamp"]
     with pytest.raises(ItouchError, match="real time"):
         desk.refuse(file, catalog, switch=False, fast=True)
     desk.refuse(file, catalog, switch=False, fast=False)  # the stick has a switch

@@ -38,6 +38,7 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
     from itouch.servo import ServoError
     from itouch.study import desk
     from itouch.study.course import Course
+    from itouch.study.operating import keep_note
     from itouch.study.store import Store
 
     catalog, folder = Catalog(), folder_of(options)
@@ -60,7 +61,14 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
                 handle = desk.launch(file, options.participant, folder, record=record)
             stop.bind(handle.request_stop)
             with handle:
-                session = desk.Desk(handle, answers, show=show, operator=operator)
+
+                def note(trial: int, words: str) -> None:
+                    try:
+                        keep_note(folder, options.participant, trial, words)
+                    except OSError as error:  # the session goes on; nobody may lose a trial for a note
+                        print(f"the note '{words}' can't be kept: {error.strerror or error}", file=sys.stderr)
+
+                session = desk.Desk(handle, answers, show=show, operator=operator, note=note)
                 for told in session.attend():
                     if told["kind"] == "trial":
                         made += 1
@@ -71,7 +79,7 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
         except Interrupted as signalled:
             return 128 + signalled.number
         except DeviceFaultError as error:
-            print(f"{error}\nthe trial was not kept; the same command goes on from it", file=sys.stderr)
+            print(f"{error}\n{again}", file=sys.stderr)
             return 1
         except ServoError as error:
             print(f"{error}\n{again}", file=sys.stderr)

@@ -32,6 +32,7 @@ from itouch.loop.runner import DeviceFaultError, Runner, Status
 from itouch.loop.safestop import SafeStop
 from itouch.loop.timing import Timing
 from itouch.plugin import DeviceError, Record
+from itouch.safety import Outcome
 from itouch.schema import ItouchError
 from itouch.world import Model, make_state
 from itouch.world.failing import failing
@@ -179,8 +180,13 @@ class Engine:
         """Return what a device may do now."""
         return self._runners[device].status
 
-    def enable(self) -> None:
+    def enable(self, *, opens: bool = True) -> None:
         """Open and enable every device; all that fail are told together.
+
+        Parameters
+        ----------
+        opens
+            Whether those that are CLOSED are opened, too; else they stay as they are.
 
         Raises
         ------
@@ -190,7 +196,7 @@ class Engine:
             Naming each device that failed and why; nothing is left enabled.
         """
         try:
-            self._operating.enable()
+            self._operating.enable(opens=opens)
         except LatchedError:
             raise
         except DeviceError:
@@ -387,10 +393,17 @@ class Engine:
                 return
         raise EngineError(f"probe '{probe}' is not moved by an operator twin: it can't be steered from here")
 
-    def park(self) -> None:
-        """Make every device safe as after a fault, in the rig's order, because the session ends."""
-        self._safe_stop.wind_down(self.taps, self.clock.wait if self._paced else None)
+    def park(self) -> Outcome:
+        """Make every device safe as after a fault, in the rig's order, because the session ends, or rests.
+
+        Returns
+        -------
+        Outcome
+            Whether all could be seen to be safe, and what was seen of each device.
+        """
+        outcome = self._safe_stop.wind_down(self.taps, self.clock.wait if self._paced else None)
         self.stamps[-1] = now()
+        return outcome
 
     def close(self) -> None:
         """Make every device safe and release it; the state stays readable.

@@ -28,8 +28,8 @@ class Operating:
         self._tick = state["tick"]
         self.hold = Hold(state, list(runners.values()), model.period, asked=model.scene.safety.hold_to_run)
 
-    def enable(self) -> None:
-        """Connect all devices at once, and let commands through.
+    def enable(self, *, opens: bool = True) -> None:
+        """Connect all devices at once, and let commands through; ``opens``: those that are CLOSED, too.
 
         Raises
         ------
@@ -43,7 +43,8 @@ class Operating:
         if latched:
             told = [str(fault) for fault in latched]
             raise LatchedError("\n".join([*told, "it is still stopped: re-arm first, when what stopped it is over"]))
-        failures = connect(self._runners.values(), tick)
+        wanted = [one for one in self._runners.values() if opens or one.status is not Status.CLOSED]
+        failures = connect(wanted, tick)
         for name, why in failures.items():
             if self._runners[name].model.optional:
                 self._runners[name].leave()

@@ -11,7 +11,7 @@ from itouch.schema import ItouchError
 from itouch.world.failing import said
 
 
-def in_turn(*steps: Callable[[], None]) -> None:
+def in_turn(*steps: Callable[[], object]) -> None:
     """Do every step; what was raised first is raised when all are done, what came later stands in its notes."""
     first: BaseException | None = None
     for step in steps:

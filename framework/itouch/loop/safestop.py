@@ -10,7 +10,7 @@ from itouch.loop.ledger import Ledger
 from itouch.loop.rig import ProbeRig
 from itouch.loop.runner import Runner
 from itouch.plugin import Record
-from itouch.safety import DeviceFaultError, SafeSequence, Trip
+from itouch.safety import DeviceFaultError, Outcome, SafeSequence, Trip
 from itouch.world import Model
 
 
@@ -40,10 +40,10 @@ class SafeStop:
             entry["also"] = outcome.also
         entry["safe"] = {"reached": outcome.safe, "after_s": outcome.seconds, "devices": outcome.devices}
 
-    def wind_down(self, taps: Sequence[Callable[[int], None]], wait: Callable[[], float] | None = None) -> None:
-        """Make every device safe in the same order, without a fault: a session ends."""
+    def wind_down(self, taps: Sequence[Callable[[int], None]], wait: Callable[[], float] | None = None) -> Outcome:
+        """Make every device safe in the same order, without a fault: a session ends, or rests."""
         nothing = DeviceFaultError("", self._tick.item(), Trip.NONE, "ends")
-        self._sequence.carry_out(nothing, self._after_tick(taps, wait))
+        return self._sequence.carry_out(nothing, self._after_tick(taps, wait))
 
     def _after_tick(
         self, taps: Sequence[Callable[[int], None]], wait: Callable[[], float] | None

@@ -47,13 +47,15 @@ NEARER = 0.003
 class Outcome(NamedTuple):
     """How a safe sequence ended: whether all is safe, after what time [s], what was seen of each device.
 
-    ``also`` holds the trips of other devices that failed by then.
+    ``also`` holds the trips of other devices that failed by then; ``unsafe`` those that are not safe, without those of
+    which only that is odd that they read the same, and nothing of which had to change.
     """
 
     safe: bool
     seconds: float
     devices: dict[str, str]
     also: dict[str, str]
+    unsafe: tuple[str, ...] = ()
 
 
 class SafeSequence:
@@ -118,7 +120,9 @@ class SafeSequence:
         told = {name: text for name, (text, _) in seen.items()}
         faulty = [s for s in self._supervisors if s.status is Status.FAULT and s.model.name != fault.device]
         also = {s.model.name: s.trip.label for s in faulty}
-        return Outcome(not any(bad for _, bad in seen.values()), self._passed * self._period, told, also)
+        odd = {s.model.name for s in self._supervisors if not self._believed(s) and self._stands(s, heights)}
+        unsafe = tuple(name for name, (_, bad) in seen.items() if bad and name not in odd)
+        return Outcome(not any(bad for _, bad in seen.values()), self._passed * self._period, told, also, unsafe)
 
     def _release(self) -> None:
         for supervisor in self._carried:
@@ -162,6 +166,13 @@ class SafeSequence:
             return False
         frozen = name in self._begun and supervisor.panel.values == self._begun[name]
         return not frozen or self._passed * self._period < SETTLE
+
+    def _stands(self, supervisor: Supervisor, heights: dict[str, float]) -> bool:
+        """Tell whether a device answers, and nothing that it reads had to change: a surface stood at its end before."""
+        name = supervisor.model.name
+        if name in self._mute or supervisor.status is Status.FAULT:
+            return False
+        return name not in heights or heights[name] <= _end(supervisor) + AT_END
 
     def _left(self, supervisor: Supervisor) -> bool:
         """Tell whether the finger has left a surface, by its force sensor."""
@@ -244,8 +255,7 @@ class SafeSequence:
         return (f"{', '.join(acting)} off{plate}" if acting else "nothing to switch off"), False
 
     def _seen_surface(self, supervisor: Supervisor, before: float) -> tuple[str, bool]:
-        channel = next((c for c in supervisor.model.commands if c.role is Role.SURFACE_POSE), None)
-        bottom = channel.low[2] if channel is not None and channel.low else -math.inf
+        bottom = _end(supervisor)
         if supervisor.twin is None and supervisor.measured_at(Role.TRACKED_POSE) < self._since:
             return "not measured since it was told to retract", True
         height = _height(supervisor)
@@ -259,6 +269,12 @@ class SafeSequence:
         if (gone >= RETREAT or height <= bottom + AT_END) and not pressed:
             return f"retracted {max(0.0, gone) * 1e3:.1f} mm", False
         return f"retracted only {gone * 1e3:.1f} mm{', still touched' if pressed else ''}", True
+
+
+def _end(supervisor: Supervisor) -> float:
+    """Return the height [m] at which the travel of a surface ends."""
+    channel = next((c for c in supervisor.model.commands if c.role is Role.SURFACE_POSE), None)
+    return channel.low[2] if channel is not None and channel.low else -math.inf
 
 
 def _retracts(supervisor: Supervisor) -> bool:

@@ -417,8 +417,11 @@ class Supervisor(Lifecycle):
         try:
             answered = status != CLOSED and self._take() is not False
             self._stamp(tick, answered)
+            if answered and self.timed:
+                self._measure_slip()
             if answered and status != FAULT:
-                self.panel.believe(tick, self._every * self._period)
+                slip, self.slip[0] = self.slip[0].item(), 0.0
+                self.panel.believe(tick, self._every * self._period + slip)
         except TripError as error:
             if status != FAULT:
                 self.fault(error.trip, tick)

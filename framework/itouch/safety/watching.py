@@ -91,10 +91,9 @@ def watch(
     now = tick[0] + device.missed[0]
     if device.taken[0] != 0:
         heard = device.heard[0]
-        passed = device.age[0] + rhythm.every
+        seconds = (device.age[0] + rhythm.every) * rhythm.period + device.slip[0]
         if heard >= 0:  # it may have gone on in periods that were left out
-            passed = max(passed, now - heard)
-        seconds = passed * rhythm.period + device.slip[0]
+            seconds = max(seconds, (now - heard) * rhythm.period)
         if status == fault or device.share[0] != 1.0 or check(able, memory, device.raw, seconds) != 1.0:
             return PYTHON
         if (now - heard if heard >= 0 else rhythm.apart) >= rhythm.apart:

@@ -29,7 +29,7 @@ from itouch.session import Session
 from itouch.session.keeping import Keep, keeping
 
 #: How often the servo process looks round while the engine rests [s].
-_IDLE = 1e-3
+IDLE = 1e-3
 #: How long [s] the guardian may take to start: it may have to load drivers.
 GUARDIAN_START = 30.0
 #: Silence [ns] of the guardian that ends a session whose devices obey.
@@ -255,7 +255,7 @@ class Servo:
         self._hold()
         self.outbox.flush()
         self._watch_others()
-        time.sleep(_IDLE)
+        time.sleep(IDLE)
 
     def _hold(self) -> None:
         """Pass on whether somebody holds the dead-man's switch, and if one who held it has let go."""

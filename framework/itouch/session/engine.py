@@ -16,7 +16,7 @@ from itouch.plugin import DeviceError, Record
 from itouch.plugin.bases import Bases, keeping
 from itouch.plugin.discovery import Catalog
 from itouch.recording import RecordingError
-from itouch.safety import connect
+from itouch.safety import Outcome, connect
 from itouch.scene import Scene
 from itouch.schema.notebook import Shown
 from itouch.session import layout, limits, marks, wishes
@@ -219,7 +219,7 @@ class Session(Shown, Engine):
             False if there is none, or if the other State has other fields: it stays here, and can be ended.
         """
         recorder = self.recorder
-        if recorder is None or to.state.dtype != self.state.dtype:
+        if recorder is None or recorder.failure or to.state.dtype != self.state.dtype:
             return False
         self.recorder = None
         self._let_go(recorder)
@@ -274,7 +274,7 @@ class Session(Shown, Engine):
             hook(fault)
         super().make_safe(fault)
 
-    def enable(self) -> None:
+    def enable(self, *, opens: bool = True) -> None:
         """Enable as ``Engine.enable`` says; a recording notes the State after it, because it came from outside.
 
         Twins that are enabled, as after a restore, are left alone: one reading more would be another run.
@@ -282,7 +282,7 @@ class Session(Shown, Engine):
         if self._enabled and all(device.twin and not device.remote for device in self.model.devices.values()):
             return
         self._carry_in()
-        super().enable()
+        super().enable(opens=opens)
         self.settle()
         self.note_outside("enable")
 
@@ -303,10 +303,10 @@ class Session(Shown, Engine):
         super().reconnect(device)
         self.note_outside("reconnect")
 
-    def park(self) -> None:
+    def park(self) -> Outcome:
         """Park as ``Engine.park`` says; a recording notes the State before it, because what follows is no tick."""
         self.note_outside("park")
-        super().park()
+        return super().park()
 
     def note_outside(self, reason: str) -> None:
         """Tell a recording that the State was changed from outside the loop: a replay starts again from it."""

@@ -86,12 +86,16 @@ def differing(model: Model, before: Model) -> str:
         if all(one is None or one.twin for one in (here, there)):
             continue
         if here is None or there is None or _driven(here) != _driven(there):
-            return f"'{name}' is real: a study may not change it, its settings or its limits, nor leave it away"
+            return f"'{name}' is real: a study may not change it, its place, settings or limits, nor leave it away"
+    real = any(not device.twin for device in model.devices.values())
+    if real and model.scene.safety != before.scene.safety:
+        return "devices are real: a study may not change <safety>"
     return ""
 
 
 def _driven(model: DeviceModel) -> tuple[object, ...]:
     """Return what the driver of a device was made of."""
     return (
-        model.twin, model.cls, model.params, model.reads, model.commands, model.limits.table(), model.servo_period,
+        model.twin, model.cls, model.params, model.reads, model.commands, model.limits, model.servo_period, model.mount,
+        model.mount_error, model.carrier, model.touch_off, model.optional, [type(one) for one in model.monitors],
     )  # fmt: skip

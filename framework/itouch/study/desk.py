@@ -10,7 +10,7 @@ import os
 import queue
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +29,7 @@ from itouch.viewer.holding import Holding
 
 #: How often [s] windows, keys and messages are looked at.
 LOOK = 0.01
-#: Longest note that is passed on [letters].
+#: Longest answer that is passed on [letters].
 LONGEST = 200
 
 
@@ -100,12 +100,16 @@ class Desk:
         Who answers.
     show, operator
         The participant's window, and the operator's.
+    note
+        Keeps what the operator writes: number of the trial, and the words.
     """
 
     def __init__(
-        self, handle: Handle, answers: Answers, *, show: Show | None = None, operator: Operator | None = None
+        self, handle: Handle, answers: Answers, *, show: Show | None = None, operator: Operator | None = None,
+        note: Callable[[int, str], None] | None = None,
     ) -> None:  # fmt: skip
         self._handle, self._answers, self._show, self._operator = handle, answers, show, operator
+        self._note = note
         self._holding = Holding(handle.link)
         self._asked: tuple[int, float] | None = None
         self._given = self._paused = self._held = self._ending = False
@@ -172,7 +176,7 @@ class Desk:
             answer = self._answers.poll(time.monotonic() - since)
             if answer is not None:
                 self._given = True
-                self._pass_on("answer", {"place": place, "answer": answer})
+                self._pass_on("answer", {"place": place, "answer": answer[:LONGEST]})
         operator = self._operator
         if operator is not None:
             operator.show(face, lines)
@@ -181,7 +185,8 @@ class Desk:
                 self._paused = operator.paused
                 self._pass_on("pause", self._paused)
             for words in operator.notes():
-                self._pass_on("note", words[:LONGEST])
+                if self._note is not None:
+                    self._note(face.trial, words)
             if operator.stopped and not self._ending:  # after this trial, as on twins
                 self._ending = True
                 self._pass_on("end", None)

@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import hashlib
 import sys
+import threading
 from collections.abc import Callable, Iterable, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future
 from pathlib import Path
 from typing import TypeVar
 
-from itouch.loop import Clock
+from itouch.loop import Clock, DeviceFaultError
 from itouch.plugin.discovery import Catalog
+from itouch.safety import Status, Trip
 from itouch.session import Session, SessionError
 from itouch.session.recorder import Onwards
 from itouch.session.succession import differing, succeed, touching
@@ -22,7 +24,7 @@ from itouch.study.machine import Sensed
 from itouch.study.reading import StudyFile
 from itouch.study.store import Standing
 from itouch.study.touches import Feeling, Presented, Toucher, TouchError, felt_by
-from itouch.world import Model
+from itouch.world import Model, make_state
 
 Result = TypeVar("Result")
 #: How long [s] what is done beside the loop may keep the interpreter to itself.
@@ -50,6 +52,8 @@ class Room:
         self._record, self._recorded = record, 0
         #: Called between two ticks by who runs the loop; what it raises ends the session.
         self.look: Callable[[], None] | None = None
+        #: Told again and again while nothing ticks because something must come to its end.
+        self.on_idle: Callable[[], None] | None = None
         #: Told when hardware has come to rest.
         self.on_rest: Callable[[], None] | None = None
         #: Told of each session that takes the place of another one, before it runs.
@@ -120,16 +124,21 @@ class Room:
             succeed(session, before)
             self._take(session, condition, feeling, onwards)
             if self.real:
-                self._wake(session, before)
+                session.leave_out(before.since)
+                self._enable()
         self.begin()
         return self.feeling
 
-    def _wake(self, session: Session, before: Session) -> None:
-        """Let commands through to hardware that another session had until now."""
-        session.leave_out(before.since)
+    def wake(self) -> None:
+        """Let commands through again to hardware that rests, under the same scene."""
+        if self.real and not self.acting:
+            self._await_person(self.session)
+            self._enable()
+
+    def _enable(self) -> None:
         if self.look is not None:
             self.look()  # the switch is held for a moment only
-        session.enable()
+        self.session.enable(opens=False)
 
     def survey(self, conditions: Iterable[Mapping[str, str]]) -> None:
         """Compile the scenes of conditions before anything begins, and see that hardware is the same in all.
@@ -147,7 +156,16 @@ class Room:
             found = differing(model, first or model)
             if found:
                 raise SessionError(f"{found} (in the condition {', '.join(f'{k}={v}' for k, v in condition.items())})")
+            if first is not None and self._record is not None and self._differ(model, first):
+                raise SessionError(
+                    "the scenes' States have other fields: on hardware one recording can't hold them all; --no-record"
+                )
             first = first or model
+
+    @staticmethod
+    def _differ(model: Model, first: Model) -> bool:
+        real = any(not device.twin for device in model.devices.values())
+        return real and make_state(model).dtype != make_state(first).dtype
 
     def prepare(self, condition: Mapping[str, str]) -> None:
         """Take the first scene, and let nothing run yet."""
@@ -159,9 +177,13 @@ class Room:
         session = self.session
         if not int(session.state["ready"]):  # the rig finds its heights by touch
             self.run(lambda: bool(session.state["ready"]))
-        ramps = [session.state[f"{runner.model.name}.ramp"] for runner in session.runners if not runner.model.twin]
-        if any(ramp.item() < 1.0 for ramp in ramps):  # what is touched before would be felt too softly
-            self.run(lambda: all(ramp.item() >= 1.0 for ramp in ramps))
+        driven = [one for one in session.runners if one.model.commands and not one.model.twin]
+
+        def whole() -> bool:
+            return all(session.state[f"{one.model.name}.ramp"].item() >= 1.0 for one in driven if one.enabled)
+
+        if not whole():  # what is touched before would be felt too softly
+            self.run(whole)
         self.hold()
 
     @property
@@ -170,14 +192,44 @@ class Room:
         return self._session is not None and any(not runner.model.twin for runner in self._session.runners)
 
     def rest(self) -> None:
-        """Let hardware rest: surfaces go back, drives are off, until the next scene is presented.  Twins only wait."""
-        if self.real and any(one.enabled and not one.model.twin for one in self.session.runners):
-            self.session.park()
+        """Let hardware rest: surfaces go back, drives are off, until the next scene is presented.  Twins only wait.
+
+        Raises
+        ------
+        DeviceFaultError
+            If a device could not be seen to be safe.
+        """
+        if not self.acting:
+            return
+        session, outcome = self.session, self.session.park()
+        stopped = session.latched()
+        unsafe = [name for name in outcome.unsafe if session.status(name) is not Status.CLOSED]  # else it is absent
+        if stopped is None and not unsafe:
             if self.on_rest is not None:
                 self.on_rest()
+            return
+        if stopped is None:
+            seen = "; ".join(f"{name}: {outcome.devices[name]}" for name in unsafe)
+            stopped = DeviceFaultError(
+                unsafe[0], session.ticks, Trip.DEVICE_ERROR, f"could not be put to rest ({seen})"
+            )
+        session.make_safe(stopped)
+        raise stopped
 
-    def beside(self, work: Callable[[], Result]) -> Result:
+    @property
+    def acting(self) -> bool:
+        """Whether commands are let through to hardware."""
+        return self.real and any(one.enabled and not one.model.twin for one in self.session.runners)
+
+    def beside(self, work: Callable[[], Result], *, whole: bool = False) -> Result:
         """Do what may take long while nothing acts; hardware is read on meanwhile, so that it knows of us.
+
+        Parameters
+        ----------
+        work
+            What is to be done.
+        whole
+            Whether it must come to its end, whatever happens meanwhile; else it is left alone then.
 
         Raises
         ------
@@ -186,15 +238,27 @@ class Room:
         """
         if not self.real:
             return work()
-        before = sys.getswitchinterval()
+        doing: Future[Result] = Future()
+
+        def do() -> None:
+            try:
+                doing.set_result(work())
+            except BaseException as error:
+                doing.set_exception(error)
+
+        thread, before = threading.Thread(target=do, name="itouch-study", daemon=True), sys.getswitchinterval()
         sys.setswitchinterval(SHARE)
+        thread.start()
         try:
-            with ThreadPoolExecutor(1, "itouch-study") as pool:
-                doing = pool.submit(work)
-                self.run(doing.done)
-                return doing.result()
+            self.run(doing.done)
+        except BaseException:
+            while whole and thread.is_alive() and self.on_idle is not None:
+                self.on_idle()
+                thread.join(0.01)
+            raise
         finally:
             sys.setswitchinterval(before)
+        return doing.result()
 
     def _made(self, condition: Mapping[str, str]) -> tuple[Session, Feeling, Onwards | None]:
         """Return the next session, what will be noted of it, and what a recording needs to go on with it."""
@@ -253,15 +317,15 @@ class Room:
     def run(self, until: Callable[[], bool]) -> None:
         """Run until something is so; asked after every tick."""
         look = self.look
-        if look is None:
-            self.session.run(until=until)
-            return
 
         def both() -> bool:
-            look()
+            if look is not None:
+                look()
             return until()
 
-        self.session.run(until=both)
+        self.session.run(until=until if look is None else both)
+        if self.session.failed:
+            raise SessionError("the session can't be recorded any more, and its scene says that it ends then")
 
     def close(self) -> None:
         """End the session that runs, unless somebody else runs the loop, who then does."""

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from itouch.loop import Clock, DeviceFaultError
 from itouch.plugin.discovery import Catalog
@@ -63,6 +64,7 @@ class Run:
         self.room.on_wait = lambda cue: self._wait(cue)
         self._due: Due | None = None
         self._goes_on = False
+        self._described: Mapping[str, Any] = {}
         self._baseline: float | None = None
         self._total = len(self.course.planned)
         self._said = ""
@@ -82,12 +84,14 @@ class Run:
             if self._due is None:
                 self.prepare()
             due = self._due
+            if due is not None and self._operator is not None and self._operator.stopped:
+                raise Stopped
             if due is not None:
                 self._begin(due)
             while due is not None:
                 row = self._trial(due)
                 self.room.rest()
-                self.room.beside(partial(self._keep, row, self.room.standing(row.place)))
+                self.room.beside(partial(self._keep, row, self.room.standing(row.place)), whole=True)
                 self._feed_back(row)
                 yield row
                 due = self.room.beside(self.course.next)
@@ -95,6 +99,10 @@ class Run:
                     self._attend()
                     self._rest(due)
             self._tell(self._progress("done"))
+        except DeviceFaultError:
+            if self.room.real:  # what was used of a budget stays used, and what was tripped is tripped
+                self._store.stand(self._code, self.room.standing(len(self.course.rows) - 1))
+            raise
         finally:
             self.room.close()
 
@@ -114,6 +122,7 @@ class Run:
         self._due = due = self.course.next()
         if due is None:
             return False
+        self._described = self._store.described(self._code)
         stood = self._store.standing(self._code)
         self._goes_on = stood is not None and stood.place == due.place - 1 and self.room.take_up(stood)
         if not self._goes_on:
@@ -131,7 +140,7 @@ class Run:
             self._rest(due)
         else:
             self.room.begin()
-        kept = self._store.described(self._code).get("skin_baseline_K")
+        kept = self._described.get("skin_baseline_K")
         if kept is not None:
             self._baseline = float(kept)
         if kept is not None or not self.room.feeling.measures_skin:
@@ -148,8 +157,9 @@ class Run:
         self.room.run(until)
         if values:
             self._baseline = sum(values) / len(values)
-            described = self._store.described(self._code)
-            self._store.describe(self._code, {**described, "skin_baseline_K": round(self._baseline, 3)})
+            self.room.rest()
+            described = {**self._described, "skin_baseline_K": round(self._baseline, 3)}
+            self.room.beside(partial(self._store.describe, self._code, described), whole=True)
 
     def _trial(self, due: Due) -> Row:
         feeling = self.room.present(due.shown[0])
@@ -165,6 +175,9 @@ class Run:
                 self.room.go()
             elif phase is Phase.JUDGE:
                 touches.append(self.room.felt(machine.void))
+                if self.room.real:  # what follows asks nothing of the devices: nobody need hold the switch for it
+                    self.room.rest()
+                    machine.step(self.room.sensed())
                 machine.judged(touches[-1].void)
                 if machine.phase is Phase.SKIN:
                     self.room.present(due.shown[machine.interval])

@@ -12,9 +12,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from itouch.loop import Clock, DeviceFaultError
-from itouch.plugin import Role
+from itouch.plugin import DeviceError, Role
 from itouch.plugin.discovery import Catalog
 from itouch.schema import ItouchError, SceneError
+from itouch.session import SessionError
+from itouch.study.answers import Stopped
 from itouch.study.door import Door, Request
 from itouch.study.machine import Sensed
 from itouch.study.reading import StudyFile
@@ -66,6 +68,7 @@ class Served:
     def __init__(self, file: StudyFile, catalog: Catalog, door: Door, *, clock: Clock, seed: int = 0) -> None:
         self._file, self.door, self._virtual = file, door, clock.pace != "real"
         self.room = Room(file, catalog, seed=seed, clock=clock)
+        self.room.on_wait = self._waited
         self._levels = self._first()
         self.room.prepare(self._levels)
         self._went = False
@@ -147,7 +150,7 @@ class Served:
             self.door.refuse(request, error.code, str(error))
         except SceneError as error:
             self.door.refuse(request, "bad-level", "; ".join(problem.sentence for problem in error.problems))
-        except DeviceFaultError:
+        except (DeviceFaultError, DeviceError):
             raise
         except (ItouchError, ValueError, TypeError, KeyError) as error:
             self.door.refuse(request, "refused", str(error) or type(error).__name__)
@@ -181,8 +184,22 @@ class Served:
 
         self._outside = present
 
+    def _waited(self, cue: str) -> None:
+        """Look at the door while a person is waited for: who wants to end need not wait."""
+        request = self.door.look(0.0)
+        if request is not None and request.what == "stop":
+            self._stop(request)
+            raise Stopped
+        if request is not None:
+            said = {"lift": "the finger to lift", "hold": "somebody to hold the dead-man's switch"}[cue]
+            self.door.refuse(request, "busy", f"the rig waits for {said}")
+
     def _presented(self, request: Request, levels: dict[str, str]) -> None:
-        self.room.present(levels)
+        try:
+            self.room.present(levels)
+        except (SceneError, SessionError):
+            self.room.wake()  # the scene before goes on
+            raise
         self._levels, self._went = levels, False
         self.door.answer(request, levels=levels, **self._told(self.room.sensed()))
 

@@ -7,20 +7,21 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from itouch.loop import WallClock
+from itouch.loop import LatchedError, WallClock
 from itouch.plugin import Record
 from itouch.plugin.discovery import Catalog
 from itouch.servo import words as at
 from itouch.servo.channel import Outbox
 from itouch.servo.publish import TIMING_EVERY, Publisher
 from itouch.servo.segment import Segment, ServoError, monotonic
-from itouch.servo.serve import Servo
+from itouch.servo.serve import IDLE, Servo
 from itouch.session import Session
 from itouch.study.answers import Question, Stopped
 from itouch.study.door import Door
@@ -64,7 +65,6 @@ class PostedOperator:
 
     def __init__(self, outbox: Outbox) -> None:
         self._outbox = outbox
-        self._notes: list[str] = []
         self.paused = self.stopped = self.held = False
 
     def show(self, face: Shown, lines: Sequence[tuple[str, bool]]) -> None:
@@ -72,13 +72,8 @@ class PostedOperator:
         self._outbox.tell("shown", {"face": asdict(face), "lines": [list(line) for line in lines]})
 
     def notes(self) -> list[str]:
-        """Return the notes that have come since the last call."""
-        found, self._notes = self._notes, []
-        return found
-
-    def write(self, words: str) -> None:
-        """Take a note."""
-        self._notes.append(words)
+        """Return none: the desk keeps what is written there."""
+        return []
 
 
 class Sitting(Servo):
@@ -113,7 +108,7 @@ class Sitting(Servo):
         self._told_of = Record(session.state.dtype)
         self._publisher = Publisher(segment, self._told_of, session.times)
         room.clock = session.clock
-        room.look, room.on_change, room.on_rest = self._look, self._follow, self._rested
+        room.look, room.on_change, room.on_rest, room.on_idle = self._look, self._follow, self._rested, self._beat
         self._attach(session)
 
     def _meta(self) -> dict[str, Any]:
@@ -135,6 +130,29 @@ class Sitting(Servo):
         self.words[at.ARMED] = 0
         self._armed = False
         gc.collect()
+
+    def _beat(self) -> None:
+        self.words[at.BEAT] = monotonic()
+
+    def _rest(self) -> None:
+        """Do what the loop does between ticks, before it ticks: what the desk says is heard, too."""
+        self._beat()
+        for message in self._inbox.take():
+            if message.get("what") == "enable":
+                self._commands.obey(message)
+            else:
+                self._obey(str(message.get("what")), message.get("value"))
+        self._hold()
+        self.outbox.flush()
+        self._watch_others()
+        time.sleep(IDLE)
+
+    def _enable(self) -> None:
+        """Enable; who starts a participant's session again after a trip re-arms by that, if what tripped is over."""
+        try:
+            self.session.enable()
+        except LatchedError:
+            self.session.rearm()
 
     def _run(self) -> None:
         if self.words[at.STOP]:
@@ -240,8 +258,6 @@ def _obey(answers: PostedAnswers, operator: PostedOperator, what: str, value: An
     """Do what the desk asks for; what is not understood changes nothing."""
     if what == "answer" and isinstance(value, dict):
         answers.take(int(value.get("place", -1)), str(value.get("answer", "")))
-    elif what == "note":
-        operator.write(str(value))
     elif what == "pause":
         operator.paused = bool(value)
     elif what == "end":

@@ -217,9 +217,23 @@ class Store:
         with _sentences(self.folder / "trials.sqlite"), self._trials:
             self._trials.execute(f"INSERT INTO trials ({names}) VALUES ({marks})", values)
             if standing is not None:
-                condition = json.dumps(dict(standing.condition), sort_keys=True)
-                stood = (row.participant, standing.place, condition, standing.layout, standing.state)
-                self._trials.execute("INSERT OR REPLACE INTO standing VALUES (?, ?, ?, ?, ?)", stood)
+                self._put(row.participant, standing)
+
+    def stand(self, participant: str, standing: Standing) -> None:
+        """Note where a session stands that a fault has ended: what the trial under way has used of a budget is used.
+
+        Raises
+        ------
+        StoreError
+            If it cannot be written.
+        """
+        with _sentences(self.folder / "trials.sqlite"), self._trials:
+            self._put(participant, standing)
+
+    def _put(self, participant: str, standing: Standing) -> None:
+        condition = json.dumps(dict(standing.condition), sort_keys=True)
+        stood = (participant, standing.place, condition, standing.layout, standing.state)
+        self._trials.execute("INSERT OR REPLACE INTO standing VALUES (?, ?, ?, ?, ?)", stood)
 
     def standing(self, participant: str) -> Standing | None:
         """Return where a participant's session stood at the end of the last trial; None: nothing says it."""
