@@ -662,3 +662,25 @@ def test_time_that_was_left_out_counts_for_what_is_read_after_it() -> None:
     rig.place[2] += 0.15
     with pytest.raises(DeviceFaultError, match="not believable"):
         rig.it.read(3)
+
+
+@pytest.mark.parametrize(("seconds", "away", "trips"), [(0.0, 0.008, True), (0.02, 0.1, False), (0.02, 0.12, True)])
+def test_a_glance_knows_for_how_long_its_tick_was_held(
+    seconds: float, away: float, trips: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rig, clock = Rig().enabled(), [100.0]
+    monkeypatch.setattr("itouch.safety.supervisor.time.monotonic", lambda: clock[0])
+    rig.it.timed = True
+    rig.it.read(1)
+    for _ in range(300):
+        clock[0] += PERIOD
+        assert rig.it.glance(1)
+    clock[0] += PERIOD + seconds
+    rig.place[2] += away
+    rig.it.glance(2)
+    assert (rig.it.trip is Trip.SENSOR_JUMP) is trips
+    if not trips:  # and what was glanced at is no time that a later reading has not been looked at
+        clock[0] += PERIOD
+        rig.place[2] += 0.008
+        with pytest.raises(DeviceFaultError, match="not believable"):
+            rig.it.read(3)

@@ -245,8 +245,9 @@ class Person:
         """Return what a device was told, from its opening to its closing each."""
         return [json.loads(line) for line in (self._folder / f"{device}.log").read_text().splitlines()]
 
-    def touched_at(self) -> list[float]:
-        """Return the heights [mm] of the surfaces that the lift has brought to the finger, one a touch."""
+    def touched_at(self, *among: float) -> list[float]:
+        """Return at which of these heights [mm] the lift has stood for a while, in turn; it waits at 21 mm."""
         sent: list[tuple[float, float]] = [pair for entry in self.sent("lift") for pair in entry["sent"]]  # type: ignore[attr-defined]
-        stayed = [(height, after - at) for (at, height), (after, _) in itertools.pairwise(sent)]
-        return [round(1e3 * height, 1) for height, time in stayed if 0.0195 < height < 0.0209 and time > 0.03]
+        stayed = [round(1e3 * height, 1) for (at, height), (after, _) in itertools.pairwise(sent) if after - at > 0.03]
+        found = [height for height in stayed if height in among]
+        return [height for index, height in enumerate(found) if index == 0 or height != found[index - 1]]

@@ -90,7 +90,7 @@ def test_a_study_on_a_rig_opens_it_once_and_lets_it_rest_while_the_scene_changes
     assert max(pulses) == 0.3
     assert pulses[-1] == 0.0
     wanted = {"low": 20.0, "mid": 20.3, "high": 20.6}  # the surface of each scene, in the order of the trials
-    assert rig.touched_at() == [wanted[row.condition["height"]] for row in made]
+    assert rig.touched_at(*wanted.values()) == [wanted[row.condition["height"]] for row in made]
     assert min(number for _, number in lift["sent"][100:]) < 0.018  # it went back meanwhile
     (recording,) = (tmp_path / "data" / "recordings").iterdir()
     assert main(["inspect", str(recording)]) == 0
@@ -269,4 +269,4 @@ def test_another_program_leads_a_rig(tmp_path: Path, rig: Person) -> None:
             touch.stop()
         assert handle.wait(20.0)
     assert [entry["what"] for entry in rig.sent("lift")] == ["open", "close"]
-    assert rig.touched_at() == [20.6, 20.0]
+    assert rig.touched_at(20.6, 20.0) == [20.6, 20.0]
