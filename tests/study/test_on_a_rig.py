@@ -26,6 +26,7 @@ from itouch.study import desk
 from itouch.study.answers import Script
 from itouch.study.client import connect
 from itouch.study.reading import load_study
+from itouch.study.room import Room, note_stop
 from itouch.study.shown import Shown
 from itouch.study.store import Row, Store
 
@@ -190,6 +191,29 @@ def test_what_a_trial_has_used_of_a_budget_stays_used(tmp_path: Path, rig: Perso
     latched = session.latched()
     assert latched is not None
     assert latched.trip is Trip.RELEASED
+
+
+def test_time_between_two_sessions_counts_for_how_often_one_may_re_arm(
+    tmp_path: Path, rig: Person, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The servo's clock stands still between two processes: who had waited for a minute was told to wait for ever."""
+    file, clock = load_study(tmp_path / "study.xml", Catalog()), [1e9]
+    monkeypatch.setattr("itouch.study.room.time.time", lambda: clock[0])
+    room = Room(file, Catalog(), seed=1)
+    room.prepare(file.conditions()[0])
+    room.session.state["tick"] = 40_000
+    room.session.state["lift.rearmed"] = [39_000, 30_000, 20_000, 10_000, 3_000]
+    note_stop(room.session)
+    stood = room.standing(-1)
+    for seconds, left in (
+        (0.0, [39_000, 30_000, 20_000, 10_000, 3_000]),
+        (25.0, [14_000, 5_000, -1, -1, -1]),
+        (60.0, [-1] * 5),
+    ):
+        clock[0] = 1e9 + seconds
+        again = Room(file, Catalog(), seed=1)
+        assert again.take_up(stood)
+        assert again.session.state["lift.rearmed"].tolist() == left
 
 
 def test_a_servo_process_that_is_killed_loses_no_trial_that_was_made(tmp_path: Path, rig: Person) -> None:

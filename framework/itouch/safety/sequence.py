@@ -48,7 +48,8 @@ class Outcome(NamedTuple):
     """How a safe sequence ended: whether all is safe, after what time [s], what was seen of each device.
 
     ``also`` holds the trips of other devices that failed by then; ``unsafe`` those that are not safe, without those of
-    which only that is odd that they read the same, and nothing of which had to change.
+    which only that is odd that they read the same, and nothing of which had to change, and without surfaces that have
+    gone back and still feel something: a finger that has followed, or a sensor that is not at zero.
     """
 
     safe: bool
@@ -121,6 +122,7 @@ class SafeSequence:
         faulty = [s for s in self._supervisors if s.status is Status.FAULT and s.model.name != fault.device]
         also = {s.model.name: s.trip.label for s in faulty}
         odd = {s.model.name for s in self._supervisors if not self._believed(s) and self._stands(s, heights)}
+        odd |= {s.model.name for s in self._retracting if self._back(s, heights[s.model.name])}
         unsafe = tuple(name for name, (_, bad) in seen.items() if bad and name not in odd)
         return Outcome(not any(bad for _, bad in seen.values()), self._passed * self._period, told, also, unsafe)
 
@@ -173,6 +175,16 @@ class SafeSequence:
         if name in self._mute or supervisor.status is Status.FAULT:
             return False
         return name not in heights or heights[name] <= _end(supervisor) + AT_END
+
+    def _back(self, supervisor: Supervisor, before: float) -> bool:
+        """Tell whether a surface has gone back as it was told, whatever presses on it; its drives are off."""
+        wrong = any(s is supervisor and stopped.item() for s, stopped in self._ways)
+        if wrong or supervisor.status is Status.FAULT or not self._believed(supervisor):
+            return False
+        known = supervisor.twin is not None or supervisor.measured_at(Role.TRACKED_POSE) >= self._since
+        off = not any(_differs(supervisor.sent[name], guard.channel.safe) for name, guard in supervisor.guards)
+        height = _height(supervisor)
+        return known and off and (before - height >= RETREAT or height <= _end(supervisor) + AT_END)
 
     def _left(self, supervisor: Supervisor) -> bool:
         """Tell whether the finger has left a surface, by its force sensor."""

@@ -9,14 +9,17 @@ from __future__ import annotations
 import hashlib
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future
 from pathlib import Path
 from typing import TypeVar
 
+import numpy as np
+
 from itouch.loop import Clock, DeviceFaultError
 from itouch.plugin.discovery import Catalog
-from itouch.safety import Status, Trip
+from itouch.safety import LOSSES, Outcome, Status, Trip
 from itouch.session import Session, SessionError
 from itouch.session.recorder import Onwards
 from itouch.session.succession import differing, succeed, touching
@@ -27,6 +30,10 @@ from itouch.study.touches import Feeling, Presented, Toucher, TouchError, felt_b
 from itouch.world import Model, make_state
 
 Result = TypeVar("Result")
+#: How often it is tried to put hardware to rest, half a second each.
+TRIES = 4
+#: The mark of a session that a fault has stopped.
+STOPPED = "stopped"
 #: How long [s] what is done beside the loop may keep the interpreter to itself.
 SHARE = 5e-4
 
@@ -201,9 +208,12 @@ class Room:
         """
         if not self.acting:
             return
-        session, outcome = self.session, self.session.park()
-        stopped = session.latched()
-        unsafe = [name for name in outcome.unsafe if session.status(name) is not Status.CLOSED]  # else it is absent
+        session = self.session
+        for _ in range(TRIES):  # a machine that is busy may not hear a device for a while
+            outcome = session.park()
+            stopped, unsafe = session.latched(), self._unsafe(outcome)
+            if stopped is not None or not unsafe:
+                break
         if stopped is None and not unsafe:
             if self.on_rest is not None:
                 self.on_rest()
@@ -215,6 +225,14 @@ class Room:
             )
         session.make_safe(stopped)
         raise stopped
+
+    def _unsafe(self, outcome: Outcome) -> list[str]:
+        """Return the devices that could not be seen to be safe, without those that are optional and not there."""
+        absent = [
+            one.model.name for one in self.session.runners
+            if one.status is Status.CLOSED or (one.model.optional and one.trip in LOSSES)
+        ]  # fmt: skip
+        return [name for name in outcome.unsafe if name not in absent]
 
     @property
     def acting(self) -> bool:
@@ -282,6 +300,7 @@ class Room:
         if standing.layout != layout_of(session):
             return False
         session.adopt(standing.state)
+        _let_pass(session)
         session.settle(always=True)
         self._take(session, standing.condition, self._feel(session), None)
         return True
@@ -373,6 +392,22 @@ class Room:
             before.end_recording()
         self._recorded += 1
         session.record(path if self._recorded == 1 else path.with_name(f"{path.stem}-{self._recorded}.mcap"))
+
+
+def note_stop(session: Session) -> None:
+    """Note the time of day at which a session was stopped by a fault, in its State."""
+    session.mark(STOPPED, {"at": time.time()})
+
+
+def _let_pass(session: Session) -> None:
+    """Let time that has passed since a stop count for how often a device may be re-armed in a minute (W4)."""
+    stops = [mark for mark in session.marks if mark["name"] == STOPPED]
+    if not stops:
+        return
+    ticks = max(0, round((time.time() - float(stops[-1]["payload"]["at"])) / session.model.period))
+    for runner in session.runners:
+        rearmed = session.state[f"{runner.model.name}.rearmed"]
+        rearmed[...] = np.where(rearmed >= 0, np.maximum(rearmed - ticks, -1), -1)
 
 
 def layout_of(session: Session) -> str:

@@ -19,7 +19,7 @@ from itouch.study.figures import FLUX
 from itouch.study.machine import Machine, Phase, Rules
 from itouch.study.operating import Operator, keep_note, lines_of
 from itouch.study.reading import StudyFile
-from itouch.study.room import Room
+from itouch.study.room import Room, note_stop
 from itouch.study.shown import Show, Shown
 from itouch.study.store import Row, Standing, Store
 from itouch.study.tasks import choices_of, is_right, question_of, taken_answer
@@ -99,10 +99,6 @@ class Run:
                     self._attend()
                     self._rest(due)
             self._tell(self._progress("done"))
-        except DeviceFaultError:
-            if self.room.real:  # what was used of a budget stays used, and what was tripped is tripped
-                self._store.stand(self._code, self.room.standing(len(self.course.rows) - 1))
-            raise
         finally:
             self.room.close()
 
@@ -128,6 +124,17 @@ class Run:
         if not self._goes_on:
             self.room.prepare(due.shown[0])
         return True
+
+    def stand(self) -> None:
+        """Keep where a session stands that a fault has ended: budgets stay used, and what has tripped is tripped.
+
+        Raises
+        ------
+        StoreError
+            If it can't be kept.
+        """
+        note_stop(self.room.session)
+        self._store.stand(self._code, self.room.standing(len(self.course.rows) - 1))
 
     def _keep(self, row: Row, standing: Standing) -> None:
         self._store.add(row, standing)

@@ -14,7 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from itouch.loop import LatchedError, WallClock
+from itouch.loop import DeviceFaultError, LatchedError, Status, WallClock
 from itouch.plugin import Record
 from itouch.plugin.discovery import Catalog
 from itouch.servo import words as at
@@ -30,7 +30,7 @@ from itouch.study.room import Room
 from itouch.study.run import Run
 from itouch.study.served import Served
 from itouch.study.shown import Shown
-from itouch.study.store import Store
+from itouch.study.store import Store, StoreError
 
 
 class PostedAnswers:
@@ -153,6 +153,8 @@ class Sitting(Servo):
             self.session.enable()
         except LatchedError:
             self.session.rearm()
+        if any(one.model.twin and one.status is Status.FAULT for one in self.session.runners):  # beside hardware
+            self.session.rearm()
 
     def _run(self) -> None:
         if self.words[at.STOP]:
@@ -215,7 +217,13 @@ def serve(segment: Segment, outbox: Outbox, config: dict[str, Any]) -> tuple[dic
             return {}, None
         work = partial(_make, run, outbox)
         sitting = Sitting(run.room, work, partial(_obey, answers, operator), segment, outbox, config)
-        return sitting.run()
+        report, error = sitting.run()
+        if isinstance(error, DeviceFaultError):  # all is safe, and let go
+            try:
+                run.stand()
+            except StoreError as other:
+                error.add_note(str(other))
+        return report, error
 
 
 def serve_door(segment: Segment, outbox: Outbox, config: dict[str, Any]) -> tuple[dict[str, Any], BaseException | None]:

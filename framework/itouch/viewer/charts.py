@@ -62,7 +62,7 @@ def _chart(
         lines.append(line((x0, y), (x0 + w, y), look().fine if value else look().axis))
         text.put(f"{value:g}", x0 - 0.5 * size, y - 0.35 * size, look().quiet, size=0.85 * size, anchor="right")
     end = float(times[-1]) if len(times) else 0.0
-    _mark(preparing, end, paint, text, (x0, y0, w, h), seen, size)
+    _mark(preparing, end, paint, text if chart is ring.charts[0] else None, (x0, y0, w, h), seen, size)
     lines += _time_axis(text, (x0, y0, w, h), size, words=foot > 2.0 * size, cursor=cursor)
     paint.draw(gl.GL_LINES, np.vstack(lines), seen)
     curves = [np.empty((0, 7), np.float32)]
@@ -76,16 +76,19 @@ def _chart(
 
 
 def _mark(
-    preparing: list[tuple[float, float]], end: float, paint: Paint, text: Text, area: Rectangle,
+    preparing: list[tuple[float, float]], end: float, paint: Paint, text: Text | None, area: Rectangle,
     seen: NDArray[np.float64], size: float,
 ) -> None:  # fmt: skip
-    """Mark when the rig found its heights: the pulses of force there are its own, and no touch of an object."""
+    """Mark when the rig found its heights: the pulses of force there are its own, and no touch of an object.
+
+    ``text`` says so, in the first chart.
+    """
     x0, y0, w, h = area
     for begin, last in preparing:
         left, right = (x0 + w * max(0.0, 1.0 + (time - end) / WINDOW) for time in (begin, last))
         paint.draw(gl.GL_TRIANGLES, rectangle((left, y0, right - left, h), (*look().quiet, 0.13)), seen)
         words, small = "finds its heights", 0.8 * size
-        if right - left > (len(words) + 1) * text.width(small):
+        if text is not None and right - left > (len(words) + 1) * text.width(small):
             text.put(words, 0.5 * (left + right), y0 + h - 1.1 * size, look().quiet, size=small, anchor="center")
 
 

@@ -55,7 +55,8 @@ def draw(
     rows.append(_bar(text, (x0, bottom + 1.2 * size), metre, 0.45 * width, size))
     paint.draw(gl.GL_TRIANGLES, np.vstack(rows), seen)
     if title:
-        text.put(title, x0, y0 + 2.0 * size, look().words, size=0.9 * size)
+        shown = min(1.0, (width + size) / (len(title) * text.width(0.9 * size)))  # all of it within the panel
+        text.put(title, x0, y0 + 2.0 * size, look().words, size=0.9 * shown * size)
         for celsius in degrees(low, high):
             at = x0 + width * (celsius + 273.15 - low) / (high - low)
             text.put(f"{celsius:g}", at, y0 - 1.9 * size, look().quiet, size=0.85 * size, anchor="center")
