@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 from parts import ARM, PERIOD, PLATE, TABLE, Fake, FakeTwin, model, state
 
-from itouch.plugin import HOLD, RETRACT, Channel, Record
+from itouch.plugin import HOLD, RETRACT, Channel, DeviceError, Record
 from itouch.plugin.stamps import Stamped
 from itouch.safety import DeviceFaultError, Outcome, SafeSequence, Status, Supervisor, Trip
 from itouch.safety.lifecycle import BACKWARDS
@@ -708,3 +708,56 @@ def test_how_far_a_surface_was_driven_is_told_in_millimetres() -> None:
         stopped[...] = 1
         assert rig.sequence._seen_surface(supervisor, 0.0875)[0] == "goes the wrong way: held 57.5 mm further back"
         assert rig.sequence._seen_surface(supervisor, 0.7805)[0] == "goes the wrong way: held 750.5 mm further back"
+
+
+def park(rig: Rig) -> Outcome:
+    return rig.sequence.carry_out(DeviceFaultError("", 0, Trip.NONE, "ends"), lambda: None)
+
+
+def test_a_surface_that_has_gone_back_and_still_feels_something_is_no_reason_not_to_rest() -> None:
+    rig = Rig()
+    rig.leaves_after = math.inf  # a finger that follows, or a sensor that is not at zero
+    outcome = park(rig)
+    assert (outcome.safe, outcome.unsafe) == (False, ())
+    stuck = Rig()
+    stuck.obey = lambda goal: None
+    assert park(stuck).unsafe == ("table",)
+    rising = Rig()
+    rising.noise = False
+
+    def up(goal: float) -> None:
+        rising.height += 1e-4
+
+    rising.obey = up
+    assert park(rising).unsafe == ("table",)
+
+
+def test_what_stands_at_its_end_and_reads_the_same_is_no_reason_not_to_rest() -> None:
+    def still(height: float, *, silent: bool = False) -> Outcome:
+        rig = Rig()
+        rig.noise, rig.load = False, 0.0
+        rig.height = rig.table.sent["pose_target"][2] = height
+        rig.table.panel.forget()
+        rig.table.read(1)
+        rig.obey = lambda goal: None
+        assert rig.table.device is not None
+        if silent:
+            rig.table.device.read = lambda reading: False  # type: ignore[method-assign]
+        return park(rig)
+
+    assert still(0.0009).unsafe == ()
+    assert still(0.0011).unsafe == ("table",)  # it had to move
+    assert still(0.0009, silent=True).unsafe == ("table",)
+
+
+def test_a_drive_that_is_on_and_a_fault_are_reasons_not_to_rest() -> None:
+    rig = Rig()
+    assert rig.plate.device is not None
+
+    def fails(command: Record) -> None:
+        raise DeviceError("its amplifier does not answer")
+
+    rig.plate.device.write = fails  # type: ignore[method-assign]
+    outcome = park(rig)
+    assert outcome.unsafe == ("plate",)
+    assert rig.plate.status is Status.FAULT
