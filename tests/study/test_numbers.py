@@ -9,7 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import statsmodels.api as sm
 from run_scene import write_study
+from scipy import linalg, special
 
 from itouch.cli import main
 from itouch.plugin import Modality
@@ -21,6 +23,7 @@ from itouch.study.exports import table_of, write_bids, write_parquet
 from itouch.study.observers import Felt
 from itouch.study.power import FINGERS, TOUCHES, PowerError, library, power
 from itouch.study.reading import StudyFile, load_study
+from itouch.study.statistics.regression import _spread
 from itouch.study.store import Row, Store
 from itouch.study.touches import Presented
 
@@ -36,7 +39,7 @@ ROWS = [
 
 
 def test_the_logistic_model_against_one_written_here() -> None:
-    """Against Newton's method and the sandwich of Mancl and DeRouen, by matrices, for independent trials."""
+    """Against Newton's method and the sandwich of Kauermann and Carroll, by matrices, for independent trials."""
     rng = np.random.default_rng(7)
     people, each = 12, 1  # one trial a person: exchangeable correlation is none
     codes = [f"P{n}" for n in range(people * 4) for _ in range(each)]
@@ -50,7 +53,7 @@ def test_the_logistic_model_against_one_written_here() -> None:
         bread = np.linalg.inv(x.T @ (x * (mu * (1 - mu))[:, None]))
         beta += bread @ x.T @ (right - mu)
     leverage = np.einsum("ij,jk,ik->i", x, bread, x) * mu * (1 - mu)
-    score = x * ((right - mu) / (1.0 - leverage))[:, None]
+    score = x * ((right - mu) / np.sqrt(1.0 - leverage))[:, None]
     errors = np.sqrt(np.diag(bread @ score.T @ score @ bread))
     assert [term.name for term in found] == ["intercept", "source=b"]
     assert [term.estimate for term in found] == pytest.approx(beta, abs=1e-6)
@@ -58,6 +61,40 @@ def test_the_logistic_model_against_one_written_here() -> None:
     assert found[1].low < found[1].estimate < found[1].high
     backwards = s.logistic_gee(right.tolist(), {"source": source}, codes, levels={"source": ("b", "a")})
     assert backwards[1].estimate == pytest.approx(-found[1].estimate)
+
+
+@pytest.mark.parametrize("power", [0.0, 0.5, 1.0])
+def test_errors_of_correlated_trials_against_whole_matrices(power: float) -> None:
+    """Leverage taken out by matrices of trials, as the papers write it; its ends are what statsmodels offers."""
+    rng = np.random.default_rng(11)
+    sizes = [3, 8, 5, 12, 7, 9, 4, 6, 10]  # unequal panels, shuffled: nothing hangs on a balanced table
+    people = np.repeat(np.arange(len(sizes)), sizes)
+    own = rng.normal(0.4, 1.2, len(sizes))[people]
+    table = np.column_stack([np.ones(len(people)), rng.integers(0, 2, len(people)), people % 2]).astype(float)
+    right = (rng.random(len(people)) < special.expit(own + 0.5 * table[:, 1])).astype(float)
+    model = sm.GEE(right, table, groups=people, family=sm.families.Binomial(), cov_struct=sm.cov_struct.Exchangeable())
+    fit = model.fit(maxiter=200)
+    likeness = float(model.cov_struct.dep_params)
+    assert abs(likeness) > 0.02
+    mixed = rng.permutation(len(people))
+    found = _spread(right[mixed], table[mixed], people[mixed], np.asarray(fit.params), likeness, power)
+
+    shares = np.asarray(fit.fittedvalues)
+    parts = []
+    for person, size in enumerate(sizes):
+        one = people == person
+        spread = np.sqrt(shares[one] * (1.0 - shares[one]))
+        within = np.outer(spread, spread) * (likeness + (1.0 - likeness) * np.eye(size))
+        parts.append((table[one] * (spread**2)[:, None], np.linalg.inv(within), (right - shares)[one]))
+    bread = np.linalg.inv(sum(d.T @ v @ d for d, v, _ in parts))
+    scores = [
+        d.T @ v @ linalg.fractional_matrix_power(np.eye(len(r)) - d @ bread @ d.T @ v, -power) @ r for d, v, r in parts
+    ]
+    wanted = bread @ sum(np.outer(score, score) for score in scores) @ bread
+    assert found == pytest.approx(np.real(wanted), rel=1e-9, abs=1e-12)
+    if power != 0.5:
+        theirs = model.fit(cov_type="robust" if power == 0.0 else "bias_reduced", maxiter=200)
+        assert np.sqrt(np.diag(found)) == pytest.approx(np.asarray(theirs.bse), rel=1e-4)
 
 
 @pytest.mark.parametrize(
