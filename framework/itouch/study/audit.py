@@ -23,7 +23,7 @@ from itouch.study import statistics as stats
 from itouch.study.machine import Machine, Phase
 from itouch.study.reading import StudyFile
 from itouch.study.room import Room
-from itouch.study.run import rules_of
+from itouch.study.touches import rules_of
 
 #: Folds of the cross-validation, quantile bins of a feature, and ridge of the discriminant.
 FOLDS, BINS, RIDGE = 5, 6, 1.0

@@ -26,7 +26,7 @@ from itouch.session.succession import differing, succeed, touching
 from itouch.study.machine import Sensed
 from itouch.study.reading import StudyFile
 from itouch.study.store import Standing
-from itouch.study.touches import Feeling, Presented, Toucher, TouchError, felt_by
+from itouch.study.touches import STILL, Feeling, Presented, Toucher, TouchError, felt_by, steer_hands
 from itouch.world import Model, make_state
 
 Result = TypeVar("Result")
@@ -319,11 +319,11 @@ class Room:
 
     def hold(self) -> None:
         """Let the hand of a twin wait on its path."""
-        self._steer((0.0, 0.0, 0.0))
+        steer_hands(self.session, STILL)
 
     def go(self) -> None:
         """Let the hand of a twin go its way."""
-        self._steer(None)
+        steer_hands(self.session, None)
 
     def sensed(self) -> Sensed:
         """Return what the machine is told of the tick that is over."""
@@ -350,12 +350,6 @@ class Room:
         """End the session that runs, unless somebody else runs the loop, who then does."""
         if self._session is not None and self.look is None:
             self._session.close()
-
-    def _steer(self, step: tuple[float, float, float] | None) -> None:
-        session = self.session
-        for probe in session.model.probes:
-            if f"{probe.name}.hand.steered" in session.state:
-                session.steer(probe.name, step)
 
     def _built(self, condition: Mapping[str, str]) -> Session:
         model = self._models.model(condition)

@@ -14,16 +14,15 @@ from itouch.plugin.discovery import Catalog
 from itouch.study import orders
 from itouch.study.answers import Answers, Question, Stopped
 from itouch.study.course import Course, Due
-from itouch.study.elements import Study
 from itouch.study.figures import FLUX
-from itouch.study.machine import Machine, Phase, Rules
+from itouch.study.machine import Machine, Phase
 from itouch.study.operating import Operator, keep_note, lines_of
 from itouch.study.reading import StudyFile
 from itouch.study.room import Room, note_stop
 from itouch.study.shown import Show, Shown
 from itouch.study.store import Row, Standing, Store
 from itouch.study.tasks import choices_of, is_right, question_of, taken_answer
-from itouch.study.touches import Presented, figures
+from itouch.study.touches import Presented, figures, rules_of
 from itouch.world.skin import BASELINE
 
 
@@ -340,14 +339,3 @@ def _unused(folder: Path, code: str, number: int) -> Path:
     while (found := folder / f"{code}-{number}.mcap").exists():
         number += 1
     return found
-
-
-def rules_of(study: Study, index: int, intervals: int, baseline: float | None) -> Rules:
-    """Return the rules of a study's trials: of the object with this number, and a skin's baseline [K]."""
-    contact, blind = study.contact, study.blind
-    equal = blind is not None and blind.equalise
-    return Rules(
-        index, intervals, baseline, contact.skin_return, contact.skin_wait,
-        blind.approach if blind is not None and equal else 0.0, equal, contact.ready_wait, contact.reach,
-        pause=contact.pause,
-    )  # fmt: skip

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from itouch.scene.edits import Edit
 from itouch.scene.source import Attribute
 from itouch.schema import ItouchError, Place
 from itouch.session import Session
-from itouch.study.elements import Touching
+from itouch.study.elements import Study, Touching
 from itouch.study.figures import DROP, FLUX, FORCE, OWN, SKIN
 from itouch.study.machine import Machine, Phase, Rules, Sensed
 from itouch.study.observers import DEPTH, Felt
@@ -32,6 +33,10 @@ from itouch.world.skin import sensed_skin
 DIFFUSIVITY = 1.005e-7
 #: Seconds between two samples of what is felt.
 SAMPLING = 0.01
+
+
+#: A hand that waits is led by no step [m].
+STILL = (0.0, 0.0, 0.0)
 
 
 class TouchError(ItouchError):
@@ -83,7 +88,10 @@ class Toucher:
         return model
 
     def touch(self, condition: Mapping[str, str], seed: int) -> Presented:
-        """Run the scene's motion once and return the touch of the study's object.
+        """Run a trial up to the end of its touch, of the study's object, and return that; the scene's hand makes it.
+
+        As in a session with a person the hand waits for the go signal: until the plate is ready, or ``<blind>``'s time
+        is over.
 
         Raises
         ------
@@ -95,15 +103,43 @@ class Toucher:
         session = Session(model, seed=seed, catalog=self._catalog)
         session.records = False
         feeling.listen(session)
-        machine = Machine(Rules(feeling.index))
+        machine = Machine(rules_of(self._file.study, feeling.index, 1, None))
+
+        def stepped(before: Phase) -> bool:
+            return machine.step(feeling.sensed(session)) is not before
+
         fault = ""
         try:
-            session.run(until=lambda: machine.step(feeling.sensed(session)) in (Phase.JUDGE, Phase.PAUSE))
+            if not bool(session.state["ready"]):  # the rig finds its heights by touch
+                session.run(until=lambda: bool(session.state["ready"]))
+            steer_hands(session, STILL)
+            while machine.phase not in (Phase.JUDGE, Phase.PAUSE):
+                session.run(until=partial(stepped, machine.phase))
+                if machine.phase is Phase.GO:
+                    steer_hands(session, None)
         except DeviceFaultError as error:
             fault = f"fault: {error}"
         made = feeling.presented(session, fault or machine.void)
         session.close()
         return made
+
+
+def rules_of(study: Study, index: int, intervals: int, baseline: float | None) -> Rules:
+    """Return the rules of a study's trials: of the object with this number, and a skin's baseline [K]."""
+    contact, blind = study.contact, study.blind
+    equal = blind is not None and blind.equalise
+    return Rules(
+        index, intervals, baseline, contact.skin_return, contact.skin_wait,
+        blind.approach if blind is not None and equal else 0.0, equal, contact.ready_wait, contact.reach,
+        pause=contact.pause,
+    )  # fmt: skip
+
+
+def steer_hands(session: Session, step: tuple[float, float, float] | None) -> None:
+    """Lead every hand of a twin by a step [m] a tick (`STILL`: it waits on its path); None lets them go their way."""
+    for probe in session.model.probes:
+        if f"{probe.name}.hand.steered" in session.state:
+            session.steer(probe.name, step)
 
 
 class Feeling:
