@@ -16,7 +16,7 @@ from itouch.study import simulate as simulation
 from itouch.study.analysis import analyse
 from itouch.study.observers import Felt
 from itouch.study.page import page
-from itouch.study.reading import StudyFile, read_study
+from itouch.study.reading import StudyFile, load_study, read_study
 from itouch.study.store import Row, Store
 from itouch.study.touches import Presented, deep_temperature
 from itouch.study.trials import trials_of
@@ -61,6 +61,16 @@ def loaded(folder: Path, **parts: str) -> StudyFile:
 def test_shipped_studies_are_right(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["study", "check", str(path)]) == 0
     assert "ok" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("path", STUDIES, ids=[path.stem for path in STUDIES])
+def test_a_trial_of_a_shipped_study_on_the_twins_counts(path: Path) -> None:
+    """Through the whole trial: calibrated first, the hand waits for the signal, the plate is ready by then."""
+    file = load_study(path, CATALOG)
+    row = next(simulation.Simulation(file, "S001", simulation.Panel(1), CATALOG).rows([]))
+    assert not row.void
+    assert row.answer is not None
+    assert all(felt["plate_ready"] and not felt["plate_limited"] for felt in row.felt)
 
 
 @pytest.mark.parametrize(
@@ -301,6 +311,7 @@ def test_the_panel_of_the_paper_on_the_twins(tmp_path: Path) -> None:
         assert main(["study", "report", str(path), str(tmp_path / folder)]) == 0
     with Store.open(tmp_path / "a") as one, Store.open(tmp_path / "b") as two:
         assert one.rows() == two.rows()
+        assert not [row.void for row in one.rows() if row.void]
     result = json.loads((tmp_path / "a" / "report.json").read_text())
     felt = {one["condition"]["material"]: one["mean_flux_W_m2"]["mean"] for one in result["felt"]}
     assert felt["aluminium"] > felt["pyrex"] > felt["wood"] > felt["polystyrene"]
