@@ -191,6 +191,18 @@ def simulated(file: StudyFile, folder: Path, codes: int = 3, *, stop_after: int 
         return store.rows()
 
 
+def test_the_command_tells_what_does_not_count(tmp_path: Path, hands: None, capsys: pytest.CaptureFixture[str]) -> None:
+    path = written(tmp_path, more='<order repetitions="6"/>')
+    assert main(["study", "simulate", str(path), "-o", str(tmp_path / "data"), "--observers", "2"]) == 0
+    said = capsys.readouterr().out
+    with Store.open(tmp_path / "data") as store:
+        void = [row.participant for row in store.rows() if row.void]
+    assert void
+    for code in set(void):
+        count = void.count(code)
+        assert f"{code}: {18 + count} new trials, {count} void: released early ({count})" in said
+
+
 def test_a_study_that_was_stopped_goes_on_to_the_same_rows(tmp_path: Path, hands: None) -> None:
     file = loaded(tmp_path, more='<order repetitions="6"/><practice trials="3"/>')
     (tmp_path / "a").mkdir(), (tmp_path / "b").mkdir()

@@ -245,10 +245,10 @@ def _simulate(options: argparse.Namespace) -> int:
         return file
     panel = Panel(options.observers, options.model, skin=not options.same_skin)
     try:
-        for done, (code, count) in enumerate(
+        for done, made in enumerate(
             simulate(options.study, Path(options.output), panel, processes=options.processes), 1
         ):
-            print(f"{code}: {count} new trials ({done} of {options.observers})", flush=True)
+            print(f"{made} ({done} of {options.observers})", flush=True)
     except ItouchError as error:
         return _store_error(error)
     return 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,6 +39,22 @@ class Panel:
     def codes(self) -> list[str]:
         """Return the participants' codes."""
         return [f"S{number:03d}" for number in range(1, self.observers + 1)]
+
+
+@dataclass(frozen=True, slots=True)
+class Made:
+    """What a simulated participant's command made: new trials, and why how many of them do not count."""
+
+    code: str
+    trials: int
+    void: Counter[str]
+
+    def __str__(self) -> str:
+        told = f"{self.code}: {self.trials} new trials"
+        if self.void:
+            reasons = ", ".join(f"{reason} ({count})" for reason, count in self.void.most_common())
+            told += f", {self.void.total()} void: {reasons}"
+        return told
 
 
 class Simulation:
@@ -118,20 +135,22 @@ class Simulation:
         return self._known[key]
 
 
-def _simulate_one(work: tuple[str, str, Panel, str]) -> tuple[str, int]:
+def _simulate_one(work: tuple[str, str, Panel, str]) -> Made:
     path, folder, panel, code = work
     catalog = Catalog()
     file = load_study(path, catalog)
-    count = 0
+    count, void = 0, Counter[str]()
     with Store.open(Path(folder)) as store:
         for row in Simulation(file, code, panel, catalog).rows(store.rows(code)):
             store.add(row)
             count += 1
-    return code, count
+            if row.void:
+                void[row.void] += 1
+    return Made(code, count, void)
 
 
-def simulate(path: str, folder: Path, panel: Panel, *, processes: int = 1) -> Iterator[tuple[str, int]]:
-    """Simulate a panel into a study's folder; go on where it stopped.  Yield (participant, new trials) as they end.
+def simulate(path: str, folder: Path, panel: Panel, *, processes: int = 1) -> Iterator[Made]:
+    """Simulate a panel into a study's folder; go on where it stopped.  Yield what each participant made, as they end.
 
     The rows depend on study, panel and seed alone, not on the number of processes.
 
@@ -153,4 +172,4 @@ def simulate(path: str, folder: Path, panel: Panel, *, processes: int = 1) -> It
         yield from pool.imap(_simulate_one, work)
 
 
-__all__ = ["Panel", "SceneError", "Simulation", "simulate"]
+__all__ = ["Made", "Panel", "SceneError", "Simulation", "simulate"]
