@@ -1,4 +1,4 @@
-"""Pictures of every screen for the gallery of screens: ``python docs/screens.py [window | page | terminal | TREE]``.
+"""Pictures of every screen: ``python docs/screens.py [window | page | terminal | study | TREE]``.
 
 The window is drawn off the screen, the page by Chromium, the terminal by a program on a pseudo-terminal of so many
 columns.  TREE is a checkout of an earlier commit with its own ``.venv``, whose screens are those of before.  Pictures
@@ -67,6 +67,39 @@ def window() -> None:
     shots.picture.ring = ring
     _keep("window-upright", shots.shoot(session.state))
     shots.close()
+
+
+def study() -> None:
+    """Draw the screens of a study: what the participant sees at each cue, and what the operator sees of a rig."""
+    from itouch.study.shown import Shown
+    from itouch.viewer.offscreen import open_context
+
+    choices = ("aluminium", "pyrex", "wood", "polystyrene")
+    asked = Shown("answer", question="What did you touch?", choices=choices, trial=12, trials=40)
+    pressed = Shown("contact", left=1.8, force=1.1, window=(0.8, 1.3), trial=12, trials=40)
+    resting = Shown("break", left=40.0, trial=20, trials=40)
+    waits = Shown("hold", trial=12, trials=40, void=1)
+    rig = [("arm: enabled", True), ("table: enabled", True), ("peltier: fault", False),
+           ("the switch is not held: the devices wait", False), ("not ready yet", True),
+           ("note: third finger, right hand_", True)]  # fmt: skip
+    page = ["# What did you touch?", "", "You will touch one block with one finger, forty times.", "",
+            "- Wait until you read *Touch now.*", "- Press as hard as the bar asks, and hold still.",
+            "- Lift your finger when you are told, and answer.", "", "There is no right or wrong."]  # fmt: skip
+    faces = {"question": asked, "contact": pressed, "break": resting, "hold": waits, "instructions": asked}
+    for (width, height), size in SIZES.items():
+        shown = open_context(width, height)
+        from itouch.viewer.asking import DARK, LIGHT, Board  # the context comes first
+        from itouch.viewer.buffers import Frame
+
+        for ground, look in {"dark": DARK, "light": LIGHT}.items():
+            board, frame = Board(look), Frame(width, height)
+            for name, face in faces.items():
+                board.participant(face, frame, page=page if name == "instructions" else ())
+                _keep(f"study-{size}-{ground}-{name}", frame.read().copy())
+            board.operator(waits, rig, frame)
+            _keep(f"study-{size}-{ground}-operator", frame.read().copy())
+            frame.delete()
+        shown.close()
 
 
 def _keep(name: str, pixels: NDArray[np.uint8]) -> None:
@@ -172,6 +205,6 @@ def _typed(command: list[str], columns: int, folder: str) -> Iterator[str]:
 
 
 if __name__ == "__main__":
-    parts: dict[str, Callable[[], None]] = {"window": window, "page": page, "terminal": terminal}
+    parts: dict[str, Callable[[], None]] = {"window": window, "page": page, "terminal": terminal, "study": study}
     for word in sys.argv[1:] or parts:
         parts[word]() if word in parts else before(Path(word).resolve())

@@ -35,6 +35,9 @@ def lines_of(room: Room) -> list[tuple[str, bool]]:
     for name in room.session.model.devices:
         status = Status(int(state[f"{name}.status"]))
         found.append((f"{name}: {status.name.lower()}", status is Status.ENABLED))
+    if room.real:
+        held = room.session.held
+        found.append(("the switch is held" if held else "the switch is not held: the devices wait", held))
     ready = room.sensed().ready
     found.append(("ready" if ready else "not ready yet", True))
     return [*found, *((f"not recorded: {loss}", False) for loss in room.losses[:1])]

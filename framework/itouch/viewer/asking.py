@@ -138,7 +138,7 @@ class Board:
             self._fill(rectangle(area, tint), frame)
             self._text.put(words, margin + 2.0 * self._tall(size), y, self.look.ink, size=size)
             y -= 2.0 * self._tall(size)
-        keys = "P pause   N note   Esc stop after this trial"
+        keys = "P pause   N note   Esc stop   Space: the rig's switch"
         self._text.put(keys, margin, 2.0 * margin, self.look.quiet, size=size)
         self._progress(face, frame)
         self._text.draw()
