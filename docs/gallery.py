@@ -41,7 +41,7 @@ def film(name: str) -> Path:
     def tap(tick: int) -> None:
         offscreen.picture.ring.add(engine.state)
         if len(pictures) < PICTURES and (tick + 1) * period >= due[len(pictures)]:
-            now = Situation(faults=list(engine.ledger.faults))
+            now = Situation(faults=list(engine.statistics.faults))
             pictures.append(Image.fromarray(offscreen.shoot(engine.state, now)).resize(KEPT, Image.Resampling.LANCZOS))
 
     engine.taps.append(tap)
@@ -49,7 +49,7 @@ def film(name: str) -> Path:
         engine.enable()
         engine.run(end + 2 * period)
     except itouch.DeviceFaultError:  # a scene that shows one: the picture of it is the last
-        now = Situation(faults=list(engine.ledger.faults))
+        now = Situation(faults=list(engine.statistics.faults))
         pictures.append(Image.fromarray(offscreen.shoot(engine.state, now)).resize(KEPT, Image.Resampling.LANCZOS))
     finally:
         engine.taps.remove(tap)

@@ -74,9 +74,9 @@ def draw_played(recording: str, picture: Path) -> None:
     from itouch.viewer.context import write_png
     from itouch.viewer.offscreen import Offscreen
     from itouch.viewer.playback import Playback
-    from itouch.viewer.reel import Reel
+    from itouch.viewer.recording_seek import SeekableRecording
 
-    reel = Reel(read(recording))
+    reel = SeekableRecording(read(recording))
     playback = Playback(reel)
     playback.pause()
     playback.seek(20.0)

@@ -55,7 +55,7 @@ ROOMS: dict[str, tuple[str, tuple[str, ...]]] = {
     "cli": ("framework/itouch/cli", ("cli", "scene/test_problems.py")),
     "plugin": ("framework/itouch/plugin", ("plugins/test_shelf.py", "world", "loop/test_engine.py")),
     "twin": ("framework/itouch/twin", ("loop/test_engine.py", "world/test_coupling.py")),
-    "viewer": ("framework/itouch/viewer", ("viewer/test_pure.py", "viewer/test_reel.py")),
+    "viewer": ("framework/itouch/viewer", ("viewer/test_pure.py", "viewer/test_recording_seek.py")),
     "contact": ("framework/itouch/contact", ("contact",)),
     "thermal": ("plugins/thermal/contact_heat", ("plugins/thermal",)),
     "thermal-display": ("plugins/thermal/itouch_thermal/display", ("plugins/thermal_display",)),

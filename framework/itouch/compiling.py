@@ -11,6 +11,7 @@ kernels that were kept is looked for among those that came with the program (see
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 from collections.abc import Callable, Iterator
@@ -103,12 +104,21 @@ class KernelCache(FunctionCache):
 
     def _load_overload(self, sig: Any, target_context: Any) -> Any:
         of_numba: Any = super()._load_overload
-        found = of_numba(sig, target_context)
+        try:
+            found = of_numba(sig, target_context)
+        except Exception:  # damaged, or of types that another version of the program had: pickle raises anything
+            self._forget()
+            found = None
         if found is None and self._enabled and not self._making and shipped.fits():
             found = self._load_shipped(sig, target_context)
         if found is None:
             KernelCache.missed += 1
         return found
+
+    def _forget(self) -> None:
+        """Take away the list of what is kept for the function: it is written anew with the next kernel."""
+        with contextlib.suppress(OSError):
+            os.unlink(self._cache_file._index_path)
 
     def _load_shipped(self, sig: Any, target_context: Any) -> Any:
         """Return the kernel that came with the program; None unless its files are the ones that were shipped."""
@@ -124,7 +134,8 @@ class KernelCache(FunctionCache):
     def _save_overload(self, sig: Any, data: Any) -> None:
         if not isinstance(self._impl.locator, _Nowhere):
             of_numba: Any = super()._save_overload
-            of_numba(sig, data)
+            with contextlib.suppress(Exception):  # what is kept cannot be read, nor taken away: it is not kept then
+                of_numba(sig, data)
         if self._making and self._impl.check_cachable(data):
             os.makedirs(self._shipped._cache_path, exist_ok=True)
             self._shipped.save(self._index_key(sig, data.codegen), self._impl.reduce(data))

@@ -175,7 +175,7 @@ class Chain:
         """Run the calls from ``begin`` on; return -1, or where one wants Python: its index * 2**32 + its code."""
         return _run(self._place, begin)
 
-    def rehearse(self) -> None:
+    def warm_up(self) -> None:
         """Compile, or load, what runs the calls; none of them is run."""
         self.run(len(self.calls))
         self.run_timed(np.zeros(1), 0, len(self.calls))
@@ -208,7 +208,7 @@ def runner(calls: Sequence[Call]) -> Callable[[], int]:
     """
     if can_join():
         chain = Chain(calls)
-        chain.rehearse()
+        chain.warm_up()
         return chain.run
 
     def run() -> int:

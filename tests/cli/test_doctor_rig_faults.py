@@ -154,7 +154,7 @@ def test_an_optional_device_may_be_lost_while_all_are_stopped(path: Path) -> Non
                 raise DeviceError("the cable is out")
 
     found, session = examined(path, devices(Stage, Lost))
-    assert [entry["device"] for entry in session.ledger.faults] == ["stage", "second"]
+    assert [entry["device"] for entry in session.statistics.faults] == ["stage", "second"]
     assert "stage: " in found["W2"].found and "second: " in found["W2"].found
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 import subprocess
 import sys
 from pathlib import Path
@@ -114,3 +115,27 @@ def test_every_kernel_of_the_package_is_kept_with_its_fingerprint() -> None:
         compiled = function
         assert isinstance(compiled._cache, KernelCache)
         assert len(fingerprint(compiled.py_func)) == 64
+
+
+@pytest.mark.parametrize("wrong", ["cut", "another program's type", "no pickle", "data"])
+def test_what_is_kept_and_cannot_be_read_is_compiled_again(tmp_path: Path, wrong: str) -> None:
+    """Once: an index that was damaged, or that names a type which the new version has elsewhere."""
+    write(tmp_path)
+    first, _ = run(tmp_path)
+    indices = sorted((tmp_path / "kept").rglob("*.nbi"))
+    assert indices
+    for index in indices:
+        with index.open("rb") as stream:
+            version = pickle.load(stream)
+        whole = index.read_bytes()
+        if wrong == "data":
+            for data in index.parent.glob("*.nbc"):
+                data.write_bytes(data.read_bytes()[:40])
+        elif wrong == "cut":
+            index.write_bytes(whole[: len(whole) // 2])
+        elif wrong == "no pickle":
+            index.write_bytes(pickle.dumps(version) + b"\x00\x01\x02")
+        else:  # a global of a module that is gone, as pickle writes it
+            index.write_bytes(pickle.dumps(version) + b"cgone.module\nThing\n.")
+    assert run(tmp_path) == (first, 0)
+    assert run(tmp_path) == (first, 1)

@@ -93,5 +93,5 @@ def test_the_stamps_are_of_the_clock_that_python_reads() -> None:
 
 def test_rehearsing_changes_nothing() -> None:
     total = np.zeros(1)
-    Bound(_add, total, np.ones((2, 2)), 1.0).rehearse()
+    Bound(_add, total, np.ones((2, 2)), 1.0).warm_up()
     assert total[0] == 0.0

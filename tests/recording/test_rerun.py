@@ -22,7 +22,7 @@ import itouch
 from itouch.recording import RecordingError, read
 from itouch.recording.rerun import messages
 from itouch.recording.wellknown import MESSAGES, decode, descriptor, encode
-from itouch.session.keeping import Keep, keeping
+from itouch.session.outputs import Outputs, open_outputs
 
 EVERY = 33
 WHOLE = st.integers(0, 2**31 - 1)
@@ -115,7 +115,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Any:
     path = tmp_path_factory.mktemp("rerun") / "a.mcap"
     engine, states = itouch.build(SCENES / "four_materials.xml"), {}
     engine.taps.append(lambda tick: states.update({tick: engine.state.tobytes()}) if tick % EVERY == 0 else None)
-    with keeping(engine, Keep(str(path), True, "", 0.0, False)):
+    with open_outputs(engine, Outputs(str(path), True, "", 0.0, False)):
         engine.run(8.5)
     engine.close()
     return engine, states, path

@@ -13,7 +13,7 @@ from shipped import SCENES
 
 import itouch
 from itouch.recording import read
-from itouch.session.keeping import Keep, keeping
+from itouch.session.outputs import Outputs, open_outputs
 
 pytest.importorskip("rosbags")
 from rosbags.highlevel import AnyReader
@@ -23,7 +23,7 @@ from rosbags.highlevel import AnyReader
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Any:
     folder = tmp_path_factory.mktemp("bag")
     path, engine = folder / "a touch.mcap", itouch.build(SCENES / "four_materials.xml")
-    with keeping(engine, Keep(str(path), True, "", 0.0, False)):
+    with open_outputs(engine, Outputs(str(path), True, "", 0.0, False)):
         engine.run(0.1)
         engine.mark("begin", {"trial": 3})
         engine.run(0.1)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 import itouch
 from itouch.plugin import poses
 from itouch.recording import read
-from itouch.session.keeping import Keep, keeping
+from itouch.session.outputs import Outputs, open_outputs
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 EVERY = 33
@@ -59,7 +59,7 @@ def session(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
     path = tmp_path_factory.mktemp("view") / "a.mcap"
     engine, states = itouch.build(SCENES / request.param), {}
     engine.taps.append(lambda tick: states.update({tick: engine.state.tobytes()}) if tick % EVERY == 0 else None)
-    with keeping(engine, Keep(str(path), True, "", 0.0, False)):
+    with open_outputs(engine, Outputs(str(path), True, "", 0.0, False)):
         engine.run(8.5)
     engine.close()
     return engine, states, path
@@ -84,7 +84,7 @@ def test_frames_are_where_the_state_says(session: Any) -> None:
 
 
 def test_plates_are_where_the_window_draws_them(session: Any) -> None:
-    from itouch.viewer.stage import Stage
+    from itouch.viewer.scene_graph import Stage
 
     engine, states, path = session
     stage, state, compared = Stage(engine.model), engine.state.copy(), 0

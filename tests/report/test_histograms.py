@@ -47,18 +47,18 @@ def test_a_recording_counts_every_tick_in_the_bins_of_the_loop(session):
 def test_a_snapshot_keeps_them_and_a_restored_session_goes_on_counting(session):
     running, folder = session
     again = itouch.restore(folder / "end.itouch")
-    assert total(again.ledger.histograms()["tick"]) == running.ticks
+    assert total(again.statistics.histograms()["tick"]) == running.ticks
     again.run(0.5)
-    assert total(again.ledger.histograms()["tick"]) == running.ticks + 500
+    assert total(again.statistics.histograms()["tick"]) == running.ticks + 500
     assert again.times.ticks == 500
 
 
 def test_snapshots_and_recordings_without_them_are_read(session):
     running, _ = session
-    old = running.ledger.dump()
+    old = running.statistics.dump()
     del old["histograms_us"]
-    running.ledger.load(old)
-    assert running.ledger.earlier == {}
+    running.statistics.load(old)
+    assert running.statistics.earlier == {}
     assert histograms_us({}, [{"tick": 1, "p50": 2.0}]) == {}
 
 

@@ -12,7 +12,7 @@ from parts import ARM, PERIOD, PLATE, TABLE, Channels, Fake, model, state
 
 from itouch.plugin import Field, Moment, Monitor, Record, Rule, Watched
 from itouch.safety import Supervisor
-from itouch.safety.rehearsing import rehearse
+from itouch.safety.rehearsing import warm_up
 
 ENTRANCES = ("look", "watch_placed", "guard", "glance", "fault")
 
@@ -42,7 +42,7 @@ def test_every_entrance_is_gone_through_and_no_device_is_made(
     one = model(channels, cls=Watched)
     scratch = state(one)
     before = [dict(vars(monitor)) for monitor in one.monitors]
-    rehearse(one, scratch, PERIOD)
+    warm_up(one, scratch, PERIOD)
     assert not made
     for monitor, was in zip(one.monitors, before, strict=True):  # they are those of the run
         more = set(vars(monitor)) - set(was)  # constants that are put together once
@@ -78,7 +78,7 @@ def test_what_is_rehearsed_is_a_touch_and_none_at_room_temperature() -> None:
     """A monitor that goes another way in touch, or at zero kelvin, has gone it before a finger is there."""
     one = model(PLATE, offered=(Asked,))
     Asked.seen.clear()
-    rehearse(one, state(one), PERIOD)
+    warm_up(one, state(one), PERIOD)
     away, pressed = Asked.seen
     assert away[0] > 0.0 and not away[1]
     assert pressed[0] < 0.0 and pressed[1] and pressed[2]

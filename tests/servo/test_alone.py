@@ -81,9 +81,9 @@ def test_a_plate_whose_next_step_down_is_late_is_still_on_its_way_down(
 
 _IMPORTING = """
 import socket, subprocess, sys, threading
-from itouch.servo import process, words
-from itouch.servo.channel import Outbox
-from itouch.servo.segment import Segment
+from itouch.servo import control_block, process
+from itouch.servo.launcher_pipe import Outbox
+from itouch.servo.shared_memory import SharedMemory
 
 class Endless:
     def find_spec(self, name, path=None, target=None):
@@ -93,8 +93,8 @@ class Endless:
 sys.meta_path.insert(0, Endless())
 guardian = subprocess.Popen([sys.executable, "-c", ""])
 guardian.wait()
-segment = Segment.create("importing")
-segment.words[words.GUARDIAN] = guardian.pid
+segment = SharedMemory.create("importing")
+segment.words[control_block.GUARDIAN] = guardian.pid
 process._end_without_guardian(segment, Outbox(socket.socket(fileno=int(sys.argv[1]))))
 threading.Event().wait()
 """

@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import itouch
-from itouch.servo import words as at
+from itouch.servo import control_block as at
 from itouch.servo.holders import HOLD_NS, Holder, Switch
 from itouch.servo.link import attach
-from itouch.servo.segment import Segment, ServoError, monotonic
+from itouch.servo.shared_memory import ServoError, SharedMemory, monotonic
 
 SCENE = """<itouch version="1.0">
   <devices><device name="arm" plugin="usb-arm"/></devices>
@@ -24,8 +24,8 @@ SCENE = """<itouch version="1.0">
 
 
 @pytest.fixture
-def segment() -> Iterator[Segment]:
-    found = Segment.create("holders")
+def segment() -> Iterator[SharedMemory]:
+    found = SharedMemory.create("holders")
     yield found
     found.close()
 
@@ -33,7 +33,7 @@ def segment() -> Iterator[Segment]:
 @given(value=st.integers(min_value=-(1 << 62), max_value=(1 << 63) - 1), place=st.integers(0, at.MOST_HOLDERS))
 @settings(max_examples=25, deadline=None)
 def test_whatever_is_written_holds_for_80_ms_at_most(value: int, place: int) -> None:
-    segment = Segment.create("any")
+    segment = SharedMemory.create("any")
     switch, now = Switch(segment.words), monotonic()
     segment.words[at.HELD_UNTIL if place == at.MOST_HOLDERS else at.HOLDERS + 2 * place + 1] = value
     held, _ = switch.look()
@@ -43,7 +43,7 @@ def test_whatever_is_written_holds_for_80_ms_at_most(value: int, place: int) -> 
     segment.close()
 
 
-def test_who_lets_go_is_not_covered_by_another(segment: Segment) -> None:
+def test_who_lets_go_is_not_covered_by_another(segment: SharedMemory) -> None:
     switch, first, second = Switch(segment.words), Holder(segment), Holder(segment)
     first.say(True)
     second.say(True)
@@ -54,7 +54,7 @@ def test_who_lets_go_is_not_covered_by_another(segment: Segment) -> None:
     assert switch.look() == (True, False)
 
 
-def test_who_falls_silent_is_not_covered_by_another(segment: Segment, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_who_falls_silent_is_not_covered_by_another(segment: SharedMemory, monkeypatch: pytest.MonkeyPatch) -> None:
     clock = [monotonic()]
     monkeypatch.setattr("itouch.servo.holders.monotonic", lambda: clock[0])
     switch, first, second = Switch(segment.words), Holder(segment), Holder(segment)
@@ -69,7 +69,7 @@ def test_who_falls_silent_is_not_covered_by_another(segment: Segment, monkeypatc
     assert found == [(True, n == 7) for n in range(10)]
 
 
-def test_a_word_of_ones_own_is_given_back_and_those_of_the_dead_are_taken(segment: Segment) -> None:
+def test_a_word_of_ones_own_is_given_back_and_those_of_the_dead_are_taken(segment: SharedMemory) -> None:
     holders = [Holder(segment) for _ in range(at.MOST_HOLDERS)]
     for holder in holders:
         holder.say(True)

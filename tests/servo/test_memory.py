@@ -14,18 +14,18 @@ import pytest
 
 from itouch.loop.timing import Timing
 from itouch.plugin import Field, Record
-from itouch.servo import ServoError, words
-from itouch.servo.box import Inbox, put
+from itouch.servo import ServoError, control_block
+from itouch.servo.command_queue import Inbox, put
 from itouch.servo.publish import Publisher, slots_for
 from itouch.servo.reading import Follower, Ring, copy_timing
-from itouch.servo.segment import Segment
+from itouch.servo.shared_memory import SharedMemory
 
 #: A State whose content is proved by a sum of it.
 FIELDS = (Field("tick", "i8"), Field("sum", "u4"), Field("noise", "u8", 1500))
 
 
-def _session(slots: int, summed: bool = False) -> tuple[Segment, Record, Timing]:
-    segment, state, timing = Segment.create("test"), Record.of(FIELDS), Timing(["work"])
+def _session(slots: int, summed: bool = False) -> tuple[SharedMemory, Record, Timing]:
+    segment, state, timing = SharedMemory.create("test"), Record.of(FIELDS), Timing(["work"])
     segment.grow({"name": "x"}, state.nbytes, timing.record.nbytes, slots, summed)
     return segment, state, timing
 
@@ -45,9 +45,9 @@ _READER = """
 import sys, time, zlib, numpy as np
 sys.path.insert(0, {tests!r})
 from servo.test_memory import FIELDS, _whole
-from itouch.servo.segment import Segment
+from itouch.servo.shared_memory import SharedMemory
 from itouch.servo.reading import Ring
-segment = Segment(int(sys.argv[1]), "test")
+segment = SharedMemory(int(sys.argv[1]), "test")
 ring, buffer = Ring(segment), np.zeros(int(segment.words[10]), np.uint8)
 print("reading", flush=True)
 seen, torn, newest = 0, 0, 0
@@ -81,7 +81,7 @@ def test_no_reader_in_another_process_gets_a_torn_state(slots: int, summed: bool
             _fill(state, tick, rng)
         state["tick"] = tick
         publisher.publish(tick)
-    segment.words[words.STOP] = 1
+    segment.words[control_block.STOP] = 1
     for reader in readers:
         seen, torn = reader.communicate(timeout=60)[0].split()
         assert int(seen) > 100
@@ -158,15 +158,15 @@ def test_commands_of_several_writers_all_arrive_once() -> None:
 
 def test_a_box_that_nobody_empties_is_told_and_nonsense_is_left_out() -> None:
     segment, _, _ = _session(64)
-    for _ in range(words.BOX_SLOTS):
+    for _ in range(control_block.BOX_SLOTS):
         put(segment, {"what": "x"})
     with pytest.raises(ServoError, match="does not take commands"):
         put(segment, {"what": "x"})
     with pytest.raises(ValueError, match="too long"):
         put(segment, {"what": "x" * 2000})
-    at = words.BOX_AT + 3 * words.BOX_SLOT_SIZE
+    at = control_block.BOX_AT + 3 * control_block.BOX_SLOT_SIZE
     segment.bytes[at : at + 100] = 0xFF
-    assert len(Inbox(segment).take()) == words.BOX_SLOTS - 1
+    assert len(Inbox(segment).take()) == control_block.BOX_SLOTS - 1
 
 
 def test_timing_is_copied_whole_or_not_at_all() -> None:
@@ -177,7 +177,7 @@ def test_timing_is_copied_whole_or_not_at_all() -> None:
     into = np.zeros(timing.record.nbytes, np.uint8)
     assert copy_timing(segment, into)
     assert into.tobytes() == timing.record.tobytes()
-    segment.words[words.TIMING_BEGIN] += 1  # the writer died in the middle
+    segment.words[control_block.TIMING_BEGIN] += 1  # the writer died in the middle
     assert not copy_timing(segment, into)
 
 

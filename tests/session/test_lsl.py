@@ -111,7 +111,7 @@ def test_a_mark_whose_correction_is_not_found_is_not_lost() -> None:
 
 
 def _columns(session: itouch.Session) -> list[object]:
-    from itouch.session.rows import replay_tracks
+    from itouch.session.row_layout import replay_tracks
 
     return list(next(t for t in replay_tracks(session.model, session.state) if t.name == "arm").columns)
 

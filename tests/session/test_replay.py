@@ -82,7 +82,7 @@ def test_faults_are_replayed_through_the_safe_sequence(number: int, scenes: Path
     path.write_text(path.read_text(encoding="utf-8").replace("</itouch>", fault + "</itouch>"), encoding="utf-8")
     session = record(scenes / "r.mcap", path, 3.0, seed=number)
     recording = itouch.read(scenes / "r.mcap")
-    assert len(recording.faults) == len(session.ledger.faults)
+    assert len(recording.faults) == len(session.statistics.faults)
     outcome = itouch.replay(recording)
     assert (outcome.mismatches, outcome.first) == (0, None)
     assert outcome.ticks == int(session.state["tick"])

@@ -18,7 +18,7 @@ from shipped import SCENES
 import itouch
 from itouch.plugin import Terminal
 from itouch.session.errors import SessionError
-from itouch.session.keeping import Keep, keeping
+from itouch.session.outputs import Outputs, open_outputs
 from itouch.session.triggers import CONTACT, LOST, PULSE, Triggers
 from itouch.session.wires import ParallelWire, wire
 
@@ -76,7 +76,7 @@ def test_contacts_are_on_the_wire_before_their_tick_has_ended(box: Terminal) -> 
     wished = {"begin": 10, "end": 11, f"end:{touched}": 12}
     codes: list[int] = []
     try:
-        with keeping(engine, Keep(records=False, trigger=box.path, contacts=wished)):
+        with open_outputs(engine, Outputs(records=False, trigger=box.path, contacts=wished)):
             engine.run(2.0)
         kinds = {int(one["tick"]): int(one["kind"]) for one in engine.state["events.table"]
                  if one["kind"] in (1, 3)}  # fmt: skip

@@ -20,8 +20,8 @@ from itouch.viewer import colours, overlay, solids
 from itouch.viewer.finishes import FINISHES, finishes
 from itouch.viewer.overlay import Words
 from itouch.viewer.scales import grid_step, length, titled
+from itouch.viewer.scene_graph import SceneGraph
 from itouch.viewer.signals import charts
-from itouch.viewer.stage import Stage
 from itouch.viewer.warmth import Range, degrees
 
 BLOCKS = """<itouch version="1.0">
@@ -104,7 +104,7 @@ class itouch_model:  # noqa: N801 - stands for a Model: a world with a temperatu
 
 def test_a_few_kelvin_are_told_apart_and_a_broken_sensor_does_not_stretch_the_scale():
     session = itouch.build(SCENES / "four_materials.xml")
-    stage = Stage(session.model)
+    stage = SceneGraph(session.model)
     stage.draws(session.state)
     low, high = stage.range.ends
     assert 10.0 <= high - low <= 25.0

@@ -14,9 +14,9 @@ pyglet.options.audio = ("silent",)
 from pyglet.window import key, mouse
 from itouch.viewer.playback import Playback
 from itouch.viewer.player import Player
-from itouch.viewer.reel import Reel
+from itouch.viewer.recording_seek import SeekableRecording
 clock = [0.0]
-reel = Reel(itouch.read(sys.argv[2]))
+reel = SeekableRecording(itouch.read(sys.argv[2]))
 playback = Playback(reel)
 window = Player(playback, lambda: clock[0], width=640, height=360)
 line, state = playback.line, playback.state

@@ -12,8 +12,8 @@ import itouch
 from itouch.viewer import colours, docking, drawing, menu, overlay, solids
 from itouch.viewer.camera import VIEWS, Camera
 from itouch.viewer.overlay import Situation
+from itouch.viewer.scene_graph import SceneGraph, along, arrow
 from itouch.viewer.signals import Ring
-from itouch.viewer.stage import Stage, along, arrow
 
 
 def volume(solid: solids.Solid) -> float:
@@ -102,7 +102,7 @@ def session():
 
 
 def test_the_stage_shows_every_object_the_finger_and_the_plate(session):
-    stage = Stage(session.model)
+    stage = SceneGraph(session.model)
     draws = stage.draws(session.state)
     assert {draw.owner for draw in draws} >= {*session.model.objects, "peltier"}
     assert all(draw.solid in stage.solids for draw in draws)
@@ -118,7 +118,7 @@ def test_the_stage_shows_every_object_the_finger_and_the_plate(session):
 
 
 def test_temperature_colours_tell_objects_apart(tmp_path, session):
-    stage = Stage(session.model)
+    stage = SceneGraph(session.model)
     plain = {draw.owner: draw.colour for draw in stage.draws(session.state)}
     thermal = {draw.owner: draw.colour for draw in stage.draws(session.state, thermal=True)}
     assert plain["wood"] != plain["pyrex"]
@@ -266,7 +266,7 @@ def test_the_plate_is_seen_through_while_something_is_touched(session):
     state = session.state.copy()
     for touched, opaque in ((-1, True), (1, False)):
         state["finger.object"] = touched
-        plates = [draw for draw in Stage(session.model).draws(state) if draw.owner == "peltier"]
+        plates = [draw for draw in SceneGraph(session.model).draws(state) if draw.owner == "peltier"]
         assert plates and all((draw.opacity == 1.0) == opaque for draw in plates)
 
 

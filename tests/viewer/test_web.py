@@ -25,7 +25,7 @@ from shipped import SCENES
 import itouch
 from itouch.plugin import poses
 from itouch.viewer.colours import of_temperature
-from itouch.viewer.stage import Stage
+from itouch.viewer.scene_graph import SceneGraph
 from itouch.viewer.warmth import plate_temperature
 from itouch.viewer.web import Access
 from itouch.viewer.web.gate import COOKIE, Gate, Request
@@ -177,7 +177,7 @@ def test_what_is_sent_is_where_the_state_says(scene: str, steps: int, server: An
                     assert tip == pytest.approx(force / size * min(0.08, 0.02 * size), abs=1e-6)
             for name, device in engine.model.devices.items():
                 matrix, found_pose = (
-                    Stage(engine.model).place(state, device),
+                    SceneGraph(engine.model).place(state, device),
                     client.pose(client.path(f"device:{name}")),
                 )
                 assert np.abs(found_pose[:3] - matrix[:3, 3]).max() < 1e-6

@@ -64,7 +64,7 @@ def examined(path: str, rig: str | None, twin: str | None) -> tuple[Model | None
     from itouch.scene.loader import in_file_order, read_scene
     from itouch.schema.diagnostics import SceneError
     from itouch.session import choose_twins
-    from itouch.session.wishes import recording_notes, recording_problems
+    from itouch.session.channel_selection import recording_notes, recording_problems
     from itouch.world import compile_scene
     from itouch.world.sense import odd
 

@@ -185,7 +185,7 @@ def scene_facts(path: str) -> Facts:
     """
     from itouch.plugin.discovery import Catalog
     from itouch.session import load_scene
-    from itouch.session.rows import recordable
+    from itouch.session.row_layout import recordable
     from itouch.world import Model, declared, make_state
 
     catalog = Catalog()

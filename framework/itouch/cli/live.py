@@ -36,7 +36,7 @@ def needed(session: Session) -> bool:
 
 def run(options: argparse.Namespace, stop: Stopping, *, window: bool = False, leader: Leader | None = None) -> int:
     """Run in real time, in a window if that is asked for, or led by a gamepad, and return the exit code."""
-    from itouch.cli import keeping, leading, windows
+    from itouch.cli import leading, outputs, windows
     from itouch.servo import ServoError, launch
 
     for option in ("screenshot", "film", "wav"):
@@ -46,7 +46,7 @@ def run(options: argparse.Namespace, stop: Stopping, *, window: bool = False, le
     with waiting(f"starting {options.scene}"):
         handle = launch(
             options.scene, seed=options.seed, twin=options.twin, rig=options.rig, seconds=options.duration,
-            save=options.save, enable=not window, linger=window, keep=keeping.wanted(options),
+            save=options.save, enable=not window, linger=window, keep=outputs.wanted(options),
         )  # fmt: skip
     windows.tell(options, opened=window)
     stop.bind(handle.request_stop)
@@ -133,7 +133,7 @@ class Shown:
 
     def __init__(self, handle: Handle) -> None:
         self._handle = handle
-        self.ledger = _Contacts(handle)
+        self.statistics = _Contacts(handle)
         self.clock = _RealClock()
 
     @property

@@ -53,9 +53,9 @@ def _view(recording: Recording) -> int:
     """Play a recording in a window until that is closed."""
     from itouch.viewer.offscreen import open_player
     from itouch.viewer.playback import Playback
-    from itouch.viewer.reel import Reel
+    from itouch.viewer.recording_seek import SeekableRecording
 
-    open_player(Playback(Reel(recording)), time.perf_counter).show()
+    open_player(Playback(SeekableRecording(recording)), time.perf_counter).show()
     return 0
 
 

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from itouch.cli import deprecations, keeping, leading, live, pictures, sounds, windows
+from itouch.cli import deprecations, leading, live, outputs, pictures, sounds, windows
 from itouch.cli.arguments import Parser, output_file, seconds
 from itouch.cli.ending import Interrupted, Stopping, unstarted, write_report
 from itouch.plugin import trace
@@ -56,7 +56,7 @@ def _start(options: argparse.Namespace, stop: Stopping) -> int:
     windows.tell(options, opened=False)
     screen = Screen(session, sys.stdout)
     session.loss_hooks.append(lambda loss: screen.interrupt(told(loss)))
-    with pictures.taking(session, options), sounds.keeping(session, options), keeping.keeping(session, options):
+    with pictures.taking(session, options), sounds.keeping(session, options), outputs.opened(session, options):
         code = _run(session, options, stop.listened(screen.show), stop)
     report = session.report()
     stop.listened(screen.finish)(report)
@@ -94,14 +94,14 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of all noise (default 0)")
     pictures.add_options(parser)
     sounds.add_options(parser)
-    keeping.add_options(parser)
+    outputs.add_options(parser)
     return parser
 
 
 def _check(options: argparse.Namespace) -> None:
     if not 0 <= options.seed < 1 << 63:
         raise ItouchError(f"--seed {options.seed} is out of range: 0 to 2^63 - 1")
-    keeping.wanted(options)
+    outputs.wanted(options)
     from itouch.session.open import is_session
 
     if (options.twin or options.rig) and is_session(options.scene):

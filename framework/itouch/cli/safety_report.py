@@ -74,7 +74,7 @@ def _tested(scene: Scene, *, every: bool) -> list[Tested]:
         chosen = stored if every else {"contact": stored["contact"]}
     except (ValueError, DeviceFaultError):  # the script has no whole contact, or trips before it has
         session, chosen = prepared(scene), start
-    session.ledger.faults.clear()
+    session.statistics.faults.clear()
     return [
         Tested(f"{device} {kind}", cell.phase, cell.trip, cell.safe_after, cell.good)
         for cell in single(session, chosen)

@@ -102,12 +102,12 @@ def measure(scene: str, count: int, port: str | None, seed: int) -> list[Delays]
         If the scene is wrong, or the port can't be opened.
     """
     from itouch.servo import launch
-    from itouch.session.keeping import Keep
+    from itouch.session.outputs import Outputs
 
     terminal = None if port else Terminal()
     try:
         wire = port or (terminal.path if terminal else "")
-        keep = Keep(records=False, trigger=wire)
+        keep = Outputs(records=False, trigger=wire)
         with Far(port, terminal) as far, launch(scene, twin="all", seconds=600.0 + count, keep=keep) as handle:
             while handle.running and handle.link.tick < _SETTLED:
                 time.sleep(_LOOK)

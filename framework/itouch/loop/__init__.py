@@ -2,7 +2,7 @@
 
 from itouch.loop.clock import Clock, VirtualClock, WallClock
 from itouch.loop.engine import Engine, EngineError
-from itouch.loop.operating import LatchedError
+from itouch.loop.operator_commands import LatchedError
 from itouch.loop.runner import DeviceFaultError, Status
 
 __all__ = [

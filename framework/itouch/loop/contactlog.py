@@ -7,7 +7,7 @@ from typing import Any
 
 from itouch.compiling import kernel
 from itouch.loop import render
-from itouch.loop.ledger import Ledger
+from itouch.loop.run_statistics import RunStatistics
 from itouch.loop.runner import Runner
 from itouch.loop.surface.memory import MISSED, RENDERS, SETTLED
 from itouch.loop.touch import Toucher
@@ -56,10 +56,16 @@ class ContactLog:
     """Writes the report's entry of each contact of one probe."""
 
     def __init__(
-        self, model: Model, toucher: Toucher, table: Runner | None, coupling: Coupling, state: Record, ledger: Ledger
+        self,
+        model: Model,
+        toucher: Toucher,
+        table: Runner | None,
+        coupling: Coupling,
+        state: Record,
+        statistics: RunStatistics,
     ) -> None:
         self._model, self._toucher, self._table = model, toucher, table
-        self._coupling, self._ledger, self._seen = coupling, ledger, FencedRecord(state, ())
+        self._coupling, self._statistics, self._seen = coupling, statistics, FencedRecord(state, ())
         name = toucher.probe.name
         self._plate, self._gap = state[f"{name}.contact.plate"], state[f"{name}.contact.plate_gap"]
         self._peak, self._physical = state[f"{name}.contact.peak_force"], state[f"{name}.contact.physical_begin"]
@@ -72,9 +78,9 @@ class ContactLog:
         self.note = Bound(
             _note, toucher.current, coupling.total, coupling.touched, figures, known, toucher.plate, self._plate,
             self._lasted, self._missed, toucher.surface, state[f"{name}.plate_force"],
-            self._peak, self._deepest, self._widest, self._physical, ledger.worst_height,
+            self._peak, self._deepest, self._widest, self._physical, statistics.worst_height,
         )  # fmt: skip
-        self.note.rehearse()
+        self.note.warm_up()
 
     def hear(self, event: ContactEvent) -> None:
         """Begin or end an entry."""
@@ -86,7 +92,7 @@ class ContactLog:
             self._impact[...] = event.speed
             self._physical[...] = self._coupling.touched
         elif event.kind is Contact.END:
-            self._ledger.contacts.append(self.entry(event.tick))
+            self._statistics.contacts.append(self.entry(event.tick))
 
     def _true_gap(self, event: ContactEvent) -> float:
         """Return how far the plate's top is below the virtual surface, along the normal [m]."""

@@ -15,22 +15,22 @@ from typing import Any
 import numpy as np
 
 from itouch.faults import FOREVER, Injection, Kind
-from itouch.loop.blame import broken_off, with_writer
 from itouch.loop.clock import Clock, VirtualClock, now
 from itouch.loop.events import Events
+from itouch.loop.fault_attribution import broken_off, with_writer
 from itouch.loop.fence import view_for
 from itouch.loop.fingers import join_fingers
-from itouch.loop.ledger import Ledger
 from itouch.loop.objects import Objects
-from itouch.loop.operating import LatchedError, Operating
+from itouch.loop.operator_commands import LatchedError, OperatorCommands
 from itouch.loop.pacing import Pacing
 from itouch.loop.plan import Plan, build
-from itouch.loop.rehearsal import rehearse, reset_modalities
 from itouch.loop.release import in_turn, raise_unless_failing, released
 from itouch.loop.rig import ProbeRig
+from itouch.loop.run_statistics import RunStatistics
 from itouch.loop.runner import DeviceFaultError, Runner, Status
-from itouch.loop.safestop import SafeStop
+from itouch.loop.safe_shutdown import SafeShutdown
 from itouch.loop.timing import Timing
+from itouch.loop.warm_up import reset_modalities, warm_up
 from itouch.plugin import DeviceError, Record
 from itouch.safety import Outcome
 from itouch.schema import ItouchError
@@ -60,9 +60,9 @@ class Engine:
     def __init__(self, model: Model, *, seed: int = 0, clock: Clock | None = None) -> None:
         self.model, self.clock, self._moving = model, clock or VirtualClock(), model.moving
         self.state: Record = make_state(model)
-        self.ledger = Ledger()
+        self.statistics = RunStatistics()
         self._runners = {name: Runner(device, self.state, model.period) for name, device in model.devices.items()}
-        self._rigs = [ProbeRig(model, probe, self.state, self._runners, self.ledger) for probe in model.probes]
+        self._rigs = [ProbeRig(model, probe, self.state, self._runners, self.statistics) for probe in model.probes]
         join_fingers(self._rigs)
         self._all = list(self._runners.values())
         self._objects = Objects(model, self.state, self._runners, [rig.toucher for rig in self._rigs])
@@ -75,8 +75,10 @@ class Engine:
         self._tick, self._ready = self.state["tick"], self.state["ready"]
         views = {one.name: view_for(one, self.state) for one in model.modalities}
         self._events = Events(model, self.state, self._rigs, views)
-        self._operating = Operating(model, self.state, self._runners, self._rigs, self.ledger)
-        self._safe_stop = SafeStop(model, self.state, self._all, self._rigs, self.ledger, self._operating.injected)
+        self._operator = OperatorCommands(model, self.state, self._runners, self._rigs, self.statistics)
+        self._safe_shutdown = SafeShutdown(
+            model, self.state, self._all, self._rigs, self.statistics, self._operator.injected
+        )
         #: What a tick consists of, and how long each step has taken.
         self.plan: Plan = build(
             model,
@@ -85,11 +87,11 @@ class Engine:
             self._rigs,
             self._objects,
             self._events,
-            self._operating.hold,
+            self._operator.hold,
             views,
-            self.ledger.tracking.bins,
+            self.statistics.tracking.bins,
         )
-        self.times = self.ledger.times = Timing(self.plan.names)
+        self.times = self.statistics.times = Timing(self.plan.names)
         self.fault: DeviceFaultError | None = None
         self._enabled = False
         self._pacing = Pacing(self)
@@ -101,7 +103,7 @@ class Engine:
         self.taps: list[Callable[[int], None]] = []
         self.state["seed"] = seed
         self._reset(seed)
-        rehearse(model, self.state, self._all)
+        warm_up(model, self.state, self._all)
 
     def _reset(self, seed: int) -> None:
         self.state["objects.pose"] = self.model.poses
@@ -161,7 +163,7 @@ class Engine:
     @property
     def held(self) -> bool:
         """Whether somebody holds the dead-man's switch, or none is needed."""
-        hold = self._operating.hold
+        hold = self._operator.hold
         return not hold.required or hold.held(self.ticks)
 
     @property
@@ -196,7 +198,7 @@ class Engine:
             Naming each device that failed and why; nothing is left enabled.
         """
         try:
-            self._operating.enable(opens=opens)
+            self._operator.enable(opens=opens)
         except LatchedError:
             raise
         except DeviceError:
@@ -206,7 +208,7 @@ class Engine:
 
     def latched(self) -> DeviceFaultError | None:
         """Return the latched trip that keeps hardware from being enabled, as the fault that it was."""
-        return next(iter(self._operating.latched_faults()), None)
+        return next(iter(self._operator.latched_faults()), None)
 
     def _require_enabled(self) -> None:
         if self._enabled:
@@ -272,7 +274,7 @@ class Engine:
     def make_safe(self, fault: DeviceFaultError) -> None:
         """Make every device safe because of a fault, and note it."""
         self.fault = fault
-        self._safe_stop.carry_out(fault, self.taps, self.clock.wait if self._paced else None)
+        self._safe_shutdown.carry_out(fault, self.taps, self.clock.wait if self._paced else None)
         self.stamps[-1] = now()
 
     def rearm(self) -> None:
@@ -283,8 +285,8 @@ class Engine:
         DeviceError
             With everything that still stands in the way; nothing is enabled then.
         """
-        restored = not self._enabled and bool(self._operating.latched)
-        self._operating.rearm()
+        restored = not self._enabled and bool(self._operator.latched)
+        self._operator.rearm()
         self.fault = None
         if restored:  # nothing else has been enabled yet
             self.enable()
@@ -297,14 +299,14 @@ class Engine:
         DeviceError
             If it is missing or refuses.
         """
-        self._operating.reconnect(device)
+        self._operator.reconnect(device)
 
     def hold(self, held: bool = True, *, shared: bool = False) -> None:
         """Say that somebody holds the dead-man's switch: good for 80 ms, so say it again and again; or has let go.
 
         Letting go stops what acts, also if somebody else holds on, which ``shared`` says.
         """
-        self._operating.hold.press(self.ticks, held, shared=shared)
+        self._operator.hold.press(self.ticks, held, shared=shared)
 
     def inject(
         self, device: str, kind: str, *, at: float | None = None, duration: float | None = None, channel: str = "",
@@ -331,12 +333,12 @@ class Engine:
         rate = self.model.scene.rates.servo
         begin = self.ticks if at is None else round(at * rate)
         end = FOREVER if duration is None else begin + max(1, round(duration * rate))
-        self._operating.inject(device, slot, Injection(Kind.of(kind), begin, end, channel, amount))
+        self._operator.inject(device, slot, Injection(Kind.of(kind), begin, end, channel, amount))
 
     @property
     def injected(self) -> list[dict[str, Any]]:
         """The injected faults that have begun, as they stand in the report."""
-        return self._operating.injected()
+        return self._operator.injected()
 
     def run(
         self,
@@ -401,7 +403,7 @@ class Engine:
         Outcome
             Whether all could be seen to be safe, and what was seen of each device.
         """
-        outcome = self._safe_stop.wind_down(self.taps, self.clock.wait if self._paced else None)
+        outcome = self._safe_shutdown.wind_down(self.taps, self.clock.wait if self._paced else None)
         self.stamps[-1] = now()
         return outcome
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from itouch.loop.blame import foreign_write, modality_fault
+from itouch.loop.fault_attribution import foreign_write, modality_fault
 from itouch.loop.fence import Fence
 from itouch.loop.rig import ProbeRig
 from itouch.plugin import Contact, ContactEvent, Record

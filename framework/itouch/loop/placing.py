@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from itouch.compiling import kernel
 from itouch.joining import SKIP
-from itouch.loop.ledger import Counts, counted
 from itouch.loop.rig import ProbeRig
+from itouch.loop.run_statistics import Counts, counted
 from itouch.loop.runner import Runner
 from itouch.monitors import Arm, Surface
 from itouch.monitors.carried import Load, Nearing, felt, rise, size

@@ -18,9 +18,9 @@ from itouch.loop.clock import now
 from itouch.loop.events import Events
 from itouch.loop.fence import Fence
 from itouch.loop.fingers import fingers
-from itouch.loop.ledger import Counts
 from itouch.loop.objects import Objects
 from itouch.loop.rig import ProbeRig
+from itouch.loop.run_statistics import Counts
 from itouch.loop.runner import Runner
 from itouch.loop.step import Step
 from itouch.plugin import Record
@@ -87,7 +87,7 @@ class _Joined:
         self.steps, self._mark = tuple(listed), 1 + first
         self.chain = Chain([bound for step in listed for bound in step.bounds], [len(step.bounds) for step in listed])
         self._owners, self._ends = self.chain.steps.tolist(), self.chain.ends.tolist()
-        self.chain.rehearse()
+        self.chain.warm_up()
         self._run = self.chain.run
         self._answers = [step.answer for step in listed]
 

@@ -10,7 +10,7 @@ import numpy as np
 from itouch.loop import carrying, render
 from itouch.loop.contactlog import ContactLog
 from itouch.loop.frames import Frame, Vector
-from itouch.loop.ledger import Ledger
+from itouch.loop.run_statistics import RunStatistics
 from itouch.loop.runner import Runner
 from itouch.loop.touch import Toucher
 from itouch.loop.touchoff import Stage, TouchOff
@@ -31,9 +31,9 @@ class ProbeRig:
     """Takes one probe through a tick."""
 
     def __init__(
-        self, model: Model, probe: ProbeModel, state: Record, runners: Mapping[str, Runner], ledger: Ledger
+        self, model: Model, probe: ProbeModel, state: Record, runners: Mapping[str, Runner], statistics: RunStatistics
     ) -> None:
-        self.model, self.probe, self._runners, self._ledger = model, probe, runners, ledger
+        self.model, self.probe, self._runners, self._statistics = model, probe, runners, statistics
         self.tracker = runners[probe.scene.pose_from]
         self.arm = runners.get(probe.scene.force_to)
         self.table = runners.get(probe.scene.surface_to)
@@ -44,7 +44,7 @@ class ProbeRig:
         #: The skin under what is worn on the finger, if anything is.
         self.skin = self._under_worn(state)
         self.touch_off = self._touch_off(state, offset)
-        self.log = ContactLog(model, self.toucher, self.table, self.coupling, state, ledger)
+        self.log = ContactLog(model, self.toucher, self.table, self.coupling, state, statistics)
         self._figures = self.toucher.figures
         self._radius = probe.scene.radius
         self._stands = [
@@ -254,7 +254,7 @@ class ProbeRig:
             distance = figures[render.TRACKING].item()
             moment.strayed = runner.strayed(distance)
             if counting:
-                self._ledger.tracking.add(distance)
+                self._statistics.tracking.add(distance)
             moment.gap = self._gap()
             moment.calibrated = counting and self.touch_off is not None
             if render.TABLE in self._placed:

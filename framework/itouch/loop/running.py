@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.loop.clock import Clock
-from itouch.loop.ledger import Ledger
+from itouch.loop.run_statistics import RunStatistics
 from itouch.loop.runner import DeviceFaultError, Runner, Status
 from itouch.loop.timing import Timing
 from itouch.plugin import Record
@@ -36,7 +36,7 @@ class Running(Protocol):
         """How late ticks began, and how long they took."""
 
     @property
-    def ledger(self) -> Ledger:
+    def statistics(self) -> RunStatistics:
         """What happened."""
 
     @property

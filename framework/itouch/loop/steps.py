@@ -13,13 +13,13 @@ import numpy as np
 
 from itouch.joining import is_newest
 from itouch.loop import carrying
-from itouch.loop.blame import foreign_write, modality_fault
 from itouch.loop.events import Events
+from itouch.loop.fault_attribution import foreign_write, modality_fault
 from itouch.loop.fence import Fence
-from itouch.loop.ledger import Counts
 from itouch.loop.objects import Objects
 from itouch.loop.placing import bound_supervision, bound_together
 from itouch.loop.rig import ProbeRig
+from itouch.loop.run_statistics import Counts
 from itouch.loop.runner import Runner
 from itouch.loop.step import CALLS_KERNELS, Step, joinable
 from itouch.plugin import Bound, Record, Role

@@ -37,9 +37,9 @@ def summary(engine: Running, open_contacts: list[dict[str, Any]], wall: float) -
     wall
         Host seconds spent running.
     """
-    model, ledger, times = engine.model, engine.ledger, engine.times
+    model, statistics, times = engine.model, engine.statistics, engine.times
     real = engine.clock.pace == "real"
-    tracking = ledger.tracking.summary(1e3)
+    tracking = statistics.tracking.summary(1e3)
     return {
         "scene": model.scene.source,
         "simulated_s": engine.seconds,
@@ -55,7 +55,7 @@ def summary(engine: Running, open_contacts: list[dict[str, Any]], wall: float) -
             "lateness_us": times.lateness() if real else None,
             **timing_report(times, real),
         },
-        "table": {"tracking_mm": tracking, "height_error_mm_max": ledger.height_error * 1e3},
+        "table": {"tracking_mm": tracking, "height_error_mm_max": statistics.height_error * 1e3},
         "devices": {
             name: {
                 "status": engine.status(name).name,
@@ -69,9 +69,9 @@ def summary(engine: Running, open_contacts: list[dict[str, Any]], wall: float) -
         },
         "notices": [*model.notices, *missed_plates(model, engine.state), *vain_waits(model, engine.state)],
         "modalities": {m.name: _told(m, engine) for m in model.modalities},
-        "contacts": [*ledger.contacts, *open_contacts],
+        "contacts": [*statistics.contacts, *open_contacts],
         "waits": waits_of(model, engine.state),
-        "faults": sorted([*ledger.faults, *engine.injected], key=lambda entry: int(entry["tick"])),
+        "faults": sorted([*statistics.faults, *engine.injected], key=lambda entry: int(entry["tick"])),
     }
 
 

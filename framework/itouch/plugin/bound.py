@@ -67,6 +67,6 @@ class Bound:
         found = self._joined()
         return found & 0xFFFFFFFF if found >= 0 else 0
 
-    def rehearse(self) -> None:
+    def warm_up(self) -> None:
         """Call the function on copies, so that it is compiled before the first tick."""
         self.function(*(_copied(value) for value in self.arguments))

@@ -130,7 +130,7 @@ def _snapshot(path: str) -> Findings:
     session = restore(path)
     report = session.report()
     faults = report["faults"]
-    timing = {"ticks": report["servo"]["ticks"], **_figures(session.ledger.histograms())}
+    timing = {"ticks": report["servo"]["ticks"], **_figures(session.statistics.histograms())}
     summary = _summary(report, faults, session.seconds, session.model)
     return Findings(
         os.path.basename(path), "snapshot", summary, report, faults, [], [], timing,

@@ -24,7 +24,7 @@ _EVERY = 0.1
 class Followed(Protocol):
     """What is shown of an engine, here or in a servo process."""
 
-    ledger: Any
+    statistics: Any
     clock: Any
 
     @property
@@ -51,7 +51,7 @@ class Screen:
         self._engine, self._stream = engine, stream
         self._live = is_terminal(stream) and not MANNER.quiet
         self._next = 0.0
-        self._told = len(engine.ledger.contacts)
+        self._told = len(engine.statistics.contacts)
         self._missed = _noted(engine)
 
     def show(self) -> None:
@@ -107,7 +107,7 @@ class Screen:
         return parts
 
     def _new_contacts(self) -> None:
-        contacts = self._engine.ledger.contacts
+        contacts = self._engine.statistics.contacts
         for entry in contacts[self._told :]:
             said = "; ".join(columns.ended(self._engine.model, entry))
             left = f"{entry['end_s']:8.3f} s  {entry['probe']} left {entry['object']}"

@@ -12,18 +12,18 @@ from itouch.safety.supervisor import Supervisor
 from itouch.world import DeviceModel
 
 
-def rehearse(model: DeviceModel, scratch: Record, period: float) -> None:
+def warm_up(model: DeviceModel, scratch: Record, period: float) -> None:
     """Take all that a device may meet in a tick through its own entrances, out of touch and in touch.
 
     Whatever trips there trips on scratch State; there is neither a device nor a twin that anything could reach.
     """
-    _Rehearsed(model, scratch, period).rehearse()
+    _Rehearsed(model, scratch, period).warm_up()
 
 
 class _Rehearsed(Supervisor):
     """A supervisor without a device."""
 
-    def rehearse(self) -> None:
+    def warm_up(self) -> None:
         """Go through a reading, every monitor, and every command; then through a fault and the way out of it."""
         self.reset()
         for channel in self.model.reads:

@@ -13,13 +13,13 @@ if TYPE_CHECKING:
     from itouch.servo.handle import Handle
     from itouch.servo.launching import launch
     from itouch.servo.link import Link, SessionInfo, attach, sessions
-    from itouch.servo.segment import ServoError
+    from itouch.servo.shared_memory import ServoError
 
 #: Public name -> its module; loaded when asked for, so that the guardian and readers stay small.
 _HOMES = {
     "Handle": "handle",
     "Link": "link",
-    "ServoError": "segment",
+    "ServoError": "shared_memory",
     "SessionInfo": "link",
     "attach": "link",
     "launch": "launching",

@@ -17,8 +17,8 @@ import numpy as np
 
 from itouch.plugin import Role
 from itouch.schema import ItouchError
-from itouch.servo.channel import Outbox
-from itouch.servo.segment import ServoError
+from itouch.servo.launcher_pipe import Outbox
+from itouch.servo.shared_memory import ServoError
 from itouch.session import Session
 from itouch.world import Model
 

@@ -10,7 +10,7 @@ from itouch.loop import DeviceFaultError, EngineError, LatchedError
 from itouch.plugin import DeviceError
 from itouch.safety import Trip
 from itouch.schema import ItouchError, Place, Problem, SceneError
-from itouch.servo.segment import ServoError
+from itouch.servo.shared_memory import ServoError
 from itouch.session import SessionError
 
 _PLAIN: Mapping[str, type[Exception]] = {

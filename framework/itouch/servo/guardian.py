@@ -18,10 +18,10 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 
+from itouch.servo import control_block as at
 from itouch.servo import realtime, wire
-from itouch.servo import words as at
 from itouch.servo.lastwords import LastWords, Process
-from itouch.servo.segment import Segment, monotonic
+from itouch.servo.shared_memory import SharedMemory, monotonic
 
 #: How often [s] the guardian looks, and how long the servo process may be silent: with devices that obey, and without.
 LOOK, SILENCE, SILENCE_ALONE = 0.005, 0.12, 5.0
@@ -39,7 +39,7 @@ Act = Callable[[], None]
 class Guardian:
     """Watches one session."""
 
-    def __init__(self, segment: Segment, servo: int, owner: int) -> None:
+    def __init__(self, segment: SharedMemory, servo: int, owner: int) -> None:
         self._segment, self._words = segment, segment.words
         self._servo, self._owner = servo, owner
         self._acts: dict[str, Act] | None = None
@@ -167,7 +167,7 @@ def _try(act: Act) -> None:
         act()
 
 
-def _acts(segment: Segment) -> dict[str, Act]:
+def _acts(segment: SharedMemory) -> dict[str, Act]:
     """Return, for each device with a second opener, what makes it safe."""
     meta = segment.meta()
     acts: dict[str, Act] = {name: _safe_packet(where) for name, where in meta["remotes"].items()}
@@ -198,7 +198,7 @@ def main(argv: Sequence[str]) -> int:
     realtime.sharpen_timer()
     with contextlib.suppress(OSError), open("/proc/self/oom_score_adj", "w", encoding="ascii") as stream:
         stream.write("-1000")
-    segment = Segment(memory, argv[4])
+    segment = SharedMemory(memory, argv[4])
     segment.words[at.GUARDIAN] = os.getpid()
     said = Guardian(segment, servo, owner).watch()
     with contextlib.suppress(OSError):

@@ -6,8 +6,8 @@ import os
 import subprocess
 import sys
 
-from itouch.servo import words as at
-from itouch.servo.segment import Segment
+from itouch.servo import control_block as at
+from itouch.servo.shared_memory import SharedMemory
 
 _ANSWER = 4096
 #: How long [s] the guardian may take to end after the servo process.
@@ -17,7 +17,7 @@ _END = 5.0
 class Guarded:
     """The guardian of one servo process, as the launcher sees it."""
 
-    def __init__(self, process: subprocess.Popen[bytes], segment: Segment, environment: dict[str, str]) -> None:
+    def __init__(self, process: subprocess.Popen[bytes], segment: SharedMemory, environment: dict[str, str]) -> None:
         near, far = os.pipe()
         servo, owner = os.pidfd_open(process.pid), os.pidfd_open(os.getpid())
         passed = (segment.handle, servo, owner, far)

@@ -12,11 +12,11 @@ from typing import Any
 
 from itouch.loop.timing import Timing
 from itouch.plugin import Record
-from itouch.servo import words as at
-from itouch.servo.channel import messages
+from itouch.servo import control_block as at
 from itouch.servo.guarding import Guarded
+from itouch.servo.launcher_pipe import messages
 from itouch.servo.link import Link
-from itouch.servo.segment import Segment, ServoError
+from itouch.servo.shared_memory import ServoError, SharedMemory
 from itouch.servo.within import Unguarded, Within
 
 #: How long [s] the end of a session may take before the servo process is killed; its guardian acts long before.
@@ -45,7 +45,7 @@ class Handle:
     """
 
     def __init__(
-        self, process: subprocess.Popen[bytes] | Within, segment: Segment, line: socket.socket,
+        self, process: subprocess.Popen[bytes] | Within, segment: SharedMemory, line: socket.socket,
         guarded: Guarded | Unguarded,
     ) -> None:  # fmt: skip
         self._process, self._segment, self._line, self._guarded = process, segment, line, guarded

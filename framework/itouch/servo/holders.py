@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.platforms import lives
-from itouch.servo import words as at
-from itouch.servo.segment import Segment, ServoError, monotonic
+from itouch.servo import control_block as at
+from itouch.servo.shared_memory import ServoError, SharedMemory, monotonic
 
 #: How long [ns] one word is believed.
 HOLD_NS: Final = 80_000_000
@@ -28,7 +28,7 @@ _PID_SHIFT: Final = 40
 class Holder:
     """One who may hold the switch: a word of one's own in a session's memory, claimed when it is first held."""
 
-    def __init__(self, segment: Segment) -> None:
+    def __init__(self, segment: SharedMemory) -> None:
         self._segment = segment
         self._token = os.getpid() << _PID_SHIFT | secrets.randbits(_PID_SHIFT)
         self._place = -1

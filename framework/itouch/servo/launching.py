@@ -18,10 +18,10 @@ from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene, write
 from itouch.servo.guarding import Guarded, child_environment
 from itouch.servo.handle import Handle
-from itouch.servo.segment import Segment, ServoError
+from itouch.servo.shared_memory import ServoError, SharedMemory
 from itouch.servo.within import Unguarded, Within
 from itouch.session import choose_twins
-from itouch.session.keeping import Keep
+from itouch.session.outputs import Outputs
 from itouch.world.swapped import fitted
 
 
@@ -37,7 +37,7 @@ def launch(
     enable: bool = False,
     linger: bool = False,
     realtime: bool = True,
-    keep: Keep | None = None,
+    keep: Outputs | None = None,
 ) -> Handle:
     """Run a scene or a saved session in real time, in a servo process of its own.
 
@@ -83,7 +83,7 @@ def launch(
         "seed": seed, "rig": None if rig is None else os.fspath(rig), "seconds": seconds, "enable": enable,
         "linger": linger,
         "save": None if save is None else os.fspath(save), "realtime": realtime, "sys_path": sys.path,
-        "keep": (keep or Keep()).dump(),
+        "keep": (keep or Outputs()).dump(),
     }  # fmt: skip
     return start(name or _name(config["scene"]), config)
 
@@ -130,7 +130,7 @@ def _config(scene: str | os.PathLike[str] | Scene, twin: str | None) -> dict[str
 
 
 def _start(name: str, config: dict[str, Any]) -> Handle:
-    segment = Segment.create(name)
+    segment = SharedMemory.create(name)
     near, far = socket.socketpair()
     if not SERVO_PROCESS:
         return Handle(Within(segment, far, config), segment, near, Unguarded())

@@ -15,11 +15,11 @@ import numpy as np
 from itouch.loop.timing import Timing, timing_fields
 from itouch.platforms import SERVO_PROCESS, lives
 from itouch.plugin import Record
-from itouch.servo import box
-from itouch.servo import words as at
+from itouch.servo import command_queue
+from itouch.servo import control_block as at
 from itouch.servo.holders import Holder
 from itouch.servo.reading import Follower, Ring, copy_timing
-from itouch.servo.segment import PREFIX, Segment, ServoError, monotonic
+from itouch.servo.shared_memory import PREFIX, ServoError, SharedMemory, monotonic
 
 if TYPE_CHECKING:
     from itouch.scene import Scene
@@ -42,7 +42,7 @@ class SessionInfo:
 class Link:
     """Reads a session; the servo process does not notice.  Also a context manager."""
 
-    def __init__(self, segment: Segment) -> None:
+    def __init__(self, segment: SharedMemory) -> None:
         segment.check()
         if not int(segment.words[at.SIZE]):
             raise ServoError(f"session '{segment.name}' is still being built")
@@ -182,7 +182,7 @@ class Link:
         """
         if not self.alive:
             raise ServoError(f"session '{self.name}' has ended")
-        box.put(self._segment, {"what": what, "value": value})
+        command_queue.put(self._segment, {"what": what, "value": value})
 
     def stop(self) -> None:
         """Ask for the end of the session; the devices are made safe first."""
@@ -256,7 +256,7 @@ def attach(name: str | None = None) -> Link:
     raise ServoError(f"several sessions run: {listed}; name one")
 
 
-def _segments() -> Iterator[Segment]:
+def _segments() -> Iterator[SharedMemory]:
     """Find the memory of every session whose servo process lives, each once."""
     seen: set[int] = set()
     for link in _links():
@@ -292,9 +292,9 @@ def _links() -> Iterator[str]:
         yield from (f"{folder}/fd/{name}" for name in names)
 
 
-def _usable(handle: int, name: str) -> Segment | None:
+def _usable(handle: int, name: str) -> SharedMemory | None:
     try:
-        segment = Segment(handle, name)
+        segment = SharedMemory(handle, name)
     except (ServoError, OSError, ValueError):
         os.close(handle)
         return None

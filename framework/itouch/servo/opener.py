@@ -11,12 +11,12 @@ from itouch.plugin import Device, Field, Record
 from itouch.plugin.discovery import Catalog
 from itouch.scene import loads
 from itouch.servo.link import Link
-from itouch.servo.segment import Segment
+from itouch.servo.shared_memory import SharedMemory
 from itouch.world import DeviceModel
 from itouch.world.rig import build_devices
 
 
-def openers(segment: Segment, meta: dict[str, Any]) -> dict[str, Callable[[], None]]:
+def openers(segment: SharedMemory, meta: dict[str, Any]) -> dict[str, Callable[[], None]]:
     """Return, for each device that a second process may open, what makes it safe from the last State."""
     sys.path[:] = [*sys.path, *(entry for entry in meta["sys_path"] if entry not in sys.path)]
     catalog = Catalog()

@@ -92,13 +92,13 @@ def prepare(scene: str, *, seed: int, twin: str | None, rig: str | None) -> Sess
         if is_session(scene):
             companion.wait()
             return restore(scene)
-        from itouch.loop.rehearsal import rehearse_modalities
+        from itouch.loop.warm_up import warm_up_modalities
         from itouch.world import Model
 
         catalog = Catalog()
         model = Model.of(load_scene(scene, rig=rig, twin=twin, catalog=catalog), catalog)
         if companion.started:
-            rehearse_modalities(model)
+            warm_up_modalities(model)
         companion.wait()
         return Session(model, seed=seed)
 

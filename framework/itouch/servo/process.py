@@ -17,15 +17,15 @@ from collections.abc import Sequence
 from typing import Any
 
 from itouch.platforms import lives, signals
-from itouch.servo import words as at
-from itouch.servo.channel import Outbox, messages
+from itouch.servo import control_block as at
+from itouch.servo.launcher_pipe import Outbox, messages
 from itouch.servo.parent import LOOK, end_with
-from itouch.servo.segment import Segment, monotonic
+from itouch.servo.shared_memory import SharedMemory, monotonic
 
 
 def main(argv: Sequence[str]) -> int:
     """Run a session as the launcher asks, and tell it how that ended."""
-    segment = Segment(int(argv[0]), argv[1])
+    segment = SharedMemory(int(argv[0]), argv[1])
     line = socket.socket(fileno=int(argv[2]))
     parent = int(argv[3])
     segment.words[at.SERVO] = os.getpid()
@@ -41,7 +41,7 @@ def main(argv: Sequence[str]) -> int:
     return serve(segment, outbox, {**config, "launcher": parent})
 
 
-def serve(segment: Segment, outbox: Outbox, config: dict[str, Any]) -> int:
+def serve(segment: SharedMemory, outbox: Outbox, config: dict[str, Any]) -> int:
     """Build and run what the launcher asks for, and tell it how that ended; return the exit code."""
     error: BaseException | None = None
     report: dict[str, Any] | None = None
@@ -55,7 +55,7 @@ def serve(segment: Segment, outbox: Outbox, config: dict[str, Any]) -> int:
     return 1 if error is not None else 0
 
 
-def _end_without_guardian(segment: Segment, outbox: Outbox) -> None:
+def _end_without_guardian(segment: SharedMemory, outbox: Outbox) -> None:
     """End this process at once if its guardian dies before anything may act."""
 
     def look() -> None:
@@ -71,7 +71,9 @@ def _end_without_guardian(segment: Segment, outbox: Outbox) -> None:
     threading.Thread(target=look, name="itouch-guardian", daemon=True).start()
 
 
-def _serve(segment: Segment, outbox: Outbox, config: dict[str, Any]) -> tuple[dict[str, Any], BaseException | None]:
+def _serve(
+    segment: SharedMemory, outbox: Outbox, config: dict[str, Any]
+) -> tuple[dict[str, Any], BaseException | None]:
     from importlib import import_module
 
     module, _, name = str(config.get("serves", "itouch.servo.serve:serve")).partition(":")
@@ -87,7 +89,7 @@ def _told(error: BaseException | None) -> dict[str, Any] | None:
     return encode(error)
 
 
-def _end_on_signals(segment: Segment) -> None:
+def _end_on_signals(segment: SharedMemory) -> None:
     """Let SIGTERM end the session safely; what a terminal sends is the launcher's to answer."""
 
     def stop(number: int, frame: object) -> None:

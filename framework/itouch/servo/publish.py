@@ -13,8 +13,8 @@ import numpy as np
 
 from itouch.loop.timing import Timing
 from itouch.plugin import Record
-from itouch.servo import words as at
-from itouch.servo.segment import SLOT_HEAD, Segment, monotonic
+from itouch.servo import control_block as at
+from itouch.servo.shared_memory import SLOT_HEAD, SharedMemory, monotonic
 
 #: Processors that keep the order of writes, and of reads, as seen by the others; elsewhere a sum proves the copy.
 ORDERED = platform.machine().lower() in ("x86_64", "amd64", "i686", "i386")
@@ -33,7 +33,7 @@ def slots_for(state_size: int, period: float) -> int:
 class Publisher:
     """Writes each tick's State, and now and then Timing, into a session's memory."""
 
-    def __init__(self, segment: Segment, state: Record, timing: Timing) -> None:
+    def __init__(self, segment: SharedMemory, state: Record, timing: Timing) -> None:
         words = segment.words
         self._words, self._state, self._timing = words, state.raw, timing.record.raw
         self._slots, size = int(words[at.SLOTS]), int(words[at.SLOT_SIZE])

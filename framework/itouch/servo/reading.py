@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.servo import words as at
+from itouch.servo import control_block as at
 from itouch.servo.publish import total
-from itouch.servo.segment import SLOT_HEAD, Segment, ServoError
+from itouch.servo.shared_memory import SLOT_HEAD, ServoError, SharedMemory
 
 _TOLD = struct.Struct("<qqqq")
 _ATTEMPTS = 1000
@@ -37,7 +37,7 @@ class Entry:
 class Ring:
     """The ring of States, as a reader sees it."""
 
-    def __init__(self, segment: Segment) -> None:
+    def __init__(self, segment: SharedMemory) -> None:
         words = segment.words
         self._words = words
         self.slots, size = int(words[at.SLOTS]), int(words[at.SLOT_SIZE])
@@ -111,7 +111,7 @@ class Follower:
             yield Entry(self._next - 1, tick, host, late * 1e-9, duration * 1e-9, self._buffer.tobytes())
 
 
-def copy_timing(segment: Segment, into: NDArray[np.uint8]) -> bool:
+def copy_timing(segment: SharedMemory, into: NDArray[np.uint8]) -> bool:
     """Copy Timing; false if the servo process died while it was writing it."""
     words = segment.words
     area = segment.part(int(words[at.TIMING_AT]), int(words[at.TIMING_SIZE]))

@@ -18,7 +18,7 @@ from itouch.platforms import SERVO_PROCESS
 from itouch.plugin import DeviceError, Field, Record, Touch, Twin
 from itouch.scene import write
 from itouch.servo import wire
-from itouch.servo.segment import ServoError, monotonic
+from itouch.servo.shared_memory import ServoError, monotonic
 from itouch.session import Session
 
 #: Time [s] without commands after which a remote twin makes itself safe: half of what a death may take.

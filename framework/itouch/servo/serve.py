@@ -13,20 +13,20 @@ from itouch.loop.release import in_turn
 from itouch.platforms import hardware_refused, lives
 from itouch.plugin import Role
 from itouch.scene import write
+from itouch.servo import control_block as at
 from itouch.servo import realtime
-from itouch.servo import words as at
-from itouch.servo.box import Inbox
-from itouch.servo.channel import Outbox
+from itouch.servo.command_queue import Inbox
 from itouch.servo.commands import Asked, Commands
 from itouch.servo.errors import let_go
 from itouch.servo.holders import Switch
+from itouch.servo.launcher_pipe import Outbox
 from itouch.servo.parent import EndOf, gone
 from itouch.servo.prepare import prepare, prepare_text
 from itouch.servo.publish import ORDERED, TIMING_EVERY, Publisher, slots_for
 from itouch.servo.remote import Remotes
-from itouch.servo.segment import Segment, ServoError, monotonic
+from itouch.servo.shared_memory import ServoError, SharedMemory, monotonic
 from itouch.session import Session
-from itouch.session.keeping import Keep, keeping
+from itouch.session.outputs import Outputs, open_outputs
 
 #: How often the servo process looks round while the engine rests [s].
 IDLE = 1e-3
@@ -55,7 +55,7 @@ def build(config: dict[str, Any]) -> Session:
     return prepare(config["scene"], seed=config["seed"], twin=config["twin"], rig=config["rig"])
 
 
-def serve(segment: Segment, outbox: Outbox, config: dict[str, Any]) -> tuple[dict[str, Any], BaseException | None]:
+def serve(segment: SharedMemory, outbox: Outbox, config: dict[str, Any]) -> tuple[dict[str, Any], BaseException | None]:
     """Build and run the session that the launcher asks for; return its report, and what ended it if it failed."""
     return Servo(build(config), segment, outbox, config).run()
 
@@ -63,7 +63,7 @@ def serve(segment: Segment, outbox: Outbox, config: dict[str, Any]) -> tuple[dic
 class Servo:
     """Runs one session in this process."""
 
-    def __init__(self, session: Session, segment: Segment, outbox: Outbox, config: dict[str, Any]) -> None:
+    def __init__(self, session: Session, segment: SharedMemory, outbox: Outbox, config: dict[str, Any]) -> None:
         self.session, self.outbox, self._config = session, outbox, config
         session.clock, session.guarded = WallClock(), True
         if refused := hardware_refused(self._hardware()):
@@ -81,7 +81,7 @@ class Servo:
         self._end_of_guardian = EndOf(lambda: int(segment.words[at.GUARDIAN]))
         self._asked = Asked(bool(config["enable"]) or not self._hardware())
         self._commands = Commands(session, outbox, self._asked, self.report)
-        self._told = len(session.ledger.contacts)
+        self._told = len(session.statistics.contacts)
         self._launcher = int(config.get("launcher", os.getppid()))
         self._held = self._armed = False
         self._kept = contextlib.ExitStack()
@@ -115,7 +115,7 @@ class Servo:
         """Run to the end; return the report, and the error that ended the run if one did."""
         error: BaseException | None = None
         try:
-            self._kept.enter_context(keeping(self.session, Keep(**self._config["keep"])))
+            self._kept.enter_context(open_outputs(self.session, Outputs(**self._config["keep"])))
             self._begin()
             self._run()
             error = self._failure
@@ -231,7 +231,7 @@ class Servo:
         self.outbox.tell("loss", {"loss": loss})
 
     def _tell_fault(self) -> None:
-        met = [fault for fault in self.session.ledger.faults if not fault.get("optional")]
+        met = [fault for fault in self.session.statistics.faults if not fault.get("optional")]
         if met:
             self.outbox.tell("fault", {"fault": met[-1]})
 
@@ -274,7 +274,7 @@ class Servo:
             self.words[at.ARMED] = int(self._obeyed)
         times, stamps = self.session.times, self.session.stamps
         self._publish(times.late, float(stamps[-1] - stamps[0]))
-        contacts = self.session.ledger.contacts
+        contacts = self.session.statistics.contacts
         if len(contacts) > self._told:
             self.outbox.tell("contacts", {"contacts": contacts[self._told :]})
             self._told = len(contacts)

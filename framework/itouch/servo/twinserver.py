@@ -21,7 +21,7 @@ from itouch.plugin import HOLD, RETRACT, Field, Record, Touch
 from itouch.plugin.discovery import Catalog
 from itouch.scene import loads
 from itouch.servo import realtime, wire
-from itouch.servo.segment import monotonic
+from itouch.servo.shared_memory import monotonic
 from itouch.world import DeviceModel
 from itouch.world.rig import build_devices
 

@@ -11,14 +11,14 @@ import socket
 import threading
 from typing import Any
 
-from itouch.servo.channel import Outbox
-from itouch.servo.segment import Segment
+from itouch.servo.launcher_pipe import Outbox
+from itouch.servo.shared_memory import SharedMemory
 
 
 class Within:
     """The thread, where a launcher expects a servo process."""
 
-    def __init__(self, segment: Segment, line: socket.socket, config: dict[str, Any]) -> None:
+    def __init__(self, segment: SharedMemory, line: socket.socket, config: dict[str, Any]) -> None:
         self.pid = os.getpid()
         self._code = 0
         self._thread = threading.Thread(
@@ -26,8 +26,8 @@ class Within:
         )
         self._thread.start()
 
-    def _work(self, segment: Segment, line: socket.socket, config: dict[str, Any]) -> None:
-        from itouch.servo import words as at
+    def _work(self, segment: SharedMemory, line: socket.socket, config: dict[str, Any]) -> None:
+        from itouch.servo import control_block as at
         from itouch.servo.process import serve
 
         segment.words[at.SERVO] = self.pid

@@ -10,7 +10,7 @@ import numpy as np
 from itouch.contact import Box, Capsule, Cylinder, Plane, Sphere
 from itouch.plugin import Record, Role
 from itouch.recording.views import WORLD, Force, Frame, Solid, View, Warmth, packed
-from itouch.session.rows import recordable
+from itouch.session.row_layout import recordable
 from itouch.world import Model
 from itouch.world.rig import DeviceModel
 

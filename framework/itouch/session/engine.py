@@ -19,15 +19,15 @@ from itouch.recording import RecordingError
 from itouch.safety import Outcome, connect
 from itouch.scene import Scene
 from itouch.schema.notebook import Shown
-from itouch.session import layout, limits, marks, wishes
+from itouch.session import channel_selection, layout, limits, marks
 from itouch.session.document import to_xml
 from itouch.session.errors import SessionError
 from itouch.session.participants import Participant
-from itouch.session.plausible import check_plausible
 from itouch.session.progress import told
 from itouch.session.recorder import Asked, Onwards, Recorder
 from itouch.session.saving import Saving
 from itouch.session.snapshot import Snapshot, SnapshotWriter, write_snapshot
+from itouch.session.state_validation import validate_state
 from itouch.world import Model
 
 Path = str | os.PathLike[str]
@@ -92,7 +92,7 @@ class Session(Shown, Engine):
 
     def pack(self, state: Record | None = None, ledger: dict[str, Any] | None = None) -> bytes:
         """Return the bytes of a snapshot: of now, or of a State and a ledger that were taken before."""
-        return self._snapshots().pack(state if state is not None else self.state, ledger or self.ledger.dump())
+        return self._snapshots().pack(state if state is not None else self.state, ledger or self.statistics.dump())
 
     def saving(self, path: Path, every: float) -> Saving:
         """Return a context in which the session is saved every so many seconds while it runs."""
@@ -113,7 +113,7 @@ class Session(Shown, Engine):
         record = Record.__array__(self.state, copy=True).reshape(1)
         manifest = self._snapshots().manifest(self.state)
         files = {file.file: file.data for file in self.model.files}
-        return Snapshot(self.model.scene, record, manifest, self.ledger.dump(), dict(self._bases.used), files)
+        return Snapshot(self.model.scene, record, manifest, self.statistics.dump(), dict(self._bases.used), files)
 
     def to_xml(self) -> str:
         """Return the whole session as one XML document, which ``restore`` reads back to the same bytes."""
@@ -142,7 +142,7 @@ class Session(Shown, Engine):
             self._participant.begin()
         element = self.model.scene.record
         if element is not None and self.records and self.recorder is None:
-            self.record(wishes.file_name(element.to, self.model.scene.source, int(self.state["seed"])))
+            self.record(channel_selection.file_name(element.to, self.model.scene.source, int(self.state["seed"])))
         if not progress:
             super().run(seconds, until=until, each=each, every=every)
             return
@@ -178,8 +178,8 @@ class Session(Shown, Engine):
         if self.recorder is not None:
             raise RecordingError(f"the session is being recorded to '{self.recorder.path}'")
         target = os.fspath(path)
-        tracks = wishes.tracks_of(self.model, self.state)
-        self._notes += tuple(note for note in wishes.recording_notes(self.model) if note not in self._notes)
+        tracks = channel_selection.tracks_of(self.model, self.state)
+        self._notes += tuple(note for note in channel_selection.recording_notes(self.model) if note not in self._notes)
         try:
             os.makedirs(os.path.dirname(target) or ".", exist_ok=True)
         except OSError as error:
@@ -252,7 +252,7 @@ class Session(Shown, Engine):
         """
         element, tick = self.model.scene.record, int(self.state["tick"])
         seconds = tick * self.model.period
-        last = next((fault for fault in reversed(self.ledger.faults) if fault.get("trip") == trip), None)
+        last = next((fault for fault in reversed(self.statistics.faults) if fault.get("trip") == trip), None)
         if last is not None and last["cause"] == cause:
             last["times"], last["until_s"] = int(last.get("times", 1)) + 1, seconds
             return
@@ -261,7 +261,7 @@ class Session(Shown, Engine):
         entry |= {"time_s": seconds, "trip": trip, "cause": cause}
         entry |= {"scene": str(place) if place is not None else None}
         entry["ends"] = element is not None and element.on_failure == "stop"
-        self.ledger.faults.append(entry)
+        self.statistics.faults.append(entry)
         for hook in self.loss_hooks:
             hook(entry)
         if entry["ends"]:
@@ -429,8 +429,8 @@ class Session(Shown, Engine):
         self.adopt(stored)
         try:
             with keeping(self._bases):  # twins lay their fields out by their bases
-                check_plausible(self.model, self.state)
-            self.ledger.load(snapshot.ledger)
+                validate_state(self.model, self.state)
+            self.statistics.load(snapshot.ledger)
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             self.adopt(before)
             raise SessionError(f"the session can't be taken up: {error}") from error

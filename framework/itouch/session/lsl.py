@@ -13,7 +13,7 @@ import numpy as np
 
 from itouch.recording.tracks import Track
 from itouch.session.errors import SessionError
-from itouch.session.rows import replay_tracks
+from itouch.session.row_layout import replay_tracks
 
 if TYPE_CHECKING:
     from itouch.session.engine import Session

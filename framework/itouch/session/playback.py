@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from itouch.plugin import Device, DeviceError, Record, Touch, Twin
 from itouch.plugin.stamps import Stamped
 from itouch.recording import Recording
-from itouch.session.rows import in_track
+from itouch.session.row_layout import in_track
 
 if TYPE_CHECKING:
     from itouch.session.engine import Session

@@ -9,7 +9,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from itouch.loop.ledger import Ledger
+from itouch.loop.run_statistics import RunStatistics
 from itouch.plugin.discovery import Catalog
 from itouch.recording import Recording, RecordingError, read
 from itouch.session.arrays import load_bases, record_from
@@ -39,7 +39,7 @@ def snapshot_at(recording: Recording, letter: Mapping[str, Any], catalog: Catalo
         state = state_of(letter)
     except (ValueError, KeyError, TypeError, AttributeError, zlib.error) as error:
         raise RecordingError(f"'{recording.path}' does not hold a whole session: {error}") from error
-    return Snapshot(scene, state, manifest, Ledger().dump(), stored, files)
+    return Snapshot(scene, state, manifest, RunStatistics().dump(), stored, files)
 
 
 def last_snapshot(path: str, catalog: Catalog) -> Snapshot:

@@ -28,7 +28,7 @@ from itouch.scene import write
 from itouch.session.arrays import pack_bases
 from itouch.session.drawn import view_of
 from itouch.session.paths import without_folders
-from itouch.session.rows import Rows
+from itouch.session.row_layout import Rows
 from itouch.session.snapshot import Snapshot
 from itouch.world.state import EVENTS
 
@@ -79,7 +79,7 @@ class Recorder:
         self._process = self._start()
         self._period = session.model.period
         self._events = int(session.state["events.count"])
-        self._faults, self._lost = len(session.ledger.faults), 0
+        self._faults, self._lost = len(session.statistics.faults), 0
         self._counted = session.times.record["counts"][:2].copy()
         self._begun = int(session.state["tick"])
         self._wait(lambda: self._ring.phase is not Phase.STARTING, _BEGIN)
@@ -245,7 +245,7 @@ class Recorder:
         self._tell_faults()
         self.session, self._asked = session, asked
         self._rows, self._copied = onwards
-        self._events, self._faults = int(session.state["events.count"]), len(session.ledger.faults)
+        self._events, self._faults = int(session.state["events.count"]), len(session.statistics.faults)
         self._counted = session.times.record["counts"][:2].copy()
         self.tap = self._make_tap()
         self.note_state("scene")
@@ -290,7 +290,7 @@ class Recorder:
             )
 
     def _tell_faults(self) -> None:
-        known = self.session.ledger.faults
+        known = self.session.statistics.faults
         for fault in known[self._faults :]:
             content = {key: value for key, value in fault.items() if key not in ("tick", "time")}
             self.tell("/log/faults", int(fault["tick"]), **content)

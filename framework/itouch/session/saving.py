@@ -58,7 +58,7 @@ class Saving:
             self._tell()
         if (tick + 1) % self._ticks:
             return
-        ledger = self._session.ledger.dump()
+        ledger = self._session.statistics.dump()
         taken = self._session.state.tobytes(), {**ledger, "contacts": list(ledger["contacts"])}
         try:
             self._work.put(taken, block=self._session.clock.pace != "real")

@@ -20,12 +20,12 @@ from itouch.scene import Scene
 from itouch.schema import ItouchError
 from itouch.servo import Handle, ServoError
 from itouch.servo.launching import start
-from itouch.session.keeping import Keep
+from itouch.session.outputs import Outputs
 from itouch.study.answers import Answers, Question, Stopped
 from itouch.study.operating import Operator
 from itouch.study.reading import StudyFile
 from itouch.study.shown import Show, Shown
-from itouch.viewer.holding import Holding
+from itouch.viewer.deadman_switch import DeadMansSwitch
 
 #: How often [s] windows, keys and messages are looked at.
 LOOK = 0.01
@@ -84,7 +84,7 @@ def _start(file: StudyFile, serves: str, name: str, asked: dict[str, Any], *, re
     config = {
         "serves": serves, "scene": file.scene_path, "scene_xml": None, "twin": None, "rig": None, "seed": 0,
         "seconds": None, "enable": False, "linger": False, "save": None, "realtime": realtime, "sys_path": sys.path,
-        "keep": Keep().dump(), "study": {"path": os.path.abspath(file.path), **asked},
+        "keep": Outputs().dump(), "study": {"path": os.path.abspath(file.path), **asked},
     }  # fmt: skip
     return start(f"{name}-{os.getpid()}", config)
 
@@ -110,7 +110,7 @@ class Desk:
     ) -> None:  # fmt: skip
         self._handle, self._answers, self._show, self._operator = handle, answers, show, operator
         self._note = note
-        self._holding = Holding(handle.link)
+        self._holding = DeadMansSwitch(handle.link)
         self._asked: tuple[int, float] | None = None
         self._given = self._paused = self._held = self._ending = False
         self._face = Shown("hold"), list[tuple[str, bool]]()

@@ -17,11 +17,11 @@ from typing import Any
 from itouch.loop import DeviceFaultError, LatchedError, Status, WallClock
 from itouch.plugin import Record
 from itouch.plugin.discovery import Catalog
-from itouch.servo import words as at
-from itouch.servo.channel import Outbox
+from itouch.servo import control_block as at
+from itouch.servo.launcher_pipe import Outbox
 from itouch.servo.publish import TIMING_EVERY, Publisher
-from itouch.servo.segment import Segment, ServoError, monotonic
 from itouch.servo.serve import IDLE, Servo
+from itouch.servo.shared_memory import ServoError, SharedMemory, monotonic
 from itouch.session import Session
 from itouch.study.answers import Question, Stopped
 from itouch.study.door import Door
@@ -95,8 +95,8 @@ class Sitting(Servo):
     """
 
     def __init__(
-        self, room: Room, work: Callable[[], None], obey: Callable[[str, Any], None], segment: Segment, outbox: Outbox,
-        config: dict[str, Any],
+        self, room: Room, work: Callable[[], None], obey: Callable[[str, Any], None], segment: SharedMemory,
+        outbox: Outbox, config: dict[str, Any],
     ) -> None:  # fmt: skip
         session = room.session
         remote = [runner.model.name for runner in session.runners if runner.model.remote]
@@ -196,7 +196,7 @@ class Sitting(Servo):
             self._watch_others()
 
 
-def serve(segment: Segment, outbox: Outbox, config: dict[str, Any]) -> tuple[dict[str, Any], BaseException | None]:
+def serve(segment: SharedMemory, outbox: Outbox, config: dict[str, Any]) -> tuple[dict[str, Any], BaseException | None]:
     """Make the trials of a participant that are left, as ``config["study"]`` says.
 
     Raises
@@ -226,7 +226,9 @@ def serve(segment: Segment, outbox: Outbox, config: dict[str, Any]) -> tuple[dic
         return report, error
 
 
-def serve_door(segment: Segment, outbox: Outbox, config: dict[str, Any]) -> tuple[dict[str, Any], BaseException | None]:
+def serve_door(
+    segment: SharedMemory, outbox: Outbox, config: dict[str, Any]
+) -> tuple[dict[str, Any], BaseException | None]:
     """Let another program lead, as ``config["study"]`` says; see `itouch.study.served`.
 
     Raises

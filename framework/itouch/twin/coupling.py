@@ -94,7 +94,7 @@ class Coupling:
             self._carrier, self.figures, self._end, self._pace, self._load, self._tick, self.touched,
             face.touch.face if face is not None else np.zeros(2), others, self.given,
         )  # fmt: skip
-        bound.rehearse()
+        bound.warm_up()
         return bound
 
     def join(self, others: Sequence[tuple[Coupling, Stand | None]]) -> None:

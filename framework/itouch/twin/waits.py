@@ -147,8 +147,8 @@ class Waits:
         self._rules = (state["tick"], self.at, np.array(within, np.float64), spans)
         self.look = Bound(look, *self._seen, spans, *self._memory)
         self.stay = Bound(stay, state[f"{own}.ticks"], *self._rules, *self._memory, *self._table)
-        self.look.rehearse()
-        self.stay.rehearse()
+        self.look.warm_up()
+        self.stay.warm_up()
 
     def bound(self, moving: Any, steered: Any, ticks: Any, time: Floats, period: float) -> Bound:
         """Return the way along the path with its waits as one compiled call."""

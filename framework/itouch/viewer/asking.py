@@ -17,7 +17,7 @@ from pyglet import gl
 from itouch.viewer import shaders
 from itouch.viewer.buffers import Frame, Paint, Program
 from itouch.viewer.drawing import Rectangle, Tint, border, pixels, rectangle
-from itouch.viewer.words import Text
+from itouch.viewer.text import Text
 
 #: What the participant reads at each cue; a study may give its own words.
 WORDS: Mapping[str, str] = {

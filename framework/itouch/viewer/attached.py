@@ -10,7 +10,7 @@ from itouch.plugin import Record
 from itouch.plugin.discovery import Catalog
 from itouch.safety import Trip
 from itouch.servo import Handle, Link, ServoError
-from itouch.viewer.holding import Holding
+from itouch.viewer.deadman_switch import DeadMansSwitch
 from itouch.viewer.overlay import Situation
 from itouch.viewer.signals import Curves
 from itouch.world import Model
@@ -43,7 +43,7 @@ class Attached:
         #: Curves are sampled where the session ran, not where pictures were drawn: the last State that they have.
         self._seen, self._every = 0, max(1, round(SAMPLE / self.model.period))
         self._passing = Record(link.dtype)
-        self._holding = Holding(link)
+        self._holding = DeadMansSwitch(link)
         self._still = 0.0
 
     def advance(self, seconds: float, ring: Curves) -> None:

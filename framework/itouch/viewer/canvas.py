@@ -1,4 +1,4 @@
-"""Draws a stage: sunlit solids with shadows, the grid and the workspace."""
+"""Draws a scene graph: sunlit solids with shadows, the grid and the workspace."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from itouch.viewer.camera import Camera
 from itouch.viewer.drawing import look, rectangle
 from itouch.viewer.finishes import FINISHES, Carved
 from itouch.viewer.scales import grid_step
-from itouch.viewer.stage import Draw, Stage, from_pose
+from itouch.viewer.scene_graph import Draw, SceneGraph, from_pose
 
 Matrix = NDArray[np.float64]
 
@@ -32,24 +32,24 @@ SUN = np.array([0.35, -0.45, 0.82]) / math.sqrt(0.35**2 + 0.45**2 + 0.82**2)
 class Canvas:
     """Draws into the framebuffer that is bound; needs a current OpenGL 3.3 context."""
 
-    def __init__(self, stage: Stage) -> None:
-        self._stage = stage
+    def __init__(self, graph: SceneGraph) -> None:
+        self._graph = graph
         self._solid = Program(shading.VERTEX, shading.FRAGMENT)
         self._flat = Program(shaders.DEPTH_VERTEX, shaders.FLAT_FRAGMENT)
         self._depth = Program(shaders.DEPTH_VERTEX, shaders.DEPTH_FRAGMENT)
         self.paint = Paint(Program(shaders.PAINT_VERTEX, shaders.PAINT_FRAGMENT))
         self._shadows = ShadowMap()
         self._meshes = {key: _PerProgram(solid, (self._solid, self._flat, self._depth))
-                        for key, solid in stage.solids.items()}  # fmt: skip
-        self._edges = {key: solids.feature_edges(solid) for key, solid in stage.solids.items()
+                        for key, solid in graph.solids.items()}  # fmt: skip
+        self._edges = {key: solids.feature_edges(solid) for key, solid in graph.solids.items()
                        if key.startswith("object ")}  # fmt: skip
-        self._maps = {id(carved): HeightMap(carved.heights) for carved in stage.carved}
+        self._maps = {id(carved): HeightMap(carved.heights) for carved in graph.carved}
         self._flat_map = HeightMap(np.ones((1, 1), np.float32))
 
     def draw(self, state: Record, camera: Camera, frame: Frame, *, thermal: bool = False, aids: bool = True) -> None:
         """Draw a State as the camera sees it into a frame, which stays bound."""
-        draws = self._stage.draws(state, thermal=thermal)
-        low, high = self._stage.bounds(state)
+        draws = self._graph.draws(state, thermal=thermal)
+        low, high = self._graph.bounds(state)
         lit = _sunlight(low, high)
         self._cast(draws, lit)
         frame.begin()
@@ -162,7 +162,7 @@ class Canvas:
         rows = tinted(lines, (*look().grid, 1.0))
         rows[:, 6] *= strength
         self.paint.draw(gl.GL_LINES, rows, seen)
-        for device in self._stage.tables:
+        for device in self._graph.tables:
             target = device.command(Role.SURFACE_POSE)
             if target is None or not target.low or not np.isfinite((*target.low[:3], *target.high[:3])).all():
                 continue
@@ -174,7 +174,7 @@ class Canvas:
 
     def pick(self, state: Record, camera: Camera, frame: Frame, x: int, y: int) -> str:
         """Return the name of the object or device at a pixel, counted from the lower left; empty if there is none."""
-        draws = [draw for draw in self._stage.draws(state) if draw.owner]
+        draws = [draw for draw in self._graph.draws(state) if draw.owner]
         frame.begin()
         gl.glClearColor(0.0, 0.0, 0.0, 0.0)
         gl.glClear(gl.GL_COLOR_BUFFER_BIT | gl.GL_DEPTH_BUFFER_BIT)

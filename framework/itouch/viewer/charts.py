@@ -15,7 +15,7 @@ from itouch.viewer.buffers import Paint
 from itouch.viewer.drawing import Rectangle, line, look, rectangle, ribbon
 from itouch.viewer.scales import titled
 from itouch.viewer.signals import WINDOW, Chart, Curves, Signal
-from itouch.viewer.words import Text
+from itouch.viewer.text import Text
 
 Values = NDArray[np.float64]
 

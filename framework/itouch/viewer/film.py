@@ -149,7 +149,7 @@ class Filming:
             self._sink.add(self._offscreen.shoot(self._engine.state, self._situation()))
 
     def _situation(self) -> Situation:
-        return Situation(faults=list(self._engine.ledger.faults))
+        return Situation(faults=list(self._engine.statistics.faults))
 
     def _shoot(self) -> None:
         write_png(self._path, self._offscreen.shoot(self._engine.state, self._situation()))

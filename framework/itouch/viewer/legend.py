@@ -12,8 +12,8 @@ from itouch.viewer import colours
 from itouch.viewer.buffers import Paint
 from itouch.viewer.drawing import Rectangle, look, rectangle, triangle
 from itouch.viewer.scales import length
+from itouch.viewer.text import Text
 from itouch.viewer.warmth import Range, degrees
-from itouch.viewer.words import Text
 
 #: Width of the legend, in letters' sizes; parts of the scale of temperatures.
 WIDE, _PARTS = 27.0, 64

@@ -1,4 +1,4 @@
-"""One whole picture: the stage, the words over it, the curves beside it, the time line under it."""
+"""One whole picture: the graph, the words over it, the curves beside it, the time line under it."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from itouch.viewer.camera import Camera
 from itouch.viewer.canvas import Canvas
 from itouch.viewer.drawing import DARK, LIGHT, Rectangle, Tint, border, draw_in, look, pixels, rectangle
 from itouch.viewer.overlay import Situation, Words
+from itouch.viewer.scene_graph import SceneGraph
 from itouch.viewer.signals import Curves, Ring
-from itouch.viewer.stage import Stage
+from itouch.viewer.text import Text
 from itouch.viewer.warmth import plate_temperature, skin_named, skin_temperature
-from itouch.viewer.words import Text
 from itouch.world import Model
 
 _ALARM_EDGE: Tint = (1.00, 0.45, 0.30, 1.0)
@@ -59,8 +59,8 @@ class Picture:
     """
 
     def __init__(self, model: Model, *, scale: float = 1.0, ring: Curves | None = None) -> None:
-        self.model, self.stage = model, Stage(model)
-        self.canvas, self.text = Canvas(self.stage), Text()
+        self.model, self.graph = model, SceneGraph(model)
+        self.canvas, self.text = Canvas(self.graph), Text()
         self.ring: Curves = ring or Ring(model)
         self.camera = Camera()
         self.choices, self.scale = Choices(), scale
@@ -144,7 +144,7 @@ class Picture:
         told = ", ".join(f"{name} {kelvin - 273.15:.1f}" for name, kelvin in marks.items())
         title = f"{told} degC" if marks and len(told) < 44 else "skin, plates [degC]" if marks else ""
         title = title or ("objects [degC]" if self.choices.thermal else "")
-        ends = self.stage.range
+        ends = self.graph.range
         area = legend.draw(self.canvas.paint, self.text, (size, foot), seen, size, title=title, marks=marks, ends=ends,
                            skin=colours.PROXY if skin is None else ends.colour(skin),
                            metre=self.camera.metre(frame.height))  # fmt: skip
@@ -159,7 +159,7 @@ class Picture:
             return
         written: list[tuple[float, float, float]] = []
         rows = [np.empty((0, 7), np.float32)]
-        for element, corners in zip(self.model.scene.objects, self.stage.corners(state), strict=True):
+        for element, corners in zip(self.model.scene.objects, self.graph.corners(state), strict=True):
             name = element.name
             if self.choices.thermal:
                 kelvin = self.model.scene.world.temperature if element.temperature is None else element.temperature
@@ -182,8 +182,8 @@ class Picture:
 
     def reframe(self, state: Record, frame: Frame) -> None:
         """Put everything in the picture, with room for the arrow of a force."""
-        low, high = self.stage.bounds(state)
-        room = np.array([0.0, 0.0, 0.5 * self.stage.arrow_length(state)])
+        low, high = self.graph.bounds(state)
+        room = np.array([0.0, 0.0, 0.5 * self.graph.arrow_length(state)])
         self.camera.frame(low, high + room, frame.width / frame.height)
         self._framed = True
 

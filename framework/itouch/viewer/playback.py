@@ -6,7 +6,7 @@ import numpy as np
 
 from itouch.plugin import Record
 from itouch.viewer.overlay import Situation
-from itouch.viewer.reel import Reel
+from itouch.viewer.recording_seek import SeekableRecording
 from itouch.viewer.signals import Curves
 from itouch.viewer.timeline import Timeline, faults_at, timeline
 from itouch.world import Model
@@ -22,13 +22,13 @@ _REFUSED = "this is a recording"
 class Playback:
     """Shows a recording."""
 
-    def __init__(self, reel: Reel) -> None:
+    def __init__(self, reel: SeekableRecording) -> None:
         self._reel = reel
         self.model: Model = reel.model
         self.state: Record = reel.state
         self.line: Timeline = timeline(reel.recording, reel.ticks, self.model.period)
         self.situation = Situation(pace="playback", timeline=self.line)
-        self.curves: Curves = reel.tape
+        self.curves: Curves = reel.curves
         self._cursor = float(reel.ticks[0])  # ticks
 
     def advance(self, seconds: float, ring: Curves) -> None:

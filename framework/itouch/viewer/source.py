@@ -88,7 +88,7 @@ class Local:
                 self._session.run(part * self.model.period, each=lambda: ring.add(self.state), every=5)
                 count -= part
         except DeviceFaultError:
-            self.situation.faults = self._session.ledger.faults
+            self.situation.faults = self._session.statistics.faults
         self.situation.tick_us = self._session.times.summary()["p99"]
 
     def pause(self) -> str:

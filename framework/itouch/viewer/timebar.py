@@ -9,8 +9,8 @@ from pyglet import gl
 from itouch.viewer import colours
 from itouch.viewer.buffers import Paint
 from itouch.viewer.drawing import Rectangle, diamond, look, rectangle
+from itouch.viewer.text import Text
 from itouch.viewer.timeline import Timeline
-from itouch.viewer.words import Text
 
 _TRACK, _KNOWN, _DARK = (0.20, 0.22, 0.26, 1.0), (0.34, 0.37, 0.43, 1.0), (0.02, 0.03, 0.05)
 _HELP = "P play   left right: a tick   up down: speed   page: next contact"

@@ -28,7 +28,7 @@ from itouch.bench.deaths.scene import scene
 from itouch.loop import DeviceFaultError
 from itouch.schema import ItouchError
 from itouch.servo import Handle, launch, sessions, wire
-from itouch.servo.segment import monotonic
+from itouch.servo.shared_memory import monotonic
 
 #: What W2 allows [s].
 LIMIT = 0.2

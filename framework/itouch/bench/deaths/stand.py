@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from itouch.bench.deaths.hunger import starve_on_signal
 from itouch.platforms import lives
 from itouch.servo.link import Link, attach
-from itouch.servo.segment import ServoError
+from itouch.servo.shared_memory import ServoError
 
 
 def _view(link: Link) -> None:

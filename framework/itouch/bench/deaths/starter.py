@@ -9,13 +9,13 @@ from collections.abc import Sequence
 from itouch.schema import ItouchError
 from itouch.servo import launch
 from itouch.servo.parent import gone
-from itouch.session.keeping import Keep
+from itouch.session.outputs import Outputs
 
 
 def main(argv: Sequence[str]) -> int:
     """Run a session to its end; SIGTERM asks for it."""
     try:
-        with launch(argv[0], name=argv[1], keep=Keep(record=argv[2])) as handle:
+        with launch(argv[0], name=argv[1], keep=Outputs(record=argv[2])) as handle:
             signal.signal(signal.SIGTERM, lambda number, frame: handle.request_stop())
             print("launched", flush=True)
             while not handle.wait(0.2):

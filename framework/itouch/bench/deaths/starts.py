@@ -25,7 +25,7 @@ from itouch.bench.deaths.observer import Observer
 from itouch.bench.deaths.scene import scene
 from itouch.bench.kept import Kept
 from itouch.servo import wire
-from itouch.servo.segment import monotonic
+from itouch.servo.shared_memory import monotonic
 
 #: What devices may take to be safe [s], and all processes to end.
 SAFE, GONE = 0.2, 5.0

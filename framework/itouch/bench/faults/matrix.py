@@ -59,8 +59,8 @@ def pairs(session: Session, phase: str, state: bytes) -> Iterator[Cell]:
 def run_cell(session: Session, truth: Truth, phase: str, state: bytes, faults: Sequence[tuple[str, Kind, int]]) -> Cell:
     """Run one cell of the matrix from the stored State of its phase."""
     session.adopt(state)
-    session.ledger.faults.clear()
-    session.ledger.contacts.clear()
+    session.statistics.faults.clear()
+    session.statistics.contacts.clear()
     truth.clear()
     begin = session.seconds + (0.0 if phase == "closed-open" else DELAY)
     for device, kind, slot in faults:

@@ -45,7 +45,7 @@ def phases(session: Session) -> dict[str, bytes]:
         stored[session.ticks] = session.state.tobytes()
 
     if session.scripted:
-        session.run(None, each=store, every=_STEP, until=lambda: bool(session.ledger.contacts) or session.done)
+        session.run(None, each=store, every=_STEP, until=lambda: bool(session.statistics.contacts) or session.done)
     ticks = np.array(sorted(stored))
     wanted = moments(session, _ready(stored, session))
     found = {name: stored[int(ticks[np.abs(ticks - moment).argmin()])] for name, moment in wanted.items()}
@@ -60,9 +60,9 @@ def moments(session: Session, ready: int) -> dict[str, float]:
     ValueError
         If there was none.
     """
-    if not session.ledger.contacts:
+    if not session.statistics.contacts:
         raise ValueError("the scene's script has no whole contact")
-    contact: dict[str, Any] = session.ledger.contacts[0]
+    contact: dict[str, Any] = session.statistics.contacts[0]
     begin, end, period = contact["begin_s"], contact["end_s"], session.model.period
     return {
         "idle": ready + 0.5 / period,

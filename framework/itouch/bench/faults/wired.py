@@ -195,8 +195,8 @@ class Pair:
         self.host.adopt(stored[1])
         self.host.fault = None
         for session in (self.world, self.host):
-            session.ledger.faults.clear()
-            session.ledger.contacts.clear()
+            session.statistics.faults.clear()
+            session.statistics.contacts.clear()
         for _, box in self._boxes:
             box.error, box.command = None, b""
         self.truth.clear()
@@ -266,7 +266,7 @@ def stored(pair: Pair) -> dict[str, tuple[bytes, bytes]]:
         kept[host.ticks] = world.state.tobytes(), host.state.tobytes()
 
     pair.enable()
-    host.run(120.0, each=keep, every=_STEP, until=lambda: bool(host.ledger.contacts))
+    host.run(120.0, each=keep, every=_STEP, until=lambda: bool(host.statistics.contacts))
     ready = next(tick for tick, (_, state) in sorted(kept.items()) if _ready(state, host))
     found = {}
     for name, moment in moments(host, ready).items():

@@ -38,7 +38,7 @@ def _safely(name: str, look: Callable[[], Finding]) -> Finding:
 
 
 def system() -> Finding:
-    """Operating system and Python."""
+    """OperatorCommands system and Python."""
     found = f"{platform.system()} {platform.release()}, {platform.machine()}, Python {platform.python_version()}"
     if platform.system() != "Linux":
         return Finding("system", "lack", found, "the servo process needs Linux; simulated sessions run elsewhere too")

@@ -230,7 +230,7 @@ def _stop(session: Engine, there: list[Watched]) -> Iterator[Finding]:
         DeviceFaultError(acting[0].model.name, session.ticks, Trip.RELEASED, "was stopped to see it stop")
     )
     # an optional device that is lost meanwhile has an entry of its own
-    outcome = next(fault["safe"] for fault in reversed(session.ledger.faults) if "safe" in fault)
+    outcome = next(fault["safe"] for fault in reversed(session.statistics.faults) if "safe" in fault)
     seen = outcome["devices"]
     told = "; ".join(f"{one.model.name}: {seen[one.model.name]}" for one in acting)
     found = f"after {outcome['after_s'] * 1e3:.0f} ms: {told}"

@@ -19,7 +19,7 @@ from itouch.recording.views import TOPICS, Drawing
 from itouch.recording.wellknown import decode
 from itouch.servo import Link
 from itouch.session.drawn import view_of
-from itouch.session.rows import replay_tracks
+from itouch.session.row_layout import replay_tracks
 from itouch.viewer.live.moments import Moment, Moments, News
 from itouch.world import Model
 

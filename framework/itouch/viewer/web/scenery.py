@@ -14,7 +14,7 @@ from itouch.plugin import Record, poses
 from itouch.recording.views import WORLD, Frame, Solid, View, arrow_of
 from itouch.session.drawn import view_of
 from itouch.viewer import colours
-from itouch.viewer.stage import Stage
+from itouch.viewer.scene_graph import SceneGraph
 from itouch.viewer.warmth import plate_temperature, skin_temperature
 from itouch.world import Model
 
@@ -140,7 +140,7 @@ class Scenery:
 
     def _look(self, state: Record) -> None:
         """Let browsers begin with all in the picture, over a grid of centimetres."""
-        low, high = Stage(self._model).bounds(state)
+        low, high = SceneGraph(self._model).bounds(state)
         middle, size = (low + high) / 2, max(0.05, float(np.linalg.norm(high - low)))
         camera = self._server.initial_camera
         camera.position, camera.look_at, camera.near = middle + 0.9 * size * _FROM, middle, 0.002

@@ -1,4 +1,4 @@
-"""The ledger: contacts, faults and statistics for the report.  It only listens; nothing in a tick reads it."""
+"""Statistics of a run: contacts, faults and figures for the report.  It only listens; nothing in a tick reads it."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ class Histogram:
 
 
 @dataclass
-class Ledger:
+class RunStatistics:
     """What happened, for the report; ``contacts`` holds the closed ones.
 
     ``times`` is the Timing of this run, if one counts; ``earlier`` holds the histograms of the runs before a restore.

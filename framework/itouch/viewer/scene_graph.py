@@ -33,7 +33,7 @@ PLANE_HALF = 0.3
 
 @dataclass(frozen=True, slots=True)
 class Draw:
-    """One solid to draw: its key in ``Stage.solids``, world matrix (4, 4), colour, opacity, and whose it is.
+    """One solid to draw: its key in ``SceneGraph.solids``, world matrix (4, 4), colour, opacity, and whose it is.
 
     ``owner`` is the name of the object or device that picking finds, empty for marks such as the force arrow;
     ``cast`` says whether it throws a shadow, ``through`` whether it is seen through the objects that hide it;
@@ -52,7 +52,7 @@ class Draw:
     carved: Carved | None = None
 
 
-class Stage:
+class SceneGraph:
     """The solids of a model, and where they are in a State."""
 
     def __init__(self, model: Model) -> None:

@@ -10,14 +10,14 @@ import struct
 import time
 from typing import Any
 
-from itouch.servo import words as at
-from itouch.servo.segment import Segment, ServoError
+from itouch.servo import control_block as at
+from itouch.servo.shared_memory import ServoError, SharedMemory
 
 _LENGTH = struct.Struct("<q")
 _PATIENCE = 1.0
 
 
-def put(segment: Segment, message: dict[str, Any]) -> None:
+def put(segment: SharedMemory, message: dict[str, Any]) -> None:
     """Put a command into the box.
 
     Raises
@@ -37,7 +37,7 @@ def put(segment: Segment, message: dict[str, Any]) -> None:
         time.sleep(0.002)
 
 
-def _try_put(segment: Segment, text: bytes) -> bool:
+def _try_put(segment: SharedMemory, text: bytes) -> bool:
     with segment.alone(wait=False) as alone:
         words = segment.words
         asked = int(words[at.ASKED])
@@ -53,7 +53,7 @@ def _try_put(segment: Segment, text: bytes) -> bool:
 class Inbox:
     """The servo process's end of the box."""
 
-    def __init__(self, segment: Segment) -> None:
+    def __init__(self, segment: SharedMemory) -> None:
         self._segment = segment
         self._taken = int(segment.words[at.TAKEN])
         self._words = segment.words

@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterable, Mapping
 
 from itouch.loop.fence import Fence, view_for
-from itouch.loop.ledger import Histogram
+from itouch.loop.run_statistics import Histogram
 from itouch.loop.runner import Runner
 from itouch.plugin import Contact, ContactEvent, DeviceError, Record, Role, Touch
 from itouch.safety import rehearsing
@@ -18,18 +18,18 @@ from itouch.world import Model, make_state
 from itouch.world.failing import failing
 
 
-def rehearse(model: Model, state: Record, runners: Iterable[Runner]) -> None:
+def warm_up(model: Model, state: Record, runners: Iterable[Runner]) -> None:
     """Exercise every twin, every modality and what watches every device; ``state`` stays what it is."""
     scratch = state.copy()
     _rehearse_touches(model, scratch)
     Histogram(1.0).add(0.0)
     for runner in runners:
         with failing(f"device '{runner.model.name}'", "the step of its twin", model.place_of(runner.model.name)):
-            rehearse_twin(runner, scratch, model.period)
-        rehearsing.rehearse(runner.model, scratch, model.period)
+            warm_up_twin(runner, scratch, model.period)
+        rehearsing.warm_up(runner.model, scratch, model.period)
 
 
-def rehearse_modalities(model: Model) -> None:
+def warm_up_modalities(model: Model) -> None:
     """Exercise the modalities of a model that no engine runs yet."""
     scratch = make_state(model)
     reset_modalities(model, scratch)
@@ -117,7 +117,7 @@ def _event(model: Model, kind: Contact, probe: str, index: int) -> ContactEvent:
     return ContactEvent(kind, 0, probe, model.objects[index], index, still, up, 0.0, 0.0, still, 1e-4, 1.0, 0.0)
 
 
-def rehearse_twin(runner: Runner, scratch: Record, period: float) -> None:
+def warm_up_twin(runner: Runner, scratch: Record, period: float) -> None:
     """Step a twin free and pressed, and read it."""
     if runner.twin is None:
         return

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Keep:
+class Outputs:
     """What to keep.
 
     Attributes
@@ -48,7 +48,7 @@ class Keep:
 
 
 @contextlib.contextmanager
-def keeping(session: Session, keep: Keep) -> Iterator[None]:
+def open_outputs(session: Session, keep: Outputs) -> Iterator[None]:
     """Keep what is asked for while the session runs.
 
     Raises

@@ -19,8 +19,8 @@ from itouch.plugin import Record
 from itouch.plugin.discovery import Catalog
 from itouch.recording import Recording, RecordingError
 from itouch.session.replay import Place, Replay
+from itouch.viewer.recorded_curves import RecordedCurves
 from itouch.viewer.signals import WINDOW
-from itouch.viewer.tape import Tape
 
 #: How often [s] a place is kept, and how many at most.
 EVERY, MOST = 0.25, 20_000
@@ -30,7 +30,7 @@ _BEFORE, _BEHIND = WINDOW, 20.0
 _PART = 16
 
 
-class Reel:
+class SeekableRecording:
     """Shows the State of any recorded tick.
 
     Parameters
@@ -63,7 +63,7 @@ class Reel:
         self._replay = Replay(recording, catalog=catalog, compares=False)
         self.session = self._replay.session
         self.model = self.session.model
-        self.tape = Tape(self.model, self.ticks)
+        self.curves = RecordedCurves(self.model, self.ticks)
         self.state = Record(self.session.state.dtype)
         self.state.raw[:] = self.session.state.raw
         self.row, self.shown = 0, -1
@@ -88,7 +88,7 @@ class Reel:
         row = self._replay.feed.at - 1
         if row < 0 or int(self.ticks[row]) != tick:
             return
-        self.tape.note(row, self.session.state)
+        self.curves.note(row, self.session.state)
         if row == self.row and not self._caught:
             self.state.raw[:] = self.session.state.raw
             self._caught = True
@@ -99,7 +99,7 @@ class Reel:
         if self.shown != self.row:
             self._bring(end)
         if self.shown == self.row:
-            self.tape.row = self.row
+            self.curves.row = self.row
             self._read_on(end)
         return self.shown == self.row
 

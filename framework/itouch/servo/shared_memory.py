@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from itouch.platforms import SERVO_PROCESS, claim
 from itouch.schema import ItouchError
-from itouch.servo import words as at
+from itouch.servo import control_block as at
 
 #: What the memory of every session is called, with the session's name behind it.
 PREFIX = "itouch:"
@@ -30,7 +30,7 @@ class ServoError(ItouchError):
     """A servo process that can't be started, found or spoken to, or that has died."""
 
 
-class Segment:
+class SharedMemory:
     """The mapped memory of one session; the first part is there at once, the rest when ``grow`` has been called."""
 
     def __init__(self, handle: int, name: str) -> None:
@@ -38,14 +38,14 @@ class Segment:
         self.map()
 
     @classmethod
-    def create(cls, name: str) -> Segment:
+    def create(cls, name: str) -> SharedMemory:
         """Make the memory of a new session, with its control words only."""
         if SERVO_PROCESS:
             handle = os.memfd_create(PREFIX + name, os.MFD_CLOEXEC)
             os.ftruncate(handle, at.HEAD_SIZE)
             segment = cls(handle, name)
         else:
-            segment = PrivateSegment(name)
+            segment = PrivateMemory(name)
         segment.words[at.FORMAT] = at.FORMAT_VALUE
         segment.words[at.OWNER] = os.getpid()
         segment.words[at.MAGIC] = at.MAGIC_VALUE
@@ -172,7 +172,7 @@ def _claimed(lock: int, *, wait: bool) -> bool:
             return True
 
 
-class PrivateSegment(Segment):
+class PrivateMemory(SharedMemory):
     """The memory of a session whose loop runs in a thread: nobody else can see it."""
 
     def __init__(self, name: str) -> None:

@@ -10,7 +10,7 @@ from itouch.viewer.signals import WINDOW, Chart, charts, rows_of, spans
 from itouch.world import Model
 
 
-class Tape:
+class RecordedCurves:
     """Remembers the signals of every recorded tick, thinned to ``rate`` Hz; NaN where it has not been read.
 
     Parameters

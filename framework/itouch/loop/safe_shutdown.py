@@ -6,22 +6,22 @@ import contextlib
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from itouch.loop.ledger import Ledger
 from itouch.loop.rig import ProbeRig
+from itouch.loop.run_statistics import RunStatistics
 from itouch.loop.runner import Runner
 from itouch.plugin import Record
 from itouch.safety import DeviceFaultError, Outcome, SafeSequence, Trip
 from itouch.world import Model
 
 
-class SafeStop:
-    """Carries out the safe sequence of one engine, and notes faults in its ledger."""
+class SafeShutdown:
+    """Carries out the safe sequence of one engine, and notes faults in its statistics."""
 
     def __init__(
-        self, model: Model, state: Record, runners: Sequence[Runner], rigs: Sequence[ProbeRig], ledger: Ledger,
-        injected: Callable[..., list[dict[str, Any]]],
+        self, model: Model, state: Record, runners: Sequence[Runner], rigs: Sequence[ProbeRig],
+        statistics: RunStatistics, injected: Callable[..., list[dict[str, Any]]],
     ) -> None:  # fmt: skip
-        self._model, self._runners, self._rigs, self._ledger = model, runners, rigs, ledger
+        self._model, self._runners, self._rigs, self._statistics = model, runners, rigs, statistics
         self._tick, self._injected = state["tick"], injected
         self._sequence = SafeSequence(runners, state, model.period, self._move)
         needed = {rig.tracker.model.name for rig in rigs}
@@ -34,7 +34,7 @@ class SafeStop:
     ) -> None:
         """Make every device safe; ``taps`` hear of each tick that this takes, ``wait`` paces them in real time."""
         entry = self._describe(fault)
-        self._ledger.faults.append(entry)
+        self._statistics.faults.append(entry)
         outcome = self._sequence.carry_out(fault, self._after_tick(taps, wait))
         if outcome.also:
             entry["also"] = outcome.also
@@ -65,7 +65,7 @@ class SafeStop:
 
     def _lost(self, fault: DeviceFaultError) -> None:
         """Note the loss of an optional device; the session goes on without it."""
-        self._ledger.faults.append({**self._describe(fault), "optional": True})
+        self._statistics.faults.append({**self._describe(fault), "optional": True})
 
     def _describe(self, fault: DeviceFaultError) -> dict[str, Any]:
         scene = self._model.scene

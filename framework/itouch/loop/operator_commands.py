@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from itouch.faults import FOREVER, FaultyTwin, Injection, Kind
-from itouch.loop.ledger import Ledger
 from itouch.loop.rig import ProbeRig
+from itouch.loop.run_statistics import RunStatistics
 from itouch.loop.runner import DeviceFaultError, Runner, Status
 from itouch.plugin import DeviceError, Record
 from itouch.safety import LOSSES, Hold, Trip, connect
@@ -18,13 +18,18 @@ class LatchedError(DeviceError):
     """A device that a trip has stopped was to be enabled; it must be re-armed."""
 
 
-class Operating:
+class OperatorCommands:
     """The operator's acts on the devices of one engine."""
 
     def __init__(
-        self, model: Model, state: Record, runners: Mapping[str, Runner], rigs: Sequence[ProbeRig], ledger: Ledger
+        self,
+        model: Model,
+        state: Record,
+        runners: Mapping[str, Runner],
+        rigs: Sequence[ProbeRig],
+        statistics: RunStatistics,
     ) -> None:
-        self._model, self._runners, self._rigs, self._ledger = model, runners, rigs, ledger
+        self._model, self._runners, self._rigs, self._statistics = model, runners, rigs, statistics
         self._tick = state["tick"]
         self.hold = Hold(state, list(runners.values()), model.period, asked=model.scene.safety.hold_to_run)
 
@@ -48,7 +53,7 @@ class Operating:
         for name, why in failures.items():
             if self._runners[name].model.optional:
                 self._runners[name].leave()
-                self._ledger.faults.append(self._absent(name, why))
+                self._statistics.faults.append(self._absent(name, why))
         needed = [f"device '{name}': {why}" for name, why in failures.items() if not self._runners[name].model.optional]
         if needed:
             raise DeviceError("\n".join(needed))
@@ -107,8 +112,8 @@ class Operating:
             if runner.status is Status.OPEN:
                 runner.enable()
                 runner.ramp_in()
-        if self._ledger.faults:
-            self._ledger.faults[-1]["rearmed_s"] = tick * self._model.period
+        if self._statistics.faults:
+            self._statistics.faults[-1]["rearmed_s"] = tick * self._model.period
 
     def _open_latched(self, tick: int) -> list[str]:
         """Open what a trip has stopped and a restored session found closed, so that it can be asked how it is."""

@@ -11,7 +11,7 @@ from itouch.plugin import Record
 from itouch.recording.tracks import Track
 from itouch.scene.elements import RecordElement
 from itouch.schema import Problem, SceneError
-from itouch.session.rows import Wish, chosen_tracks, real_device_of, replay_tracks
+from itouch.session.row_layout import Wish, chosen_tracks, real_device_of, replay_tracks
 from itouch.world import Model, declared, make_state
 
 
@@ -27,7 +27,7 @@ def tracks_of(model: Model, state: Record) -> list[Track]:
     if element is None:
         return found
     try:
-        return [*found, *chosen_tracks(model, state, wishes_of(element, model.scene.rates.servo))]
+        return [*found, *chosen_tracks(model, state, selections_of(element, model.scene.rates.servo))]
     except ValueError as error:
         place = model.scene.places.of(element)
         advice = "channels are names of State, such as arm.pose or finger.*; `itouch-py inspect SCENE` lists them"
@@ -49,7 +49,7 @@ def recording_notes(model: Model) -> list[str]:
     if element is None:
         return []
     names = list(declared(model))
-    patterns = [pattern for patterns, _ in wishes_of(element, model.scene.rates.servo) for pattern in patterns]
+    patterns = [pattern for patterns, _ in selections_of(element, model.scene.rates.servo) for pattern in patterns]
     return [
         f"'{pattern}' is recorded only where device '{device}' is a twin: here it is real"
         for pattern in patterns
@@ -57,7 +57,7 @@ def recording_notes(model: Model) -> list[str]:
     ]
 
 
-def wishes_of(element: RecordElement, servo: float) -> list[Wish]:
+def selections_of(element: RecordElement, servo: float) -> list[Wish]:
     """Return the patterns and rates [Hz] of an element."""
     listed = [(element.channels, element.rate), *((more.of, more.rate) for more in element.more)]
     return [(text.split(), rate or servo) for text, rate in listed if text.split()]

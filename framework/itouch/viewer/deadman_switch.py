@@ -1,4 +1,4 @@
-"""Holding the dead-man's switch for a person at a window that may draw slowly."""
+"""DeadMansSwitch the dead-man's switch for a person at a window that may draw slowly."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from itouch.servo import Link
 AGAIN, SILENCE = 0.02, 0.25
 
 
-class Holding:
+class DeadMansSwitch:
     """Holds the switch while a key is down and the window answers.
 
     The servo process forgets within 80 ms that the switch is held, and a picture drawn by software may take longer than

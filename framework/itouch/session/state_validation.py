@@ -17,7 +17,7 @@ _MOST = 1 << 62
 _ROUNDED = 1e-6
 
 
-def check_plausible(model: Model, state: Record) -> None:
+def validate_state(model: Model, state: Record) -> None:
     """Check every field by the range that it was declared with, that every count can go on, and that nothing is later.
 
     What supervises a device goes by when it looked last: a moment that is yet to come would let it look away till then.

@@ -12,7 +12,7 @@ from shipped import SCENES
 import itouch
 from itouch.plugin import Field
 from itouch.session.engine import Session
-from itouch.session.plausible import check_plausible
+from itouch.session.state_validation import validate_state
 
 HUGE = float(1 << 62)
 
@@ -26,7 +26,7 @@ def session() -> Iterator[Session]:
 
 
 def test_a_state_that_has_run_is_plausible(session: Session) -> None:
-    check_plausible(session.model, session.state)
+    validate_state(session.model, session.state)
 
 
 @pytest.mark.parametrize(
@@ -54,7 +54,7 @@ def test_what_would_be_used_as_an_index_is_refused(
     else:
         forged[field][index] = value
     with pytest.raises(ValueError, match=field.replace(".", r"\.")) as caught:
-        check_plausible(session.model, forged)
+        validate_state(session.model, forged)
     assert "out of range" in str(caught.value)
 
 
@@ -63,7 +63,7 @@ def test_what_is_free_may_be_anything(session: Session) -> None:
     free["peltier.twin.memory"][0] = math.nan
     free["finger.memory"][1] = -HUGE
     free["heat.desired"] = math.inf
-    check_plausible(session.model, free)
+    validate_state(session.model, free)
 
 
 def test_a_field_has_a_range_for_all_or_for_each() -> None:

@@ -13,7 +13,7 @@ from shipped import SCENES
 import itouch
 from itouch.recording import RecordingError
 from itouch.viewer.playback import FASTEST, Playback
-from itouch.viewer.reel import Reel
+from itouch.viewer.recording_seek import SeekableRecording
 from itouch.viewer.signals import Ring
 from itouch.viewer.timeline import Timeline
 
@@ -40,7 +40,7 @@ def ran(tmp_path_factory):
     return path, states, ring
 
 
-def bring(reel: Reel, row: int) -> bytes:
+def bring(reel: SeekableRecording, row: int) -> bytes:
     reel.row = row
     while not reel.work(0.02):
         pass
@@ -49,7 +49,7 @@ def bring(reel: Reel, row: int) -> bytes:
 
 def test_any_tick_is_shown_as_it_was(ran):
     path, states, _ = ran
-    reel = Reel(itouch.read(path))
+    reel = SeekableRecording(itouch.read(path))
     assert len(reel.ticks) == len(states) == round(SECONDS * 1000)
     generator = random.Random(7)
     for row in [0, len(states) - 1, 1, *(generator.randrange(len(states)) for _ in range(25))]:
@@ -62,14 +62,14 @@ def test_any_tick_is_shown_as_it_was(ran):
 
 def test_all_is_read_in_the_end_and_the_curves_are_those_of_the_session(ran):
     path, states, ring = ran
-    reel = Reel(itouch.read(path))
+    reel = SeekableRecording(itouch.read(path))
     assert not reel.known(50).any()
     reel.row = 2000
     while not reel.known(len(states)).all():
         assert reel.work(0.05) or reel.shown != reel.row
     bring(reel, len(states) - 1)
-    for chart, other in zip(reel.tape.charts, ring.charts, strict=True):
-        times, values = reel.tape.curves(chart)
+    for chart, other in zip(reel.curves.charts, ring.charts, strict=True):
+        times, values = reel.curves.curves(chart)
         theirs, expected = ring.curves(other)
         assert np.isfinite(values).any() and len(times) == round(SECONDS * 100)
         # the ring notes ticks 1, 11, 21 ..., which are rows 0, 10, 20 ...
@@ -79,7 +79,7 @@ def test_all_is_read_in_the_end_and_the_curves_are_those_of_the_session(ran):
 
 def test_work_returns_when_its_time_is_over(ran):
     path, states, _ = ran
-    reel = Reel(itouch.read(path))
+    reel = SeekableRecording(itouch.read(path))
     reel.row = len(states) - 1
     assert not reel.work(0.0)
     assert reel.known(100).mean() < 0.5
@@ -88,7 +88,7 @@ def test_work_returns_when_its_time_is_over(ran):
 
 def test_the_time_line_tells_contacts_and_marks(ran):
     path, _, _ = ran
-    line = Playback(Reel(itouch.read(path))).line
+    line = Playback(SeekableRecording(itouch.read(path))).line
     contacts = [e for e in itouch.read(path).events if e["kind"] in ("BEGIN", "END")]
     assert [(begin, name) for begin, _, name in line.spans] == [
         (e["time"], e["object"]) for e in contacts if e["kind"] == "BEGIN"
@@ -101,7 +101,7 @@ def test_the_time_line_tells_contacts_and_marks(ran):
 
 def test_playing_pausing_speeds_steps_and_jumps(ran):
     path, states, _ = ran
-    playback = Playback(Reel(itouch.read(path)))
+    playback = Playback(SeekableRecording(itouch.read(path)))
     line = playback.line
 
     def turn(seconds: float) -> None:
@@ -166,7 +166,7 @@ def test_a_recorded_fault_is_told_while_it_lasts(tmp_path: Path, scenes: Path):
     session.rearm()
     session.run(0.3)
     session.close()
-    reel = Reel(itouch.read(tmp_path / "r.mcap"))
+    reel = SeekableRecording(itouch.read(tmp_path / "r.mcap"))
     playback = Playback(reel)
     playback.pause()
     for tick in (failed + 100, failed - 20, 399, failed - 1, 405):
@@ -186,7 +186,7 @@ def test_a_gap_does_not_stop_it(ran):
     for name in recording:
         table = recording[name]
         recording._content.rows[name] = table[(table["tick"] < 700) | (table["tick"] >= 900)]
-    reel = Reel(recording)
+    reel = SeekableRecording(recording)
     assert len(reel.ticks) == len(states) - 200
     assert bring(reel, 650) == states[650]
     bring(reel, 800)
@@ -199,11 +199,11 @@ def test_a_recording_without_a_tick_is_refused(ran):
     for name in recording:
         recording._content.rows[name] = recording[name][:0]
     with pytest.raises(RecordingError, match="no tick"):
-        Reel(recording)
+        SeekableRecording(recording)
 
 
 def test_a_recording_is_not_asked_for_what_only_sessions_do(ran):
-    playback = Playback(Reel(itouch.read(ran[0])))
+    playback = Playback(SeekableRecording(itouch.read(ran[0])))
     for said in (playback.save(), playback.rearm(), playback.steer(None), playback.steer((0.1, 0.0, 0.0))):
         assert "recording" in said
     playback.hold(True)

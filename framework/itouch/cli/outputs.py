@@ -13,7 +13,7 @@ from itouch.schema import ItouchError
 
 if TYPE_CHECKING:
     from itouch.session import Session
-    from itouch.session.keeping import Keep
+    from itouch.session.outputs import Outputs
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -50,7 +50,7 @@ def _code(text: str) -> tuple[str, int]:
     return name, int(number)
 
 
-def wanted(options: argparse.Namespace) -> Keep:
+def wanted(options: argparse.Namespace) -> Outputs:
     """Return what the options ask to keep.
 
     Raises
@@ -58,7 +58,7 @@ def wanted(options: argparse.Namespace) -> Keep:
     ItouchError
         If options do not go together.
     """
-    from itouch.session.keeping import Keep
+    from itouch.session.outputs import Outputs
 
     if options.save_every is not None and not options.save:
         raise ItouchError("--save-every needs --save FILE.itouch")
@@ -70,15 +70,17 @@ def wanted(options: argparse.Namespace) -> Keep:
         if getattr(options, named) and not options.trigger:
             option = named.replace("_", "-")
             raise ItouchError(f"--{option} says what --trigger PORT puts on the wire; name the port, too")
-    return Keep(options.record or "", not options.no_record, options.save or "", options.save_every or 0.0, options.lsl,
-                options.trigger or "", dict(options.code), dict(options.contact_code))  # fmt: skip
+    return Outputs(
+        options.record or "", not options.no_record, options.save or "", options.save_every or 0.0, options.lsl,
+        options.trigger or "", dict(options.code), dict(options.contact_code),
+    )  # fmt: skip
 
 
 @contextlib.contextmanager
-def keeping(session: Session, options: argparse.Namespace) -> Iterator[None]:
+def opened(session: Session, options: argparse.Namespace) -> Iterator[None]:
     """Keep what is asked for while the session runs here; SIGUSR1 sets a mark named ``operator``."""
-    from itouch.session.keeping import keeping as keep
+    from itouch.session.outputs import open_outputs
 
     marking = {number: lambda *_: session.post_mark("operator") for number in signals("SIGUSR1")}
-    with keep(session, wanted(options)), answering(marking):
+    with open_outputs(session, wanted(options)), answering(marking):
         yield
