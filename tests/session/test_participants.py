@@ -85,12 +85,16 @@ def test_an_older_session_file_does_not_give_a_budget_back(tmp_path: Path) -> No
 
 def test_a_process_that_is_killed_has_noted_what_was_used(tmp_path: Path) -> None:
     code = f"""
-import itouch, os, signal
+import itouch, os, signal, time
+from itouch.session.participants import read
 session = itouch.build({str(scene(tmp_path))!r})
 session.run(0.01)
 (post,) = session.runners[0].heats
 post.state["dose"][...] = 5.0
 session.run(3.0)
+until = time.monotonic() + 60.0  # it is written beside the loop, which runs ahead of real time here
+while read("P01")[0].dose < 5.0 and time.monotonic() < until:
+    time.sleep(0.01)
 os.kill(os.getpid(), signal.SIGKILL)
 """
     subprocess.run([sys.executable, "-c", code], check=False, timeout=300)
