@@ -21,6 +21,7 @@ from itouch.study import statistics as s
 from itouch.study.campaign import coverage, difference_errors, equivalence_errors, regression_errors
 from itouch.study.exports import table_of, write_bids, write_parquet
 from itouch.study.observers import Felt
+from itouch.study.page import _chance
 from itouch.study.power import FINGERS, TOUCHES, PowerError, library, power
 from itouch.study.reading import StudyFile, load_study
 from itouch.study.statistics.regression import _spread
@@ -235,3 +236,7 @@ def test_a_study_is_exported_by_a_command(tmp_path: Path, capsys: pytest.Capture
     assert main(["study", "export", str(tmp_path / "none"), "--tsv", "x"]) == 2
     assert "holds no study" in capsys.readouterr().err
     assert table_of(ROWS, tmp_path)[1]["answer"] == "n/a"
+
+
+def test_no_chance_is_told_as_nought() -> None:
+    assert [_chance(p) for p in (None, 0.0, 4.9e-5, 6e-5, 0.05)] == ["-", "< 0.0001", "< 0.0001", "0.0001", "0.0500"]

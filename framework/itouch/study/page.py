@@ -53,6 +53,12 @@ def _percent(value: float | None) -> str:
     return "-" if value is None else f"{100.0 * value:.0f} %"
 
 
+def _chance(p: Any) -> str:
+    """Return a probability of a test in four digits; none is nought."""
+    told = _number(p, 4)
+    return "< 0.0001" if told == "0.0000" else told
+
+
 def _number(value: Any, digits: int = 2) -> str:
     return "-" if value is None else f"{value:.{digits}f}"
 
@@ -129,14 +135,14 @@ def _sections(result: dict[str, Any]) -> list[str]:
     if "differences" in result:
         rows = [
             (f"{d['factor']}: {d['levels'][0]} - {d['levels'][1]}", _percent(d["difference"]),
-             _interval(d["interval_90"]).strip(), _number(d["p_equivalence"], 4), _number(d["p_holm"], 4))
+             _interval(d["interval_90"]).strip(), _chance(d["p_equivalence"]), _chance(d["p_holm"]))
             for d in result["differences"]
         ]  # fmt: skip
         head = ("levels", "difference", "90 %", "p that it is 10 % or more", "after Holm")
         parts.append("<h2>Equivalence</h2>" + _table(head, rows))
     if result.get("model"):
         rows = [
-            (m["term"], _number(m["log_odds"]), _interval(m["interval_95"], percent=False).strip(), _number(m["p"], 4))
+            (m["term"], _number(m["log_odds"]), _interval(m["interval_95"], percent=False).strip(), _chance(m["p"]))
             for m in result["model"]
         ]
         parts.append("<h2>Logistic model</h2>" + _table(("term", "log-odds", "95 %", "p"), rows))
