@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from program import program
 from shipped import SCENES
 
 import itouch
@@ -104,6 +105,36 @@ def test_csv_has_units_and_degrees_celsius(tmp_path: Path) -> None:
     assert frame["plate_temperature"].tolist() == kelvin.tolist()
 
 
+@pytest.mark.parametrize("option", [["--seed", "5"], ["--twin", "all"]])
+def test_a_session_has_its_own_seed_and_devices(
+    kept: Path, option: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["run", str(kept / "s.itouch"), "--headless", *option]) == 2
+    assert "own" in capsys.readouterr().err
+
+
+def test_going_on_from_a_recording_says_where_the_contacts_before_are(
+    kept: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["run", str(kept / "r.mcap"), "--headless", "--pace", "fast", "--for", "10ms", "--no-record"]) == 0
+    assert "contacts before it stand in the recording" in capsys.readouterr().err
+
+
+def test_a_trace_of_twins_is_told_to_be_empty(tmp_path: Path) -> None:
+    words = (
+        "run",
+        SCENES / "first_touch.xml",
+        "--headless",
+        "--pace",
+        "fast",
+        "--for",
+        "10ms",
+        "--no-record",
+        "--trace",
+    )
+    assert "nothing goes over a wire" in program(*words, tmp_path / "wire.txt").stderr
+
+
 def test_bids_has_a_sidecar_with_every_unit(kept: Path, tmp_path: Path) -> None:
     assert main(["export", str(kept / "r.mcap"), "--bids", str(tmp_path), "--subject", "07", "--task", "touch"]) == 0
     stem = tmp_path / "sub-07" / "beh" / "sub-07_task-touch"
@@ -136,6 +167,10 @@ def test_bids_has_the_poses_as_motion(kept: Path, tmp_path: Path) -> None:
     rows = np.loadtxt(f"{stem}_motion.tsv", delimiter="\t")
     assert np.array_equal(rows[:, :7], itouch.read(kept / "r.mcap")["arm.pose"])
     sidecar = json.loads(Path(f"{stem}_motion.json").read_text(encoding="utf-8"))
+    assert sidecar["SpatialAxes"] == "n/a"  # where the device's own axes point, its mount in the scene says
+    world = json.loads(Path(f"{stem}_motion.json".replace("-arm_", "-finger_")).read_text(encoding="utf-8"))
+    assert world["SpatialAxes"] == "RAS"
+    assert "world" in world["Description"]
     assert (
         sidecar["SamplingFrequency"] == 1000.0 and sidecar["MotionChannelCount"] == len(channels) - 1 == rows.shape[1]
     )

@@ -27,7 +27,7 @@ def main(argv: Sequence[str]) -> int:
         try:
             return _start(options, stop)
         except Interrupted as signalled:
-            words = {"scene": options.scene, "seed": options.seed, "pace": options.pace}
+            words = {"scene": options.scene, "seed": options.seed or 0, "pace": options.pace}
             return unstarted(signalled.number, words, begun, options.report)
 
 
@@ -39,8 +39,12 @@ def _start(options: argparse.Namespace, stop: Stopping) -> int:
     window = windows.wanted(options)
     if options.pace == "real" or window:
         return live.run(options, stop, window=window)
+    if options.scene.endswith(".mcap"):
+        note("goes on from the last whole State; the contacts before it stand in the recording, for itouch-py report")
     with waiting(f"preparing {options.scene}"):
         session = _prepare(options)
+    if options.trace and all(runner.model.twin for runner in session.runners):
+        note(f"no device of this scene is hardware: nothing goes over a wire, and {options.trace} stays empty")
     if options.pace is None and live.needed(session):
         return live.run(options, stop)
     _refuse_hardware(session)
@@ -91,7 +95,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--save", type=output_file, metavar="FILE.itouch", help="save the session at the end")
     parser.add_argument("--trace", type=output_file, metavar="FILE",
                         help="write what goes over the wires of real devices, as readable text")  # fmt: skip
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of all noise (default 0)")
+    parser.add_argument("--seed", type=int, metavar="N", help="seed of all noise (default 0); a session has its own")
     pictures.add_options(parser)
     sounds.add_options(parser)
     outputs.add_options(parser)
@@ -99,6 +103,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _check(options: argparse.Namespace) -> None:
+    given, options.seed = options.seed is not None, options.seed or 0
     if not 0 <= options.seed < 1 << 63:
         raise ItouchError(f"--seed {options.seed} is out of range: 0 to 2^63 - 1")
     outputs.wanted(options)
@@ -106,6 +111,8 @@ def _check(options: argparse.Namespace) -> None:
 
     if (options.twin or options.rig) and is_session(options.scene):
         raise ItouchError("--twin and --rig choose devices for a scene; a session has its own")
+    if given and is_session(options.scene):
+        raise ItouchError("--seed begins the noise of a scene; a session goes on with its own")
 
 
 def _prepare(options: argparse.Namespace) -> Session:

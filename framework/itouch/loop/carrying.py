@@ -73,9 +73,9 @@ def only_virtual(figures: Floats, felt: Floats) -> int:
 
 
 @kernel
-def led(stage: Any, done: int, status: Any, enabled: int, withdrawn: Any) -> int:
+def led(stage: Any, done: int, status: Any, enabled: int, withdrawn: Any, kept: Floats) -> int:
     """Ask for Python while something else leads the surface: a touch-off that is not done, or T4."""
-    if withdrawn[0] != 0:
+    if withdrawn[0] != 0 or kept[memory.MISSED] == memory.WITHDRAWN:
         return PYTHON
     return PYTHON if stage[0] != done and status[0] == enabled else 0
 

@@ -9,7 +9,7 @@ from itouch.compiling import kernel
 from itouch.loop import render
 from itouch.loop.run_statistics import RunStatistics
 from itouch.loop.runner import Runner
-from itouch.loop.surface.memory import MISSED, RENDERS, SETTLED
+from itouch.loop.surface.memory import MISSED, RENDERS, SETTLED, WITHDRAWN
 from itouch.loop.touch import Toucher
 from itouch.plugin import Bound, Contact, ContactEvent, Record
 from itouch.plugin.fenced import FencedRecord
@@ -26,9 +26,10 @@ def _note(
     """Follow the open contact by one tick; return 0.
 
     All but ``figures`` (those of the probe) have shape (1,): what is touched, the force on the finger, when the plate
-    was touched first, its top, whether it is there now and was at any time, for how many ticks, whether it was
-    missed, the memory of the carried surface (MEMORY,), and the plate's true force, 0 if none is known; then what is
-    kept: greatest force, depth and area, when the plate was touched first, and the greatest error of its height.
+    was touched first, its top, whether it is there now and was at any time, for how many ticks, whether it was missed
+    (1) or withdrawn (2), the memory of the carried surface (MEMORY,), and the plate's true force, 0 if none is known;
+    then what is kept: greatest force, depth and area, when the plate was touched first, and the greatest error of its
+    height.
     """
     if current[0] < 0:
         return 0
@@ -43,8 +44,10 @@ def _note(
     if plate[0] != 0 or push[0] > 0.0:
         was_plate[0] = 1
         lasted[0] += 1
-    if memory[MISSED] > 0.0:
-        missed[0] = 1
+    if memory[MISSED] == WITHDRAWN:
+        missed[0] |= 2
+    elif memory[MISSED] > 0.0:
+        missed[0] |= 1
     if plate[0] != 0 and memory[RENDERS] > 0.0 and memory[SETTLED] > 0.0:
         error = abs(figures[render.SURFACE_HEIGHT] - top[0])
         if error > worst[0]:
@@ -103,6 +106,12 @@ class ContactLog:
         height = figures[render.SURFACE_HEIGHT].item()
         return (height - top) * event.normal[2] if math.isfinite(height) else math.nan
 
+    def _slid(self, met: float) -> bool:
+        """Tell whether the finger met the plate [s] in a contact before this one: it slid from object to object."""
+        name = self._toucher.probe.name
+        before = next((one for one in reversed(self._statistics.contacts) if one["probe"] == name), None)
+        return before is not None and before["end_s"] is not None and met < before["end_s"] - 0.5 * self._model.period
+
     @property
     def open(self) -> bool:
         """Whether a contact is open."""
@@ -114,6 +123,7 @@ class ContactLog:
         element = self._model.scene.objects[index]
         begin, period = int(self._toucher.begin), self._model.period
         physical = int(self._physical)
+        led = physical >= 0 and bool(self._plate) and not self._slid(physical * period)
         entry: dict[str, Any] = {
             "probe": self._toucher.probe.name,
             "object": element.name,
@@ -122,13 +132,14 @@ class ContactLog:
             "end_s": None if end is None else end * period,
             "plate": bool(self._plate),
             "plate_s": int(self._lasted) * period if self._table is not None else None,
-            "plate_missed": bool(self._missed) if self._table is not None else None,
+            "plate_missed": bool(int(self._missed) & 1) if self._table is not None else None,
+            "plate_withdrawn": bool(int(self._missed) & 2) if self._table is not None else None,
             "peak_force_N": float(self._peak),
             "peak_penetration_mm": float(self._deepest) * 1e3,
             "peak_area_mm2": float(self._widest) * 1e6,
             "impact_speed_m_s": float(self._impact),
             "plate_gap_mm": _finite(float(self._gap) * 1e3),
-            "plate_lead_ms": (begin - physical) * period * 1e3 if physical >= 0 and self._plate else None,
+            "plate_lead_ms": (begin - physical) * period * 1e3 if led else None,
         }
         declared = (one.key for modality in self._model.modalities for one in modality.instance.measured)
         for key in (*_ALWAYS, *declared):

@@ -174,7 +174,8 @@ class ProbeRig:
         if table is None or post is None or not isinstance(post.monitor, Surface):
             return ()
         stage = self.touch_off.stage if self.touch_off is not None else done
-        led = Bound(carrying.led, stage, int(Stage.DONE), table.gate, ENABLED, post.state["withdrawn"])
+        withdrawn, kept = post.state["withdrawn"], self.toucher.surface
+        led = Bound(carrying.led, stage, int(Stage.DONE), table.gate, ENABLED, withdrawn, kept)
         closing = Bound(
             carrying.close_in, self._figures, self._radius, *post.monitor.paces, table.moving.closing, table.clamped
         )
@@ -189,10 +190,12 @@ class ProbeRig:
 
         A touch-off that is not done takes the table over.
         """
-        self.toucher.carry()
         table = self.table
         if table is None or table.panel.surface is None:
+            self.toucher.carry()
             return
+        self.toucher.stay_away(table.panel.withdrawn)
+        self.toucher.carry()
         strayed = self._figures[render.TRACKING].item()
         table.closing = table.panel.closing(self._gap(), strayed)
         if self.touch_off is not None and not self.touch_off.done and table.enabled:
@@ -201,6 +204,7 @@ class ProbeRig:
         elif table.panel.withdrawn:
             target = table.commanded(Role.SURFACE_POSE)
             target[2] = table.panel.follow(target[2].item(), self.toucher.current.item() < 0)
+            self.toucher.gone()
 
     def _gap(self) -> float:
         """Return the distance [m] between finger pad and plate, as they are tracked."""

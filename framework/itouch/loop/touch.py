@@ -77,6 +77,7 @@ class Toucher:
         """Collect the views that the compiled tick works on."""
         nothing = np.zeros(7)
         load, tick = table.read_as(Role.CONTACT_FORCE) if table is not None else nothing, state["tick"]
+        self._load = load
         world, mesh, poses = model.geometry.world, model.geometry.mesh, state["objects.pose"]
         self._poses, self._twists, self._moving = poses, state["objects.twist"], bool(model.moving)
         stiffness = np.array([coupling.stiffness for coupling in probe.coupling], np.float64)
@@ -146,6 +147,20 @@ class Toucher:
         self._beside[1][...] = math.inf
         self.figures[render.NEAR_DISTANCE] = self.figures[render.TIME_TO_CONTACT] = math.inf
         self.surface[memory.RENDERS], self.surface[memory.SETTLED], self.surface[memory.SHARE] = 1.0, 1.0, -1.0
+
+    def stay_away(self, withdrawn: bool) -> None:
+        """Say whether safety keeps the surface away (T4): then no contact is the surface's."""
+        missed = self.surface[memory.MISSED]
+        if withdrawn:
+            self.surface[memory.MISSED] = memory.WITHDRAWN
+        elif missed == memory.WITHDRAWN:
+            self.surface[memory.MISSED] = 0.0
+
+    def gone(self) -> None:
+        """See that a surface which safety has taken away is not called present, whoever carries it otherwise."""
+        away = self.figures[render.HIP + 2] - self._constants[render.RADIUS] - self.figures[render.PLATE_TOP]
+        if away > memory.ABOUT and -self._load[2] < memory.LEFT:
+            self.surface[memory.PRESENT] = self.plate[...] = 0
 
     def restart(self) -> None:
         """Forget how the tracker moved before: it stands where it reads now."""

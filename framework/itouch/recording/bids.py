@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from itouch.plugin import Role
 from itouch.recording.contacts import contacts_of
 from itouch.recording.recording import Recording
 from itouch.recording.tables import columns_of, lines, meanings_of, safe_name
@@ -42,6 +43,8 @@ once more; `_events` holds contacts, marks and faults. Time counts from the begi
 _COMPONENTS = (
     *((part, "POS", "m") for part in "xyz"), *((f"quat_{part}", "ORNT", "n/a") for part in "wxyz"),
 )  # fmt: skip
+#: The axes of the world and its origin: x to the operator's right, y away from the operator, z up.
+WORLD = ("RAS", "in the world: x to the operator's right, y away from the operator, z up")
 
 
 def export_bids(
@@ -135,6 +138,9 @@ def _continuous(recording: Recording, track: str, stem: str, task: str) -> list[
 def _motion(recording: Recording, track: Track, poses: list[Column], stem: str, task: str) -> list[str]:
     """Write the poses of a track, and what its channels are; return the files."""
     rows, rate = recording[track.name], 1.0 / (track.every * recording.period)
+    # what a device measures is declared for a role, in the device's own frame; what the loop finds is in the world
+    own = any(column.role is not Role.SIGNAL for column in poses)
+    axes, frame = ("n/a", "in the device's own frame; its mount in the scene says where that is") if own else WORLD
     channels, numbers = ["name\tcomponent\ttype\ttracked_point\tunits\tsampling_frequency\tdescription"], []
     for column in poses:
         for place, (component, kind, unit) in enumerate(_COMPONENTS[: column.size]):
@@ -148,11 +154,11 @@ def _motion(recording: Recording, track: Track, poses: list[Column], stem: str, 
         "POSChannelCount": sum(min(3, column.size) for column in poses),
         "ORNTChannelCount": sum(max(0, column.size - 3) for column in poses),
         "RecordingDuration": len(rows) / rate, "RecordingType": "continuous", "MissingValues": "n/a",
-        "SamplingFrequencyEffective": rate, "SubjectArtefactDescription": "n/a", "SpatialAxes": "RAS",
+        "SamplingFrequencyEffective": rate, "SubjectArtefactDescription": "n/a", "SpatialAxes": axes,
         "TrackingSystemName": track.name, "Manufacturer": "n/a", "ManufacturersModelName": "n/a",
         "SoftwareVersions": "n/a", "DeviceSerialNumber": "n/a", "RotationRule": "right-hand",
         **{f"{kind}ChannelCount": 0 for kind in _UNUSED},
-        "Description": f"poses of {track.name} in its own axes", "EpochLength": 0,
+        "Description": f"poses of {track.name} {frame}", "EpochLength": 0,
     })  # fmt: skip
     with open(stem + "_motion.tsv", "w", encoding="utf-8", newline="") as stream:
         stream.writelines("\t".join(map(repr, row)) + "\n" for row in zip(*numbers, strict=True))

@@ -55,6 +55,7 @@ def ended(model: Model, entry: Mapping[str, Any]) -> list[str]:
 def shortcomings(model: Model | None, entry: Mapping[str, Any]) -> list[str]:
     """Return what a contact was not that it has to be, in the words of what measures it."""
     found = ["the plate was missed"] if entry.get("plate_missed") else []
+    found += ["the plate was withdrawn (T4)"] if entry.get("plate_withdrawn") else []
     for one in measured(model):
         if one.must is not None and entry.get(one.key) is not None and entry[one.key] != one.must:
             found.append(one.otherwise)
@@ -67,6 +68,12 @@ def remarks(model: Model, entry: Mapping[str, Any]) -> list[str]:
     if entry.get("plate_missed"):
         where = f"{entry['object']} at {entry['begin_s']:.3f} s"
         found.append(f"{where}: the plate was not felt where it should have been; the arm gave its force")
+    if entry.get("plate_withdrawn"):
+        lasted = f" after {entry['plate_s']:.1f} s" if entry.get("plate_s") is not None else ""
+        found.append(
+            f"{entry['object']} at {entry['begin_s']:.3f} s: the plate was withdrawn{lasted}, for the finger had been "
+            "on it as long as it may (T4, contact-time); the arm gave its force"
+        )
     for one in model.modalities:
         try:
             found += one.instance.remarks(one.model, entry)

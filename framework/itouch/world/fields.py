@@ -65,7 +65,8 @@ _SURFACE = (
     Field(
         "surface.missed",
         unit="1",
-        doc="1: the plate was not felt where it should be, 2: it was felt below that; its force is the arm's",
+        doc="1: the plate was not felt where it should be, 2: it was felt below that, 3: withdrawn (T4); its force is "
+        "the arm's",
     ),
     Field("surface.misses", unit="1", doc="how often the plate was missed"),
     Field("surface.missed_at", unit="s", doc="when it was missed first"),
@@ -126,7 +127,12 @@ _CONTACT = (
     Field("contact.separated", "i8", unit="tick", doc="for how long the probe has been clear of the object"),
     Field("contact.plate", "i8", unit="1", doc="1 if the plate was there at any time of the contact"),
     Field("contact.plate_ticks", "i8", low=0, unit="tick", doc="for how long the plate was there"),
-    Field("contact.plate_missed", "i8", unit="1", doc="1 if the plate should have been felt in it and was not"),
+    Field(
+        "contact.plate_missed",
+        "i8",
+        unit="1",
+        doc="1: the plate should have been felt in it and was not; 2: it was withdrawn in it (T4); 3: both",
+    ),
     Field("contact.plate_gap", unit="m", doc="`plate_gap` at the begin, along the normal"),
     Field("contact.peak_force", unit="N", doc="greatest `total_force` so far"),
     Field("contact.peak_penetration", unit="m", doc="greatest depth so far"),

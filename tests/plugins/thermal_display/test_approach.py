@@ -158,3 +158,16 @@ def test_a_weak_or_slow_module_takes_as_long_as_its_heat() -> None:
     weak = DisplayParams(flux_limit=100.0)
     assert least_time(weak, 288.15, 313.15) == pytest.approx(24.95 * 2.804e3 / 100.0, rel=0.01)
     assert strongest(DisplayParams(resistance=100.0), 6.4) < 2e3
+
+
+def test_a_clipped_start_temperature_is_of_the_touch_that_it_was_for(scenes: Path) -> None:
+    """The next aim is another object's: what stands in the report was so when the plate met the finger."""
+    path = Display(right="wood", near="1.5 s").write(scenes)
+    text = path.read_text()
+    cold = text.replace('material="aluminium"', 'material="aluminium" temperature="4 degC"', 1)
+    assert cold != text
+    path.write_text(cold)
+    engine = itouch.build(path)
+    engine.run()
+    first, second = engine.report()["contacts"][:2]
+    assert (first["plate_limited"], second["plate_limited"]) == (True, False)

@@ -20,8 +20,8 @@ LEVEL, SINK = 22, 23  # height of the lowest point of the finger, and its speed,
 OFF = 24  # how much deeper the finger seems to be in the plate than the force explains, smoothed [m]
 MEMORY = 25
 
-#: What `MISSED` says: the plate is lower than its height says, or higher.
-LOW, HIGH = 1.0, 2.0
+#: What `MISSED` says: the plate is lower than its height says, or higher; or it was told to stay away (T4).
+LOW, HIGH, WITHDRAWN = 1.0, 2.0, 3.0
 
 #: Force [N] from which on a plate is felt, below which it is left, and what a sensor may read of nothing.
 TOUCH, LEFT, NOTHING = 0.05, 0.02, 0.02

@@ -11,6 +11,8 @@ from itouch_thermal.flux.usual import FLOOR, SCORED_FROM, enter
 
 #: The numbers of the account, in their order.
 _RENDERED, _READY, _TICKS, _SUM, _PEAK, _SKIN_BEGIN, _SKIN_EXTREME, _SQUARES, _SCORED = range(9)
+#: What the first of them says of a plate whose start temperature was clipped to its band; else 1, 0: not rendered.
+_CLIPPED = 2.0
 
 #: Of an estimate: squares of the sensor's error and of its standard deviation, and how many; of what a virtual rig
 #: knows: squares of the true error and of the estimate's, and how many.
@@ -61,17 +63,20 @@ def begin(state: Record, name: str) -> None:
     state[f"{name}.beside"] = 0.0
 
 
-def render(state: Record, name: str, ready: bool, skin: float) -> bool:
+def render(state: Record, name: str, ready: bool, limited: bool, skin: float) -> bool:
     """Note that the plate begins to render the contact; tell whether it has done so before in it.
 
-    ``ready`` says whether it is at its start temperature; ``skin`` [K] is the skin temperature before (NaN: unknown).
+    ``ready`` says whether it is at its start temperature, ``limited`` whether that was clipped to its band; ``skin``
+    [K] is the skin temperature before (NaN: unknown).
     """
     account = state[f"{name}.account"]
     again = bool(account[_RENDERED].item())
+    if limited or not again:  # what it aims for next is not of this contact
+        account[_RENDERED] = _CLIPPED if limited else 1.0
     if again:
         account[_READY] = float(ready and bool(account[_READY].item()))
     else:
-        account[_RENDERED], account[_READY] = 1.0, ready
+        account[_READY] = ready
         account[_SKIN_BEGIN] = account[_SKIN_EXTREME] = skin
     return again
 
@@ -113,7 +118,7 @@ def measures(state: Record, name: str, source: str) -> dict[str, float | str | b
     rendered, ready, ticks, total, peak, first, extreme, squares, scored = state[f"{name}.account"].tolist()
     if not rendered or not ticks:
         keys = ("flux_source", "mean_flux_W_m2", "peak_flux_W_m2", "skin_begin_degC", "skin_drop_K", "flux_error_rms",
-                "plate_ready")  # fmt: skip
+                "plate_ready", "plate_limited")  # fmt: skip
         return {**dict.fromkeys(keys), "plate_ready": bool(ready) if rendered else None}
     drop = first - extreme
     return {
@@ -124,6 +129,7 @@ def measures(state: Record, name: str, source: str) -> dict[str, float | str | b
         "skin_drop_K": drop if math.isfinite(drop) else None,
         "flux_error_rms": math.sqrt(squares / scored) if scored else None,
         "plate_ready": bool(ready),
+        "plate_limited": rendered == _CLIPPED,
         **_beside(state, name),
     }
 

@@ -154,8 +154,9 @@ class FluxControl(Modality):
         if touching and not there:
             self._part(model, state, tick)
         elif there and not touching:
-            ready = bool(state[names.plate_ready].item()) and state[names.approached].item() == index
-            again = account.render(state, model.name, ready, self._obtained(model, state)[1])
+            aimed = state[names.approached].item() == index
+            ready, limited = (aimed and bool(state[one].item()) for one in (names.plate_ready, names.plate_limited))
+            again = account.render(state, model.name, ready, limited, self._obtained(model, state)[1])
             state[names.touching] = state[names.fresh] = 1
             state[names.pressing] = 0
             state[f"{model.name}.integral"] = state[names.flux].item()
@@ -275,9 +276,7 @@ class FluxControl(Modality):
             return {}
         truth = model.truth and model.names.true_flux in state
         source = "estimate" if model.estimates else "twin" if truth else "sensor"
-        found = account.measures(state, model.name, source)
-        limited = bool(state[model.names.plate_limited].item())
-        return {**found, "plate_limited": None if found["flux_source"] is None else limited}
+        return account.measures(state, model.name, source)
 
     def ended(self, model: FluxModel, entry: Mapping[str, Any]) -> str:
         """Return the mean flux of the contact."""
