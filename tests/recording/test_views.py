@@ -84,10 +84,10 @@ def test_frames_are_where_the_state_says(session: Any) -> None:
 
 
 def test_plates_are_where_the_window_draws_them(session: Any) -> None:
-    from itouch.viewer.scene_graph import Stage
+    from itouch.viewer.scene_graph import SceneGraph
 
     engine, states, path = session
-    stage, state, compared = Stage(engine.model), engine.state.copy(), 0
+    stage, state, compared = SceneGraph(engine.model), engine.state.copy(), 0
     start = read(path).session["start_ns"]
     for topic, time, message in decoded(path):
         tick = round((time - start) / 1e9 / engine.model.period)
