@@ -65,7 +65,7 @@ def examined(path: str, rig: str | None, twin: str | None) -> tuple[Model | None
     from itouch.schema.diagnostics import SceneError
     from itouch.session import choose_twins
     from itouch.session.channel_selection import recording_notes, recording_problems
-    from itouch.world import compile_scene
+    from itouch.world import compile_scene, further
     from itouch.world.sense import odd
 
     catalog = Catalog()
@@ -75,7 +75,7 @@ def examined(path: str, rig: str | None, twin: str | None) -> tuple[Model | None
     except SceneError as error:
         problems += error.problems
     broken = any(problem.severity == "error" for problem in problems)
-    model, more = (None, []) if broken else compile_scene(scene, catalog)
+    model, more = (None, further(scene, catalog, problems)) if broken else compile_scene(scene, catalog)
     unrecordable = recording_problems(model) if model is not None else []
     if model is not None and not unrecordable:
         more = [*more, *odd(model)]

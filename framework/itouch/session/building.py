@@ -8,7 +8,8 @@ from dataclasses import replace
 from itouch.loop import Clock
 from itouch.plugin.bases import Bases, keeping
 from itouch.plugin.discovery import Catalog
-from itouch.scene import Scene, load
+from itouch.scene import Scene
+from itouch.scene.loader import in_file_order, read_scene
 from itouch.schema import Problem, SceneError
 from itouch.schema.diagnostics import did_you_mean
 from itouch.session.calibration import calibrated
@@ -16,7 +17,7 @@ from itouch.session.engine import Session
 from itouch.session.errors import SessionError
 from itouch.session.open import read_session
 from itouch.session.snapshot import Snapshot
-from itouch.world import Model
+from itouch.world import Model, further
 
 Path = str | os.PathLike[str]
 
@@ -49,7 +50,10 @@ def load_scene(
     SceneError
         With all problems.
     """
-    scene = load(path, catalog or Catalog(), rig=rig)
+    catalog = catalog or Catalog()
+    scene, problems = read_scene(path, catalog, rig=rig)
+    if any(problem.severity == "error" for problem in problems):
+        raise SceneError(in_file_order([*problems, *further(scene, catalog, problems)]))
     chosen = scene if twin is None else choose_twins(scene, twin)
     return calibrated(chosen) if records else chosen
 

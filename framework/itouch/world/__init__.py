@@ -1,7 +1,7 @@
 """Scene -> Model (read-only arrays) and State (one record)."""
 
 from itouch.world.modalities import ModalityModel
-from itouch.world.model import Model, ProbeModel, compile_scene
+from itouch.world.model import Model, ProbeModel, compile_scene, further
 from itouch.world.rig import DeviceModel
 from itouch.world.state import declared, layout, make_state, truth, undeclared
 
@@ -11,6 +11,7 @@ __all__ = [
     "Model",
     "ProbeModel",
     "compile_scene",
+    "further",
     "declared",
     "layout",
     "make_state",

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import contextlib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -15,6 +16,7 @@ from itouch.plugin import Role
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
 from itouch.scene.elements import Operator, Probe
+from itouch.scene.loader import in_file_order
 from itouch.schema import Place, Problem, SceneError
 from itouch.world.bindings import check_bindings, check_reach, check_writers
 from itouch.world.coupling import Coupling, couplings, on_bodies, stable_effects
@@ -110,11 +112,11 @@ class Model:
         Raises
         ------
         SceneError
-            With everything that can't work together.
+            With everything that can't work together, in file order.
         """
         model, problems = compile_scene(scene, catalog)
         if model is None:
-            raise SceneError(problems)
+            raise SceneError(in_file_order(problems))
         warnings = (f"{problem.place}: {problem.sentence}" for problem in problems if problem.place is not None)
         return replace(model, notices=(*model.notices, *warnings))
 
@@ -153,6 +155,27 @@ def compile_scene(scene: Scene, catalog: Catalog) -> tuple[Model | None, list[Pr
     )  # fmt: skip
     problems += unfelt(model)
     return (None if any(problem.severity == "error" for problem in problems) else model), problems
+
+
+def further(scene: Scene, catalog: Catalog, known: Iterable[Problem]) -> list[Problem]:
+    """Return what else is wrong with a scene that has problems already, so that all are told at once.
+
+    Devices, limits and files are looked at, which hang on little else.  What stands in the line of a ``known`` problem
+    may come of it, and is left for later.
+    """
+    problems: list[Problem] = []
+    with contextlib.suppress(Exception):  # of half a scene no more may be known than this
+        scene = fitted(scene, catalog)
+        problems += check_safety(scene)
+        reader = SceneFiles(scene)
+        build_devices(scene, catalog, problems, reader)
+        build_shapes(scene, reader, problems)
+    lines = {(problem.place.file, problem.place.line) for problem in known if problem.place is not None}
+    return [
+        problem for problem in problems
+        if problem.severity == "error" and problem.place is not None
+        and (problem.place.file, problem.place.line) not in lines
+    ]  # fmt: skip
 
 
 def worn_on(scene: Scene, devices: Mapping[str, DeviceModel], tracker: str) -> tuple[DeviceModel, ...]:

@@ -1,0 +1,52 @@
+"""All that is wrong with a scene is told at once, whichever stage of reading it would find it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import itouch
+from itouch.cli import main
+from itouch.schema import SceneError
+
+SCENE = """<itouch version="1.0">
+  <materials><material name="wood"><contact stifness="1 N/mm"/></material></materials>
+  <world>
+    <box name="block" size="60 60 20 mm" pos="0 0 10 mm" material="wod"/>
+    <mesh name="shell" file="nowhere.stl" material="wood"/>
+  </world>
+  <devices>
+    <device name="arm" plugin="usb-arm"><limits force="30 N"/></device>
+    <device name="odd" plugin="usbarm"/>
+  </devices>
+  <interaction>
+    <probe name="finger" radius="8 mm" pose-from="amr"/>
+  </interaction>
+  <safety force="100 N"/>
+</itouch>"""
+#: Line and what is wrong there.
+WRONG = {2: "stifness", 4: "wod", 5: "nowhere.stl", 8: "30 N", 9: "usbarm", 12: "amr", 14: "100 N"}
+
+
+def test_the_problems_of_every_stage_stand_in_one_list(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "scene.xml"
+    path.write_text(SCENE)
+    with pytest.raises(SceneError) as caught:
+        itouch.build(path)
+    found = [(problem.place.line, problem.sentence) for problem in caught.value.problems if problem.place is not None]
+    assert [line for line, _ in found] == sorted(WRONG)
+    assert all(WRONG[line] in sentence for line, sentence in found)
+    assert main(["check", str(path)]) == 2
+    said = capsys.readouterr()
+    assert all(word in said.err + said.out for word in WRONG.values())
+
+
+def test_mending_what_is_told_leaves_nothing(tmp_path: Path) -> None:
+    """What is told beside other problems is wrong by itself: it is there, too, when they are mended."""
+    path = tmp_path / "scene.xml"
+    mended = SCENE.replace("stifness", "stiffness").replace('"wod"', '"wood"').replace("amr", "arm")
+    path.write_text(mended)
+    with pytest.raises(SceneError) as caught:
+        itouch.build(path)
+    assert [problem.place.line for problem in caught.value.problems if problem.place is not None] == [5, 8, 9, 14]
