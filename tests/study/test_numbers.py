@@ -240,3 +240,13 @@ def test_a_study_is_exported_by_a_command(tmp_path: Path, capsys: pytest.Capture
 
 def test_no_chance_is_told_as_nought() -> None:
     assert [_chance(p) for p in (None, 0.0, 4.9e-5, 6e-5, 0.05)] == ["-", "< 0.0001", "< 0.0001", "0.0001", "0.0500"]
+
+
+def test_codes_and_answers_stay_words_in_parquet(tmp_path: Path) -> None:
+    pq = pytest.importorskip("pyarrow.parquet")
+    rows = [Row("007", 0, "main", "identify", {"level": "01"}, [{"level": "01"}], 0.0, 1.0, "007-1", "now",
+                answer="1_0", right=0, reaction_s=0.5, felt=[{"mean_flux_W_m2": 830.5}])]  # fmt: skip
+    write_parquet(rows, tmp_path / "t.parquet")
+    row = pq.read_table(tmp_path / "t.parquet").to_pylist()[0]
+    assert (row["participant"], row["answer"], row["level"], row["session"]) == ("007", "1_0", "01", "007-1")
+    assert (row["place"], row["right"], row["reaction_s"]) == (0, 0, 0.5)

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 from run_scene import write_study
+from shipped import SCENES
 
 from itouch.cli import main
 from itouch.plugin.discovery import Catalog
@@ -312,3 +313,32 @@ def test_masking_noise_is_played_on_request_and_its_absence_told(
         assert ("is not heard" in capsys.readouterr().err) == (noise == "yes" and not mute)
         rows.append([(row.answer, row.felt, row.begun_s) for row in kept(folder / "data")])
     assert rows[0] == rows[1] == rows[2]
+
+
+def test_a_written_answer_that_is_none_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = write_study(tmp_path, repetitions=1)
+    (tmp_path / "a.txt").write_text("wood\nstel\ncork\n")
+    assert run(path, tmp_path / "data", "--answers", str(tmp_path / "a.txt")) == 2
+    assert "answer 2: 'stel' is none of the answers: wood, steel, cork" in capsys.readouterr().err
+    assert len(kept(tmp_path / "data")) == 1
+
+
+def test_an_answer_may_end_with_a_number() -> None:
+    script = Script(["plate 1", "plate 2 3"])
+    for place, after in ((0, 0.5), (1, 3.0)):
+        script.ask(Question(place, "Which?", ("plate 1", "plate 2")))
+        assert script.poll(after - 0.1) is None
+        assert script.poll(after) == f"plate {place + 1}"
+
+
+@pytest.mark.parametrize("code", ["P01", "P02", "P03"])
+def test_heat_is_right_from_the_first_trial_on_whatever_scene_was_before(tmp_path: Path, code: str) -> None:
+    """Through the command, blind: what the display knows of its plate goes on from scene to scene."""
+    study = SCENES / "studies" / "four_materials.xml"
+    (tmp_path / "a.txt").write_text("wood\n" * 3)
+    answers = str(tmp_path / "a.txt")
+    main(["study", "run", str(study), "--participant", code, "--answers", answers, "-o", str(tmp_path / "data")])
+    rows = kept(tmp_path / "data", code)
+    assert len(rows) == 3
+    assert not [row.void for row in rows if row.void]
+    assert max(felt["flux_error_rms"] for row in rows for felt in row.felt) < 0.02

@@ -14,6 +14,7 @@ from itouch.cli import main
 from itouch.plugin.discovery import Catalog
 from itouch.study import simulate as simulation
 from itouch.study.analysis import analyse
+from itouch.study.course import Course
 from itouch.study.observers import Felt
 from itouch.study.page import page
 from itouch.study.reading import StudyFile, load_study, read_study
@@ -338,3 +339,70 @@ def test_a_hand_that_ends_elsewhere_than_it_begins_is_found(tmp_path: Path) -> N
     _, problems = read_study(study, CATALOG)
     assert [(one.code, one.place.line) for one in problems if one.place] == [("bad-value", 15)]
     assert "does not end where it begins" in problems[0].sentence
+
+
+STAIRS = (
+    '<staircase name="a" procedure="up-down" set="wood/contact.stiffness" unit="N/mm" low="0.5" high="2" start="1.5" '
+    'standard="0.6" step="0.1" trials="30" reversals="3"/>'
+    '<staircase name="b" procedure="quest" set="wood/contact.stiffness" unit="N/mm" low="0.5" high="2" start="1.2" '
+    'standard="0.6" trials="12"/>'
+)
+
+
+@pytest.mark.parametrize("every", [2, 3, 5])
+def test_staircases_with_void_trials_go_on_to_their_end_whenever_they_are_resumed(tmp_path: Path, every: int) -> None:
+    """One ends before the other, and each void trial is repeated as one of its own; a new start changes nothing."""
+    file = loaded(tmp_path, factor=STAIRS, task='kind="colder" factor="a" standard="0.6"')
+    rows: list[Row] = []
+    course = Course(file, "P1")
+    while (due := course.next()) is not None:
+        assert due == Course(file, "P1", rows).next()
+        if due.repeats is not None:
+            assert rows[due.repeats].staircase == due.trial.staircase
+        void = "broken" if len(rows) % every == 0 else ""
+        right = None if void else int(len(rows) % 4 != 3)
+        row = Row("P1", due.place, "main", "colder", {}, list(due.shown), 0.0, 1.0, "s", "", repeats=due.repeats,
+                  staircase=due.trial.staircase, level=due.level, right=right, void=void)  # fmt: skip
+        rows.append(row)
+        course.made(row)
+        assert len(rows) < 400
+    assert course.left == 0
+    for rule in file.study.staircases:
+        counted = [row for row in rows if row.staircase == rule.name and not row.void]
+        assert 0 < len(counted) <= rule.trials
+    felt = analyse(file, rows, draws=20)["felt"]
+    assert {name for one in felt for name in one["condition"]} == {"a", "b"}
+
+
+@pytest.mark.parametrize(
+    ("parts", "said"),
+    [
+        ({"factor": STAIRS.replace('standard="0.6"', 'standard="1.9"', 1)}, "the standard is 1.9"),
+        ({"factor": STAIRS.replace('trials="12"', 'trials="12" target="0.8"')}, "target is of the up-down procedure"),
+        ({"factor": STAIRS.replace('high="2" start="1.2"', 'high="200" start="60"')}, "prior of 'b', 1, is narrow"),
+        ({"factor": STAIRS + FACTOR}, "a factor beside them has no effect"),
+    ],
+)
+def test_staircases_that_would_do_nothing_or_go_the_wrong_way(tmp_path: Path, parts: dict[str, str], said: str) -> None:
+    _, problems = read_study(written(tmp_path, task='kind="colder" factor="a" standard="0.6"', **parts), CATALOG)
+    assert any(said in problem.sentence for problem in problems), problems
+
+
+def test_a_block_is_not_called_as_what_does_not_count(tmp_path: Path) -> None:
+    factor = FACTOR + '<factor name="phase" levels="practice test" values="1;1" set="block.pos"/>'
+    _, problems = read_study(written(tmp_path, factor=factor, more='<order kind="blocked" by="phase"/>'), CATALOG)
+    assert any("block can't be called 'practice'" in problem.sentence for problem in problems)
+
+
+def test_the_report_is_of_the_study_of_the_trials(
+    tmp_path: Path, hands: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = written(tmp_path)
+    assert main(["study", "simulate", str(path), "-o", str(tmp_path / "data"), "--observers", "1"]) == 0
+    path.write_text(
+        path.read_text().replace('levels="wood steel cork"', 'levels="wood steel bark" values="wood;steel;cork"')
+    )
+    assert main(["study", "report", str(path), str(tmp_path / "data")]) == 2
+    said = capsys.readouterr().err
+    assert "material=cork" in said
+    assert "Traceback" not in said

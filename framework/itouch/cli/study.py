@@ -15,6 +15,7 @@ from itouch.schema.terminal import did
 
 if TYPE_CHECKING:
     from itouch.study.reading import StudyFile
+    from itouch.study.store import Row
 
 #: Seconds that a trial takes beside its touches: skin, answer, pause (users' practice: 20 to 30 s between touches).
 BETWEEN = 25.0
@@ -254,6 +255,28 @@ def _simulate(options: argparse.Namespace) -> int:
     return 0
 
 
+def _same_study(file: StudyFile, rows: Sequence[Row]) -> None:
+    """See that the study has all levels that stand in the rows: else trials would be left out of what is said.
+
+    Raises
+    ------
+    StoreError
+        If it has not.
+    """
+    from itouch.study.store import StoreError
+
+    levels = {factor.name: factor.names for factor in file.study.factors}
+    known = {*levels, *(one.name for one in file.study.staircases)}
+    for row in rows:
+        for shown in (row.condition, *row.shown):
+            for name, level in shown.items():
+                if name not in known or level not in levels.get(name, (level,)):
+                    raise StoreError(
+                        f"the trials are of another study: {row.participant} was shown {name}={level}, which "
+                        f"'{file.name}' does not have; take the study as it was (frozen/ has it)"
+                    )
+
+
 def _report(options: argparse.Namespace) -> int:
     from itouch.study.analysis import analyse
     from itouch.study.page import page
@@ -268,6 +291,7 @@ def _report(options: argparse.Namespace) -> int:
     try:
         with Store.open(folder) as store:
             rows, frozen, deviations = store.rows(), store.frozen() or {}, store.deviations()
+        _same_study(file, rows)
         result = analyse(file, rows)
         provenance = {str(key): str(value) for key, value in frozen.items()}
         provenance |= {f"deviation {at}": what for at, what in deviations}

@@ -48,7 +48,7 @@ class Staircase:
         Change after a right answer of the up-down procedure (downwards, so more than 0 here); and quantum to which
         the levels of QUEST are rounded, 0: none.
     target
-        Proportion right that is looked for.
+        Proportion right that the up-down procedure looks for; the others find the middle of the function.
     guess, lapse
         Of the psychometric function.
     slope
@@ -71,6 +71,11 @@ class Staircase:
     prior: float = 1.0
     trials: int = 40
     reversals: int = 12
+
+    @property
+    def found(self) -> float:
+        """Proportion right at the threshold: the target of the up-down procedure, else the function's middle."""
+        return self.target if self.procedure == "up-down" else self.guess + 0.5 * (1.0 - self.guess - self.lapse)
 
     def __post_init__(self) -> None:
         if not self.low < self.high or not self.low <= self.start <= self.high:

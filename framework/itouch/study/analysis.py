@@ -212,7 +212,7 @@ def _staircase(file: StudyFile, rows: Sequence[Row], name: str) -> dict[str, Any
     values = [value for value in people.values() if math.isfinite(value)]
     mean = float(np.mean(values)) if values else math.nan
     return {
-        "name": name, "procedure": rule.procedure, "target": rule.target, "thresholds": people, "mean": mean,
+        "name": name, "procedure": rule.procedure, "target": rule.found, "thresholds": people, "mean": mean,
         "panel_95": stats.participant_interval(values, lambda v: float(np.mean(v)), seed=file.study.seed),
     }  # fmt: skip
 
@@ -262,9 +262,9 @@ def _model(file: StudyFile, rows: Sequence[Row]) -> list[dict[str, Any]]:
 def _felt(file: StudyFile, rows: Sequence[Row]) -> list[dict[str, Any]]:
     """Return what was rendered in each condition, beside what was answered: means and standard deviations."""
     found = []
-    for condition in file.conditions():
+    for condition in _shown(file, rows):
         touches = [
-            felt for row in rows if dict(row.condition) == condition
+            felt for row in rows if file.study.staircases or dict(row.condition) == condition
             for shown, felt in zip(row.shown, row.felt or [], strict=False) if shown == condition
         ]  # fmt: skip
         entry: dict[str, Any] = {"condition": condition, "touches": len(touches)}
@@ -275,6 +275,14 @@ def _felt(file: StudyFile, rows: Sequence[Row]) -> list[dict[str, Any]]:
                 entry[name] = {"mean": float(np.mean(values)), "sd": float(np.std(values))}
         found.append(entry)
     return found
+
+
+def _shown(file: StudyFile, rows: Sequence[Row]) -> list[dict[str, str]]:
+    """Return what was shown: the conditions, or each level that a staircase asked for, by staircase and height."""
+    if not file.study.staircases:
+        return file.conditions()
+    levels = {tuple(shown.items()) for row in rows for shown in row.shown}
+    return [dict(pairs) for pairs in sorted(levels, key=lambda pairs: [(name, float(level)) for name, level in pairs])]
 
 
 def _is_number(value: object) -> bool:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import queue
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Protocol, TextIO
 
@@ -78,22 +79,53 @@ class Script:
 
     def __init__(self, lines: Iterable[str]) -> None:
         written = (line.split("#")[0].strip() for line in lines)
-        self._lines = [_parsed(number, line) for number, line in enumerate((w for w in written if w), 1)]
+        self._written = [line for line in written if line]
+        self._lines = [_parsed(number, line) for number, line in enumerate(self._written, 1)]
         self._now: tuple[str, float] = ("", 0.0)
+        self._asked: Question | None = None
+        self._given = False
 
     def ask(self, question: Question) -> None:
-        """Find the line of this trial."""
+        """Find the line of this trial; an answer may itself end with a number."""
         if question.place >= len(self._lines):
             raise Stopped
-        self._now = self._lines[question.place]
+        whole = self._written[question.place]
+        named = whole.casefold() in (choice.casefold() for choice in question.choices)
+        self._now = (whole, 0.5) if named else self._lines[question.place]
+        self._asked, self._given = question, False
 
     def poll(self, waited: float) -> str | None:
-        """Return the line's answer when its time has come."""
+        """Return the line's answer when its time has come.
+
+        Raises
+        ------
+        AnswerError
+            If it was given and not taken: nobody is there who could give another.
+        """
         answer, after = self._now
-        return answer if waited >= after else None
+        if waited < after:
+            return None
+        if self._given and self._asked is not None:
+            if _fits(answer, self._asked.choices):
+                return None  # it was taken; what is told since then is something else
+            choices = ", ".join(self._asked.choices) or "numbers"
+            raise AnswerError(f"answer {self._asked.place + 1}: '{answer}' is none of the answers: {choices}")
+        self._given = True
+        return answer
 
     def tell(self, words: str) -> None:
         """Nobody reads."""
+
+
+def _fits(answer: str, choices: Sequence[str]) -> bool:
+    """Tell whether an answer is one of the choices, by its words or number, or a number where there are none."""
+    try:
+        number = float(answer)
+    except ValueError:
+        number = math.nan
+    if not choices:
+        return math.isfinite(number)
+    return answer.casefold() in (choice.casefold() for choice in choices) or number in range(1, len(choices) + 1)
 
 
 def _parsed(number: int, line: str) -> tuple[str, float]:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from itouch.study.adaptive import Running
-from itouch.study.elements import Adaptive
+from itouch.study.elements import PRACTICE, Adaptive
 from itouch.study.reading import StudyFile
 from itouch.study.store import Row
 from itouch.study.trials import Trial, trials_of
@@ -40,29 +40,60 @@ class Course:
 
     def next(self) -> Due | None:
         """Return the trial that is due; None: all is done."""
-        while (found := next_trial(self.planned, self.rows, self._file.study.contact.repeats)) is not None:
-            trial, repeats = found
-            if not trial.staircase:
-                return Due(trial, len(self.rows), repeats, trial.shown)
-            rule = next(one for one in self._file.study.staircases if one.name == trial.staircase)
-            running = Running.begin(rule.rule(), told(self.rows, rule.name))
-            if not running.finished:
-                level = running.level()
-                return Due(trial, len(self.rows), repeats, _stepped(trial, rule, level), level)
-            self.planned = [each for each in self.planned if each.place != trial.place]
+        begun = _begun(self.planned, self.rows)
+        for trial in self.planned[begun[-1] + 1 if begun else 0 :]:
+            if (due := self._due(trial, None)) is not None:
+                return due
+        firsts = [row.place for row in self.rows if row.repeats is None]
+        for place in _to_repeat(self.rows, self._file.study.contact.repeats):
+            if (due := self._due(self.planned[begun[firsts.index(place)]], place)) is not None:
+                return due
         return None
+
+    def _due(self, trial: Trial, repeats: int | None) -> Due | None:
+        """Return a trial as it is due now; None: its staircase has ended."""
+        place = len(self.rows)
+        if not trial.staircase:
+            return Due(trial, place, repeats, trial.shown)
+        running = self._running(trial.staircase)
+        if running.finished:
+            return None
+        level = running.level()
+        rule = next(one for one in self._file.study.staircases if one.name == trial.staircase)
+        return Due(trial, place, repeats, _stepped(trial, rule, level), level)
+
+    def _running(self, name: str) -> Running:
+        rule = next(one for one in self._file.study.staircases if one.name == name)
+        return Running.begin(rule.rule(), told(self.rows, name))
 
     @property
     def left(self) -> int:
-        """How many trials of the order have not been begun."""
-        return max(0, len(self.planned) - sum(row.repeats is None for row in self.rows))
+        """How many trials of the order have not been begun, of staircases as many as there may be at most."""
+        begun = _begun(self.planned, self.rows)
+        rest = self.planned[begun[-1] + 1 if begun else 0 :]
+        ended = {name for name in {each.staircase for each in rest} if name and self._running(name).finished}
+        return sum(each.staircase not in ended for each in rest)
 
 
-def next_trial(planned: Sequence[Trial], rows: Sequence[Row], repeats: int) -> tuple[Trial, int | None] | None:
-    """Return the next trial, and the place of the void one that it repeats; None: all is done."""
-    taken = len([row for row in rows if row.repeats is None])
-    if taken < len(planned):
-        return planned[taken], None
+def _begun(planned: Sequence[Trial], rows: Sequence[Row]) -> list[int]:
+    """Return which trial of the order each row began that repeats none: those of staircases that ended are left out.
+
+    A trial of the order is passed over only if its staircase has ended, so that a row began the next one of its own.
+    """
+    found: list[int] = []
+    at = 0
+    for row in rows:
+        if row.repeats is not None:
+            continue
+        while at < len(planned) - 1 and planned[at].staircase != (row.staircase or ""):
+            at += 1
+        found.append(min(at, len(planned) - 1))
+        at += 1
+    return found
+
+
+def _to_repeat(rows: Sequence[Row], repeats: int) -> Iterator[int]:
+    """Yield the places of void trials that are to be tried again, in their order."""
     tries: dict[int, int] = {}
     valid: set[int] = set()
     for row in rows:
@@ -70,18 +101,16 @@ def next_trial(planned: Sequence[Trial], rows: Sequence[Row], repeats: int) -> t
         tries[first] = tries.get(first, 0) + 1
         if not row.void:
             valid.add(first)
-    firsts = [row for row in rows if row.repeats is None]
-    for index, row in enumerate(firsts):
-        if row.place not in valid and row.block != "practice" and tries[row.place] <= repeats:
-            return planned[index], row.place
-    return None
+    for row in rows:
+        if row.repeats is None and row.place not in valid and row.block != PRACTICE and tries[row.place] <= repeats:
+            yield row.place
 
 
 def told(rows: Sequence[Row], staircase: str) -> list[tuple[float, int]]:
     """Return what a staircase was told: (level, answer) of its trials that count."""
     return [
         (row.level, row.right) for row in rows
-        if row.staircase == staircase and not row.void and row.block != "practice"
+        if row.staircase == staircase and not row.void and row.block != PRACTICE
         and row.level is not None and row.right is not None
     ]  # fmt: skip
 

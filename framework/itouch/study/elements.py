@@ -22,6 +22,10 @@ def split_levels(written: str) -> tuple[str, ...]:
     return tuple(part.strip() for part in parts if part.strip())
 
 
+#: The block of the trials that do not count.
+PRACTICE = "practice"
+
+
 @dataclass(frozen=True, slots=True)
 class Factor:
     """What is varied: one attribute of the scene, or several together."""
@@ -129,7 +133,7 @@ class Touching:
     TAG: ClassVar[str] = "contact"
     object_: str = text(doc="the object that is touched")
     duration: float = quantity("s", low=0.1, high=60.0, default=3.0, doc="shortest touch")
-    force: float | None = quantity("N", low=0.05, high=10.0, default=None, doc="wanted mean force; default: any")
+    force: float | None = quantity("N", low=0.05, high=10.0, default=None, doc="wanted greatest force; default: any")
     tolerance: float = quantity("N", low=0.01, high=10.0, default=0.3, doc="from the wanted force")
     flux_error: float = quantity("1", low=0.01, high=10.0, default=0.2, doc="largest rms error of the display")
     repeats: int = integer(low=0, high=100, default=3, doc="how often a void trial is tried again at most")
@@ -172,7 +176,7 @@ class Adaptive:
     start: float = quantity("", doc="first level, or middle of the prior")
     standard: float = quantity("", doc="level of the standard interval")
     step: float = quantity("", low=0.0, default=0.0, doc="of the up-down procedure; quantum of QUEST's levels")
-    target: float = quantity("", low=0.5, high=0.99, default=0.75, doc="proportion right that is looked for")
+    target: float = quantity("", low=0.5, high=0.99, default=0.75, doc="proportion right of the up-down procedure")
     trials: int = integer(low=1, high=10_000, default=40, doc="at most")
     reversals: int = integer(low=1, high=1000, default=12, doc="of the up-down procedure, after which it ends")
     slope: float = quantity("", low=1e-6, default=3.0, doc="of QUEST's logistic function")

@@ -52,7 +52,10 @@ def write_parquet(rows: Sequence[Row], path: Path) -> None:
     except ImportError as error:
         raise ItouchError("Parquet needs pyarrow: pip install 'itouch-py[data]'") from error
     table = table_of(rows, path.parent)
-    columns = {name: [_value(row[name]) for row in table] for name in (table[0] if table else {})}
+    words = {*_WORDS, *(name for row in rows for shown in (row.condition, *row.shown) for name in shown)}
+    columns = {
+        name: [(_said if name in words else _value)(row[name]) for row in table] for name in (table[0] if table else {})
+    }
     for name, values in columns.items():
         kinds = {type(value) for value in values if value is not None}
         if kinds == {int, float}:
@@ -60,6 +63,14 @@ def write_parquet(rows: Sequence[Row], path: Path) -> None:
         elif len(kinds) > 1:
             columns[name] = [None if value is None else str(value) for value in values]
     pq.write_table(pa.table(columns), path)
+
+
+#: Columns that are words, whatever they look like: a participant '007' is no 7.
+_WORDS = frozenset(("participant", "block", "task", "staircase", "answer", "void", "session", "at"))
+
+
+def _said(cell: str) -> str | None:
+    return None if cell == "n/a" else cell
 
 
 def _value(cell: str) -> Any:

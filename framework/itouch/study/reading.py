@@ -17,12 +17,17 @@ from itouch.scene.loader import in_file_order, read_scene
 from itouch.scene.places import Places
 from itouch.scene.source import Attribute, Node, SourceError, read_root
 from itouch.schema.diagnostics import Place, Problem, SceneError, did_you_mean
+from itouch.study.adaptive import Staircase
 from itouch.study.brought import TaskError, offered, task_names, task_of
-from itouch.study.elements import TASKS, VERSION, Adaptive, Factor, Study
+from itouch.study.elements import PRACTICE, TASKS, VERSION, Adaptive, Factor, Study
 from itouch.world import Model, compile_scene
 
 #: How far [m] the end of a scripted hand's way may be from its begin.
 CLOSED = 1e-3
+#: What a staircase has that says nothing of itself.
+USUAL = Staircase("quest", 0.0, 1.0, 0.5)
+#: A prior is narrow if the range of the levels is so many times as wide.
+NARROW = 20.0
 #: What lies on a display's current before each touch of a blind study, over the noise of its own control.
 PRESET_NOISE = "0.2 A"
 #: Levels of the factors, and of a staircase under its name.
@@ -205,8 +210,39 @@ def _contradictions(file: StudyFile) -> Iterator[Problem]:
     if study.staircases and study.task.kind != "colder":
         sentence = f"a staircase needs <task kind=\"colder\">, not '{study.task.kind}'"
         yield Problem("bad-value", sentence, places.of(study.task, "kind"))
+    yield from _odd_staircases(file)
+    for each in study.factors:
+        if each.name == study.order.by and study.order.kind == "blocked" and PRACTICE in each.names:
+            sentence = f"a block can't be called '{PRACTICE}': by that name is told which trials do not count"
+            yield Problem("bad-value", sentence, places.of(each, "levels"), "call the level otherwise")
     if study.factors and not file.conditions():
         yield Problem("bad-value", "every combination of levels is excluded", places.of(study.excluded[0]))
+
+
+def _odd_staircases(file: StudyFile) -> Iterator[Problem]:
+    """Find staircases that would go the wrong way, or whose words would have no effect."""
+    study, places = file.study, file.places
+    if study.staircases and study.factors:
+        sentence = "the trials of staircases vary their levels only: a factor beside them has no effect"
+        yield Problem("bad-value", sentence, places.of(study.factors[0], "name"),
+                      "make a study of it for each of its levels, or set it in the scene")  # fmt: skip
+    for one in study.staircases:
+        if one.standard >= one.start:
+            sentence = f"the levels of '{one.name}' begin at {one.start:g}, and the standard is {one.standard:g}"
+            advice = (
+                "a right answer lowers the level: it has to come nearer to the standard, which lies below the start"
+            )
+            yield Problem("bad-value", sentence, places.of(one, "standard"), advice)
+        bayes = one.procedure != "up-down"
+        if bayes and one.target != USUAL.target:
+            sentence = f"target is of the up-down procedure: {one.procedure} finds the middle of the function"
+            yield Problem("bad-value", sentence, places.of(one, "target"), "leave it away")
+        if bayes and one.prior == USUAL.prior and one.high - one.low > NARROW * one.prior:
+            sentence = (
+                f"the prior of '{one.name}', {one.prior:g}, is narrow for levels from {one.low:g} to {one.high:g}"
+            )
+            advice = f'write what you expect, as prior="{(one.high - one.low) / 4.0:.2g}"'
+            yield Problem("bad-value", sentence, places.of(one, "name"), advice)
 
 
 def _unknown_task(file: StudyFile) -> Iterator[Problem]:

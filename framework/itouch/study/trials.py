@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from itouch.study import orders
-from itouch.study.elements import Study
+from itouch.study.elements import PRACTICE, Study
 from itouch.study.reading import StudyFile
 
 
@@ -81,7 +81,7 @@ def _practice(file: StudyFile, participant: str, count: int) -> list[tuple[str, 
     rng = orders.generator(file.study.seed, participant, "practice")
     picks = [int(index) for _ in range(-(-count // len(conditions))) for index in rng.permutation(len(conditions))]
     names = [one.name for one in file.study.staircases]
-    return [("practice", conditions[pick], names[0] if names else "") for pick in picks[:count]]
+    return [(PRACTICE, conditions[pick], names[0] if names else "") for pick in picks[:count]]
 
 
 def _trial(
