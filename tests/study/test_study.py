@@ -406,3 +406,111 @@ def test_the_report_is_of_the_study_of_the_trials(
     said = capsys.readouterr().err
     assert "material=cork" in said
     assert "Traceback" not in said
+
+
+def test_catch_trials_stand_among_the_others_and_do_not_count(
+    tmp_path: Path, hands: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    more = '<order repetitions="6"/><catch trials="5" where="material=cork"/>'
+    file = loaded(tmp_path, more=more)
+    for code in ("P1", "P2", "P3"):
+        planned = trials_of(file, code)
+        caught = [index for index, trial in enumerate(planned) if trial.block == "catch"]
+        assert len(caught) == 5
+        assert caught[0] > 0
+        assert [trial.place for trial in planned] == list(range(23))
+        assert all(planned[index].condition == {"material": "cork"} for index in caught)
+        counted = Counter(trial.condition["material"] for trial in planned if trial.block != "catch")
+        assert counted == {"wood": 6, "steel": 6, "cork": 6}
+    assert len({tuple(t.block for t in trials_of(file, code)) for code in ("P1", "P2", "P3")}) > 1
+    result = analyse(file, simulated(file, tmp_path), draws=20)
+    assert result["catch"]["trials"] == 15
+    assert result["catch"]["right"] > 10  # cork draws ten times less than the others
+    assert result["trials"] == 54
+    assert f"{result['catch']['right']} of 15 catch trials right" in page(result, {})
+    assert main(["study", "check", str(written(tmp_path, more=more))]) == 0
+    assert "18 trials of identify (0 of practice before them, 5 catch trials among them)" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("where", "said"),
+    [("material=oak", "no level 'oak'"), ("size=large", "'material' is open"), ("material", "FACTOR=LEVEL")],
+)
+def test_catch_trials_show_what_the_study_varies(tmp_path: Path, where: str, said: str) -> None:
+    _, problems = read_study(written(tmp_path, more=f'<catch trials="2" where="{where}"/>'), CATALOG)
+    assert any(said in problem.sentence for problem in problems), problems
+
+
+SERIES = '<factor name="gain" levels="0.6 0.8 1.0 1.2 1.4" values="0.6;0.8;1;1.2;1.4" set="block.pos"/>'
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_constant_stimuli_find_the_equal_level_and_the_threshold(tmp_path: Path, sign: float) -> None:
+    """Rows of four people whose answers are drawn from a known function, rising and falling with the level."""
+    import numpy as np
+    from scipy.special import ndtr
+
+    file, _ = read_study(written(tmp_path, factor=SERIES, task='kind="colder" factor="gain" standard="1.0"'), CATALOG)
+    assert file is not None
+    rng, rows = np.random.default_rng(3), []
+    for person in range(4):
+        for place in range(5 * 120):
+            level = ("0.6", "0.8", "1.0", "1.2", "1.4")[place % 5]
+            where = int(rng.integers(2))
+            chosen = rng.random() < ndtr(sign * (float(level) - 1.05) / 0.2)
+            shown = [{"gain": level if index == where else "1.0"} for index in range(2)]
+            answer = str(where if chosen else 1 - where)
+            rows.append(Row(f"P{person}", place, "main", "colder", {"gain": level}, shown, 0.0, 1.0, "s", "",
+                            answer=answer, right=int(chosen)))  # fmt: skip
+    found = analyse(file, rows, draws=100)["constant"]
+    assert [one["level"] for one in found["series"]] == [0.6, 0.8, 1.2, 1.4]  # equal to the standard tells nothing
+    assert found["equal"]["pooled"] == pytest.approx(1.05, abs=0.03)
+    assert found["equal"]["mean"] == pytest.approx(1.05, abs=0.04)
+    assert found["threshold"]["pooled"] == pytest.approx(0.2 * 0.6745, rel=0.2)
+    low, high = found["equal"]["panel_95"]
+    assert low < found["equal"]["mean"] < high
+    assert "Judged colder than 1.0" in page(analyse(file, rows, draws=20), {})
+    few = analyse(file, rows[:3], draws=20)
+    assert few["constant"]["equal"]["pooled"] is None
+    assert page(few, {})
+
+
+def test_words_are_no_series_of_stimuli(tmp_path: Path) -> None:
+    file = loaded(tmp_path, task='kind="colder" factor="material" standard="wood"')
+    assert "constant" not in analyse(file, [], draws=20)
+
+
+def test_observers_of_another_model_need_another_folder(
+    tmp_path: Path, hands: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["study", "simulate", str(written(tmp_path)), "-o", str(tmp_path / "data"), "--observers", "1"]
+    assert main(words) == 0
+    assert main([*words, "--model", "combined"]) == 2
+    said = capsys.readouterr().err
+    assert "holds trials of simulated-flux, these would be of simulated-combined" in said
+    assert main(words) == 0
+
+
+def test_the_time_that_is_told_is_what_the_study_asks_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = written(tmp_path)
+    assert main(["study", "check", str(path)]) == 0
+    usual = capsys.readouterr().out
+    path.write_text(path.read_text().replace('duration="0.1 s"', 'duration="0.1 s" pause="0 s" skin-wait="0 s"'))
+    assert main(["study", "check", str(path)]) == 0
+    assert "with 34 s between two touches" in usual
+    assert "with 4 s between two touches" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("kind", ["colder", "odd"])
+def test_the_standard_beside_itself_has_no_right_answer(tmp_path: Path, hands: None, kind: str) -> None:
+    file = loaded(tmp_path, task=f'kind="{kind}" factor="material" standard="wood"', more='<order repetitions="6"/>')
+    rows = simulated(file, tmp_path, codes=2)
+    for row in rows:
+        if not row.void:
+            assert (row.right is None) == (row.condition["material"] == "wood")
+    result = analyse(file, rows, draws=20)
+    assert result["correct"]["trials"] == 24
+    shares = {one["condition"]["material"]: one["proportion"] for one in result["conditions"]}
+    assert shares["wood"] is None
+    assert shares["cork"] is not None
+    assert page(result, {})

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from itouch.study.reading import StudyFile
     from itouch.study.store import Row
 
-#: Seconds that a trial takes beside its touches: skin, answer, pause (users' practice: 20 to 30 s between touches).
-BETWEEN = 25.0
+#: Seconds in which most skins are back after a touch of a few seconds, and for an answer and the way to the touch.
+SKIN, ANSWERING = 10.0, 4.0
 
 
 def main(argv: Sequence[str]) -> int:
@@ -112,7 +112,7 @@ def _load(path: str) -> StudyFile | None:
 
 def _check(options: argparse.Namespace) -> int:
     from itouch.study.brought import task_of
-    from itouch.study.elements import TASKS
+    from itouch.study.elements import CATCH, PRACTICE, TASKS, UNCOUNTED
     from itouch.study.tasks import question_of
     from itouch.study.trials import trials_of
 
@@ -120,14 +120,17 @@ def _check(options: argparse.Namespace) -> int:
     if file is None:
         return 2
     planned = trials_of(file, options.participant or "P01")
-    counted = [trial for trial in planned if trial.block != "practice"]
+    counted = [trial for trial in planned if trial.block not in UNCOUNTED]
     touches = sum(len(trial.shown) for trial in planned)
     rest = file.study.breaks
     pauses = 0.0 if rest is None else (len(planned) - 1) // rest.every * rest.duration
-    seconds = touches * (file.study.contact.duration + BETWEEN) + pauses
+    between = _between(file)
+    seconds = touches * (file.study.contact.duration + between) + pauses
     print(f"{options.study}: ok")
-    print(f"  {len(counted)} trials of {file.study.task.kind} ({len(planned) - len(counted)} of practice before them)")
-    print(f"  {touches} touches, about {seconds / 60.0:.0f} min with {BETWEEN:.0f} s between two touches")
+    practice, caught = (sum(trial.block == block for trial in planned) for block in (PRACTICE, CATCH))
+    among = f", {caught} catch trials among them" if caught else ""
+    print(f"  {len(counted)} trials of {file.study.task.kind} ({practice} of practice before them{among})")
+    print(f"  {touches} touches, about {seconds / 60.0:.0f} min with {between:.0f} s between two touches")
     print(f"  in contact {touches * file.study.contact.duration / 60.0:.1f} min at least")
     counts = {repr(trial.condition): 0 for trial in counted}
     for trial in counted:
@@ -146,6 +149,13 @@ def _check(options: argparse.Namespace) -> int:
             words = " | ".join(", ".join(each.values()) or trial.staircase for each in trial.shown)
             print(f"  {trial.place:4d}  {trial.block:10s}  {words}")
     return 0
+
+
+def _between(file: StudyFile) -> float:
+    """Return the seconds from one touch to the next: what the study asks for, and the skin's way back."""
+    contact, blind = file.study.contact, file.study.blind
+    approach = blind.approach if blind is not None and blind.equalise else 0.0
+    return contact.pause + approach + min(contact.skin_wait, SKIN) + ANSWERING
 
 
 def _store_error(error: Exception) -> int:

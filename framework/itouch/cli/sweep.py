@@ -141,6 +141,8 @@ def _check(words: list[str]) -> int:
     print(f"{options.sweep}: {found.runs} runs of {found.structures} scenes")
     print(f"  pilots: {', '.join(f'{n} {status}' for status, n in found.statuses.items())}; "
           f"{found.run_s:.2f} s a run, {found.build_s:.2f} s a scene")  # fmt: skip
+    for reason in found.reasons:
+        print(f"    {reason}")
     print(f"  about {shown_time(found.seconds / count)} on {count} cores, {shown_time(found.seconds)} on one")
     print(f"  about {_size(found.runs * found.row_bytes)}: {found.row_bytes:.0f} bytes a row")
     return 0

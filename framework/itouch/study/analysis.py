@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from itouch.study import statistics as stats
-from itouch.study.elements import TASKS
+from itouch.study.constant import constant
+from itouch.study.elements import CATCH, PRACTICE, TASKS, UNCOUNTED
 from itouch.study.figures import OWN
 from itouch.study.reading import StudyFile
 from itouch.study.store import Row
@@ -30,11 +31,12 @@ def analyse(file: StudyFile, rows: Sequence[Row], *, draws: int = DRAWS) -> dict
     Practice trials and void ones do not count; how many there were is said.
     """
     study = file.study
-    counted = [row for row in rows if row.block != "practice" and not row.void]
+    counted = [row for row in rows if row.block not in UNCOUNTED and not row.void]
+    caught = [row for row in rows if row.block == CATCH and not row.void]
     judged = _judged(file, counted)
     result: dict[str, Any] = {
         "study": file.name, "task": study.task.kind, "participants": len({row.participant for row in counted}),
-        "trials": len(counted), "practice": sum(row.block == "practice" for row in rows),
+        "trials": len(counted), "practice": sum(row.block == PRACTICE for row in rows),
         "void": dict(Counter(row.void for row in rows if row.void)),
         "conditions": [_condition(counted, condition, judged=judged) for condition in file.conditions()],
         "felt": _felt(file, counted),
@@ -49,6 +51,10 @@ def analyse(file: StudyFile, rows: Sequence[Row], *, draws: int = DRAWS) -> dict
         result["sensitivity"] = _sensitivity(file, counted)
     if study.task.kind == "rate":
         result["ratings"] = _ratings(file, counted, draws)
+    if study.catch is not None:
+        result["catch"] = {"trials": len(caught), "right": sum(row.right or 0 for row in caught)}
+    if (series := constant(file, counted, draws=draws)) is not None:
+        result["constant"] = series
     if study.staircases:
         result["staircases"] = [_staircase(file, counted, one.name) for one in study.staircases]
     if len(study.factors) > 1 and judged:
@@ -93,6 +99,7 @@ def _panel_share(panel: Sequence[Sequence[Row]]) -> float:
 
 def _correct(rows: Sequence[Row], seed: int, draws: int) -> dict[str, Any]:
     """Return the proportion right: of all trials with Wilson's interval, and over participants by bootstrap."""
+    rows = [row for row in rows if row.right is not None]
     right = sum(row.right or 0 for row in rows)
     low, high = stats.participant_interval(_by_person(rows), _panel_share, seed=seed, draws=draws)
     return {
@@ -106,7 +113,8 @@ def _condition(rows: Sequence[Row], condition: dict[str, str], *, judged: bool) 
     right = sum(row.right or 0 for row in here)
     entry: dict[str, Any] = {"condition": condition, "trials": len(here)}
     if judged:
-        entry |= {"proportion": _share(here), "wilson_95": stats.wilson(right, len(here))}
+        of = sum(row.right is not None for row in here)
+        entry |= {"proportion": _share(here), "wilson_95": stats.wilson(right, of)}
     return entry
 
 
@@ -176,7 +184,7 @@ def _sensitivity(file: StudyFile, rows: Sequence[Row]) -> list[dict[str, Any]]:
     found = []
     for factor in study.factors:
         for level in factor.names if factor.name == study.task.factor else ():
-            here = [row for row in rows if row.condition.get(factor.name) == level]
+            here = [row for row in rows if row.condition.get(factor.name) == level and row.right is not None]
             right = sum(row.right or 0 for row in here)
             ends = [inverse(end) for end in stats.wilson(right, len(here))]
             value = inverse(_share(here)) if here else math.nan

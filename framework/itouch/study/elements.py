@@ -22,8 +22,9 @@ def split_levels(written: str) -> tuple[str, ...]:
     return tuple(part.strip() for part in parts if part.strip())
 
 
-#: The block of the trials that do not count.
-PRACTICE = "practice"
+#: The blocks of the trials that do not count: before the others, and among them.
+PRACTICE, CATCH = "practice", "catch"
+UNCOUNTED = frozenset((PRACTICE, CATCH))
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,6 +119,24 @@ class Practice:
 
 
 @dataclass(frozen=True, slots=True)
+class CatchTrials:
+    """Trials among the others whose answer is plain, to see that somebody attends; they do not count."""
+
+    TAG: ClassVar[str] = "catch"
+    trials: int = integer(low=1, high=1000, doc="how many, at random places")
+    where: str = text(doc="FACTOR=LEVEL pairs separated by blanks, one of each factor: what is shown")
+
+    @property
+    def condition(self) -> dict[str, str]:
+        """Factor -> level."""
+        return dict(pair.split("=", 1) for pair in self.where.split())
+
+    def __post_init__(self) -> None:
+        if not self.where.split() or any(pair.count("=") != 1 for pair in self.where.split()):
+            raise ValueError("where must hold FACTOR=LEVEL pairs, such as 'material=wood source=real'")
+
+
+@dataclass(frozen=True, slots=True)
 class Breaks:
     """Rest."""
 
@@ -206,6 +225,7 @@ class Study:
     name: str = text(default="", doc="of the study; default: that of the file")
     order: Order = child(Order, default=Order())
     practice: Practice | None = child(Practice, default=None)
+    catch: CatchTrials | None = child(CatchTrials, default=None)
     breaks: Breaks | None = child(Breaks, default=None)
     blind: Blind | None = child(Blind, default=None)
     instructions: Instructions | None = child(Instructions, default=None)

@@ -19,7 +19,8 @@ from itouch.study.tables import write_table
 VERSION = "1.10.0"
 _DESCRIBED = {
     "participant": "code of the participant", "place": "number of the trial in the participant's order, from 0",
-    "repeats": "place of the void trial that it repeats", "block": "block of the order; practice does not count",
+    "repeats": "place of the void trial that it repeats",
+    "block": "block of the order; practice and catch do not count",
     "task": "what was asked", "staircase": "adaptive procedure that the trial belongs to",
     "level": "level that the adaptive procedure asked for", "answer": "what was answered",
     "right": "1: right, 0: wrong", "reaction_s": "from the end of the contact to the answer",

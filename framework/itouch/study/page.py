@@ -46,6 +46,8 @@ def _lead(result: dict[str, Any]) -> str:
     void = sum(result["void"].values())
     why = ", ".join(f"{reason} ({count})" for reason, count in sorted(result["void"].items()))
     rest = f"{result['practice']} of practice; {void} void" + (f": {escape(why)}" if why else "")
+    if "catch" in result:
+        rest += f"; {result['catch']['right']} of {result['catch']['trials']} catch trials right"
     return f'<p class="lead">{text}.</p><p class="note">{rest}.</p>'
 
 
@@ -128,6 +130,8 @@ def _sections(result: dict[str, Any]) -> list[str]:
             for one in result["ratings"]
         ]
         parts.append("<h2>Ratings</h2>" + _table(("condition", "mean", "95 %"), rows))
+    if "constant" in result:
+        parts += _constant(result["constant"])
     for one in result.get("staircases", []):
         rows = [(person, _number(value, 3)) for person, value in one["thresholds"].items()]
         rows.append(("mean", _number(one["mean"], 3) + _interval(one["panel_95"], percent=False)))
@@ -148,6 +152,30 @@ def _sections(result: dict[str, Any]) -> list[str]:
         parts.append("<h2>Logistic model</h2>" + _table(("term", "log-odds", "95 %", "p"), rows))
     parts.append("<h2>What was rendered</h2>" + _felt(result["felt"]))
     return parts
+
+
+def _constant(found: dict[str, Any]) -> list[str]:
+    """Return a series of levels: how often each was judged colder than the standard, and where that is half."""
+    rows: list[tuple[Any, ...]] = [
+        (
+            f"{one['level']:g}",
+            one["trials"],
+            _percent(one["chosen"] / one["trials"]),
+            _interval(one["wilson_95"]).strip(),
+        )
+        for one in found["series"]
+    ]
+    head = (found["factor"], "trials", "judged colder", "95 %")
+    parts = [f"<h2>Judged colder than {escape(found['standard'])}</h2>" + _table(head, rows)]
+    equal, threshold = found["equal"], found["threshold"]
+    rows = [
+        (person, _number(value, 3), _number(threshold["people"][person], 3))
+        for person, value in equal["people"].items()
+    ]
+    rows.append(
+        ("mean", *(_number(one["mean"], 3) + _interval(one["panel_95"], percent=False) for one in (equal, threshold)))
+    )
+    return [*parts, _table(("participant", "as cold as the standard", "to three of four"), rows)]
 
 
 def _felt(felt: list[dict[str, Any]]) -> str:

@@ -19,7 +19,7 @@ from itouch.scene.source import Attribute, Node, SourceError, read_root
 from itouch.schema.diagnostics import Place, Problem, SceneError, did_you_mean
 from itouch.study.adaptive import Staircase
 from itouch.study.brought import TaskError, offered, task_names, task_of
-from itouch.study.elements import PRACTICE, TASKS, VERSION, Adaptive, Factor, Study
+from itouch.study.elements import TASKS, UNCOUNTED, VERSION, Adaptive, Factor, Study
 from itouch.world import Model, compile_scene
 
 #: How far [m] the end of a scripted hand's way may be from its begin.
@@ -212,11 +212,31 @@ def _contradictions(file: StudyFile) -> Iterator[Problem]:
         yield Problem("bad-value", sentence, places.of(study.task, "kind"))
     yield from _odd_staircases(file)
     for each in study.factors:
-        if each.name == study.order.by and study.order.kind == "blocked" and PRACTICE in each.names:
-            sentence = f"a block can't be called '{PRACTICE}': by that name is told which trials do not count"
+        taken = sorted(UNCOUNTED.intersection(each.names))
+        if each.name == study.order.by and study.order.kind == "blocked" and taken:
+            sentence = f"a block can't be called '{taken[0]}': by that name is told which trials do not count"
             yield Problem("bad-value", sentence, places.of(each, "levels"), "call the level otherwise")
+    yield from _wrong_catch(file, levels)
     if study.factors and not file.conditions():
         yield Problem("bad-value", "every combination of levels is excluded", places.of(study.excluded[0]))
+
+
+def _wrong_catch(file: StudyFile, levels: Mapping[str, Sequence[str]]) -> Iterator[Problem]:
+    """Find catch trials that name what the study does not vary, or leave a factor open."""
+    catch = file.study.catch
+    if catch is None:
+        return
+    place = file.places.of(catch, "where")
+    if not levels:
+        yield Problem("bad-value", "catch trials show levels of factors, and this study has none", place)
+        return
+    for factor, level in catch.condition.items():
+        if level not in levels.get(factor, ()):
+            advice = did_you_mean(level, levels.get(factor, ()), "its levels are") or f"factors: {', '.join(levels)}"
+            yield Problem("unknown-name", f"there is no level '{level}' of a factor '{factor}'", place, advice)
+    if open_ := [name for name in levels if name not in catch.condition]:
+        sentence = f"catch trials must say a level of every factor: '{open_[0]}' is open"
+        yield Problem("bad-value", sentence, place, f"add {open_[0]}={levels[open_[0]][0]}")
 
 
 def _odd_staircases(file: StudyFile) -> Iterator[Problem]:

@@ -14,6 +14,7 @@ from itouch.plugin.discovery import Catalog
 from itouch.study import orders
 from itouch.study.answers import Answers, Question, Stopped
 from itouch.study.course import Course, Due
+from itouch.study.elements import PRACTICE
 from itouch.study.figures import FLUX
 from itouch.study.machine import Machine, Phase
 from itouch.study.operating import Operator, keep_note, lines_of
@@ -253,7 +254,7 @@ class Run:
 
     def _feed_back(self, row: Row) -> None:
         practice = self._study.practice
-        if row.block == "practice" and practice is not None and practice.feedback and row.right is not None:
+        if row.block == PRACTICE and practice is not None and practice.feedback and row.right is not None:
             self._said = "right" if row.right else "wrong"
             self._answers.tell(self._said)
 

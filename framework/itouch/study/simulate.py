@@ -19,7 +19,7 @@ from itouch.study.elements import TASKS
 from itouch.study.observers import Felt, Person
 from itouch.study.panelists import observer_of
 from itouch.study.reading import StudyFile, load_study
-from itouch.study.store import Row, Store
+from itouch.study.store import Row, Store, StoreError
 from itouch.study.tasks import is_right, taken_answer
 from itouch.study.touches import Toucher, figures
 from itouch.study.trials import Trial
@@ -68,6 +68,8 @@ class Simulation:
         skin = person.finger_temperature if panel.skin else None
         self._toucher = Toucher(file, catalog, skin_temperature=skin)
         self._known: dict[str, dict[str, Felt]] = {}
+        #: What stands in the rows as their session: who answered.
+        self.session = f"{SIMULATED}-{panel.model}"
 
     def _rng(self, *purpose: str) -> np.random.Generator:
         return orders.generator(self._study.seed, self._code, *purpose)
@@ -95,7 +97,7 @@ class Simulation:
         lasted = sum(len(touch.felt.flux) * touch.felt.period for touch in touches)
         return Row(
             self._code, place, trial.block, self._study.task.kind, trial.condition, list(due.shown), begun,
-            round(begun + lasted, 6), SIMULATED, "", repeats=due.repeats, staircase=trial.staircase or None,
+            round(begun + lasted, 6), self.session, "", repeats=due.repeats, staircase=trial.staircase or None,
             level=due.level, answer=None if void else answer, right=right, void=void,
             felt=[figures(touch) for touch in touches],
         )  # fmt: skip
@@ -141,7 +143,13 @@ def _simulate_one(work: tuple[str, str, Panel, str]) -> Made:
     file = load_study(path, catalog)
     count, void = 0, Counter[str]()
     with Store.open(Path(folder)) as store:
-        for row in Simulation(file, code, panel, catalog).rows(store.rows(code)):
+        simulation, done = Simulation(file, code, panel, catalog), store.rows(code)
+        others = sorted({row.session for row in done if row.session != simulation.session})
+        if others:
+            raise StoreError(
+                f"{folder} holds trials of {others[0]}, these would be of {simulation.session}: another folder"
+            )
+        for row in simulation.rows(done):
             store.add(row)
             count += 1
             if row.void:

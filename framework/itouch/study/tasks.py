@@ -61,6 +61,8 @@ def is_right(task: Task, trial: Trial, answer: str, fluxes: Sequence[float]) -> 
         return task_of(task.kind).right(answer, _told(task, trial, fluxes))
     if task.kind == "identify":
         return int(answer == trial.condition[task.factor])
+    if task.kind in ("colder", "odd") and not trial.staircase and all(one == trial.shown[0] for one in trial.shown):
+        return None  # the standard beside itself: nothing tells them apart
     if task.kind == "colder":
         return int(int(answer) == max(range(len(fluxes)), key=lambda index: fluxes[index])) if fluxes else None
     if task.kind == "odd":

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from itouch.study import orders
-from itouch.study.elements import PRACTICE, Study
+from itouch.study.elements import CATCH, PRACTICE, Study
 from itouch.study.reading import StudyFile
 
 
@@ -31,7 +31,7 @@ class Trial:
 def trials_of(file: StudyFile, participant: str) -> list[Trial]:
     """Return all trials of a participant, practice first."""
     study = file.study
-    order = _ordered(file, participant)
+    order = _with_catch(file, participant, _ordered(file, participant))
     planned: list[Trial] = []
     rng = orders.generator(study.seed, participant, "intervals")
     practice = [] if study.practice is None else _practice(file, participant, study.practice.trials)
@@ -67,6 +67,27 @@ def _ordered(file: StudyFile, participant: str) -> list[tuple[str, dict[str, str
         for repeat in range(order.repetitions)
         for index in square[(first + repeat) % len(square)]
     ]
+
+
+def _with_catch(
+    file: StudyFile, participant: str, order: list[tuple[str, dict[str, str], str]]
+) -> list[tuple[str, dict[str, str], str]]:
+    """Put the catch trials among the others, not before the first, and where it can be not beside their like."""
+    catch, asked = file.study.catch, file.study.task.factor
+    if catch is None:
+        return order
+    shown = {factor.name: catch.condition[factor.name] for factor in file.study.factors}
+    rng = orders.generator(file.study.seed, participant, "catch")
+    places = range(1, len(order) + 1)
+    apart = [
+        place for place in places
+        if all(one.get(asked) != shown[asked] for _, one, _ in order[place - 1 : place + 1])
+    ]  # fmt: skip
+    chosen = rng.permutation(apart if len(apart) >= catch.trials else list(places))
+    found = list(order)
+    for place in sorted((int(chosen[n % len(chosen)]) for n in range(catch.trials)), reverse=True):
+        found.insert(place, (CATCH, shown, ""))
+    return found
 
 
 def _shuffled(study: Study, items: list[dict[str, str]], rng: np.random.Generator) -> list[dict[str, str]]:

@@ -32,6 +32,8 @@ class Estimate:
     row_bytes: float
     statuses: Mapping[str, int]
     problems: tuple[Problem, ...]
+    #: Why pilots did not come to their end.
+    reasons: tuple[str, ...] = ()
 
     @property
     def seconds(self) -> float:
@@ -70,7 +72,8 @@ def estimate(file: SweepFile, catalog: Catalog, pilots: int = 3) -> Estimate:
         statuses[row["status"]] = statuses.get(row["status"], 0) + 1
     return Estimate(
         len(plan), plan.structures, run, build, _bytes(file, plan, rows), statuses,
-        tuple(_unknown_keys(file, report, rows)),
+        tuple(_unknown_keys(file, report, rows)) if any(row["status"] == "done" for row in rows) else (),
+        tuple(dict.fromkeys(row["reason"] for row in rows if row["reason"])),
     )  # fmt: skip
 
 
