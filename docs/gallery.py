@@ -24,7 +24,7 @@ SCENES, FILMS = HERE.parent / "scenes", HERE / "pictures" / "gallery"
 #: Pictures of a film, what it is drawn and kept at [pixels], how long one stands [ms], how good it is (0 to 100).
 PICTURES, DRAWN, KEPT, EACH, QUALITY = 20, (1280, 720), (720, 405), 250, 55
 #: Two films are compared at this size [pixels], where a spot may differ by so much of 255.
-COARSE, ALIKE = (48, 27), 24.0
+COARSE, ALIKE = (48, 27), 96.0
 #: Scene -> from when to when it is shown [s of the session].
 PARTS = {
     "first_touch": (0.1, 2.0), "four_materials": (6.0, 30.0), "four_materials_diy": (6.0, 20.0),

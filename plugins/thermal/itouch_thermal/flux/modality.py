@@ -25,8 +25,8 @@ class FluxControl(Modality):
     hears = frozenset({Contact.NEAR, Contact.BEGIN, Contact.END})
     #: What is known of the plant and on its way to it; without it a new scene's first touches are 15 to 25 % off.
     goes_on = (
-        "calm", "looked", "tracked", "x", "theta", "queue", "line", "slots", "departed", "gain", "memory", "cover", "single",
-        "condensation_time", "sent_log", "before", "waited", "interval",
+        "calm", "looked", "tracked", "x", "theta", "queue", "line", "slots", "departed", "gain", "memory", "cover",
+        "single", "condensation_time", "sent_log", "before", "waited", "interval",
     )  # fmt: skip
     measured = account.MEASURED
 
