@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import os
 import random
+import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -19,8 +21,10 @@ from shipped import SCENES
 
 from itouch.cli import main
 from itouch.plugin.discovery import Catalog
+from itouch.study.analysis import analyse
 from itouch.study.answers import AnswerError, Question, Script, Stopped
 from itouch.study.course import Course
+from itouch.study.page import page
 from itouch.study.reading import load_study
 from itouch.study.run import Run
 from itouch.study.shown import Shown
@@ -342,3 +346,29 @@ def test_heat_is_right_from_the_first_trial_on_whatever_scene_was_before(tmp_pat
     assert len(rows) == 3
     assert not [row.void for row in rows if row.void]
     assert max(felt["flux_error_rms"] for row in rows for felt in row.felt) < 0.02
+
+
+def test_a_skin_that_was_not_back_is_marked_in_its_touch(tmp_path: Path) -> None:
+    shutil.copytree(SCENES, tmp_path / "scenes")
+    study = tmp_path / "scenes" / "studies" / "four_materials.xml"
+    text = study.read_text().replace("duration=", 'skin-return="0.05 K" skin-wait="0.2 s" duration=')
+    study.write_text(re.sub('<practice.*?/>|repetitions="10"', "", text))
+    (tmp_path / "a.txt").write_text("wood\n" * 2)
+    main(
+        [
+            "study",
+            "run",
+            str(study),
+            "--participant",
+            "P1",
+            "--answers",
+            str(tmp_path / "a.txt"),
+            "-o",
+            str(tmp_path / "d"),
+        ]
+    )
+    rows = kept(tmp_path / "d", "P1")
+    assert [[felt["skin_back"] for felt in row.felt or []] for row in rows] == [[True], [False]]
+    result = analyse(load_study(study, CATALOG), rows, draws=20)
+    assert result["skin_not_back"] == 1
+    assert "the skin was not back before 1 touch that counts" in page(result, {})

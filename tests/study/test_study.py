@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+import shutil
 from collections import Counter
 from pathlib import Path
 
@@ -19,7 +21,7 @@ from itouch.study.observers import Felt
 from itouch.study.page import page
 from itouch.study.reading import StudyFile, load_study, read_study
 from itouch.study.store import Row, Store
-from itouch.study.touches import Presented, deep_temperature
+from itouch.study.touches import Presented, Toucher, TouchError, deep_temperature
 from itouch.study.trials import trials_of
 
 CATALOG = Catalog()
@@ -514,3 +516,30 @@ def test_the_standard_beside_itself_has_no_right_answer(tmp_path: Path, hands: N
     assert shares["wood"] is None
     assert shares["cork"] is not None
     assert page(result, {})
+
+
+def sampled(folder: Path, arm: str = '<device name="arm" plugin="usb-arm"/>') -> Toucher:
+    """Make touches of the shipped panel, whose scene has no hand of its own."""
+    shutil.copytree(SCENES, folder / "scenes", dirs_exist_ok=True)
+    scene, rig = folder / "scenes" / "study_sample.xml", folder / "scenes" / "rigs" / "twin.xml"
+    scene.write_text(re.sub("<operator.*</operator>", "", scene.read_text(), flags=re.S))
+    rig.write_text(re.sub('<device name="arm".*?</device>', arm, rig.read_text(), count=1, flags=re.S))
+    return Toucher(load_study(folder / "scenes" / "studies" / "four_materials.xml", CATALOG), CATALOG)
+
+
+def test_a_touch_ends_though_a_recorded_hand_is_over_before_the_rig_has_found_its_heights(tmp_path: Path) -> None:
+    (tmp_path / "scene.xml").write_text(SCENE)
+    (tmp_path / "scenes").mkdir()
+    assert (
+        main(["run", str(tmp_path / "scene.xml"), "--headless", "--record", str(tmp_path / "scenes" / "hand.mcap")])
+        == 0
+    )
+    track = '<recorded:hardware file="../hand.mcap" track="arm"/>'  # far beside the table
+    arm = f'<device name="arm" plugin="recorded" xmlns:recorded="urn:itouch:plugin:recorded">{track}</device>'
+    made = sampled(tmp_path, arm).touch({"material": "wood"}, seed=1)
+    assert made.void == "the motion was over before the rig had found its heights"
+
+
+def test_observers_need_a_hand_that_moves(tmp_path: Path) -> None:
+    with pytest.raises(TouchError, match="nothing moves a finger in this scene"):
+        sampled(tmp_path).touch({"material": "wood"}, seed=1)

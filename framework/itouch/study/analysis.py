@@ -17,7 +17,7 @@ import numpy as np
 from itouch.study import statistics as stats
 from itouch.study.constant import constant
 from itouch.study.elements import CATCH, PRACTICE, TASKS, UNCOUNTED
-from itouch.study.figures import OWN
+from itouch.study.figures import BACK, OWN
 from itouch.study.reading import StudyFile
 from itouch.study.store import Row
 
@@ -40,6 +40,7 @@ def analyse(file: StudyFile, rows: Sequence[Row], *, draws: int = DRAWS) -> dict
         "void": dict(Counter(row.void for row in rows if row.void)),
         "conditions": [_condition(counted, condition, judged=judged) for condition in file.conditions()],
         "felt": _felt(file, counted),
+        "skin_not_back": sum(touch.get(BACK.key) is False for row in counted for touch in row.felt or []),
     }  # fmt: skip
     if judged:
         result["correct"] = _correct(counted, study.seed, draws)

@@ -9,12 +9,16 @@ from itouch.plugin import Measured
 from itouch.plugin.discovery import Catalog, PluginError
 
 #: What a study takes of each touch itself: flux and skin where fields declare them, and the force.
-FLUX, SKIN, DROP, FORCE = OWN = (
+FLUX, SKIN, BACK, DROP, FORCE = OWN = (
     Measured(
         "mean_flux_W_m2", "W/m^2", "mean heat flux out of the finger in the first second", "flux of the first second",
         digits=0,
     ),
     Measured("skin_begin_degC", "degC", "temperature of the skin at the touch", "skin before", digits=1),
+    Measured(
+        "skin_back", "1", "whether the skin was back at its baseline before the touch; null: nothing measured it",
+        "skin back",
+    ),
     Measured("skin_drop_K", "K", "fall of the skin's temperature in the touch", "skin fell by"),
     Measured("peak_force_N", "N", "greatest force on the finger", "force"),
 )  # fmt: skip

@@ -73,8 +73,8 @@ class Machine:
     void: str = ""
     #: Seconds of the servo's clock at which each phase of the last interval began.
     times: dict[Phase, float] = field(default_factory=dict)
-    #: How often the skin was not back in time.
-    waited_out: int = 0
+    #: Of each interval so far: whether the skin was back in time; None where nothing tells it.
+    back: list[bool | None] = field(default_factory=list)
     _now: float = math.nan
 
     def step(self, sensed: Sensed) -> Phase:
@@ -129,7 +129,7 @@ class Machine:
         back = unknown or is_back(skin or 0.0, rules.baseline or 0.0, rules.skin_return)
         if not back and self.since() < rules.skin_wait:
             return
-        self.waited_out += not back
+        self.back.append(None if unknown else back)
         self._enter(Phase.APPROACH)
 
     def _approach(self, sensed: Sensed) -> None:

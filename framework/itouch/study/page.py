@@ -48,6 +48,9 @@ def _lead(result: dict[str, Any]) -> str:
     rest = f"{result['practice']} of practice; {void} void" + (f": {escape(why)}" if why else "")
     if "catch" in result:
         rest += f"; {result['catch']['right']} of {result['catch']['trials']} catch trials right"
+    late = result["skin_not_back"]
+    if late:
+        rest += f"; the skin was not back before {late} {'touch that counts' if late == 1 else 'touches that count'}"
     return f'<p class="lead">{text}.</p><p class="note">{rest}.</p>'
 
 

@@ -181,7 +181,7 @@ class Run:
             if phase is Phase.GO:
                 self.room.go()
             elif phase is Phase.JUDGE:
-                touches.append(self.room.felt(machine.void))
+                touches.append(self._felt(machine))
                 if self.room.real:  # what follows asks nothing of the devices: nobody need hold the switch for it
                     self.room.rest()
                     machine.step(self.room.sensed())
@@ -191,8 +191,11 @@ class Run:
             if machine.phase is Phase.ANSWER:
                 answer, reaction = self._asked(machine, due)
         if machine.void and not touches:
-            touches.append(self.room.felt(machine.void))
+            touches.append(self._felt(machine))
         return self._row(due, machine.void, touches, answer, reaction, begun)
+
+    def _felt(self, machine: Machine) -> Presented:
+        return replace(self.room.felt(machine.void), back=machine.back[-1] if machine.back else None)
 
     def _phase(self, machine: Machine) -> Phase:
         """Run until the machine is in another phase, and return it."""

@@ -22,7 +22,7 @@ from itouch.scene.source import Attribute
 from itouch.schema import ItouchError, Place
 from itouch.session import Session
 from itouch.study.elements import Study, Touching
-from itouch.study.figures import DROP, FLUX, FORCE, OWN, SKIN
+from itouch.study.figures import BACK, DROP, FLUX, FORCE, OWN, SKIN
 from itouch.study.machine import Machine, Phase, Rules, Sensed
 from itouch.study.observers import DEPTH, Felt
 from itouch.study.reading import StudyFile
@@ -48,7 +48,7 @@ class Presented:
     """A touch that was made: what was felt, the report's entry of it, and why it does not count (empty: it does).
 
     ``kept`` are the keys of that entry which say how well it was rendered; ``told`` is what it says of a role, where
-    nothing says what was truly felt.
+    nothing says what was truly felt.  ``back``: whether the skin was back at its baseline before; None: unknown.
     """
 
     felt: Felt
@@ -56,6 +56,7 @@ class Presented:
     void: str
     kept: tuple[str, ...] = (FORCE.key,)
     told: Mapping[Role, Any] = field(default_factory=dict)
+    back: bool | None = None
 
 
 def deep_temperature(skin: np.ndarray[Any, np.dtype[np.float64]], period: float, depth: float = DEPTH) -> Any:
@@ -102,6 +103,10 @@ class Toucher:
         feeling = Feeling(model, self._file.study.contact, felt_by(model))
         session = Session(model, seed=seed, catalog=self._catalog)
         session.records = False
+        if not session.scripted:
+            raise TouchError(
+                "nothing moves a finger in this scene: simulated observers need an <operator> with a <motion>"
+            )
         feeling.listen(session)
         machine = Machine(rules_of(self._file.study, feeling.index, 1, None))
 
@@ -111,7 +116,9 @@ class Toucher:
         fault = ""
         try:
             if not bool(session.state["ready"]):  # the rig finds its heights by touch
-                session.run(until=lambda: bool(session.state["ready"]))
+                session.run(until=lambda: bool(session.state["ready"]) or session.done)
+                if not bool(session.state["ready"]):
+                    machine.fail("the motion was over before the rig had found its heights")
             steer_hands(session, STILL)
             while machine.phase not in (Phase.JUDGE, Phase.PAUSE):
                 session.run(until=partial(stepped, machine.phase))
@@ -199,6 +206,7 @@ def figures(touch: Presented) -> dict[str, Any]:
     kept = {
         FLUX.key: round(felt.mean_flux(), 6) if known else touch.told.get(Role.HEAT_FLUX),
         SKIN.key: round(float(felt.skin[0]) - 273.15, 6) if len(felt.skin) else None,
+        BACK.key: touch.back,
         DROP.key: (
             round(float(felt.skin[0] - felt.skin[-1]), 6) if len(felt.skin) else touch.told.get(Role.SKIN_TEMPERATURE)
         ),
