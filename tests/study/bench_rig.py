@@ -1,6 +1,6 @@
 """A stranger's hardware for a study: a tracked stick, a lift behind a wire and a plate, and a person who touches.
 
-The person is a file of four numbers that the devices read: height [m] of the fingertip, whether the switch is held,
+The scene's operator is for its twins: here nobody moves by that script.  The person is a file of four numbers that the devices read: height [m] of the fingertip, whether the switch is held,
 whether the stick's cable is out, and whether the plate's driver fails when it is to switch its drive off.  Each device keeps what it was sent in a file of its own: seconds, then the numbers.
 """
 
@@ -188,6 +188,7 @@ SCENE = """<itouch version="1.0" xmlns:bench="urn:itouch:plugin:bench">
   </devices>
   <interaction>
     <probe name="finger" radius="8 mm" pose-from="stick" force-to="stick" surface-to="lift"/>
+    <operator probe="finger"><motion><to pos="0 0 27.7 mm" in="0.5 s" hold="1 s"/></motion></operator>
     <bench:cool/>
   </interaction>
 </itouch>"""

@@ -379,6 +379,11 @@ class Engine:
         """Ask the run that is under way to end after its tick; may be called from a signal handler."""
         self._pacing.stop()
 
+    @property
+    def steerable(self) -> tuple[str, ...]:
+        """The probes that an operator twin moves; behind a real arm a person does, whatever the scene's script says."""
+        return tuple(rig.probe.name for rig in self._rigs if rig.coupling.hand is not None)
+
     def steer(self, probe: str, step: tuple[float, float, float] | None) -> None:
         """Move the hand of an operator twin by a step [m] while its script waits; None gives it back to its script.
 

@@ -144,9 +144,8 @@ def rules_of(study: Study, index: int, intervals: int, baseline: float | None) -
 
 def steer_hands(session: Session, step: tuple[float, float, float] | None) -> None:
     """Lead every hand of a twin by a step [m] a tick (`STILL`: it waits on its path); None lets them go their way."""
-    for probe in session.model.probes:
-        if f"{probe.name}.hand.steered" in session.state:
-            session.steer(probe.name, step)
+    for probe in session.steerable:
+        session.steer(probe, step)
 
 
 class Feeling:
