@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import time
+from pathlib import Path
 
 from itouch.bench.viewer_servo import OPENING, Viewers, processor_time
 from itouch.schema import ItouchError
@@ -16,7 +20,7 @@ from itouch.schema.extras import need
 class Told(Viewers):
     """Opens a program on a port of this machine, and `itouch-py view` that tells it of a session.
 
-    The program is killed and frozen; what tells it is killed with it, and not frozen.
+    The program is killed and frozen, with all that it has started; what tells it is killed with it, and not frozen.
     """
 
     #: The program, which takes the number of its port as the last word, and how `view` is told of it.
@@ -42,33 +46,40 @@ class Told(Viewers):
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
             self._port = int(probe.getsockname()[1])
-        self._other = subprocess.Popen(
-            [sys.executable, *self.program, str(self._port)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-        )
-        end = time.monotonic() + OPENING
-        while not _listens(self._port):
-            if self._other.poll() is not None or time.monotonic() > end:
-                raise ItouchError(f"the program that --{self.extra} tells did not open its port")
-            time.sleep(0.05)
+        with tempfile.TemporaryFile() as said:
+            self._other = subprocess.Popen(
+                [sys.executable, *self.program, str(self._port)], stdout=subprocess.DEVNULL, stderr=said,
+                start_new_session=True,
+            )  # fmt: skip
+            end = time.monotonic() + OPENING
+            while not _listens(self._port):
+                if self._other.poll() is not None or time.monotonic() > end:
+                    self.end()
+                    said.seek(0)
+                    last = said.read().decode(errors="replace").strip().rpartition("\n")[2]
+                    why = f": {last}" if last else ""
+                    raise ItouchError(f"the program that --{self.extra} tells did not open its port{why}")
+                time.sleep(0.05)
         super().open(name)
 
     def signal(self, number: int) -> None:
         """Send the program a signal."""
         if self._other is not None:
-            self._other.send_signal(number)
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(self._other.pid, number)
 
     def end(self) -> None:
         """Kill both."""
         super().end()
+        self.signal(signal.SIGKILL)
         other, self._other = self._other, None
         if other is not None:
-            other.kill()
             other.wait()
 
     @property
     def used(self) -> float:
         """Processor time [s] that both have used."""
-        return super().used + (0.0 if self._other is None else processor_time(self._other.pid))
+        return super().used + (0.0 if self._other is None else sum(map(processor_time, _group(self._other.pid))))
 
 
 class Reruns(Told):
@@ -99,3 +110,14 @@ def _listens(port: int) -> bool:
     except OSError:
         return False
     return True
+
+
+def _group(leader: int) -> list[int]:
+    """Return the processes of a group."""
+    found = []
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdecimal():
+            with contextlib.suppress(OSError):  # it has ended meanwhile
+                if os.getpgid(int(entry.name)) == leader:
+                    found.append(int(entry.name))
+    return found
