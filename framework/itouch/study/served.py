@@ -256,7 +256,7 @@ class Served:
         state, probe = session.state, session.model.probes[0].name
         names = session.model.objects
         told: dict[str, Any] = {
-            "seconds": sensed.seconds, "tick": session.ticks,
+            "seconds": round(sensed.seconds, 6), "tick": session.ticks,
             "touched": names[sensed.object] if sensed.object >= 0 else None, "ready": sensed.ready,
             "over": sensed.over and self._went, "force_N": _finite(state[f"{probe}.total_force"]),
             "skin_degC": None if sensed.skin is None else _finite(sensed.skin - 273.15),
@@ -294,7 +294,7 @@ class Served:
     def _mark(self, request: Request) -> None:
         session = self.room.session
         session.mark(str(request.given.get("name", "")), request.given.get("payload"))
-        self.door.answer(request, tick=session.ticks, seconds=session.seconds)
+        self.door.answer(request, tick=session.ticks, seconds=round(session.seconds, 6))
 
     def _stop(self, request: Request) -> None:
         self.door.answer(request, ended=True)
