@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -158,7 +159,9 @@ def test_other_packages_ask_for_what_the_project_asks_for() -> None:
     """The conda recipe and the image follow pyproject.toml."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     recipe = (ROOT / ".ci" / "packages" / "recipe.yaml").read_text(encoding="utf-8")
-    asked = re.findall(r"^    - ([\w-]+) ([<>=.,\d]+)$", recipe.split("  run:\n")[1].split("\ntests:")[0], re.MULTILINE)
+    (oldest,) = re.findall(r'^  python_min: "([\d.]+)"$', recipe, re.MULTILINE)
+    run = recipe.split("  run:\n")[1].split("\ntests:")[0].replace("${{ python_min }}", oldest)
+    asked = re.findall(r"^    - ([\w-]+) ([<>=.,\d]+)$", run, re.MULTILINE)
     python = ("python", project["requires-python"])
     assert asked == [python, *(re.fullmatch(r"([\w-]+)(.*)", one).groups() for one in project["dependencies"])]  # type: ignore[union-attr]
     assert f'version: "{project["version"]}"' in recipe
@@ -178,9 +181,38 @@ def test_a_source_distribution_has_what_lies_at_the_root() -> None:
     assert pages <= set(told["sdist"]["include"])
 
 
+def test_pinned_versions_are_looked_up_in_a_clone_of_the_advisories(tmp_path: Path) -> None:
+    """Listed, in a range, repaired, withdrawn, another spelling of the name: who is affected is told, nobody else."""
+    entries = {
+        "PYSEC-1": ("left-pad", "versions: [1.0.1, 2.0]\n  ranges: []"),
+        "PYSEC-2": ("left-pad", "ranges:\n  - {type: ECOSYSTEM, events: [{introduced: '0'}, {fixed: 1.0.1}]}"),
+        "PYSEC-3": ("left-pad", "ranges:\n  - {type: ECOSYSTEM, events: [{introduced: '1.0'}, {last_affected: 1.0.1}]}"),
+        "PYSEC-4": ("right-pad", "ranges:\n  - {type: ECOSYSTEM, events: [{introduced: '0'}]}\nwithdrawn: '2026-01-02'"),
+    }
+    for name, (package, said) in entries.items():
+        path = tmp_path / "vulns" / package / f"{name}.yaml"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        head = f"id: {name}\ndetails: so it is\npublished: '2026-01-01T00:00:00Z'\naffected:\n- package: {{name: {package}}}"
+        path.write_text(f"{head}\n  {said}\n")
+    pins = tmp_path / "pins.txt"
+    pins.write_text("Left_Pad==1.0.1 \\\n    --hash=sha256:ab\nright-pad==3.0\n")
+    script = ROOT / ".ci" / "advisories.py"
+    done = subprocess.run([sys.executable, script, tmp_path, pins], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 1, done.stderr
+    assert done.stdout.splitlines() == [
+        "left-pad 1.0.1: PYSEC-1: so it is",
+        "left-pad 1.0.1: PYSEC-3: so it is",
+        "2 pinned versions, 2 known weaknesses, by entries until 2026-01-01",
+    ]
+    done = subprocess.run([sys.executable, script, pins.parent / "no", pins], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout) == (2, "") and "is no clone" in done.stderr
+
+
 def test_a_release_is_not_made_over_another(tmp_path: Path) -> None:
     (tmp_path / "SHA256SUMS").write_text("of another release")
     done = subprocess.run(["bash", ROOT / ".ci" / "release", tmp_path], capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stdout) == (1, "")
     assert "is not empty" in done.stderr
+    done = subprocess.run(["bash", ROOT / ".ci" / "release", tmp_path / "new", "--kernel"], capture_output=True, text=True)
+    assert done.returncode == 2 and "--kernel is not known" in done.stderr and not (tmp_path / "new").exists()
     assert [path.name for path in tmp_path.iterdir()] == ["SHA256SUMS"]

@@ -113,3 +113,25 @@ def test_panels_are_those_that_lichtblick_knows_with_all_their_settings(written:
     camera = layout["configById"]["3D!scene"]["cameraState"]
     assert camera.keys() == {"distance", "phi", "thetaOffset", "perspective", "target", "targetOffset",
                              "targetOrientation", "fovy", "near", "far"}  # fmt: skip
+
+
+def test_all_topics_of_the_scene_are_shown_and_no_axes_hide_them(written: tuple[Path, dict[str, Any]]) -> None:
+    scene = written[1]["configById"]["3D!scene"]
+    assert all(scene["topics"][topic]["visible"] for topic in (foxglove.SOLIDS, foxglove.SCENE))
+    assert scene["scene"]["transforms"]["axisScale"] == 0.0
+
+
+def test_viewers_can_parse_every_schema_of_the_events(written: tuple[Path, dict[str, Any]]) -> None:
+    """Lichtblick and Foxglove refuse a topic with lists whose items are not said, or are lists themselves."""
+    with open(written[0], "rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    schemas = [schema for schema in summary.schemas.values() if schema.encoding == "jsonschema"]
+    for schema in schemas:
+        said = json.loads(schema.data)
+        assert said["type"] == "object"
+        for name, field in said["properties"].items():
+            kind = field["items"]["type"] if field["type"] == "array" else field["type"]
+            assert kind in {"number", "integer", "string", "boolean", "object"}, f"{schema.name}.{name}"
+    (events,) = (json.loads(schema.data) for schema in schemas if schema.name == "itouch.events")
+    assert events["properties"]["point"] == {"type": "array", "items": {"type": "number"}}

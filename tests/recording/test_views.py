@@ -110,7 +110,9 @@ def test_every_object_is_drawn_once_and_forces_come_and_go(session: Any) -> None
     arrows = 0
     shown: set[str] = set()
     for topic, time, message in decoded(path):
-        if topic != "/view/scene":
+        if topic == "/view/solids":
+            assert not drawn, "solids are told once, before the first mark"
+        elif topic != "/view/scene":
             continue
         shown -= {deletion.id for deletion in message.deletions}
         tick = round((time - start) / 1e9 / engine.model.period)
@@ -133,6 +135,15 @@ def test_every_object_is_drawn_once_and_forces_come_and_go(session: Any) -> None
     state.raw.data[:] = states[max(states)]
     touching = {p.name for p in engine.model.probes if np.linalg.norm(state[f"{p.name}.contact_force"]) >= 0.01}
     assert shown == {f"{name}/force" for name in touching}
+
+
+def test_a_viewer_that_is_set_to_another_time_still_has_the_solids(session: Any) -> None:
+    """It has the newest message of each topic before that time, and nothing else."""
+    engine, _, path = session
+    newest = {topic: message for topic, _, message in decoded(path)}
+    there = {entity.id for message in newest.values() for entity in getattr(message, "entities", ())}
+    for name in engine.model.objects:
+        assert any(word.split("/")[:2] == ["object", name] for word in there), f"{name} is gone"
 
 
 def test_a_mesh_keeps_its_corners_and_a_huge_one_becomes_a_box() -> None:

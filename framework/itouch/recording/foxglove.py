@@ -15,7 +15,7 @@ from itouch.recording.recording import Recording
 from itouch.recording.tracks import Column, Track, identifiers
 
 #: Topics of the 3-D scene and of the events, and the frame in which the scene stands.
-SCENE, TRANSFORMS, EVENTS, WORLD = "/view/scene", "/view/transforms", "/log/events", "world"
+SOLIDS, SCENE, TRANSFORMS, EVENTS, WORLD = "/view/solids", "/view/scene", "/view/transforms", "/log/events", "world"
 #: How many plots there are, and lines in one of them.
 PLOTS, LINES = 6, 9
 
@@ -43,8 +43,10 @@ def layout(recording: Recording) -> dict[str, Any]:
         "3D!scene": {
             "followTf": WORLD,
             "followMode": "follow-pose",
-            "topics": {SCENE: {"visible": True}},
-            "scene": {"backgroundColor": "#16181d"},
+            "topics": {SOLIDS: {"visible": True}, SCENE: {"visible": True}},
+            # the frames of all solids stand in a view of half a metre: axes of a metre each would hide them
+            "scene": {"backgroundColor": "#16181d",
+                      "transforms": {"showLabel": False, "axisScale": 0.0, "lineWidth": 0.0}},
             "cameraState": {"distance": 0.5, "phi": 60.0, "thetaOffset": 30.0, "perspective": True,
                             "target": [0.0, 0.0, 0.0], "targetOffset": [0.0, 0.0, 0.0],
                             "targetOrientation": [0.0, 0.0, 0.0, 1.0], "fovy": 45.0, "near": 0.01, "far": 100.0},
@@ -62,8 +64,8 @@ def layout(recording: Recording) -> dict[str, Any]:
             **dict.fromkeys(TITLES, f"[{unit}]"),
             "paths": [{"value": path, "label": label, "enabled": True, "timestampMethod": "receiveTime"}
                       for path, label in lines],
-            "showLegend": True, "legendDisplay": "floating", "showPlotValuesInLegend": False, "showXAxisLabels": True,
-            "showYAxisLabels": True, "sidebarDimension": 240, "isSynced": True, "xAxisVal": "timestamp",
+            "showLegend": True, "legendDisplay": "left", "showPlotValuesInLegend": False, "showXAxisLabels": True,
+            "showYAxisLabels": True, "sidebarDimension": 260, "isSynced": True, "xAxisVal": "timestamp",
         }  # fmt: skip
         plots.append(name)
     left = {"first": "3D!scene", "second": "RawMessages!events", "direction": "column", "splitPercentage": 75}

@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 
 from itouch.recording.wellknown import descriptor, encode
 
-#: Topic -> name of its schema.
-TOPICS: Final[Mapping[str, str]] = {"/view/transforms": "FrameTransforms", "/view/scene": "SceneUpdate"}
+#: Topic -> name of its schema.  Solids have a topic to themselves: a viewer that is set to another time asks for the
+#: newest message of each topic before it, and would have lost them behind the first force.
+TOPICS: Final[Mapping[str, str]] = {"/view/transforms": "FrameTransforms", "/view/solids": "SceneUpdate",
+                                    "/view/scene": "SceneUpdate"}  # fmt: skip
 #: How often a second frames and forces are told.
 RATE: Final = 30.0
 WORLD: Final = "world"
@@ -131,10 +133,12 @@ class Drawing:
         for tick, row in zip(ticks[due].tolist(), rows[due], strict=True):
             stamp = self._stamp(tick)
             yield "/view/transforms", tick, encode("FrameTransforms", {"transforms": self.transforms(row, stamp)})
-            entities = [] if self._begun else [_entity(solid, stamp) for solid in self._view.solids]
+            if not self._begun and self._view.solids:
+                solids = [_entity(solid, stamp) for solid in self._view.solids]
+                yield "/view/solids", tick, encode("SceneUpdate", {"entities": solids})
             self._begun = True
             now = self._marks(row, stamp)
-            marks = {"entities": [*entities, *now], "deletions": self._gone(now, stamp)}
+            marks = {"entities": now, "deletions": self._gone(now, stamp)}
             if marks["entities"] or marks["deletions"]:
                 yield "/view/scene", tick, encode("SceneUpdate", marks)
 

@@ -26,16 +26,19 @@ from itouch.recording.views import TOPICS, schema
 
 MAGIC = b"\x89MCAP0\r\n"
 PROFILE, LIBRARY = "itouch", "itouch-py"
-#: Topics of messages that are JSON, with their schemas' properties: see the reference of the format.
+#: Topics of messages that are JSON, with their schemas' properties: see the reference of the format.  A list of numbers
+#: is ``number[]``.  What nests lists (histograms) stays out: Foxglove and Lichtblick would refuse the whole topic.
 LETTERS: dict[str, dict[str, Any]] = {
     "/log/session": {},
     "/log/state": {"tick": "integer", "time": "number", "reason": "string", "npy": "string"},
-    "/log/events": {"tick": "integer", "time": "number", "kind": "string", "probe": "string", "object": "string"},
+    "/log/events": {"tick": "integer", "time": "number", "kind": "string", "probe": "string", "object": "string",
+                "point": "number[]", "normal": "number[]", "distance": "number", "speed": "number",
+                "tangential_velocity": "number[]", "penetration": "number", "force": "number", "area": "number"},
     "/log/marks": {"tick": "integer", "time": "number", "name": "string", "payload": "string"},
     "/log/faults": {"tick": "integer", "time": "number", "device": "string", "trip": "string", "cause": "string"},
     "/log/lifecycle": {"tick": "integer", "time": "number", "device": "string", "status": "string"},
     "/log/timing": {"tick": "integer", "time": "number", "p50": "number", "p99": "number", "max": "number",
-                "overruns": "integer", "lost": "integer", "waiting": "integer", "lateness": "array", "ticks": "array"},
+                "overruns": "integer", "lost": "integer", "waiting": "integer"},
     "/log/report": {"tick": "integer", "time": "number", "report": "object"},
 }  # fmt: skip
 
@@ -54,7 +57,10 @@ class Output(Protocol):
 
 def json_schema(name: str, properties: Mapping[str, str]) -> bytes:
     """Return the JSON schema of a topic's messages."""
-    body = {key: {"type": kind} for key, kind in properties.items()}
+    body: dict[str, Any] = {key: {"type": kind} for key, kind in properties.items()}
+    for key, kind in properties.items():
+        if kind.endswith("[]"):
+            body[key] = {"type": "array", "items": {"type": kind.removesuffix("[]")}}
     return json.dumps({"title": name, "type": "object", "properties": body}).encode()
 
 
