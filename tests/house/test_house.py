@@ -186,8 +186,14 @@ def test_pinned_versions_are_looked_up_in_a_clone_of_the_advisories(tmp_path: Pa
     entries = {
         "PYSEC-1": ("left-pad", "versions: [1.0.1, 2.0]\n  ranges: []"),
         "PYSEC-2": ("left-pad", "ranges:\n  - {type: ECOSYSTEM, events: [{introduced: '0'}, {fixed: 1.0.1}]}"),
-        "PYSEC-3": ("left-pad", "ranges:\n  - {type: ECOSYSTEM, events: [{introduced: '1.0'}, {last_affected: 1.0.1}]}"),
-        "PYSEC-4": ("right-pad", "ranges:\n  - {type: ECOSYSTEM, events: [{introduced: '0'}]}\nwithdrawn: '2026-01-02'"),
+        "PYSEC-3": (
+            "left-pad",
+            "ranges:\n  - {type: ECOSYSTEM, events: [{introduced: '1.0'}, {last_affected: 1.0.1}]}",
+        ),
+        "PYSEC-4": (
+            "right-pad",
+            "ranges:\n  - {type: ECOSYSTEM, events: [{introduced: '0'}]}\nwithdrawn: '2026-01-02'",
+        ),
     }
     for name, (package, said) in entries.items():
         path = tmp_path / "vulns" / package / f"{name}.yaml"
@@ -204,7 +210,9 @@ def test_pinned_versions_are_looked_up_in_a_clone_of_the_advisories(tmp_path: Pa
         "left-pad 1.0.1: PYSEC-3: so it is",
         "2 pinned versions, 2 known weaknesses, by entries until 2026-01-01",
     ]
-    done = subprocess.run([sys.executable, script, pins.parent / "no", pins], capture_output=True, text=True, timeout=60)
+    done = subprocess.run(
+        [sys.executable, script, pins.parent / "no", pins], capture_output=True, text=True, timeout=60
+    )
     assert (done.returncode, done.stdout) == (2, "") and "is no clone" in done.stderr
 
 
@@ -213,6 +221,8 @@ def test_a_release_is_not_made_over_another(tmp_path: Path) -> None:
     done = subprocess.run(["bash", ROOT / ".ci" / "release", tmp_path], capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stdout) == (1, "")
     assert "is not empty" in done.stderr
-    done = subprocess.run(["bash", ROOT / ".ci" / "release", tmp_path / "new", "--kernel"], capture_output=True, text=True)
+    done = subprocess.run(
+        ["bash", ROOT / ".ci" / "release", tmp_path / "new", "--kernel"], capture_output=True, text=True
+    )
     assert done.returncode == 2 and "--kernel is not known" in done.stderr and not (tmp_path / "new").exists()
     assert [path.name for path in tmp_path.iterdir()] == ["SHA256SUMS"]
