@@ -181,6 +181,17 @@ def test_a_source_distribution_has_what_lies_at_the_root() -> None:
     assert pages <= set(told["sdist"]["include"])
 
 
+def test_kernels_of_a_release_are_made_by_the_pinned_versions_and_all_scenes_can_run() -> None:
+    """They run with the Numba and NumPy that made them only; one of the scenes that make them has a rigid body."""
+    script = (ROOT / ".ci" / "release").read_text(encoding="utf-8")
+    (installed,) = re.findall(r"pip\" install -q -c \"\$tools/pins.txt\" '(.*)'$", script, re.MULTILINE)
+    chosen = re.findall(
+        r'"(\w+)"', re.findall(r"^SCENES = (.*)$", (ROOT / ".ci" / "compile_kernels.py").read_text(), re.M)[0]
+    )
+    assert any("<dynamics" in (ROOT / "scenes" / f"{name}.xml").read_text(encoding="utf-8") for name in chosen)
+    assert installed == ".[dynamics]"
+
+
 def test_pinned_versions_are_looked_up_in_a_clone_of_the_advisories(tmp_path: Path) -> None:
     """Listed, in a range, repaired, withdrawn, another spelling of the name: who is affected is told, nobody else."""
     entries = {
