@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 import threading
@@ -129,6 +130,49 @@ def test_ros_finds_every_topic(told: Any) -> None:
         ]
         assert len(ends) == 1, name
         assert name not in kinds or f"/{kinds[name]}/RIHS01_" in ends[0]
+
+
+#: Kinds of entity -> what `ros2` calls them; the rules are those of rmw_zenoh's design.md and of `Entity::make`.
+KINDS = {"NN": "node", "MP": "publisher", "MS": "subscription", "SS": "service", "SC": "client"}
+
+
+def entity(token: str) -> dict[str, str]:
+    """Return what a token of discovery says, read as strictly as rmw_zenoh does, and by nothing of the SDK that made it."""
+    space, domain, session, node, number, kind, *names = token.split("/")
+    assert all(token.split("/")), "an empty part: rmw_zenoh refuses the token"
+    assert space == "@ros2_lv" and domain == "7"
+    assert re.fullmatch(r"[0-9a-f]{1,32}", session)
+    assert node.isdecimal() and number.isdecimal() and kind in KINDS
+    enclave, namespace, name = (part.replace("%", "/") for part in names[:3])
+    said = {"kind": KINDS[kind], "node": node, "name": name, "session": session}
+    assert (enclave, namespace) == ("/", "/") and re.fullmatch(r"[A-Za-z_]\w*", name)
+    if kind == "NN":
+        assert node == number and len(names) == 3
+        return said
+    topic, of, digest, quality = names[3:]
+    assert re.fullmatch(r"[a-z]\w*::(msg|srv)::dds_::\w+_", of)
+    assert re.fullmatch(r"RIHS01_[0-9a-f]{64}", digest)
+    reliability, durability, history, deadline, lifespan, liveliness = quality.split(":")
+    assert reliability in {"", "0", "1", "2", "3", "4"} and durability in {"", "0", "1", "2", "3", "4"}
+    for words, count in ((history, 2), (deadline, 2), (lifespan, 2), (liveliness, 3)):
+        parts = words.split(",")
+        assert len(parts) == count and all(part == "" or part.isdecimal() for part in parts)
+    return {**said, "topic": topic.replace("%", "/"), "type": of, "digest": digest, "reliability": reliability}
+
+
+def test_tokens_are_as_the_design_of_rmw_zenoh_has_them(told: Any) -> None:
+    """`ros2 topic list` and `ros2 node list` are made of nothing else; what is measured is told without repetition."""
+    _, _, _, names, tokens = told
+    found = [entity(token) for token in tokens]
+    nodes = {(one["session"], one["node"]): one["name"] for one in found if one["kind"] == "node"}
+    ends = [one for one in found if one["kind"] == "publisher"]
+    assert sorted(one["topic"] for one in ends) == sorted(names)
+    assert all(nodes[one["session"], one["node"]] == one["name"] for one in ends), "an end without its node"
+    digests = {one["type"]: one["digest"] for one in ends}
+    # the hash of std_msgs/msg/String that stands in the examples of rmw_zenoh's design.md
+    known = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
+    assert digests["std_msgs::msg::dds_::String_"] == known
+    assert {one["reliability"] for one in ends if one["topic"].endswith("/pose")} == {"2"}
 
 
 @pytest.mark.parametrize(
