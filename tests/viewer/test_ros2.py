@@ -169,7 +169,7 @@ def test_tokens_are_as_the_design_of_rmw_zenoh_has_them(told: Any) -> None:
     assert sorted(one["topic"] for one in ends) == sorted(names)
     assert all(nodes[one["session"], one["node"]] == one["name"] for one in ends), "an end without its node"
     digests = {one["type"]: one["digest"] for one in ends}
-    # the hash of std_msgs/msg/String that stands in the examples of rmw_zenoh's design.md
+    # what `ros2 topic info --verbose` prints of std_msgs/msg/String
     known = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
     assert digests["std_msgs::msg::dds_::String_"] == known
     assert {one["reliability"] for one in ends if one["topic"].endswith("/pose")} == {"2"}
