@@ -153,6 +153,26 @@ def test_a_step_of_current_gives_the_module(scene: Path, tmp_path: Path) -> None
     assert record.residual < 0.03
 
 
+def test_a_step_of_another_plate_is_doubted(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Twice the area, and a module of three times the resistance: told on the error stream, and nothing of its own step."""
+    from itouch_thermal.display.params import DisplayParams
+    from itouch_thermal.drivers.fits import _simulate
+
+    times = np.arange(0.0, 8.0, 0.05)
+    currents = np.where(times < 0.5, 0.0, np.where(times < 4.0, 2.0, -1.5))
+    said = {}
+    for name, other in (("own", {}), ("plate", {"area": 32e-4}), ("module", {"resistance": 5.6})):
+        shown = _simulate(DisplayParams(**other), times, currents, 296.15).reshape(2, -1)
+        shown += np.random.default_rng(1).normal(0.0, [[0.01], [0.02]], shown.shape)
+        file = samples(tmp_path, np.stack([times, currents, *shown], axis=1))
+        assert cli(["calibrate", str(scene), "--kind", "tec-step", "--samples", file]) == 0
+        calibration.file_of(scene).unlink()
+        said[name] = capsys.readouterr().err
+    assert said["own"] == ""
+    assert "another plate or sink, a finger on it" in said["plate"]
+    assert said["module"].startswith("warning: resistance comes out 3 times what the scene says")
+
+
 def test_touch_off_is_kept_and_used(tmp_path: Path) -> None:
     """The shipped rig's mount is 3 mm off: after a calibration on record a run without touch-off knows the height."""
     text = (SCENES / "four_materials.xml").read_text()
@@ -203,6 +223,17 @@ def test_a_broken_file_of_records_is_told(scene: Path) -> None:
         calibration.file_of(scene).write_text(content)
         with pytest.raises(ItouchError, match="cannot be used"):
             load_scene(scene)
+
+
+def test_what_a_device_lacks_a_part_for_is_not_offered(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli(["calibrate", str(SCENES / "four_materials.xml")]) == 0
+    out = capsys.readouterr().out
+    assert "--kind flux-gain" not in out
+    assert "peltier  no flux-gain: there is no <thermal:flux-sensor>" in out
+    assert (
+        cli(["calibrate", str(SCENES / "four_materials.xml"), "--kind", "flux-gain"]) == 2
+    )  # and no samples asked for
+    assert "there is no <thermal:flux-sensor>" in capsys.readouterr().err
 
 
 def test_the_list_names_what_there_is(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:

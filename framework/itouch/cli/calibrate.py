@@ -110,10 +110,22 @@ def _offers(element: Any, catalog: Any) -> dict[str, Fit | None]:
     return own
 
 
+def _params(device: Any, catalog: Any) -> Any:
+    return device.parts[0].params if device.parts else catalog.device(device.plugin).Params()
+
+
+def _lacks(fit: Fit | None, device: Any, catalog: Any) -> str:
+    """Return what a device of this scene lacks for a calibration; an empty text if nothing."""
+    return fit.lacks(_params(device, catalog)) if fit is not None else ""
+
+
 def _list(options: argparse.Namespace) -> int:
     scene, catalog = _scene(options)
     for element in scene.devices:
         for kind, fit in sorted(_offers(element, catalog).items()):
+            if lack := _lacks(fit, element, catalog):
+                print(f"{element.name}  no {kind}: {lack}")
+                continue
             doc = fit.doc if fit is not None else _DOCS[kind]
             print(f"{element.name}  --kind {kind}\n    {doc}")
             print(f"    samples: {', '.join(fit.columns if fit is not None else _COLUMNS[kind]) or 'none'}")
@@ -213,12 +225,15 @@ def _fit(options: argparse.Namespace, device: Any) -> calibration.CalibrationRec
     fit = _offers(device, catalog)[options.kind]
     if fit is None:
         raise ItouchError(f"'{options.kind}' is none of device '{device.name}'")
-    params = device.parts[0].params if device.parts else catalog.device(device.plugin).Params()
+    if lack := _lacks(fit, device, catalog):
+        raise ItouchError(f"calibration '{options.kind}': {lack}")
     samples = _samples(options, fit.columns)
     try:
-        found = fit.solve(params, samples)
+        found = fit.solve(_params(device, catalog), samples)
     except ValueError as error:
         raise ItouchError(f"calibration '{options.kind}': {error}") from error
+    for doubt in found.doubts:
+        print(f"warning: {doubt}", file=sys.stderr)
     return _record(options, device, fit.days, found.residual, found.unit, len(samples), values=dict(found.values))
 
 

@@ -14,12 +14,18 @@ from numpy.typing import NDArray
 class Fitted:
     """What a calibration found: parameters by their Python names (``part.name`` inside a child), and how well they fit.
 
-    ``residual`` is the rms of what is left over, in ``unit``.
+    ``residual`` is the rms of what is left over, in ``unit``.  ``doubts`` are sentences on why the samples may be of
+    something else; they are told, and the result is kept all the same.
     """
 
     values: Mapping[str, float]
     residual: float
     unit: str
+    doubts: tuple[str, ...] = ()
+
+
+def _nothing(_: Any) -> str:
+    return ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +43,8 @@ class Fit:
     solve
         Takes the device's parameters and the samples, shape (n, columns), and raises ``ValueError`` if they are too few
         or say nothing.
+    lacks
+        Takes the device's parameters, and says what they lack for it; an empty text if nothing.
     """
 
     kind: str
@@ -44,6 +52,7 @@ class Fit:
     columns: tuple[str, ...]
     days: float
     solve: Callable[[Any, NDArray[np.float64]], Fitted]
+    lacks: Callable[[Any], str] = _nothing
 
 
 def line_through(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[float, float, float]:

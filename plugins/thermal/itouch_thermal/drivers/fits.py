@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -15,13 +17,23 @@ Array = NDArray[np.float64]
 MODULE, _VARIED, _ROUNDS = ("seebeck", "resistance", "conductance"), 0.01, 6
 _STEP = 1e-3
 _FAR = 3.0
+#: What is left over is doubted above so many times the sensors' noise, and so much of the swing; a parameter that is
+#: more than so many times the scene's, or less than its part.
+_NOISES, _OF_SWING, _OTHER = 4.0, 0.01, 2.0
+
+
+def without_sensor(params: Any) -> str:
+    """Return what is missing for the gain of the flux sensor: the sensor."""
+    if params.labjack is None or params.labjack.flux_sensor is None:
+        return "there is no <thermal:flux-sensor> whose gain could be found"
+    return ""
 
 
 def flux_gain(params: Any, samples: Array) -> Fitted:
     """Return sensitivity and offset of the flux sensor from fluxes of a reference and what the display read then."""
-    sensor = params.labjack.flux_sensor if params.labjack is not None else None
-    if sensor is None:
-        raise ValueError("there is no <thermal:flux-sensor> whose gain could be found")
+    if lack := without_sensor(params):
+        raise ValueError(lack)
+    sensor = params.labjack.flux_sensor
     reference, read = samples.T
     slope, zero, residual = line_through(reference, read)
     if slope <= 0.0:
@@ -55,7 +67,26 @@ def step_response(params: Any, samples: Array) -> Fitted:
         found = np.clip(found + np.linalg.lstsq(slopes, rest, rcond=None)[0], -_FAR, _FAR)
         rest = measured - answer(found)
     values = dict(zip(MODULE, (float(v) for v in start * np.exp(found)), strict=True))
-    return Fitted(values, float(np.sqrt(np.mean(rest * rest))), "K")
+    residual = float(np.sqrt(np.mean(rest * rest)))
+    swing = float(np.sqrt(np.mean((measured - plate[0]) ** 2)))
+    return Fitted(values, residual, "K", tuple(_doubts(params, values, residual, swing)))
+
+
+def _doubts(params: Any, values: Mapping[str, float], residual: float, swing: float) -> Iterator[str]:
+    """Yield why a step may be of another display: it is not answered as measured, or only by quite another module.
+
+    ``residual`` and ``swing`` are rms values [K]: of what is left over, and of what was measured.
+    """
+    noise = math.hypot(params.plate_noise, params.sink_noise) / math.sqrt(2.0)
+    if residual > max(_NOISES * noise, _OF_SWING * swing):
+        yield (
+            f"with the best module this display still answers {residual:.2g} K (rms) off what was measured, and its "
+            f"sensors' noise is {noise:.2g} K: another plate or sink, a finger on it, or another time base?"
+        )
+    for name, value in values.items():
+        ratio = value / getattr(params, name)
+        if not 1.0 / _OTHER <= ratio <= _OTHER:
+            yield f"{name} comes out {ratio:.2g} times what the scene says: another module?"
 
 
 def _simulate(params: Any, times: Array, currents: Array, begin: float) -> Array:
@@ -87,7 +118,7 @@ FITS = (
     Fit(
         "flux-gain",
         "let known fluxes through the sensor (a reference sensor on it) and write down what the display reads",
-        ("reference [W/m^2]", "read [W/m^2]"), 365.0, flux_gain,
+        ("reference [W/m^2]", "read [W/m^2]"), 365.0, flux_gain, without_sensor,
     ),
     Fit(
         "tec-step",
