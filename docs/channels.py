@@ -76,9 +76,14 @@ def found() -> tuple[dict[str, dict[str, Row]], dict[str, str]]:
         state = make_state(model)
         for name, field in declared(model).items():
             owner, _, short = name.partition(".") if "." in name else ("", "", name)
-            row = Row(*_shape(state[name]), field.unit if field.unit != "1" else "", field.doc)
+            row = Row(*_shape(state[name]), field.unit if field.unit != "1" else "", _linked(field.doc))
             names[owners.get(owner, owner)].setdefault(short, row)
     return names, titles
+
+
+def _linked(doc: str) -> str:
+    """Return a meaning with what the page can link to; programs show the meanings as they are."""
+    return doc.replace("number of the trip ", "number of the [trip](errors.md#while-running) ")
 
 
 def _shape(view: np.ndarray) -> tuple[str, str]:

@@ -65,6 +65,8 @@ def test_inspect_of_a_scene_lists_what_can_be_recorded(capsys: pytest.CaptureFix
     channels = {row["channel"]: row for row in json.loads(capsys.readouterr().out)["channels"]}
     assert channels["peltier.plate_temperature"]["unit"] == "K"
     assert channels["heat.desired"]["unit"] == "W/m^2"
+    assert not [row for row in channels.values() if "](" in row["meaning"]], "links of the documentation, raw"
+    assert {channels[name]["unit"] for name in ("finger.memory", "finger.result")} == {"mixed"}
 
 
 def test_csv_has_units_and_degrees_celsius(tmp_path: Path) -> None:

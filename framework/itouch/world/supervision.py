@@ -18,7 +18,7 @@ from itouch.schema.units import parse_unit
 
 _EVERY = (
     Field("status", "i8", low=0, high=3, unit="1", doc="0 CLOSED, 1 OPEN (measures), 2 ENABLED (obeys), 3 FAULT"),
-    Field("trip", "i8", unit="1", doc="number of the [trip](errors.md#while-running) that stopped it, 0: none"),
+    Field("trip", "i8", unit="1", doc="number of the trip that stopped it, 0: none"),
     Field("tripped", "i8", unit="tick", doc="when it was stopped"),
     Field(
         "ramp", low=0.0, high=1.0, unit="1", doc="share of its limits that it may use; grows to 1 after it was enabled"
