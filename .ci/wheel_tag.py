@@ -9,6 +9,10 @@ from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
+#: What the pinned Numba, llvmlite and NumPy ask for of Linux; the kernels ask for nothing else.  An index refuses
+#: wheels that name Linux alone.
+LINUX = "manylinux_2_28"
+
 
 class Tag(BuildHookInterface[Any]):
     """Looks whether kernels were compiled (``.ci/compile_kernels.py``) before the wheel is built."""
@@ -20,4 +24,5 @@ class Tag(BuildHookInterface[Any]):
         if version == "standard" and (Path(self.root) / "framework/itouch/compiled/manifest.json").exists():
             python = f"cp{sys.version_info[0]}{sys.version_info[1]}"
             platform = sysconfig.get_platform().replace("-", "_").replace(".", "_")
+            platform = platform.replace("linux", LINUX, 1) if platform.startswith("linux_") else platform
             build_data["pure_python"], build_data["tag"] = False, f"{python}-{python}-{platform}"

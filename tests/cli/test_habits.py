@@ -155,3 +155,28 @@ def test_a_scene_is_checked_at_each_save_and_at_no_other_time(
     before = watch.stamps(str(scene), None)
     os.utime(included, ns=(0, 7))
     assert watch.stamps(str(scene), None) != before
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [
+        (("explain", "T4"), 2, "T4 is a limit: itouch-py explain contact-time tells of it"),
+        (("explain", "T2"), 2, "itouch-py explain plate-temperature tells of it"),
+        (("explain", "K3"), 2, "itouch-py check SCENE tells of it"),
+        (("explain", "Z4"), 2, "there is no code 'Z4'"),
+        (("report", str(SCENES.parent / "README.md"), "-o", "x.html"), 2, "it does not begin as one"),
+    ],
+)
+def test_what_is_read_off_a_message_or_given_by_mistake_gets_an_answer(
+    words: tuple[str, ...], code: int, said: str, tmp_path: Path
+) -> None:
+    done = run(*words, cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (code, "")
+    assert said in done.stderr
+
+
+def test_no_session_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("itouch.servo.sessions", list)
+    done = run("view", "--list")
+    assert (done.returncode, done.stdout) == (0, "")
+    assert done.stderr == "no session runs\n"

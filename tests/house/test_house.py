@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+import importlib.metadata
 import re
 import subprocess
 import sys
@@ -190,6 +192,25 @@ def test_kernels_of_a_release_are_made_by_the_pinned_versions_and_all_scenes_can
     )
     assert any("<dynamics" in (ROOT / "scenes" / f"{name}.xml").read_text(encoding="utf-8") for name in chosen)
     assert installed == ".[dynamics]"
+
+
+def test_a_wheel_with_kernels_names_a_platform_that_an_index_takes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An index refuses `linux_x86_64`; what is named is what Numba's own wheel names, if that is of Linux."""
+    monkeypatch.syspath_prepend(str(ROOT / ".ci"))
+    tag = importlib.import_module("wheel_tag")
+    (tmp_path / "framework/itouch/compiled").mkdir(parents=True)
+    (tmp_path / "framework/itouch/compiled/manifest.json").write_text("{}")
+    hook = tag.Tag(str(tmp_path), {}, None, None, str(tmp_path), "wheel")
+    for platform, named in (("linux-x86_64", "manylinux_2_28_x86_64"), ("macosx-11.0-arm64", "macosx_11_0_arm64")):
+        monkeypatch.setattr(tag.sysconfig, "get_platform", lambda platform=platform: platform)
+        data: dict[str, object] = {}
+        hook.initialize("standard", data)
+        assert str(data["tag"]).endswith(f"-{named}") and data["pure_python"] is False
+    of_numba = importlib.metadata.distribution("numba").read_text("WHEEL") or ""
+    if "manylinux" in of_numba:
+        assert f"-{tag.LINUX}_" in of_numba
 
 
 def test_pinned_versions_are_looked_up_in_a_clone_of_the_advisories(tmp_path: Path) -> None:

@@ -119,8 +119,10 @@ def _say(path: str, model: Model | None, problems: Sequence[Problem], *, failed:
     if failed:
         did(f"{path}: legal, but odd")
         return
-    counts = f"{len(model.objects)} objects, {len(model.devices)} devices, {len(model.modalities)} modalities"
-    print(f"{path}: ok ({counts})")
+    found = (("object", "objects", model.objects), ("device", "devices", model.devices),
+             ("modality", "modalities", model.modalities))  # fmt: skip
+    counts = (f"{len(items)} {one if len(items) == 1 else many}" for one, many, items in found)
+    print(f"{path}: ok ({', '.join(counts)})")
     if MANNER.quiet:
         return
     for device in model.devices.values():

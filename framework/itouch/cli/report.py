@@ -33,6 +33,6 @@ def main(argv: Sequence[str]) -> int:
             stream.write(text)
     except OSError as error:
         raise ItouchError(f"cannot write '{options.output}': {error.strerror or error}") from error
-    size = os.path.getsize(options.output) / 1e6
-    did(f"wrote {options.output}: {findings.kind}, {len(findings.contacts)} contacts, {size:.1f} MB")
+    size, many = os.path.getsize(options.output) / 1e6, len(findings.contacts)
+    did(f"wrote {options.output}: {findings.kind}, {many} contact{'' if many == 1 else 's'}, {size:.1f} MB")
     return 0

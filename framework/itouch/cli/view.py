@@ -62,7 +62,10 @@ def main(argv: Sequence[str]) -> int:
     from itouch.servo import attach, sessions
 
     if options.list:
-        for info in sessions():
+        running = list(sessions())
+        if not running:
+            print("no session runs", file=sys.stderr)
+        for info in running:
             print(f"{info.name:<24} {info.pid:>8}  {info.phase:<9} {info.scene}")
         return 0
     with attach(options.session) as link:

@@ -49,8 +49,12 @@ def read_members(path: str) -> dict[str, bytes]:
         If it is missing, cut, altered, or hostile.
     """
     try:
-        with open_regular(path) as stream, zipfile.ZipFile(stream) as archive:
-            return _members(archive, path)
+        with open_regular(path) as stream:
+            if stream.read(2) != b"PK":
+                raise SessionError(f"'{path}' is not a snapshot of a session: it does not begin as one")
+            stream.seek(0)
+            with zipfile.ZipFile(stream) as archive:
+                return _members(archive, path)
     except OSError as error:
         raise SessionError(f"cannot read '{path}': {error.strerror or error}") from error
     except SessionError:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -49,6 +50,9 @@ def _explain(name: str) -> int:
     code = CODES.get(name)
     if code is None:
         advice = did_you_mean(name, CODES, "codes are")
+        if re.fullmatch(r"[KTW]\d", name):
+            telling = [one.name for one in CODES.values() if re.search(rf"\([^)]*\b{name}\b[^)]*\)", one.wrong)]
+            advice = f"{name} is a limit: itouch-py {f'explain {telling[0]}' if telling else 'check SCENE'} tells of it"
         print(f"error: there is no code '{name}'\n  = help: {advice}", file=sys.stderr)
         return 2
     example = examples()[name]
