@@ -175,6 +175,13 @@ def test_what_is_read_off_a_message_or_given_by_mistake_gets_an_answer(
     assert said in done.stderr
 
 
+def test_no_help_shows_the_markup_of_the_source() -> None:
+    from itouch.plugin.discovery import BENCHES, find
+
+    for words in [(name,) for name in commands()] + [("bench", name) for name in find(BENCHES)]:
+        assert "``" not in run(*words, "--help").stdout, words
+
+
 def test_no_session_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("itouch.servo.sessions", list)
     done = run("view", "--list")

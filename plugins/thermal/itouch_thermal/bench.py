@@ -1,4 +1,4 @@
-"""``itouch-py bench thermal``: accuracy and speed of every contact solver, side by side with the installed peers."""
+"""Measure accuracy and speed of every contact solver, side by side with the installed peers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``itouch-py thermal``: solve contact cases, list materials, record flux curves, and facts about the display."""
+"""Solve contact cases, list materials, record flux curves, and tell facts about the display."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``itouch-py reproduce``: the paper's figures and claims from code."""
+"""Draw the paper's figures and check its claims, from code."""
 
 from __future__ import annotations
 

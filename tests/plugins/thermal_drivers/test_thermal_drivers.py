@@ -224,8 +224,10 @@ def test_a_controller_in_error_is_told(terminal: Terminal) -> None:
         tec.close()
     with pytest.raises(DeviceError, match="did not answer 3 times"):
         TecDriver(Mecom(port=terminal.path), patience=8.0)
-    with pytest.raises(DeviceError, match="cannot be opened"):
+    with pytest.raises(DeviceError) as caught:
         MecomClient("/dev/no-such-port")
+    said = "serial port '/dev/no-such-port' cannot be opened: No such file or directory: look at its plug"
+    assert str(caught.value) == said
 
 
 @given(st.binary(max_size=80))

@@ -1,4 +1,4 @@
-"""``itouch-py bench contact``: what a step of contact costs beside what a Python user would pick instead."""
+"""Measure what a step of contact costs beside what a Python user would pick instead."""
 
 from __future__ import annotations
 

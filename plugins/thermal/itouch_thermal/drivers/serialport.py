@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import time
 from typing import Any
 
@@ -26,7 +28,10 @@ class SerialLine:
         try:
             self._serial: Any = serial.serial_for_url(port, baud, timeout=0.01, write_timeout=0.5 * patience)
         except (OSError, ValueError) as error:
-            raise DeviceError(f"serial port '{port}' cannot be opened: {error}") from error
+            number = getattr(error, "errno", None)  # pyserial says port and number twice
+            reason = os.strerror(number) if number else str(error)
+            advice = ": look at its plug" if number == errno.ENOENT else ""
+            raise DeviceError(f"serial port '{port}' cannot be opened: {reason}{advice}") from error
 
     def close(self) -> None:
         """Let go of the port."""

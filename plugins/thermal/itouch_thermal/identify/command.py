@@ -1,4 +1,4 @@
-"""``itouch-py identify``: a finger's and a sample's thermal parameters from recorded touches, with intervals."""
+"""Estimate a finger's and a sample's thermal parameters from recorded touches, with intervals."""
 
 from __future__ import annotations
 

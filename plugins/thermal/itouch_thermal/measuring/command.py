@@ -1,4 +1,4 @@
-"""``itouch-py measure``: measure real touches of an instrumented sample, and write their mean as a curve."""
+"""Measure real touches of an instrumented sample, and write their mean as a curve."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``itouch-py virtual-arm``: a simulated Falcon that any machine can use over USB/IP."""
+"""Serve a simulated Falcon that any machine can use over USB/IP."""
 
 from __future__ import annotations
 
