@@ -122,7 +122,7 @@ def model(
 
 def state(*models: DeviceModel, wire: bool = False) -> Record:
     """Return a State for devices."""
-    fields = [Field("tick", "i8"), Field("hold", "i8")]
+    fields = [Field("tick", "i8"), Field("hold", "i8"), Field("stopping", "i8")]
     for one in models:
         fields += [Field(f"{one.name}.{c.name}", "f8", c.size) for c in one.reads]
         fields += [Field(f"{one.name}.command.{c.name}", "f8", c.size) for c in one.commands]

@@ -94,6 +94,8 @@ class Engine:
         self.times = self.statistics.times = Timing(self.plan.names)
         self.fault: DeviceFaultError | None = None
         self._enabled = False
+        #: Whether a State was adopted in the middle of a safe sequence, which must be carried out anew.
+        self._unfinished = False
         self._pacing = Pacing(self)
         #: Whether a guardian process makes hardware safe if this one dies, as `itouch.launch` has it.
         self.guarded = False
@@ -231,6 +233,8 @@ class Engine:
         """
         if not self._enabled:
             self._require_enabled()
+        if self._unfinished:
+            self._finish_stop()
         tick, ready, stamps = self._tick.item(), bool(self._ready), self.stamps
         timed = bool(self.plan.steps) and (self._paced or not tick % _SAMPLED)
         stamps[0] = begin = now()
@@ -257,6 +261,24 @@ class Engine:
             self.times.add_whole(end - begin)
         for tap in self.taps:
             tap(tick)
+
+    def _finish_stop(self) -> None:
+        """Carry out anew what a State was stored in the middle of: nobody has minded the surfaces since.
+
+        Raises
+        ------
+        DeviceFaultError
+            The fault that all was stopped for, if it was one.
+        """
+        self._unfinished = False
+        stopped = sorted((one for one in self._all if one.status is Status.FAULT), key=lambda one: one.tripped)
+        if not stopped:
+            self.park()
+            return
+        first = stopped[0]
+        cause = f"was stopped by {first.trip.label}"
+        self.make_safe(fault := DeviceFaultError(first.model.name, first.tripped, first.trip, cause))
+        raise fault
 
     def _move(self, tick: int, ready: bool) -> None:
         for rig in self._rigs:
@@ -287,7 +309,7 @@ class Engine:
         """
         restored = not self._enabled and bool(self._operator.latched)
         self._operator.rearm()
-        self.fault = None
+        self.fault, self._unfinished, self.state["stopping"][...] = None, False, 0
         if restored:  # nothing else has been enabled yet
             self.enable()
 
@@ -454,6 +476,9 @@ class Engine:
             self.state[f"{runner.model.name}.status"] = Status.CLOSED
         begun = int(self._tick) > 0  # a session that has run is not enabled a second time
         self._enabled = not hardware and (begun or any(r.status is Status.ENABLED for r in self._all))
+        stopping = self.state["stopping"]
+        stopping[...] = bool(stopping.item()) and len(hardware) < len(self._all)  # hardware is closed: it starts anew
+        self._unfinished = bool(stopping.item())
         for runner in self._all:
             runner.restore()
         self._objects.restore()

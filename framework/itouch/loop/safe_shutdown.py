@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 from itouch.loop.rig import ProbeRig
 from itouch.loop.run_statistics import RunStatistics
 from itouch.loop.runner import Runner
-from itouch.plugin import Record
-from itouch.safety import DeviceFaultError, Outcome, SafeSequence, Trip
+from itouch.plugin import Record, Role
+from itouch.safety import DeviceFaultError, Outcome, SafeSequence, Trip, Witness
 from itouch.world import Model
 
 
@@ -23,7 +24,7 @@ class SafeShutdown:
     ) -> None:  # fmt: skip
         self._model, self._runners, self._rigs, self._statistics = model, runners, rigs, statistics
         self._tick, self._injected = state["tick"], injected
-        self._sequence = SafeSequence(runners, state, model.period, self._move)
+        self._sequence = SafeSequence(runners, state, model.period, self._move, _witnesses(rigs))
         needed = {rig.tracker.model.name for rig in rigs}
         for runner in runners:
             if runner.model.optional and runner.model.name not in needed:
@@ -82,3 +83,20 @@ class SafeShutdown:
         if injected:
             entry["injected"] = [{key: one[key] for key in ("device", "kind", "scene")} for one in injected]
         return entry
+
+
+def _witnesses(rigs: Sequence[ProbeRig]) -> dict[str, list[Witness]]:
+    """Return what tracks the fingers over each surface; what a surface carries says nothing that it does not."""
+    found: dict[str, list[Witness]] = {}
+    for rig in rigs:
+        if rig.table is not None and rig.tracker is not rig.table and not rig.tracker.model.carrier:
+            found.setdefault(rig.table.model.name, []).append(
+                Witness(rig.tracker, partial(_finger_over, rig, rig.table))
+            )
+    return found
+
+
+def _finger_over(rig: ProbeRig, table: Runner) -> float:
+    """Return how high [m] a finger is in the direction in which a table lifts, by what tracks it."""
+    tracked = rig.tracker.read_as(Role.TRACKED_POSE)[:3].tolist()
+    return rig.frame_of(table).into(rig.frame_of(rig.tracker).point(tracked))[2]

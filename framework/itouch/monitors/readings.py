@@ -90,6 +90,21 @@ class Readings(Monitor):
         """Put the last reading that was believed in the place of one that is not: nobody else shall work with it."""
         reading.numbers[:] = state["believed"]
 
+    def mend(self, state: Record, reading: Record) -> None:
+        """Put back what was believed last of each channel that reads what means nothing; others say what they say.
+
+        A force that a device feels may be right though the place that it tells is not.
+        """
+        values, at = reading.numbers, 0
+        for channel in self.device.reads:
+            end = at + channel.size
+            bounds = self._sane[at:end]
+            if not all(
+                low <= value <= high for value, (low, high) in zip(values[at:end].tolist(), bounds, strict=True)
+            ):
+                values[at:end] = state["believed"][at:end]
+            at = end
+
     def sane(self, reading: Record) -> bool:
         """Tell whether a reading can be worked with at all, though a limit may be passed."""
         values: Floats = reading.numbers.tolist()

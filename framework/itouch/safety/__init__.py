@@ -3,6 +3,7 @@
 from itouch.monitors import LOSSES, DeviceFaultError, Trip, TripError
 from itouch.safety.connect import connect
 from itouch.safety.finger import Finger
+from itouch.safety.groping import Witness
 from itouch.safety.guard import Guard
 from itouch.safety.hold import Hold
 from itouch.safety.lifecycle import Status
@@ -23,5 +24,6 @@ __all__ = [
     "Supervisor",
     "Trip",
     "TripError",
+    "Witness",
     "connect",
 ]

@@ -23,6 +23,10 @@ Floats = NDArray[np.float64]
 Counts = NDArray[np.int64]
 
 
+#: Between which heights [m] a surface may be sent by its safe command: as far as it travels.
+ANYWHERE = math.nan, math.nan
+
+
 class Guard:
     """Limits one command channel; the limits are applied by compiled code, in a tick as well as here."""
 
@@ -80,17 +84,26 @@ class Guard:
         """Return the trip of a command that is not a number."""
         return TripError(Trip.NOT_A_NUMBER, f"was commanded with {not_finite(wanted.tolist())} ({self.channel.name})")
 
-    def safe(self, sent: Floats, period: float, *, backwards: bool = False) -> None:
+    def safe(
+        self, sent: Floats, period: float, *, backwards: bool = False, ends: tuple[float, float] = ANYWHERE
+    ) -> None:
         """Write the safe command: its value, or hold, or retract along -z as fast as is allowed.
 
-        ``backwards`` retracts along +z instead, for a drive that has been seen to go the wrong way.
+        ``backwards`` retracts along +z instead, for a drive that has been seen to go the wrong way.  ``ends``: how far
+        down and up [m] that leads at most, NaN: as far as the travel does.
         """
         channel = self.channel
         safe, step = channel.safe, (self._limits.speed or 0.0) * period
         if isinstance(safe, tuple):
             sent[:] = safe
         elif safe is RETRACT and channel.low:
-            sent[2] = min(channel.high[2], sent[2] + step) if backwards else max(channel.low[2], sent[2] - step)
+            stands, (lowest, highest) = sent[2].item(), ends
+            if backwards:
+                goal = min(channel.high[2], stands + step)
+                sent[2] = goal if math.isnan(highest) else min(goal, max(highest, stands))
+            else:
+                goal = max(channel.low[2], stands - step)
+                sent[2] = goal if math.isnan(lowest) else max(goal, min(lowest, stands))
 
 
 def _bounds(channel: Channel, limits: DeviceLimits) -> limiting.Bounds:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import enum
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 
@@ -62,6 +63,9 @@ class Lifecycle(ABC):
         #: How a surface retracts (none: it can't): 0 as it should; HELD where it is, because retracting made it come
         #: nearer; BACKWARDS, because it still presses then.
         self.stopped = state.get(f"{name}.stopped")
+        #: Where a surface was sent when all stopped, and how far down and up [m] its safe command leads at most, shape
+        #: (3,); NaN: not known, or as far as it travels.
+        self.way = state.get(f"{name}.way")
         # What comes over a wire comes in any tick, whenever an exchange has begun.
         self._every = max(1, round(model.cls.period / period)) if self._left is None else 1
         pose = next((channel for channel in model.reads if channel.role is Role.TRACKED_POSE), None)
@@ -120,6 +124,8 @@ class Lifecycle(ABC):
         """Set what is remembered to its start."""
         self._tripped[...] = -1
         self._rearmed[:] = -1
+        if self.way is not None:
+            self.way[:] = math.nan
         self.panel.reset()
 
     def restore(self) -> None:
@@ -144,8 +150,8 @@ class Lifecycle(ABC):
         self.panel.forget()
         self._age[...] = 0
         self._sequence[...] = 0
-        if self.stopped is not None:
-            self.stopped[...] = 0
+        if self.stopped is not None and self.way is not None:
+            self.stopped[...], self.way[:] = 0, math.nan
 
     def enable(self) -> None:
         """Let commands through from the state that was measured; OPEN -> ENABLED.

@@ -135,6 +135,11 @@ class Panel:
         if self.readings is not None and isinstance(self.readings.monitor, Readings):
             self.readings.monitor.put_back(self.readings.state, self._reading)
 
+    def mend(self) -> None:
+        """Put the last that was believed in the place of what can't be worked with at all, channel by channel."""
+        if self.readings is not None and isinstance(self.readings.monitor, Readings):
+            self.readings.monitor.mend(self.readings.state, self._reading)
+
     def sane(self) -> bool:
         """Tell whether the newest reading can be worked with at all, though a limit may be passed."""
         return self.readings is None or Readings.sane(self.readings.monitor, self._reading)  # type: ignore[arg-type]

@@ -1,6 +1,6 @@
 """The safe sequence: what happens, in order, when anything stops, and whether it has happened.
 
-1. Forces go to zero and carried surfaces retract, at once.
+1. Forces go to zero and carried surfaces retract, at once; one whose place is not believed does so by what touches it.
 2. A plate that is carried keeps its drive until the finger has left it (under 0.1 N) or 300 ms have passed: a plate
    whose drive is cut under a finger takes on the temperature of its heat sink.
 3. Its drive is cut.
@@ -10,7 +10,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from itouch.monitors import DOUBTS, DeviceFaultError, Heat, Trip
 from itouch.plugin import RETRACT, Record, Role
+from itouch.safety.groping import Groping, Witness
 from itouch.safety.lifecycle import BACKWARDS, HELD, Status
 from itouch.safety.supervisor import Supervisor
 
@@ -40,6 +41,8 @@ CLEAR = 0.008
 LIES = DOUBTS - {Trip.SILENT}
 #: How often a surface is turned round; what is measured within so long [s] of it may be of the way it went before.
 TURNS, TURNING = 2, 0.025
+#: How long [s] a surface of which nothing was heard since all stopped goes back as if it were believed.
+UNHEARD = 0.03
 #: A surface that is held so much nearer [m] than it was is not safe, whatever its force sensor says.
 NEARER = 0.003
 
@@ -60,15 +63,23 @@ class Outcome(NamedTuple):
 
 
 class SafeSequence:
-    """Carries out the sequence for the devices of one session."""
+    """Carries out the sequence for the devices of one session.
+
+    ``witnesses``, by the names of surfaces: who knows of the fingers over it where its own place is not believed.
+    """
 
     def __init__(
-        self, supervisors: Sequence[Supervisor], state: Record, period: float, move: Callable[[], None]
-    ) -> None:
+        self, supervisors: Sequence[Supervisor], state: Record, period: float, move: Callable[[], None],
+        witnesses: Mapping[str, Sequence[Witness]] | None = None,
+    ) -> None:  # fmt: skip
         self._supervisors, self._period, self._move = tuple(supervisors), period, move
-        self._tick = state["tick"]
+        self._tick, self._stopping = state["tick"], state["stopping"]
         self._ways = [(s, s.stopped) for s in supervisors if s.stopped is not None and _retracts(s)]
         self._retracting = [s for s, _ in self._ways]
+        self._groping = {
+            s.model.name: Groping(s, self._tick, period, (witnesses or {}).get(s.model.name, ()))
+            for s in self._retracting
+        }
         self._mute: set[str] = set()
         self._answered: dict[str, int] = {}
         self._held_for: dict[str, int] = {}
@@ -85,9 +96,9 @@ class SafeSequence:
 
     def carry_out(self, fault: DeviceFaultError, after_tick: Callable[[], None]) -> Outcome:
         """Make every device safe; ``after_tick`` is called at the end of each tick that this takes."""
+        self._stopping[...] = 1
         for supervisor, stopped in self._ways:
-            if supervisor.enabled:  # what was found of its ways in an earlier stop is over
-                stopped[...] = 0
+            self._set_out(supervisor, stopped)
         for supervisor in self._supervisors:
             if supervisor.model.name == fault.device:
                 supervisor.fault(fault.trip, fault.tick)
@@ -117,6 +128,7 @@ class SafeSequence:
         finally:
             self._release()
             self._hold_still()
+        self._stopping[...] = 0
         seen = {s.model.name: self._seen(s, heights) for s in self._supervisors}
         told = {name: text for name, (text, _) in seen.items()}
         faulty = [s for s in self._supervisors if s.status is Status.FAULT and s.model.name != fault.device]
@@ -125,6 +137,15 @@ class SafeSequence:
         odd |= {s.model.name for s in self._retracting if self._back(s, heights[s.model.name])}
         unsafe = tuple(name for name, (_, bad) in seen.items() if bad and name not in odd)
         return Outcome(not any(bad for _, bad in seen.values()), self._passed * self._period, told, also, unsafe)
+
+    def _set_out(self, supervisor: Supervisor, stopped: NDArray[np.int8]) -> None:
+        """Begin with one surface; what was found of its ways in an earlier stop is over if it was enabled since."""
+        self._groping[supervisor.model.name].begin()
+        way, target = supervisor.way, supervisor.model.command(Role.SURFACE_POSE)
+        if supervisor.enabled:
+            stopped[...] = 0
+        if way is not None and target is not None and (supervisor.enabled or math.isnan(way[0].item())):
+            way[:] = (supervisor.sent[target.name][2], math.nan, math.nan)
 
     def _release(self) -> None:
         for supervisor in self._carried:
@@ -135,9 +156,9 @@ class SafeSequence:
         return any(s.keeping for s in self._carried) or any(way.item() == BACKWARDS for _, way in self._ways)
 
     def _hold_still(self) -> None:
-        """Hold what was driven back: nobody minds its direction after the sequence."""
-        for _, stopped in self._ways:
-            if stopped.item() == BACKWARDS:
+        """Hold what was driven back, or whose place is not believed: nobody minds its direction after the sequence."""
+        for supervisor, stopped in self._ways:
+            if stopped.item() == BACKWARDS or self._groping[supervisor.model.name].active:
                 stopped[...] = HELD
 
     def _step(self) -> None:
@@ -202,8 +223,13 @@ class SafeSequence:
         for supervisor, stopped in self._ways:
             name = supervisor.model.name
             if supervisor.twin is None and not self._believed(supervisor):
-                continue  # a place that is not believed says nothing of a direction
+                self._grope(supervisor, stopped)  # a place that is not believed says nothing of a direction
+                continue
             height = _height(supervisor)
+            if self._groping[name].active and supervisor.way is not None:
+                self._groping[name].drop(stopped, supervisor.way)
+                self._furthest[name] = height
+                self._change(name)
             if name in self._late:
                 if supervisor.measured_at(Role.TRACKED_POSE) < self._since:
                     continue  # what a late wire brings first tells where the surface went before
@@ -226,6 +252,12 @@ class SafeSequence:
                 stopped[...] = HELD
                 self._held_for.pop(name, None)
 
+    def _grope(self, supervisor: Supervisor, stopped: NDArray[np.int8]) -> None:
+        """Withdraw a surface by what touches it; one that has only not answered yet may still do so."""
+        lies = supervisor.trip in LIES or supervisor.model.name not in self._mute
+        if supervisor.way is not None and (lies or self._passed * self._period >= UNHEARD):
+            self._groping[supervisor.model.name].mind(stopped, supervisor.way)
+
     def _change(self, name: str) -> None:
         """Note that a surface goes another way from now on."""
         self._turned[name] = self._tick.item() + round(TURNING / self._period)
@@ -245,7 +277,9 @@ class SafeSequence:
         """Say what is seen of a device, and whether it is not safe."""
         name = supervisor.model.name
         if supervisor.twin is None and not self._believed(supervisor):
-            return "can't be verified: its sensors are not believed, or it does not answer", True
+            groping = self._groping.get(name)
+            done = groping.said(supervisor.way) if groping is not None and supervisor.way is not None else ""
+            return f"can't be verified: its sensors are not believed, or it does not answer{done}", True
         surface = self._seen_surface(supervisor, heights[name]) if name in heights else None
         if surface is not None and surface[1]:
             return surface

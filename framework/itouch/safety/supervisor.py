@@ -15,7 +15,7 @@ from itouch.monitors import LOSSES, DeviceFaultError, Readings, Trip, TripError
 from itouch.plugin import Bound, Device, DeviceError, Record, Role, Twin
 from itouch.plugin.stamps import Stamped
 from itouch.safety import limiting, watching
-from itouch.safety.guard import Guard
+from itouch.safety.guard import ANYWHERE, Guard
 from itouch.safety.lifecycle import BACKWARDS, CLOSED, ENABLED, FAULT, HELD, Lifecycle
 from itouch.world import DeviceModel
 from itouch.world import limits as default
@@ -373,8 +373,9 @@ class Supervisor(Lifecycle):
         """Write the safe command of every channel, unless the last one is kept."""
         stopped = self.stopped.item() if self.stopped is not None else 0
         if not self.keeping and stopped != HELD:
+            ends = ANYWHERE if self.way is None else (self.way[1].item(), self.way[2].item())
             for name, guard in self.guards:
-                guard.safe(self.sent[name], self._period, backwards=stopped == BACKWARDS)
+                guard.safe(self.sent[name], self._period, backwards=stopped == BACKWARDS, ends=ends)
 
     def _put(self) -> None:
         """Hand what was let through to the device: the only call of its ``write``."""
@@ -425,5 +426,6 @@ class Supervisor(Lifecycle):
         except TripError as error:
             if status != FAULT:
                 self.fault(error.trip, tick)
-        self._keep_sane()
+        if not self.panel.sane():
+            self.panel.mend()
         return answered

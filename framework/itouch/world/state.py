@@ -59,6 +59,7 @@ def layout(model: Model) -> tuple[Field, ...]:
             doc="1 when calibration at the start is done and the motion has begun",
         ),
         Field("hold", "i8", unit="tick", doc="until when the dead-man's switch counts as held"),
+        Field("stopping", "i8", low=0, high=1, unit="1", doc="1 while the safe sequence is under way"),
     ]
     where = "position and quaternion w x y z of each object in the world"
     fields += [

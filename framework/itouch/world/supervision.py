@@ -46,7 +46,14 @@ _MONITOR = (
         doc="when this monitor looked last, with what the loop has left out; -1: never",
     ),
 )
-_SURFACE = Field("stopped", "i8", low=0, high=2, unit="1", doc="1 held, 2 driven back, in the safe sequence")
+_WAY = (
+    "in the safe sequence: the height where it was sent when all stopped, and how far down and up it is sent at most; "
+    "NaN: as far as it travels"
+)
+_SURFACE = (
+    Field("stopped", "i8", low=0, high=2, unit="1", doc="1 held, 2 driven back, in the safe sequence"),
+    Field("way", "f8", 3, unit="m", doc=_WAY),
+)
 
 _TEMPERATURE = "Role.TEMPERATURE_TARGET"
 #: Units of commands that can hurt, if nobody says what they are for.
@@ -104,7 +111,7 @@ def supervision(monitors: Sequence[Monitor]) -> tuple[Field, ...]:
     """Return the State that the supervision of a device needs."""
     fields = list(_EVERY)
     if any(monitor.device.command(Role.SURFACE_POSE) is not None for monitor in monitors):
-        fields.append(_SURFACE)
+        fields += _SURFACE
     for monitor in monitors:
         fields += [replaced(field, f"{monitor.name}.{field.name}") for field in (*_MONITOR, *monitor.fields())]
     return tuple(fields)
