@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from itouch.plugin import HOLD, Channel, Role, current, pose_target, wrench
 from itouch.safety import Guard, Trip, TripError
-from itouch.safety.guard import not_finite
+from itouch.safety.guard import ANYWHERE, not_finite
 from itouch.world.limits import DeviceLimits, ceilings
 
 LIMITS = DeviceLimits(force=3.0, speed=0.25, speed_near=0.10, current=2.0, watchdog=0.02)
@@ -281,10 +281,12 @@ def test_what_a_channel_does_not_have_is_not_locked() -> None:
     assert sent.tolist() == [0.5, 0.0]
 
 
-def heights(guard: Guard, start: float, *, backwards: bool = False) -> list[float]:
+def heights(
+    guard: Guard, start: float, *, backwards: bool = False, ends: tuple[float, float] = ANYWHERE
+) -> list[float]:
     sent, found = np.array([0.5, 0.5, start, 1.0, 0, 0, 0]), []
     for _ in range(4):
-        guard.safe(sent, 1e-3, backwards=backwards)
+        guard.safe(sent, 1e-3, backwards=backwards, ends=ends)
         found.append(float(sent[2]))
     assert sent[:2].tolist() == [0.5, 0.5]
     return found
@@ -295,6 +297,20 @@ def test_retract_goes_down_as_fast_as_allowed_and_stops_at_the_end() -> None:
     assert heights(guard, 0.0006) == pytest.approx([0.00035, 0.0001, 0.0, 0.0], abs=1e-12)
     assert heights(guard, 0.7994, backwards=True) == pytest.approx([0.79965, 0.7999, 0.8, 0.8], abs=1e-12)
     assert heights(Guard(guard.channel, DeviceLimits()), 0.5) == [0.5] * 4
+
+
+def test_how_far_a_retreat_leads_may_be_bounded() -> None:
+    guard = Guard(pose_target(low=(0, 0, 0), high=(1, 1, 0.8), speed=0.3), LIMITS)
+    nan = math.nan
+    assert heights(guard, 0.5, ends=(0.4994, nan)) == pytest.approx([0.49975, 0.4995, 0.4994, 0.4994], abs=1e-12)
+    assert heights(guard, 0.5, ends=(0.6, nan)) == [0.5] * 4  # what is lower already is not raised
+    assert heights(guard, 0.0001, ends=(-1.0, nan)) == [0.0] * 4  # nor does it go beyond its travel
+    up = heights(guard, 0.5, backwards=True, ends=(nan, 0.5006))
+    assert up == pytest.approx([0.50025, 0.5005, 0.5006, 0.5006], abs=1e-12)
+    assert heights(guard, 0.5, backwards=True, ends=(nan, 0.4)) == [0.5] * 4
+    assert heights(guard, 0.7999, backwards=True, ends=(nan, 2.0)) == [0.8] * 4
+    assert heights(guard, 0.5, ends=(nan, 0.6))[0] == pytest.approx(0.49975)
+    assert heights(guard, 0.5, backwards=True, ends=(0.4, nan))[0] == pytest.approx(0.50025)
 
 
 def test_retracting_is_downwards_unless_it_is_said() -> None:

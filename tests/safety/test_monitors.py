@@ -183,6 +183,7 @@ def test_a_panel_without_a_surface_has_none() -> None:
     assert panel.follow(0.5, False) == 0.5
     panel.count_contact(1, True)
     panel.put_back()
+    panel.mend()
     assert panel.sane()
     assert not panel.withdrawn
     assert panel.spent() == ""

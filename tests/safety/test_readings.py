@@ -240,6 +240,24 @@ def test_what_is_not_believed_is_put_back() -> None:
     assert watch.reading["pose"].tolist()[:3] == [0.01, 0.5, 0.03]
 
 
+def test_what_a_stopped_device_reads_is_mended_channel_by_channel() -> None:
+    """A table whose place is no number may still feel what presses on it."""
+    watch = watched(TABLE[0], TABLE[1])
+    watch.reading["pose"][:] = (0.01, 0.02, 0.03, 1, 0, 0, 0)
+    watch.reading["wrench"][:] = (0.0, 0.0, -1.0, 0.0, 0.0, 0.0)
+    assert trip_of(watch) is None
+    watch.reading["pose"][:3] = (0.5, math.nan, 0.04)
+    watch.reading["wrench"][2] = -2.0
+    readings_of(watch).mend(watch.state, watch.reading)
+    assert watch.reading["pose"].tolist()[:3] == [0.01, 0.02, 0.03]
+    assert watch.reading["wrench"][2] == -2.0
+    watch.reading["pose"][:3] = (0.5, 0.02, 0.04)
+    watch.reading["wrench"][:3] = (0.5, math.inf, -2.0)
+    readings_of(watch).mend(watch.state, watch.reading)
+    assert watch.reading["pose"].tolist()[:3] == [0.5, 0.02, 0.04]
+    assert watch.reading["wrench"].tolist()[:3] == [0.0, 0.0, -1.0]
+
+
 @pytest.mark.parametrize(
     ("channel", "good", "bad"),
     [

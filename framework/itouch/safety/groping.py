@@ -5,8 +5,9 @@ place tells that; what does is independent of it: the devices that track the fin
 as far as that one means anything.
 
 * It is told to go down by a leg, which it has to have gone before anything is judged: for as long as wires may take.
-* A finger that rose by about that leg *in* the leg, and went on no further after it, is pushed.  Once may be chance (a
-  finger that is lifted and then held): that stops nothing, and calls nothing back.  Twice in a row, leg by leg, is not.
+* A finger that rose by about that leg *in* the leg, and went on no further after it, is pushed; if a force has grown as
+  well, a part of the leg is enough: its hand may be stiff.  Once may be chance (a finger that is lifted and then held):
+  that stops nothing, and calls nothing back.  Twice in a row, leg by leg, hardly is.
 * It is then told to go up to where it stood when all stopped, no further.  A finger that comes down with it has been
   pushed; else it is told to go down for good.
 * Only then is it driven on the other way, again by legs: the first in which a finger rises sends it down for good.
@@ -37,12 +38,14 @@ LEG, BLIND = 0.002, 0.006
 SETTLING, WATCHED = 0.025, 0.015
 #: Between which parts of a leg a finger moves that is pushed along, and what part it may go on, or swing back, then.
 FITS, STILL, SWINGS = (0.6, 1.4), 0.1, 0.4
+#: The least part of a leg by which a finger moves on a stiff hand, if a force has changed as well.
+FIRM = 0.2
 #: How old [s] what is known of a finger may be.
 KNOWN = 0.1
 #: A finger that moves by this part of a leg in its direction has followed, or is pushed on the other way.
 FOLLOWS = 0.5
 #: By how much [N] a force has grown.
-HARDER = 0.5
+HARDER = 0.3
 #: After so many legs in a row that have pushed a surface is turned round, or stopped.
 SURE = 2
 #: Shortest leg [m], and how near its goal a surface is there [m].
@@ -75,7 +78,7 @@ class Stage(enum.IntEnum):
     AWAY = 3
 
 
-def along(asked: float, before: float, middle: float, after: float) -> bool:
+def along(asked: float, before: float, middle: float, after: float, least: float = FITS[0]) -> bool:
     """Tell whether a finger moved as one is moved by a surface that goes the other way than it is told to.
 
     Parameters
@@ -84,9 +87,11 @@ def along(asked: float, before: float, middle: float, after: float) -> bool:
         By how much the surface was told to go up [m].
     before, middle, after
         How high the finger was [m] when the leg began, when it must have been over, and a while later; NaN: not known.
+    least
+        The part of the leg by which it must have moved.
     """
     moved, then = (before - middle) / asked, (middle - after) / asked
-    return FITS[0] <= moved <= FITS[1] and -SWINGS <= then <= STILL
+    return least <= moved <= FITS[1] and -SWINGS <= then <= STILL
 
 
 class Groping:
@@ -181,9 +186,11 @@ class Groping:
         """Decide what is next after a leg, by what was seen at its end and a while later."""
         asked, before = self._asked, self._before
         ways = list(zip(before.heights, middle.heights, after.heights, strict=True))
-        moved = any(along(asked, *heights) for heights in ways)
         followed = any((last - first) / asked >= FOLLOWS for first, _, last in ways)
         harder = min(middle.force, after.force) - before.force > HARDER and not (asked < 0.0 and followed)
+        softer = before.force - max(middle.force, after.force) > HARDER
+        least = FIRM if (softer if asked > 0.0 else harder) else FITS[0]
+        moved = any(along(asked, *heights, least) for heights in ways)
         self._harder = self._harder + 1 if harder else 0
         self._pushed = self._pushed + 1 if moved else 0
         if self._stage is Stage.BACK:

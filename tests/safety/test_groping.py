@@ -1,0 +1,367 @@
+"""A surface whose place is not believed: withdrawn by what touches it, whichever way its drive goes.
+
+The laws: one that obeys is never called back by a finger, however that moves; one that is wired backwards lets go of a
+finger that it pushes; whatever happens, none goes further than it may without anybody knowing which way that is.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable
+from typing import Any
+
+import campaign
+import pytest
+from numpy.typing import NDArray
+from parts import ARM, PERIOD, TABLE, Fake, model, state
+
+from itouch.monitors.limits import PLATE_FORCE_ABSOLUTE
+from itouch.plugin import Record
+from itouch.plugin.stamps import Stamped
+from itouch.safety import DeviceFaultError, Outcome, SafeSequence, Supervisor, Trip, Witness
+from itouch.safety.groping import BLIND, LEG, along
+from itouch.safety.lifecycle import HELD
+from itouch.safety.sequence import RETREAT
+
+#: Where a plate stands when all stop [m], how stiff a finger's pad is [N/m].
+STOOD, PAD = 0.03, 1000.0
+Motion = Callable[[float], float]
+
+
+class Wire(Fake, Stamped):
+    """A device whose readings were measured so many ticks before they come."""
+
+    behind = 0
+    every = 1
+
+    @classmethod
+    def takes(cls, params: Any) -> float:
+        return cls.every * PERIOD
+
+    def measured(self, state: Record, tick: int, ticks: NDArray[Any]) -> None:
+        ticks[...] = tick - self.behind
+
+
+class World:
+    """A plate under a finger, behind wires: what the table says of its place is no number from the stop on.
+
+    The finger hangs on a hand of some stiffness, whose place is a motion, over a stiff pad; nothing has a mass.
+    """
+
+    def __init__(
+        self, hand: Motion, *, way: float = 1.0, wire: int = 5, phase: int = 0, stiffness: float = 300.0,
+        tracked: bool = True, feels: bool = False, behind: int = 2,
+    ) -> None:  # fmt: skip
+        kind = type("Kind", (Wire,), {"every": wire})
+        models = [model(ARM, name="arm", cls=Wire), model(TABLE, name="table", cls=kind)]
+        self.state = state(*models)
+        self.all = [Supervisor(one, self.state, PERIOD, device=one.cls(None)) for one in models]
+        self.arm, self.table = self.all
+        self.hand, self.way, self.wire, self.stiffness, self.feels = hand, way, wire, stiffness, feels
+        self.ticks, self.phase, self.lies, self.heard = 0, phase, True, True
+        self.top, self.obeyed = STOOD, STOOD
+        self.finger, self.force = 0.0, 0.0
+        self.tops: list[float] = []
+        self.forces: list[float] = []
+        self.touch()
+        self.said = [self.finger] * (behind + 1)
+        assert isinstance(self.arm.device, Wire) and isinstance(self.table.device, Wire)
+        self.arm.device.behind = behind
+        self.arm.device.says, self.table.device.says = self.say_arm, self.say_table
+        self.lies = False
+        for one in self.all:
+            one.reset()
+            one.open()
+            one.read(0)
+            one.enable()
+        self.lies = True
+        witnesses = {"table": [Witness(self.arm, lambda: self.arm.reading["pose"][2].item())]} if tracked else {}
+        self.sequence = SafeSequence(self.all, self.state, PERIOD, self.move, witnesses)
+
+    def touch(self) -> None:
+        """Let the finger find its place between hand and plate."""
+        hand = self.hand(self.ticks * PERIOD)
+        self.finger, self.force = hand, 0.0
+        if hand < self.top:
+            self.finger = (self.stiffness * hand + PAD * self.top) / (self.stiffness + PAD)
+            self.force = self.stiffness * (self.finger - hand)
+
+    def say_arm(self, reading: Record) -> bool:
+        reading["pose"] = (0.0, 0.0, self.said[0], 1.0, 0.0, 0.0, 0.0)
+        return True
+
+    def say_table(self, reading: Record) -> bool:
+        if not self.heard or (self.ticks and (self.ticks + self.phase) % self.wire):
+            return False
+        reading["pose"] = (0.0, 0.0, math.nan if self.lies else self.top, 1.0, 0.0, 0.0, 0.0)
+        felt = self.force if self.feels or not self.lies else math.nan
+        reading["wrench"] = (0.0, 0.0, -felt - 1e-6 * (self.ticks % 2), 0.0, 0.0, 0.0)
+        return True
+
+    def move(self) -> None:
+        self.ticks += 1
+        if not (self.ticks + self.phase) % self.wire:
+            sent = self.table.sent["pose_target"][2].item()
+            self.top += self.way * (sent - self.obeyed)
+            self.obeyed = sent
+        self.touch()
+        self.said = [*self.said[1:], self.finger]
+        self.tops.append(self.top)
+        self.forces.append(self.force)
+
+    def stop(self, trip: Trip = Trip.NOT_A_NUMBER, device: str = "table") -> Outcome:
+        return self.sequence.carry_out(DeviceFaultError(device, 0, trip, "has failed"), lambda: None)
+
+    @property
+    def stopped(self) -> int:
+        assert self.table.stopped is not None
+        return int(self.table.stopped.item())
+
+
+def still(depth: float = 0.003) -> Motion:
+    """Return a hand that stands so far [m] below the plate's top."""
+    return lambda time: STOOD - depth
+
+
+def moving(rng: random.Random, trembles: float) -> Motion:
+    """Return a hand that lifts, presses and taps as it likes, in steps of minimum jerk, and trembles by so much [m]."""
+    steps = [
+        (rng.uniform(-0.1, 0.5), rng.uniform(0.02, 0.4), rng.choice((1, 1, 1, -1)) * rng.uniform(0.0005, 0.03))
+        for _ in range(rng.randint(0, 6))
+    ]
+    tremors = [(rng.uniform(0.0, trembles), rng.uniform(3.0, 25.0), rng.uniform(0.0, 6.3)) for _ in range(2)]
+    depth = rng.uniform(-0.004, 0.006)
+
+    def motion(time: float) -> float:
+        height = STOOD - depth
+        for begin, lasts, size in steps:
+            part = min(1.0, max(0.0, (time - begin) / lasts))
+            height += size * part**3 * (10.0 - 15.0 * part + 6.0 * part * part)
+        return height + sum(size * math.sin(6.283 * rate * time + phase) for size, rate, phase in tremors)
+
+    return motion
+
+
+WIRES = (1, 7, 20, 23)
+
+
+@pytest.mark.parametrize("wire", WIRES)
+def test_a_surface_that_obeys_goes_down_however_a_finger_moves(wire: int) -> None:
+    """It never comes nearer than it was when all stopped; what no shaking hand does by chance calls it back at all."""
+    for number in range(500 if campaign.FULL else 25):
+        rng = random.Random(f"{wire} {number}")
+        shakes = rng.random() < 0.3
+        world = World(
+            moving(rng, 1.2e-3 if shakes else 3e-4), wire=wire, phase=rng.randrange(wire),
+            stiffness=rng.uniform(100.0, 2000.0), feels=rng.random() < 0.5, behind=rng.randint(0, 20),
+        )  # fmt: skip
+        world.stop()
+        assert max(world.tops) <= STOOD, number
+        assert shakes or all(after <= before for before, after in zip(world.tops, world.tops[1:], strict=False)), number
+        assert world.top <= STOOD - RETREAT, number
+        assert world.stopped == HELD
+
+
+@pytest.mark.parametrize("wire", WIRES)
+def test_one_that_is_wired_backwards_lets_go_of_the_finger_that_it_pushes(wire: int) -> None:
+    for number in range(200 if campaign.FULL else 10):
+        rng = random.Random(f"back {wire} {number}")
+        trembles = rng.uniform(0.0, 1e-4), rng.uniform(3.0, 12.0), rng.uniform(0.0, 6.3)
+        depth, stiffness = rng.uniform(0.001, 0.006), rng.uniform(100.0, 500.0)
+
+        def hand(time: float, depth: float = depth, tremor: tuple[float, float, float] = trembles) -> float:
+            size, rate, phase = tremor
+            return STOOD - depth + size * math.sin(6.283 * rate * time + phase)
+
+        world = World(
+            hand, way=-1.0, wire=wire, phase=rng.randrange(wire), stiffness=stiffness, feels=rng.random() < 0.5,
+            behind=rng.randint(0, 20),
+        )  # fmt: skip
+        outcome = world.stop()
+        assert world.top <= STOOD - RETREAT, number
+        assert max(world.tops) <= STOOD + 2.5 * LEG, number
+        assert max(world.forces) < PLATE_FORCE_ABSOLUTE
+        assert world.stopped == HELD
+        assert not outcome.safe and "; it pushed as it was told to go back, and was sent " in outcome.devices["table"]
+
+
+def test_a_finger_that_is_lifted_quickly_and_then_held_calls_nothing_back() -> None:
+    """The finger alone was once taken for a witness: one that is lifted as all stop is a surface's that comes up."""
+    for begins in range(0, 300, 4):
+        for lasts in (0.02, 0.05, 0.1, 0.2):
+            for size in (0.002, 0.004, 0.01, 0.03):
+
+                def lifted(
+                    time: float, begin: float = begins * 1e-3, lasts: float = lasts, size: float = size
+                ) -> float:
+                    part = min(1.0, max(0.0, (time - begin) / lasts))
+                    return STOOD - 0.002 + size * part**3 * (10.0 - 15.0 * part + 6.0 * part * part)
+
+                if not campaign.FULL and (begins // 4 + round(lasts * 100) + round(size * 1e3)) % 40:
+                    continue
+                world = World(lifted, wire=5, phase=begins % 5)
+                world.stop()
+                assert all(after <= before for before, after in zip(world.tops, world.tops[1:], strict=False))
+                assert world.top == pytest.approx(STOOD - BLIND, abs=3e-4)
+
+
+class Mimic(World):
+    """A finger that goes as one would that is pushed by a surface that is wired backwards, wherever the real one is."""
+
+    def touch(self) -> None:
+        if hasattr(self, "table"):
+            self.hand = lambda time: max(2.0 * STOOD - self.obeyed, self.top)
+        super().touch()
+
+
+def test_a_finger_that_does_all_that_one_does_that_is_pushed_calls_a_surface_no_nearer_than_a_leg() -> None:
+    world = Mimic(still(0.0))
+    world.stop()
+    assert max(world.tops) <= STOOD + LEG + 1e-9
+    assert max(world.forces) < 2.0
+    assert world.top < STOOD + LEG  # it is told to go down when it is seen to push
+    assert world.stopped == HELD
+
+
+@pytest.mark.parametrize(("feels", "way"), [(False, -1.0), (True, -1.0), (True, 1.0)])
+def test_without_a_tracked_finger_nothing_turns_it_but_a_force_that_grows_stops_it(feels: bool, way: float) -> None:
+    world = World(still(), way=way, tracked=False, feels=feels)
+    outcome = world.stop()
+    gone = abs(world.top - STOOD)
+    assert gone == pytest.approx(0.0045 if feels and way < 0.0 else BLIND, abs=3e-4)
+    assert max(world.forces) < PLATE_FORCE_ABSOLUTE
+    assert "; it was told to go back by " in outcome.devices["table"]
+
+
+def test_a_finger_that_nothing_moves_is_pressed_no_harder_than_its_pad_by_the_legs() -> None:
+    """A hand like a wall: nothing is seen of it; a force that grows stops the surface, else the end of its legs."""
+    for feels, most in ((True, 0.0045), (False, BLIND)):
+        world = World(still(0.001), way=-1.0, stiffness=1e9, feels=feels)
+        world.stop()
+        assert world.top - STOOD == pytest.approx(most, abs=3e-4)
+        assert max(world.forces) < PLATE_FORCE_ABSOLUTE
+
+
+def test_a_tracker_that_is_not_believed_or_has_fallen_silent_is_no_witness() -> None:
+    for silent in (False, True):
+        world = World(still(), way=-1.0, behind=2)
+        assert isinstance(world.arm.device, Wire)
+        if silent:
+            world.arm.device.says = lambda reading: False
+            world.state["tick"][...] = 500
+            outcome = world.stop()
+        else:
+            world.arm.fault(Trip.SENSOR_FROZEN, 0)
+            outcome = world.stop()
+        assert "; it was told to go back by 6.0 mm" in outcome.devices["table"]
+
+
+def test_one_that_answers_again_is_believed_and_goes_on_as_any_other() -> None:
+    """For 60 ms nothing is heard: it goes back as far as one may that nobody knows of, and waits there."""
+    world = World(still())
+    world.lies, world.heard = False, False
+    low = []
+    move = world.move
+
+    def moves() -> None:
+        move()
+        low.append(world.top)
+        world.heard = world.ticks > 60
+
+    world.sequence._move = moves
+    outcome = world.stop(Trip.SILENT)
+    assert min(low[:60]) == pytest.approx(STOOD - 0.0075, abs=6e-4)
+    assert outcome.devices["table"].startswith("retracted ")
+    assert world.stopped == 0
+    assert world.table.way is not None and math.isnan(world.table.way[1].item())
+
+
+def found_backwards(tells: float) -> World:
+    """Return a world whose table was seen to go the wrong way, and does not tell its place any more after so long."""
+    world = World(still(), way=-1.0, wire=1)
+    world.lies, world.feels = False, True
+    move = world.move
+
+    def moves() -> None:
+        move()
+        world.lies = world.ticks * PERIOD > tells
+
+    world.sequence._move = moves
+    return world
+
+
+def test_one_that_was_found_to_go_the_wrong_way_is_driven_back_by_legs_when_its_place_is_not_believed_any_more() -> (
+    None
+):
+    world = found_backwards(0.08)
+    outcome = world.stop(Trip.SPEED, "arm")
+    assert outcome.also == {"table": "not-a-number"}
+    assert world.top == pytest.approx(STOOD - BLIND, abs=3e-4)
+    assert world.stopped == HELD
+
+
+def test_one_that_was_held_because_it_went_the_wrong_way_stays_where_it_is() -> None:
+    world = found_backwards(0.03)
+    world.stop(Trip.SPEED, "arm")
+    held = world.top
+    assert STOOD < held < STOOD + RETREAT
+    assert set(world.tops[40:]) == {held}
+    assert world.stopped == HELD
+
+
+def test_one_on_its_way_back_that_pushes_is_told_to_go_down_or_stopped() -> None:
+    """Its drive obeys again as it is driven back: the finger that it pushes now sends it down."""
+    for stiffness, feels in ((300.0, False), (1e9, True)):
+        world = found_backwards(0.065)
+        world.stiffness = stiffness
+        move = world.sequence._move
+
+        def moves(world: World = world, move: Callable[[], None] = move, feels: bool = feels) -> None:
+            if world.ticks == 66:
+                world.way = 1.0
+            world.feels = feels or not world.lies
+            move()
+
+        world.sequence._move = moves
+        world.stop(Trip.SPEED, "arm")
+        assert max(world.forces) < PLATE_FORCE_ABSOLUTE
+        assert max(world.tops) < STOOD + 3 * LEG
+        assert world.stopped == HELD
+
+
+def test_near_the_end_of_its_travel_there_is_no_leg_left() -> None:
+    world = World(still())
+    world.table.sent["pose_target"][2] = world.top = world.obeyed = 0.0009
+    world.stop()
+    assert world.top == pytest.approx(0.0, abs=9e-4)
+    assert world.stopped == HELD
+
+
+def test_what_is_held_blindly_goes_no_further_in_the_next_stop_until_it_was_enabled() -> None:
+    world = World(still())
+    world.stop()
+    low = world.top
+    world.stop(Trip.SPEED, "arm")
+    assert world.top == low
+    world.lies = False
+    for one in world.all:
+        one.rearm(world.state["tick"].item())
+        one.enable()
+    assert world.stopped == 0
+    world.stop(Trip.SPEED, "arm")
+    assert world.top < low - RETREAT
+
+
+def test_a_finger_fits_that_moves_as_it_is_pushed_and_then_stays() -> None:
+    leg = -LEG
+    assert along(leg, 0.01, 0.0118, 0.0118)
+    assert along(leg, 0.01, 0.0118, 0.0112)  # it swings back
+    assert not along(leg, 0.01, 0.0111, 0.0111)  # too little
+    assert along(leg, 0.01, 0.0111, 0.0111, 0.2)
+    assert not along(leg, 0.01, 0.0130, 0.0130)  # further than it can be pushed
+    assert not along(leg, 0.01, 0.0118, 0.0121)  # it goes on by itself
+    assert not along(leg, 0.01, 0.0118, 0.0109)  # it is moved by something else
+    assert not along(leg, 0.01, 0.0082, 0.0082)  # it has followed
+    assert along(-leg, 0.01, 0.0082, 0.0082)
+    assert not along(leg, math.nan, 0.0118, 0.0118)
