@@ -1,0 +1,113 @@
+"""A State that was stored in the middle of a safe sequence: what was under way is carried out anew."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from shipped import SCENES
+
+import itouch
+from itouch.bench.faults import phases, prepared
+from itouch.bench.faults.wired import Pair
+from itouch.loop import DeviceFaultError
+from itouch.safety import Status
+from itouch.safety.lifecycle import BACKWARDS, HELD
+from itouch.session import Session
+
+#: Ticks of the safe sequence of a table that is wired backwards in which it is held, and in which it is driven back.
+IN_A_HOLD, ON_ITS_WAY = 40, 90
+
+
+def height(session: Session) -> float:
+    place = next(one for one in session.runners if one.model.name == "table").true_position()
+    assert place is not None
+    return float(place[2])
+
+
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory: pytest.TempPathFactory) -> dict[int, Path]:
+    """Save a session in which an arm fails over a table that is wired backwards, while it is stopped."""
+    folder, found = tmp_path_factory.mktemp("stops"), {}
+    session = prepared(SCENES / "four_materials.xml")
+    session.adopt(phases(session)["contact"])
+    session.inject("table", "reversed-sign", at=session.seconds + 0.02)
+    session.inject("arm", "nan", at=session.seconds + 0.05)
+    passed: list[int] = []
+
+    def save(tick: int) -> None:
+        if session.state["stopping"].item():
+            passed.append(tick)
+            if len(passed) in (IN_A_HOLD, ON_ITS_WAY):
+                found[len(passed)] = folder / f"{len(passed)}.session"
+                session.save(found[len(passed)])
+
+    session.taps.append(save)
+    with pytest.raises(DeviceFaultError):
+        session.run(1.0)
+    assert not session.state["stopping"].item()
+    return found
+
+
+@pytest.mark.parametrize(("when", "way"), [(IN_A_HOLD, HELD), (ON_ITS_WAY, BACKWARDS)])
+def test_a_surface_is_minded_after_a_restore_as_it_was_before(stored: dict[int, Path], when: int, way: int) -> None:
+    """One that was driven back went on for ever, to whichever end of its travel that led."""
+    session = itouch.restore(stored[when])
+    assert (session.state["table.stopped"].item(), session.state["stopping"].item()) == (way, 1)
+    begin, heights = height(session), []
+    session.taps.append(lambda tick: heights.append(height(session)))
+    with pytest.raises(DeviceFaultError, match="device 'arm' was stopped by not-a-number"):
+        session.run(0.1)
+    assert session.state["stopping"].item() == 0
+    assert session.state["table.stopped"].item() == HELD
+    assert max(heights) <= begin + 1e-4
+    session.run(0.2)  # nothing acts, and nothing moves
+    assert heights[-1] == pytest.approx(heights[-150], abs=1e-4)
+    assert all(one.status is not Status.ENABLED for one in session.runners)
+
+
+def test_what_goes_the_wrong_way_when_the_sequence_begins_anew_is_noticed(stored: dict[int, Path]) -> None:
+    """The drive obeys again after the restore: what was driven back would come up to the end of its travel."""
+    session = itouch.restore(stored[ON_ITS_WAY])
+    session.inject("table", "freeze", at=1e6)
+    begin, heights = height(session), []
+    session.taps.append(lambda tick: heights.append(height(session)))
+    with pytest.raises(DeviceFaultError):
+        session.run(0.1)
+    session.run(0.3)
+    assert max(heights) < begin + 0.02
+    assert heights[-1] < begin
+
+
+def test_rearming_ends_what_was_under_way(stored: dict[int, Path]) -> None:
+    session = itouch.restore(stored[IN_A_HOLD])
+    session.inject("arm", "freeze", at=1e6)
+    session.inject("table", "freeze", at=1e6)
+    session.rearm()
+    assert session.state["stopping"].item() == 0
+    session.run(0.02)
+    assert all(one.status is Status.ENABLED for one in session.runners)
+
+
+def test_a_session_that_was_coming_to_rest_comes_to_rest(tmp_path: Path) -> None:
+    session = prepared(SCENES / "four_materials.xml")
+    session.adopt(phases(session)["contact"])
+    states: list[bytes] = []
+    session.taps.append(lambda tick: states.append(session.state.tobytes()))
+    session.park()
+    assert len(states) > 5
+    session.adopt(states[2])
+    session.taps.clear()
+    before, ticks = height(session), session.ticks
+    session.run(0.001)
+    assert session.ticks > ticks + 1  # the sequence, and a tick
+    assert height(session) < before - 0.003
+    assert session.fault is None
+
+
+def test_hardware_starts_open_and_is_not_in_a_stop() -> None:
+    pair = Pair(SCENES / "four_materials.xml", 20, threads=False)
+    pair.host.state["stopping"][...] = 1
+    pair.host.adopt(pair.host.state.tobytes())
+    assert pair.host.state["stopping"].item() == 0
+    pair.close()
