@@ -49,6 +49,9 @@ TRACKING, TRACKING_TRIP, TRACKING_TIME = 0.003, 0.005, 0.1
 #: W1: greatest age of a reading [s], by what the device commands.
 WATCHDOG = {Role.FORCE_ON_OPERATOR: 0.020, Role.SURFACE_POSE: 0.100}
 WATCHDOG_OTHER = 0.500
+#: W1 is on when these were measured, where the wire says it, not only on when they came: what a finger can be hurt by
+#: within the time that a watchdog waits, or what lets a device run.
+TIMELY = frozenset({Role.TRACKED_POSE, Role.CONTACT_FORCE, Role.SKIN_CONTACT_TEMPERATURE, Role.HEAT_FLUX, Role.DEADMAN})
 #: W4: how often a device may be re-armed within a minute.
 REARMS = 5
 #: W3: how long [s] one word of the dead-man's switch holds.

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from itouch.joining import is_newest
 from itouch.monitors import LOSSES, DeviceFaultError, Readings, Trip, TripError
+from itouch.monitors.limits import TIMELY
 from itouch.plugin import Bound, Device, DeviceError, Record, Role, Twin
 from itouch.plugin.stamps import Stamped
 from itouch.safety import limiting, watching
@@ -20,11 +21,6 @@ from itouch.safety.lifecycle import BACKWARDS, CLOSED, ENABLED, FAULT, HELD, Lif
 from itouch.world import DeviceModel
 from itouch.world import limits as default
 from itouch.world.failing import failing
-
-#: What a finger can be hurt by within the time that a watchdog waits, or what lets a device run.
-_TIMELY = frozenset(
-    {Role.TRACKED_POSE, Role.CONTACT_FORCE, Role.SKIN_CONTACT_TEMPERATURE, Role.HEAT_FLUX, Role.DEADMAN}
-)
 
 
 class Supervisor(Lifecycle):
@@ -51,9 +47,7 @@ class Supervisor(Lifecycle):
         self.keeping = False
         #: The readings that must be new for the device to be supervised, where the wire says when each was measured.
         source: object = device if twin is None else twin
-        self._timely = (
-            [i for i, c in enumerate(model.reads) if c.role in _TIMELY] if isinstance(source, Stamped) else []
-        )
+        self._timely = [i for i, c in enumerate(model.reads) if c.role in TIMELY] if isinstance(source, Stamped) else []
         #: Behind a wire: where a surface was sent to last, and from which ticks on.
         self._gone: NDArray[np.float64] | None = state.get(f"{model.name}.gone")
         self._goings = state[f"{model.name}.goings"] if self._gone is not None else np.zeros((), np.int64)

@@ -67,6 +67,8 @@ DEVICES = (
     Code("twin-only", "a device without a working driver is wanted as hardware", 'write `twin="yes"`'),
     Code("no-watchdog", "hardware that obeys, with neither a watchdog of its own nor a second opener: nothing would "
          "stop it if the servo process died", "its plugin must state one of the two"),
+    Code("stale-readings", "warning: what a device reads gets older between two exchanges than it may (W1)",
+         "its plugin must exchange more often, or say when in an exchange it measures"),
     Code("calibration-stale", "a calibration beside the scene has expired, or does not fit its device any more",
          "`itouch-py calibrate SCENE`, with `--extend` if it still holds"),
     Code("rig", "a rig file with other devices than the scene's, or with more than devices",

@@ -20,7 +20,7 @@ from itouch.world.failing import failing
 from itouch.world.files import SceneFiles
 from itouch.world.injection import injections
 from itouch.world.limits import DeviceLimits, resolve
-from itouch.world.safevalues import acting_at_rest, too_slow, with_safe_values
+from itouch.world.safevalues import acting_at_rest, stale, too_slow, with_safe_values
 from itouch.world.supervision import monitors_of, supervision, supervision_problems, watched
 
 Vector = tuple[float, float, float]
@@ -172,6 +172,9 @@ def _build(
         sentence = f"device '{element.name}': plugin '{element.plugin}' {slow}"
         advice = "its author must make it faster, or who has tightened that limit (`watchdog`) must loosen it"
         problems.append(Problem("plugin-failed", sentence, place, advice))
+    elif commands:
+        tick = 1.0 / scene.rates.servo
+        problems += stale(element.name, cls, params, reads, limits.watchdog, tick, place, twin=bool(element.twin))
     if not element.twin and cls.twin_only:
         sentence = f"device '{element.name}': plugin '{element.plugin}' has no working driver, it is twin only"
         place = scene.places.of(element, "twin")

@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
+from itouch.monitors.limits import TIMELY
 from itouch.monitors.runaway import COLDEST_TARGET
 from itouch.plugin import HURTING, RETRACT, Channel, Device, Role
 from itouch.schema import Place, Problem
@@ -82,3 +84,40 @@ def too_slow(cls: type[Device], watchdog: float) -> str:
         if time > watchdog:
             return f"{what} {time:g} s, but a reading may be {watchdog:g} s old at most (W1)"
     return ""
+
+
+def oldest(cls: type[Device], params: Any, *, twin: bool) -> float:
+    """Return how old [s] a reading gets before the next one comes, of a device behind a wire; 0: no wire is between.
+
+    A twin's reading was measured when its exchange began.  Of hardware it was measured in the middle of it, unless its
+    driver says otherwise (`Stamps`), and what ``waits`` may do so for that long.
+    """
+    if not cls.blocking:
+        return 0.0
+    if twin:
+        return cls.delay + max(cls.period, cls.delay)
+    takes = max(cls.takes(params), cls.delay)
+    return 0.5 * takes + max(cls.period, takes) + cls.waits
+
+
+def stale(
+    name: str, cls: type[Device], params: Any, reads: Sequence[Channel], watchdog: float, tick: float,
+    place: Place | None, *, twin: bool,
+) -> Iterator[Problem]:  # fmt: skip
+    """Find a device whose readings get older between two exchanges than its watchdog [s] lets them (W1).
+
+    ``tick`` [s]: when a reading was measured is known to a period of the loop.
+    """
+    timely = [channel.name for channel in reads if channel.role in TIMELY]
+    age = oldest(cls, params, twin=twin)
+    if not timely or age + tick <= watchdog + 1e-9:
+        return
+    every = max(cls.period, cls.delay, 0.0 if twin else cls.takes(params)) + (0.0 if twin else cls.waits)
+    certain = twin or every > watchdog
+    sentence = (
+        f"device '{name}': with an exchange every {every * 1e3:.3g} ms what it reads ({', '.join(timely)}) gets "
+        f"{age * 1e3:.3g} ms old, but may be {watchdog * 1e3:.3g} ms old at most (W1): it "
+        f"{'will' if certain else 'may'} be stopped as silent while it runs"
+    )
+    advice = "its plugin must exchange more often, or its driver say that it measures later than in the middle of it"
+    yield Problem("stale-readings", sentence, place, advice, severity="warning")

@@ -128,6 +128,14 @@ DEVICES = {
         )
     ),
     "no-watchdog": _lever(_devices(_HARDWARE.format(more=""), _NAMESPACE)),
+    "stale-readings": _lever(
+        _devices(_HARDWARE.format(more=""), _NAMESPACE),
+        _LEVER.replace("wrench\n", "wrench, Timing\n", 1).replace(
+            "    def open(self)",
+            "    timing = Timing(blocking=True, exchange_time=0.015, watchdog=0.1)\n\n    def open(self)",
+            1,
+        ),
+    ),
     "calibration-stale": scene(_TABLE, _record(), words="run scene.xml --headless --for 1s"),
     "rig": scene(
         ARM,
