@@ -27,8 +27,8 @@ PICTURES, DRAWN, KEPT, EACH, QUALITY = 20, (1280, 720), (720, 405), 250, 55
 COARSE, ALIKE = (48, 27), 96.0
 #: Scene -> from when to when it is shown [s of the session].
 PARTS = {
-    "first_touch": (0.1, 2.0), "four_materials": (6.0, 30.0), "four_materials_diy": (6.0, 20.0),
-    "four_materials_recovered": (6.0, 13.5), "four_materials_wire": (6.0, 13.5), "metamer": (6.0, 27.0),
+    "first_touch": (0.1, 2.0), "four_materials": (6.0, 13.5), "four_materials_diy": (6.0, 20.0),
+    "four_materials_hurried": (6.0, 30.0), "four_materials_wire": (6.0, 13.5), "metamer": (6.0, 27.0),
     "mesh": (0.2, 4.0), "moving": (0.2, 6.0), "two_fingers": (0.2, 5.0), "texture": (0.2, 8.0),
     "texture_and_sound": (0.2, 8.0), "faults": (5.5, 9.0), "thermal_display": (1.0, 16.0),
     "handbook_touch": (0.1, 4.0), "study_sample": (0.2, 8.0),

@@ -14,9 +14,9 @@ SCENES = HERE.parent / "scenes"
 VIEWER = HERE.parent / "framework" / "itouch" / "viewer"
 #: File name -> words of the command that makes the picture.
 PICTURES = {
-    "free": ("four_materials.xml", "--at", "14.5s", "--for", "14.6s"),
-    "contact": ("four_materials.xml", "--at", "11s", "--for", "11.1s"),
-    "approach": ("four_materials.xml", "--at", "7.2s", "--for", "7.3s"),
+    "free": ("four_materials_hurried.xml", "--at", "14.5s", "--for", "14.6s"),
+    "contact": ("four_materials_hurried.xml", "--at", "11s", "--for", "11.1s"),
+    "approach": ("four_materials_hurried.xml", "--at", "7.2s", "--for", "7.3s"),
     "fault": ("faults.xml",),
     "gallery-first_touch": ("first_touch.xml", "--at", "1.2s", "--for", "1.3s"),
     "gallery-metamer": ("metamer.xml", "--at", "8s", "--for", "8.1s"),
@@ -48,7 +48,8 @@ def _draw_replay(picture: Path) -> None:
     """Record a run and draw the window that plays it, in a process of its own: OpenGL wants its own thread."""
     with tempfile.TemporaryDirectory() as folder:
         recording = f"{folder}/four.mcap"
-        _itouch_py("run", str(SCENES / "four_materials.xml"), "--headless", "--for", "24s", "--record", recording)
+        scene = str(SCENES / "four_materials_hurried.xml")
+        _itouch_py("run", scene, "--headless", "--for", "24s", "--record", recording)
         code = f"import sys; sys.path.insert(0, {str(HERE)!r}); import generated, pathlib; "
         code += f"generated.draw_played({recording!r}, pathlib.Path({str(picture)!r}))"
         subprocess.run([sys.executable, "-c", code], check=True)

@@ -36,7 +36,7 @@ def window() -> None:
     from itouch.viewer.overlay import Situation
     from itouch.viewer.signals import Ring
 
-    session = itouch.build(SCENES / "four_materials.xml")
+    session = itouch.build(SCENES / "four_materials_hurried.xml")
     ring = Ring(session.model)
     session.run(11.0, each=lambda: ring.add(session.state), every=10)
     fault = [{"trip": "silence", "device": "table", "cause": "is silent", "safe": {"reached": True}}]
@@ -113,7 +113,7 @@ def before(tree: Path) -> None:
     program = (str(tree / ".venv" / "bin" / "itouch-py"),)
     with tempfile.TemporaryDirectory() as folder:
         for (width, height), size in SIZES.items():
-            shot, scene = f"{folder}/shot.png", str(tree / "scenes" / "four_materials.xml")
+            shot, scene = f"{folder}/shot.png", str(tree / "scenes" / "four_materials_hurried.xml")
             words = ("--screenshot", shot, "--at", "11s", "--for", "11.1s", "--size", f"{width}x{height}")
             subprocess.run([*program, "run", scene, "--headless", *words], check=True, capture_output=True, cwd=folder)
             with Image.open(shot) as picture:
@@ -127,7 +127,7 @@ def page(program: Sequence[str] = OURS, begin: str = "page", tree: Path = HERE.p
     browser = shutil.which("chromium") or shutil.which("google-chrome") or "chrome"
     with tempfile.TemporaryDirectory() as folder:
         recording, report = f"{folder}/run.mcap", f"{folder}/run.html"
-        scene = str(tree / "scenes" / "four_materials.xml")
+        scene = str(tree / "scenes" / "four_materials_hurried.xml")
         for done in (
             ("run", scene, "--headless", "--for", "24s", "--record", recording),
             ("report", recording, "-o", report),

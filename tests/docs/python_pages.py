@@ -33,7 +33,7 @@ def recording() -> bytes:
 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "run.mcap"
-        scene = str(SCENES / "four_materials.xml")
+        scene = str(SCENES / "four_materials_hurried.xml")
         assert main(["run", scene, "--headless", "--for", "8s", "--record", str(path)]) == 0
         return path.read_bytes()
 

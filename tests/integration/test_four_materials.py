@@ -15,7 +15,7 @@ from shipped import SCENES
 import itouch
 
 SCENE = SCENES / "four_materials.xml"
-ORDER = ("aluminium", "pyrex", "wood", "polystyrene")
+ORDER = ("polystyrene", "wood", "pyrex", "aluminium")
 
 
 @pytest.fixture(scope="module")
@@ -38,8 +38,8 @@ def test_each_block_is_touched_once_through_the_plate(contacts: dict[str, dict[s
 
 def test_fluxes_come_in_the_order_of_the_paper(contacts: dict[str, dict[str, Any]]) -> None:
     fluxes = [contacts[name]["mean_flux_W_m2"] for name in ORDER]
-    assert fluxes == sorted(fluxes, reverse=True)
-    assert all(first > 1.2 * second for first, second in zip(fluxes, fluxes[1:], strict=False))
+    assert fluxes == sorted(fluxes)
+    assert all(second > 1.2 * first for first, second in zip(fluxes, fluxes[1:], strict=False))
     assert all(contacts[name]["flux_source"] == "twin" for name in ORDER)
 
 
@@ -50,8 +50,8 @@ def test_all_four_materials_are_followed(contacts: dict[str, dict[str, Any]]) ->
 
 def test_conductors_cool_the_skin_more(contacts: dict[str, dict[str, Any]]) -> None:
     drops = [contacts[name]["skin_drop_K"] for name in ORDER]
-    assert drops[0] > drops[1] > drops[2] > 0.3
-    assert drops[0] < 6.0
+    assert drops[3] > drops[2] > drops[1] > 0.3
+    assert drops[3] < 6.0
 
 
 def test_the_plate_is_where_the_surface_is(finished: itouch.Session, contacts: dict[str, dict[str, Any]]) -> None:
@@ -163,17 +163,18 @@ def test_what_is_not_in_state_does_not_change(finished: itouch.Session) -> None:
     assert np.isfinite(other.state["finger.hip"]).all()
 
 
-@pytest.mark.long
-def test_a_skin_that_has_recovered_is_told_and_gives_what_a_first_touch_gives() -> None:
-    engine = itouch.build(SCENES / "four_materials_recovered.xml", seed=1)
-    engine.run()
-    report = engine.report()
-    recovered = {entry["material"]: entry for entry in report["contacts"]}
-    assert set(recovered) == set(ORDER)
-    assert all(32.4 < entry["skin_begin_degC"] < 33.1 for entry in recovered.values())
-    assert [entry["waited_s"] for entry in report["waits"] if entry["back"] is False] == [60.0, 60.0]
-    short = itouch.build(SCENE, seed=1)
+def test_every_touch_begins_with_a_skin_that_has_recovered(
+    finished: itouch.Session, contacts: dict[str, dict[str, Any]]
+) -> None:
+    waits = finished.report()["waits"]
+    assert all(32.45 < entry["skin_begin_degC"] < 33.1 for entry in contacts.values())
+    assert [entry["waited_s"] for entry in waits if entry["back"] is False] == [60.0, 60.0]
+    assert waits[-1]["back"] is True
+
+
+def test_in_a_hurry_the_order_of_touches_is_felt(contacts: dict[str, dict[str, Any]]) -> None:
+    short = itouch.build(SCENES / "four_materials_hurried.xml", seed=1)
     short.run()
-    usual = {entry["material"]: entry for entry in short.report()["contacts"]}
-    assert usual["wood"]["skin_begin_degC"] < 30.5
-    assert recovered["wood"]["mean_flux_W_m2"] > 1.25 * usual["wood"]["mean_flux_W_m2"]
+    hurried = {entry["material"]: entry for entry in short.report()["contacts"]}
+    assert hurried["wood"]["skin_begin_degC"] < 30.5
+    assert contacts["wood"]["mean_flux_W_m2"] > 1.25 * hurried["wood"]["mean_flux_W_m2"]

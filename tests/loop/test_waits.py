@@ -33,7 +33,7 @@ MOTION = """<to pos="22 0 48 mm" in="0.1 s" hold="0.3 s"/><to pos="22 0 19 mm" i
 
 def text_with(motion: str = MOTION) -> str:
     """Return the shipped scene with another path of its operator."""
-    text = (SCENES / "four_materials.xml").read_text(encoding="utf-8")
+    text = (SCENES / "four_materials_hurried.xml").read_text(encoding="utf-8")
     begin, end = text.index("<motion>") + len("<motion>"), text.index("</motion>")
     return text[:begin] + motion + text[end:]
 

@@ -31,7 +31,7 @@ SETTLE = """new Promise(done => { const wait = () => document.querySelector("pat
 def recorded(tmp_path_factory):
     """A recording, a snapshot, and their pages, of two contacts."""
     folder = tmp_path_factory.mktemp("report")
-    text = (SCENES / "four_materials.xml").read_text().replace("<safety", '<record to="run.mcap"/><safety')
+    text = (SCENES / "four_materials_hurried.xml").read_text().replace("<safety", '<record to="run.mcap"/><safety')
     for name in ("materials.xml", "rigs/twin.xml"):
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_text((SCENES / name).read_text())

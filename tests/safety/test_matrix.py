@@ -13,7 +13,7 @@ from itouch.safety.sequence import SAFE_TIME
 
 @pytest.fixture(scope="module")
 def cells() -> list[Cell]:
-    session = prepared(SCENES / "four_materials.xml")
+    session = prepared(SCENES / "four_materials_hurried.xml")
     return list(single(session, phases(session)))
 
 
@@ -63,7 +63,7 @@ def test_faults_differ_in_how_they_are_noticed(cells: list[Cell]) -> None:
 
 @pytest.mark.long
 def test_all_pairs_of_faults_in_contact() -> None:
-    session = prepared(SCENES / "four_materials.xml", slots=2)
+    session = prepared(SCENES / "four_materials_hurried.xml", slots=2)
     found = list(pairs(session, "contact", phases(session)["contact"]))
     assert len(found) == 36 * 35 // 2
     assert [cell for cell in found if not cell.good] == []

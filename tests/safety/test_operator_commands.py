@@ -13,7 +13,7 @@ import itouch
 from itouch.loop import Status
 
 Write = Callable[[str, str], Path]
-FIRST, FOUR = SCENES / "first_touch.xml", SCENES / "four_materials.xml"
+FIRST, FOUR = SCENES / "first_touch.xml", SCENES / "four_materials_hurried.xml"
 
 
 def first_with(write: Write, *elements: str, replaced: tuple[str, str] = ("", "")) -> Path:
@@ -95,7 +95,7 @@ def test_twins_hold_themselves() -> None:
 
 
 def test_letting_go_retracts_the_table_within_a_tenth_of_a_second(scenes: Path) -> None:
-    path = scenes / "four_materials.xml"
+    path = scenes / "four_materials_hurried.xml"
     path.write_text(path.read_text().replace('<safety force="3 N"/>', '<safety force="3 N" hold-to-run="yes"/>'))
     engine = itouch.build(path)
     engine.hold()
@@ -114,7 +114,7 @@ def test_an_optional_device_may_be_lost_and_comes_back(scenes: Path) -> None:
     rig = scenes / "rigs" / "twin.xml"
     rig.write_text(rig.read_text().replace('<device name="peltier" plugin="thermal">',
                                            '<device name="peltier" plugin="thermal" optional="true">'))  # fmt: skip
-    path = scenes / "four_materials.xml"
+    path = scenes / "four_materials_hurried.xml"
     text = path.read_text().replace(
         "</itouch>", '<fault device="peltier" kind="disconnect" at="4 s" for="1 s"/></itouch>'
     )
@@ -143,7 +143,7 @@ def test_an_optional_device_may_be_absent(scenes: Path) -> None:
     rig = scenes / "rigs" / "twin.xml"
     rig.write_text(rig.read_text().replace('<device name="peltier" plugin="thermal">',
                                            '<device name="peltier" plugin="thermal" optional="true">'))  # fmt: skip
-    path = scenes / "four_materials.xml"
+    path = scenes / "four_materials_hurried.xml"
     path.write_text(
         path.read_text().replace("</itouch>", '<fault device="peltier" kind="disconnect" at="0 s"/></itouch>')
     )
@@ -163,7 +163,7 @@ def test_who_tracks_the_finger_is_never_optional(write: Write) -> None:
 
 
 def test_all_that_fail_to_connect_are_told_together(scenes: Path) -> None:
-    path = scenes / "four_materials.xml"
+    path = scenes / "four_materials_hurried.xml"
     faults = "".join(f'<fault device="{name}" kind="disconnect" at="0 s"/>' for name in ("arm", "table"))
     path.write_text(path.read_text().replace("</itouch>", f"{faults}</itouch>"))
     engine = itouch.build(path)
@@ -174,7 +174,7 @@ def test_all_that_fail_to_connect_are_told_together(scenes: Path) -> None:
 
 
 def test_a_contact_of_more_than_ten_seconds_is_ended(scenes: Path) -> None:
-    path = scenes / "four_materials.xml"
+    path = scenes / "four_materials_hurried.xml"
     path.write_text(path.read_text().replace('in="0.7 s" hold="5 s"', 'in="0.7 s" hold="14 s"', 1))
     engine = itouch.build(path)
     pressed = []
@@ -206,7 +206,7 @@ def test_no_limit_trips_in_the_shipped_scenes() -> None:
 
 @pytest.mark.long
 def test_five_minutes_of_touches_without_a_false_trip(scenes: Path) -> None:
-    path = scenes / "four_materials.xml"
+    path = scenes / "four_materials_hurried.xml"
     text = path.read_text()
     motion = text[text.index("<motion>") + len("<motion>") : text.index("</motion>")]
     path.write_text(text.replace(motion, 7 * motion))

@@ -8,7 +8,7 @@ from commanded import commanded, kept, machine
 from running import RUNNABLE
 
 #: Whole, in the short form too; of the others the beginning is looked at in `test_replay`, and all in the long form.
-SHORT = ("first_touch", "four_materials")
+SHORT = ("first_touch", "four_materials", "four_materials_hurried")
 KEPT = kept()
 ADVICE = "if it is meant: python tests/session/commanded.py {}, and say in the commit which commands change, and why"
 

@@ -125,7 +125,7 @@ SCRIPTS = {
 @pytest.fixture(scope="module")
 def said(screen, tmp_path_factory):
     folder = tmp_path_factory.mktemp("live")
-    text = (SCENES / "four_materials.xml").read_text(encoding="utf-8")
+    text = (SCENES / "four_materials_hurried.xml").read_text(encoding="utf-8")
     for path in SCENES.rglob("*.xml"):
         target = folder / path.relative_to(SCENES)
         target.parent.mkdir(exist_ok=True)
@@ -135,7 +135,7 @@ def said(screen, tmp_path_factory):
     scene.write_text(text.replace("</itouch>", fault), encoding="utf-8")
     held = folder / "held.xml"
     held.write_text(text.replace('<safety force="3 N"/>', '<safety force="3 N" hold-to-run="yes"/>'), encoding="utf-8")
-    words = [str(scene), str(SCENES / "four_materials.xml"), str(held)]
+    words = [str(scene), str(SCENES / "four_materials_hurried.xml"), str(held)]
     return drive(PREPARE, SCRIPTS, words, screen, folder)
 
 
@@ -178,7 +178,7 @@ def test_a_killed_or_frozen_viewer_is_not_waited_for(screen, monkeypatch):
 
 def test_run_opens_a_window_that_sigterm_ends_safely(screen, tmp_path: Path):
     report = tmp_path / "r.json"
-    words = [sys.executable, "-m", "itouch.cli", "run", str(SCENES / "four_materials.xml"), "--mute", "--report",
+    words = [sys.executable, "-m", "itouch.cli", "run", str(SCENES / "four_materials_hurried.xml"), "--mute", "--report",
              str(report), "--for", "60s"]  # fmt: skip
     run = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=screen)
     end = time.monotonic() + 60

@@ -66,7 +66,7 @@ class Heard:
 def told() -> Iterator[tuple[Any, list[Any], Heard, list[str], set[str]]]:
     """Yield an engine, its States that were told, who listened, the topics and the tokens of discovery."""
     with listening() as (port, _):
-        engine = itouch.build(SCENES / "four_materials.xml")
+        engine = itouch.build(SCENES / "four_materials_hurried.xml")
         engine.run(7.3)
         heard = Heard(port, 7)
         topics = Topics(engine.model, engine.state, Place("127.0.0.1", port, 7))

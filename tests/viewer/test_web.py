@@ -144,7 +144,9 @@ def served(server: Any) -> Iterator[Served]:
     found.close()
 
 
-@pytest.mark.parametrize(("scene", "steps"), [("four_materials.xml", 3), ("first_touch.xml", 4), ("moving.xml", 2)])
+@pytest.mark.parametrize(
+    ("scene", "steps"), [("four_materials_hurried.xml", 3), ("first_touch.xml", 4), ("moving.xml", 2)]
+)
 def test_what_is_sent_is_where_the_state_says(scene: str, steps: int, server: Any, served: Served) -> None:
     from itouch.viewer.web.scenery import Scenery
 
@@ -182,7 +184,7 @@ def test_what_is_sent_is_where_the_state_says(scene: str, steps: int, server: An
                 )
                 assert np.abs(found_pose[:3] - matrix[:3, 3]).max() < 1e-6
                 assert np.abs(poses.matrix(found_pose[3:].tolist()) - matrix[:3, :3]).max() < 1e-6
-        if scene == "four_materials.xml":
+        if scene == "four_materials_hurried.xml":
             label = client.nodes[client.path("peltier:temperature")]["text"]
             kelvin = plate_temperature(engine.state, engine.model.devices["peltier"])
             assert kelvin is not None and label == f"{kelvin - 273.15:.1f} °C"
@@ -296,7 +298,7 @@ def test_chromium_shows_it_and_dies_and_hangs_and_the_loop_goes_on(tmp_path: Pat
     sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "report"))
     from browser import Browser, need_chromium
 
-    handle = itouch.launch(SCENES / "four_materials.xml", linger=True, seconds=900.0)
+    handle = itouch.launch(SCENES / "four_materials_hurried.xml", linger=True, seconds=900.0)
     words = [sys.executable, "-m", "itouch.cli", "view", handle.link.name, "--web", "--port", "0"]
     view = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
     try:

@@ -14,7 +14,7 @@ CONTROL = '    <thermal:flux-control display="peltier" desired-from="heat"/>\n'
 
 
 def swap(folder: Path, old: str, new: str) -> Path:
-    path = folder / "four_materials.xml"
+    path = folder / "four_materials_hurried.xml"
     text = path.read_text(encoding="utf-8")
     assert old in text
     path.write_text(text.replace(old, new), encoding="utf-8")
@@ -22,7 +22,7 @@ def swap(folder: Path, old: str, new: str) -> Path:
 
 
 def test_the_order_in_the_file_does_not_matter(scenes: Path) -> None:
-    straight = itouch.build(scenes / "four_materials.xml", seed=3)
+    straight = itouch.build(scenes / "four_materials_hurried.xml", seed=3)
     turned = itouch.build(swap(scenes, HEAT + CONTROL, CONTROL + HEAT), seed=3)
     assert [m.name for m in turned.model.modalities] == ["heat", "flux-control"]
     for engine in (straight, turned):
@@ -45,5 +45,5 @@ def test_a_device_that_is_missing_is_told_once(scenes: Path) -> None:
     rig = scenes / "rigs" / "twin.xml"
     rig.write_text(rig.read_text().replace('name="peltier" plugin="thermal"', 'name="peltier" plugin="thermall"'))
     with pytest.raises(itouch.SceneError) as fault:
-        itouch.build(scenes / "four_materials.xml")
+        itouch.build(scenes / "four_materials_hurried.xml")
     assert {p.code for p in fault.value.problems} <= {"unknown-plugin", "wrong-plugin"}
