@@ -1,4 +1,4 @@
-"""``itouch-py bench spread``: by how much the twin, in which heat spreads at once, is off under a small finger."""
+"""``itouch-py bench spread``: by how much one dimension, and the display's twin, are off under a small finger."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ AREAS, TIMES, BOUNDS = (0.5, 1.1, 2.0, 4.0, 8.0, 16.0), (0.02, 0.1, 0.3, 1.0, 3.
 
 
 def main(argv: Sequence[str]) -> int:
-    """Print by how much the flux of one dimension is off, by contact area and time, and from when on by 1, 3, 10 %."""
+    """Print by how much the flux of one dimension, and of the twin, is off, and from when on by 1, 3, 10 %."""
     from itouch_thermal.rendering.spread import Touched, error, passed
 
     parser = argparse.ArgumentParser(prog="itouch-py bench spread", description=main.__doc__)
@@ -25,19 +25,21 @@ def main(argv: Sequence[str]) -> int:
     options = parser.parse_args(list(argv))
     fine, rows = np.unique(np.concatenate((np.geomspace(0.01, 10.0, 121), TIMES))), []
     print(
-        f"{'cm2':>5}" + "".join(f"{f'{t:g} s':>9}" for t in TIMES) + "".join(f"{f'>{100 * b:g} %':>9}" for b in BOUNDS)
+        f"{'cm2':>5}{'plate':>7}"
+        + "".join(f"{f'{t:g} s':>9}" for t in TIMES)
+        + "".join(f"{f'>{100 * b:g} %':>9}" for b in BOUNDS)
     )
     try:
         for area in options.area or AREAS:
-            off = error(Touched(1e-4 * area, options.resistance), fine)
-            at = [float(off[np.searchsorted(fine, t)]) for t in TIMES]
-            since = [passed(fine, off, bound) for bound in BOUNDS]
-            cells = "".join(f"{100 * value:>+8.1f}%" for value in at)
-            print(
-                f"{area:>5g}{cells}" + "".join(f"{'never' if t is None else f'{t:.2g} s':>9}" for t in since),
-                flush=True,
-            )
-            rows.append({"contact_area_cm2": area, "times_s": TIMES, "error": at, "bounds": BOUNDS, "since_s": since})
+            for plate in ("even", "twin"):
+                off = error(Touched(1e-4 * area, options.resistance), fine, even=plate == "even")
+                at = [float(off[np.searchsorted(fine, t)]) for t in TIMES]
+                since = [passed(fine, off, bound) for bound in BOUNDS]
+                cells = "".join(f"{100 * value:>+8.1f}%" for value in at)
+                ends = "".join(f"{'never' if t is None else f'{t:.2g} s':>9}" for t in since)
+                print(f"{area:>5g}{plate:>7}{cells}{ends}", flush=True)
+                rows.append({"contact_area_cm2": area, "plate": plate, "times_s": TIMES, "error": at, "bounds": BOUNDS,
+                             "since_s": since})  # fmt: skip
         if options.json is not None:
             options.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
     except ValueError as fault:

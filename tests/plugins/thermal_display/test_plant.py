@@ -11,7 +11,10 @@ from itouch_thermal.display import plant as at
 from itouch_thermal.display.column import plate_capacity, tissue_side
 from itouch_thermal.display.device import DisplayTwin
 from itouch_thermal.display.peltier import Module, current_for, dew_point, pumped_heat
+from itouch_thermal.flux.law import ModelLaw
+from itouch_thermal.flux.observer import M_PART
 from itouch_thermal.heat import FINGER
+from itouch_thermal.laws import PressureLaw
 
 PERIOD = 1e-3
 
@@ -24,7 +27,7 @@ def twin_of(**params):
 
 
 def test_contact_flux_is_that_of_the_solver_on_the_same_layers():
-    twin, state, command = twin_of(film_coefficient=0.0, conductance=1e-3)
+    twin, state, command = twin_of(film_coefficient=0.0, conductance=1e-3, contact_area=16e-4, area_exponent=0.0)
     params = twin.params
     body = Side(layers=params.plate, initial=Initial(kind="uniform", temperature=296.15), back=Back(kind="insulated"))
     exact = Stepper(Contact(finger=tissue_side(FINGER, 310.15, 306.15), object=body), PERIOD).advance(2e-3, 500)
@@ -72,11 +75,41 @@ def test_worn_heat_cools_the_skin_from_the_first_step(period, steps):
 
 def test_heat_beside_the_sensor_enters_the_plate_unseen():
     twin, state, command = twin_of(contact_area=4e-4, sensor_area=8e-4, flux_noise=0.0, film_coefficient=0.0)
+    heat = 0.0
     for _ in range(2000):
         twin.step(state, command, Touch(force=1.0, gap=0.0), PERIOD)
+        heat += PERIOD * state["true_flux"].item()
     flux, memory = state["true_flux"].item(), state["memory"]
     assert memory[at.READ_FLUX] == pytest.approx(0.5 * flux, rel=0.03)
-    assert memory[at.ENERGY_FINGER] == pytest.approx(4e-4 * flux * 2.0, rel=0.25)
+    assert memory[at.ENERGY_FINGER] == pytest.approx(4e-4 * heat, rel=1e-3)
+
+
+@pytest.mark.parametrize(("force", "seen"), [(0.1, 1.1 * 0.1 ** (1 / 3)), (0.5, 1.1 * 0.5 ** (1 / 3)), (2.0, 1.0)])
+def test_a_light_finger_covers_a_part_of_the_sensor_and_the_controller_knows_which(force, seen):
+    twin, state, command = twin_of(flux_noise=0.0, film_coefficient=0.0, flux_resolution=0.0)
+    for _ in range(1500):
+        twin.step(state, command, Touch(force=force, gap=0.0), PERIOD)
+    assert state["memory"][at.READ_FLUX] == pytest.approx(seen * state["true_flux"].item(), rel=0.03)
+    assert twin.params.seen(force) == pytest.approx(seen, rel=1e-9)
+    law = ModelLaw(twin.params, FINGER, 310.15, 306.15, 2e-3, 296.15, PERIOD, band=(288.15, 313.15), ceiling=6.4)
+    memory = Record.of(law.fields())
+    law.reset(memory)
+    law.feel(memory, force)
+    assert memory["memory"][M_PART] == pytest.approx(seen, rel=1e-9)
+
+
+def test_a_law_of_the_force_brings_its_own_area():
+    given = PressureLaw(contact_area=0.8e-4, area_exponent=0.25)
+    params = DisplayParams(laws=(given,))
+    assert params.pad == (0.8e-4, 0.25)
+    assert params.cover == pytest.approx(0.05)
+    with pytest.raises(ValueError, match="say the same thing"):
+        DisplayParams(laws=(given,), contact_area=2e-4)
+
+
+def test_a_small_plate_is_covered_whole_by_default():
+    params = DisplayParams(area=0.5e-4)
+    assert (params.contact_area, params.sensor_area, params.cover) == (0.5e-4, 0.5e-4, 1.0)
 
 
 def test_command_is_delayed_saturated_and_counted():

@@ -10,12 +10,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contact_heat.layers import Layer
-from itouch.plugin import Field, Record, Touch
 from itouch_thermal import bench_spread
 from itouch_thermal.display import DisplayParams
-from itouch_thermal.display import plant as at
-from itouch_thermal.display.device import DisplayTwin
-from itouch_thermal.rendering.spread import EVEN, Touched, error, flux, one_dimensional, passed
+from itouch_thermal.display.sideways import FIELDS, Sideways, bessel, fading, shares
+from itouch_thermal.rendering.spread import (
+    EVEN,
+    Touched,
+    error,
+    flux,
+    flux_of_twin,
+    one_dimensional,
+    passed,
+    resting_loss,
+)
 
 FINGER = Touched(1.1e-4)
 
@@ -47,19 +54,41 @@ def test_a_disc_warms_a_half_space_as_is_known():
     assert disc(1.0, 1.0, 1.0, 1e6) == pytest.approx(8.0 / (3.0 * math.pi), rel=2e-3)
 
 
-@pytest.mark.parametrize("area", [1.1e-4, 4e-4])
-def test_without_spreading_it_is_the_twin_of_the_display(area):
-    twin = DisplayTwin(DisplayParams(contact_area=area))
-    state, command = Record.of(twin.fields()), Record.of([Field("current", "f8", 1)])
-    twin.reset(state, np.random.default_rng(3))
-    twin.step(state, command, Touch(force=0.0, gap=0.1), 1e-3)
-    loss, found = state["memory"][at.FINGER_AIR], []
-    for _ in range(3000):
-        twin.step(state, command, Touch(force=1.0, gap=0.0), 1e-3)
-        found.append(state["true_flux"].item())
-    times = np.arange(1, 3001) * 1e-3
-    own = 10.0 * flux(one_dimensional(Touched(area, air=loss / 10.0)), times)  # skin 33, plate and room 23 degC
-    assert own[49:] == pytest.approx(np.array(found[49:]), rel=0.01)
+@pytest.mark.parametrize(("area", "resistance"), [(0.5e-4, 2e-3), (1.1e-4, 2e-3), (1.1e-4, 5e-4), (4e-4, 2e-3)])
+def test_the_twin_of_the_display_spreads_heat_in_the_plate_as_the_rings_do(area, resistance):
+    touched = Touched(area, resistance, air=resting_loss(DisplayParams()))
+    times = np.array([0.05, 0.1, 0.3, 1.0, 3.0, 10.0])
+    rings = flux(replace(touched, along_finger=0.0), times)
+    assert flux_of_twin(touched, times) == pytest.approx(rings, rel=5e-3)
+    even = flux(one_dimensional(touched), times)
+    assert np.abs(even / rings - 1.0).max() > 0.03
+
+
+def test_a_plate_that_is_covered_whole_is_one_dimension():
+    touched = Touched(16e-4, air=resting_loss(DisplayParams()))
+    times = np.array([0.05, 0.3, 3.0])
+    assert flux_of_twin(touched, times) == pytest.approx(flux(one_dimensional(touched), times), rel=5e-3)
+
+
+def test_bessel_functions_are_those_of_the_tables():
+    """Abramowitz and Stegun 1964, tables 9.1 and 9.5."""
+    assert bessel(0, np.array([1.0, 10.0])) == pytest.approx([0.7651976866, -0.2459357645], abs=1e-9)
+    assert bessel(1, np.array([1.0, 3.83170597, 7.01558667])) == pytest.approx([0.4400505857, 0.0, 0.0], abs=1e-8)
+
+
+@given(st.floats(0.0, 1.0))
+def test_at_first_the_plate_under_the_finger_is_as_if_covered_whole(cover):
+    into, out = shares(np.array([cover]), 3)
+    assert into.shape == out.shape == (1, 3 + FIELDS + 1)
+    slow = np.r_[0, 3 : 3 + FIELDS + 1]
+    assert float((into * out)[0, slow].sum()) == pytest.approx(1.0, abs=5e-3)
+    assert np.all(into * out >= 0.0)  # what comes in shows with the same sign: no step can create heat
+
+
+def test_with_time_heat_in_the_plate_is_the_covered_part():
+    params = DisplayParams()
+    rates = fading(params.plate, Sideways(params.area, params.conductance / params.area))
+    assert np.all(np.diff(rates) > 0.0) and rates[0] == pytest.approx(0.348, abs=2e-3)
 
 
 @given(st.floats(0.3, 16.0), st.floats(3e-4, 1e-2))
@@ -83,8 +112,13 @@ def rows(tmp_path_factory):
 
 
 def test_a_fingertip_is_off_by_1_and_3_percent_and_a_covered_plate_by_nothing(rows):
-    small, whole = rows
+    small, twin, whole, _ = rows
     by_time = dict(zip(small["times_s"], small["error"], strict=True))
+    of_twin = dict(zip(twin["times_s"], twin["error"], strict=True))
+    assert (small["plate"], twin["plate"]) == ("even", "twin")
+    assert abs(of_twin[0.3]) < 0.003 and of_twin[1.0] == pytest.approx(-0.0085, abs=0.003)
+    assert of_twin[10.0] == pytest.approx(-0.068, abs=0.005)
+    assert twin["since_s"][0] == pytest.approx(1.1, abs=0.2) and twin["since_s"][1] == pytest.approx(3.4, abs=0.5)
     assert by_time[0.1] == pytest.approx(0.020, abs=0.003)
     assert by_time[1.0] == pytest.approx(0.076, abs=0.005)
     assert by_time[3.0] == pytest.approx(0.089, abs=0.006)

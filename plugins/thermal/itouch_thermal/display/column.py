@@ -18,6 +18,7 @@ from contact_heat.layers import Back, Initial, Layer, Side
 from contact_heat.modes import Modes, layer_modes
 from contact_heat.steady import initial_profile, resting_profile
 from itouch.plugin import building
+from itouch_thermal.display.sideways import Sideways, fading, shares
 
 Array = NDArray[np.float64]
 
@@ -25,13 +26,14 @@ Array = NDArray[np.float64]
 REACH = 4.0
 #: Rows of the packed tissue: decay, port, weight of the flux at the begin and at the end of a step.
 F_DECAY, F_PORT, F_BEGIN, F_END = range(4)
-#: Rows of the packed plate; the last: half the film's heat and the film's temperature.
-P_DECAY, P_PORT, P_BACK, P_BEGIN, P_END, P_PUMP, P_HALF, P_SENSE, P_MEAN = range(9)
+#: Rows of the packed plate: the contact's flux at the begin and at the end of a step, half the film's heat, the film's
+#: temperature, the plate's mean, air beside the contact, and what is under the finger more than in the plate's mean.
+P_DECAY, P_PORT, P_BACK, P_BEGIN, P_END, P_PUMP, P_HALF, P_SENSE, P_MEAN, P_SPILL, P_EXCESS, P_ROWS = range(12)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Column:
-    """Packed halves for one step length: ``tissue`` (4, n) and ``plate`` (9, m), and the tissue's resting surface.
+    """Packed halves for one step length: ``tissue`` (4, n) and ``plate`` (P_ROWS, m), and the tissue's resting surface.
 
     ``rise`` (n,) is the steady tissue field with 1 K more at the skin; ``flat`` (m,) the even field of 1 K.
     """
@@ -52,26 +54,35 @@ def tissue_side(layers: Sequence[Layer], core: float, skin: float) -> Side:
 
 
 def column(
-    tissue: tuple[Layer, ...], core: float, skin: float, plate: tuple[Layer, ...], period: float, fastest: float
-) -> Column:
-    """Return the column for steps of ``period`` [s] with rates up to ``fastest`` [1/s]."""
+    tissue: tuple[Layer, ...], core: float, skin: float, plate: tuple[Layer, ...], period: float, fastest: float,
+    sideways: Sideways | None = None,
+) -> Column:  # fmt: skip
+    """Return the column for steps of ``period`` [s] with rates up to ``fastest`` [1/s].
+
+    Without ``sideways`` the finger covers the plate.  With it, the plate's last modes are those of `display.sideways`;
+    ports are those of the covered part, or of 1 if that changes: see `sideways.table`.
+    """
     build = _column if building() else _cached_column
-    return build(tissue, core, skin, plate, period, fastest)
+    return build(tissue, core, skin, plate, period, fastest, sideways)
 
 
 def _column(
-    tissue: tuple[Layer, ...], core: float, skin: float, plate: tuple[Layer, ...], period: float, fastest: float
-) -> Column:
+    tissue: tuple[Layer, ...], core: float, skin: float, plate: tuple[Layer, ...], period: float, fastest: float,
+    sideways: Sideways | None,
+) -> Column:  # fmt: skip
     side = tissue_side(tissue, core, skin)
     above = layer_modes(side.layers, side.back, fastest)
     below = layer_modes(plate, Back(kind="insulated"), fastest, True)
+    rows = _plate_rows(below, plate, period)
+    if sideways is not None:
+        rows = _spread_rows(rows, plate, period, sideways)
     found = Column(
         period,
         _tissue_rows(above, period),
-        _plate_rows(below, plate, period),
+        rows,
         resting_profile(side).surface,
         np.array(above.unit_rise),
-        np.array(below.content),
+        np.concatenate((below.content, np.zeros(rows.shape[1] - len(below.content)))),
         -float(initial_profile(side).flux_at(0.0)),
     )
     for array in (found.tissue, found.plate, found.rise, found.flat):
@@ -108,8 +119,29 @@ def _plate_rows(modes: Modes, layers: Sequence[Layer], period: float) -> Array:
         (
             np.exp(-modes.rates * period), modes.contact, modes.back, begin * modes.contact, end * modes.contact,
             (begin + end) * modes.back, heat, modes.row(half), modes.content / capacity,
+            (begin + end) * modes.contact, np.zeros(len(modes.rates)),
         )
     )  # fmt: skip
+
+
+def _spread_rows(rows: Array, layers: Sequence[Layer], period: float, sideways: Sideways) -> Array:
+    """Return the rows of a plate with those of the fields behind them, by which heat spreads along it."""
+    depths, rates = rows.shape[1], fading(layers, sideways)
+    begin, end = ramp_weights(rates, period)
+    fields, capacity = np.zeros((P_ROWS, len(rates))), plate_capacity(layers)
+    fields[P_DECAY], fields[P_BEGIN], fields[P_END] = np.exp(-rates * period), begin / capacity, end / capacity
+    fields[[P_PORT, P_SENSE, P_EXCESS]] = 1.0
+    fields[P_HALF] = 0.5 * (layers[0].thickness or 0.0) * layers[0].heat_capacity
+    found = np.concatenate((rows, fields), axis=1)
+    # All heat is in the slowest mode, which is even to the last bit: the others take in other parts of what comes.
+    found[P_BACK, 0], found[P_PUMP, 0] = found[P_PORT, 0], found[P_SPILL, 0]
+    found[P_MEAN] = 0.0
+    found[P_MEAN, 0] = 1.0 / (capacity * found[P_PORT, 0])
+    if sideways.cover is not None:
+        ((into,), (out,)) = shares(np.array([sideways.cover]), depths)
+        found[[P_BEGIN, P_END]] *= into
+        found[[P_PORT, P_SENSE, P_HALF, P_EXCESS]] *= out
+    return found
 
 
 def plate_capacity(layers: Sequence[Layer]) -> float:

@@ -26,6 +26,7 @@ from itouch.plugin import (
 from itouch_thermal.display import plant
 from itouch_thermal.display.column import REACH, Array, Column, column
 from itouch_thermal.display.params import DisplayParams
+from itouch_thermal.display.sideways import FIELDS, Sideways, table
 from itouch_thermal.drivers.hardware import HardwareDisplay
 from itouch_thermal.heat import FINGER
 from itouch_thermal.laws import law_of
@@ -50,7 +51,12 @@ class DisplayTwin(Twin):
         self._built: dict[float, tuple[Column, Array]] = {}
         self._column, _ = self._for(1e-3)
         self._law = np.array(law_of(params.laws, params.contact_resistance).numbers)
-        self._finger = np.array((params.full_force, 1.0 + params.mismatch.contact_resistance, params.press))
+        off = params.mismatch
+        self._finger = np.array(
+            (params.full_force, 1.0 + off.contact_resistance, params.press, params.pad[0] * (1.0 + off.contact_area),
+             params.pad[1])
+        )  # fmt: skip
+        self._shares = table(self._column.plate.shape[1] - FIELDS - 1).copy()
 
     def stand(self, ambient: float, skin_temperature: float | None) -> None:
         """Take the room's temperature, and the operator's finger where there is an operator."""
@@ -65,7 +71,10 @@ class DisplayTwin(Twin):
         found = self._built.get(period)
         if found is None:
             p = self.params
-            parts = column(p.tissue or FINGER, p.core, p.skin_temperature, p.plate, period, REACH / 1e-3)
+            parts = column(
+                p.tissue or FINGER, p.core, p.skin_temperature, p.plate, period, REACH / 1e-3,
+                Sideways(p.area, p.conductance / p.area),
+            )  # fmt: skip
             parts = replace(parts, tissue=parts.tissue.copy(), plate=parts.plate.copy())  # own ones: those are shared
             found = self._built[period] = (parts, constants(p, parts, self._ambient))
         return found
@@ -145,8 +154,8 @@ class DisplayTwin(Twin):
         by_current = self.params.command == "current"
         wanted = command["current"] if by_current else command["temperature_target"]
         return Bound(
-            plant.display_step, numbers, self._law, self._finger, parts.tissue, parts.plate, state["memory"],
-            state["tissue"], state["plate"], state["line"], state["noise"], wanted,
+            plant.display_step, numbers, self._law, self._finger, parts.tissue, parts.plate, self._shares,
+            state["memory"], state["tissue"], state["plate"], state["line"], state["noise"], wanted,
             np.ones(1) if by_current else command["output"], touch.face, float(touch.ambient), state["true_flux"],
             state["true_skin"], state["true_plate"], touch.beside,
         )  # fmt: skip
@@ -184,12 +193,10 @@ def constants(p: DisplayParams, parts: Column, ambient: float = REFERENCE) -> Ar
     c[plant.C_TISSUE_GAIN] = 1.0 / (1.0 + off.finger_effusivity)
     c[plant.C_PLATE_GAIN] = 1.0 / (1.0 + off.plate_effusivity)
     c[plant.C_TISSUE_SELF] = parts.tissue[1] @ parts.tissue[3]
-    c[plant.C_PLATE_SELF] = parts.plate[1] @ parts.plate[4]
     c[plant.C_SEEBECK] = p.seebeck * (1.0 + off.seebeck)
     c[plant.C_RESISTANCE] = p.resistance * (1.0 + off.resistance)
     c[plant.C_CONDUCTANCE] = p.conductance * (1.0 + off.conductance)
-    c[plant.C_AREA], c[plant.C_COVER] = p.area, p.contact_area / p.area
-    c[plant.C_SEEN] = min(1.0, p.contact_area / p.sensor_area)
+    c[plant.C_AREA], c[plant.C_COVER], c[plant.C_SENSOR] = p.area, p.cover, p.sensor_area
     c[plant.C_SINK_CAPACITY], c[plant.C_SINK_RESISTANCE] = p.sink_capacity, p.sink_resistance
     c[plant.C_FILM] = p.film_coefficient
     gap = p.skin_temperature - ambient

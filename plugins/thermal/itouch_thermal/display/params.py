@@ -6,13 +6,16 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from contact_heat.layers import Layer
+from contact_heat.resistance import AREA_AT_1N, AREA_EXPONENT, SPREAD, contact_area
 from itouch.plugin import schema
 from itouch_thermal.display.peltier import Module
 from itouch_thermal.drivers.params import LabJack, LinePort, Mecom
-from itouch_thermal.laws import KINDS, ForceLaw, check_laws
+from itouch_thermal.laws import KINDS, ForceLaw, PressureLaw, check_laws
 
 #: Copper-clad film sensor of the paper: thickness from 15e-6 K m2/W and k = 2.5 W/mK.
 FILM = Layer(name="flux sensor", thickness=37.5e-6, conductivity=2.5, density=8933.0, specific_heat=385.0)
+#: Area of the film [m2]: a sensor of its own, as large as a fingertip's contact under 0.75 N.
+SENSOR_AREA = 1e-4
 ALUMINA = Layer(name="alumina", thickness=0.8e-3, conductivity=27.0, density=3800.0, specific_heat=880.0)
 
 #: Seebeck coefficient [V/K], resistance [ohm] and conductance [W/K] of a 40 mm module with 127 couples.
@@ -26,6 +29,7 @@ class Mismatch:
     TAG: ClassVar[str] = "mismatch"
 
     contact_resistance: float = schema.quantity("", low=-0.9, high=9.0, default=0.0, doc="contact resistance")
+    contact_area: float = schema.quantity("", low=-0.9, high=9.0, default=0.0, doc="contact area of the finger")
     seebeck: float = schema.quantity("", low=-0.5, high=1.0, default=0.0, doc="Seebeck coefficient")
     conductance: float = schema.quantity("", low=-0.9, high=2.0, default=0.0, doc="conductance of the legs")
     resistance: float = schema.quantity("", low=-0.9, high=2.0, default=0.0, doc="electrical resistance")
@@ -72,8 +76,8 @@ class Datasheet:
 class DisplayParams:
     """A Peltier module under an alumina plate with a flux film on top, on a heat sink.
 
-    One-dimensional: heat enters the plate evenly over its ``area``.  The finger covers ``contact_area`` of it and the
-    film measures over ``sensor_area`` in the middle; what crosses the contact beside the film enters the plate too.
+    The finger covers ``contact_area`` of the plate's ``area`` at 1 N, and more or less with the force; the film
+    measures over ``sensor_area`` in the middle of it.  What crosses the contact beside the film enters the plate too.
     """
 
     seebeck: float = schema.quantity(
@@ -88,8 +92,19 @@ class DisplayParams:
     max_current: float = schema.quantity("A", low=0.01, high=50.0, default=6.4, doc="greatest current of the driver")
     current_bits: int = schema.integer(low=6, high=32, default=16, doc="resolution of the driver over both signs")
     area: float = schema.quantity("m^2", low=1e-5, high=0.1, default=16e-4, doc="area of the plate")
-    contact_area: float = schema.quantity("m^2", low=1e-6, high=0.1, default=16e-4, doc="area that the finger touches")
-    sensor_area: float = schema.quantity("m^2", low=1e-6, high=0.1, default=16e-4, doc="area of the flux film")
+    contact_area: float = schema.quantity(
+        "m^2", low=1e-6, high=0.1, default=AREA_AT_1N, doc="area that the finger touches at 1 N"
+    )
+    area_exponent: float = schema.quantity(
+        "",
+        low=0.0,
+        high=1.0,
+        default=AREA_EXPONENT,
+        doc="of the force in that area; Hertz: a third; 0: always the same",
+    )
+    sensor_area: float = schema.quantity(
+        "m^2", low=1e-6, high=0.1, default=SENSOR_AREA, doc="area of the flux film, in the middle under the finger"
+    )
     sink_capacity: float = schema.quantity("J/K", low=1.0, high=1e5, default=150.0, doc="hot plate and heat sink")
     sink_resistance: float = schema.quantity("K/W", low=1e-3, high=20.0, default=0.5, doc="heat sink to the room")
     film_coefficient: float = schema.quantity("W/(m^2*K)", low=0.0, high=100.0, default=10.0, doc="air on the plate")
@@ -153,9 +168,16 @@ class DisplayParams:
             raise ValueError(f"mismatch: delay = {self.mismatch.delay!r} s is more than the delay of {self.delay:g} s")
         if self.laws and self.full_force > 0.0:
             raise ValueError(f"full-force and <{self.laws[0].TAG}> say the same thing: remove one of them")
-        for name in ("contact_area", "sensor_area"):
+        for name, usual in (("contact_area", AREA_AT_1N), ("sensor_area", SENSOR_AREA)):
             if getattr(self, name) > self.area * (1.0 + 1e-9):
-                raise ValueError(f"{name} = {getattr(self, name)!r} m^2 is more than the plate's area of {self.area:g}")
+                if getattr(self, name) != usual:
+                    raise ValueError(
+                        f"{name} = {getattr(self, name)!r} m^2 is more than the plate's area of {self.area:g}"
+                    )
+                object.__setattr__(self, name, self.area)  # a plate that is smaller than what is usual is all there is
+        given = self.contact_area, self.area_exponent
+        if self.laws and isinstance(self.laws[0], PressureLaw) and given != SPREAD and given != self.laws[0].spread:
+            raise ValueError(f"contact-area and <{self.laws[0].TAG}> say the same thing: remove one of them")
 
     def _take(self, module: Module) -> None:
         """Take over what the data sheet gives; a value that the scene gives besides must be the same."""
@@ -164,6 +186,22 @@ class DisplayParams:
             if given != _MODULE[name] and abs(given - value) > 1e-9 * value:
                 raise ValueError(f"{name} = {given:g} contradicts the data sheet, which gives {value:g}")
             object.__setattr__(self, name, value)
+
+    @property
+    def pad(self) -> tuple[float, float]:
+        """Contact area of the finger at 1 N [m2], and the exponent of the force in it: those of a law that has them."""
+        if self.laws and isinstance(self.laws[0], PressureLaw):
+            return self.laws[0].spread
+        return self.contact_area, self.area_exponent
+
+    @property
+    def cover(self) -> float:
+        """The part of the plate that a finger covers at 1 N."""
+        return min(1.0, self.pad[0] / self.area)
+
+    def seen(self, force: float) -> float:
+        """Return the part of the flux out of the finger that the sensor reads at a force [N]."""
+        return min(1.0, min(self.area, contact_area(force, *self.pad)) / self.sensor_area)
 
     @property
     def plate(self) -> tuple[Layer, Layer]:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from contact_heat.resistance import resistance_at
+from contact_heat.resistance import contact_area, resistance_at
 from itouch.plugin.kernels import kernel
 from itouch_thermal.display.column import (
     F_BEGIN,
@@ -26,6 +26,7 @@ from itouch_thermal.display.column import (
     P_PORT,
     P_PUMP,
     P_SENSE,
+    P_SPILL,
 )
 from itouch_thermal.display.peltier import pumped_heat
 from itouch_thermal.laws import press_factor
@@ -39,18 +40,19 @@ from itouch_thermal.laws import press_factor
 
 #: Numbers of ``constants``.
 (
-    C_PERIOD, C_REST, C_TISSUE_GAIN, C_PLATE_GAIN, C_TISSUE_SELF, C_PLATE_SELF, C_SEEBECK, C_RESISTANCE, C_CONDUCTANCE,
-    C_AREA, C_COVER, C_SEEN, C_SINK_CAPACITY, C_SINK_RESISTANCE, C_FILM, C_FINGER_FILM,
+    C_PERIOD, C_REST, C_TISSUE_GAIN, C_PLATE_GAIN, C_TISSUE_SELF, C_SEEBECK, C_RESISTANCE, C_CONDUCTANCE,
+    C_AREA, C_COVER, C_SENSOR, C_SINK_CAPACITY, C_SINK_RESISTANCE, C_FILM, C_FINGER_FILM,
     C_MAX_CURRENT, C_CURRENT_STEP, C_FLUX_KEEP, C_PLATE_KEEP, C_SINK_KEEP, C_FLUX_NOISE, C_PLATE_NOISE, C_SINK_NOISE,
     C_SKIN_NOISE, C_FLUX_STEP, C_PLATE_STEP, C_SINK_STEP, C_SKIN_STEP, C_FLUX_GAIN, C_FLUX_BIAS, C_PLATE_OFFSET,
     C_CLEAR, C_REFERENCE, C_CEILING, C_SLOTS, C_GAIN, C_INTEGRAL, CONSTANTS,
-) = range(39)  # fmt: skip
+) = range(38)  # fmt: skip
 
-#: Numbers of ``finger``: force from which the whole face touches [N], factor on the law, time constant of pressing [s].
-FULL_FORCE, FACTOR, PRESS, FINGER = range(4)
+#: Numbers of ``finger``: force from which the whole pad touches [N], factor on the law, time constant of pressing [s],
+#: contact area at 1 N [m2] and the exponent of the force in it.
+FULL_FORCE, FACTOR, PRESS, PAD, PAD_EXPONENT, FINGER = range(6)
 
 _TWO_PI = 2.0 * math.pi
-_resistance_at, _press_factor = kernel(resistance_at), kernel(press_factor)
+_resistance_at, _press_factor, _contact_area = kernel(resistance_at), kernel(press_factor), kernel(contact_area)
 
 
 @kernel
@@ -87,14 +89,15 @@ def contact_resistance(law: Any, finger: Any, force: float) -> float:
 
 @kernel
 def display_step(
-    c: Any, law: Any, finger: Any, tissue: Any, plate: Any, memory: Any, above: Any, below: Any, line: Any, words: Any,
-    wanted: Any, output: Any, face: Any, ambient: float, flux: Any, skin: Any, surface: Any, beside: Any,
+    c: Any, law: Any, finger: Any, tissue: Any, plate: Any, shares: Any, memory: Any, above: Any, below: Any,
+    line: Any, words: Any, wanted: Any, output: Any, face: Any, ambient: float, flux: Any, skin: Any, surface: Any,
+    beside: Any,
 ) -> int:  # fmt: skip
     """Advance the twin by one step under what it was sent and what presses on it; return 0.
 
     Parameters
     ----------
-    c, tissue, plate, memory, above, below, line, words, ambient
+    c, tissue, plate, shares, memory, above, below, line, words, ambient
         As in `plant_step`.
     law, finger
         The law of the contact resistance (`resistance_at`), and what a finger makes of it, shape (FINGER,).
@@ -115,15 +118,21 @@ def display_step(
         if pressed > 0.0:
             contact *= _press_factor(pressed * c[C_PERIOD], finger[PRESS])
     command = wanted[0] if output[0] >= 0.5 else 0.0
-    plant_step(c, tissue, plate, memory, above, below, line, words, command, contact, face[1], ambient, beside[0])
+    cover = c[C_COVER]
+    if force > 0.0:
+        cover = min(1.0, _contact_area(force, finger[PAD], finger[PAD_EXPONENT]) / c[C_AREA])
+    plant_step(
+        c, tissue, plate, shares, memory, above, below, line, words, command, contact, cover, face[1], ambient,
+        beside[0],
+    )  # fmt: skip
     flux[0], skin[0], surface[0] = memory[FLUX], memory[SKIN], memory[PLATE]
     return 0
 
 
 @kernel
 def plant_step(
-    c: Any, tissue: Any, plate: Any, memory: Any, above: Any, below: Any, line: Any, words: Any,
-    command: float, contact: float, gap: float, ambient: float, beside: float,
+    c: Any, tissue: Any, plate: Any, shares: Any, memory: Any, above: Any, below: Any, line: Any, words: Any,
+    command: float, contact: float, under: float, gap: float, ambient: float, beside: float,
 ) -> None:  # fmt: skip
     """Advance the plant by one step.
 
@@ -132,13 +141,15 @@ def plant_step(
     c
         Constants, shape (CONSTANTS,).
     tissue, plate
-        Packed column, shapes (4, n) and (9, m).
+        Packed column, shapes (4, n) and (P_ROWS, m).
+    shares
+        What a contact gives to the plate's modes and how they show in it, by the part that it covers, shape (k, 2, m).
     memory, above, below, line, words
         What changes: shape (MEMORY,), mode coordinates (n,) and (m,), delayed currents (d,), generator word (1,).
-    command, contact, gap, ambient, beside
+    command, contact, under, gap, ambient, beside
         Current [A], or the temperature [K] of a driver that holds one (0: its output is off); resistance to the
-        finger [K m2/W] (infinite: apart), gap to the finger [m], room [K]; what else takes heat from the finger during
-        the whole step [W/m2].
+        finger [K m2/W] (infinite: apart), the part of the plate that it covers, or would cover, gap to the finger
+        [m], room [K]; what else takes heat from the finger during the whole step [W/m2].
     """
     dt = c[C_PERIOD]
     n, m = above.shape[0], below.shape[0]
@@ -151,7 +162,11 @@ def plant_step(
         memory[TOUCHING] = 1.0 if touching else 0.0
     air = c[C_FILM] * (ambient - face)
     finger_air = c[C_FINGER_FILM] * (skin - ambient)
-    cover = c[C_COVER] if touching else 0.0
+    cover = under if touching else 0.0
+    place = under * (shares.shape[0] - 1)
+    row = min(int(place), shares.shape[0] - 2)
+    low, high = shares[row], shares[row + 1]
+    part = place - row
 
     heat = pumped_heat(c[C_SEEBECK], c[C_RESISTANCE], c[C_CONDUCTANCE], current, cold, hot)
     electric = c[C_SEEBECK] * (hot - cold) * current + current * current * c[C_RESISTANCE]
@@ -167,48 +182,54 @@ def plant_step(
         if beside != 0.0:
             above[i] -= gf * (tissue[F_BEGIN, i] + tissue[F_END, i]) * beside
         s += tissue[F_PORT, i] * above[i]
-    before = 0.0
+    before = closing = 0.0
     p = c[C_REFERENCE]
-    entering = cover * flux + spill
+    entering = flux if touching else 0.0
     for i in range(m):
-        before += plate[P_HALF, i] * below[i]
+        into = low[0, i] + part * (high[0, i] - low[0, i])
+        out = low[1, i] + part * (high[1, i] - low[1, i])
+        before += plate[P_HALF, i] * out * below[i]
         below[i] = plate[P_DECAY, i] * below[i] + gp * (
-            plate[P_BEGIN, i] * entering + plate[P_END, i] * spill - plate[P_PUMP, i] * pump
+            plate[P_BEGIN, i] * into * entering + plate[P_SPILL, i] * spill - plate[P_PUMP, i] * pump
         )
-        p += plate[P_PORT, i] * below[i]
+        p += plate[P_PORT, i] * out * below[i]
+        closing += plate[P_PORT, i] * out * into * plate[P_END, i]
     # Its closing: the flux that agrees with both surfaces at the end of the step.
     late = 0.0
     if touching:
-        late = (s - p) / (contact + gf * c[C_TISSUE_SELF] + gp * c[C_PLATE_SELF] * cover)
-        out = late
+        late = (s - p) / (contact + gf * c[C_TISSUE_SELF] + gp * closing)
+        lost = late
     else:
-        out = c[C_FINGER_FILM] * (s - ambient) / (1.0 + c[C_FINGER_FILM] * gf * c[C_TISSUE_SELF])
+        lost = c[C_FINGER_FILM] * (s - ambient) / (1.0 + c[C_FINGER_FILM] * gf * c[C_TISSUE_SELF])
     s = c[C_REST]
     for i in range(n):
-        above[i] -= gf * tissue[F_END, i] * out
+        above[i] -= gf * tissue[F_END, i] * lost
         s += tissue[F_PORT, i] * above[i]
     p, b, t, h, mean = c[C_REFERENCE], c[C_REFERENCE], c[C_REFERENCE], 0.0, c[C_REFERENCE]
     for i in range(m):
-        below[i] += gp * plate[P_END, i] * cover * late
-        p += plate[P_PORT, i] * below[i]
+        into = low[0, i] + part * (high[0, i] - low[0, i])
+        out = low[1, i] + part * (high[1, i] - low[1, i])
+        below[i] += gp * plate[P_END, i] * into * late
+        p += plate[P_PORT, i] * out * below[i]
         b += plate[P_BACK, i] * below[i]
-        t += plate[P_SENSE, i] * below[i]
-        h += plate[P_HALF, i] * below[i]
+        t += plate[P_SENSE, i] * out * below[i]
+        h += plate[P_HALF, i] * out * below[i]
         mean += plate[P_MEAN, i] * below[i]
 
-    into = 0.5 * (flux + late)
+    entered = 0.5 * (flux + late)
     room = (hot - ambient) / c[C_SINK_RESISTANCE]
     memory[SINK] = hot + dt / c[C_SINK_CAPACITY] * (heat + electric - room)
     memory[ENERGY_ELECTRIC] += dt * electric
-    memory[ENERGY_FINGER] += dt * c[C_AREA] * cover * into
+    memory[ENERGY_FINGER] += dt * c[C_AREA] * cover * entered
     memory[ENERGY_AIR] += dt * c[C_AREA] * spill
     memory[ENERGY_ROOM] += dt * room
     memory[FLUX], memory[SKIN], memory[PLATE], memory[BACK], memory[MEAN] = late, s, p, b, mean
     memory[PUMP], memory[PLATE_AIR], memory[FINGER_AIR] = pump, air, finger_air
     # The film sees the flux at its middle: what entered less what its upper half kept.
-    seen = c[C_SEEN] * into + (0.0 if touching else air)
+    seen = air
     if touching:
-        seen += (1.0 - c[C_SEEN]) * air
+        covered = min(1.0, under * c[C_AREA] / c[C_SENSOR])
+        seen = covered * entered + (1.0 - covered) * air
     seen -= (h - before) / (gp * dt)
     _sense(c, memory, words, seen, t, s, gap)
 

@@ -30,7 +30,7 @@ def bounds(model: FluxModel, law: ModelLaw, course: Preview, state: Record) -> t
     """Return an update on these views as compiled calls, of which the first leaves to Python what is unusual."""
     scene, own, memory = _scene(model, state), _own(model, state), _memory(law, state)
     given, figures = _given(model, law, course), _figures(model, law, course)
-    taken = usual.Taken(np.ones(1), np.zeros(1))
+    taken = usual.Taken(np.ones(1), np.zeros(1), np.ones(1))
     return (
         Bound(usual.prepare, scene, own, given, figures, taken),
         Bound(usual.track, scene, given, memory, taken, law.coarse_ticks),
@@ -67,7 +67,7 @@ def _given(model: FluxModel, law: ModelLaw, course: Preview) -> usual.Given:
     return usual.Given(
         law.constants, law.fine.tissue, law.fine.plate, law.coarse.tissue, law.coarse.plate, law.hats, law.band,
         law.offsets, course.finger, table_of(course.bodies), known, starts, played, model.numbers,
-        model.finger.tissue,
+        model.finger.tissue, law.pad,
     )  # fmt: skip
 
 

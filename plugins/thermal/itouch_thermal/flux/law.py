@@ -11,9 +11,10 @@ import numpy as np
 from contact_heat.layers import Layer
 from itouch.plugin import Field, Record
 from itouch.plugin.kernels import kernel
-from itouch_thermal.display.column import P_MEAN, P_PORT, REACH, Array, column, plate_capacity
+from itouch_thermal.display.column import P_DECAY, P_EXCESS, P_MEAN, P_PORT, REACH, Array, column, plate_capacity
 from itouch_thermal.display.params import DisplayParams
 from itouch_thermal.display.peltier import current_for
+from itouch_thermal.display.sideways import Sideways
 from itouch_thermal.flux import late, planner
 from itouch_thermal.flux import observer as at
 
@@ -163,19 +164,22 @@ def _approach(
     gp = 1.0 / (1.0 + theta[at.PLATE])
     seebeck, legs = c[at.O_SEEBECK] * (1.0 + theta[at.SEEBECK]), c[at.O_CONDUCTANCE] * (1.0 + theta[at.LEGS])
     ohmic = c[at.O_RESISTANCE] * (1.0 + theta[at.OHMIC])
-    mean = c[at.O_REFERENCE]
+    delay = int(slots[1])
+    # Where an earlier touch has left the plate warmer or colder under the finger than beside it, that fades by itself.
+    mean, excess, soon = c[at.O_REFERENCE], 0.0, delay + wait + within / c[at.O_PERIOD]
     for i in range(m):
         mean += plate[P_MEAN, i] * x[0, n + i]
+        if plate[P_EXCESS, i] != 0.0:
+            excess += plate[P_EXCESS, i] * x[0, n + i] * plate[P_DECAY, i] ** soon
     back, hot = x[0, n + m + at.X_BACK], memory[at.M_SINK]
     heat = capacity / gp
     air = c[at.O_AIR] * (c[at.O_AMBIENT] - mean)
-    delay = int(slots[1])
     for i in range(delay + wait):
         current = _coming(line, int(slots[0]), delay, out, i)
         pump = (seebeck * back * current - 0.5 * current * current * ohmic - legs * (hot - back)) / c[at.O_AREA]
         change = c[at.O_PERIOD] * (air - pump - theta[at.FLUX]) / heat
         mean += change
-    error = mean - target
+    error = mean + excess - target
     flux = min(limit, max(-limit, heat * error / within + air))
     current = current_for(seebeck, ohmic, legs, (flux - theta[at.FLUX]) * c[at.O_AREA], mean, hot)
     return min(ceiling, max(-ceiling, current)), flux, error
@@ -192,7 +196,7 @@ def _follow(
     n, m = tissue.shape[1], plate.shape[1]
     o = n + m
     above, below, rest = work[:n], work[n:o], work[o:]
-    period, step = c[at.O_PERIOD], size * c[at.O_PERIOD]
+    period, gp = c[at.O_PERIOD], 1.0 / (1.0 + theta[at.PLATE])
     found = theta[at.RESISTANCE]
     noise = SURE * SURE * max(0.0, doubt - ENOUGH * ENOUGH)
     theta[at.RESISTANCE] = found * max(0.0, 1.0 - noise / max(found * found, 1e-12))
@@ -204,24 +208,38 @@ def _follow(
     above[:] = x[0, :n]
     below[:] = x[0, n:o]
     hot = memory[at.M_SINK]
+    spill = (1.0 - c[at.O_COVER]) * c[at.O_AIR] * (c[at.O_AMBIENT] - x[0, o + at.X_FACE])
     flux, back = planner.arrive(
-        c, fine, below_fine, theta, hot, scale, single, above, below, x[0, o + at.X_FLUX], x[0, o + at.X_BACK]
+        c,
+        fine,
+        below_fine,
+        theta,
+        hot,
+        scale,
+        single,
+        above,
+        below,
+        x[0, o + at.X_FLUX],
+        x[0, o + at.X_BACK],
+        spill,
     )
-    flux, back = planner.arrive(c, tissue, plate, theta, hot, scale, queue, above, below, flux, back)
+    flux, back = planner.arrive(c, tissue, plate, theta, hot, scale, queue, above, below, flux, back, spill)
     face = c[at.O_REFERENCE]
+    coming, step = flux + spill, size * period
     for i in range(m):
         face += plate[P_PORT, i] * below[i]
+        # What keeps the face where it is: less than the contact's flux, by what flows on to the plate beside it.
+        coming -= heat / gp * plate[P_EXCESS, i] * (1.0 - plate[P_DECAY, i]) / step * below[i]
     first = int(memory[at.M_AGE] / size) + single.shape[0] // size + queue.shape[0] + 1
     _limits(band, trace, first, RATE * RATE_OVER * RATE_USED, span)
-    coming = flux
     planner.plan(
         c, tissue, plate, theta, scale, wanted, span, response, hats, last, above, below, rest, flux, SMOOTH, limit,
-        (ticks + slots[1] + wait) * period, step,
+        (ticks + slots[1] + wait) * period, step, spill,
     )  # fmt: skip
     # A current that is held for long carries the plan's mean over that time.
     flux = last[0] + 0.5 * min(1.0, hold * period / planner.KNOTS[1]) * (last[1] - last[0])
     # Towards an end of its band the pump may at most carry what keeps the plate there.
-    heat *= 1.0 + theta[at.PLATE]
+    heat /= gp
     flux = min(flux, coming + heat * (face - span[0, 0] - SLACK) / STOPPING)
     flux = max(flux, coming - heat * (span[1, 0] - SLACK - face) / STOPPING)
     theta[at.RESISTANCE] = found
@@ -267,12 +285,14 @@ class ModelLaw:
         self.delay = round(display.delay / period)
         self.coarse_ticks = max(1, round(COARSE / period))
         self.step = period * self.coarse_ticks
-        self.fine = column(tissue, core, skin, display.plate, period, REACH / 1e-3)
-        self.coarse = column(tissue, core, skin, display.plate, self.step, REACH / 1e-3)
+        sideways = Sideways(display.area, display.conductance / display.area, display.cover)
+        self.fine = column(tissue, core, skin, display.plate, period, REACH / 1e-3, sideways)
+        self.coarse = column(tissue, core, skin, display.plate, self.step, REACH / 1e-3, sideways)
         self.hats = planner.shapes(self.step)
         self.steps = self.hats.shape[1]
         self.ahead = self.delay + wait + self.steps * self.coarse_ticks
         self.capacity = plate_capacity(display.plate)
+        self.pad = np.array((*display.pad, display.area, display.sensor_area))
         self.band = np.array(band)
         self.constants = _constants(display, self.fine.rest, resistance, ambient, period)
         self.prior = np.array(PRIOR)
@@ -324,7 +344,12 @@ class ModelLaw:
         x[0, n + m + at.X_BACK] = x[0, n + m + at.X_FACE] = x[0, n + m + at.X_FILM] = ambient
         state[p + "memory"][[at.M_SINK, at.M_SINK_SEEN]] = ambient
         state[p + "memory"][at.M_CONTACT] = 1.0
+        self.feel(state, 1.0)
         state[p + "slots"][1] = self.delay
+
+    def feel(self, state: Record, force: float) -> None:
+        """Say with what force [N] the finger presses: the part of it over the sensor follows from that."""
+        state[self.prefix + "memory"][at.M_PART] = at.seen(self.pad, force)
 
     def track(
         self, state: Record, sent: float, flux: float, film: float, sink: float, scale: float = 1.0, press: float = -1.0
@@ -443,8 +468,7 @@ def _constants(p: DisplayParams, rest: float, resistance: float, ambient: float,
     c[at.O_FLUX_NOISE] = math.hypot(p.flux_noise, p.flux_resolution) + 1e-3
     c[at.O_PLATE_NOISE] = math.hypot(p.plate_noise, p.plate_resolution) + 1e-6
     c[at.O_SINK_CAPACITY], c[at.O_SINK_RESISTANCE], c[at.O_SINK_LAG] = p.sink_capacity, p.sink_resistance, p.sink_lag
-    c[at.O_AIR], c[at.O_COVER] = p.film_coefficient, p.contact_area / p.area
-    c[at.O_SEEN], c[at.O_AMBIENT] = min(1.0, p.contact_area / p.sensor_area), ambient
+    c[at.O_AIR], c[at.O_COVER], c[at.O_AMBIENT] = p.film_coefficient, p.cover, ambient
     c[at.O_DRIFT_FLUX], c[at.O_DRIFT_OFFSET] = DRIFT_FLUX**2 * period, DRIFT_OFFSET**2 * period
     c[at.O_CEILING] = 0.98 * p.full_scale
     c[at.O_LAGS] = LAGS if p.line is not None else 0.0

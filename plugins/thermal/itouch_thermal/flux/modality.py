@@ -250,7 +250,9 @@ class FluxControl(Modality):
             return state[names.obtained].item(), math.nan
         if model.truth and names.true_flux in state:
             return state[names.true_flux].item(), state[names.true_skin].item() if names.true_skin else math.nan
-        return state[names.heat_flux].item(), math.nan
+        force = abs(state[model.force_from][2].item()) if model.force_from else state[names.normal_force].item()
+        part = model.display.seen(force) if force > 0.0 else 1.0
+        return state[names.heat_flux].item() / part, math.nan
 
     def witness(self, model: FluxModel, state: Record, twins: Mapping[str, Record]) -> None:
         """Take in what the twin behind the display's emulator knows of the flux."""

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from contact_heat.resistance import contact_area
 from itouch.plugin.kernels import kernel
 from itouch_thermal.display.column import (
     F_BEGIN,
@@ -27,6 +28,7 @@ from itouch_thermal.display.column import (
     P_PORT,
     P_PUMP,
     P_SENSE,
+    P_SPILL,
 )
 
 #: Parameters: logarithms of contact resistance, sensor lag and press, relative changes, offset [K], flux [W/m2].
@@ -42,15 +44,26 @@ X_FLUX, X_BACK, X_FACE, X_SEEN, X_FILM, X_DRIFT, X_TAIL = range(7)
 #: Constants.
 (
     O_PERIOD, O_REST, O_REFERENCE, O_CONTACT, O_SEEBECK, O_RESISTANCE, O_CONDUCTANCE, O_AREA, O_FLUX_LAG, O_PLATE_LAG,
-    O_FLUX_NOISE, O_PLATE_NOISE, O_SINK_CAPACITY, O_SINK_RESISTANCE, O_SINK_LAG, O_AIR, O_COVER, O_SEEN, O_AMBIENT,
+    O_FLUX_NOISE, O_PLATE_NOISE, O_SINK_CAPACITY, O_SINK_RESISTANCE, O_SINK_LAG, O_AIR, O_COVER, O_AMBIENT,
     O_DRIFT_FLUX, O_DRIFT_OFFSET, O_CEILING, O_LAGS, O_CONSTANTS,
-) = range(24)  # fmt: skip
-#: Numbers of the scalar memory.
-M_TOUCHING, M_SINK, M_SINK_SEEN, M_CONTACT, M_TICKS, M_QUIET, M_AGE, M_UNSEEN, M_TAIL = range(9)
+) = range(23)  # fmt: skip
+#: Numbers of the scalar memory; M_PART: of the flux out of the finger, what crosses the sensor under it.
+M_TOUCHING, M_SINK, M_SINK_SEEN, M_CONTACT, M_TICKS, M_QUIET, M_AGE, M_UNSEEN, M_PART, M_TAIL = range(10)
 #: Seconds without corrections after a flux that air cannot explain: something touches the plate that should not.
 QUIET = 0.2
 #: Rates [1/s] at which the sink follows its sensor, and a disturbed plate its own.
 SINK_RATE, PLATE_RATE = 2.0, 20.0
+
+_contact_area = kernel(contact_area)
+
+
+@kernel
+def seen(pad: Any, force: float) -> float:
+    """Return the part of the flux out of a finger that a sensor under its middle reads, at a force [N].
+
+    ``pad`` (4,): contact area at 1 N [m2], the exponent of the force in it, areas of plate and sensor [m2].
+    """
+    return float(min(1.0, min(pad[2], _contact_area(force, pad[0], pad[1])) / pad[3]))
 
 
 @kernel
@@ -62,7 +75,7 @@ def advance(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, cu
     c
         Constants, shape (O_CONSTANTS,).
     tissue, plate
-        Packed column, shapes (4, n) and (9, m).
+        Packed column, shapes (4, n) and (P_ROWS, m); the plate's is that of a finger that covers O_COVER of it.
     x
         Row 0 the column, row 1 + k its derivative with respect to parameter k; shape (1 + COUNT, n + m + X_TAIL).
     theta, memory
@@ -82,6 +95,7 @@ def advance(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, cu
     pressing = scale - 1.0 if scale < 1.0 else (scale - 1.0) * math.exp(theta[PRESS])
     contact = c[O_CONTACT] * math.exp(theta[RESISTANCE]) * (1.0 + pressing)
     cover = c[O_COVER] if touching else 0.0
+    covered = memory[M_PART] if touching else 0.0
     cold, hot, face = x[0, o + X_BACK], memory[M_SINK], x[0, o + X_FACE]
     pumped = seebeck * cold * current - 0.5 * current * current * ohmic - legs * (hot - cold)
     pump = pumped / c[O_AREA] + theta[FLUX] + x[0, o + X_DRIFT]
@@ -97,7 +111,7 @@ def advance(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, cu
             tissue_self += tissue[F_PORT, i] * tissue[F_END, i]
     for i in range(m):
         plate_self += plate[P_PORT, i] * plate[P_END, i]
-    closing = contact + gf * tissue_self + gp * cover * plate_self
+    closing = contact + gf * tissue_self + gp * plate_self
     keep_flux = math.exp(-dt / (c[O_FLUX_LAG] * math.exp(theta[LAG])))
     keep_film = math.exp(-dt / (c[O_PLATE_LAG] * math.exp(theta[LAG])))
     rise_flux = keep_flux * dt / (c[O_FLUX_LAG] * math.exp(theta[LAG]))
@@ -136,10 +150,8 @@ def advance(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, cu
             if not base:
                 s -= of_tissue * tissue_self * j1
         base_spill = (1.0 - cover) * c[O_AIR] * (c[O_AMBIENT] - face)
-        begin = gp * (cover * dj0 + spill) + of_plate * (cover * j0 + base_spill)
-        end = gp * spill + of_plate * (cover * j1 + base_spill)
-        if base:
-            end = gp * spill
+        begin, beside = gp * dj0 + of_plate * j0, gp * spill + of_plate * base_spill
+        end = 0.0 if base else of_plate * j1
         push = gp * du + of_plate * pump
         p = c[O_REFERENCE] if base else 0.0
         before = 0.0
@@ -149,6 +161,7 @@ def advance(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, cu
                 plate[P_DECAY, i] * r[n + i]
                 + plate[P_BEGIN, i] * begin
                 + plate[P_END, i] * end
+                + plate[P_SPILL, i] * beside
                 - plate[P_PUMP, i] * push
             )
             p += plate[P_PORT, i] * r[n + i]
@@ -162,7 +175,7 @@ def advance(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, cu
             for i in range(n):
                 r[i] -= tissue[F_END, i] * late
         p, back, t, h = (c[O_REFERENCE], c[O_REFERENCE], c[O_REFERENCE], 0.0) if base else (0.0, 0.0, 0.0, 0.0)
-        late = gp * cover * dj1
+        late = gp * dj1
         for i in range(m):
             r[n + i] += plate[P_END, i] * late
             p += plate[P_PORT, i] * r[n + i]
@@ -170,7 +183,7 @@ def advance(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, cu
             t += plate[P_SENSE, i] * r[n + i]
             h += plate[P_HALF, i] * r[n + i]
         into = 0.5 * (dj0 + dj1)
-        seen = (c[O_SEEN] * into + (1.0 - c[O_SEEN]) * air if touching else air) - (h - before) / (gp * dt)
+        seen = covered * into + (1.0 - covered) * air - (h - before) / (gp * dt)
         if base:
             j1, middle, film = dj1, (h - before) / dt, t
             memory_seen, memory_film = r[o + X_SEEN], r[o + X_FILM]

@@ -25,6 +25,7 @@ from itouch_thermal.display.column import (
     P_END,
     P_PORT,
     P_PUMP,
+    P_SPILL,
 )
 from itouch_thermal.flux import observer as at
 
@@ -55,24 +56,25 @@ def _weight(age: float) -> float:
 
 @kernel
 def ahead(
-    c: Any, tissue: Any, plate: Any, above: Any, below: Any, flux: float, pump: float, contact: float, gf: float,
+    tissue: Any, plate: Any, above: Any, below: Any, flux: float, pump: float, spill: float, contact: float, gf: float,
     gp: float, tissue_self: float, plate_self: float, rest: float,
 ) -> float:  # fmt: skip
-    """Advance a column without derivatives by one coarse step under a pumped flux; return the contact flux."""
+    """Advance a column without derivatives by one coarse step under pump and air; return the contact flux."""
     n, m = above.shape[0], below.shape[0]
-    cover = c[at.O_COVER]
     s = rest
     for i in range(n):
         above[i] = tissue[F_DECAY, i] * above[i] - gf * tissue[F_BEGIN, i] * flux
         s += tissue[F_PORT, i] * above[i]
     for i in range(m):
-        below[i] = plate[P_DECAY, i] * below[i] + gp * (cover * plate[P_BEGIN, i] * flux - plate[P_PUMP, i] * pump)
+        below[i] = plate[P_DECAY, i] * below[i] + gp * (
+            plate[P_BEGIN, i] * flux + plate[P_SPILL, i] * spill - plate[P_PUMP, i] * pump
+        )
         s -= plate[P_PORT, i] * below[i]
-    late = s / (contact + gf * tissue_self + gp * cover * plate_self)
+    late = s / (contact + gf * tissue_self + gp * plate_self)
     for i in range(n):
         above[i] -= gf * tissue[F_END, i] * late
     for i in range(m):
-        below[i] += gp * cover * plate[P_END, i] * late
+        below[i] += gp * plate[P_END, i] * late
     return float(late)
 
 
@@ -97,7 +99,7 @@ def respond(
         flux = 0.0
         for i in range(hats.shape[1]):
             flux = ahead(
-                c, tissue, plate, above, below, flux, hats[hat, i], contact, gf, gp, tissue_self, plate_self, 0.0
+                tissue, plate, above, below, flux, hats[hat, i], 0.0, contact, gf, gp, tissue_self, plate_self, 0.0
             )
             response[hat, i] = flux
 
@@ -116,9 +118,12 @@ def selves(tissue: Any, plate: Any) -> Any:
 @kernel
 def arrive(
     c: Any, tissue: Any, plate: Any, theta: Any, hot: float, scale: float, currents: Any, above: Any, below: Any,
-    flux: float, back: float,
+    flux: float, back: float, spill: float,
 ) -> Any:  # fmt: skip
-    """Run the column ahead over the ``currents`` [A] on their way, one a step; return contact flux and base [K]."""
+    """Run the column ahead over the ``currents`` [A] on their way, one a step; return contact flux and base [K].
+
+    ``spill`` is what air gives to the plate beside the finger [W/m2 of the plate].
+    """
     contact = resistance(c, theta, scale)
     gp, gf = 1.0 / (1.0 + theta[at.PLATE]), 1.0 / (1.0 + theta[at.TISSUE])
     seebeck, legs = c[at.O_SEEBECK] * (1.0 + theta[at.SEEBECK]), c[at.O_CONDUCTANCE] * (1.0 + theta[at.LEGS])
@@ -129,7 +134,7 @@ def arrive(
         current = currents[step]
         pump = (seebeck * back * current - 0.5 * current * current * ohmic - legs * (hot - back)) / c[at.O_AREA]
         pump += theta[at.FLUX]
-        flux = ahead(c, tissue, plate, above, below, flux, pump, contact, gf, gp, tissue_self, plate_self, rest)
+        flux = ahead(tissue, plate, above, below, flux, pump, spill, contact, gf, gp, tissue_self, plate_self, rest)
         back = c[at.O_REFERENCE]
         for i in range(plate.shape[1]):
             back += plate[P_BACK, i] * below[i]
@@ -140,7 +145,7 @@ def arrive(
 def plan(
     c: Any, tissue: Any, plate: Any, theta: Any, scale: float, wanted: Any, band: Any, response: Any, hats: Any,
     last: Any, above: Any, below: Any, work: Any, flux: float, smooth: float, limit: float, age: float,
-    step_time: float,
+    step_time: float, spill: float,
 ) -> None:  # fmt: skip
     """Improve the plan's knots of the pumped flux [W/m2].
 
@@ -155,6 +160,8 @@ def plan(
         The plan's knots of the last time, shape (HATS,); changed.
     above, below, flux
         The column and its contact flux where the plan begins; the column is run on.
+    spill
+        What air gives to the plate beside the finger [W/m2 of the plate].
     """
     contact = resistance(c, theta, scale)
     gp, gf = 1.0 / (1.0 + theta[at.PLATE]), 1.0 / (1.0 + theta[at.TISSUE])
@@ -168,7 +175,7 @@ def plan(
         pump = 0.0
         for hat in range(HATS):
             pump += last[hat] * hats[hat, i]
-        flux = ahead(c, tissue, plate, above, below, flux, pump, contact, gf, gp, tissue_self, plate_self, rest)
+        flux = ahead(tissue, plate, above, below, flux, pump, spill, contact, gf, gp, tissue_self, plate_self, rest)
         skin = c[at.O_REST]
         for k in range(tissue.shape[1]):
             skin += tissue[F_PORT, k] * above[k]

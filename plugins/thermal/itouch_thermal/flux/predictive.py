@@ -60,6 +60,8 @@ def control(
     ticks = tick - state[names.begun].item() if touching else 0
     scale = _scale(model, state, ticks) if touching and not model.steady else 1.0
     press = _press(model, state, scale) if touching and not model.steady else 0.0
+    if touching:
+        law.feel(state, _force(model, state))
     _take(model, law, state, touching and not pressed, tick, scale, press)
     if (pressed and not state[names.on_plate].item()) or (model.hold > 1 and not state["ready"].item()):
         law.disturb(state)
@@ -91,6 +93,7 @@ def set_down(model: FluxModel, state: Record, tick: int) -> None:
         return
     scale = 1.0 if model.steady else _scale(model, state, 0)
     _pass(model, law, state, tick, scale)
+    law.feel(state, _force(model, state))
     _place(model, law, course, state)
     _set(model, law, state, scale)
 
@@ -180,15 +183,20 @@ def _correct(model: FluxModel, law: ModelLaw, state: Record) -> None:
         state[f"{model.name}.line"][slot] = state[model.names.actual].item()
 
 
+def _force(model: FluxModel, state: Record) -> float:
+    """Return the force on the plate [N], measured or virtual."""
+    sensor = model.force_from
+    found: float = abs(state[sensor][2].item()) if sensor else state[model.names.normal_force].item()
+    return found
+
+
 def _scale(model: FluxModel, state: Record, ticks: int) -> float:
     """Return the contact resistance that the measured force explains, as a multiple of the expected one.
 
     ``ticks`` is when: servo periods since the touch began.
     """
-    sensor = model.force_from
-    force = abs(state[sensor][2].item()) if sensor else state[model.names.normal_force].item()
     time = (ticks + 1) * model.period
-    return scale_of(model.numbers, force, model.expected, time, model.press)
+    return scale_of(model.numbers, _force(model, state), model.expected, time, model.press)
 
 
 def _press(model: FluxModel, state: Record, scale: float) -> float:

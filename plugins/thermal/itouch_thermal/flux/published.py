@@ -68,5 +68,6 @@ def _bounded(model: FluxModel, state: Record, flux: float, plate: float, tick: i
     swing = RATE * RATE_OVER * RATE_USED
     low, high = max(model.band[0] + MARGIN, before - swing), min(model.band[1] - MARGIN, before + swing)
     capacity = plate_capacity(model.display.plate) / max(STOPPING, 2.0 * period)
-    resting: float = state[model.names.heat_flux].item()  # what the pump must carry to keep the plate where it is
+    # What the pump must carry at least to keep the plate where it is: the finger's heat, when it has spread.
+    resting = model.display.cover * float(state[model.names.heat_flux].item())
     return min(resting + capacity * (plate - low), max(resting + capacity * (plate - high), flux))

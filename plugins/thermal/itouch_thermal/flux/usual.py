@@ -147,6 +147,7 @@ class Given(NamedTuple):
     played: Numbers
     law: Floats
     cover: Floats
+    pad: Floats
 
 
 class Figures(NamedTuple):
@@ -179,10 +180,14 @@ class Figures(NamedTuple):
 
 
 class Taken(NamedTuple):
-    """What ``prepare`` has found for the law: how the resistance is, and how much is pressed on, each of shape (1,)."""
+    """What ``prepare`` has found for the law: how the resistance is, how much is pressed on, and what the sensor sees.
+
+    Each of shape (1,); the last is a part of the flux out of the finger.
+    """
 
     scale: Floats
     press: Floats
+    part: Floats
 
 
 @kernel
@@ -327,6 +332,7 @@ def prepare(
         return PYTHON
     taken.scale[0], taken.press[0] = 1.0, 0.0
     if own.touching[0] != 0:
+        taken.part[0] = observer.seen(given.pad, _force(scene))
         contact = in_contact(scene, figures.heat)
         if contact and own.pressing[0] != 0:
             enter(own.account, own.obtained[0], own.desired[0], scene.true_skin[0], figures.period)
@@ -359,16 +365,22 @@ def press_on(before: Floats, now: float, part: float) -> float:
 
 
 @kernel
+def _force(scene: Any) -> float:
+    """Return the force on the plate [N], measured or virtual."""
+    return float(abs(scene.load[2]) if scene.load.shape[0] > 0 else scene.normal_force[0])
+
+
+@kernel
 def _scale(scene: Any, own: Any, given: Any, figures: Any, later: int) -> float:
     """Return the resistance that the force explains so many periods from now, as a multiple of the expected one."""
-    force = abs(scene.load[2]) if scene.load.shape[0] > 0 else scene.normal_force[0]
     time = (scene.tick[0] - own.begun[0] + later + 1) * figures.period
-    return float(scale_of(given.law, force, figures.expected, time, figures.press))
+    return float(scale_of(given.law, _force(scene), figures.expected, time, figures.press))
 
 
 @kernel
 def track(scene: Scene, given: Given, memory: Memory, taken: Taken, size: int) -> int:
     """Let the law take in what was sent and read."""
+    memory.memory[observer.M_PART] = taken.part[0]
     laws._track(  # noqa: SLF001
         given.c, given.tissue, given.plate, memory.x, memory.theta, memory.cover, memory.gain, memory.memory,
         memory.line, memory.slots, memory.trace, memory.past, memory.kept, size, scene.sent[0], taken.scale[0],

@@ -10,13 +10,12 @@ import numpy as np
 from contact_heat.blas import one_thread
 from itouch_thermal.display.column import F_BEGIN, F_DECAY, F_END, F_PORT, P_END, P_PORT, REACH, Array, column
 from itouch_thermal.display.params import DisplayParams, Mismatch
-from itouch_thermal.flux import observer as at
+from itouch_thermal.display.sideways import Sideways
 from itouch_thermal.flux import planner
-from itouch_thermal.flux.law import REFERENCE, ModelLaw
+from itouch_thermal.flux.law import REFERENCE
 from itouch_thermal.flux.preview import rising
 from itouch_thermal.heat import FINGER
 from itouch_thermal.rendering.closedloop import (
-    AMBIENT,
     BAND,
     CORE,
     PERIOD,
@@ -105,18 +104,18 @@ def _pumped(case: Case, course: Course, display: DisplayParams) -> float:
         from scipy.optimize import lsq_linear
     except ImportError as missing:
         raise ValueError("the bound needs scipy: pip install 'itouch-py[bench]'") from missing
-    parts = column(FINGER, CORE, case.skin, display.plate, STEP, REACH / 1e-3)
+    sideways = Sideways(display.area, display.conductance / display.area, display.cover)
+    parts = column(FINGER, CORE, case.skin, display.plate, STEP, REACH / 1e-3, sideways)
     every = slice(round(STEP / PERIOD) - 1, None, round(STEP / PERIOD))
     count = round(case.seconds / STEP)
     wanted = course.flux[every][:count]
     times = np.arange(1, count + 1) * STEP
     scored = times >= 0.1
     resistance = np.array([case.resistance * press_factor(float(t), case.press) for t in times])
-    law = ModelLaw(display, FINGER, CORE, case.skin, case.resistance, AMBIENT, PERIOD, band=BAND, ceiling=1.0)
     places = np.concatenate(([0.0], np.geomspace(STEP, case.seconds, KNOTS - 1)))
     hats = [np.interp(times - 0.5 * STEP, places, unit) * display.flux_limit for unit in np.eye(KNOTS)]
     cold, still = np.zeros(parts.plate.shape[1]), np.zeros(parts.tissue.shape[1])
-    drive = _Drive(parts.tissue, parts.plate, law.constants, resistance)
+    drive = _Drive(parts.tissue, parts.plate, resistance)
     free = drive.run(rising(parts, case.skin), cold, np.zeros(count), parts.rest - REFERENCE)
     columns = [drive.run(still, np.array(parts.flat), np.zeros(count), 0.0)]
     columns += [drive.run(still, cold, hat, 0.0) for hat in hats]
@@ -133,11 +132,9 @@ def _pumped(case: Case, course: Course, display: DisplayParams) -> float:
 class _Drive:
     """Steps the column under a given pump and history of resistances."""
 
-    def __init__(self, tissue: Array, plate: Array, constants: Array, resistance: Array) -> None:
-        self.tissue, self.plate, self.constants, self.resistance = tissue, plate, constants, resistance
+    def __init__(self, tissue: Array, plate: Array, resistance: Array) -> None:
+        self.tissue, self.plate, self.resistance = tissue, plate, resistance
         self.selves = float(tissue[F_PORT] @ tissue[F_END]), float(plate[P_PORT] @ plate[P_END])
-        if constants[at.O_COVER] <= 0.0:
-            raise ValueError("contact_area: must be more than 0")
 
     def run(self, finger: Array, plate: Array, pump: Array, rest: float) -> Array:
         """Return the contact flux at the end of each step."""
@@ -147,7 +144,7 @@ class _Drive:
         found = np.empty(len(pump))
         for i in range(len(pump)):
             flux = planner.ahead(
-                self.constants, self.tissue, self.plate, above, below, flux, float(pump[i]), float(self.resistance[i]),
+                self.tissue, self.plate, above, below, flux, float(pump[i]), 0.0, float(self.resistance[i]),
                 1.0, 1.0, *self.selves, rest,
             )  # fmt: skip
             found[i] = flux

@@ -191,6 +191,7 @@ class _Brain:
             self.reading = (reading[names[0]].item(), reading[names[1]].item(), reading[names[2]].item())
         if self.law is not None:
             scale = press_factor((i or 1) * PERIOD, self.case.press) if i >= 0 else 1.0
+            self.law.feel(self.state, 1.0 / scale)
             self.law.track(self.state, self.sent, *(self.reading if new else (math.nan,) * 3), scale)
 
     def command(self, i: int, hold: int) -> float:
@@ -223,6 +224,7 @@ class _Brain:
         before = self.passed[max(0, len(self.passed) - round(RATE_OVER / PERIOD / hold))]
         swing = RATE * RATE_OVER * RATE_USED
         low, high = max(BAND[0] + MARGIN, before - swing), min(BAND[1] - MARGIN, before + swing)
+        flux *= self.display.cover  # what the pump must carry at least to keep the plate where it is
         stiff = plate_capacity(self.display.plate) / max(STOPPING, 2.0 * hold * PERIOD)
         return min(flux + stiff * (plate - low), max(flux + stiff * (plate - high), pump))
 

@@ -1,25 +1,31 @@
 """Heat that spreads sideways under a finger that covers a part of the plate: an axisymmetric model of finger and plate.
 
 Finite volumes on rings, implicit in time, of what a touch changes: everything begins at rest, and the contact begins
-with a difference of temperature.  The twin of the display is one-dimensional: heat spreads at once over the whole
-plate, and not at all in the finger.  The same solver does that, too, so that their difference is spreading alone.
+with a difference of temperature.  In one dimension heat spreads at once over the whole plate, and not at all in the
+finger: the same solver does that, too, so that their difference is spreading alone.  The twin of the display lets heat
+spread in the plate (`display.sideways`); what it leaves out is the finger.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from contact_heat.layers import Layer
-from itouch_thermal.display.column import Array
+from contact_heat.steady import initial_profile
+from itouch.plugin import Field, Record, Touch
+from itouch_thermal.display.column import Array, tissue_side
+from itouch_thermal.display.device import DisplayTwin
 from itouch_thermal.display.params import ALUMINA, FILM, DisplayParams
 from itouch_thermal.heat import FINGER
 
 #: Radius of a fingertip [m].
 TIP = 8e-3
+#: Temperature of the room [K], and steps of the twin [s].
+ROOM, _TWIN_STEP = 296.15, 1e-3
 #: A factor on the conduction along the plate that makes its temperature even.
 EVEN = 1e5
 #: Steps [s] and until when each is used; cells from the middle to the contact's edge, to the tip's, to the plate's.
@@ -56,9 +62,7 @@ class Touched:
 
 
 def one_dimensional(touched: Touched) -> Touched:
-    """Return the same touch as the display's twin takes it."""
-    from dataclasses import replace
-
+    """Return the same touch in one dimension: even along the plate at once, and the finger in columns."""
     return replace(touched, along_plate=EVEN, along_finger=0.0)
 
 
@@ -243,10 +247,39 @@ class _Book:
                 )
 
 
-def error(touched: Touched, times: Array) -> Array:
-    """Return by what part the one-dimensional flux is greater than that of the spreading heat, shape (n,)."""
-    found: Array = flux(one_dimensional(touched), times) / flux(touched, times) - 1.0
-    return found
+def flux_of_twin(touched: Touched, times: Array) -> Array:
+    """Return what `flux` does of the display's twin under a finger that presses with 1 N, shape (n,)."""
+    display = replace(
+        touched.display, contact_area=touched.contact_area, area_exponent=0.0, contact_resistance=touched.resistance
+    )
+    twin = DisplayTwin(display)
+    state, command = Record.of(twin.fields()), Record.of([Field("current", "f8", 1)])
+    twin.reset(state, np.random.default_rng(0))
+    gap = display.skin_temperature - state["true_plate"].item()
+    found = []
+    for _ in range(math.ceil(float(np.max(times)) / _TWIN_STEP)):
+        twin.step(state, command, Touch(force=1.0, gap=0.0), _TWIN_STEP)
+        found.append(state["true_flux"].item() / gap)
+    return np.asarray(np.interp(times, np.arange(1, len(found) + 1) * _TWIN_STEP, found))
+
+
+def error(touched: Touched, times: Array, *, even: bool = True) -> Array:
+    """Return by what part a simpler flux is greater than that of heat that spreads in finger and plate, shape (n,).
+
+    It is that of one dimension, in which the plate is ``even`` at once, or that of the display's twin, in which heat
+    spreads in the plate, and not in the finger.
+    """
+    if even:
+        return np.asarray(flux(one_dimensional(touched), times) / flux(touched, times) - 1.0)
+    # The twin's skin gives heat to the air as it does at rest.
+    loss = resting_loss(touched.display)
+    return np.asarray(flux_of_twin(touched, times) / flux(replace(touched, air=loss), times) - 1.0)
+
+
+def resting_loss(display: DisplayParams) -> float:
+    """Return the film [W/m2K] through which the twin's skin at rest gives its heat to a room at 23 degC."""
+    rest = tissue_side(display.tissue or FINGER, display.core, display.skin_temperature)
+    return -float(initial_profile(rest).flux_at(0.0)) / (display.skin_temperature - ROOM)
 
 
 def passed(times: Array, off: Array, bound: float) -> float | None:
