@@ -163,6 +163,8 @@ def test_a_scene_is_checked_at_each_save_and_at_no_other_time(
         (("explain", "T4"), 2, "T4 is a limit: itouch-py explain contact-time tells of it"),
         (("explain", "T2"), 2, "itouch-py explain plate-temperature tells of it"),
         (("explain", "K3"), 2, "itouch-py check SCENE tells of it"),
+        (("sweep", "report", "sw"), 2, "commands are: 'check', 'page', 'replay'"),
+        (("sweep", "chek", "one.xml"), 2, "did you mean 'check'?"),
         (("explain", "Z4"), 2, "there is no code 'Z4'"),
         (("report", str(SCENES.parent / "README.md"), "-o", "x.html"), 2, "it does not begin as one"),
     ],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import time
 from collections.abc import Sequence
@@ -33,6 +34,12 @@ def main(argv: Sequence[str]) -> int:
         return _replay(words[1:])
     if words[:1] == ["page"]:
         return _page(words[1:])
+    if words and re.fullmatch("[a-z]+", words[0]) and not Path(words[0]).exists():
+        from itouch.schema.diagnostics import did_you_mean
+
+        advice = did_you_mean(words[0], COMMANDS, "commands are")
+        print(f"error: there is no command or file named '{words[0]}'\n  = help: {advice}", file=sys.stderr)
+        return 2
     return _sweep(words)
 
 
