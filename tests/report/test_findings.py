@@ -148,3 +148,11 @@ def test_a_page_that_can_not_be_written_is_refused_in_a_sentence(tmp_path):
     assert cli("report", session, "-o", str(tmp_path / "old.html"), "--no-picture").returncode == 0
     assert "<!DOCTYPE html>" in (tmp_path / "old.html").read_text()
     assert cli("report", str(SCENES / "first_touch.xml"), "-o", str(tmp_path / "x.html")).returncode == 2
+
+
+def test_what_rounds_to_nothing_has_no_sign() -> None:
+    from itouch.plugin import Measured
+
+    assert Measured("gap_mm", "mm", "a gap", digits=3).told(-0.0004) == "0.000"
+    assert Measured("gap_mm", "mm", "a gap", digits=3).told(-0.0006) == "-0.001"
+    assert number(-0.0004, ".3f") == "0.000"

@@ -105,4 +105,4 @@ class Measured:
         if not isinstance(value, int | float):
             return str(value)
         number = float(value) * self.scale
-        return f"{number:.{self.digits}f}{' %' if self.percent else ''}" if math.isfinite(number) else "-"
+        return f"{number:z.{self.digits}f}{' %' if self.percent else ''}" if math.isfinite(number) else "-"

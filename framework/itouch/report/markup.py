@@ -22,7 +22,7 @@ def number(value: object, form: str = ".6g", scale: float = 1.0) -> str:
         return str(value)
     if isinstance(value, int | float):
         try:
-            shown = format(float(value) * scale, form)
+            shown = format(float(value) * scale, f"z{form}" if form.startswith(".") else form)
         except OverflowError:
             return "-"
         return shown if math.isfinite(float(value) * scale) else "-"
