@@ -156,3 +156,10 @@ def test_what_rounds_to_nothing_has_no_sign() -> None:
     assert Measured("gap_mm", "mm", "a gap", digits=3).told(-0.0004) == "0.000"
     assert Measured("gap_mm", "mm", "a gap", digits=3).told(-0.0006) == "-0.001"
     assert number(-0.0004, ".3f") == "0.000"
+
+
+def test_a_table_of_several_fingers_says_which() -> None:
+    lines = cli("run", str(SCENES / "two_fingers.xml"), "--headless", "--no-record", "--for", "1s").stdout.splitlines()
+    found = [line.split()[:3] for line in lines if " wood " in line]
+    assert found == [["thumb", "block", "wood"], ["index", "block", "wood"]]
+    assert any(line.startswith("probe  object  material  begin s") for line in lines)

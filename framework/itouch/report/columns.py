@@ -30,15 +30,16 @@ def measured(model: Model | None) -> tuple[Measured, ...]:
 
 
 def rows(model: Model, contacts: Sequence[Mapping[str, Any]]) -> list[list[str]]:
-    """Return a terminal's table: the heads, and a row of each contact."""
+    """Return a terminal's table: the heads, and a row of each contact; of several probes it says which."""
     felt = [one for one in measured(model) if one.show == ""]
     shown = (*_WHEN, *(one for one in felt if not one.percent), *_HOW, *(one for one in felt if one.percent))
-    heads = ["object", "material", *(one.short_head for one in shown)]
-    return [heads, *(_row(entry, shown) for entry in contacts)]
+    what = ("probe", "object", "material") if len(model.probes) > 1 else ("object", "material")
+    heads = [*what, *(one.short_head for one in shown)]
+    return [heads, *(_row(entry, what, shown) for entry in contacts)]
 
 
-def _row(entry: Mapping[str, Any], shown: Iterable[Measured]) -> list[str]:
-    return [str(entry["object"]), str(entry["material"]), *(one.told(entry.get(one.key)) for one in shown)]
+def _row(entry: Mapping[str, Any], what: Iterable[str], shown: Iterable[Measured]) -> list[str]:
+    return [*(str(entry[key]) for key in what), *(one.told(entry.get(one.key)) for one in shown)]
 
 
 def ended(model: Model, entry: Mapping[str, Any]) -> list[str]:

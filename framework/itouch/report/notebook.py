@@ -124,7 +124,7 @@ def _told(model: Model | None, report: dict[str, Any]) -> str:
     contacts, found = report.get("contacts", []), []
     if contacts and model is not None:
         heads, *rows = columns.rows(model, contacts)
-        found.append(table(heads, rows, words=(1,)))
+        found.append(table(heads, rows, words=range(1, heads.index("material") + 1)))
     elif contacts:
         keys = ("object", "material", "begin_s", "end_s", "peak_force_N")
         found.append(table(keys, [[number(entry.get(key)) for key in keys] for entry in contacts], words=(1,)))

@@ -176,8 +176,10 @@ def _wire(name: str, figures: dict[str, float]) -> str:
 
 def _plain_table(rows: list[list[str]], stream: TextIO) -> None:
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    last = rows[0].index("material")  # of the columns that are words
     for row in rows:
-        cells = [cell.ljust(w) if i < 2 else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, widths, strict=True))]
+        sized = enumerate(zip(row, widths, strict=True))
+        cells = [cell.ljust(w) if i <= last else cell.rjust(w) for i, (cell, w) in sized]
         stream.write("  ".join(cells).rstrip() + "\n")
 
 
@@ -188,8 +190,9 @@ def _rich_table(rows: list[list[str]], stream: TextIO) -> None:
     from rich.text import Text
 
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+    last = rows[0].index("material")
     for index, column in enumerate(rows[0]):
-        table.add_column(Text(plain(column)), justify="left" if index < 2 else "right")
+        table.add_column(Text(plain(column)), justify="left" if index <= last else "right")
     for row in rows[1:]:
         table.add_row(*(Text(plain(cell)) for cell in row))
     Console(file=getattr(stream, "inner", stream), no_color=not colours(stream)).print(table)
