@@ -19,7 +19,7 @@ EVERY = 31
 @pytest.fixture(scope="module")
 def found() -> Iterator[tuple[Pair, dict[str, tuple[bytes, bytes]]]]:
     """Return a host and its world, with the display exchanged with every 20 ms, in step."""
-    pair = Pair(SCENES / "four_materials.xml", 20, threads=False)
+    pair = Pair(SCENES / "four_materials.xml", 20, threads=False, slots=2)
     yield pair, stored(pair)
     pair.close()
 
@@ -68,6 +68,39 @@ def test_a_surface_whose_place_is_not_believed_retracts_all_the_same(
     (fault,) = pair.host.report()["faults"]
     assert cell.good and fault["trip"] == "sensor-jump"
     assert pair.truly_safe(fault["time_s"])
+
+
+#: How a table may lie about its place.
+LIES = (Kind.NAN, Kind.SPIKE, Kind.WRONG_UNITS, Kind.GARBAGE)
+
+
+@pytest.mark.parametrize("lies", LIES, ids=[kind.label for kind in LIES])
+def test_a_table_that_is_reversed_and_lies_about_its_place_lets_go_of_the_finger(
+    found: tuple[Pair, dict[str, tuple[bytes, bytes]]], lies: Kind
+) -> None:
+    """It rose to the end of its travel: nobody knows the way of what nobody believes, but the finger that it pushes."""
+    pair, phases = found
+    cell = run(pair, "contact", phases["contact"], [("table", lies, 0), ("table", Kind.REVERSED_SIGN, 1)])
+    (fault,) = [entry for entry in pair.host.report()["faults"] if entry["trip"] is not None]
+    assert cell.good
+    assert "it pushed as it was told to go back" in fault["safe"]["devices"]["table"]
+    assert pair.truth.plate_force < 4.0
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("ticks", [20, 23])
+def test_reversed_tables_that_lie_through_threads(ticks: int) -> None:
+    """In real time, at whatever phase of its exchanges the fault comes; a busy machine stops some before it does."""
+    scene = SCENES / "four_materials.xml"
+    pair = Pair(scene, ticks, threads=False, slots=2)
+    phases = stored(pair)
+    pair.close()
+    pair = Pair(scene, ticks, threads=True, slots=2)
+    faults = [[("table", lies, 0), ("table", Kind.REVERSED_SIGN, 1)] for lies in LIES]
+    done = [run(pair, "contact", phases["contact"], both) for both in faults * 5]
+    pair.close()
+    assert [cell for cell in done if not cell.good] == []
+    campaign.tell(f"{ticks} ms: {sum((cell.after or 0.0) >= 0.0 for cell in done)} of {len(done)} reached their fault")
 
 
 @pytest.mark.long

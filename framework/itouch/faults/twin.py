@@ -173,7 +173,7 @@ class FaultyTwin(Twin, Stamped):
             if channel.role is Role.TRACKED_POSE:
                 state["fault.origin"][slot] = values[at : at + 7]
                 place = self.twin.position(state)
-                if place is not None and not np.isfinite(values[at : at + 3]).all():  # bent by another fault already
+                if place is not None:  # what is read of it may be bent by another fault already
                     state["fault.origin"][slot][:3] = place
             at += channel.size
 
