@@ -14,8 +14,9 @@ from itouch_thermal.laws import KINDS, ForceLaw, PressureLaw, check_laws
 
 #: Copper-clad film sensor of the paper: thickness from 15e-6 K m2/W and k = 2.5 W/mK.
 FILM = Layer(name="flux sensor", thickness=37.5e-6, conductivity=2.5, density=8933.0, specific_heat=385.0)
-#: Area of the film [m2]: a sensor of its own, as large as a fingertip's contact under 0.75 N.
-SENSOR_AREA = 1e-4
+#: Area of the film [m2]: a sensor of its own, as large as a fingertip's contact under 0.1 N.  One as large as the
+#: finger would read less, by as much as a finger's area is less than what is thought.
+SENSOR_AREA = 5e-5
 ALUMINA = Layer(name="alumina", thickness=0.8e-3, conductivity=27.0, density=3800.0, specific_heat=880.0)
 
 #: Seebeck coefficient [V/K], resistance [ohm] and conductance [W/K] of a 40 mm module with 127 couples.
