@@ -1,8 +1,9 @@
 """The most probable values of a finger and a sample, their intervals, and which cannot be told from the data.
 
 Values are logarithms where they are positive.  What is assumed beforehand is a normal distribution of each (`ASSUMED`:
-what fingers and sensors are like); the result is the least of the sum of squares of data and assumptions, and its
-interval follows from their curvature.  A value whose interval the data hardly narrow cannot be told apart from others.
+what fingers and sensors are like); the result is the least of the sum of squares of data and assumptions.  Its interval
+is what is probable along the epidermis' thickness, of which thin and thick may both meet the data (`posterior`).
+A value whose interval the data hardly narrow cannot be told apart from others.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 
 from itouch_thermal.display.column import Array
 from itouch_thermal.identify.forward import Forward, Known, Values, binned, inside
+from itouch_thermal.identify.posterior import Mixture
 
 #: Middle and standard deviation of each value beforehand; of the logarithm where the third is True.
 ASSUMED: dict[str, tuple[float, float, bool]] = {
@@ -37,20 +39,20 @@ UNITS = {
 }  # fmt: skip
 #: A value is told apart if the data narrow its interval to this part.
 TOLD = 0.7
-#: Half width of an interval that holds 95 of 100, in standard deviations.
-HALF = 1.959964
+#: What an interval holds, and its half width where it is normal, in standard deviations.
+HELD, HALF = 0.95, 1.959964
 _STEPS, _MOVE = 100, 1e-3
 #: Longest step towards the least point, in any coordinate: a longer one leaps over valleys into false ones.
 _LONGEST = 1.0
 #: A sum of squares so many standard deviations too large, or a value so far from what is assumed, is tried again.
 _UNLIKELY, _FAR = 1.5, 2.8
-#: Between these the profile of a logarithm's interval is followed.
-_BENT, _FLAT = 0.2, 0.9
-#: Starts for resistance, epidermis and effusivity, in standard deviations of what is assumed.  A thick and a thin
-#: epidermis are often two valleys, in both of which the data are met well: the first starts are always tried.
-_ALWAYS = ((0.0, 0.0, 0.0), (0.0, -1.6, 0.0), (0.0, 1.6, 0.0))
+#: Where the epidermis' thickness is walked along: from what is assumed, and from the point in its own deviations.
+_WALKED, _NEAR = (-3.2, -2.4, -1.6, -0.8, 0.0, 0.8, 1.6, 2.4, 3.2), (-3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0)
+#: By how much the sum of squares must be less in another valley.
+_GAIN = 1e-2
+#: Starts for resistance, epidermis and effusivity, in standard deviations of what is assumed.
 _STARTS = (
-    (0.0, 0.0, 1.5), (0.0, 1.5, 1.5), (1.5, -1.5, 1.5), (-1.5, 0.0, 0.0),
+    (0.0, 0.0, 1.5), (0.0, -1.5, 0.0), (0.0, 1.5, 1.5), (0.0, 1.5, 0.0), (1.5, -1.5, 1.5), (-1.5, 0.0, 0.0),
     (1.5, 0.0, 0.0), (0.0, 0.0, -1.5), (-1.5, 1.5, -1.5), (1.5, 1.5, 0.8),
 )  # fmt: skip
 
@@ -192,11 +194,11 @@ class Problem:
 
     def best(self) -> Array:
         """Return the least point of several starts: the sum of squares may have more than one valley."""
-        start, cost = np.zeros(len(self.names)), math.inf
+        start, cost = self.solve()
         count = self.data.size
         likely = count + _UNLIKELY * math.sqrt(2.0 * count)
-        for tried, places in enumerate((*_ALWAYS, *_STARTS)):
-            if tried >= len(_ALWAYS) and cost < likely and float(np.abs(start).max()) < _FAR:
+        for places in _STARTS:
+            if cost < likely and float(np.abs(start).max()) < _FAR:
                 break
             near = np.zeros(len(start))
             for name, place in zip(("resistance", "epidermis", "effusivity"), places, strict=True):
@@ -210,35 +212,54 @@ class Problem:
     def fit(self) -> Fit:
         """Return the most probable values and their intervals."""
         point = self.best()
+        mixture, better = self._mixture(point)
+        if better is not point:
+            point = better
+            mixture, _ = self._mixture(point)
         slopes = self.slopes(point, range(len(point)))
         covariance: Array = np.asarray(np.linalg.inv(slopes.T @ slopes + np.eye(len(point))), dtype=np.float64)
-        deviations = np.sqrt(np.diag(covariance))
         values, found = self.values(point), {}
+        ends = mixture.quantile(0.5 - 0.5 * HELD), mixture.quantile(0.5 + 0.5 * HELD)
         for k, name in enumerate(self.names):
             middle, scale, log = self.assumed[name]
-            ends = [self._end(point, k, sign * float(deviations[k])) for sign in (-1.0, 1.0)]
-            low, high = (middle * math.exp(scale * end) if log else middle + scale * end for end in ends)
-            found[name] = Found(float(getattr(values, name)), low, high, float(deviations[k]))
+            places = [float(end[k]) for end in ends]
+            low, high = (middle * math.exp(scale * end) if log else middle + scale * end for end in places)
+            found[name] = Found(float(getattr(values, name)), low, high, (places[1] - places[0]) / (2.0 * HALF))
         off = self.residual(point)
         return Fit(found, values, point, covariance, float(off @ off) / len(off))
 
-    def _end(self, point: Array, k: int, deviation: float) -> float:
-        """Return an end of an interval: where the least sum of squares has grown by that of 95 of 100.
+    def _mixture(self, point: Array) -> tuple[Mixture, Array]:
+        """Return what is probable along the epidermis' thickness, and the point, or a better one if one is met."""
+        along = self.names.index("epidermis")
+        free = [k for k in range(len(point)) if k != along]
+        slopes = self.slopes(point, range(len(point)))
+        wide = math.sqrt(float(np.linalg.inv(slopes.T @ slopes + np.eye(len(point)))[along, along]))
+        near, middle = point[along] + wide * np.array(_NEAR), float(point[along])
+        places = np.unique(np.concatenate((near, np.array(_WALKED))).round(6))
+        apart = np.concatenate(([True], np.diff(places) > 0.5 * wide * min(np.diff(_NEAR))))
+        places = places[apart & (np.abs(places) <= _WALKED[-1])]
+        rows: dict[float, tuple[float, Array, Array]] = {}
+        best, least = point, math.inf
+        for way in (places[places >= middle], places[places < middle][::-1]):
+            start = point
+            for place in way.tolist():
+                start, cost = self.solve(start, {along: place})
+                bend = self.slopes(start, free)
+                bend = bend.T @ bend + np.eye(len(free))
+                deviation = np.zeros(len(point))
+                deviation[free] = np.sqrt(np.diag(np.linalg.inv(bend)))
+                rows[place] = -0.5 * (cost + float(np.linalg.slogdet(bend)[1])), start, deviation
+                if cost < least:
+                    best, least = start, cost
+        best = self.solve(best)[0] if least < self._cost(point) - _GAIN else point
+        nodes = np.array(sorted(rows))
+        level, middles, deviations = (np.array([rows[place][k] for place in nodes.tolist()]) for k in range(3))
+        return Mixture.of(along, nodes, level, middles, deviations), best
 
-        Where the data tell much or nothing the sum is a parabola; between them its profile is followed.
-        """
-        place = float(point[k] + HALF * deviation)
-        if not _BENT < abs(deviation) < _FLAT or not self.assumed[self.names[k]][2]:
-            return place
+    def _cost(self, point: Array) -> float:
+        """Return the sum of squares of data and assumptions."""
         off = self.residual(point)
-        least = float(off @ off + point @ point)
-        for _ in range(3):
-            grown = self.solve(point, {k: place})[1] - least
-            if grown <= 0.05:
-                break
-            step = (place - float(point[k])) * HALF / math.sqrt(grown)
-            place = float(point[k]) + max(-3.0, min(3.0, step))
-        return place
+        return float(off @ off + point @ point)
 
     def profile(
         self, name: str, fit: Fit, at: Sequence[float] = (-2.0, -1.0, 0.0, 1.0, 2.0)
