@@ -761,3 +761,20 @@ def test_a_drive_that_is_on_and_a_fault_are_reasons_not_to_rest() -> None:
     outcome = park(rig)
     assert outcome.unsafe == ("plate",)
     assert rig.plate.status is Status.FAULT
+
+
+@pytest.mark.parametrize("trip", [Trip.NOT_A_NUMBER, Trip.TRACKING])
+def test_a_twin_that_lies_and_goes_the_wrong_way_is_driven_back(trip: Trip) -> None:
+    """It was held 3 mm nearer than it had been: what it felt was not believed, though it is known where it is."""
+    rig = Rig(twin=True)
+    rig.twin.place = [0.0, 0.0, rig.height]
+
+    def wrong(goal: float) -> None:
+        rig.height = 0.06 - goal
+        rig.load = 1.0 if rig.height > 0.025 else 0.0
+
+    rig.obey = wrong
+    outcome = rig.stop("table", trip)
+    assert outcome.safe
+    assert outcome.devices["table"] == "goes the wrong way: held 8.0 mm further back"
+    assert rig.height == pytest.approx(0.022, abs=3e-4)

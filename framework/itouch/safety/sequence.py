@@ -219,7 +219,10 @@ class SafeSequence:
         return self._believed(supervisor) and not self._left(supervisor)
 
     def _mind_direction(self, heights: dict[str, float]) -> None:
-        """Hold a surface that comes nearer when it is told to retract; if it still presses then, drive it back."""
+        """Hold a surface that comes nearer when it is told to retract; if it still presses then, drive it back.
+
+        Of a twin it is known where it is, whatever it says: one that feels nothing that can be believed may press.
+        """
         for supervisor, stopped in self._ways:
             name = supervisor.model.name
             if supervisor.twin is None and not self._believed(supervisor):
@@ -244,11 +247,12 @@ class SafeSequence:
                 self._change(name)
             elif stopped.item() == HELD and name in self._held_for:
                 self._held_for[name] += 1
-                if self._held_for[name] * self._period > SETTLE and self._pressed(supervisor):
+                presses = self._pressed(supervisor) or (gone < 0.0 and not self._believed(supervisor))
+                if self._held_for[name] * self._period > SETTLE and presses:
                     stopped[...], self._furthest[name] = BACKWARDS, height
             elif stopped.item() == BACKWARDS and height - furthest > WRONG_WAY:  # that is the wrong way, too
                 self._turn(name, stopped)
-            elif stopped.item() == BACKWARDS and gone >= CLEAR and self._left(supervisor):
+            elif stopped.item() == BACKWARDS and gone >= CLEAR and not self._pressed(supervisor):
                 stopped[...] = HELD
                 self._held_for.pop(name, None)
 
