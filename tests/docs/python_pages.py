@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import functools
 import importlib
 import json
@@ -16,7 +17,10 @@ from typing import Any
 from unittest.mock import create_autospec
 
 import pytest
+import stands_for_psychopy
 from shipped import SCENES
+
+from itouch.study import client
 
 Names = dict[str, Any]
 Setup = Callable[[Path, pytest.MonkeyPatch], Names]
@@ -189,9 +193,16 @@ def led(folder: Path, patch: pytest.MonkeyPatch) -> Names:
     assert process.stdout is not None
     assert "is served" in process.stdout.readline()
 
+    for name, module in stands_for_psychopy.modules().items():
+        patch.setitem(sys.modules, name, module)
+    patch.setitem(sys.modules, "itouch_client", client)  # the copy of the file that the page speaks of
+
     def close() -> None:
         process.kill()
         process.communicate()
+        with (folder / "answers.csv").open(encoding="utf-8") as stream:
+            rows = list(csv.DictReader(stream))
+        assert len(rows) == 10 and all(row["said"] == "w" and not row["void"] for row in rows), rows
 
     return {"close": close}
 

@@ -344,12 +344,12 @@ class ModelLaw:
         x[0, n + m + at.X_BACK] = x[0, n + m + at.X_FACE] = x[0, n + m + at.X_FILM] = ambient
         state[p + "memory"][[at.M_SINK, at.M_SINK_SEEN]] = ambient
         state[p + "memory"][at.M_CONTACT] = 1.0
-        self.feel(state, 1.0)
+        self.feel(state, None)
         state[p + "slots"][1] = self.delay
 
-    def feel(self, state: Record, force: float) -> None:
-        """Say with what force [N] the finger presses: the part of it over the sensor follows from that."""
-        state[self.prefix + "memory"][at.M_PART] = at.seen(self.pad, force)
+    def feel(self, state: Record, force: float | None) -> None:
+        """Say with what force [N] the finger presses (None: not at all); the part over the sensor follows from it."""
+        state[self.prefix + "memory"][at.M_PART] = 1.0 if force is None else at.seen(self.pad, force)
 
     def track(
         self, state: Record, sent: float, flux: float, film: float, sink: float, scale: float = 1.0, press: float = -1.0

@@ -60,8 +60,7 @@ def control(
     ticks = tick - state[names.begun].item() if touching else 0
     scale = _scale(model, state, ticks) if touching and not model.steady else 1.0
     press = _press(model, state, scale) if touching and not model.steady else 0.0
-    if touching:
-        law.feel(state, _force(model, state))
+    law.feel(state, _force(model, state) if touching else None)
     _take(model, law, state, touching and not pressed, tick, scale, press)
     if (pressed and not state[names.on_plate].item()) or (model.hold > 1 and not state["ready"].item()):
         law.disturb(state)

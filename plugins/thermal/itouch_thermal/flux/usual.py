@@ -330,7 +330,7 @@ def prepare(
     """Note what was obtained, and say what the law takes in."""
     if _unusual(scene, own, given, figures):
         return PYTHON
-    taken.scale[0], taken.press[0] = 1.0, 0.0
+    taken.scale[0], taken.press[0], taken.part[0] = 1.0, 0.0, 1.0  # each anew: what is kept here is not in State
     if own.touching[0] != 0:
         taken.part[0] = observer.seen(given.pad, _force(scene))
         contact = in_contact(scene, figures.heat)
