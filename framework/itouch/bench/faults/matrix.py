@@ -37,6 +37,11 @@ class Cell:
         """Whether no absolute limit was passed, what tripped was made safe in time, and the report names the fault."""
         return not self.broken and self.safe and self.told
 
+    @property
+    def early(self) -> bool:
+        """Whether it was stopped before its fault began, by a busy machine: it shows nothing of that fault."""
+        return self.after is not None and self.after < -1e-9
+
 
 def single(session: Session, stored: Mapping[str, bytes]) -> Iterator[Cell]:
     """Run every kind of fault in every device in every phase."""

@@ -42,6 +42,8 @@ class Box:
     count: int = 0
     error: DeviceError | None = None
     command: bytes = b""
+    #: Whether the world stands still, as it does while a host is enabled: what is asked then answers all the same.
+    rests: bool = False
 
 
 class Line(Device):
@@ -74,7 +76,7 @@ class Line(Device):
             time.sleep(self.lasts)
         if self.box.error is not None:
             raise DeviceError(str(self.box.error))
-        if self._taken == self.box.count:
+        if self._taken == self.box.count and not (self.lasts and self.box.rests):
             return False
         self._taken = self.box.count
         reading.raw.data[:] = self.box.reading
@@ -156,6 +158,7 @@ class Pair:
 
     def _tick(self, tick: int) -> None:
         """Let the world go on by a period after a tick of the host; somebody holds the switch all the time."""
+        self._rest(False)
         self._exchange()
         self._note()
         self.host.hold()
@@ -164,6 +167,10 @@ class Pair:
                 self._checked = post.checked.item()
                 self.checks += 1
         self.watched += self.world.model.period * bool(self._heats)
+
+    def _rest(self, rests: bool) -> None:
+        for _, box in self._boxes:
+            box.rests = rests
 
     def _note(self) -> None:
         self.truth.note(self.world.ticks)
@@ -247,6 +254,7 @@ class Pair:
             If a device can't be opened.
         """
         self.measure()
+        self._rest(True)
         self.host.hold()
         self.host.enable()
 
