@@ -163,3 +163,11 @@ def test_a_table_of_several_fingers_says_which() -> None:
     found = [line.split()[:3] for line in lines if " wood " in line]
     assert found == [["thumb", "block", "wood"], ["index", "block", "wood"]]
     assert any(line.startswith("probe  object  material  begin s") for line in lines)
+
+
+def test_a_run_without_contacts_says_so_in_place_of_a_table() -> None:
+    lines = cli(
+        "run", str(SCENES / "first_touch.xml"), "--headless", "--no-record", "--for", "0.1s"
+    ).stdout.splitlines()
+    assert "no contact with a virtual object" in lines
+    assert not any("begin s" in line for line in lines)

@@ -122,11 +122,12 @@ class Screen:
         rows = columns.rows(self._engine.model, report["contacts"])
         if self._live:
             control(self._stream, "\r\x1b[2K")
-            _rich_table(rows, self._stream)
+        elif not MANNER.quiet:
+            self._new_contacts()
+        if not report["contacts"]:  # heads above nothing would look as if something was lost
+            self._stream.write("no contact with a virtual object\n")
         else:
-            if not MANNER.quiet:
-                self._new_contacts()
-            _plain_table(rows, self._stream)
+            (_rich_table if self._live else _plain_table)(rows, self._stream)
         for entry in report["contacts"]:
             for line in columns.remarks(self._engine.model, entry):
                 self._stream.write(line + "\n")
