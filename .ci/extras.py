@@ -124,7 +124,7 @@ def _try(wheel: Path, name: str, wanted: list[str], base: int) -> Result:
             found = json.loads(done.stdout) if not wrong else {}
         if not wrong:
             told = subprocess.run(
-                [python, "-m", "itouch.cli", "doctor", "--json"], capture_output=True, text=True, env=clean
+                [python, "-m", "itouch_tools.cli", "doctor", "--json"], capture_output=True, text=True, env=clean
             )
             said = next(one["found"] for one in json.loads(told.stdout)["checks"] if one["name"] == "extras")
             there = re.findall(r"([\w-]+) \(", said.partition("; not:")[0])

@@ -90,7 +90,7 @@ def _twins(path: Path) -> str:
 
 def _step(words: str, codes: tuple[int, ...], folder: Path) -> bool:
     begun = time.monotonic()
-    done = subprocess.run([sys.executable, "-m", "itouch.cli", *words.split()], cwd=folder, capture_output=True,
+    done = subprocess.run([sys.executable, "-m", "itouch_tools.cli", *words.split()], cwd=folder, capture_output=True,
                           text=True, stdin=subprocess.DEVNULL)  # fmt: skip
     good = done.returncode in codes and "Traceback" not in done.stderr
     print(f"{'ok ' if good else 'BAD'} {done.returncode} {time.monotonic() - begun:6.1f} s  {words}", flush=True)

@@ -49,7 +49,7 @@ def _reproduce_paper() -> None:
     stamp = out / "code.sha256"
     if stamp.exists() and stamp.read_text(encoding="utf-8") == digest.hexdigest():
         return
-    subprocess.run([sys.executable, "-m", "itouch.cli", "reproduce", "--out", str(out)], check=True)
+    subprocess.run([sys.executable, "-m", "itouch_tools.cli", "reproduce", "--out", str(out)], check=True)
     stamp.write_text(digest.hexdigest(), encoding="utf-8")
 
 

@@ -16,8 +16,8 @@ import numpy as np
 from PIL import Image
 
 import itouch
-from itouch.viewer.offscreen import Offscreen
-from itouch.viewer.overlay import Situation
+from itouch_tools.viewer.offscreen import Offscreen
+from itouch_tools.viewer.overlay import Situation
 
 HERE = Path(__file__).parent
 SCENES, FILMS = HERE.parent / "scenes", HERE / "pictures" / "gallery"

@@ -11,7 +11,7 @@ from pathlib import Path
 
 HERE = Path(__file__).parent
 SCENES = HERE.parent / "scenes"
-VIEWER = HERE.parent / "framework" / "itouch" / "viewer"
+VIEWER = HERE.parent / "framework" / "itouch_tools" / "viewer"
 #: File name -> words of the command that makes the picture.
 PICTURES = {
     "free": ("four_materials_hurried.xml", "--at", "14.5s", "--for", "14.6s"),
@@ -63,7 +63,7 @@ def _itouch_py(*words: str) -> None:
     RuntimeError
         If it fails.
     """
-    command = [sys.executable, "-m", "itouch.cli", *words]
+    command = [sys.executable, "-m", "itouch_tools.cli", *words]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode not in (0, 1):  # 1: the scene of faults
         raise RuntimeError(f"{' '.join(command)}:\n{done.stderr}")
@@ -72,10 +72,10 @@ def _itouch_py(*words: str) -> None:
 def draw_played(recording: str, picture: Path) -> None:
     """Draw the window that plays a recording, as it stands in the middle of a contact."""
     from itouch.recording import read
-    from itouch.viewer.context import write_png
-    from itouch.viewer.offscreen import Offscreen
-    from itouch.viewer.playback import Playback
-    from itouch.viewer.recording_seek import SeekableRecording
+    from itouch_tools.viewer.context import write_png
+    from itouch_tools.viewer.offscreen import Offscreen
+    from itouch_tools.viewer.playback import Playback
+    from itouch_tools.viewer.recording_seek import SeekableRecording
 
     reel = SeekableRecording(read(recording))
     playback = Playback(reel)

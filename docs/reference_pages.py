@@ -29,7 +29,7 @@ def write_pages() -> None:
     page = HERE / "reference" / "errors.md"
     if page.exists() and stamp.exists() and stamp.read_text(encoding="utf-8") == digest:
         return
-    from itouch.cli.explain.page import page as errors
+    from itouch_tools.cli.explain.page import page as errors
 
     _put(page, errors())
     stamp.parent.mkdir(exist_ok=True)
@@ -55,7 +55,7 @@ def _scene() -> str:
 
 def _sweeps() -> str:
     from itouch.scene.grammar import elements_of
-    from itouch.sweeps.elements import Sweep
+    from itouch_tools.sweeps.elements import Sweep
 
     head = "# Elements of sweeps\n\nGenerated from the classes that read the files, as are those of scenes.\n"
     return head + elements_of(Sweep, "outermost")
@@ -73,12 +73,13 @@ def _digest() -> str:
 
 def write_commands() -> None:
     """Write the reference of the command line, out of each command's own help."""
-    from itouch.cli import COMMANDS, _plugin_commands
+    from itouch_tools.cli import COMMANDS, _plugin_commands
 
     lines = ["# Command line", "", "Generated from the commands' own help.", ""]
     for name in sorted({*COMMANDS, *_plugin_commands()}):
-        done = subprocess.run([sys.executable, "-m", "itouch.cli", name, "--help"], capture_output=True, text=True,
-                              check=True, env={**os.environ, "COLUMNS": "100", "NO_COLOR": "1"})  # fmt: skip
+        words = [sys.executable, "-m", "itouch_tools.cli", name, "--help"]
+        done = subprocess.run(words, capture_output=True, text=True, check=True,
+                              env={**os.environ, "COLUMNS": "100", "NO_COLOR": "1"})  # fmt: skip
         lines += [f"## itouch-py {name}", "", "```text", done.stdout.rstrip(), "```", ""]
     _put(HERE / "reference" / "command-line.md", "\n".join(lines))
 

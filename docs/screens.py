@@ -32,9 +32,9 @@ OURS = (sys.executable, "-m", "itouch")
 def window() -> None:
     """Draw the window in a contact on both grounds, and its menu, temperatures, large words and a fault."""
     import itouch
-    from itouch.viewer.offscreen import Offscreen
-    from itouch.viewer.overlay import Situation
-    from itouch.viewer.signals import Ring
+    from itouch_tools.viewer.offscreen import Offscreen
+    from itouch_tools.viewer.overlay import Situation
+    from itouch_tools.viewer.signals import Ring
 
     session = itouch.build(SCENES / "four_materials_hurried.xml")
     ring = Ring(session.model)
@@ -71,8 +71,8 @@ def window() -> None:
 
 def study() -> None:
     """Draw the screens of a study: what the participant sees at each cue, and what the operator sees of a rig."""
-    from itouch.study.shown import Shown
-    from itouch.viewer.offscreen import open_context
+    from itouch_tools.study.shown import Shown
+    from itouch_tools.viewer.offscreen import open_context
 
     choices = ("aluminium", "pyrex", "wood", "polystyrene")
     asked = Shown("answer", question="What did you touch?", choices=choices, trial=12, trials=40)
@@ -88,8 +88,8 @@ def study() -> None:
     faces = {"question": asked, "contact": pressed, "break": resting, "hold": waits, "instructions": asked}
     for (width, height), size in SIZES.items():
         shown = open_context(width, height)
-        from itouch.viewer.asking import DARK, LIGHT, Board  # the context comes first
-        from itouch.viewer.buffers import Frame
+        from itouch_tools.viewer.asking import DARK, LIGHT, Board  # the context comes first
+        from itouch_tools.viewer.buffers import Frame
 
         for ground, look in {"dark": DARK, "light": LIGHT}.items():
             board, frame = Board(look), Frame(width, height)

@@ -9,8 +9,11 @@
 from __future__ import annotations
 
 import os
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
+
+from itouch.moved import MOVED
 
 # kernels that came with the program are for a kind of processor, which Numba asks for when it is imported: whoever of
 # the program or its plugins does that first finds it chosen
@@ -18,6 +21,8 @@ if os.path.exists(os.path.join(os.path.dirname(__file__), "compiled", "manifest.
     from itouch.shipped import choose_processor
 
     choose_processor()
+
+sys.meta_path.append(MOVED)
 
 if TYPE_CHECKING:
     from itouch.loop import DeviceFaultError, Engine, EngineError, VirtualClock, WallClock
@@ -31,7 +36,8 @@ if TYPE_CHECKING:
     from itouch.session.batch import batch
     from itouch.session.replay import replay
 
-#: Public name -> where it lives; loaded when it is first asked for, so that the command line starts fast.
+#: Public name -> where it lives; loaded when it is first asked for, so that the command line starts fast.  A sweep is
+#: a tool, and is named here only because users write ``itouch.sweep``: the core imports nothing of the tools.
 _HOMES = {
     "DeviceError": "itouch.plugin",
     "DeviceFaultError": "itouch.loop",
@@ -57,7 +63,7 @@ _HOMES = {
     "read": "itouch.recording",
     "replay": "itouch.session.replay",
     "restore": "itouch.session",
-    "sweep": "itouch.sweeps.client",
+    "sweep": "itouch_tools.sweeps.client",
     "write": "itouch.scene",
 }
 

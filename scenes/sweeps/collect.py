@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from itouch.bench.faults.truth import Truth
 from itouch.session import Session
-from itouch.study.observers import CombinedObserver, Felt, FluxObserver, Observer, Person, ReceptorObserver
-from itouch.study.touches import deep_temperature
+from itouch_evidence.faults.truth import Truth
+from itouch_tools.study.observers import CombinedObserver, Felt, FluxObserver, Observer, Person, ReceptorObserver
+from itouch_tools.study.touches import deep_temperature
 
 #: Seconds between two samples of what is felt.
 SAMPLING = 0.01

@@ -11,10 +11,10 @@ import numpy as np
 
 from itouch.plugin.discovery import Catalog
 from itouch.scene import shipping
-from itouch.study.observers import Felt
-from itouch.study.power import power
-from itouch.study.reading import StudyFile, load_study
-from itouch.sweeps.figures import bits, confusion, proportion
+from itouch_tools.study.observers import Felt
+from itouch_tools.study.power import power
+from itouch_tools.study.reading import StudyFile, load_study
+from itouch_tools.sweeps.figures import bits, confusion, proportion
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,13 +9,13 @@ import pytest
 from shipped import SCENES
 
 from itouch.arms import Gamepad, Keyboard, Mouse, Recorded
-from itouch.cli import main
 from itouch.plugin.discovery import Catalog
 from itouch.scene import loads
 from itouch.schema.fields import specs, xml_name
 from itouch.world import Model
 from itouch_arms.haply import Haply
 from itouch_arms.openhaptics import OpenHaptics
+from itouch_tools.cli import main
 
 DOCS = Path(__file__).parents[2] / "docs"
 PAGES = {

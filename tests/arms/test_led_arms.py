@@ -12,11 +12,11 @@ import itouch
 from itouch.arms import Gamepad, Keyboard, Mouse
 from itouch.arms import led as arms_led
 from itouch.arms.pad import Pad, PadError
-from itouch.cli import leading, main
 from itouch.plugin import DeviceError
 from itouch.servo import ServoError
 from itouch.testing import DeviceTests
 from itouch.world.model import led
+from itouch_tools.cli import leading, main
 
 SCENE = """<itouch version="1.0">
   <materials><material name="wood"><contact stiffness="0.8 N/mm"/></material></materials>

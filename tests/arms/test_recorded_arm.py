@@ -15,10 +15,10 @@ import itouch
 from itouch.arms import Recorded
 from itouch.arms.recorded import Played, RecordedParams
 from itouch.arms.table import checked, example, from_csv
-from itouch.cli import main
 from itouch.plugin import ParameterError
 from itouch.recording import read
 from itouch.testing import DeviceTests
+from itouch_tools.cli import main
 
 SOURCE = """<itouch version="1.0">
   <materials><material name="wood"><contact stiffness="0.8 N/mm"/></material></materials>

@@ -20,7 +20,12 @@ FIRST = str(SCENES / "first_touch.xml")
 def process(*words: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
     """Call the program as a process of its own, as a shell does."""
     return subprocess.run(
-        [sys.executable, "-m", "itouch.cli", *words], capture_output=True, text=True, cwd=cwd, timeout=120, check=False
+        [sys.executable, "-m", "itouch_tools.cli", *words],
+        capture_output=True,
+        text=True,
+        cwd=cwd,
+        timeout=120,
+        check=False,
     )
 
 
@@ -38,7 +43,7 @@ def test_as_a_process_of_its_own_it_says_the_same(tmp_path: Path) -> None:
 
 
 def test_help_imports_neither_numpy_nor_numba() -> None:
-    code = "import sys, itouch.cli; itouch.cli.main(['--help']); sys.exit(bool({'numpy', 'numba'} & set(sys.modules)))"
+    code = "import sys, itouch_tools.cli; itouch_tools.cli.main(['--help']); sys.exit(bool({'numpy', 'numba'} & set(sys.modules)))"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, check=False).returncode == 0
 
 
@@ -117,7 +122,7 @@ def test_devices_lists_what_is_installed_and_names_what_failed(tmp_path: Path) -
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: broken-thing\nVersion: 1.0\n")
     (info / "entry_points.txt").write_text("[itouch.devices]\nbroken = no_such_module:Thing\n")
     done = subprocess.run(
-        [sys.executable, "-m", "itouch.cli", "devices"], capture_output=True, text=True, check=False,
+        [sys.executable, "-m", "itouch_tools.cli", "devices"], capture_output=True, text=True, check=False,
         env={**os.environ, "PYTHONPATH": str(package)},
     )  # fmt: skip
     assert done.returncode == 0
@@ -131,7 +136,7 @@ def test_a_signal_ends_safely_with_the_report(tmp_path: Path, number: signal.Sig
     report, recording = tmp_path / "r.json", tmp_path / "r.mcap"
     words = [FIRST, "--pace", "real", "--for", "60 s", "--report", str(report), "--record", str(recording)]
     process = subprocess.Popen(
-        [sys.executable, "-m", "itouch.cli", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-m", "itouch_tools.cli", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
     until = time.monotonic() + 40.0
     while time.monotonic() < until and not (recording.exists() and recording.stat().st_size > 50_000):
@@ -190,9 +195,9 @@ def test_a_signal_as_soon_as_something_runs_ends_it_safely(tmp_path: Path, monke
 def test_a_fault_counts_more_than_a_failure_to_let_go_after_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from itouch.cli import main
     from itouch.plugin import DeviceError
     from itouch.session import Session
+    from itouch_tools.cli import main
 
     (tmp_path / "scene.xml").write_text(
         '<itouch version="1.0"><devices><device name="arm" plugin="usb-arm"/></devices>'

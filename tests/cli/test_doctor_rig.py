@@ -10,10 +10,10 @@ import pytest
 from program import program
 from shipped import SCENES
 
-from itouch.cli.doctor import rig
-from itouch.cli.doctor.finding import Finding
-from itouch.cli.lockstep import Lockstep
 from itouch.session import Session, build
+from itouch_tools.cli.doctor import rig
+from itouch_tools.cli.doctor.finding import Finding
+from itouch_tools.cli.lockstep import Lockstep
 
 
 def _scene(tmp_path: Path, more: str) -> str:

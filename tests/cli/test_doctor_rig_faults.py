@@ -9,13 +9,13 @@ from typing import Any, ClassVar
 import pytest
 
 import itouch
-from itouch.cli import main
-from itouch.cli.doctor import rig
-from itouch.cli.doctor.finding import Finding
 from itouch.loop import VirtualClock
 from itouch.plugin import Channel, Device, DeviceError, Record, Role, current, measured_wrench, pose, pose_target
 from itouch.plugin.discovery import Catalog, Found, find
 from itouch.session import Session
+from itouch_tools.cli import main
+from itouch_tools.cli.doctor import rig
+from itouch_tools.cli.doctor.finding import Finding
 
 SCENE = """<itouch version="1.0">
   <devices><device name="stage" plugin="stage" twin="no"/>
@@ -200,6 +200,6 @@ def test_what_was_noted_of_an_error_is_told_with_it(
         error.add_note("then: device 'stage' could not be released")
         raise error
 
-    monkeypatch.setattr("itouch.cli._dispatch", fail)
+    monkeypatch.setattr("itouch_tools.cli._dispatch", fail)
     assert main(["doctor"]) == 2
     assert capsys.readouterr().err == "the cable is out\nthen: device 'stage' could not be released\n"

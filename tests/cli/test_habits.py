@@ -14,8 +14,8 @@ import pytest
 from program import program as run
 from shipped import SCENES
 
-from itouch.cli import watch
-from itouch.cli.completion import commands
+from itouch_tools.cli import watch
+from itouch_tools.cli.completion import commands
 
 FIRST = str(SCENES / "first_touch.xml")
 

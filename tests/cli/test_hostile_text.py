@@ -17,10 +17,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import itouch
-from itouch.cli import main
 from itouch.plugin.discovery import Catalog
 from itouch.scene.loader import read_scene
 from itouch.schema.terminal import plain
+from itouch_tools.cli import main
 
 #: Title, colours, bell, CSI of eight bits, right-to-left override, delete.
 EVIL = "\x1b]0;owned\x07\x1b[31mred\x9b2J\u202egnp.exe\x7f"
@@ -90,7 +90,7 @@ def test_a_pipe_is_refused_at_once(tmp_path: Path, words: list[str]) -> None:
         os.mkfifo(tmp_path / name)
     (tmp_path / "s.xml").write_text(FIRST, encoding="utf-8")
     (tmp_path / "i.xml").write_text('<itouch version="1.0"><include file="p.xml"/></itouch>', encoding="utf-8")
-    code = f"import sys; from itouch.cli import main; sys.exit(main({words!r}))"
+    code = f"import sys; from itouch_tools.cli import main; sys.exit(main({words!r}))"
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=120,
                           check=False)  # fmt: skip
     assert done.returncode == 2, done.stderr

@@ -20,10 +20,10 @@ import pytest
 from program import program as run
 from shipped import SCENES
 
-import itouch.cli
-from itouch.cli.manners import taken
-from itouch.report.screen import fitted
+import itouch_tools.cli
 from itouch.schema.terminal import MANNER
+from itouch_tools.cli.manners import taken
+from itouch_tools.report.screen import fitted
 
 FIRST = str(SCENES / "first_touch.xml")
 PROGRAM = [sys.executable, "-m", "itouch"]
@@ -165,7 +165,7 @@ def test_what_a_file_holds_acts_on_no_terminal_in_colours_either(tmp_path: Path)
 
 def test_a_wait_of_over_a_second_is_told_on_a_terminal_only(tmp_path: Path) -> None:
     code = (
-        "import sys, time\nfrom itouch.schema.waits import waiting, shown_by\nfrom itouch.cli import progress\n"
+        "import sys, time\nfrom itouch.schema.waits import waiting, shown_by\nfrom itouch_tools.cli import progress\n"
         "from itouch.schema.terminal import escaped\n"
         "with escaped(), shown_by(progress.shown), waiting('working hard') as wait:\n"
         "    time.sleep(1.6)\n    wait.part(0.5, 'half of it')\n    time.sleep(0.8)\n    print('in between')\n"
@@ -214,8 +214,8 @@ def test_no_display_is_said_when_something_runs_and_not_before_an_error(tmp_path
 
 
 def test_help_says_of_each_command_what_it_does() -> None:
-    lines = itouch.cli.listed()
-    assert set(itouch.cli.COMMANDS) | {"thermal", "reproduce", "virtual-arm"} <= set(lines)
+    lines = itouch_tools.cli.listed()
+    assert set(itouch_tools.cli.COMMANDS) | {"thermal", "reproduce", "virtual-arm"} <= set(lines)
     for name, text in lines.items():
         assert text and "command of" not in text and len(text) < 90, name
     block = run("--help").stdout.split("commands:\n")[1].split("\n\n")[0].splitlines()

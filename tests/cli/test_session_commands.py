@@ -15,7 +15,7 @@ from program import program
 from shipped import SCENES
 
 import itouch
-from itouch.cli import main
+from itouch_tools.cli import main
 
 
 @pytest.fixture(scope="module")
@@ -222,7 +222,7 @@ def test_an_interrupted_run_leaves_a_whole_recording(tmp_path: Path) -> None:
     import signal
     import time
 
-    words = [sys.executable, "-m", "itouch.cli", str(SCENES / "first_touch.xml"), "--headless", "--pace", "real"]
+    words = [sys.executable, "-m", "itouch_tools.cli", str(SCENES / "first_touch.xml"), "--headless", "--pace", "real"]
     running = subprocess.Popen([*words, "--for", "60s", "--record", str(tmp_path / "r.mcap")], stdout=subprocess.DEVNULL,
                                stderr=subprocess.DEVNULL)  # fmt: skip
     deadline = time.monotonic() + 60.0

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from shipped import SCENES
 
-COMMAND = f"{sys.executable} -m itouch.cli"
+COMMAND = f"{sys.executable} -m itouch_tools.cli"
 CHECK = f"{COMMAND} check {SCENES / 'first_touch.xml'}"
 RUN = f"{COMMAND} run {SCENES / 'first_touch.xml'} --headless --for 0.1s"
 

@@ -108,7 +108,9 @@ def test_a_manifest_that_does_not_fit_or_is_none_is_not_used(program: Path) -> N
         assert run(program, "use", kept=f"kept{len(wrong)}") == (5.0, 0)
 
 
-@pytest.mark.parametrize("first", ["cli.live", "contact", "joining", "plugin", "loop"])
+@pytest.mark.parametrize(
+    "first", ["itouch_tools.cli.live", "itouch.contact", "itouch.joining", "itouch.plugin", "itouch.loop"]
+)
 def test_whatever_is_imported_first_the_processor_is_chosen_before_the_compiler_is(first: str, tmp_path: Path) -> None:
     """As from a wheel that brings kernels: a copy of the program with a manifest that fits."""
     package = tmp_path / "itouch"
@@ -120,7 +122,7 @@ def test_whatever_is_imported_first_the_processor_is_chosen_before_the_compiler_
     manifest = {**shipped.made_with(), "processor": shipped.BASELINE, "files": {}}
     (package / "compiled" / shipped.MANIFEST).write_text(json.dumps(manifest), encoding="utf-8")
     code = (
-        f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import itouch.{first}, contact_heat.live\n"
+        f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import {first}, contact_heat.live\n"
         "from numba.core import config\nimport itouch\nprint(config.CPU_NAME, itouch.__file__)"
     )
     clean = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_CPU")}

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from probing import box_mesh, grid
 
-from itouch.bench.contact.work import icosphere
 from itouch.contact import Box, Proxy, Sphere, Surface
+from itouch_evidence.contact.work import icosphere
 
 BALL = Surface(*icosphere(3, 0.05))
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from meshfiles import stl
 
-from itouch.bench.contact import main
-from itouch.bench.contact.figures import judged
-from itouch.bench.contact.measure import Row
-from itouch.bench.contact.work import HEIGHT_FIELD_CELLS, SPHERE_SUBDIVISIONS, around, height_field, icosphere
 from itouch.schema import ItouchError
+from itouch_evidence.contact import main
+from itouch_evidence.contact.figures import judged
+from itouch_evidence.contact.measure import Row
+from itouch_evidence.contact.work import HEIGHT_FIELD_CELLS, SPHERE_SUBDIVISIONS, around, height_field, icosphere
 
 
 def test_a_small_bench(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,9 +10,9 @@ import pytest
 from meshfiles import BOX, stl
 from probing import grid
 
-from itouch.bench.contact.work import icosphere
 from itouch.contact import Proxy
 from itouch.contact.meshfile import LoadedMesh, MeshFile, cache, load_source
+from itouch_evidence.contact.work import icosphere
 
 BALL = MeshFile.of("ball.stl", stl(*icosphere(2, 0.05)))
 

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from meshfiles import obj, off, ply, stl
 from probing import Floats, box_mesh, grid, winding
 
-from itouch.bench.contact.work import icosphere
 from itouch.contact.meshfile import Finding, LoadedMesh, MeshError, MeshFile, load_source
 from itouch.contact.meshfile.mend import mended
+from itouch_evidence.contact.work import icosphere
 
 BALL = icosphere(2, 0.05)
 

@@ -7,8 +7,8 @@ import pytest
 from probing import Floats, winding
 from random_meshes import KINDS, Mesh, normals
 
-from itouch.bench.contact.work import standard
 from itouch.contact import Proxy, Surface
+from itouch_evidence.contact.work import standard
 
 STEPS = 260
 

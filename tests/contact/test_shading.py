@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from probing import box_mesh, mesh, random_pose
 
-from itouch.bench.contact.work import icosphere
 from itouch.contact import Proxy, Surface
 from itouch.contact.shading import vertex_normals
+from itouch_evidence.contact.work import icosphere
 
 
 def directions(count: int) -> np.ndarray:

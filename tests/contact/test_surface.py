@@ -5,9 +5,9 @@ import pytest
 from probing import Floats, box_mesh, grid, needle
 from test_bvh import MESHES
 
-from itouch.bench.contact.work import icosphere
 from itouch.contact import Surface
 from itouch.contact.triangle import nearest_on_triangle
+from itouch_evidence.contact.work import icosphere
 
 
 def brute_force(vertices: Floats, faces: Floats, p: Floats) -> float:

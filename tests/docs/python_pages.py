@@ -20,7 +20,7 @@ import pytest
 import stands_for_psychopy
 from shipped import SCENES
 
-from itouch.study import client
+from itouch_tools.study import client
 
 Names = dict[str, Any]
 Setup = Callable[[Path, pytest.MonkeyPatch], Names]
@@ -33,7 +33,7 @@ class EnoughError(Exception):
 @functools.cache
 def recording() -> bytes:
     """Return some seconds of the four-material scene, recorded."""
-    from itouch.cli import main
+    from itouch_tools.cli import main
 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "run.mcap"
@@ -188,7 +188,7 @@ def led(folder: Path, patch: pytest.MonkeyPatch) -> Names:
         '  <factor name="material" levels="soft hard" set="wood/contact.stiffness" values="0.8 N/mm; 1.2 N/mm"/>\n'
         '  <contact object="block" duration="0.1 s"/>\n</study>'
     )
-    words = [sys.executable, "-m", "itouch.cli", "study", "serve", "four_materials.xml", "--pace", "fast"]
+    words = [sys.executable, "-m", "itouch_tools.cli", "study", "serve", "four_materials.xml", "--pace", "fast"]
     process = subprocess.Popen(words, cwd=folder, stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     assert "is served" in process.stdout.readline()

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from itouch.cli import main
-from itouch.cli.explain import examples
-from itouch.cli.explain.example import play
 from itouch.safety import Trip
 from itouch.schema.codes import CODES, HEADINGS, RUNNING
+from itouch_tools.cli import main
+from itouch_tools.cli.explain import examples
+from itouch_tools.cli.explain.example import play
 
 EXAMPLES = examples()
 FILES = [code.name for codes in HEADINGS.values() if codes is not RUNNING for code in codes]
@@ -25,7 +25,7 @@ NOTES = {"mesh-left-out", "mesh-inverted", "mesh-repeated", "mesh-degenerate", "
 
 
 def packages() -> Iterator[Path]:
-    for name in ("itouch", "itouch_thermal", "itouch_xyz_table", "itouch_usb_arm"):
+    for name in ("itouch", "itouch_tools", "itouch_evidence", "itouch_thermal", "itouch_xyz_table", "itouch_usb_arm"):
         spec = find_spec(name)
         assert spec is not None
         assert spec.origin is not None
@@ -103,7 +103,7 @@ def test_explain_lists_and_explains(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_the_page_shows_input_files_command_and_message() -> None:
-    from itouch.cli.explain.page import _entry
+    from itouch_tools.cli.explain.page import _entry
 
     text = "\n".join(_entry(CODES["rig"], EXAMPLES["rig"]))
     for part in ('<device name="arm"', "`rig.xml` beside it", "itouch-py check scene.xml --rig rig.xml", "error[rig]:"):

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from shipped import SCENES
 
-from itouch.cli import main
+from itouch_tools.cli import main
 
 
 def test_all_scenes_are_written_and_run(

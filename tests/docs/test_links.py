@@ -14,7 +14,7 @@ sys.path.insert(0, str(DOCS))
 
 from python_api import PAGES
 
-from itouch.cli import COMMANDS
+from itouch_tools.cli import COMMANDS
 
 #: Pages that are written when the site is built: they need not be there yet.
 MADE = set(PAGES)
@@ -74,7 +74,7 @@ def test_files_that_are_named_exist() -> None:
 
 
 def test_commands_that_are_named_exist() -> None:
-    from itouch.cli import _plugin_commands
+    from itouch_tools.cli import _plugin_commands
 
     known = {*COMMANDS, *_plugin_commands()}
     for page in pages():

@@ -18,8 +18,8 @@ import pytest
 from listings import DOCS, ROOT, WALKED, Listing, listings, scene_around
 from shipped import SCENES
 
-from itouch.cli import COMMANDS, _plugin_commands, main
 from itouch.schema.codes import CODES
+from itouch_tools.cli import COMMANDS, _plugin_commands, main
 
 EVERY = listings()
 ALL = [listing for listing in EVERY if listing.page not in WALKED]

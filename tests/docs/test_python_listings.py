@@ -15,7 +15,7 @@ from python_pages import SETUPS, EnoughError
 PYTHON = [listing for listing in listings() if listing.language == "python" and listing.page not in WALKED]
 PAGES = list(dict.fromkeys(listing.page for listing in PYTHON))
 #: Folders of code that is tested: a listing may be a piece of it.
-TESTED = ("tests/outside", "tests/scaffold", "framework/itouch/scaffold/templates", "docs/examples")
+TESTED = ("tests/outside", "tests/scaffold", "framework/itouch_tools/scaffold/templates", "docs/examples")
 
 
 def _bare(text: str) -> str:

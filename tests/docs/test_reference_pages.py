@@ -12,8 +12,8 @@ sys.path.insert(0, str(DOCS))
 
 import reference_pages
 
-from itouch.cli import COMMANDS, _plugin_commands
 from itouch.schema.codes import CODES
+from itouch_tools.cli import COMMANDS, _plugin_commands
 
 REFERENCE: Path = DOCS / "reference"
 _ADVICE = "the program writes another page: python docs/reference_pages.py"

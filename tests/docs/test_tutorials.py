@@ -10,7 +10,7 @@ import pytest
 from listings import DOCS, listings
 from shipped import SCENES
 
-from itouch.cli import main
+from itouch_tools.cli import main
 
 
 @pytest.fixture

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from itouch.bench.contact.work import icosphere
 from itouch.contact import Box, Capsule, Cylinder, Mesh, Plane, Shape, Sphere, Surface
 from itouch.dynamics import Bodies, Body, BodyError, build_bodies
 from itouch.dynamics.bodies import FREE, MOVED
+from itouch_evidence.contact.work import icosphere
 
 T, G = 1e-3, (0.0, 0.0, -9.81)
 UP = (1.0, 0.0, 0.0, 0.0)

@@ -11,20 +11,7 @@ import sys
 from collections import Counter
 from pathlib import Path
 
-from sources import ROOT, Module, circles, imports, modules
-
-#: Rooms of the framework by shelf: what a touch needs, what people use it with, and what shows that it is right.
-TOOLS = ("cli", "viewer", "sound", "report", "scaffold", "__main__", "study", "sweeps")
-EVIDENCE = ("bench", "faults", "testing")
-
-
-def shelf(name: str) -> str:
-    """Return the shelf of a module: ``core``, ``tools``, ``evidence`` or ``plugins``."""
-    root, _, rest = name.partition(".")
-    if root != "itouch":
-        return "plugins"
-    room = rest.split(".")[0]
-    return "tools" if room in TOOLS else "evidence" if room in EVIDENCE else "core"
+from sources import ROOT, Module, circles, imports, modules, shelf
 
 
 def longest(every: dict[str, Module], many: int = 5) -> list[tuple[int, str]]:

@@ -1,27 +1,30 @@
 """Draws the map of the rooms from the imports: ``python tests/house/rooms.py [--write]``.
 
-A room is a folder of the framework, one of its single files, or a plugin.  The map has the rooms from the top to the
-bottom, what each is for (the first line of its docstring), and on which rooms it stands: those that it imports, without
-those that are reached through another one of them.  ``--write`` puts the map into ``CONTRIBUTING.md``.
+A room is a folder of the core or of the tools, one of their single files, all of the evidence, or a plugin.  The map has
+the rooms from the top to the bottom, their shelf, what each is for (the first line of its docstring), and on which rooms
+it stands: those that it imports, without those that are reached through another one of them.  ``--write`` puts the map into ``CONTRIBUTING.md``.
 """
 
 from __future__ import annotations
 
 import re
 import sys
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
-from sources import ROOT, circles, imports, modules
+from sources import ROOT, circles, imports, modules, shelf
 
 PAGE = ROOT / "CONTRIBUTING.md"
+#: Packages whose folders are rooms.
+_DIVIDED = ("itouch", "itouch_tools")
 _BEGIN, _END = "<!-- map: python tests/house/rooms.py --write -->\n", "<!-- end of the map -->"
 
 
 def room(name: str) -> str:
     """Return the room that a module is in: ``itouch.loop.engine`` is in ``loop``."""
     root, _, rest = name.partition(".")
-    return rest.split(".")[0] if root == "itouch" and rest else root
+    return rest.split(".")[0] if root in _DIVIDED and rest else root
 
 
 @cache
@@ -31,12 +34,18 @@ def graph() -> tuple[dict[str, str], dict[str, set[str]]]:
     to: dict[str, set[str]] = {}
     for name, found in imports(every).items():
         to.setdefault(room(name), set()).update(room(other) for other in found)
-    says = {name: every[f"itouch.{name}" if f"itouch.{name}" in every else name].says for name in to}
+    says = {name: every[_whole(name, every)].says for name in to}
     for name in to:
         to[name].discard(name)
     # the package itself offers a session's functions to users, by name when they are asked for
-    to.pop("itouch")
-    return says, {name: found - {"itouch"} for name, found in to.items()}
+    for package in _DIVIDED:
+        to.pop(package)
+    return says, {name: found - set(_DIVIDED) for name, found in to.items()}
+
+
+def _whole(name: str, every: Iterable[str]) -> str:
+    """Return the dotted name of a room."""
+    return next(dotted for dotted in (*(f"{package}.{name}" for package in _DIVIDED), name) if dotted in every)
 
 
 def heights(to: dict[str, set[str]]) -> dict[str, int]:
@@ -70,10 +79,13 @@ def drawn() -> str:
     """Return the map as a table in Markdown."""
     says, to = graph()
     high = heights(to)
-    lines = ["| room | what it is | stands on |", "|---|---|---|"]
+    every = modules()
+    lines = ["| room | shelf | what it is | stands on |", "|---|---|---|---|"]
     for name in sorted(to, key=lambda name: (-high[name], name)):
         direct = to[name] - set().union(*(beneath(other, to) for other in to[name]))
-        lines.append(f"| `{name}` | {says[name].replace('``', '`')} | {' '.join(sorted(direct))} |")
+        lines.append(
+            f"| `{name}` | {shelf(_whole(name, every))} | {says[name].replace('``', '`')} | {' '.join(sorted(direct))} |"
+        )
     return "\n".join(lines) + "\n"
 
 

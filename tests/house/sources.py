@@ -18,12 +18,16 @@ ROOT = Path(__file__).parents[2]
 #: The import packages of the wheel, and where they lie.
 PACKAGES = {
     "itouch": "framework/itouch",
+    "itouch_tools": "framework/itouch_tools",
+    "itouch_evidence": "framework/itouch_evidence",
     "itouch_thermal": "plugins/thermal/itouch_thermal",
     "contact_heat": "plugins/thermal/contact_heat",
     "itouch_xyz_table": "plugins/xyz_table/itouch_xyz_table",
     "itouch_usb_arm": "plugins/usb_arm/itouch_usb_arm",
     "itouch_arms": "plugins/arms/itouch_arms",
 }
+#: What the packages of the framework are for: what a touch needs, what people use it with, what shows that it is right.
+SHELVES = {"itouch": "core", "itouch_tools": "tools", "itouch_evidence": "evidence"}
 _IMPORT = re.compile(r"^[ \t]*((?:from [\w.]+ import (?:\([^)]*\)|[^\n(]+))|import [\w., ]+)", re.MULTILINE)
 _LONG_STRING = re.compile(r'("""|\'\'\').*?\1', re.DOTALL)
 #: Tokens that are no code.
@@ -118,6 +122,11 @@ def _longest(name: str, known: set[str]) -> str:
     while name and name not in known:
         name = name.rpartition(".")[0]
     return name
+
+
+def shelf(name: str) -> str:
+    """Return the shelf of a module: ``core``, ``tools``, ``evidence`` or ``plugins``."""
+    return SHELVES.get(name.partition(".")[0], "plugins")
 
 
 def modules(root: Path = ROOT) -> dict[str, Module]:

@@ -39,9 +39,10 @@ def test_files_that_the_pages_name_exist() -> None:
         assert not [name for name in missing if name != "tests/ROOM"]
     # files of the framework that are named from its folder
     text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
-    for name in re.findall(r"`((?:cli|elements|bench)/\w+\.py)`", text):
-        folder = "scene/elements" if name.startswith("elements") else name.partition("/")[0]
-        assert (ROOT / "framework" / "itouch" / folder / name.partition("/")[2]).is_file(), name
+    for name in re.findall(r"`((?:cli|elements)/\w+\.py)`", text):
+        places = {"cli": "itouch_tools/cli", "elements": "itouch/scene/elements"}
+        folder, _, file = name.partition("/")
+        assert (ROOT / "framework" / places[folder] / file).is_file(), name
 
 
 def test_no_two_files_of_tests_have_one_name() -> None:
@@ -141,7 +142,7 @@ def test_the_counts_of_a_checkout(tmp_path: Path) -> None:
         "framework/itouch/loop/__init__.py": "",
         "framework/itouch/loop/step.py": "from itouch.loop import plan\nX = 1\n",
         "framework/itouch/loop/plan.py": "def f():\n    from itouch.loop import step\n    return step\n",
-        "framework/itouch/cli/plan.py": "from itouch.loop.step import X\n\n# no\n",
+        "framework/itouch_tools/cli/plan.py": "from itouch.loop.step import X\n\n# no\n",
     }
     for name, text in files.items():
         path = tmp_path / name

@@ -13,7 +13,7 @@ import pytest
 from test_outside_surface import PLUGIN, SCENE
 
 import itouch
-from itouch.cli.__main__ import main
+from itouch_tools.cli.__main__ import main
 
 EXAMPLE = (
     (Path(__file__).parent / "brings_a_surface.py")

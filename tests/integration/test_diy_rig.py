@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from shipped import SCENES
 
-from itouch.cli.lockstep import Lockstep
 from itouch_thermal.chip.program import missing
+from itouch_tools.cli.lockstep import Lockstep
 
 from test_wire_rig import free_port  # isort: skip
 

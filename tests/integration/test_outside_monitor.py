@@ -48,7 +48,7 @@ def test_check_prints_its_rules_and_hardware_is_let_through(installed: Path, tmp
     path = tmp_path / "tip.xml"
     for twin in ("yes", "no"):
         path.write_text(SCENE.replace("TWIN", twin), "utf-8")
-        done = run(installed, "-m", "itouch.cli", "check", str(path))
+        done = run(installed, "-m", "itouch_tools.cli", "check", str(path))
         assert done.returncode == 0, done.stderr
         assert "charge of a session: trips at 50 mC, never beyond 50 mC (its plugin)" in done.stdout
         assert "unmonitored" not in done.stderr

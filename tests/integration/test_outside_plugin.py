@@ -45,14 +45,14 @@ def scene(folder: Path, *, twin: str = "yes", way: str = "50 mm") -> str:
 
 
 def test_it_is_listed(site: Path) -> None:
-    done = run(site, "-m", "itouch.cli", "devices")
+    done = run(site, "-m", "itouch_tools.cli", "devices")
     assert "lever  (itouch-lever 0.3.0)" in done.stdout
     assert "A one-axis" not in done.stdout
     assert "locked: x y rx ry rz" in done.stdout
 
 
 def test_its_parameters_are_checked_by_its_own_class(site: Path, tmp_path: Path) -> None:
-    done = run(site, "-m", "itouch.cli", "check", scene(tmp_path, way="5 m"))
+    done = run(site, "-m", "itouch_tools.cli", "check", scene(tmp_path, way="5 m"))
     assert done.returncode == 2
     assert "lever.xml:4:73: " not in done.stderr
     assert 'error[out-of-range]: <lever:hardware travel="5 m">: 5 m is out of range' in done.stderr
@@ -60,7 +60,7 @@ def test_its_parameters_are_checked_by_its_own_class(site: Path, tmp_path: Path)
 
 
 def test_its_ideal_twin_runs(site: Path, tmp_path: Path) -> None:
-    done = run(site, "-m", "itouch.cli", scene(tmp_path), "--for", "0.5 s")
+    done = run(site, "-m", "itouch_tools.cli", scene(tmp_path), "--for", "0.5 s")
     assert done.returncode == 0, done.stderr
 
 
@@ -104,7 +104,7 @@ def test_a_scene_that_can_only_command_locked_axes_fails(site: Path, tmp_path: P
         '<itouch version="1.0"><devices><device name="d" plugin="locked"/></devices>\n'
         '<interaction><probe name="p" pose-from="d" force-to="d"/></interaction></itouch>'
     )
-    done = run(site, "-m", "itouch.cli", "check", str(path))
+    done = run(site, "-m", "itouch_tools.cli", "check", str(path))
     assert done.returncode == 2
     assert "error[locked-dof]" in done.stderr
     line = path.read_text().splitlines()[1]

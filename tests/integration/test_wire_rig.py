@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 from shipped import SCENES
 
-from itouch.cli.lockstep import Lockstep
-from itouch.cli.virtual_rig import main as virtual_rig
 from itouch.plugin import ItouchError, read_trace
 from itouch.session import build, load_scene
+from itouch_tools.cli.lockstep import Lockstep
+from itouch_tools.cli.virtual_rig import main as virtual_rig
 
 
 def free_port() -> int:

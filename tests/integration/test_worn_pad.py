@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import itouch
-from itouch.cli import main as cli
 from itouch.plugin import Bound
 from itouch.twin import skin
 from itouch.world.fields import CELLS
+from itouch_tools.cli import main as cli
 
 PLUGIN = '''"""A small Peltier pad strapped to the fingertip, and a tactor, from an outside distribution."""
 

@@ -7,9 +7,9 @@ import json
 import pytest
 from shipped import SCENES
 
-from itouch.bench import tick
-from itouch.cli import main
 from itouch.session import build
+from itouch_evidence import tick
+from itouch_tools.cli import main
 
 
 def test_the_command_prints_its_figures(capsys: pytest.CaptureFixture[str]) -> None:

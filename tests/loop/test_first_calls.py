@@ -15,7 +15,7 @@ SCENES = Path(__file__).parents[2] / "scenes"
 
 _WATCH = """
 import itouch
-from itouch.cli.lockstep import Lockstep
+from itouch_tools.cli.lockstep import Lockstep
 from itouch.loop.engine import Engine
 from itouch.monitors import Trip
 from numba.core.dispatcher import Dispatcher

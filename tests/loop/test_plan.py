@@ -10,13 +10,13 @@ import pytest
 from shipped import SCENES
 
 import itouch
-from itouch.cli.__main__ import main
 from itouch.joining import is_newest
 from itouch.loop.clock import now
 from itouch.loop.plan import Plan, PlanError
 from itouch.loop.step import Step
 from itouch.plugin import Record, Touch
 from itouch.session import Session
+from itouch_tools.cli.__main__ import main
 from itouch_usb_arm.arm import UsbArmTwin
 
 

@@ -15,15 +15,15 @@ from lxml import etree
 from shipped import SCENES
 
 import itouch
-from itouch.cli import main
 from itouch.plugin.discovery import Catalog
-from itouch.report.screen import Screen
 from itouch.scene.writer import write
 from itouch.scene.xsd import schemas
 from itouch.schema.until import Until
 from itouch.twin import waits
 from itouch.world import Model
 from itouch.world.skin import LONGEST, SkinSource, skin_of, window_ticks
+from itouch_tools.cli import main
+from itouch_tools.report.screen import Screen
 
 Ran = tuple[itouch.Session, list[tuple[int, float, float, float]], bytes]
 MOTION = """<to pos="22 0 48 mm" in="0.1 s" hold="0.3 s"/><to pos="22 0 19 mm" in="0.5 s" hold="0.6 s"/>

@@ -10,9 +10,9 @@ import pytest
 
 import itouch
 from itouch.plugin import Contact, Field, Measured, Modality, discovery, schema
-from itouch.report.collect import collect
-from itouch.report.screen import Screen
-from itouch.report.sections import contacts
+from itouch_tools.report.collect import collect
+from itouch_tools.report.screen import Screen
+from itouch_tools.report.sections import contacts
 
 SCENE = """<itouch version="1.0" xmlns:buzz="urn:itouch:plugin:buzz">
   <materials><material name="wood"><contact stiffness="1.2 N/mm" damping="2 N*s/m" static-friction="0.4"/></material></materials>

@@ -17,11 +17,11 @@ from itouch.plugin import Channel, Device, Field, Role, Twin, discovery
 from itouch.recording import read
 from itouch.recording.bids import export_bids
 from itouch.recording.tables import export_csv, export_parquet
-from itouch.report.collect import collect
-from itouch.report.sections import meanings
-from itouch.viewer import overlay
-from itouch.viewer.signals import charts
 from itouch.world import undeclared
+from itouch_tools.report.collect import collect
+from itouch_tools.report.sections import meanings
+from itouch_tools.viewer import overlay
+from itouch_tools.viewer.signals import charts
 
 PRESSURE, LEVEL = "pressure in the bladder under the fingertip", "pressure that the valve has let in so far"
 SCENE = """<itouch version="1.0">
@@ -147,7 +147,7 @@ def test_the_page_plots_and_explains_them(made):
 
 
 def test_inspect_explains_them(made, capsys):
-    from itouch.cli.inspect import scene_facts
+    from itouch_tools.cli.inspect import scene_facts
 
     _, _, folder = made
     told = {channel["channel"]: channel for channel in scene_facts(str(folder / "scene.xml"))["channels"]}
@@ -184,7 +184,7 @@ def test_a_temperature_of_which_nobody_says_what_it_is_is_refused():
 
 
 def test_run_warns_of_what_is_unsaid(made, monkeypatch):
-    from itouch.cli import deprecations
+    from itouch_tools.cli import deprecations
 
     monkeypatch.setattr("itouch.world.undeclared", lambda model: ("device plugin 'x': reading 'y' has no unit",))
     with warnings.catch_warnings(record=True) as told:

@@ -16,13 +16,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from renamed import OURS, scene
 
-from itouch.cli import main
 from itouch.plugin.discovery import Catalog
 from itouch.plugin.renamed import Words, renamed_device, renamed_modality
 from itouch.recording import read
 from itouch.session import load_scene
-from itouch.viewer.signals import charts
 from itouch.world import compile_scene
+from itouch_tools.cli import main
+from itouch_tools.viewer.signals import charts
 
 RECORDED = '<record to="run.mcap"><channels of="peltier.*"/><channels of="heat.*" rate="100 Hz"/></record>'
 

@@ -8,13 +8,13 @@ import pytest
 from renamed import OURS, scene
 from shipped import SCENES
 
-from itouch.bench.faults import Cell, differing, main, prepared, run_cell
-from itouch.bench.faults.phases import phases
-from itouch.bench.faults.truth import Truth
 from itouch.faults import Kind
 from itouch.plugin.discovery import Catalog
 from itouch.plugin.renamed import RenamedCatalog
 from itouch.scene import loads
+from itouch_evidence.faults import Cell, differing, main, prepared, run_cell
+from itouch_evidence.faults.phases import phases
+from itouch_evidence.faults.truth import Truth
 
 #: Cells whose supervision differs: of each device, seen by each sort of monitor.
 SAMPLE = (

@@ -9,14 +9,20 @@ from pathlib import Path
 import pytest
 
 import itouch
+import itouch_evidence
+import itouch_tools
 from itouch.plugin import Device
 from itouch.plugin.discovery import Catalog
 
-FRAMEWORK = Path(itouch.__file__).parent
+PACKAGES = [Path(package.__file__ or "").parent for package in (itouch, itouch_tools, itouch_evidence)]
+FRAMEWORK = PACKAGES[0].parent
 PLUGINS = Path(__file__).parents[2] / "plugins"
 #: Where the names of a device's own channels stand beside their declarations (virtual devices, examples as text), and
 #: where those of limits are, which scenes write: ``temperature`` is one of them.
-OWN = ("arms/", "scaffold/", "cli/explain/", "world/limits.py", "world/limitcheck.py")
+OWN = (
+    "itouch/arms/", "itouch_tools/scaffold/", "itouch_tools/cli/explain/", "itouch/world/limits.py",
+    "itouch/world/limitcheck.py",
+)  # fmt: skip
 
 
 def names() -> set[str]:
@@ -38,17 +44,17 @@ NAMES = names()
 
 #: Words that are names of channels or fields, and stand for something else: file, what they are there.
 MEANT = {
-    "monitors/heat.py": "limits", "monitors/limits.py": "limits", "monitors/ordinary.py": "limits",
-    "plugin/__init__.py": "what it exports", "plugin/channel.py": "default names of factories",
-    "plugin/device.py": "what a twin is told", "plugin/impedance.py": "the twin's own channels",
-    "schema/__init__.py": "what it exports",
-    "scene/loader.py": "an attribute", "scene/rigs.py": "a kind of attribute", "viewer/scales.py": "titles of units",
-    "world/limits.py": "limits", "world/limitcheck.py": "limits", "world/limitwords.py": "limits",
-    "world/swapped.py": "limits", "recording/tracks.py": "recordings of before",
-    "loop/contactlog.py": "keys that reports of before have", "world/sense.py": "an attribute of a scene",
-    "sweeps/collecting.py": "a kind of figure", "sweeps/elements.py": "a kind of figure",
-    "recording/views.py": "keys of a viewer's schema", "recording/wellknown.py": "keys of a viewer's schema",
-    "recording/rerun.py": "keys of a viewer's schema",
+    "itouch/monitors/heat.py": "limits", "itouch/monitors/limits.py": "limits", "itouch/monitors/ordinary.py": "limits",
+    "itouch/plugin/__init__.py": "what it exports", "itouch/plugin/channel.py": "default names of factories",
+    "itouch/plugin/device.py": "what a twin is told", "itouch/plugin/impedance.py": "the twin's own channels",
+    "itouch/schema/__init__.py": "what it exports",
+    "itouch/scene/loader.py": "an attribute", "itouch/scene/rigs.py": "a kind of attribute", "itouch_tools/viewer/scales.py": "titles of units",
+    "itouch/world/limits.py": "limits", "itouch/world/limitcheck.py": "limits", "itouch/world/limitwords.py": "limits",
+    "itouch/world/swapped.py": "limits", "itouch/recording/tracks.py": "recordings of before",
+    "itouch/loop/contactlog.py": "keys that reports of before have", "itouch/world/sense.py": "an attribute of a scene",
+    "itouch_tools/sweeps/collecting.py": "a kind of figure", "itouch_tools/sweeps/elements.py": "a kind of figure",
+    "itouch/recording/views.py": "keys of a viewer's schema", "itouch/recording/wellknown.py": "keys of a viewer's schema",
+    "itouch/recording/rerun.py": "keys of a viewer's schema",
 }  # fmt: skip
 
 
@@ -75,7 +81,7 @@ def _last(node: ast.expr) -> str:
 #: Words of every day, by which plugins call a field too.
 PLAIN = {"targets", "reached", "finger", "objects", "open", "line", "memory", "passed", "tracked", "beside", "driver"}
 #: What the framework declares itself, and may look for; what others declare, and it may not.
-ITS_OWN = declared(FRAMEWORK)
+ITS_OWN = set().union(*map(declared, PACKAGES))
 OTHERS = NAMES | (declared(PLUGINS) - PLAIN - {part for name in ITS_OWN for part in (name, name.rpartition(".")[2])})
 
 
@@ -109,7 +115,10 @@ def decisions(tree: ast.AST) -> Iterator[tuple[int, str]]:
             yield node.lineno, word
 
 
-@pytest.mark.parametrize("file", sorted(FRAMEWORK.rglob("*.py")), ids=lambda file: str(file.relative_to(FRAMEWORK)))
+FILES = sorted(path for package in PACKAGES for path in package.rglob("*.py"))
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.relative_to(FRAMEWORK)))
 def test_no_name_decides(file: Path) -> None:
     short = str(file.relative_to(FRAMEWORK))
     if short.startswith(OWN):

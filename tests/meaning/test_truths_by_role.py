@@ -9,8 +9,8 @@ from shipped import SCENES
 
 import itouch
 from itouch.plugin import Field, Role
-from itouch.report.safety.worst import Worst
 from itouch.world import truth
+from itouch_tools.report.safety.worst import Worst
 
 ROLES = (Role.SKIN_CONTACT_TEMPERATURE, Role.SKIN_TEMPERATURE, Role.HEAT_FLUX)
 

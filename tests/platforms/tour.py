@@ -45,7 +45,7 @@ def study(scenes: Path, folder: Path) -> list[list[str]]:
 
 def main(scenes: Path, folder: Path, *, long: bool) -> None:
     """Take the tour."""
-    from itouch.cli import main as itouch_py
+    from itouch_tools.cli import main as itouch_py
 
     for words in [*steps(scenes, folder), *(study(scenes, folder) if long else [])]:
         said, failed = io.StringIO(), ""

@@ -16,10 +16,10 @@ from hypothesis.extra import numpy as arrays
 from shipped import SCENES
 
 import itouch
-from itouch.cli import main
-from itouch.cli.doctor.kept import compile_cache, kept_results
 from itouch.plugin import bases, shelf
 from itouch.plugin.bases import Bases, keeping, kept
+from itouch_tools.cli import main
+from itouch_tools.cli.doctor.kept import compile_cache, kept_results
 
 Array = bases.Array
 GIVEN = ("content", 1.5)

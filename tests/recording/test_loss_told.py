@@ -14,7 +14,7 @@ import pytest
 
 import itouch
 from itouch.loop.faultwords import outcome, told, what
-from itouch.report.screen import _fault
+from itouch_tools.report.screen import _fault
 
 SCENE = """<itouch version="1.0">
   <devices><device name="arm" plugin="usb-arm"/></devices>{record}
@@ -95,7 +95,7 @@ def test_sentences_say_what_happened_and_only_that() -> None:
 
 
 def test_the_terminal_of_a_session_in_real_time_says_it_at_once(scene: Path) -> None:
-    words = [sys.executable, "-m", "itouch.cli", str(scene), "--headless", "--pace", "real", "--for", "60s",
+    words = [sys.executable, "-m", "itouch_tools.cli", str(scene), "--headless", "--pace", "real", "--for", "60s",
              "--record", str(scene.parent / "r.mcap")]  # fmt: skip
     with subprocess.Popen(words, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True) as process:
         writer = _recorder_of(process.pid)

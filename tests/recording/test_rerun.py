@@ -209,8 +209,8 @@ def test_rerun_has_it_all_where_it_is(session: Any, tmp_path: Path) -> None:
 @pytest.mark.long
 def test_what_is_told_of_a_running_session_is_where_it_is() -> None:
     """Moment by moment: each place and each curve's number as State has it, and contacts as they come."""
-    from itouch.viewer.live.moments import Moment
-    from itouch.viewer.live.rerun import Shown
+    from itouch_tools.viewer.live.moments import Moment
+    from itouch_tools.viewer.live.rerun import Shown
 
     engine, states, spy = itouch.build(SCENES / "first_touch.xml"), {}, Spy()
     shown = Shown(spy, engine.model, engine.state)
@@ -251,7 +251,7 @@ def test_rerun_is_told_by_another_process(tmp_path: Path) -> None:
     server = subprocess.Popen([sys.executable, "-m", "rerun", "--port", str(port), "--save", str(kept)])
     try:
         with itouch.launch(SCENES / "first_touch.xml") as handle:
-            words = [sys.executable, "-m", "itouch.cli", "view", handle.name, "--rerun", "--to", address]
+            words = [sys.executable, "-m", "itouch_tools.cli", "view", handle.name, "--rerun", "--to", address]
             view = subprocess.run(words, capture_output=True, text=True, timeout=120)  # until the session ends
         assert view.returncode == 0, view.stderr
     finally:

@@ -84,7 +84,7 @@ def test_frames_are_where_the_state_says(session: Any) -> None:
 
 
 def test_plates_are_where_the_window_draws_them(session: Any) -> None:
-    from itouch.viewer.scene_graph import SceneGraph
+    from itouch_tools.viewer.scene_graph import SceneGraph
 
     engine, states, path = session
     stage, state, compared = SceneGraph(engine.model), engine.state.copy(), 0

@@ -14,10 +14,10 @@ from program import program as cli
 from shipped import SCENES
 
 import itouch
-from itouch.report.collect import collect
-from itouch.report.curves import thinned
-from itouch.report.markup import number, table
-from itouch.report.page import page
+from itouch_tools.report.collect import collect
+from itouch_tools.report.curves import thinned
+from itouch_tools.report.markup import number, table
+from itouch_tools.report.page import page
 
 SCENE = """<itouch version="1.0">
   <materials><material name="wood"><contact stiffness="1.2 N/mm" damping="1 N*s/m" static-friction="0.4"/></material>

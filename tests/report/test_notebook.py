@@ -12,7 +12,7 @@ import pytest
 from shipped import SCENES
 
 import itouch
-from itouch.report import notebook
+from itouch_tools.report import notebook
 
 
 @pytest.fixture(scope="module")

@@ -17,11 +17,11 @@ from program import program
 from shipped import SCENES
 
 import itouch
-from itouch.report import sections
-from itouch.report.collect import collect
-from itouch.report.curves import NUMBERS_CONTACTS, NUMBERS_WHOLE, Block
-from itouch.report.packing import Packer
-from itouch.report.page import page, scene_picture
+from itouch_tools.report import sections
+from itouch_tools.report.collect import collect
+from itouch_tools.report.curves import NUMBERS_CONTACTS, NUMBERS_WHOLE, Block
+from itouch_tools.report.packing import Packer
+from itouch_tools.report.page import page, scene_picture
 
 SETTLE = """new Promise(done => { const wait = () => document.querySelector("path.curve") ? setTimeout(() => done(true), 300)
   : setTimeout(wait, 50); wait(); })"""

@@ -8,9 +8,9 @@ import campaign
 import pytest
 from shipped import SCENES
 
-from itouch.bench.faults import KINDS
-from itouch.bench.faults.wired import Pair, cells, run, stored
 from itouch.faults import Kind
+from itouch_evidence.faults import KINDS
+from itouch_evidence.faults.wired import Pair, cells, run, stored
 
 #: The whole matrix has 180 cells; the short form takes one in 30, of every device and every phase.
 EVERY = 31

@@ -7,8 +7,8 @@ from collections import Counter
 import pytest
 from shipped import SCENES
 
-from itouch.bench.faults import KINDS, PHASES, Cell, pairs, phases, prepared, single
 from itouch.safety.sequence import SAFE_TIME
+from itouch_evidence.faults import KINDS, PHASES, Cell, pairs, phases, prepared, single
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from pathlib import Path
 import mutation
 from shipped import REPOSITORY
 
-FRAMEWORK = REPOSITORY / "framework" / "itouch"
+FRAMEWORK = REPOSITORY / "framework"
 UNIT = [str(Path(__file__).parent / f"test_{name}.py") for name in mutation.SAFETY]
 
 
@@ -38,8 +38,8 @@ def test_only_the_supervisor_writes_to_a_device() -> None:
         for path in FRAMEWORK.rglob("*.py")
         if (lines := device_writes(path)) and "testing" not in path.parts
     }
-    assert len(writers.pop("safety/supervisor.py")) == 1
-    carriers = {name for name in writers if not name.startswith(("exchange/", "servo/"))}
+    assert len(writers.pop("itouch/safety/supervisor.py")) == 1
+    carriers = {name for name in writers if not name.startswith(("itouch/exchange/", "itouch/servo/"))}
     assert carriers == set()  # threads and sockets carry on what the supervisor has let through
 
 

@@ -217,7 +217,7 @@ def test_five_minutes_of_touches_without_a_false_trip(scenes: Path) -> None:
 
 
 def test_a_safety_report_of_a_scene(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from itouch.cli import main
+    from itouch_tools.cli import main
 
     assert main(["safety-report", str(FOUR), "-o", str(tmp_path / "r.md")]) == 0
     text = (tmp_path / "r.md").read_text(encoding="utf-8")
@@ -237,7 +237,7 @@ def test_a_safety_report_of_a_scene(tmp_path: Path, capsys: pytest.CaptureFixtur
 
 
 def test_a_safety_report_of_a_script_that_trips(tmp_path: Path) -> None:
-    from itouch.cli import main
+    from itouch_tools.cli import main
 
     path = tmp_path / "trips.xml"
     text = FIRST.read_text(encoding="utf-8")

@@ -181,7 +181,7 @@ def _quoted(value: str) -> str:
 def test_a_deleted_tightening_returns_to_the_default_and_check_says_so(
     scenes: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from itouch.cli import main
+    from itouch_tools.cli import main
 
     scene = scenes / "four_materials.xml"
     text = scene.read_text(encoding="utf-8")

@@ -13,7 +13,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import itouch
-from itouch.cli.check import main as check
 from itouch.plugin import (
     Channel,
     Device,
@@ -30,9 +29,10 @@ from itouch.plugin import (
     temperature_target,
 )
 from itouch.plugin.discovery import Catalog, Found
-from itouch.report.limits import limit_rows
-from itouch.report.safety.rules import rules
 from itouch.schema import SceneError
+from itouch_tools.cli.check import main as check
+from itouch_tools.report.limits import limit_rows
+from itouch_tools.report.safety.rules import rules
 
 K0, ROOM = 273.15, 296.15
 ABSOLUTE = (281.15, 318.15)

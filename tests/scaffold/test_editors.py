@@ -10,8 +10,8 @@ import xmlschema
 from lxml import etree
 from shipped import SCENE_FILES, SCENES
 
-from itouch.cli import main
-from itouch.scaffold.files import fill
+from itouch_tools.cli import main
+from itouch_tools.scaffold.files import fill
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = SCENE_FILES

@@ -11,10 +11,10 @@ import pytest
 from finishing import finish
 from lxml import etree
 
-from itouch.cli import main
-from itouch.scaffold import make_plugin, make_scene
-from itouch.scaffold.plugin import KINDS, TRANSPORTS
 from itouch.schema import ItouchError
+from itouch_tools.cli import main
+from itouch_tools.scaffold import make_plugin, make_scene
+from itouch_tools.scaffold.plugin import KINDS, TRANSPORTS
 
 #: Each kind and each transport is finished once in the short form; all of them together in the long one.
 COMBINATIONS = [pytest.param("device", "serial", marks=pytest.mark.long), ("both", "tcp")]

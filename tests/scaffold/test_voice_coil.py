@@ -46,20 +46,20 @@ def test_its_own_tests_pass(site, tmp_path):
 
 
 def test_it_is_recorded_and_replayed_without_a_difference(site, tmp_path):
-    run(site, tmp_path, "itouch.cli", str(SCENE), "--headless", "--record", "slide.mcap")
-    assert "0 mismatches" in run(site, tmp_path, "itouch.cli", "replay", "slide.mcap")
+    run(site, tmp_path, "itouch_tools.cli", str(SCENE), "--headless", "--record", "slide.mcap")
+    assert "0 mismatches" in run(site, tmp_path, "itouch_tools.cli", "replay", "slide.mcap")
 
 
 def test_it_is_restored_to_the_same_bytes(site, tmp_path):
-    run(site, tmp_path, "itouch.cli", str(SCENE), "--headless", "--save", "straight.itouch")
-    run(site, tmp_path, "itouch.cli", str(SCENE), "--headless", "--for", "1.7s", "--save", "part.itouch")
-    run(site, tmp_path, "itouch.cli", "part.itouch", "--headless", "--save", "whole.itouch")
+    run(site, tmp_path, "itouch_tools.cli", str(SCENE), "--headless", "--save", "straight.itouch")
+    run(site, tmp_path, "itouch_tools.cli", str(SCENE), "--headless", "--for", "1.7s", "--save", "part.itouch")
+    run(site, tmp_path, "itouch_tools.cli", "part.itouch", "--headless", "--save", "whole.itouch")
     states = [zipfile.ZipFile(tmp_path / name).read("state.npy") for name in ("straight.itouch", "whole.itouch")]
     assert states[0] == states[1]
 
 
 def test_its_schema_is_written_with_the_others(site, tmp_path):
-    run(site, tmp_path, "itouch.cli", "schema", "schema")
+    run(site, tmp_path, "itouch_tools.cli", "schema", "schema")
     text = "".join(path.read_text() for path in (tmp_path / "schema").glob("*.xsd"))
     assert "urn:itouch:plugin:voice-coil" in text and "distance from ridge to ridge" in text
     main = str(tmp_path / "schema" / "itouch.xsd")

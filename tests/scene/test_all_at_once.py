@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 import itouch
-from itouch.cli import main
 from itouch.schema import SceneError
+from itouch_tools.cli import main
 
 SCENE = """<itouch version="1.0">
   <materials><material name="wood"><contact stifness="1 N/mm"/></material></materials>

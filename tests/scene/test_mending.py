@@ -12,14 +12,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from shipped import SCENES
 
-from itouch.cli import main
-from itouch.cli.fixing import fixed
-from itouch.cli.fixing import show_and_write as put
 from itouch.plugin.discovery import Catalog
 from itouch.scene.loader import read_scene
 from itouch.scene.mending import mended
 from itouch.schema import Problem
 from itouch.schema.diagnostics import meant
+from itouch_tools.cli import main
+from itouch_tools.cli.fixing import fixed
+from itouch_tools.cli.fixing import show_and_write as put
 
 CATALOG = Catalog()
 SCENE = (SCENES / "four_materials.xml").read_text(encoding="utf-8")

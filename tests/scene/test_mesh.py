@@ -10,13 +10,13 @@ import pytest
 from shipped import SCENES
 
 import itouch
-from itouch.cli import main
 from itouch.contact import Mesh
 from itouch.plugin.discovery import Catalog
 from itouch.scene import loads, read_scene, write
 from itouch.schema import Problem, SceneError
 from itouch.world import Model, compile_scene
 from itouch.world.files import contents
+from itouch_tools.cli import main
 
 
 def cube(size: float = 0.02, flip: bool = False) -> bytes:

@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import itouch
-from itouch.cli.__main__ import main
+from itouch_tools.cli.__main__ import main
 
 Write = Callable[[str, str], Path]
 

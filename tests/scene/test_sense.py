@@ -9,7 +9,7 @@ from program import program as run
 from shipped import SCENES
 
 import itouch
-from itouch.cli.check import examined
+from itouch_tools.cli.check import examined
 
 HEAD = '<itouch version="1.0">\n  <include file="itouch:materials.xml"/>\n  <include file="itouch:rigs/twin.xml"/>\n'
 FINGER = '<probe name="finger" radius="8 mm" pose-from="arm" force-to="arm" surface-to="table"/>'

@@ -8,10 +8,10 @@ import pytest
 from lxml import etree
 from shipped import SCENE_FILES, SCENES
 
-from itouch.cli import main
 from itouch.plugin.discovery import Catalog
 from itouch.scene.xsd import schemas
 from itouch.schema.fields import specs
+from itouch_tools.cli import main
 
 SHIPPED = SCENE_FILES
 

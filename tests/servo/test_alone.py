@@ -10,13 +10,13 @@ from collections.abc import Iterator
 
 import pytest
 
-from itouch.bench.deaths.scene import scene
 from itouch.plugin import Field, Record, Touch
 from itouch.plugin.discovery import Catalog
 from itouch.scene import loads
 from itouch.servo import wire
 from itouch.servo.twinserver import TwinServer
 from itouch.world.rig import build_devices
+from itouch_tools.cli.doctor.touch_scene import scene
 
 
 @pytest.mark.parametrize(

@@ -14,9 +14,9 @@ import pytest
 from program import program as run
 from shipped import SCENES
 
-from itouch.bench.loop import PROCESS, PYTHON, THREAD, Row, measure
-from itouch.cli.doctor.finding import Finding
-from itouch.cli.doctor.verdict import Measured, judge
+from itouch_evidence.loop import PROCESS, PYTHON, THREAD, Row, measure
+from itouch_tools.cli.doctor.finding import Finding
+from itouch_tools.cli.doctor.verdict import Measured, judge
 
 FIRST = str(SCENES / "first_touch.xml")
 
@@ -40,7 +40,7 @@ def test_signals_end_a_session_in_real_time_with_a_report(tmp_path: Path, number
     report = tmp_path / "r.json"
     words = [FIRST, "--headless", "--pace", "real", "--for", "60s", "--report", str(report)]
     process = subprocess.Popen(
-        [sys.executable, "-m", "itouch.cli", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-m", "itouch_tools.cli", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
     deadline = time.monotonic() + 60
     while process.poll() is None and not _running(process.pid) and time.monotonic() < deadline:
@@ -57,7 +57,7 @@ def test_a_servo_process_that_is_killed_is_told_and_exits_with_1() -> None:
 
     words = [FIRST, "--headless", "--pace", "real", "--for", "60s"]
     process = subprocess.Popen(
-        [sys.executable, "-m", "itouch.cli", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-m", "itouch_tools.cli", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
     deadline = time.monotonic() + 60
     while process.poll() is None and not _running(process.pid) and time.monotonic() < deadline:

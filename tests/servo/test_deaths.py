@@ -13,11 +13,11 @@ from pathlib import Path
 import pytest
 
 import itouch
-from itouch.bench.deaths import starts
-from itouch.bench.deaths.campaign import cases, strike_again
-from itouch.bench.deaths.observer import Observer
-from itouch.bench.deaths.scene import scene
 from itouch.servo import wire
+from itouch_evidence.deaths import starts
+from itouch_evidence.deaths.campaign import cases, strike_again
+from itouch_evidence.deaths.observer import Observer
+from itouch_tools.cli.doctor.touch_scene import scene
 
 
 @pytest.mark.parametrize(

@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 
 import itouch
-from itouch.bench.deaths.observer import Observer
-from itouch.bench.deaths.scene import scene
 from itouch.servo.errors import let_go
 from itouch.servo.lastwords import LastWords, Process
+from itouch_evidence.deaths.observer import Observer
+from itouch_tools.cli.doctor.touch_scene import scene
 
 _CUSTOM = """
 import signal

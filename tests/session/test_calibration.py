@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from shipped import SCENES
 
-from itouch.cli import calibrate
-from itouch.cli import main as cli
-from itouch.cli.calibrate import rigid
 from itouch.plugin import poses
 from itouch.schema import ItouchError, SceneError
 from itouch.session import build, calibration, load_scene
+from itouch_tools.cli import calibrate
+from itouch_tools.cli import main as cli
+from itouch_tools.cli.calibrate import rigid
 
 ARM = """<itouch version="1.0" xmlns:usb-arm="urn:itouch:plugin:usb-arm" xmlns:thermal="urn:itouch:plugin:thermal">
   <materials><material name="wood"><contact stiffness="1 N/mm"/></material></materials>

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from shipped import SCENES
 
-from itouch.cli import main as cli
-from itouch.cli.calibrate import rigid
 from itouch.schema import ItouchError, SceneError
 from itouch.session import calibration, load_scene
+from itouch_tools.cli import main as cli
+from itouch_tools.cli.calibrate import rigid
 
 ARM = """<itouch version="1.0" xmlns:usb-arm="urn:itouch:plugin:usb-arm">
   <devices>

@@ -40,7 +40,7 @@ def test_it_goes_on_as_the_session_would_have(recorded: Path) -> None:
 
 def test_a_killed_session_goes_on_from_what_was_recorded(tmp_path: Path) -> None:
     path = tmp_path / "killed.mcap"
-    words = [sys.executable, "-m", "itouch.cli", "run", str(SCENE), "--for", "2000s", "--pace", "fast"]
+    words = [sys.executable, "-m", "itouch_tools.cli", "run", str(SCENE), "--for", "2000s", "--pace", "fast"]
     running = subprocess.Popen(
         [*words, "--headless", "--record", str(path)], start_new_session=True, stdout=subprocess.DEVNULL
     )
@@ -52,7 +52,7 @@ def test_a_killed_session_goes_on_from_what_was_recorded(tmp_path: Path) -> None
         os.killpg(running.pid, signal.SIGKILL)
         running.wait()
     done = subprocess.run(
-        [sys.executable, "-m", "itouch.cli", str(path), "--headless", "--for", "0.2s"],
+        [sys.executable, "-m", "itouch_tools.cli", str(path), "--headless", "--for", "0.2s"],
         capture_output=True, text=True, timeout=100, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr

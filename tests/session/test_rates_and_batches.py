@@ -9,15 +9,15 @@ from typing import Any
 import pytest
 from shipped import SCENES
 
-from itouch.bench import batch as bench
-from itouch.bench.bare import waited
-from itouch.cli import main
-from itouch.cli.doctor import rates
-from itouch.cli.doctor.rates import Held
 from itouch.loop.timing import WAKE_UP, Timing
 from itouch.plugin.discovery import Catalog
 from itouch.session import load_scene
 from itouch.world import Model
+from itouch_evidence import batch as bench
+from itouch_tools.cli import main
+from itouch_tools.cli.doctor import rates
+from itouch_tools.cli.doctor.bare import waited
+from itouch_tools.cli.doctor.rates import Held
 
 FIRST = SCENES / "first_touch.xml"
 GOOD = Held(1000.0, 20_000, 60.0, 90.0, 2, 20, 0)

@@ -13,8 +13,8 @@ from running import RUNNABLE
 from shipped import SCENES
 
 import itouch
-from itouch.cli import main
 from itouch.session.replay import Replay
+from itouch_tools.cli import main
 
 
 def record(path: Path, scene: str | Path, seconds: float, *, seed: int = 1) -> itouch.Session:

@@ -8,12 +8,12 @@ import pytest
 from shipped import SCENES
 
 import itouch
-from itouch.bench.faults import phases, prepared
-from itouch.bench.faults.wired import Pair
 from itouch.loop import DeviceFaultError
 from itouch.safety import Status
 from itouch.safety.lifecycle import BACKWARDS, HELD
 from itouch.session import Session
+from itouch_evidence.faults import phases, prepared
+from itouch_evidence.faults.wired import Pair
 
 #: Ticks of the safe sequence of a table that is wired backwards in which it is held, and in which it is driven back.
 IN_A_HOLD, ON_ITS_WAY = 40, 90

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from shipped import SCENES
 
-from itouch.cli.check import examined
 from itouch.recording import read
+from itouch_tools.cli.check import examined
 
 SCENE = """<itouch version="1.0">
   <include file="itouch:materials.xml"/>

@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from shipped import SCENES
 
 import itouch
-from itouch.cli import main
-from itouch.sound import Bank, SoundTrack, Synth
-from itouch.sound.modal import RATE
-from itouch.sound.relief import Relief, Way, reliefs
-from itouch.sound.sliding import Sliding
-from itouch.sound.synth import STANDS, TONE_AGAIN, TONE_EVERY, TONE_FIRST, limited
+from itouch_tools.cli import main
+from itouch_tools.sound import Bank, SoundTrack, Synth
+from itouch_tools.sound.modal import RATE
+from itouch_tools.sound.relief import Relief, Way, reliefs
+from itouch_tools.sound.sliding import Sliding
+from itouch_tools.sound.synth import STANDS, TONE_AGAIN, TONE_EVERY, TONE_FIRST, limited
 
 SCENE = """<itouch version="1.0">
   <materials>{materials}</materials>

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from itouch.bench import hearing, sound
-from itouch.sound import Bank
-from itouch.sound.modal import RATE
+from itouch_evidence import hearing, sound
+from itouch_tools.sound import Bank
+from itouch_tools.sound.modal import RATE
 
 
 @pytest.fixture(scope="module")

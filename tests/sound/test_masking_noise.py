@@ -7,8 +7,8 @@ import time
 import numpy as np
 import pytest
 
-from itouch.sound.masking import BLOCK, LOUDNESS, Masker, Noise
-from itouch.sound.modal import RATE
+from itouch_tools.sound.masking import BLOCK, LOUDNESS, Masker, Noise
+from itouch_tools.sound.modal import RATE
 
 SECONDS = 12
 

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 import itouch
 from itouch.schema import ItouchError
-from itouch.sound import Bank, SoundTrack, Synth, write_wav
-from itouch.sound.modal import RATE
-from itouch.sound.sliding import Sliding
-from itouch.sound.synth import limited
+from itouch_tools.sound import Bank, SoundTrack, Synth, write_wav
+from itouch_tools.sound.modal import RATE
+from itouch_tools.sound.sliding import Sliding
+from itouch_tools.sound.synth import limited
 
 SCENE = """<itouch version="1.0">
   <materials><material name="bell"><contact stiffness="1 N/mm" static-friction="0.3" dynamic-friction="0.2"/>

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 import itouch
-from itouch.sound import output
-from itouch.sound.modal import RATE
-from itouch.sound.player import BLOCK, Speaker
+from itouch_tools.sound import output
+from itouch_tools.sound.modal import RATE
+from itouch_tools.sound.player import BLOCK, Speaker
 
 SCENE = """<itouch version="1.0">
   <materials><material name="bell"><contact stiffness="1 N/mm"/>
@@ -163,7 +163,7 @@ def test_alsa_gets_every_sample(tmp_path):
         "pcm.quiet { type null }\n"
     )
     code = (
-        "import numpy as np; from itouch.sound.output import Alsa, open_output\n"
+        "import numpy as np; from itouch_tools.sound.output import Alsa, open_output\n"
         "out = open_output((Alsa,)); print(out.name)\n"
         "for n in range(50): out.write(np.arange(480 * n, 480 * n + 480).astype('<i2').tobytes())\n"
         "out.close()"
@@ -178,7 +178,7 @@ def test_alsa_gets_every_sample(tmp_path):
 
 
 def test_a_machine_without_a_card_is_told_nothing(tmp_path):
-    code = "from itouch.sound.output import open_output; print(open_output().name)"
+    code = "from itouch_tools.sound.output import open_output; print(open_output().name)"
     env = {**os.environ, "XDG_RUNTIME_DIR": str(tmp_path), "PULSE_SERVER": f"unix:{tmp_path}/none",
            "ALSA_CONFIG_PATH": str(tmp_path / "none")}  # fmt: skip
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=env)
@@ -205,7 +205,9 @@ if shutil.which("pulseaudio") and shutil.which("parec"):
         try:
             until((tmp_path / "sock").exists)
             words = ["bench", "sound", "--strokes", "4", "--monitor", "out.monitor", "--json", str(tmp_path / "x.json")]
-            done = subprocess.run([sys.executable, "-m", "itouch.cli", *words], env=env, capture_output=True, text=True)
+            done = subprocess.run(
+                [sys.executable, "-m", "itouch_tools.cli", *words], env=env, capture_output=True, text=True
+            )
         finally:
             server.terminate()
             server.wait(10)

@@ -10,7 +10,7 @@ import SweetSpot
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from itouch.study.adaptive import Procedure, Running, Staircase
+from itouch_tools.study.adaptive import Procedure, Running, Staircase
 
 RULES = {
     "up-down": Staircase("up-down", 0.0, 2.0, 1.5, step=0.1, reversals=12, trials=80),

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from run_scene import write_study
 
-from itouch.cli import main
 from itouch.plugin.discovery import Catalog
-from itouch.study.audit import GROUPS, guess, judged, observe
-from itouch.study.reading import load_study
+from itouch_tools.cli import main
+from itouch_tools.study.audit import GROUPS, guess, judged, observe
+from itouch_tools.study.reading import load_study
 
 CATALOG = Catalog()
 

@@ -10,12 +10,12 @@ import pytest
 from run_scene import write_study
 from shipped import SCENES
 
-from itouch.cli import main
 from itouch.plugin.discovery import Catalog
-from itouch.study import brought
-from itouch.study.brought import TaskError, device_of, task_names, task_of
-from itouch.study.reading import read_study
-from itouch.study.store import Store
+from itouch_tools.cli import main
+from itouch_tools.study import brought
+from itouch_tools.study.brought import TaskError, device_of, task_names, task_of
+from itouch_tools.study.reading import read_study
+from itouch_tools.study.store import Store
 
 PAGE = (SCENES.parent / "docs" / "reference" / "studies.md").read_text(encoding="utf-8")
 #: The page's own listing is the stranger's module.
@@ -109,7 +109,7 @@ def test_observers_answer_it_as_the_plugin_says(
     from test_study import Hands as Touches
     from test_study import written
 
-    from itouch.study import simulate as simulation
+    from itouch_tools.study import simulate as simulation
 
     monkeypatch.setattr(simulation, "Toucher", Touches)
     path = written(tmp_path, more='<order repetitions="2"/>')

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from itouch.study.machine import Machine, Phase, Rules, Sensed
+from itouch_tools.study.machine import Machine, Phase, Rules, Sensed
 
 TICK = 0.01
 

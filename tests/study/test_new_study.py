@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from itouch.cli import main
 from itouch.plugin.discovery import Catalog
-from itouch.study.reading import load_study
-from itouch.study.trials import trials_of
+from itouch_tools.cli import main
+from itouch_tools.study.reading import load_study
+from itouch_tools.study.trials import trials_of
 
 
 def test_a_new_study_is_right_and_stays_what_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -13,20 +13,20 @@ import statsmodels.api as sm
 from run_scene import write_study
 from scipy import linalg, special
 
-from itouch.cli import main
 from itouch.plugin import Modality
 from itouch.plugin.discovery import Catalog
 from itouch.schema import ItouchError
-from itouch.study import statistics as s
-from itouch.study.campaign import coverage, difference_errors, equivalence_errors, regression_errors
-from itouch.study.exports import table_of, write_bids, write_parquet
-from itouch.study.observers import Felt
-from itouch.study.page import _chance
-from itouch.study.power import FINGERS, TOUCHES, PowerError, library, power
-from itouch.study.reading import StudyFile, load_study
-from itouch.study.statistics.regression import _spread
-from itouch.study.store import Row, Store
-from itouch.study.touches import Presented
+from itouch_tools.cli import main
+from itouch_tools.study import statistics as s
+from itouch_tools.study.campaign import coverage, difference_errors, equivalence_errors, regression_errors
+from itouch_tools.study.exports import table_of, write_bids, write_parquet
+from itouch_tools.study.observers import Felt
+from itouch_tools.study.page import _chance
+from itouch_tools.study.power import FINGERS, TOUCHES, PowerError, library, power
+from itouch_tools.study.reading import StudyFile, load_study
+from itouch_tools.study.statistics.regression import _spread
+from itouch_tools.study.store import Row, Store
+from itouch_tools.study.touches import Presented
 
 CATALOG = Catalog()
 ROWS = [

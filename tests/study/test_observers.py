@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.special import erfcx
 
-from itouch.study.observers import (
+from itouch_tools.study.observers import (
     CombinedObserver,
     Felt,
     FluxObserver,

@@ -14,7 +14,6 @@ from typing import Any
 import pytest
 from bench_rig import DOWN, UP, Person, install
 
-from itouch.cli import main
 from itouch.loop import DeviceFaultError
 from itouch.plugin.discovery import Catalog
 from itouch.safety import Trip
@@ -22,13 +21,14 @@ from itouch.schema import ItouchError
 from itouch.servo import ServoError, sessions
 from itouch.servo.link import attach
 from itouch.session import Session
-from itouch.study import desk
-from itouch.study.answers import Script
-from itouch.study.client import connect
-from itouch.study.reading import load_study
-from itouch.study.room import Room, note_stop
-from itouch.study.shown import Shown
-from itouch.study.store import Row, Store
+from itouch_tools.cli import main
+from itouch_tools.study import desk
+from itouch_tools.study.answers import Script
+from itouch_tools.study.client import connect
+from itouch_tools.study.reading import load_study
+from itouch_tools.study.room import Room, note_stop
+from itouch_tools.study.shown import Shown
+from itouch_tools.study.store import Row, Store
 
 pytestmark = pytest.mark.xdist_group("processes")
 
@@ -198,7 +198,7 @@ def test_time_between_two_sessions_counts_for_how_often_one_may_re_arm(
 ) -> None:
     """The servo's clock stands still between two processes: who had waited for a minute was told to wait for ever."""
     file, clock = load_study(tmp_path / "study.xml", Catalog()), [1e9]
-    monkeypatch.setattr("itouch.study.room.time.time", lambda: clock[0])
+    monkeypatch.setattr("itouch_tools.study.room.time.time", lambda: clock[0])
     room = Room(file, Catalog(), seed=1)
     room.prepare(file.conditions()[0])
     room.session.state["tick"] = 40_000

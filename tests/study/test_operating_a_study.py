@@ -9,11 +9,11 @@ import pytest
 from run_scene import write_study
 
 from itouch.plugin.discovery import Catalog
-from itouch.study.answers import Script, Stopped
-from itouch.study.reading import load_study
-from itouch.study.run import Run
-from itouch.study.shown import Shown
-from itouch.study.store import Store
+from itouch_tools.study.answers import Script, Stopped
+from itouch_tools.study.reading import load_study
+from itouch_tools.study.run import Run
+from itouch_tools.study.shown import Shown
+from itouch_tools.study.store import Store
 
 CATALOG = Catalog()
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from itouch.study import orders
+from itouch_tools.study import orders
 
 
 @given(st.integers(1, 12))

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from shipped import SCENES
 
-from itouch.cli import main
-from itouch.study import simulate as simulation
-from itouch.study.observers import Felt, Observer, Person
-from itouch.study.panelists import ObserverError, names, observer_of
+from itouch_tools.cli import main
+from itouch_tools.study import simulate as simulation
+from itouch_tools.study.observers import Felt, Observer, Person
+from itouch_tools.study.panelists import ObserverError, names, observer_of
 
 MODULE = '''
 class Peak:

@@ -10,9 +10,9 @@ import pytest
 from run_scene import write_study
 
 import itouch
-from itouch.cli import main
 from itouch.recording import RecordingError, read
-from itouch.study.store import Row, Store
+from itouch_tools.cli import main
+from itouch_tools.study.store import Row, Store
 
 ANSWERS = "wood\nsteel\ncork\n"
 

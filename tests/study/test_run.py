@@ -19,17 +19,17 @@ import pytest
 from run_scene import write_study
 from shipped import SCENES
 
-from itouch.cli import main
 from itouch.plugin.discovery import Catalog
-from itouch.study.analysis import analyse
-from itouch.study.answers import AnswerError, Question, Script, Stopped
-from itouch.study.course import Course
-from itouch.study.page import page
-from itouch.study.reading import load_study
-from itouch.study.run import Run
-from itouch.study.shown import Shown
-from itouch.study.store import Row, Store
-from itouch.study.tasks import taken_answer
+from itouch_tools.cli import main
+from itouch_tools.study.analysis import analyse
+from itouch_tools.study.answers import AnswerError, Question, Script, Stopped
+from itouch_tools.study.course import Course
+from itouch_tools.study.page import page
+from itouch_tools.study.reading import load_study
+from itouch_tools.study.run import Run
+from itouch_tools.study.shown import Shown
+from itouch_tools.study.store import Row, Store
+from itouch_tools.study.tasks import taken_answer
 
 CATALOG = Catalog()
 ANSWERS = ["wood 0.31", "steel", "cork 0.2  # said slowly", "2", "steel 0.05"]
@@ -101,8 +101,8 @@ def test_a_session_that_is_stopped_goes_on_to_the_same_rows(
 
 _KILLED = """
 import os, signal, sys
-from itouch.cli import main
-from itouch.study.store import Store
+from itouch_tools.cli import main
+from itouch_tools.study.store import Store
 when, number, argv = sys.argv[1], int(sys.argv[2]), sys.argv[3:]
 made = 0
 add = Store.add
@@ -148,7 +148,7 @@ def test_killed_at_500_random_instants_and_at_each_write(whole: tuple[Path, Path
             assert run(path, folder, "--answers", str(answers)) == 0
             assert kept(folder) == rows
     rng, kills = random.Random(500), 0
-    argv = [sys.executable, "-m", "itouch.cli", "study", "run", str(path), "--participant", "P07", "--answers",
+    argv = [sys.executable, "-m", "itouch_tools.cli", "study", "run", str(path), "--participant", "P07", "--answers",
             str(answers), "-o"]  # fmt: skip
     begin = time.monotonic()
     subprocess.run([*argv, str(tmp_path / "timed")], capture_output=True, check=True)
@@ -306,7 +306,7 @@ def test_masking_noise_is_played_on_request_and_its_absence_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The same rows with it and without."""
-    from itouch.sound import masking
+    from itouch_tools.sound import masking
 
     rows = []
     for noise, mute in (("no", ()), ("yes", ()), ("yes", ("--mute",))):

@@ -17,9 +17,9 @@ from typing import Any
 import pytest
 from run_scene import write_study
 
-from itouch.study import client
-from itouch.study.client import ServedError, connect
-from itouch.study.door import Door, DoorError
+from itouch_tools.study import client
+from itouch_tools.study.client import ServedError, connect
+from itouch_tools.study.door import Door, DoorError
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="processes are ended by signals")
 
@@ -29,7 +29,7 @@ class Other:
 
     def __init__(self, folder: Path, *more: str) -> None:
         self.study, self.key = write_study(folder), folder / "study.key.json"
-        command = [sys.executable, "-m", "itouch.cli", "study", "serve", str(self.study), *more]
+        command = [sys.executable, "-m", "itouch_tools.cli", "study", "serve", str(self.study), *more]
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
         assert self.process.stdout is not None
         self.said = self.process.stdout.readline()
@@ -199,7 +199,7 @@ def test_who_asks_without_an_end_costs_no_tick(served: Other) -> None:
 
 _LEADS = """
 import sys
-from itouch.study.client import connect
+from itouch_tools.study.client import connect
 touch = connect(sys.argv[1])
 touch.set(material="wood")
 print("waits", flush=True)

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from itouch.study import statistics as s
+from itouch_tools.study import statistics as s
 
 A = np.array([[14, 5, 1, 0], [5, 11, 4, 0], [1, 4, 13, 2], [0, 0, 2, 18]])
 B = np.array([[16, 3, 1, 0], [8, 9, 3, 0], [2, 6, 11, 1], [0, 1, 3, 16]])

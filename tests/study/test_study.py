@@ -12,17 +12,17 @@ import pytest
 from run_scene import write_study
 from shipped import SCENES, STUDIES
 
-from itouch.cli import main
 from itouch.plugin.discovery import Catalog
-from itouch.study import simulate as simulation
-from itouch.study.analysis import analyse
-from itouch.study.course import Course
-from itouch.study.observers import Felt
-from itouch.study.page import page
-from itouch.study.reading import StudyFile, load_study, read_study
-from itouch.study.store import Row, Store
-from itouch.study.touches import Presented, Toucher, TouchError, deep_temperature
-from itouch.study.trials import trials_of
+from itouch_tools.cli import main
+from itouch_tools.study import simulate as simulation
+from itouch_tools.study.analysis import analyse
+from itouch_tools.study.course import Course
+from itouch_tools.study.observers import Felt
+from itouch_tools.study.page import page
+from itouch_tools.study.reading import StudyFile, load_study, read_study
+from itouch_tools.study.store import Row, Store
+from itouch_tools.study.touches import Presented, Toucher, TouchError, deep_temperature
+from itouch_tools.study.trials import trials_of
 
 CATALOG = Catalog()
 SCENE = """<itouch version="1.0">

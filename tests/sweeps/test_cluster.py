@@ -16,8 +16,8 @@ import pytest
 from sweeping import COLLECT, VARIED, written
 from test_sweeping import Breaking, swept
 
-from itouch.sweeps.store import rows, table
-from itouch.sweeps.worker import close_runners
+from itouch_tools.sweeps.store import rows, table
+from itouch_tools.sweeps.worker import close_runners
 
 
 class Cluster:
@@ -76,7 +76,7 @@ def test_a_worker_and_the_scheduler_are_killed_in_the_middle(tmp_path: Path, clu
     total = 480
     path = written(tmp_path / "a", VARIED.replace('<seeds count="2"/>', f'<seeds count="{total // 4}"/>') + COLLECT)
     cluster.begin(3)
-    command = [sys.executable, "-m", "itouch.cli", "sweep", str(path), "-o", str(tmp_path / "out")]
+    command = [sys.executable, "-m", "itouch_tools.cli", "sweep", str(path), "-o", str(tmp_path / "out")]
     command += ["--engine", "dask", "--scheduler", cluster.address]
     with open(tmp_path / "log", "wb") as log:
         client = subprocess.Popen(command, stdout=log, stderr=log)

@@ -9,10 +9,10 @@ from lxml import etree
 from shipped import SCENES, SWEEPS
 from sweeping import COLLECT, VARIED, written
 
-from itouch.cli import main
 from itouch.plugin.discovery import Catalog
-from itouch.sweeps.elements import Sweep
-from itouch.sweeps.reading import load_sweep, read_sweep
+from itouch_tools.cli import main
+from itouch_tools.sweeps.elements import Sweep
+from itouch_tools.sweeps.reading import load_sweep, read_sweep
 
 
 def problems(folder: Path, inside: str) -> list[tuple[str, int, str]]:

@@ -9,11 +9,11 @@ import pytest
 from sweeping import COLLECT, VARIED, written
 
 from itouch.plugin.discovery import Catalog
-from itouch.sweeps.bench import main as bench
-from itouch.sweeps.client import Client
-from itouch.sweeps.instant import Instant, client_alone
-from itouch.sweeps.reading import load_sweep
-from itouch.sweeps.store import table
+from itouch_evidence.sweeps.instant import Instant, client_alone
+from itouch_evidence.sweeps.rates import main as bench
+from itouch_tools.sweeps.client import Client
+from itouch_tools.sweeps.reading import load_sweep
+from itouch_tools.sweeps.store import table
 
 
 def many(folder: Path, seeds: int) -> Path:

@@ -14,11 +14,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binom
 
-from itouch.cli import main
 from itouch.schema import ItouchError
-from itouch.sweeps import pages
-from itouch.sweeps.figures import bits, confusion, proportion
-from itouch.sweeps.pages import maker, names
+from itouch_tools.cli import main
+from itouch_tools.sweeps import pages
+from itouch_tools.sweeps.figures import bits, confusion, proportion
+from itouch_tools.sweeps.pages import maker, names
 
 choose, identify, safety, tuning, people = (
     maker(name)

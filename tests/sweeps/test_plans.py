@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from sweeping import COLLECT, written
 
 from itouch.plugin.discovery import Catalog
-from itouch.sweeps import draws
-from itouch.sweeps.draws import Points, value_of
-from itouch.sweeps.elements import Draws, Over
-from itouch.sweeps.plan import Axis, Level, Plan, digest_of
-from itouch.sweeps.reading import SweepFile, load_sweep
+from itouch_tools.sweeps import draws
+from itouch_tools.sweeps.draws import Points, value_of
+from itouch_tools.sweeps.elements import Draws, Over
+from itouch_tools.sweeps.plan import Axis, Level, Plan, digest_of
+from itouch_tools.sweeps.reading import SweepFile, load_sweep
 
 OVER = (
     Over(name="a", set_="x.a", low=1.0, high=100.0, scale="log"),

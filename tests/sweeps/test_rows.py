@@ -11,13 +11,14 @@ from sweeping import COLLECT, OWN, VARIED, written
 
 import itouch
 from itouch.plugin.discovery import Catalog
-from itouch.sweeps import worker
-from itouch.sweeps.identity import differences
-from itouch.sweeps.paths import advice, values
-from itouch.sweeps.reading import load_sweep
-from itouch.sweeps.running import Running
-from itouch.sweeps.work import Work, work_of
-from itouch.sweeps.worker import close_runners, work_on
+from itouch_tools.sweeps import worker
+from itouch_tools.sweeps.identity import differences
+from itouch_tools.sweeps.paths import advice, values
+from itouch_tools.sweeps.plan import Run
+from itouch_tools.sweeps.reading import load_sweep
+from itouch_tools.sweeps.running import Running
+from itouch_tools.sweeps.work import Work, work_of
+from itouch_tools.sweeps.worker import close_runners, work_on
 
 BROKEN = (
     OWN
@@ -43,7 +44,7 @@ SEEDS = (
 )
 
 
-def work(folder: Path, inside: str = VARIED + COLLECT, own: str = OWN) -> tuple[Work, list[itouch.sweeps.plan.Run]]:
+def work(folder: Path, inside: str = VARIED + COLLECT, own: str = OWN) -> tuple[Work, list[Run]]:
     file = load_sweep(written(folder, inside, own), Catalog())
     found = work_of(file, Catalog())
     plan = file.plan(found.digest)

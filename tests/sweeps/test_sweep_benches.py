@@ -13,12 +13,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from itouch.sweeps import deaths, disasters
-from itouch.sweeps.bench import main as bench
-from itouch.sweeps.deaths import main as campaign
-from itouch.sweeps.growth import Client, Grown, Parts, extrapolated, line, process
-from itouch.sweeps.store import RUNS
-from itouch.sweeps.ways import Measured, Rate, plain, shown, steady
+from itouch_evidence.sweeps import deaths, disasters
+from itouch_evidence.sweeps.deaths import main as campaign
+from itouch_evidence.sweeps.growth import Client, Grown, Parts, extrapolated, line, process
+from itouch_evidence.sweeps.rates import main as bench
+from itouch_evidence.sweeps.ways import Measured, Rate, plain, shown, steady
+from itouch_tools.sweeps.store import RUNS
 
 
 def measured(dask: float) -> Measured:

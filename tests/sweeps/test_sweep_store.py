@@ -13,9 +13,9 @@ import pytest
 from sweeping import written
 
 from itouch.plugin.discovery import Catalog
-from itouch.sweeps.reading import SweepFile, load_sweep
-from itouch.sweeps.store import INCOMING, RUNS, Store, StoreError, paths_of, table
-from itouch.sweeps.work import Work, work_of
+from itouch_tools.sweeps.reading import SweepFile, load_sweep
+from itouch_tools.sweeps.store import INCOMING, RUNS, Store, StoreError, paths_of, table
+from itouch_tools.sweeps.work import Work, work_of
 
 
 @pytest.fixture(scope="module")

@@ -19,16 +19,16 @@ import pytest
 from sweeping import COLLECT, VARIED, written
 
 import itouch
-from itouch.cli import main
 from itouch.plugin.discovery import Catalog
-from itouch.sweeps.client import Client, SweepError
-from itouch.sweeps.elements import Enough, Stop
-from itouch.sweeps.engines import Engine, EngineLostError, NoEngineError
-from itouch.sweeps.pilots import estimate
-from itouch.sweeps.progress import Progress
-from itouch.sweeps.reading import load_sweep
-from itouch.sweeps.store import RUNS, paths_of, rows, table
-from itouch.sweeps.worker import close_runners
+from itouch_tools.cli import main
+from itouch_tools.sweeps.client import Client, SweepError
+from itouch_tools.sweeps.elements import Enough, Stop
+from itouch_tools.sweeps.engines import Engine, EngineLostError, NoEngineError
+from itouch_tools.sweeps.pilots import estimate
+from itouch_tools.sweeps.progress import Progress
+from itouch_tools.sweeps.reading import load_sweep
+from itouch_tools.sweeps.store import RUNS, paths_of, rows, table
+from itouch_tools.sweeps.worker import close_runners
 
 
 @pytest.fixture(scope="module")
@@ -187,13 +187,13 @@ def test_an_engine_that_is_not_there_is_a_sentence(
 
 
 def test_a_scheduler_that_is_not_there_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("itouch.sweeps.engines.ANSWERS", 1.0)
+    monkeypatch.setattr("itouch_tools.sweeps.engines.ANSWERS", 1.0)
     with pytest.raises(NoEngineError, match="no scheduler answers at"), Engine("dask", "tcp://127.0.0.1:9").working():
         pass
 
 
 def test_a_client_that_is_killed_leaves_whole_files(home: Path, tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "itouch.cli", "sweep", str(home / "sweep.xml"), "-o", str(tmp_path / "out")]
+    command = [sys.executable, "-m", "itouch_tools.cli", "sweep", str(home / "sweep.xml"), "-o", str(tmp_path / "out")]
     client = subprocess.Popen([*command, "--workers", "1"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     end = time.monotonic() + 240.0
     while not paths_of(tmp_path / "out") and client.poll() is None and time.monotonic() < end:

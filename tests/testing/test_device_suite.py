@@ -96,7 +96,7 @@ def test_a_changed_protocol_is_seen_in_the_golden_transcript(tmp_path):
 
 
 def test_the_command_prints_a_score_card(capsys):
-    from itouch.cli import main
+    from itouch_tools.cli import main
 
     assert main(["test-plugin", "xyz-table"]) == 0
     text = capsys.readouterr().out

@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-_PROBE = "from itouch.viewer.offscreen import open_context; open_context(64, 64).close()"
+_PROBE = "from itouch_tools.viewer.offscreen import open_context; open_context(64, 64).close()"
 
 
 @functools.cache

@@ -15,11 +15,11 @@ DRAW = """
 import json, sys
 import numpy as np
 from types import SimpleNamespace
-from itouch.viewer.offscreen import open_context
+from itouch_tools.viewer.offscreen import open_context
 width, height = int(sys.argv[1]), int(sys.argv[2])
 window = open_context(width, height)
-from itouch.viewer.asking import DARK, LIGHT, Board
-from itouch.viewer.buffers import Frame
+from itouch_tools.viewer.asking import DARK, LIGHT, Board
+from itouch_tools.viewer.buffers import Frame
 frame = Frame(width, height)
 def face(cue, **more):
     plain = dict(question="", choices=(), left=None, force=None, window=None, trial=3, trials=10, void=0, message="")

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from itouch.bench import viewer_told
-from itouch.bench.viewer_servo import Viewers
 from itouch.schema import ItouchError
+from itouch_evidence import viewer_told
+from itouch_evidence.viewer_servo import Viewers
 
 #: As Rerun's own command does: the program that listens and draws is a child.
 PARENT = """

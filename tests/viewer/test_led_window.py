@@ -19,11 +19,11 @@ import pyglet
 pyglet.options.audio = ("silent",)
 from itouch.arms import pad
 controller = SimpleNamespace(name="fake", leftx=0.0, lefty=0.0, righty=0.0, device=None, open=lambda: None, close=lambda: None)
-from itouch.viewer import steering
+from itouch_tools.viewer import steering
 if sys.argv[-1].endswith("gamepad.xml"):
     steering.find_pad = lambda: pad.Pad(controller)
-from itouch.viewer.source import Local
-from itouch.viewer.window import Window
+from itouch_tools.viewer.source import Local
+from itouch_tools.viewer.window import Window
 clock = [0.0]
 session = itouch.build(sys.argv[-1])
 source = Local(session)

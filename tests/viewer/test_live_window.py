@@ -16,14 +16,14 @@ from test_pictures import without_display
 from windows import drive
 
 import itouch
-from itouch.bench import viewer_servo
+from itouch_evidence import viewer_servo
 
 PREPARE = """
 import sys, time, itouch, pyglet
 pyglet.options.audio = ("silent",)
 from pyglet.window import key
 from itouch.servo import attach
-from itouch.viewer.offscreen import open_window
+from itouch_tools.viewer.offscreen import open_window
 def begin(scene):
     global handle, window, situation
     handle = itouch.launch(scene, linger=True)
@@ -145,7 +145,7 @@ def test_live_window(name: str, said):
 
 
 def view(*words: str, environment: dict[str, str]) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-m", "itouch.cli", "view", *words], capture_output=True, text=True,
+    return subprocess.run([sys.executable, "-m", "itouch_tools.cli", "view", *words], capture_output=True, text=True,
                           env=environment, timeout=60)  # fmt: skip
 
 
@@ -178,7 +178,7 @@ def test_a_killed_or_frozen_viewer_is_not_waited_for(screen, monkeypatch):
 
 def test_run_opens_a_window_that_sigterm_ends_safely(screen, tmp_path: Path):
     report = tmp_path / "r.json"
-    words = [sys.executable, "-m", "itouch.cli", "run", str(SCENES / "four_materials_hurried.xml"), "--mute", "--report",
+    words = [sys.executable, "-m", "itouch_tools.cli", "run", str(SCENES / "four_materials_hurried.xml"), "--mute", "--report",
              str(report), "--for", "60s"]  # fmt: skip
     run = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=screen)
     end = time.monotonic() + 60
@@ -196,8 +196,8 @@ def test_run_opens_a_window_that_sigterm_ends_safely(screen, tmp_path: Path):
 def test_curves_are_those_of_the_loop_at_any_rate_of_pictures() -> None:
     """One picture in a second shows the samples that sixty show: those of the loop, none twice, none out of order."""
     from itouch.servo import launch
-    from itouch.viewer.attached import Attached
-    from itouch.viewer.signals import Ring
+    from itouch_tools.viewer.attached import Attached
+    from itouch_tools.viewer.signals import Ring
 
     with launch(SCENES / "first_touch.xml", twin="all", seconds=600.0) as handle:
         slow, quick = Attached(handle.link), Attached(handle.link)

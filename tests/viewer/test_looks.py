@@ -16,13 +16,13 @@ from shipped import SCENES
 
 import itouch
 from itouch.contact.heightmap import height_map
-from itouch.viewer import colours, overlay, solids
-from itouch.viewer.finishes import FINISHES, finishes
-from itouch.viewer.overlay import Words
-from itouch.viewer.scales import grid_step, length, titled
-from itouch.viewer.scene_graph import SceneGraph
-from itouch.viewer.signals import charts
-from itouch.viewer.warmth import Range, degrees
+from itouch_tools.viewer import colours, overlay, solids
+from itouch_tools.viewer.finishes import FINISHES, finishes
+from itouch_tools.viewer.overlay import Words
+from itouch_tools.viewer.scales import grid_step, length, titled
+from itouch_tools.viewer.scene_graph import SceneGraph
+from itouch_tools.viewer.signals import charts
+from itouch_tools.viewer.warmth import Range, degrees
 
 BLOCKS = """<itouch version="1.0">
   <materials>{materials}</materials>
@@ -149,7 +149,7 @@ def test_a_chart_never_loses_its_unit(plates):
 
 DRAW = """
 import sys, numpy as np, itouch
-from itouch.viewer.offscreen import Offscreen
+from itouch_tools.viewer.offscreen import Offscreen
 pictures = {}
 for path in sys.argv[2:]:
     session = itouch.build(path)

@@ -15,9 +15,9 @@ from run_scene import write_study
 PREPARE = """
 from types import SimpleNamespace
 from pyglet.window import key
-from itouch.viewer.asking import LIGHT
-from itouch.viewer.askingwindow import AskingWindow
-from itouch.viewer.operatorwindow import OperatorWindow
+from itouch_tools.viewer.asking import LIGHT
+from itouch_tools.viewer.askingwindow import AskingWindow
+from itouch_tools.viewer.operatorwindow import OperatorWindow
 face = SimpleNamespace(cue="contact", question="", choices=(), left=2.0, force=None, window=None, trial=3, trials=9, void=1, message="")
 window = OperatorWindow(look=LIGHT)
 lines = [("arm: enabled", True), ("table: fault", False)]
@@ -85,7 +85,7 @@ def test_a_session_is_seen_by_the_operator(screen: Mapping[str, str], tmp_path: 
     """The command opens the window, and the rows are made beside it; without a screen it says so."""
     answers, study = tmp_path / "answers.txt", write_study(tmp_path, repetitions=1)
     answers.write_text("wood\nsteel\ncork\n")
-    words = [sys.executable, "-m", "itouch.cli", "study", "run", str(study), "--participant", "P1", "--operator"]
+    words = [sys.executable, "-m", "itouch_tools.cli", "study", "run", str(study), "--participant", "P1", "--operator"]
     words += ["--answers", str(answers)]
     bare = {name: value for name, value in screen.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
     done = subprocess.run(words, capture_output=True, text=True, env=bare, timeout=300)

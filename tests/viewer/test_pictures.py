@@ -15,8 +15,8 @@ from shipped import SCENES
 
 DRAW = """
 import sys, numpy as np, itouch
-from itouch.viewer.offscreen import Offscreen
-from itouch.viewer.overlay import Situation
+from itouch_tools.viewer.offscreen import Offscreen
+from itouch_tools.viewer.overlay import Situation
 session = itouch.build(sys.argv[1])
 shots = Offscreen(session.model, width=640, height=360)
 pictures = {}
@@ -100,7 +100,7 @@ def test_picking_finds_what_is_drawn_there(pictures):
 
 
 def itouch_py(*words: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-m", "itouch.cli", *words], capture_output=True, text=True,
+    return subprocess.run([sys.executable, "-m", "itouch_tools.cli", *words], capture_output=True, text=True,
                           env=without_display() | environment)  # fmt: skip
 
 

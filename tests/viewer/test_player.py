@@ -12,9 +12,9 @@ PREPARE = """
 import sys, numpy as np, itouch, pyglet
 pyglet.options.audio = ("silent",)
 from pyglet.window import key, mouse
-from itouch.viewer.playback import Playback
-from itouch.viewer.player import Player
-from itouch.viewer.recording_seek import SeekableRecording
+from itouch_tools.viewer.playback import Playback
+from itouch_tools.viewer.player import Player
+from itouch_tools.viewer.recording_seek import SeekableRecording
 clock = [0.0]
 reel = SeekableRecording(itouch.read(sys.argv[2]))
 playback = Playback(reel)

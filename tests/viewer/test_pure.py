@@ -9,11 +9,11 @@ import pytest
 from shipped import SCENES
 
 import itouch
-from itouch.viewer import colours, docking, drawing, menu, overlay, solids
-from itouch.viewer.camera import VIEWS, Camera
-from itouch.viewer.overlay import Situation
-from itouch.viewer.scene_graph import SceneGraph, along, arrow
-from itouch.viewer.signals import Ring
+from itouch_tools.viewer import colours, docking, drawing, menu, overlay, solids
+from itouch_tools.viewer.camera import VIEWS, Camera
+from itouch_tools.viewer.overlay import Situation
+from itouch_tools.viewer.scene_graph import SceneGraph, along, arrow
+from itouch_tools.viewer.signals import Ring
 
 
 def volume(solid: solids.Solid) -> float:

@@ -12,10 +12,10 @@ from shipped import SCENES
 
 import itouch
 from itouch.recording import RecordingError
-from itouch.viewer.playback import FASTEST, Playback
-from itouch.viewer.recording_seek import SeekableRecording
-from itouch.viewer.signals import Ring
-from itouch.viewer.timeline import Timeline
+from itouch_tools.viewer.playback import FASTEST, Playback
+from itouch_tools.viewer.recording_seek import SeekableRecording
+from itouch_tools.viewer.signals import Ring
+from itouch_tools.viewer.timeline import Timeline
 
 SECONDS = 3.2
 

@@ -22,9 +22,9 @@ import itouch
 if not os.environ.get("CI"):
     pytest.importorskip("zenoh_ros2_sdk")
 
-from itouch.bench.ros2 import listening, measure
-from itouch.viewer.live.moments import Moment
-from itouch.viewer.live.ros2 import Place, Topics
+from itouch_evidence.ros2 import listening, measure
+from itouch_tools.viewer.live.moments import Moment
+from itouch_tools.viewer.live.ros2 import Place, Topics
 
 START = 1_700_000_000_123_456_789
 
@@ -202,6 +202,6 @@ def test_two_processes_and_a_listener() -> None:
 
 
 def test_without_git_it_is_imported_all_the_same() -> None:
-    words = "from itouch.viewer.live.ros2 import library; library()"
+    words = "from itouch_tools.viewer.live.ros2 import library; library()"
     done = subprocess.run([sys.executable, "-c", words], env={**os.environ, "PATH": "/nowhere"}, capture_output=True)
     assert done.returncode == 0, done.stderr.decode()

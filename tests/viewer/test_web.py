@@ -24,11 +24,11 @@ from shipped import SCENES
 
 import itouch
 from itouch.plugin import poses
-from itouch.viewer.colours import of_temperature
-from itouch.viewer.scene_graph import SceneGraph
-from itouch.viewer.warmth import plate_temperature
-from itouch.viewer.web import Access
-from itouch.viewer.web.gate import COOKIE, Gate, Request
+from itouch_tools.viewer.colours import of_temperature
+from itouch_tools.viewer.scene_graph import SceneGraph
+from itouch_tools.viewer.warmth import plate_temperature
+from itouch_tools.viewer.web import Access
+from itouch_tools.viewer.web.gate import COOKIE, Gate, Request
 
 viser = pytest.importorskip("viser")
 import msgspec  # noqa: E402
@@ -131,7 +131,7 @@ class Served:
 
 @pytest.fixture(scope="module")
 def server() -> Iterator[Any]:
-    from itouch.viewer.web.serve import _server
+    from itouch_tools.viewer.web.serve import _server
 
     with _server("a session") as found:
         yield found
@@ -148,7 +148,7 @@ def served(server: Any) -> Iterator[Served]:
     ("scene", "steps"), [("four_materials_hurried.xml", 3), ("first_touch.xml", 4), ("moving.xml", 2)]
 )
 def test_what_is_sent_is_where_the_state_says(scene: str, steps: int, server: Any, served: Served) -> None:
-    from itouch.viewer.web.scenery import Scenery
+    from itouch_tools.viewer.web.scenery import Scenery
 
     server.scene.reset()
     server.gui.reset()
@@ -197,7 +197,7 @@ def test_what_is_sent_is_where_the_state_says(scene: str, steps: int, server: An
 def test_a_browser_that_comes_later_sees_the_same_and_a_still_session_sends_nothing(
     server: Any, served: Served
 ) -> None:
-    from itouch.viewer.web.scenery import Scenery
+    from itouch_tools.viewer.web.scenery import Scenery
 
     server.scene.reset()
     server.gui.reset()
@@ -299,7 +299,7 @@ def test_chromium_shows_it_and_dies_and_hangs_and_the_loop_goes_on(tmp_path: Pat
     from browser import Browser, need_chromium
 
     handle = itouch.launch(SCENES / "four_materials_hurried.xml", linger=True, seconds=900.0)
-    words = [sys.executable, "-m", "itouch.cli", "view", handle.link.name, "--web", "--port", "0"]
+    words = [sys.executable, "-m", "itouch_tools.cli", "view", handle.link.name, "--web", "--port", "0"]
     view = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
     try:
         assert view.stdout is not None
@@ -337,8 +337,8 @@ def test_the_bench_watches_the_loop_beside_a_browser() -> None:
     sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "report"))
     from browser import need_chromium
 
-    from itouch.bench import viewer_servo
-    from itouch.bench.viewer_web import Browsers
+    from itouch_evidence import viewer_servo
+    from itouch_evidence.viewer_web import Browsers
 
     need_chromium()
     rows = viewer_servo.measure(0.3, 1, browsers=Browsers)

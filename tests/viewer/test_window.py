@@ -13,8 +13,8 @@ from pathlib import Path
 from pyglet.window import key, mouse
 import pyglet
 pyglet.options.audio = ("silent",)
-from itouch.viewer.source import Local
-from itouch.viewer.window import Window
+from itouch_tools.viewer.source import Local
+from itouch_tools.viewer.window import Window
 clock = [0.0]
 begun = Path(sys.argv[3] + ".begun")
 if not begun.exists():
@@ -148,7 +148,7 @@ SCRIPTS = {
         assert not session.state["finger.hand.offset"].any()
     """,
     "the menu does by mouse what the keys do": """
-        from itouch.viewer import menu
+        from itouch_tools.viewer import menu
         def click(symbol, last=True):
             turn()
             found = [place for place in window.picture.menu if getattr(key, place.key) == symbol]

@@ -486,7 +486,7 @@ class Engine:
             rig.restore()
 
     def report(self) -> dict[str, Any]:
-        """Return the report; see ``itouch.report`` for its keys."""
+        """Return the report; see ``itouch_tools.report`` for its keys."""
         from itouch.loop.summary import summary
 
         return summary(self, [rig.log.entry(None) for rig in self._rigs if rig.log.open], self._pacing.wall)

@@ -27,7 +27,8 @@ class Recording(Shown, Mapping[str, NDArray[Any]]):
     is one column of it.
     """
 
-    PAGE = "itouch.report.notebook:recording"
+    #: Looked up by its name when a notebook asks: the core imports nothing of the tools.
+    PAGE = "itouch_tools.report.notebook:recording"
 
     def __init__(self, content: Content) -> None:
         self._content = content

@@ -40,7 +40,8 @@ class Scene(Shown):
     is what it said of its own rig if another was put under it: that is asked of the other, too.
     """
 
-    PAGE: ClassVar[str] = "itouch.report.notebook:scene"
+    #: Looked up by its name when a notebook asks: the core imports nothing of the tools.
+    PAGE: ClassVar[str] = "itouch_tools.report.notebook:scene"
 
     world: WorldElement = WorldElement()
     materials: tuple[Material, ...] = ()

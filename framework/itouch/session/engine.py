@@ -36,7 +36,8 @@ Path = str | os.PathLike[str]
 class Session(Shown, Engine):
     """An engine that can be saved, and restored to go on as if it had not stopped."""
 
-    PAGE = "itouch.report.notebook:session"
+    #: Looked up by its name when a notebook asks: the core imports nothing of the tools.
+    PAGE = "itouch_tools.report.notebook:session"
 
     def __init__(
         self,

@@ -23,7 +23,7 @@ BOUND, CORNER = 0.03, 0.06
 #: The corners: by how much the plant may differ, in both directions.
 WIDE = {"contact-resistance": 0.2, "seebeck": 0.1, "delay": 5e-3, "sensor-lag": 0.3}
 #: The program that is installed with this one.
-PROGRAM = "from itouch.cli import main; raise SystemExit(main())"
+PROGRAM = "from itouch_tools.cli import main; raise SystemExit(main())"
 #: Wires that are better than the scene's: attributes of elements inside a display's hardware, and of it (empty).
 #: What an averaging input leaves of the noise of 20 samples is set as the twin's: 20 W/m2 over the root of 20.
 _RAISED, _AVERAGED = ("mecom", "session-baud", "460800"), ("", "flux-noise", "4.5 W/m^2")

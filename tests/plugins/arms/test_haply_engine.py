@@ -10,13 +10,13 @@ from pathlib import Path
 import pytest
 from served import ServedService
 
-from itouch.cli import main
 from itouch.exchange import EveryNth
 from itouch.loop import DeviceFaultError
 from itouch.plugin import read_trace
 from itouch.session import Session, build, load_scene
 from itouch_arms.haply import Haply
 from itouch_arms.haply.virtual import VirtualService
+from itouch_tools.cli import main
 
 SCENE = (Path(__file__).parent / "haply.xml").read_text(encoding="utf-8")
 

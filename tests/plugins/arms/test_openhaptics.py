@@ -12,11 +12,11 @@ from pathlib import Path
 import pytest
 from fake_hd import FakeHd
 
-from itouch.cli import main
 from itouch.plugin import DeviceError, Field, Record, Trace, read_trace
 from itouch.testing import DeviceTests
 from itouch_arms.errors import ArmError, Disconnected, NotCalibrated, NotFound, ProtocolError, Refused, Timeout
 from itouch_arms.openhaptics import OpenHaptics, OpenHapticsParams, Phantom, api, driver
+from itouch_tools.cli import main
 
 NO_FORCE = (0.0, 0.0, 0.0)
 

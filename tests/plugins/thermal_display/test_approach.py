@@ -11,10 +11,10 @@ import pytest
 from display_scenes import CONTROL, Display
 
 import itouch
-from itouch.report.screen import Screen
 from itouch_thermal import cli
 from itouch_thermal.display import DisplayParams
 from itouch_thermal.display.switching import least_time, strongest
+from itouch_tools.report.screen import Screen
 
 EQUAL = '<thermal:flux-control display="peltier" desired-from="heat" equalise="yes"/>'
 PAPER = '<thermal:flux-control display="peltier" desired-from="heat" controller="paper"/>'

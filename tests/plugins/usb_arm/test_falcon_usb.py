@@ -149,7 +149,16 @@ def test_an_unlinked_read_keeps_what_the_arm_says(served: Served) -> None:
 
 
 def test_the_command_serves_until_it_is_told_to_end() -> None:
-    command = [sys.executable, "-m", "itouch.cli", "virtual-arm", "--usbip", "127.0.0.1:0", "--running", "--homed"]
+    command = [
+        sys.executable,
+        "-m",
+        "itouch_tools.cli",
+        "virtual-arm",
+        "--usbip",
+        "127.0.0.1:0",
+        "--running",
+        "--homed",
+    ]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         line = process.stdout.readline()

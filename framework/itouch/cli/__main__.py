@@ -1,8 +1,0 @@
-"""``python -m itouch.cli``: the same as ``itouch-py``."""
-
-import sys
-
-from itouch.cli import main
-
-if __name__ == "__main__":
-    sys.exit(main())

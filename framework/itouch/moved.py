@@ -1,0 +1,58 @@
+"""Old names of modules that are in other packages now, for one version: importing one warns, and gives what is there.
+
+Only those that the documentation or a shipped scene told users to import.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from importlib import import_module
+from importlib.machinery import ModuleSpec
+from types import ModuleType
+from typing import Any, cast
+
+#: Old name -> where it is now, with all that is beneath.  They are texts, looked up when a user imports an old name:
+#: the core imports nothing of the tools or the evidence.
+PLACES = {
+    "itouch.bench": "itouch_evidence",
+    "itouch.report": "itouch_tools.report",
+    "itouch.study": "itouch_tools.study",
+    "itouch.sweeps": "itouch_tools.sweeps",
+}
+
+
+class _Alias:
+    """Fills a module that passes on what another one has."""
+
+    def __init__(self, to: str) -> None:
+        self._to = to
+
+    def create_module(self, spec: ModuleSpec) -> None:
+        """Leave it to Python to make the module."""
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Let a module have what the other one has; warn where the name begins that has moved."""
+        if module.__name__ in PLACES:
+            said = f"'{module.__name__}' is '{self._to}' now: import from there"
+            warnings.warn(said, DeprecationWarning, stacklevel=2)
+        real = import_module(self._to)
+        module.__doc__ = real.__doc__
+        module.__dict__["__getattr__"] = lambda name: getattr(real, name)
+
+
+class _Moved:
+    """Asked last of all, so only for names that nobody else has found."""
+
+    def find_spec(self, name: str, path: Sequence[str] | None, target: ModuleType | None = None) -> ModuleSpec | None:
+        """Return how to load an old name; None for any other."""
+        parts = name.split(".")
+        place = PLACES.get(".".join(parts[:2]))
+        if place is None:
+            return None
+        alias = _Alias(".".join((place, *parts[2:])))
+        # Python's own base class of loaders is slow to import
+        return ModuleSpec(name, cast(Any, alias), is_package=True)
+
+
+MOVED = _Moved()

@@ -1,0 +1,66 @@
+"""``python -m itouch_evidence.deaths.stand viewer|recorder NAME``: stand-ins that do to a session what faces do.
+
+The viewer copies the newest State sixty times a second and holds the dead-man's switch; the recorder takes every State.
+Told by a signal, a stand-in eats memory until the kernel, or Python, stops it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import time
+from collections.abc import Sequence
+
+from itouch.platforms import lives
+from itouch.servo.link import Link, attach
+from itouch.servo.shared_memory import ServoError
+from itouch_evidence.deaths.hunger import starve_on_signal
+
+
+def _view(link: Link) -> None:
+    state = link.state
+    while lives(link.pid):  # a start may be silent for longer than a session: its twins are waited for
+        link.hold()
+        link.refresh(state)
+        time.sleep(1 / 60)
+
+
+def _follow(link: Link) -> None:
+    follower, taken = link.follow(), 0
+    while link.alive:
+        taken += sum(len(entry.state) for entry in follower.take())
+        time.sleep(0.02)
+
+
+def _attached(name: str, patience: float) -> Link:
+    """Attach to a session, or to one that is only about to be there."""
+    end = time.monotonic() + patience
+    while True:
+        try:
+            return _published(name)
+        except ServoError:
+            if time.monotonic() > end:
+                raise
+            time.sleep(0.02)
+
+
+def _published(name: str) -> Link:
+    """Attach to a session that has something to show."""
+    with contextlib.ExitStack() as stack:
+        link = stack.enter_context(attach(name))
+        _ = link.state
+        stack.pop_all()
+        return link
+
+
+def main(argv: Sequence[str]) -> int:
+    """Stand in for a viewer or a recorder until the session ends."""
+    starve_on_signal()
+    with _attached(argv[1], float(argv[2]) if len(argv) > 2 else 0.0) as link:
+        print("attached", flush=True)
+        (_view if argv[0] == "viewer" else _follow)(link)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,31 @@
+"""``python -m itouch_evidence.deaths.starter SCENE NAME RECORDING PARENT``: a launcher that records, as a lab would."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Sequence
+
+from itouch.schema import ItouchError
+from itouch.servo import launch
+from itouch.servo.parent import gone
+from itouch.session.outputs import Outputs
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run a session to its end; SIGTERM asks for it."""
+    try:
+        with launch(argv[0], name=argv[1], keep=Outputs(record=argv[2])) as handle:
+            signal.signal(signal.SIGTERM, lambda number, frame: handle.request_stop())
+            print("launched", flush=True)
+            while not handle.wait(0.2):
+                if gone(int(argv[3])):  # nobody kills it any more
+                    handle.request_stop()
+    except ItouchError as error:
+        print(error, flush=True)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,111 @@
+"""``itouch-py bench start``: what a first and a later start cost, stage by stage, each in a process of its own."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+#: How often a later start, and the help, are tried; the least of them counts.
+TIMES = 3
+#: Longest that a start may take [s].
+_PATIENCE = 900.0
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """One start: processor and host seconds of the whole process, and its stages."""
+
+    name: str
+    cpu: float
+    wall: float
+    stages: tuple[dict[str, Any], ...]
+
+    @property
+    def compiled(self) -> int:
+        """How many functions were compiled."""
+        return sum(int(row["compiled"]) for row in self.stages)
+
+
+def main(argv: Sequence[str]) -> int:
+    """Measure a first start, with nothing kept, and later ones, to the first tick."""
+    parser = argparse.ArgumentParser(prog="itouch-py bench start", description=main.__doc__)
+    parser.add_argument("scene", nargs="?", metavar="SCENE", help="default: the four-material scene")
+    parser.add_argument("--times", type=int, default=TIMES, metavar="N", help="how many later starts; the least counts")
+    parser.add_argument("--json", metavar="FILE", help="write the figures to this file too")
+    options = parser.parse_args(argv)
+    from itouch_evidence.faults import shipped_scene
+
+    scene = os.fspath(options.scene or shipped_scene())
+    first, later = measure(scene, max(1, options.times))
+    asked = min(help_seconds() for _ in range(max(1, options.times)))
+    for line in table(first, later):
+        print(line)
+    print(f"`itouch-py --help`: {asked:.2f} s of CPU")
+    if options.json:
+        content = {"first": asdict(first), "later": asdict(later), "help_cpu_s": asked}
+        Path(options.json).write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    return 0
+
+
+def measure(scene: str, times: int) -> tuple[Start, Start]:
+    """Return a start with nothing kept, and the quickest of some that find what it kept.
+
+    Raises
+    ------
+    subprocess.CalledProcessError
+        If a start fails; what it said has been printed.
+    """
+    with tempfile.TemporaryDirectory(prefix="itouch-start-") as folder:
+        kept = {"NUMBA_CACHE_DIR": "kernels", "ITOUCH_KEPT": "found", "ITOUCH_MESH_CACHE": "meshes"}
+        more = {name: os.path.join(folder, place) for name, place in kept.items()}
+        first = _start("first", scene, more)
+        later = [_start("later", scene, more) for _ in range(times)]
+    return first, min(later, key=lambda start: start.cpu)
+
+
+def help_seconds() -> float:
+    """Return the processor time [s] of ``itouch-py --help``."""
+    return _run([sys.executable, "-m", "itouch_tools.cli", "--help"], {})[1]
+
+
+def table(first: Start, later: Start) -> list[str]:
+    """Return both starts side by side, a stage a line."""
+    lines = [f"{'':<13}{'first start':>20}{'':>12}{'later start':>20}", f"{'':<13}{_HEAD}{_HEAD}"]
+    pairs = zip(first.stages, later.stages, strict=True)
+    lines += [f"{one['stage']:<13}{_cells(one)}{_cells(other)}" for one, other in pairs]
+    ends = ({"cpu": s.cpu, "wall": s.wall, "compiled": s.compiled} for s in (first, later))
+    lines.append(f"{'whole process':<13}{''.join(map(_cells, ends))}")
+    lines.append(f"first / later: {first.cpu / later.cpu:.1f} in CPU, {first.wall / later.wall:.1f} in time")
+    return lines
+
+
+_HEAD = f"{'CPU s':>10}{'wall s':>10}{'compiled':>12}"
+
+
+def _cells(row: Mapping[str, Any]) -> str:
+    return f"{row['cpu']:>10.2f}{row['wall']:>10.2f}{row['compiled']:>12}"
+
+
+def _start(name: str, scene: str, more: Mapping[str, str]) -> Start:
+    out, cpu, wall = _run([sys.executable, "-P", "-m", "itouch_evidence.start.stages", scene], more)
+    return Start(name, cpu, wall, tuple(json.loads(out.splitlines()[-1])))
+
+
+def _run(words: Sequence[str], more: Mapping[str, str]) -> tuple[str, float, float]:
+    """Return what a process printed, its processor seconds, and how long it took [s]."""
+    before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+    done = subprocess.run(
+        words, env={**os.environ, **more}, stdout=subprocess.PIPE, text=True, timeout=_PATIENCE, check=True
+    )
+    wall, after = time.perf_counter() - begun, resource.getrusage(resource.RUSAGE_CHILDREN)
+    return done.stdout, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, wall

@@ -1,0 +1,79 @@
+"""One start, stage by stage: run in a process of its own, which prints what each took as JSON.
+
+``python -m itouch_evidence.start.stages SCENE``
+"""
+
+from __future__ import annotations
+
+import time
+
+_BEGUN = time.process_time(), time.perf_counter()  # before anything else is imported: the interpreter's own part
+
+import json  # noqa: E402
+import sys  # noqa: E402
+from collections.abc import Sequence  # noqa: E402
+from contextlib import ExitStack  # noqa: E402
+from typing import Any  # noqa: E402
+
+
+class Stages:
+    """Notes processor and host seconds of one stage after the other, and how many functions it compiled."""
+
+    def __init__(self) -> None:
+        self.rows: list[dict[str, Any]] = [{"stage": "interpreter", "cpu": _BEGUN[0], "wall": 0.0, "compiled": 0}]
+        self._last = _BEGUN
+        self.compiled = 0
+
+    def done(self, stage: str) -> None:
+        """Note the stage that has just ended."""
+        now = time.process_time(), time.perf_counter()
+        counted = sum(row["compiled"] for row in self.rows)
+        row = {"stage": stage, "cpu": now[0] - self._last[0], "wall": now[1] - self._last[1]}
+        self.rows.append({**row, "compiled": self.compiled - counted})
+        self._last = now
+
+
+def main(argv: Sequence[str]) -> int:
+    """Start a scene up to its first tick, and print the stages."""
+    stages = Stages()
+    from itouch.plugin.bases import Bases, keeping
+    from itouch.plugin.discovery import Catalog
+    from itouch.session import Session, load_scene
+    from itouch.world import Model
+
+    stages.done("imports")
+    with ExitStack() as stack:
+        _count(stages)
+        catalog, bases = Catalog(), Bases()
+        scene = load_scene(argv[0], catalog=catalog)
+        stages.done("scene")
+        stack.enter_context(keeping(bases))
+        model = Model.of(scene, catalog)
+        stages.done("model")
+        session = Session(model, catalog=catalog, bases=bases)
+        stages.done("session")
+    session.tick()
+    stages.done("first tick")
+    print(json.dumps(stages.rows))
+    return 0
+
+
+def _count(stages: Stages) -> None:
+    """Count what Numba compiles, if it can be asked."""
+    try:
+        from numba.core import event
+    except ImportError:
+        return
+
+    class Counter(event.Listener):  # type: ignore[misc, unused-ignore]
+        def on_start(self, told: object) -> None:
+            stages.compiled += 1
+
+        def on_end(self, told: object) -> None:
+            pass
+
+    event.register("numba:compile", Counter())
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

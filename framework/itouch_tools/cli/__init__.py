@@ -1,0 +1,202 @@
+"""The command line: one file a command, loaded when it is asked for, so that help is instant."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import sys
+import time
+from collections.abc import Sequence
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from itouch.plugin.discovery import Found
+
+#: Command -> (module, one line of help).
+COMMANDS = {
+    "run": ("itouch_tools.cli.run", "run a scene, or go on with a saved session (the default command)"),
+    "check": ("itouch_tools.cli.check", "print every problem of scene files"),
+    "watch": ("itouch_tools.cli.watch", "check a scene at each save"),
+    "completion": ("itouch_tools.cli.completion", "write the script with which Tab completes, for bash, zsh or fish"),
+    "explain": ("itouch_tools.cli.explain", "say what the code of a message means, with an example"),
+    "devices": ("itouch_tools.cli.devices", "list the device plugins that are installed"),
+    "demo": ("itouch_tools.cli.demo", "run the four-material scene that comes with the program"),
+    "doctor": ("itouch_tools.cli.doctor", "say what this machine can do, and whether a person should put a finger in"),
+    "calibrate": (
+        "itouch_tools.cli.calibrate",
+        "measure what devices need, and keep it with its date beside the scene",
+    ),
+    "virtual-rig": ("itouch_tools.cli.virtual_rig", "simulate the devices of a scene behind their real protocols"),
+    "bench": ("itouch_tools.cli.bench", "measure accuracy and speed"),
+    "inspect": ("itouch_tools.cli.inspect", "say what a scene, a session or a recording holds"),
+    "export": ("itouch_tools.cli.export", "write a session as XML, or a recording as tables"),
+    "new-plugin": ("itouch_tools.cli.new_plugin", "begin a plugin: a complete distribution with numbered steps"),
+    "new-scene": ("itouch_tools.cli.new_scene", "begin a scene, with completion in editors"),
+    "new-study": ("itouch_tools.cli.new_study", "begin a psychophysical study, with its scene"),
+    "schema": ("itouch_tools.cli.schema", "write the scene language as XML Schema, for editors"),
+    "test-plugin": (
+        "itouch_tools.cli.test_plugin",
+        "examine an installed plugin: the conformance suite with a score card",
+    ),
+    "report": ("itouch_tools.cli.report", "write one page of a session: plots, contacts, faults, provenance"),
+    "view": ("itouch_tools.cli.view", "open a window on a session that runs"),
+    "replay": ("itouch_tools.cli.replay", "feed a recording to the engine and compare every command"),
+    "sync": ("itouch_tools.cli.sync", "measure the delay between a mark and the wire on this machine"),
+    "study": ("itouch_tools.cli.study", "psychophysical studies: check, freeze, run, simulate, report, power, audit"),
+    "sweep": ("itouch_tools.cli.sweep", "very many runs with parameters by path, on this machine or a cluster"),
+    "recover": ("itouch_tools.cli.recover", "make a damaged recording whole: its longest valid prefix"),
+}
+
+_USAGE = """\
+usage: itouch-py SCENE.xml|SESSION.itouch [options]
+       itouch-py COMMAND ...
+
+Touch rendering with kinesthetic and thermal feedback.
+
+commands:
+{commands}
+
+{common}
+`itouch-py COMMAND --help` tells the options of a command, `itouch-py run --help` those of running a scene.
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line and return the exit code: 0 done, 1 a fault while running, 2 wrong input."""
+    words = list(sys.argv[1:] if argv is None else argv)
+    from itouch.schema.diagnostics import ItouchError
+    from itouch.schema.terminal import escaped
+    from itouch_tools.cli import manners
+
+    _need_streams()
+    try:
+        words, common = manners.taken(words)
+    except ItouchError as error:
+        print(error, file=sys.stderr)
+        return 2
+    with manners.speaking(common), escaped():
+        return _guarded(words)
+
+
+def _guarded(words: list[str]) -> int:
+    """Dispatch; what a user or a device can cause becomes a message, never a traceback."""
+    from itouch.schema.diagnostics import ItouchError
+    from itouch.schema.terminal import detail
+    from itouch.schema.waits import shown_by
+    from itouch_tools.cli import progress
+    from itouch_tools.cli.ending import stop_writing
+
+    begun = time.perf_counter()
+    try:
+        with shown_by(progress.shown):
+            code = _dispatch(words)
+        sys.stdout.flush()
+        detail(f"{words[0] if words else 'itouch-py'}: {time.perf_counter() - begun:.2f} s")
+        return code
+    except ItouchError as error:
+        return _told(error)
+    except BrokenPipeError:
+        stop_writing()
+        return 141
+    except OSError as error:
+        if error.errno != errno.ENOSPC:  # a full disk behind the terminal's output; any other is a mistake of ours
+            raise
+        stop_writing()
+        print(f"cannot write: {error.strerror}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return 130
+    except SystemExit:  # of a parser: what it has printed must go out here, where a reader may be gone
+        with contextlib.suppress(BrokenPipeError):
+            sys.stdout.flush()
+            raise
+        stop_writing()
+        return 141
+
+
+def _told(error: Exception) -> int:
+    """Say what is wrong; a reader that has gone does not hear it."""
+    from itouch_tools.cli.ending import stop_writing
+
+    try:
+        print(error, *getattr(error, "__notes__", ()), sep="\n", file=sys.stderr, flush=True)
+    except BrokenPipeError:
+        stop_writing()
+    return 2
+
+
+def _need_streams() -> None:
+    """Give a process that was started without output streams ones that lead nowhere."""
+    if sys.stdout is None:
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+    if sys.stderr is None:
+        sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+
+
+def _dispatch(words: list[str]) -> int:
+    if not words or words[0] in ("-h", "--help", "help"):
+        return _help(words)
+    name = words[0]
+    if name in ("-V", "--version"):
+        from importlib.metadata import version
+
+        print(f"itouch-py {version('itouch-py')}")
+        return 0
+    if name in COMMANDS:
+        return int(import_module(COMMANDS[name][0]).main(words[1:]))
+    plugin = _plugin_commands().get(name)
+    if plugin is not None:
+        return int(plugin.load()(words[1:]))
+    if _looks_like_a_command(name):
+        return _unknown(name)
+    return int(import_module("itouch_tools.cli.run").main(words))
+
+
+def _help(words: list[str]) -> int:
+    if len(words) > 1 and not words[1].startswith("-"):  # `itouch-py help check`
+        return _dispatch([words[1], "--help"])
+    from itouch_tools.cli.manners import HELP
+
+    print(_USAGE.format(commands=_listed(), common=HELP))
+    return 0 if words else 2
+
+
+def _looks_like_a_command(name: str) -> bool:
+    return not name.startswith("-") and "." not in name and "/" not in name
+
+
+def _unknown(name: str) -> int:
+    from itouch.schema.diagnostics import did_you_mean
+
+    advice = did_you_mean(name, [*COMMANDS, *_plugin_commands()], "commands are")
+    print(f"error: there is no command or file named '{name}'\n  = help: {advice}", file=sys.stderr)
+    return 2
+
+
+def _plugin_commands() -> dict[str, Found]:
+    from itouch.plugin.discovery import COMMANDS as GROUP
+    from itouch.plugin.discovery import find
+
+    return find(GROUP)
+
+
+def listed() -> dict[str, str]:
+    """Return each command with its line of help, those of plugins too; nothing of a plugin is imported."""
+    from importlib.metadata import entry_points
+
+    from itouch_tools.cli.synopsis import synopsis
+
+    lines = {name: text for name, (_, text) in COMMANDS.items()}
+    for entry in entry_points(group="itouch.commands"):
+        if entry.name not in lines:
+            lines[entry.name] = synopsis(entry) or f"command of {entry.dist.name if entry.dist else 'a plugin'}"
+    return dict(sorted(lines.items()))
+
+
+def _listed() -> str:
+    lines = listed()
+    width = max(map(len, lines))
+    return "\n".join(f"  {name:<{width}}  {text}" for name, text in lines.items())

@@ -1,0 +1,328 @@
+"""``itouch-py calibrate``: measure what a scene's devices need, and keep it beside the scene with its date."""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.plugin import Fit, Role, poses
+from itouch.schema import ItouchError
+from itouch.session import calibration
+from itouch_tools.cli.arguments import Parser
+
+if TYPE_CHECKING:
+    from itouch.session import Session
+
+#: How long [days] a touch-off and a mount fit hold; simulated seconds that a touch-off may take.
+TOUCH_OFF_DAYS, MOUNT_DAYS, LONGEST = 30.0, 180.0, 120.0
+_DAY = datetime.timedelta(days=1.0)
+#: Pairs of points that fit worse than this [m] are of something else; points nearer to a line are on it.
+_WORST, _THIN = 5e-3, 4e-4
+_PAIRS = ("x [m]", "y [m]", "z [m]", "x there [m]", "y there [m]", "z there [m]")
+
+
+def main(argv: Sequence[str]) -> int:
+    """Calibrate a scene's devices; without options, list what can be calibrated and what is on record."""
+    options = _parser().parse_args(argv)
+    if options.scene.endswith(".itouch"):
+        raise ItouchError("calibrate takes a scene: records are kept beside its file")
+    if options.kind is None and not options.extend:
+        return _list(options)
+    if options.extend:
+        return _extend(options)
+    device = _device(options)
+    if options.kind == "touch-off":
+        record = _touch_off(options, device)
+    elif options.kind == "mount-fit":
+        record = _mount_fit(options, device)
+    else:
+        record = _fit(options, device)
+    path = _path(options, device)
+    calibration.store(path, record)
+    _tell(record)
+    print(f"written to {path}, holds until {record.expires[:10]}")
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = Parser(prog="itouch-py calibrate", description=main.__doc__)
+    parser.add_argument("scene", metavar="SCENE.xml")
+    parser.add_argument("--device", metavar="NAME", help="the device; default: the only one that has this calibration")
+    parser.add_argument("--kind", metavar="KIND", help="touch-off, mount-fit, or one that the device offers")
+    parser.add_argument("--samples", metavar="FILE.csv", help="measured numbers, a line a sample; - reads the terminal")
+    parser.add_argument("--to", metavar="NAME", help="mount-fit: the device whose frame the second points are in")
+    parser.add_argument(
+        "--twin", metavar="all|none|NAME", help="calibrate twins, or hardware, instead of what the scene says"
+    )
+    parser.add_argument("--days", type=float, metavar="N", help="how long the result holds")
+    parser.add_argument("--extend", action="store_true", help="say that records that have expired still hold")
+    return parser
+
+
+def _session(options: argparse.Namespace) -> Session:
+    from itouch.session import build
+
+    scene, catalog = _scene(options)
+    return build(scene, catalog=catalog)
+
+
+def _scene(options: argparse.Namespace) -> Any:
+    """Return the scene with the records that hold: what is measured now was measured with them."""
+    from itouch.plugin.discovery import Catalog
+    from itouch.session import load_scene
+
+    catalog = Catalog()
+    scene = load_scene(options.scene, twin=options.twin, catalog=catalog, records=False)
+    return calibration.calibrated(scene, stale=True), catalog
+
+
+def _path(options: argparse.Namespace, device: Any) -> Path:
+    scene, _ = _scene(options)
+    return calibration.stored_in(scene, device)
+
+
+def _paths(scene: Any) -> list[Path]:
+    """Return the files in which the scene's records are, each once."""
+    return list(dict.fromkeys([calibration.file_of(scene.source), *(_stored(scene))]))
+
+
+def _stored(scene: Any) -> list[Path]:
+    return [calibration.stored_in(scene, device) for device in scene.devices]
+
+
+def _offers(element: Any, catalog: Any) -> dict[str, Fit | None]:
+    """Return the calibrations of a device by kind; None for those of its mount."""
+    cls = catalog.device(element.plugin)
+    roles = {channel.role for channel in (*cls.reads, *cls.commands)} if cls is not None else set()
+    own: dict[str, Fit | None] = {fit.kind: fit for fit in cls.fits} if cls is not None else {}
+    if Role.TRACKED_POSE in roles:
+        own["mount-fit"] = None
+    if {Role.SURFACE_POSE, Role.CONTACT_FORCE} <= roles:
+        own["touch-off"] = None
+    return own
+
+
+def _params(device: Any, catalog: Any) -> Any:
+    return device.parts[0].params if device.parts else catalog.device(device.plugin).Params()
+
+
+def _lacks(fit: Fit | None, device: Any, catalog: Any) -> str:
+    """Return what a device of this scene lacks for a calibration; an empty text if nothing."""
+    return fit.lacks(_params(device, catalog)) if fit is not None else ""
+
+
+def _list(options: argparse.Namespace) -> int:
+    scene, catalog = _scene(options)
+    for element in scene.devices:
+        for kind, fit in sorted(_offers(element, catalog).items()):
+            if lack := _lacks(fit, element, catalog):
+                print(f"{element.name}  no {kind}: {lack}")
+                continue
+            doc = fit.doc if fit is not None else _DOCS[kind]
+            print(f"{element.name}  --kind {kind}\n    {doc}")
+            print(f"    samples: {', '.join(fit.columns if fit is not None else _COLUMNS[kind]) or 'none'}")
+    records = [record for path in _paths(scene) for record in calibration.read_records(path)]
+    for record in records:
+        _tell(record)
+    if not records:
+        print("no records")
+    return 0
+
+
+_DOCS = {
+    "touch-off": "runs the scene until the plate was felt, and keeps the height that it found",
+    "mount-fit": "touch the same points with this device and another: where both frames lie to one another",
+}
+_COLUMNS: dict[str, tuple[str, ...]] = {"touch-off": (), "mount-fit": _PAIRS}
+
+
+def _tell(record: calibration.CalibrationRecord) -> None:
+    state = " EXPIRED" if record.stale(calibration.now()) else ""
+    what = ", ".join(f"{name} = {value:.6g}" for name, value in record.values.items())
+    if record.mount:
+        x, y, z = (value * 1e3 for value in record.mount[:3])
+        what = f"mount at {x:.3f} {y:.3f} {z:.3f} mm"
+    whose = "twin" if record.twin else "hardware"
+    print(f"{record.device} ({whose}) {record.kind} of {record.made[:10]}, until {record.expires[:10]}{state}: {what}; "
+          f"residual {record.residual:.3g} {record.unit} over {record.samples} samples")  # fmt: skip
+
+
+def _device(options: argparse.Namespace) -> Any:
+    scene, catalog = _scene(options)
+    able = [e for e in scene.devices if options.kind in _offers(e, catalog)]
+    if options.device is not None:
+        able = [e for e in able if e.name == options.device]
+    if len(able) == 1:
+        return able[0]
+    names = ", ".join(e.name for e in scene.devices)
+    if not able:
+        raise ItouchError(
+            f"no device has a calibration '{options.kind}' (devices: {names}); leave --kind away to see them"
+        )
+    raise ItouchError(f"several devices have a calibration '{options.kind}': say which with --device")
+
+
+def _record(
+    options: argparse.Namespace, device: Any, days: float, residual: float, unit: str, samples: int,
+    *, values: dict[str, float] | None = None, mount: Iterable[float] = (),
+) -> calibration.CalibrationRecord:  # fmt: skip
+    made = calibration.now()
+    expires = made + (_days(options) or datetime.timedelta(days=days))
+    return calibration.CalibrationRecord(
+        device.name, options.kind, bool(device.twin), made.isoformat(), expires.isoformat(), values or {},
+        tuple(float(v) for v in mount), residual, unit, samples,
+    )  # fmt: skip
+
+
+def _days(options: argparse.Namespace) -> datetime.timedelta | None:
+    """Return for how long a result shall hold, if that was said."""
+    if options.days is None:
+        return None
+    if not 0.0 < options.days <= 3650.0:
+        raise ItouchError(f"--days {options.days:g} is out of range: more than 0, at most 3650")
+    return datetime.timedelta(days=options.days)
+
+
+def _samples(options: argparse.Namespace, columns: tuple[str, ...]) -> NDArray[np.float64]:
+    """Read the samples; a first line of words is a heading."""
+    if options.samples is None:
+        raise ItouchError(f"write the samples to a file and give it as --samples: columns {', '.join(columns)}")
+    try:
+        if options.samples == "-":
+            print(f"one sample a line ({', '.join(columns)}), an empty line or end of input ends:", file=sys.stderr)
+            lines = [line for line in iter(sys.stdin.readline, "") if line.strip()]
+        else:
+            with open(options.samples, encoding="utf-8") as stream:
+                lines = [line for line in stream if line.strip() and not line.startswith("#")]
+    except (OSError, UnicodeDecodeError) as error:
+        raise ItouchError(f"samples '{options.samples}' cannot be read: {error}") from error
+    rows = [line.replace(",", " ").replace(";", " ").split() for line in lines]
+    if rows and not _number(rows[0][0]):
+        rows = rows[1:]
+    for number, row in enumerate(rows, 1):
+        if len(row) != len(columns) or not all(_number(word) for word in row):
+            raise ItouchError(f"sample {number} is '{' '.join(row)}', not {len(columns)} numbers: {', '.join(columns)}")
+    return np.array([[float(word) for word in row] for row in rows]).reshape(-1, len(columns))
+
+
+def _number(word: str) -> bool:
+    try:
+        return bool(np.isfinite(float(word)))
+    except ValueError:
+        return False
+
+
+def _fit(options: argparse.Namespace, device: Any) -> calibration.CalibrationRecord:
+    _, catalog = _scene(options)
+    fit = _offers(device, catalog)[options.kind]
+    if fit is None:
+        raise ItouchError(f"'{options.kind}' is none of device '{device.name}'")
+    if lack := _lacks(fit, device, catalog):
+        raise ItouchError(f"calibration '{options.kind}': {lack}")
+    samples = _samples(options, fit.columns)
+    try:
+        found = fit.solve(_params(device, catalog), samples)
+    except ValueError as error:
+        raise ItouchError(f"calibration '{options.kind}': {error}") from error
+    for doubt in found.doubts:
+        print(f"warning: {doubt}", file=sys.stderr)
+    return _record(options, device, fit.days, found.residual, found.unit, len(samples), values=dict(found.values))
+
+
+def _touch_off(options: argparse.Namespace, device: Any) -> calibration.CalibrationRecord:
+    """Run until the rig is calibrated, and keep the mount that was found."""
+    session = _session(options)
+    with session:
+        session.enable()
+        session.run(LONGEST, until=lambda: bool(session.state["ready"]))
+        found = np.array(session.state[f"{device.name}.calibration"])
+        ready = bool(session.state["ready"])
+    if not ready:
+        raise ItouchError(f"touch-off of '{device.name}' did not end within {LONGEST:g} s")
+    if session.model.devices[device.name].touch_off == 0:
+        raise ItouchError(f"device '{device.name}' has no <calibration method=\"touch-off\"/> in the scene")
+    offsets = np.array(session.state[f"{device.name}.touch_off.offsets"])
+    current = next(e for e in session.scene.devices if e.name == device.name)
+    mount = poses.compose(np.array(calibration.mount_pose(current.mount)), found)
+    return _record(options, device, TOUCH_OFF_DAYS, float(np.std(offsets)) * 1e3, "mm", len(offsets), mount=mount)
+
+
+def _mount_fit(options: argparse.Namespace, device: Any) -> calibration.CalibrationRecord:
+    """Fit the device's mount to pairs of points, least squares over rotations and shifts."""
+    scene, _ = _scene(options)
+    others = {e.name: e for e in scene.devices if e.name != device.name}
+    if options.to is None or options.to not in others:
+        raise ItouchError(f"mount-fit: say with --to in whose frame the second points are: {', '.join(others)}")
+    samples = _samples(options, _PAIRS)
+    try:
+        relation, residual = rigid(samples[:, :3], samples[:, 3:])
+    except ValueError as error:
+        raise ItouchError(f"calibration 'mount-fit': {error}") from error
+    mount = poses.compose(np.array(calibration.mount_pose(others[options.to].mount)), relation)
+    return _record(options, device, MOUNT_DAYS, residual * 1e3, "mm", len(samples), mount=mount)
+
+
+def rigid(here: NDArray[np.float64], there: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """Return the pose that takes points to their partners, and the rms distance left (Kabsch 1976).
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than three pairs, all lie on a line, or no rigid motion takes one to the other.
+    """
+    if len(here) < 3:
+        raise ValueError(f"{len(here)} pairs of points are too few: three or more")
+    a, b = here - here.mean(axis=0), there - there.mean(axis=0)
+    left, sizes, right = np.linalg.svd(a.T @ b)
+    if sizes[1] <= _THIN * sizes[0]:
+        raise ValueError("the points lie on a line, or nearly: spread them")
+    turn = right.T @ np.diag([1.0, 1.0, np.sign(np.linalg.det(right.T @ left.T))]) @ left.T
+    shift = there.mean(axis=0) - turn @ here.mean(axis=0)
+    rest = there - here @ turn.T - shift
+    left_over = float(np.sqrt(np.mean(np.sum(rest * rest, axis=1))))
+    if left_over > _WORST:
+        raise ValueError(
+            f"the pairs lie {left_over * 1e3:.3g} mm (rms) from one another at best: "
+            "are they in metres, in the same order, and no axis turned round?"
+        )
+    return np.concatenate([shift, _quaternion(turn)]), left_over
+
+
+def _quaternion(turn: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the unit quaternion of a rotation matrix: the eigenvector of Bar-Itzhack's matrix."""
+    (a, b, c), (d, e, f), (g, h, i) = turn
+    k = np.array([
+        [a + e + i, h - f, c - g, d - b],
+        [h - f, a - e - i, b + d, c + g],
+        [c - g, b + d, e - a - i, f + h],
+        [d - b, c + g, f + h, i - a - e],
+    ])  # fmt: skip
+    quaternion: NDArray[np.float64] = np.linalg.eigh(k)[1][:, -1]
+    return quaternion if quaternion[0] >= 0.0 else -quaternion
+
+
+def _extend(options: argparse.Namespace) -> int:
+    """Let expired records hold for as long again as they did."""
+    scene, _ = _scene(options)
+    longer, now, changed = _days(options), calibration.now(), 0
+    for path in _paths(scene):
+        records = []
+        for record in calibration.read_records(path):
+            if record.stale(now) and options.device in (None, record.device) and options.kind in (None, record.kind):
+                made, expires = (datetime.datetime.fromisoformat(text) for text in (record.made, record.expires))
+                record = replace(record, expires=(now + (longer or max(_DAY, expires - made))).isoformat())
+                changed += 1
+                _tell(record)
+            records.append(record)
+        if records:
+            calibration.write_records(path, records)
+    print(f"{changed} record{'' if changed == 1 else 's'} extended")
+    return 0

@@ -1,0 +1,124 @@
+"""``itouch-py doctor``: what this machine can do, what it lacks, and whether a person should put a finger in."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+
+from itouch_tools.cli.arguments import Parser, seconds
+
+_MARKS = {"ok": "ok    ", "lack": "LACK  ", "note": "note  "}
+
+
+def main(argv: Sequence[str]) -> int:
+    """Say what this machine can do, and what to do about each lack."""
+    parser = Parser(prog="itouch-py doctor", description=main.__doc__)
+    parser.add_argument("--measure", type=seconds, metavar="10s",
+                        help="run the loop for this long, idle and then beside a load, and judge by that")  # fmt: skip
+    parser.add_argument("--rates", nargs="?", const="", metavar="SCENE",
+                        help="which rate of the loop this machine holds for a scene on twins")  # fmt: skip
+    parser.add_argument("--rig", metavar="SCENE",
+                        help="look at a scene's devices in the air: sensors, watchdogs, cut-offs")  # fmt: skip
+    parser.add_argument("--twin", metavar="all|none|NAME", help="with --rig: take these devices as twins")
+    parser.add_argument("--for", dest="duration", type=seconds, metavar="3s",
+                        help="with --rig: how long to watch the sensors (default 3 s)")  # fmt: skip
+    parser.add_argument("--busy", type=int, default=0, metavar="N",
+                        help="with --rates: beside N processes that compute, set beside a bare timer")  # fmt: skip
+    parser.add_argument("--clear-kept", action="store_true",
+                        help="remove kept kernels, results and meshes; the next start makes them")  # fmt: skip
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    options = parser.parse_args(argv)
+    _check(parser, options)
+    if options.clear_kept:
+        from itouch_tools.cli.doctor.kept import clear_kept
+
+        print(clear_kept())
+        return 0
+    if options.rig is not None:
+        watched = 3.0 if options.duration is None else options.duration
+        return _rig(options.rig, options.twin, watched, as_json=options.json)
+    if options.rates is not None:
+        return _rates(options.rates, options.measure or 5.0, beside=options.busy, as_json=options.json)
+    from itouch_tools.cli.doctor.checks import examine
+    from itouch_tools.cli.doctor.verdict import judge, measure
+
+    findings = examine()
+    if not options.json:
+        for finding in findings:
+            print(f"{_MARKS[finding.status]}{finding.name:<15} {finding.found}")
+            if finding.advice:
+                print(f"{'':<22}-> {finding.advice}")
+    measured = None if options.measure is None else measure(options.measure)
+    verdict = judge(findings, measured)
+    if options.json:
+        content = {
+            "checks": [asdict(finding) for finding in findings],
+            "measured": None if measured is None else [asdict(row) for row in measured],
+            "finger": verdict.finger,
+            "verdict": verdict.sentence,
+        }
+        print(json.dumps(content, indent=1))
+        return 0
+    for row in measured or ():
+        print(f"loop, {row.load:<10}    {row.sentence()}")
+    print(f"\n{verdict.sentence}")
+    return 0
+
+
+def _check(parser: Parser, options: argparse.Namespace) -> None:
+    """Refuse what says nothing as it stands; exit code 2."""
+    for option, given, whole in (
+        ("--twin", options.twin is not None, "rig"), ("--for", options.duration is not None, "rig"),
+        ("--busy", options.busy != 0, "rates"),
+    ):  # fmt: skip
+        if given and getattr(options, whole) is None:
+            parser.error(f"{option} goes with --{whole}: write itouch-py doctor --{whole} SCENE {option} ...")
+    if options.duration is not None and options.duration <= 0.0:
+        parser.error("--for must be more than 0 s; write for example --for 3s")
+    if not 0 <= options.busy <= 256:
+        parser.error(f"--busy {options.busy} is out of range: 0 to 256")
+
+
+def _rates(path: str, each: float, *, beside: int, as_json: bool) -> int:
+    """Measure which rates are held, each for some seconds."""
+    from itouch.session import load_scene
+    from itouch_tools.cli.doctor.loop import bench_scene
+    from itouch_tools.cli.doctor.rates import best, rates
+
+    found = []
+    for row in rates(load_scene(path, twin="all") if path else bench_scene(), each, beside=beside):
+        found.append(row)
+        if not as_json:
+            print(row.sentence(), flush=True)
+    if as_json:
+        rows = [{**asdict(row), "held": row.held} for row in found]
+        print(json.dumps({"rates": rows, "verdict": best(found)}, indent=1))
+    else:
+        print(f"\n{best(found)}")
+    return 0
+
+
+def _rig(path: str, twin: str | None, each: float, *, as_json: bool) -> int:
+    """Look at a rig in the air; 1 if a line fails."""
+    from itouch.loop import WallClock
+    from itouch.servo.prepare import prepare
+    from itouch_tools.cli.doctor.rig import FAIL, NOT, examine_rig
+
+    session = prepare(path, seed=0, twin=twin, rig=None)
+    session.clock = WallClock()
+    found = []
+    for finding in examine_rig(session, each):
+        found.append(finding)
+        if not as_json:
+            print(f"{finding.status:<13} {finding.name:<13} {finding.found}", flush=True)
+            if finding.advice:
+                print(f"{'':<27} -> {finding.advice}")
+    failed, left = (sum(one.status == status for one in found) for status in (FAIL, NOT))
+    verdict = f"{failed} of {len(found)} lines fail" if failed else f"nothing fails; {left} lines need a person"
+    if as_json:
+        print(json.dumps({"rig": [asdict(finding) for finding in found], "verdict": verdict}, indent=1))
+    else:
+        print(f"\n{verdict}: the checklist of the safety case says how the rest is shown on the rig itself")
+    return 1 if failed else 0

@@ -1,0 +1,144 @@
+"""Looking at the machine: nothing here changes anything, and nothing raises."""
+
+from __future__ import annotations
+
+import os
+import platform
+import shutil
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from itouch.platforms import SERVO_PROCESS, cores, limit
+from itouch_tools.cli.doctor.extras import extras
+from itouch_tools.cli.doctor.faces import display, graphics, sound
+from itouch_tools.cli.doctor.finding import Finding
+from itouch_tools.cli.doctor.kept import compile_cache, kept_results
+
+_LIMITS = "as root write '@realtime - rtprio 90' and '@realtime - memlock unlimited' to "
+_ADVICE = _LIMITS + "/etc/security/limits.d/99-realtime.conf, join that group, log in anew"
+
+
+def examine() -> list[Finding]:
+    """Look at everything, in the order in which it matters."""
+    looks: list[tuple[str, Callable[[], Finding]]] = [
+        ("system", system), ("processors", processors), ("kernel", kernel), ("timer", timer), ("priority", priority),
+        ("memory lock", memory_lock), ("shared memory", shared_memory), ("compile cache", compile_cache),
+        ("kept results", kept_results), ("display", display), ("graphics", graphics), ("sound", sound), ("usb", usb),
+        ("disk", disk), ("extras", extras),
+    ]  # fmt: skip
+    return [_safely(name, look) for name, look in looks]
+
+
+def _safely(name: str, look: Callable[[], Finding]) -> Finding:
+    try:
+        return look()
+    except Exception as error:
+        return Finding(name, "note", f"could not be examined: {type(error).__name__}: {error}")
+
+
+def system() -> Finding:
+    """OperatorCommands system and Python."""
+    found = f"{platform.system()} {platform.release()}, {platform.machine()}, Python {platform.python_version()}"
+    if platform.system() != "Linux":
+        return Finding("system", "lack", found, "the servo process needs Linux; simulated sessions run elsewhere too")
+    return Finding("system", "ok", found)
+
+
+def processors() -> Finding:
+    """How many there are, whether one is isolated, and how they change their clock."""
+    from itouch.servo.realtime import isolated_cpus
+
+    count, free = cores(), isolated_cpus()
+    governors = {p.read_text().strip() for p in Path("/sys/devices/system/cpu").glob("cpu*/cpufreq/scaling_governor")}
+    found = f"{count}" + (f", {len(free)} isolated" if free else ", none isolated")
+    found += f", clock: {', '.join(sorted(governors))}" if governors else ""
+    if count < 2:
+        return Finding("processors", "lack", found, "the loop and a window need a processor each: use two or more")
+    if governors - {"performance"}:
+        return Finding("processors", "note", found, "as root: cpupower frequency-set -g performance")
+    return Finding("processors", "ok", found)
+
+
+def kernel() -> Finding:
+    """Whether the kernel can be preempted everywhere."""
+    version = platform.version()
+    real = Path("/sys/kernel/realtime")
+    if "PREEMPT_RT" in version or (real.exists() and real.read_text().strip() == "1"):
+        return Finding("kernel", "ok", "PREEMPT_RT")
+    advice = "a PREEMPT_RT kernel bounds the rare late ticks; see the page on real-time kernels"
+    return Finding("kernel", "note", f"not PREEMPT_RT ({' '.join(version.split()[:3])})", advice)
+
+
+def timer() -> Finding:
+    """How late a sleep of a millisecond ends."""
+    resolution = time.clock_getres(time.CLOCK_MONOTONIC)
+    late = []
+    for _ in range(200):
+        due = time.perf_counter() + 1e-3
+        time.sleep(1e-3)
+        late.append((time.perf_counter() - due) * 1e6)
+    late.sort()
+    found = (
+        f"resolution {resolution * 1e9:.0f} ns; a sleep of 1 ms ends {late[100]:.0f} us late, at worst {late[-1]:.0f}"
+    )
+    if resolution > 1e-6 or late[100] > 500:
+        return Finding("timer", "lack", found, "the kernel has no high-resolution timers: a 1 kHz loop can't be paced")
+    return Finding("timer", "ok", found)
+
+
+def priority() -> Finding:
+    """Whether the loop may have real-time priority."""
+    from itouch_tools.cli.doctor.loop import may_have_priority
+
+    allowed = limit("RLIMIT_RTPRIO")
+    if may_have_priority():
+        return Finding("priority", "ok", "SCHED_FIFO is given")
+    return Finding("priority", "lack", f"SCHED_FIFO is refused (limit {allowed})", _ADVICE)
+
+
+def memory_lock() -> Finding:
+    """Whether the servo process may keep its pages in memory; it takes about 400 MiB."""
+    allowed = limit("RLIMIT_MEMLOCK")
+    if (hasattr(os, "geteuid") and os.geteuid() == 0) or allowed < 0 or allowed >= 1 << 30:
+        return Finding("memory lock", "ok", "as much as is needed")
+    return Finding("memory lock", "lack", f"at most {allowed >> 20} MiB", _ADVICE)
+
+
+def shared_memory() -> Finding:
+    """Whether processes can share anonymous memory and find it."""
+    if not SERVO_PROCESS:
+        said = "none that processes find: the loop runs in a thread, on twins only; hardware needs Linux"
+        return Finding("shared memory", "note", said)
+    handle = os.memfd_create("itouch-doctor")
+    try:
+        os.ftruncate(handle, 1 << 20)
+        os.close(os.open(f"/proc/{os.getpid()}/fd/{handle}", os.O_RDWR))
+    finally:
+        os.close(handle)
+    return Finding("shared memory", "ok", "anonymous files, found through /proc")
+
+
+def usb() -> Finding:
+    """Whether USB devices that are attached may be opened by this user."""
+    nodes = sorted(Path("/dev/bus/usb").glob("*/*"))
+    if not nodes:
+        return Finding(
+            "usb", "note", "no device is attached", "`itouch-py devices --probe` tells what a driver looks for"
+        )
+    shut = [str(node) for node in nodes if not os.access(node, os.W_OK)]
+    if len(shut) < len(nodes):
+        return Finding("usb", "ok", f"{len(nodes) - len(shut)} of {len(nodes)} devices may be opened")
+    rule = 'SUBSYSTEM=="usb", ATTR{idVendor}=="VVVV", ATTR{idProduct}=="PPPP", MODE="0660", TAG+="uaccess"'
+    advice = f"as root write {rule} to /etc/udev/rules.d/70-itouch.rules and plug in anew"
+    return Finding("usb", "lack", f"none of {len(nodes)} devices may be opened", advice)
+
+
+def disk() -> Finding:
+    """Room for recordings in the working folder: a session takes some 10 MB a minute."""
+    free = shutil.disk_usage(".").free
+    writable = os.access(".", os.W_OK)
+    found = f"{free / 1e9:.0f} GB free in the working folder" + ("" if writable else ", which can't be written")
+    return (
+        Finding("disk", "ok", found) if free > 1e9 and writable else Finding("disk", "lack", found, "change the folder")
+    )

@@ -1,0 +1,46 @@
+"""Which extras are installed: what ``pip install 'itouch-py[NAME]'`` would bring is there, and in which version."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from importlib.metadata import PackageNotFoundError, requires, version
+
+from itouch_tools.cli.doctor.finding import Finding
+
+#: Extras of those who work on itouch-py itself.
+_OWN = frozenset({"test", "lint", "docs", "mutation", "bids"})
+_NEEDS = re.compile(r"^([A-Za-z0-9._-]+).*;.*extra\s*==\s*['\"]([A-Za-z0-9._-]+)['\"]")
+
+
+def extras() -> Finding:
+    """Which extras are there, with their packages, and which are not."""
+    there, missing = [], []
+    for name, packages in sorted(named(requires("itouch-py") or ()).items()):
+        found = {package: _version(package) for package in packages}
+        if all(found.values()):
+            there.append(f"{name} ({', '.join(f'{package} {found[package]}' for package in packages)})")
+        else:
+            missing.append(name)
+    said = ", ".join(there) or "none"
+    if missing:
+        return Finding("extras", "note", f"{said}; not: {', '.join(missing)}",
+                       f"pip install 'itouch-py[{missing[0]}]' brings one")  # fmt: skip
+    return Finding("extras", "ok", said)
+
+
+def named(requirements: Iterable[str]) -> dict[str, list[str]]:
+    """Return extra -> packages that it asks for, of a distribution's requirements; without those of developers."""
+    found: dict[str, list[str]] = {}
+    for line in requirements:
+        match = _NEEDS.match(line)
+        if match and match[2] not in _OWN and match[1].lower() != "itouch-py":
+            found.setdefault(match[2], []).append(match[1])
+    return found
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return ""

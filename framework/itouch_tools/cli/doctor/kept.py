@@ -1,0 +1,88 @@
+"""What is kept on disk so that a start is quick: compiled kernels, results of compiling scenes, meshes."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterable
+from importlib.util import find_spec
+from pathlib import Path
+
+from itouch import caches
+from itouch_tools.cli.doctor.finding import Finding
+
+_KERNELS = (".nbi", ".nbc")
+
+
+def compile_cache() -> Finding:
+    """Whether compiled kernels can be kept, and are."""
+    folders = kernel_folders()
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    count = sum(path.suffix == ".nbi" for path in kernels())
+    if not os.access(folders[0], os.W_OK):
+        advice = "set NUMBA_CACHE_DIR to a folder that can be written, or every start compiles for some 20 s"
+        return Finding("compile cache", "lack", f"'{folders[0]}' can't be written", advice)
+    if not count:
+        found = "empty: the first start compiles for some 20 s"
+        return Finding("compile cache", "note", found, "itouch-py demo fills it")
+    return Finding("compile cache", "ok", f"{count} kernels in {'NUMBA_CACHE_DIR' if chosen else 'the package'}")
+
+
+def kept_results() -> Finding:
+    """Results of compiling scenes: start temperatures, modal bases, hierarchies of meshes."""
+    from itouch.contact.meshfile import cache as meshes
+    from itouch.plugin import shelf
+
+    found, built = shelf.folder(), meshes.folder()
+    if found is None:
+        return Finding("kept results", "note", f"switched off by {shelf.SWITCH}", "every start finds them again")
+    if found.exists() and not (caches.owned(found) and os.access(found, os.W_OK)):
+        advice = f"make it yours alone (chmod 700), or name another folder by {shelf.SWITCH}"
+        return Finding("kept results", "lack", f"'{found}' is not this user's alone", advice)
+    parts = [_sum(caches.entries(found, shelf.SUFFIX), "result"), _sum(caches.entries(built, ".mesh"), "mesh")]
+    return Finding("kept results", "ok", f"{', '.join(parts)} in '{found.parent}'")
+
+
+def clear_kept() -> str:
+    """Remove all that is kept, and return what it was in one sentence."""
+    from itouch.contact.meshfile import cache as meshes
+    from itouch.plugin import shelf
+
+    results, built = caches.clear(shelf.folder(), shelf.SUFFIX), caches.clear(meshes.folder(), ".mesh")
+    compiled = 0
+    for path in kernels():
+        with contextlib.suppress(OSError):
+            path.unlink()
+            compiled += path.suffix == ".nbi"
+    return f"removed {compiled} compiled kernels, {results} results and {built} meshes; the next start makes them anew"
+
+
+def kernels() -> list[Path]:
+    """Return the files of compiled kernels."""
+    paths = (path for folder in kernel_folders() for path in folder.rglob("*.nb[ic]"))
+    return sorted(path for path in paths if path.suffix in _KERNELS)
+
+
+def kernel_folders() -> list[Path]:
+    """Return where compiled kernels are kept: of the framework, and of the packages of plugins."""
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    if chosen:
+        return [Path(chosen)]
+    places = [spec.submodule_search_locations for name in _packages() if (spec := find_spec(name)) is not None]
+    return [Path(place) for found in places for place in found or ()]
+
+
+def _packages() -> list[str]:
+    from itouch.plugin.discovery import BENCHES, COMMANDS, DEVICES, MODALITIES, find
+
+    groups = (DEVICES, MODALITIES, COMMANDS, BENCHES)
+    named = {
+        found.entry.value.partition(".")[0].partition(":")[0] for group in groups for found in find(group).values()
+    }
+    return ["itouch", *sorted(named | {"itouch_tools"})]
+
+
+def _sum(entries: Iterable[tuple[float, int, Path]], word: str) -> str:
+    sizes = [size for _, size, _ in entries]
+    plural = "" if len(sizes) == 1 else "es" if word == "mesh" else "s"
+    return f"{len(sizes)} {word}{plural} ({sum(sizes) / 1e6:.1f} MB)"

@@ -1,0 +1,238 @@
+"""The harmless half of a laboratory's checklist, on a rig in the air: sensors, watchdogs, cut-offs.
+
+Devices are opened as for a session and read and written in its rhythm, but never enabled: they get their safe commands
+only, which for a surface is to retreat: it goes down from the first tick on.  At the end everything is stopped as after
+a fault, and that is verified.  Each line names the rule it is about.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from itouch.loop import Engine
+from itouch.monitors import DeviceFaultError, Trip
+from itouch.monitors import limits as default
+from itouch.monitors.surface import TOUCH_FORCE
+from itouch.plugin import DeviceError, Role
+from itouch.safety import Hold, Status, connect
+from itouch.schema import ItouchError
+from itouch_tools.cli.doctor.finding import Finding
+from itouch_tools.cli.doctor.watched import Watched
+
+#: What a drive may still read when it is off, as a part of its greatest value.
+OFF = 0.02
+#: A reading that never changes in this time [s] says nothing of whether its sensor is alive.
+STILL = 1.0
+PASS, FAIL, NOT = "pass", "fail", "not possible"
+
+
+def examine_rig(session: Engine, seconds: float = 3.0) -> Iterator[Finding]:
+    """Yield what is found of a rig that nobody touches; the session is closed at the end."""
+    try:
+        yield from _examined(session, seconds)
+    except BaseException:
+        session.close()
+        raise
+    try:
+        session.close()
+    except ItouchError as error:  # what was found must still be summed up
+        told = "; ".join([str(error), *getattr(error, "__notes__", ())])
+        yield Finding("W2 release", FAIL, told, "switch the supplies off by hand: nobody knows what it does now")
+
+
+def _examined(session: Engine, seconds: float) -> Iterator[Finding]:
+    watched = [Watched(runner, session.state) for runner in session.runners]
+    failures = connect(session.runners, session.ticks)
+    for name, why in failures.items():
+        yield Finding(
+            f"W1 {name}", FAIL, f"does not answer: {why}", "check power, cable and address: itouch-py devices --probe"
+        )
+    there = [one for one in watched if one.model.name not in failures]
+    for one in there:
+        one.runner.rest_at_measured()
+    _watch(session, there, seconds)
+    for one in there:
+        yield from _sensors(one, seconds)
+        yield _watchdog(one)
+        yield from _drives(one)
+    yield from _stop(session, there)
+    yield _switch(session)
+
+
+def _watch(session: Engine, there: list[Watched], seconds: float) -> None:
+    """Let the rig stand for some seconds as it does before anything is enabled."""
+    period, real = session.model.period, session.clock.pace == "real"
+    session.clock.start(period)
+    for one in there:
+        one.since = session.ticks
+    for _ in range(max(1, round(seconds / period))):
+        tick = session.ticks
+        for one in there:
+            one.look(tick, period)
+        session.step_twins(False)
+        for tap in session.taps:
+            tap(tick)
+        if real and session.clock.wait() > 0.1:
+            session.clock.start(period)
+
+
+def _sensors(one: Watched, seconds: float) -> Iterator[Finding]:
+    name, patience = one.model.name, one.model.limits.watchdog or default.WATCHDOG_OTHER
+    if one.fault is not None:
+        yield Finding(
+            f"T8 {name}",
+            FAIL,
+            one.fault.cause,
+            "its sensor or its cable: nothing may be enabled before it reads what is true",
+        )
+        return
+    if not one.model.reads:
+        yield Finding(f"W1 {name}", NOT, "it reads nothing", "watch by eye what it does")
+        return
+    if not one.count:
+        yield from _silent(one, seconds)
+        return
+    rate = one.count / seconds
+    late = f"{rate:.0f} readings/s, at most {one.gap * 1e3:.0f} ms apart; it stops after {patience * 1e3:.0f} ms"
+    if one.gap > patience:
+        yield Finding(
+            f"W1 {name}", FAIL, late, "a slow or disturbed line, or a busy machine: itouch-py doctor --measure 10s"
+        )
+    else:
+        yield Finding(f"W1 {name}", PASS, late)
+    if one.still and seconds >= STILL:
+        yield Finding(f"T8 {name}", NOT, "its readings never change: a sensor that is stuck would look the same",
+                      "warm it, press it or move it by hand, and watch the reading in the window")  # fmt: skip
+    else:
+        yield Finding(f"T8 {name}", PASS, "every reading is a number, in its range, and no jump")
+    yield from _nobody_there(one)
+
+
+def _silent(one: Watched, seconds: float) -> Iterator[Finding]:
+    """Say of a device that has answered when it was opened, and then never, what that leaves open."""
+    found = f"it answered when it was opened, and then nothing came in {seconds:g} s"
+    yield Finding(f"W1 {one.model.name}", FAIL, found, "check power and cable, and what its plugin does when it waits")
+    rules = {Role.CONTACT_FORCE: "K4", Role.TRACKED_POSE: "K6", Role.SKIN_CONTACT_TEMPERATURE: "T1",
+             Role.DELIVERED_DRIVE: "T9"}  # fmt: skip
+    roles = {channel.role for channel in one.model.reads}
+    for rule in ("T8", *(rule for role, rule in rules.items() if role in roles)):
+        yield Finding(f"{rule} {one.model.name}", NOT, "no reading came that could tell", "see W1")
+
+
+def _nobody_there(one: Watched) -> Iterator[Finding]:
+    """Look at what sensors must read while nobody touches the rig."""
+    name = one.model.name
+    if (force := one.at(Role.CONTACT_FORCE, one.mean)) is not None:
+        size = math.hypot(*force[1][:3])
+        found = f"{force[0]} reads {size:.3f} N in the air; from {TOUCH_FORCE:g} N on it counts as a touch"
+        bad = not size <= TOUCH_FORCE
+        yield Finding(
+            f"K4 {name}", FAIL if bad else PASS, found, "take off what lies on it, and tare the sensor" if bad else ""
+        )
+    place, target = one.at(Role.TRACKED_POSE, one.newest), one.model.command(Role.SURFACE_POSE)
+    if place is not None and target is not None and target.low:
+        inside = all(
+            low - 1e-3 <= x <= high + 1e-3 for x, low, high in zip(place[1][:3], target.low, target.high, strict=False)
+        )
+        shown = " ".join(f"{x * 1e3:.1f}" for x in place[1][:3])
+        found = f"it stands at {shown} mm, {'in' if inside else 'out of'} its travel"
+        advice = "" if inside else "home it anew, and check <hardware travel>"
+        yield Finding(f"K6 {name}", PASS if inside else FAIL, found, advice)
+    plate = one.at(Role.SKIN_CONTACT_TEMPERATURE, one.mean)
+    if plate is not None:
+        apart = max(abs(x - one.model.ambient) for x in plate[1])
+        room = one.model.ambient - 273.15
+        found = f"{plate[0]} reads {plate[1][0] - 273.15:.1f} degC; the room of the scene has {room:.1f}"
+        bad = apart > 5.0
+        yield Finding(
+            f"T1 {name}",
+            NOT if bad else PASS,
+            found,
+            "let it come to the room's temperature, and begin again" if bad else "",
+        )
+
+
+def _watchdog(one: Watched) -> Finding:
+    name, own = one.model.name, one.model.cls.watchdog
+    if not one.model.commands:
+        return Finding(f"W2 {name}", NOT, "it obeys nothing: there is nothing to cut off")
+    if one.model.twin:
+        return Finding(
+            f"W2 {name}",
+            NOT,
+            "it is simulated: a twin proves no watchdog of a device",
+            "run this on the device: --twin none",
+        )
+    if own is None:
+        found = "its plugin declares no watchdog of its own: it runs with the guardian and hold-to-run only"
+        advice = "pull its cable with the drive on, without a finger, and see by a meter what it does"
+        return Finding(f"W2 {name}", NOT, found, advice)
+    found = f"its own watchdog of {own * 1e3:g} ms was armed and accepted when it was opened"
+    advice = "that it cuts off, only its cable proves: pull it with the drive on, without a finger"
+    return Finding(f"W2 {name}", PASS, found, advice)
+
+
+def _drives(one: Watched) -> Iterator[Finding]:
+    """Look at what is delivered while nothing but safe commands are sent."""
+    delivered = one.at(Role.DELIVERED_DRIVE, one.most)
+    if delivered is None or one.fault is not None or not one.count:
+        return
+    drives = [c for c in one.model.commands if c.role is Role.DRIVE and c.high]
+    most = OFF * max((max(c.high) for c in drives), default=1.0)
+    worst = max(delivered[1])
+    found = f"{delivered[0]} reads {worst:.3g} at most while nothing is asked for"
+    bad = not worst <= most
+    yield Finding(
+        f"T9 {one.model.name}",
+        FAIL if bad else PASS,
+        found,
+        "switch its supply off: it drives by itself" if bad else "",
+    )
+
+
+def _switch(session: Engine) -> Finding:
+    """After the stop, while nobody holds the dead-man's switch, nothing may be enabled again."""
+    asked = session.model.scene.safety.hold_to_run
+    hold = Hold(session.state, list(session.runners), session.model.period, asked=asked)
+    if not hold.required:
+        return Finding(
+            "W3",
+            NOT,
+            "no device that could hurt is there: nobody need hold a switch",
+            "run this on the devices: --twin none",
+        )
+    if hold.held(session.ticks):
+        return Finding(
+            "W3",
+            FAIL,
+            "the dead-man's switch reads as held, though nobody holds it",
+            "let it go, or repair it if it is stuck; the operator of a virtual rig never lets go",
+        )
+    try:
+        session.rearm()
+    except DeviceError as error:
+        said = str(error)
+        if "dead-man's switch" in said:
+            advice = "hold it and let go in a session without a finger: the drive must go off each time"
+            return Finding("W3", PASS, "nothing can be enabled while nobody holds the switch", advice)
+        return Finding("W3", NOT, f"nothing can be enabled: {said.splitlines()[0]}", "repair what is said first")
+    return Finding("W3", FAIL, "devices were enabled though nobody holds the switch", "do not use this rig")
+
+
+def _stop(session: Engine, there: list[Watched]) -> Iterator[Finding]:
+    """Stop everything as after a fault, and say what was then seen of each device."""
+    acting = [one for one in there if one.model.commands and one.runner.status is not Status.CLOSED]
+    if not acting:
+        yield Finding("W2", NOT, "there is nothing to cut off")
+        return
+    session.make_safe(
+        DeviceFaultError(acting[0].model.name, session.ticks, Trip.RELEASED, "was stopped to see it stop")
+    )
+    # an optional device that is lost meanwhile has an entry of its own
+    outcome = next(fault["safe"] for fault in reversed(session.statistics.faults) if "safe" in fault)
+    seen = outcome["devices"]
+    told = "; ".join(f"{one.model.name}: {seen[one.model.name]}" for one in acting)
+    found = f"after {outcome['after_s'] * 1e3:.0f} ms: {told}"
+    advice = "" if outcome["reached"] else "do not use this rig before each of them is seen to be safe"
+    yield Finding("W2", PASS if outcome["reached"] else FAIL, found, advice)

@@ -1,0 +1,82 @@
+"""The page of all codes, each with an example whose message is printed by the program itself."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from itouch.schema.codes import HEADINGS, Code
+from itouch_tools.cli.explain import examples
+from itouch_tools.cli.explain.example import Example, play
+
+_HEAD = """# Messages and their codes
+
+Generated from the program: the table of its codes, an input that gives each, and what it prints then.
+
+Every problem of a file has a code, a sentence, a place (`file:line:column`) and advice. All problems of a scene are
+told at once, nothing is started, and the exit code is 2. A *warning* is told too, but does not stop. A device that is
+stopped while it runs is a *fault*: its code is printed, stands in the report under `trip`, and is `fault.trip.label` of
+the `itouch.DeviceFaultError` that is raised; the exit code is 1. `itouch-py explain CODE` prints what stands here.
+"""
+
+
+def page() -> str:
+    """Return the reference of all codes as Markdown; runs every example."""
+    return "\n".join([_HEAD, *_lines()])
+
+
+def _lines() -> Iterator[str]:
+    known = examples()
+    for heading, codes in HEADINGS.items():
+        yield f"## {heading}\n"
+        for code in codes:
+            yield from _entry(code, known[code.name])
+
+
+def _entry(code: Code, example: Example) -> Iterator[str]:
+    yield f"### {code.name}\n"
+    yield f"{_sentence(code.wrong)} {_sentence(code.remedy)}\n"
+    yield f"```{_language(example)}\n{example.text.strip()}\n```\n"
+    for name, text in _beside(example):
+        yield f"with `{name}` beside it,\n\n```text\n{text}\n```\n"
+    if example.plugin:
+        yield "where the plugin is not a bundled one but a small one made for this example.\n"
+    command = "python" if example.words[0] == "python" else "itouch-py"
+    yield f"`{command} {' '.join(example.words[command == 'python' :])}` prints\n"
+    yield f"```text\n{_told(code.name, example)}\n```\n"
+
+
+def _beside(example: Example) -> Iterator[tuple[str, str]]:
+    """Yield the short files that a reader should see beside the scene."""
+    for name, content in example.files.items():
+        hidden = name == example.shown or example.note or example.plugin
+        if not hidden and isinstance(content, str) and len(content.splitlines()) <= 8:
+            yield name, content.strip()
+
+
+def _sentence(text: str) -> str:
+    end = "" if text.endswith("?") else "."
+    return text[0].upper() + text[1:] + end
+
+
+def _language(example: Example) -> str:
+    return "text" if example.note else "python" if example.shown.endswith(".py") else "xml"
+
+
+def _told(name: str, example: Example) -> str:
+    """Return the message of an example, the same in every run."""
+    told = _message(name, play(example))
+    for pattern, usual in example.varies:
+        told = re.sub(pattern, usual, told)
+    return told
+
+
+def _message(name: str, printed: str) -> str:
+    """Cut what a run prints to the message."""
+    blocks = printed.strip().split("\n\n")
+    if any(block.startswith(("error[", "warning[")) for block in blocks):
+        return printed.strip()
+    lines = printed.splitlines()
+    begin = next((k for k, line in enumerate(lines) if f"fault[{name}]" in line), 0)
+    end = next((k for k in range(begin + 1, len(lines)) if not lines[k].startswith("  ")), len(lines))
+    return "\n".join(lines[begin:end])

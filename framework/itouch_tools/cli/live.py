@@ -1,0 +1,160 @@
+"""``run`` in real time: the loop runs in a servo process of its own, and this process only shows what it publishes."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from itouch.loop.faultwords import told
+from itouch.schema import ItouchError
+from itouch.schema.terminal import did, note
+from itouch.schema.waits import waiting
+from itouch_tools.cli import deprecations
+from itouch_tools.cli.ending import Stopping, write_report
+
+if TYPE_CHECKING:
+    from itouch.loop.timing import Timing
+    from itouch.plugin import Record
+    from itouch.servo import Handle
+    from itouch.session import Session
+    from itouch.world import Model
+    from itouch_tools.cli.leading import Leader
+    from itouch_tools.report.screen import Screen
+
+#: How often [s] the terminal is brought up to date.
+_EVERY = 0.05
+#: How often [s] a gamepad is looked at.
+_LOOK = 0.01
+
+
+def needed(session: Session) -> bool:
+    """Return whether a session must run in real time: hardware and remote twins have clocks of their own."""
+    return any(not device.twin or device.remote for device in session.model.devices.values())
+
+
+def run(options: argparse.Namespace, stop: Stopping, *, window: bool = False, leader: Leader | None = None) -> int:
+    """Run in real time, in a window if that is asked for, or led by a gamepad, and return the exit code."""
+    from itouch.servo import ServoError, launch
+    from itouch_tools.cli import leading, outputs, windows
+
+    for option in ("screenshot", "film", "wav"):
+        if getattr(options, option, None):
+            named = option.replace("_", "-")
+            raise ItouchError(f"--{named} needs --pace fast: in real time a window or an attached process does that")
+    with waiting(f"starting {options.scene}"):
+        handle = launch(
+            options.scene, seed=options.seed, twin=options.twin, rig=options.rig, seconds=options.duration,
+            save=options.save, enable=not window, linger=window, keep=outputs.wanted(options),
+        )  # fmt: skip
+    windows.tell(options, opened=window)
+    stop.bind(handle.request_stop)
+    with handle:
+        try:
+            if not window and leader is None:
+                leader = leading.without_window(Shown(handle).model, real=True)
+            code = _follow(handle, stop, window=window, mute=options.mute, leader=leader)
+            write_report(options.report, handle.report)
+        except ServoError as error:  # it died, and has left no report
+            print(error, file=sys.stderr)
+            return 1
+        finally:
+            if leader is not None:
+                leader.close()
+    if options.save:
+        did(f"saved {options.save}")
+    return code
+
+
+def _follow(handle: Handle, stop: Stopping, *, window: bool, mute: bool, leader: Leader | None) -> int:
+    """Show the session until it ends, on the terminal and in a window if that is asked for; return the exit code."""
+    from itouch.loop import DeviceFaultError
+    from itouch_tools.cli import windows
+    from itouch_tools.cli.waiting import Waiting
+    from itouch_tools.report.screen import Screen
+
+    for notice in handle.notices:
+        note(notice)
+    shown = Shown(handle)
+    deprecations.warn(shown.model)
+    screen = Screen(shown, sys.stdout)
+    held = Waiting(handle, shown.model) if not window else None
+    losses = Losses(handle, screen)
+    show = stop.listened(screen.show)
+    code = 0
+    try:
+        if window:
+            windows.show(handle, screen, losses, mute=mute)
+        while not handle.wait(_EVERY if leader is None else _LOOK):
+            show()
+            losses.look()
+            if held is not None:
+                held.look()
+            if handle.faults:  # nobody can see it any more and re-arm
+                handle.request_stop()
+            if leader is not None:
+                leader.lead(handle)
+    except DeviceFaultError:
+        code = 1
+    stop.listened(screen.finish)(handle.report())
+    return stop.code(code)
+
+
+class Losses:
+    """Says on the terminal, at once, what is not kept any more of a session."""
+
+    def __init__(self, handle: Handle, screen: Screen) -> None:
+        self._handle, self._screen, self._told = handle, screen, 0
+
+    def look(self) -> None:
+        """Tell what is new."""
+        for loss in self._handle.losses[self._told :]:
+            self._screen.interrupt(told(loss))
+            self._told += 1
+
+
+class _Contacts:
+    def __init__(self, handle: Handle) -> None:
+        self._handle = handle
+
+    @property
+    def contacts(self) -> list[dict[str, Any]]:
+        """Those that have ended."""
+        return self._handle.contacts
+
+
+class _RealClock:
+    pace = "real"
+
+
+class Shown:
+    """What a terminal shows of a session elsewhere: its published State under the names of an engine."""
+
+    def __init__(self, handle: Handle) -> None:
+        self._handle = handle
+        self.statistics = _Contacts(handle)
+        self.clock = _RealClock()
+
+    @property
+    def seconds(self) -> float:
+        """Simulated time [s]."""
+        return self._handle.seconds
+
+    @property
+    def state(self) -> Record:
+        """The last published State."""
+        return self._handle.state
+
+    @property
+    def times(self) -> Timing:
+        """The last published Timing."""
+        return self._handle.timing
+
+    @cached_property
+    def model(self) -> Model:
+        """The compiled scene, made when it is first shown."""
+        from itouch.plugin.discovery import Catalog
+        from itouch.world import Model
+
+        return Model.of(self._handle.link.scene(), Catalog())

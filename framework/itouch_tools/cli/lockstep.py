@@ -1,0 +1,176 @@
+"""A scene on its devices' real protocols in one process, host and simulated devices in step.
+
+Nothing is in real time: a tick waits until the wires have answered, then the simulated world goes on by one period.
+So every byte is as on hardware, while the result does not depend on how busy the machine is.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import os
+import select
+import shutil
+import sys
+import tempfile
+import threading
+import weakref
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any, TextIO
+
+from itouch.exchange import EveryNth, Straight, StraightEmulator, ThreadedDevice
+from itouch.loop import DeviceFaultError
+from itouch.plugin import Trace
+from itouch.schema import ItouchError
+from itouch.schema.waits import waiting
+from itouch_tools.cli.virtual_rig import VirtualRig
+
+if TYPE_CHECKING:
+    from itouch.loop.runner import Runner
+
+#: Timers of the emulators run so much faster than the host's; time between two looks at the wires [s].
+SPEED, LOOK = 20.0, 1e-4
+#: Simulated seconds after which a scene without an end is ended.
+LONGEST = 600.0
+
+
+class Lockstep:
+    """A host's session and the virtual rig that it runs on, at places of their own: others may run beside it.
+
+    ``only`` are the devices that are on their wires; none named: all.
+    """
+
+    def __init__(
+        self,
+        scene: str,
+        *,
+        rig: str | None = None,
+        seed: int = 0,
+        trace: TextIO | None = None,
+        only: Sequence[str] = (),
+    ) -> None:
+        from itouch.servo.prepare import prepare
+
+        self.world = prepare(scene, seed=seed, twin="all", rig=rig)
+        self.host = prepare(scene, seed=seed, twin="none", rig=rig)
+        self._folder = tempfile.mkdtemp(prefix="itouch-")
+        self._tidy = weakref.finalize(self, shutil.rmtree, self._folder, True)
+        places = {runner.model.name: self._place(runner) for runner in self.world.runners}
+        straight = self._straight(only)
+        wires = {name: StraightEmulator(device) for name, device in straight.items()}
+        self.rig = VirtualRig(self.world, speed=SPEED, places=places, wires=wires)
+        self._lock = threading.Lock()
+        self._truth = {runner.model.name: runner.twin_state for runner in self.world.runners}
+        for runner in self.host.runners:
+            if runner.model.name in straight:
+                runner.device = straight[runner.model.name]
+            else:
+                self._take_in(runner, places[runner.model.name], trace)
+        self.host.taps.append(self._tick)
+
+    def _straight(self, only: Sequence[str]) -> dict[str, Straight]:
+        """Return what stands for the devices that are on no wire.
+
+        Raises
+        ------
+        ItouchError
+            If there is no device of a name.
+        """
+        names = [runner.model.name for runner in self.world.runners]
+        for name in only:
+            if name not in names:
+                raise ItouchError(f"there is no device '{name}': the scene has {', '.join(names)}")
+        return {
+            runner.model.name: Straight(runner.model.params, runner.reading, runner.sent)
+            for runner in self.world.runners
+            if only and runner.model.name not in only
+        }
+
+    def _place(self, runner: Runner) -> Any:
+        """Return a device's parameters, with an address that no other virtual rig has."""
+        emulator, folder = runner.model.cls.Emulator, f"{self._folder}/{runner.model.name}"
+        os.mkdir(folder)
+        return runner.model.params if emulator is None else emulator.elsewhere(runner.model.params, folder)
+
+    def _take_in(self, runner: Runner, params: Any, trace: TextIO | None) -> None:
+        """Put a device into the tick that would be exchanged with in a thread, and tell it where its emulator is."""
+        device = runner.device
+        if device is not None:
+            (device.device if isinstance(device, ThreadedDevice) else device).params = params
+        if isinstance(device, ThreadedDevice):
+            inner, period = device.device, self.host.model.period
+            every, waits = max(1, round(inner.takes(inner.params) / period)), round(type(inner).waits / period)
+            device = runner.device = EveryNth(inner, every, waits, period)
+        if device is not None and trace is not None:
+            device.trace = Trace(trace, runner.model.name)
+
+    def _tick(self, tick: int) -> None:
+        with self._lock:
+            for modality in self.host.model.modalities:
+                modality.instance.witness(modality.model, self.host.state, self._truth)
+            self.rig.step()
+            self.rig.keep_up()
+
+    @contextlib.contextmanager
+    def serving(self) -> Iterator[None]:
+        """Serve the wires in a thread."""
+        stop = threading.Event()
+
+        def work() -> None:
+            while not stop.is_set():
+                with self._lock:
+                    self.rig.look()
+                    waiting = self.rig.handles()
+                select.select(waiting, [], [], LOOK)
+
+        self.rig.open()
+        thread = threading.Thread(target=work, name="itouch-virtual-rig", daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            stop.set()
+            thread.join()
+            self.rig.close()
+
+    def run(self, seconds: float | None = None) -> dict[str, Any]:
+        """Run for a time [s], or until the simulated operator's motion has ended; return the report.
+
+        Raises
+        ------
+        DeviceError
+            If a device cannot be opened.
+        """
+        with self.serving():
+            try:
+                self.host.enable()
+                self.host.run(seconds or LONGEST, until=None if seconds else lambda: self.world.done)
+            except DeviceFaultError as fault:
+                print(f"fault: {fault}", file=sys.stderr)
+            finally:
+                self.host.close()
+                self.world.close()
+                self._tidy()
+        return self.host.report()
+
+
+def main(options: argparse.Namespace) -> int:
+    """Run, show and write the report."""
+    from itouch_tools.report.screen import Screen
+
+    with contextlib.ExitStack() as stack:
+        trace = stack.enter_context(open(options.trace, "w", encoding="utf-8")) if options.trace else None
+        both = Lockstep(options.scene, rig=options.rig, seed=options.seed, trace=trace, only=options.only)
+        with waiting(f"running {options.scene} on its wires") as wait:
+            both.host.taps.append(lambda tick: wait.part(None, f"{tick * both.host.model.period:.1f} s simulated"))
+            report = both.run(options.duration)
+    Screen(both.host, sys.stdout).finish(report)
+    if options.report:
+        with open(options.report, "w", encoding="utf-8") as stream:
+            json.dump(report, stream, indent=1, allow_nan=False)
+            stream.write("\n")
+    return 1 if both.host.fault is not None else 0
+
+
+__all__ = ["EveryNth", "Lockstep", "main"]

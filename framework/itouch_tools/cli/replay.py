@@ -1,0 +1,86 @@
+"""``itouch-py replay FILE.mcap``: recorded readings in, every command compared; or in a window, or as pictures."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from itouch.schema import ItouchError
+from itouch.schema.terminal import note
+from itouch.schema.waits import waiting
+from itouch_tools.cli import pictures, sounds
+from itouch_tools.cli.arguments import Parser
+
+if TYPE_CHECKING:
+    from itouch.recording import Recording
+    from itouch.session.replay import Outcome
+
+#: Ticks between two looks at how far it is.
+_TOLD = 500
+
+
+def main(argv: Sequence[str]) -> int:
+    """Feed a recording to the engine and compare every command; exit code 1 if one differs."""
+    parser = Parser(prog="itouch-py replay", description=main.__doc__)
+    parser.add_argument("recording", metavar="FILE.mcap", help="a recording")
+    parser.add_argument("--view", action="store_true",
+                        help="play it in a window with a time line; nothing is compared then")  # fmt: skip
+    pictures.add_options(parser)
+    sounds.add_options(parser)
+    options = parser.parse_args(argv)
+    from itouch.recording import read
+
+    if options.view and (options.screenshot or options.film or options.wav):
+        raise ItouchError("--view opens a window; --screenshot, --film and --wav need none: choose one")
+    if options.view:
+        _need_display()
+    recording = read(options.recording)
+    for loss in recording.losses:
+        note(loss)
+    return _view(recording) if options.view else _compare(recording, options)
+
+
+def _need_display() -> None:
+    from itouch_tools.viewer.offscreen import has_display
+
+    if not has_display():
+        raise ItouchError("there is no display for --view; --screenshot FILE.png and --film FILE.mp4 need none")
+
+
+def _view(recording: Recording) -> int:
+    """Play a recording in a window until that is closed."""
+    from itouch_tools.viewer.offscreen import open_player
+    from itouch_tools.viewer.playback import Playback
+    from itouch_tools.viewer.recording_seek import SeekableRecording
+
+    open_player(Playback(SeekableRecording(recording)), time.perf_counter).show()
+    return 0
+
+
+def _compare(recording: Recording, options: argparse.Namespace) -> int:
+    begin = time.perf_counter()
+    outcome = _replay(recording, options)
+    spent = time.perf_counter() - begin
+    if outcome.skipped:
+        note(f"{outcome.skipped} ticks after gaps could not be replayed")
+    seconds = outcome.ticks * recording.period
+    print(f"{recording.path}: {outcome.ticks} ticks ({seconds:.3f} s) replayed in {spent:.1f} s, "
+          f"{outcome.compared} commands compared, {outcome.mismatches} mismatches")  # fmt: skip
+    if outcome.first is not None:
+        print(f"first difference: {outcome.first}")
+    return 1 if outcome.mismatches or not outcome.ticks else 0
+
+
+def _replay(recording: Recording, options: argparse.Namespace) -> Outcome:
+    """Replay a recording, and take the pictures and the sound that are asked for meanwhile."""
+    from itouch.session.replay import Replay
+
+    work = Replay(recording)
+    session, what = work.session, f"replaying {recording.path}"
+    with pictures.taking(session, options), sounds.keeping(session, options), waiting(what) as wait:
+        while work.step():
+            if work.feed.at % _TOLD == 0:
+                wait.part(work.feed.at / len(work.feed.ticks))
+    return work.outcome()

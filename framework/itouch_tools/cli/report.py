@@ -1,0 +1,38 @@
+"""``itouch-py report SESSION -o FILE.html``: a page of a session to look at and to send."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+
+from itouch.schema import ItouchError
+from itouch.schema.terminal import did
+from itouch.schema.waits import waiting
+from itouch_tools.cli.arguments import Parser, output_file
+
+
+def main(argv: Sequence[str]) -> int:
+    """Write one self-contained page of a recording (.mcap) or a snapshot (.itouch)."""
+    parser = Parser(prog="itouch-py report", description=main.__doc__)
+    parser.add_argument("session", metavar="SESSION.mcap|.itouch", help="a recording or a snapshot")
+    parser.add_argument("-o", "--output", type=output_file, required=True, metavar="FILE.html", help="the page")
+    parser.add_argument("--no-picture", action="store_true", help="leave the picture of the scene out")
+    options = parser.parse_args(argv)
+    given, target = options.session, options.output
+    if os.path.exists(given) and os.path.exists(target) and os.path.samefile(given, target):
+        raise ItouchError(f"'{target}' is the session itself; name another file for the page")
+    from itouch_tools.report.collect import collect
+    from itouch_tools.report.page import page, scene_picture
+
+    with waiting(f"reading {given}") as wait:
+        findings = collect(given, progress=wait.part)
+        wait.part(None, "drawing the page")
+        text = page(findings, picture=None if options.no_picture else scene_picture(findings))
+    try:
+        with open(options.output, "w", encoding="utf-8") as stream:
+            stream.write(text)
+    except OSError as error:
+        raise ItouchError(f"cannot write '{options.output}': {error.strerror or error}") from error
+    size, many = os.path.getsize(options.output) / 1e6, len(findings.contacts)
+    did(f"wrote {options.output}: {findings.kind}, {many} contact{'' if many == 1 else 's'}, {size:.1f} MB")
+    return 0

@@ -1,0 +1,153 @@
+"""``itouch-py SCENE|SESSION``: run, show what happens, end safely with a report."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+from itouch.plugin import trace
+from itouch.schema import ItouchError
+from itouch.schema.terminal import did, note
+from itouch.schema.waits import waiting
+from itouch_tools.cli import deprecations, leading, live, outputs, pictures, sounds, windows
+from itouch_tools.cli.arguments import Parser, output_file, seconds
+from itouch_tools.cli.ending import Interrupted, Stopping, unstarted, write_report
+
+if TYPE_CHECKING:
+    from itouch.session import Session
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run a scene, or go on with a saved session."""
+    options, begun = _parser().parse_args(argv), time.monotonic()
+    with Stopping() as stop:
+        try:
+            return _start(options, stop)
+        except Interrupted as signalled:
+            words = {"scene": options.scene, "seed": options.seed or 0, "pace": options.pace}
+            return unstarted(signalled.number, words, begun, options.report)
+
+
+def _start(options: argparse.Namespace, stop: Stopping) -> int:
+    """Choose how to run, and run; until something runs, a signal raises ``Interrupted``."""
+    _check(options)
+    if options.trace:
+        trace.begin(options.trace)
+    window = windows.wanted(options)
+    if options.pace == "real" or window:
+        return live.run(options, stop, window=window)
+    if options.scene.endswith(".mcap"):
+        note("goes on from the last whole State; the contacts before it stand in the recording, for itouch-py report")
+    with waiting(f"preparing {options.scene}"):
+        session = _prepare(options)
+    if options.trace and all(runner.model.twin for runner in session.runners):
+        note(f"no device of this scene is hardware: nothing goes over a wire, and {options.trace} stays empty")
+    if options.pace is None and live.needed(session):
+        return live.run(options, stop)
+    _refuse_hardware(session)
+    leader = leading.without_window(session.model, real=options.pace is None and not _drawn(options))
+    if leader is not None:
+        return live.run(options, stop, leader=leader)
+    from itouch.loop.faultwords import told
+    from itouch_tools.report.screen import Screen
+
+    for notice in session.notices:
+        note(notice)
+    deprecations.warn(session.model)
+    windows.tell(options, opened=False)
+    screen = Screen(session, sys.stdout)
+    session.loss_hooks.append(lambda loss: screen.interrupt(told(loss)))
+    with pictures.taking(session, options), sounds.keeping(session, options), outputs.opened(session, options):
+        code = _run(session, options, stop.listened(screen.show), stop)
+    report = session.report()
+    stop.listened(screen.finish)(report)
+    _write(session, options, report)
+    return code
+
+
+def _refuse_hardware(session: Session) -> None:
+    """Drive nothing real faster than real time, in a process that no guardian watches over."""
+    real = [f"'{device.name}'" for device in session.model.devices.values() if not device.twin]
+    if real:
+        raise ItouchError(f"--pace fast is for simulated twins, not for {', '.join(real)}: omit it, or --twin all")
+
+
+def _drawn(options: argparse.Namespace) -> bool:
+    """Whether pictures or sounds are asked for, which are made between ticks."""
+    return bool(options.screenshot or options.film or options.wav)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = Parser(prog="itouch-py run", description=main.__doc__)
+    parser.add_argument("scene", metavar="SCENE|SESSION", help="a scene (.xml) or a saved session (.itouch)")
+    parser.add_argument("--headless", action="store_true", help="no window; chosen by itself where there is no display")
+    parser.add_argument("--mute", action="store_true", help="without sound")
+    parser.add_argument("--for", dest="duration", type=seconds, metavar="30s",
+                        help="simulated time; default: until the scripted motion ends")  # fmt: skip
+    parser.add_argument("--pace", choices=("real", "fast"),
+                        help="real time or as fast as it can; default: fast on twins, real on hardware")  # fmt: skip
+    parser.add_argument("--twin", metavar="all|none|NAME", help="run these devices as simulated twins")
+    parser.add_argument("--rig", metavar="FILE", help="put another rig with the same device names under the scene")
+    parser.add_argument("--report", type=output_file, metavar="FILE.json", help="write the report as JSON")
+    parser.add_argument("--save", type=output_file, metavar="FILE.itouch", help="save the session at the end")
+    parser.add_argument("--trace", type=output_file, metavar="FILE",
+                        help="write what goes over the wires of real devices, as readable text")  # fmt: skip
+    parser.add_argument("--seed", type=int, metavar="N", help="seed of all noise (default 0); a session has its own")
+    pictures.add_options(parser)
+    sounds.add_options(parser)
+    outputs.add_options(parser)
+    return parser
+
+
+def _check(options: argparse.Namespace) -> None:
+    given, options.seed = options.seed is not None, options.seed or 0
+    if not 0 <= options.seed < 1 << 63:
+        raise ItouchError(f"--seed {options.seed} is out of range: 0 to 2^63 - 1")
+    outputs.wanted(options)
+    from itouch.session.open import is_session
+
+    if (options.twin or options.rig) and is_session(options.scene):
+        raise ItouchError("--twin and --rig choose devices for a scene; a session has its own")
+    if given and is_session(options.scene):
+        raise ItouchError("--seed begins the noise of a scene; a session goes on with its own")
+
+
+def _prepare(options: argparse.Namespace) -> Session:
+    """Build the engine."""
+    from itouch.servo.prepare import prepare
+
+    return prepare(options.scene, seed=options.seed, twin=options.twin, rig=options.rig)
+
+
+def _run(session: Session, options: argparse.Namespace, show: Callable[[], None], stop: Stopping) -> int:
+    from itouch.loop import DeviceFaultError
+
+    stop.bind(session.stop)
+    fault: DeviceFaultError | None = None
+    try:
+        if options.duration is None and not session.scripted:
+            raise ItouchError("the scene has no scripted motion: say for how long to run, with --for 30s")
+        session.enable()
+        session.run(options.duration, each=show, every=50)
+    except DeviceFaultError as met:
+        fault = met
+    except BaseException:
+        session.close()
+        raise
+    try:
+        session.close()
+    except ItouchError as error:
+        if fault is None:
+            raise
+        print(f"{fault}\nthen: {error}", file=sys.stderr)
+    return 1 if fault is not None else stop.code(1 if session.failed else 0)
+
+
+def _write(session: Session, options: argparse.Namespace, report: dict[str, Any]) -> None:
+    write_report(options.report, lambda: report)
+    if options.save:
+        session.save(options.save)
+        did(f"saved {options.save}")

@@ -1,0 +1,319 @@
+"""``itouch-py study check|freeze|run|simulate|report|forget``: psychophysical studies from one file."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from itouch.schema.terminal import did
+from itouch_tools.cli import study_numbers, study_run, study_serve
+from itouch_tools.cli.arguments import output_file, output_folder, parser_of
+
+if TYPE_CHECKING:
+    from itouch_tools.study.reading import StudyFile
+    from itouch_tools.study.store import Row
+
+#: Seconds in which most skins are back after a touch of a few seconds, and for an answer and the way to the touch.
+SKIN, ANSWERING = 10.0, 4.0
+
+
+def main(argv: Sequence[str]) -> int:
+    """Check, freeze, run, simulate or report a study."""
+    parser = parser_of("itouch-py study", main.__doc__)
+    commands = parser.add_subparsers(dest="command", required=True, metavar="check|freeze|run|simulate|report|...")
+    check = commands.add_parser("check", help="print every problem, the number of trials, and how long they take")
+    check.add_argument("study", metavar="STUDY.xml")
+    check.add_argument("--participant", metavar="CODE", help="print the order of this participant too")
+    simulate = commands.add_parser("simulate", help="run the trials on twins, answered by simulated observers")
+    simulate.add_argument("study", metavar="STUDY.xml")
+    simulate.add_argument(
+        "-o",
+        "--output",
+        type=output_folder,
+        metavar="FOLDER",
+        required=True,
+        help="the study's data; goes on with them",
+    )
+    simulate.add_argument("--observers", type=int, default=8, metavar="N", help="how many (default: 8)")
+    simulate.add_argument(
+        "--model", default="flux", metavar="NAME", help="flux, combined, receptors, naive, or a plugin's"
+    )
+    simulate.add_argument("--same-skin", action="store_true", help="all have the scene's skin temperature")
+    simulate.add_argument("--processes", type=int, default=1, metavar="N", help="at once (default: 1)")
+    report = commands.add_parser("report", help="write page, JSON and table of a study's data")
+    report.add_argument("study", metavar="STUDY.xml")
+    report.add_argument("folder", metavar="FOLDER", help="the study's data")
+    report.add_argument(
+        "-o", "--output", type=output_file, metavar="FILE.html", help="default: report.html in the folder"
+    )
+    freeze = commands.add_parser("freeze", help="stamp study, scene and program before the first participant")
+    freeze.add_argument("study", metavar="STUDY.xml")
+    freeze.add_argument("folder", metavar="FOLDER")
+    study_run.add_parser(commands)
+    study_serve.add_parser(commands)
+    study_numbers.add_parsers(commands)
+    forget = commands.add_parser("forget", help="delete a participant's personal data for good; the trials stay")
+    forget.add_argument("folder", metavar="FOLDER")
+    forget.add_argument("--participant", metavar="CODE", required=True)
+    forget.add_argument("--recordings", action="store_true", help="the recordings of the sessions, too")
+    options = parser.parse_args(argv)
+    missing = _missing()
+    if missing:
+        print(f"studies need {missing}: pip install 'itouch-py[study]'", file=sys.stderr)
+        return 2
+    chosen = {
+        "check": _check, "simulate": _simulate, "report": _report, "freeze": _freeze, "run": _run, "forget": _forget,
+    }  # fmt: skip
+    if options.command in chosen:
+        return chosen[options.command](options)
+    from itouch.schema import ItouchError
+
+    try:
+        return _numbers(options)
+    except ItouchError as error:
+        return _store_error(error)
+
+
+def _numbers(options: argparse.Namespace) -> int:
+    if options.command == "coverage":
+        return study_numbers.coverage(options)
+    if options.command == "export":
+        return study_numbers.export(options)
+    file = _load(options.study)
+    if file is None:
+        return 2
+    if options.command == "serve":
+        return study_serve.serve(file, options)
+    return study_numbers.audit(file, options) if options.command == "audit" else study_numbers.power(file, options)
+
+
+def _missing() -> str:
+    from importlib.util import find_spec
+
+    return " and ".join(name for name in ("scipy", "SweetSpot") if find_spec(name) is None)
+
+
+def _load(path: str) -> StudyFile | None:
+    """Return a study without problems, or print them and return None."""
+    from itouch.plugin.discovery import Catalog
+    from itouch.schema.diagnostics import render
+    from itouch_tools.study.reading import read_study
+
+    found, problems = read_study(path, Catalog())
+    if problems:
+        print(render(problems), file=sys.stderr)
+    broken = found is None or any(problem.severity == "error" for problem in problems)
+    return None if broken else found
+
+
+def _check(options: argparse.Namespace) -> int:
+    from itouch_tools.study.brought import task_of
+    from itouch_tools.study.elements import CATCH, PRACTICE, TASKS, UNCOUNTED
+    from itouch_tools.study.tasks import question_of
+    from itouch_tools.study.trials import trials_of
+
+    file = _load(options.study)
+    if file is None:
+        return 2
+    planned = trials_of(file, options.participant or "P01")
+    counted = [trial for trial in planned if trial.block not in UNCOUNTED]
+    touches = sum(len(trial.shown) for trial in planned)
+    rest = file.study.breaks
+    pauses = 0.0 if rest is None else (len(planned) - 1) // rest.every * rest.duration
+    between = _between(file)
+    seconds = touches * (file.study.contact.duration + between) + pauses
+    print(f"{options.study}: ok")
+    practice, caught = (sum(trial.block == block for trial in planned) for block in (PRACTICE, CATCH))
+    among = f", {caught} catch trials among them" if caught else ""
+    print(f"  {len(counted)} trials of {file.study.task.kind} ({practice} of practice before them{among})")
+    print(f"  {touches} touches, about {seconds / 60.0:.0f} min with {between:.0f} s between two touches")
+    print(f"  in contact {touches * file.study.contact.duration / 60.0:.1f} min at least")
+    counts = {repr(trial.condition): 0 for trial in counted}
+    for trial in counted:
+        counts[repr(trial.condition)] += 1
+    if len(set(counts.values())) > 1:
+        print("  unbalanced: " + ", ".join(f"{count} x {name}" for name, count in counts.items()))
+    if file.study.task.kind not in TASKS:
+        brought = task_of(file.study.task.kind)
+        print(f"  {brought.whose} asks: {question_of(file.study)}")
+    if file.study.blind is not None and file.study.blind.noise:
+        print(
+            "  masking noise is played from the first trial to the last: closed headphones, and set its loudness before"
+        )
+    if options.participant:
+        for trial in planned:
+            words = " | ".join(", ".join(each.values()) or trial.staircase for each in trial.shown)
+            print(f"  {trial.place:4d}  {trial.block:10s}  {words}")
+    return 0
+
+
+def _between(file: StudyFile) -> float:
+    """Return the seconds from one touch to the next: what the study asks for, and the skin's way back."""
+    contact, blind = file.study.contact, file.study.blind
+    approach = blind.approach if blind is not None and blind.equalise else 0.0
+    return contact.pause + approach + min(contact.skin_wait, SKIN) + ANSWERING
+
+
+def _store_error(error: Exception) -> int:
+    print(f"{error}", file=sys.stderr)
+    return 2
+
+
+def _stamp(file: StudyFile, folder: Path, deviation: str = "") -> None:
+    """Freeze the study in its folder, or see that it is the one that is frozen there, or stands as a deviation."""
+    from datetime import UTC, datetime
+    from importlib.metadata import version
+
+    from itouch_tools.study.frozen import digest_of, keep_copy
+    from itouch_tools.study.store import Store
+
+    digest = digest_of(file)
+    with Store.open(folder, create=True) as store:
+        store.freeze(
+            name=file.name, seed=file.study.seed, digest=digest, program=version("itouch-py"),
+            frozen=datetime.now(UTC).isoformat(timespec="seconds"), deviation=deviation,
+        )  # fmt: skip
+    keep_copy(file, folder, digest)
+
+
+def _prepared(options: argparse.Namespace, folder: str, *, deviation: str = "") -> StudyFile | int:
+    from itouch_tools.study.store import StoreError
+
+    file = _load(options.study)
+    if file is None:
+        return 2
+    try:
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        _stamp(file, Path(folder), deviation)
+    except (StoreError, OSError) as error:
+        return _store_error(error)
+    return file
+
+
+def _freeze(options: argparse.Namespace) -> int:
+    file = _prepared(options, options.folder)
+    if isinstance(file, int):
+        return file
+    print(f"'{file.name}' is frozen in {options.folder}")
+    return 0
+
+
+def _run(options: argparse.Namespace) -> int:
+    from itouch.schema import ItouchError
+
+    code = options.participant
+    if not (0 < len(code) <= 32 and code.isascii() and code.replace("-", "").replace("_", "").isalnum()):
+        print(f"--participant '{code}': a code has letters, digits, - and _, 32 at most", file=sys.stderr)
+        return 2
+    folder = str(study_run.folder_of(options))
+    file = _prepared(options, folder, deviation=options.deviation or "")
+    if isinstance(file, int):
+        return file
+    try:
+        return study_run.run(file, options)
+    except ItouchError as error:
+        return _store_error(error)
+
+
+def _forget(options: argparse.Namespace) -> int:
+    from itouch_tools.study.store import Store, StoreError
+
+    try:
+        with Store.open(Path(options.folder)) as store:
+            gone = store.forget(options.participant)
+            recordings = store.recordings(options.participant)
+            for path in recordings if options.recordings else ():
+                path.unlink()
+    except StoreError as error:
+        return _store_error(error)
+    except OSError as error:
+        print(f"{options.participant}: not all recordings could be deleted: {error}", file=sys.stderr)
+        return 1
+    words = "the personal data are deleted" if gone else "there were no personal data"
+    print(f"{options.participant}: {words}; the trials stay under the code")
+    if recordings:
+        many = f"{len(recordings)} recording{'s' if len(recordings) > 1 else ''} of the sessions"
+        told = "deleted, too" if options.recordings else "kept: they show how a hand moved; --recordings deletes them"
+        print(f"{options.participant}: {many}: {told}")
+    return 0
+
+
+def _simulate(options: argparse.Namespace) -> int:
+    from itouch.schema import ItouchError
+    from itouch_tools.study.panelists import observer_of
+    from itouch_tools.study.simulate import Panel, simulate
+
+    if options.observers < 1 or options.processes < 1:
+        print("--observers and --processes are 1 or more", file=sys.stderr)
+        return 2
+    observer_of(options.model)
+    file = _prepared(options, options.output)
+    if isinstance(file, int):
+        return file
+    panel = Panel(options.observers, options.model, skin=not options.same_skin)
+    try:
+        for done, made in enumerate(
+            simulate(options.study, Path(options.output), panel, processes=options.processes), 1
+        ):
+            print(f"{made} ({done} of {options.observers})", flush=True)
+    except ItouchError as error:
+        return _store_error(error)
+    return 0
+
+
+def _same_study(file: StudyFile, rows: Sequence[Row]) -> None:
+    """See that the study has all levels that stand in the rows: else trials would be left out of what is said.
+
+    Raises
+    ------
+    StoreError
+        If it has not.
+    """
+    from itouch_tools.study.store import StoreError
+
+    levels = {factor.name: factor.names for factor in file.study.factors}
+    known = {*levels, *(one.name for one in file.study.staircases)}
+    for row in rows:
+        for shown in (row.condition, *row.shown):
+            for name, level in shown.items():
+                if name not in known or level not in levels.get(name, (level,)):
+                    raise StoreError(
+                        f"the trials are of another study: {row.participant} was shown {name}={level}, which "
+                        f"'{file.name}' does not have; take the study as it was (frozen/ has it)"
+                    )
+
+
+def _report(options: argparse.Namespace) -> int:
+    from itouch_tools.study.analysis import analyse
+    from itouch_tools.study.page import page
+    from itouch_tools.study.store import Store, StoreError
+    from itouch_tools.study.tables import write_table
+
+    file = _load(options.study)
+    if file is None:
+        return 2
+    folder = Path(options.folder)
+    target = Path(options.output) if options.output else folder / "report.html"
+    try:
+        with Store.open(folder) as store:
+            rows, frozen, deviations = store.rows(), store.frozen() or {}, store.deviations()
+        _same_study(file, rows)
+        result = analyse(file, rows)
+        provenance = {str(key): str(value) for key, value in frozen.items()}
+        provenance |= {f"deviation {at}": what for at, what in deviations}
+        target.write_text(page(result, provenance), encoding="utf-8")
+        target.with_suffix(".json").write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+        write_table(rows, target.with_suffix(".tsv"))
+    except StoreError as error:
+        return _store_error(error)
+    except OSError as error:
+        return _store_error(ValueError(f"cannot write '{error.filename}': {error.strerror}"))
+    correct = result.get("correct")
+    if correct is not None and correct["proportion"] is not None:
+        print(f"{correct['right']} of {correct['trials']} right ({100.0 * correct['proportion']:.0f} %)")
+    did(f"wrote {target}, {target.with_suffix('.json').name} and {target.with_suffix('.tsv').name}")
+    return 0

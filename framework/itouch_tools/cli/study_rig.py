@@ -1,0 +1,127 @@
+"""``itouch-py study run`` on a rig with hardware: the trials in a servo process, the people at the desk."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+from itouch_tools.cli.ending import Interrupted, Stopping
+
+if TYPE_CHECKING:
+    import argparse
+    from pathlib import Path
+
+    from itouch_tools.study.reading import StudyFile
+
+
+def needed(file: StudyFile) -> bool:
+    """Return whether a device of the study's scene is hardware."""
+    from itouch.plugin.discovery import Catalog
+    from itouch_tools.study.desk import hardware_of
+
+    return bool(hardware_of(file, Catalog()))
+
+
+def run(file: StudyFile, options: argparse.Namespace) -> int:
+    """Make the trials that are left on hardware, and say what was made; exit codes as on twins.
+
+    Raises
+    ------
+    ItouchError
+        If the session can't begin.
+    """
+    from itouch.loop import DeviceFaultError
+    from itouch.plugin.discovery import Catalog
+    from itouch.schema.waits import waiting
+    from itouch.servo import ServoError
+    from itouch_tools.cli.study_run import answers_of, folder_of, masking
+    from itouch_tools.cli.study_window import operators_window
+    from itouch_tools.study import desk
+    from itouch_tools.study.course import Course
+    from itouch_tools.study.operating import keep_note
+    from itouch_tools.study.store import Store
+
+    catalog, folder = Catalog(), folder_of(options)
+    desk.refuse(file, catalog, switch=options.operator, fast=options.pace == "fast")
+    with Store.open(folder) as store:
+        course = Course(file, options.participant, store.rows(options.participant))
+        before, left = len(course.rows), course.left
+        over = course.next() is None
+    print(f"{options.participant}: {before} trials are kept, {left} of the order are left")
+    if over:
+        print("all done: 0 new trials")
+        return 0
+    answers, show = answers_of(file, options)
+    operator = operators_window(light=options.light) if options.operator else None
+    record = options.record if options.record is not None else not options.answers
+    made, again = 0, "the same command goes on from here"
+    with Stopping() as stop, masking(file, options):
+        try:
+            with waiting(f"starting {options.study}"):
+                handle = desk.launch(file, options.participant, folder, record=record)
+            stop.bind(handle.request_stop)
+            with handle:
+
+                def note(trial: int, words: str) -> None:
+                    try:
+                        keep_note(folder, options.participant, trial, words)
+                    except OSError as error:  # the session goes on; nobody may lose a trial for a note
+                        print(f"the note '{words}' can't be kept: {error.strerror or error}", file=sys.stderr)
+
+                session = desk.Desk(handle, answers, show=show, operator=operator, note=note)
+                for told in session.attend():
+                    if told["kind"] == "trial":
+                        made += 1
+                        kept = "void, comes again" if told["void"] else "kept"
+                        print(f"trial {told['place'] + 1}: {kept}", flush=True)
+                    elif told["kind"] == "lost":
+                        print(f"the session is not recorded any more: {told['words']}", file=sys.stderr)
+        except Interrupted as signalled:
+            return 128 + signalled.number
+        except DeviceFaultError as error:
+            print(f"{error}\n{again}", file=sys.stderr)
+            return 1
+        except ServoError as error:
+            print(f"{error}\n{again}", file=sys.stderr)
+            return 1
+    if session.stopped:
+        print(f"stopped after {made} new trials; {again}")
+        return stop.code(3)
+    print(f"all done: {made} new trials")
+    return 0
+
+
+def serve(file: StudyFile, key: Path, options: argparse.Namespace) -> int:
+    """Serve a study on hardware until a program says ``stop``, or a signal or a fault comes.
+
+    Raises
+    ------
+    ItouchError
+        If the session can't begin.
+    """
+    from itouch.loop import DeviceFaultError
+    from itouch.plugin.discovery import Catalog
+    from itouch.schema.terminal import did
+    from itouch.schema.waits import waiting
+    from itouch.servo import ServoError
+    from itouch_tools.study import desk
+
+    desk.refuse(file, Catalog(), switch=False, fast=options.pace == "fast")
+    with Stopping() as stop:
+        try:
+            with waiting(f"starting {options.study}"):
+                handle = desk.launch_door(file, key, options.port)
+            stop.bind(handle.request_stop)
+            with handle:
+                port = handle.others.get(timeout=10.0)["port"]
+                print(f"'{file.name}' is served on port {port} of this machine; the key is in {key}", flush=True)
+                handle.enable()
+                while not handle.wait(0.1):
+                    pass
+        except Interrupted as signalled:
+            return 128 + signalled.number
+        except (DeviceFaultError, ServoError) as error:
+            print(f"{error}", flush=True)
+            return 1
+    did("the served study has ended")
+    return stop.code(0)

@@ -1,0 +1,130 @@
+"""``itouch-py study run``: a participant's session at the terminal, from a script, or in windows."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from itouch_tools.study.answers import Answers
+    from itouch_tools.study.reading import StudyFile
+    from itouch_tools.study.shown import Shown
+
+
+def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the command's options."""
+    run = commands.add_parser("run", help="run a participant's trials; goes on where the participant stopped")
+    run.add_argument("study", metavar="STUDY.xml")
+    run.add_argument("-o", "--output", metavar="FOLDER", help="the study's data; default: NAME.data beside the file")
+    run.add_argument("--participant", metavar="CODE", required=True, help="the participant's code, as P07")
+    run.add_argument("--answers", metavar="FILE", help="a script, ANSWER [SECONDS] a line; - reads it from the input")
+    run.add_argument("--answers-from", metavar="NAME", help="an answer device that a plugin brings (itouch.tasks)")
+    run.add_argument("--pace", choices=("real", "fast"), help="default: real for a person, fast for a script")
+    run.add_argument("--deviation", metavar="WORDS", help="note what was changed after the study was frozen, and why")
+    kept = "one recording a session, in the folder's recordings; default: yes for a person, no for a script"
+    run.add_argument("--record", action=argparse.BooleanOptionalAction, default=None, help=kept)
+    run.add_argument("--window", action="store_true", help="the participant's window, answered by mouse and keys")
+    run.add_argument("--operator", action="store_true", help="the operator's window: devices, pause, notes, stop")
+    run.add_argument("--mute", action="store_true", help="without the masking noise that the study asks for")
+    run.add_argument("--light", action="store_true", help="dark letters on light ground")
+    run.add_argument("--full-screen", action="store_true", help="the window fills the screen")
+
+
+def folder_of(options: argparse.Namespace) -> Path:
+    """Return where the study's data are."""
+    if options.output:
+        return Path(options.output)
+    path = Path(options.study)
+    return path.with_name(f"{path.stem}.data")
+
+
+def run(file: StudyFile, options: argparse.Namespace) -> int:
+    """Make the trials that are left, and say what was made; 3: the session was ended before the last trial."""
+    from itouch.loop import DeviceFaultError, VirtualClock
+    from itouch.loop.clock import WallClock
+    from itouch.plugin.discovery import Catalog
+    from itouch_tools.cli import study_rig
+    from itouch_tools.cli.study_window import operators_window
+    from itouch_tools.study.answers import Stopped
+    from itouch_tools.study.run import Run
+    from itouch_tools.study.store import Store
+
+    if study_rig.needed(file):
+        return study_rig.run(file, options)
+    answers, shows = answers_of(file, options)
+    record = options.record if options.record is not None else not options.answers
+    real = (options.pace or ("fast" if options.answers else "real")) == "real"
+    with Store.open(folder_of(options)) as store, masking(file, options):
+        session = Run(
+            file, options.participant, store, answers, Catalog(), clock=WallClock() if real else VirtualClock(),
+            show=shows, record=record, operator=operators_window(light=options.light) if options.operator else None,
+        )  # fmt: skip
+        before = len(session.course.rows)
+        print(f"{options.participant}: {before} trials are kept, {session.course.left} of the order are left")
+        made, lost = 0, list[str]()
+        try:
+            for row in session.trials():
+                made += 1
+                told = "void, comes again" if row.void else "kept"
+                print(f"trial {row.place + 1}: {told}", flush=True)
+                if session.room.losses and not lost:
+                    lost.append(session.room.losses[0])
+                    print(f"the session is not recorded any more: {lost[0]}", file=sys.stderr)
+        except Stopped:
+            print(f"stopped after {made} new trials; the same command goes on from here")
+            return 3
+        except KeyboardInterrupt:
+            print(f"\nstopped after {made} new trials; the same command goes on from here")
+            return 130
+        except DeviceFaultError as error:
+            print(f"{error}\nthe trial was not kept; the same command goes on from it", file=sys.stderr)
+            return 1
+    print(f"all done: {made} new trials")
+    return 0
+
+
+def masking(file: StudyFile, options: argparse.Namespace) -> contextlib.AbstractContextManager[object]:
+    """Play masking noise if the study asks for it, and say if nothing can be heard."""
+    if file.study.blind is None or not file.study.blind.noise or options.mute:
+        return contextlib.nullcontext()
+    from itouch_tools.sound.masking import Masker
+
+    stack = contextlib.ExitStack()
+    masker = stack.enter_context(Masker(file.study.seed))
+    if not masker.heard:
+        print("no sound card is found: the masking noise that the study asks for is not heard", file=sys.stderr)
+    return stack
+
+
+def answers_of(file: StudyFile, options: argparse.Namespace) -> tuple[Answers, Callable[[Shown], None] | None]:
+    """Return who answers, and who is told what to show."""
+    from itouch.schema import ItouchError
+    from itouch_tools.study.answers import Beside, Script, Typed
+    from itouch_tools.study.brought import device_of
+
+    if options.answers and (options.window or options.answers_from):
+        raise ItouchError("--answers excludes --window and --answers-from: a script has all answers")
+    brought = device_of(options.answers_from, print) if options.answers_from else None
+    if options.window:
+        from itouch_tools.cli.study_window import WindowAnswers
+
+        page = file.instructions()
+        window = WindowAnswers(page, light=options.light, fullscreen=options.full_screen)
+        return window if brought is None else Beside(brought, window), window.show
+    if options.answers == "-":
+        return Script(sys.stdin), None
+    if options.answers:
+        try:
+            return Script(Path(options.answers).read_text(encoding="utf-8").splitlines()), None
+        except (OSError, UnicodeDecodeError) as error:
+            raise ItouchError(f"cannot read '{options.answers}': {getattr(error, 'strerror', error)}") from error
+    for line in file.instructions():
+        print(line)
+    if brought is not None:
+        return brought, None
+    return Typed(sys.stdin, lambda words: print(words, flush=True)), None

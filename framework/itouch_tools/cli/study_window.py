@@ -1,0 +1,88 @@
+"""A study's answers from the participant's window."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from itouch_tools.study.answers import Question, Stopped
+
+if TYPE_CHECKING:
+    from itouch_tools.study.operating import Operator
+    from itouch_tools.study.shown import Shown
+
+
+class WindowAnswers:
+    """Answers from a window, which is drawn between ticks.
+
+    Parameters
+    ----------
+    page
+        Instructions, lines of Markdown, which stand until a key is pressed.
+    light
+        Dark letters on light ground.
+    fullscreen
+        Whether the window fills the screen.
+
+    Raises
+    ------
+    GraphicsError
+        If there is no usable OpenGL.
+    """
+
+    def __init__(self, page: Sequence[str] = (), *, light: bool = False, fullscreen: bool = False) -> None:
+        from itouch_tools.viewer.offscreen import ADVICE, GraphicsError
+
+        try:
+            from itouch_tools.viewer.asking import DARK, LIGHT
+            from itouch_tools.viewer.askingwindow import AskingWindow
+
+            self.window = AskingWindow(look=LIGHT if light else DARK, page=page, fullscreen=fullscreen)
+        except Exception as error:  # pyglet raises many kinds, one a platform
+            raise GraphicsError(f"no window: {error or type(error).__name__}\n  = help: {ADVICE}") from error
+
+    def ask(self, question: Question) -> None:
+        """Take answers from now on."""
+        self.window.ask(question.choices)
+
+    def poll(self, waited: float) -> str | None:
+        """Return the answer, if there is one."""
+        self._look()
+        return self.window.take() or None
+
+    def tell(self, words: str) -> None:
+        """Do nothing: what is told stands in the next face."""
+
+    def show(self, shown: Shown) -> None:
+        """Draw a face; the instructions stand until a key is pressed."""
+        while True:
+            self.window.show_face(shown)
+            self._look()
+            if not self.window.page:
+                return
+            time.sleep(0.02)
+
+    def _look(self) -> None:
+        if self.window.stopped:
+            self.window.close()
+            raise Stopped
+
+
+def operators_window(*, light: bool = False) -> Operator:
+    """Open the operator's window.
+
+    Raises
+    ------
+    GraphicsError
+        If there is no usable OpenGL.
+    """
+    from itouch_tools.viewer.offscreen import ADVICE, GraphicsError
+
+    try:
+        from itouch_tools.viewer.asking import DARK, LIGHT
+        from itouch_tools.viewer.operatorwindow import OperatorWindow
+
+        return OperatorWindow(look=LIGHT if light else DARK)
+    except Exception as error:  # pyglet raises many kinds, one a platform
+        raise GraphicsError(f"no window: {error or type(error).__name__}\n  = help: {ADVICE}") from error

@@ -1,0 +1,127 @@
+"""``itouch-py test-plugin NAME``: the conformance suite on an installed plugin, with a score card."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import io
+import sys
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from itouch.schema import ItouchError
+from itouch_tools.cli.arguments import Parser, add_json, as_json
+
+if TYPE_CHECKING:
+    from itouch.plugin.discovery import Catalog
+    from itouch.scene import Scene
+
+
+def main(argv: Sequence[str]) -> int:
+    """Examine an installed plugin; exit code 1 if it lacks something."""
+    parser = Parser(prog="itouch-py test-plugin", description=main.__doc__)
+    parser.add_argument("name", metavar="NAME", help="a device plugin, a modality PLUGIN.LOCAL, or a plugin with both")
+    parser.add_argument("--scene", metavar="FILE", help="a scene that uses it: its parameters are taken from there")
+    parser.add_argument("--hardware", action="store_true", help="open the device, too; it is commanded what is safe")
+    parser.add_argument("--emulator", action="store_true", help="run the driver on the plugin's emulator, too")
+    add_json(parser)
+    options = parser.parse_args(argv)
+    with cards(options.json):
+        return _examine(options)
+
+
+@contextlib.contextmanager
+def cards(json: bool) -> Iterator[None]:
+    """Let score cards be written as they come; with ``json`` their findings at the end, as one document."""
+    from itouch.testing.card import Card
+
+    if not json:
+        yield
+        return
+    Card.kept = []
+    try:
+        with contextlib.redirect_stdout(io.StringIO()):
+            yield
+        print(as_json({"cards": Card.kept, "passed": not any(card["failed"] for card in Card.kept)}))
+    finally:
+        Card.kept = None
+
+
+def _examine(options: argparse.Namespace) -> int:
+    from itouch.plugin.discovery import Catalog
+
+    catalog = Catalog()
+    scene = _scene(options.scene, catalog)
+    known = [f"{plugin}.{local}" for plugin in catalog.plugin_names for local in catalog.modality_names(plugin)]
+    chosen = [name for name in known if options.name in (name, name.split(".")[0])]
+    good, found = True, False
+    if options.name in catalog.device_names:
+        good, found = _device(options, catalog, scene), True
+    for name in chosen:
+        found = True
+        good = _modality(name, options.scene, catalog) and good
+    if not found:
+        from itouch.schema.diagnostics import did_you_mean
+
+        advice = did_you_mean(options.name, [*catalog.device_names, *known], "installed plugins are")
+        raise ItouchError(f"there is no plugin named '{options.name}'\n  = help: {advice}")
+    return 0 if good else 1
+
+
+def _scene(path: str | None, catalog: Catalog) -> Scene | None:
+    from itouch.scene import load
+
+    return load(path, catalog) if path else None
+
+
+def _device(options: argparse.Namespace, catalog: Catalog, scene: Scene | None) -> bool:
+    from dataclasses import replace
+
+    from itouch.testing.card import Card
+    from itouch.testing.checks import examine
+    from itouch.testing.harness import DeviceSubject
+    from itouch.testing.suites import DEVICE_CHECKS, EMULATOR_CHECKS
+    from itouch.testing.wire import Shared
+
+    cls = catalog.device(options.name)
+    if cls is None:
+        raise ItouchError(catalog.failure(options.name))
+    params = None
+    if scene is not None:
+        parts = [p.params for d in scene.devices if d.plugin == options.name for p in d.parts if p.plugin == d.plugin]
+        params = parts[0] if parts else None
+    subject = DeviceSubject(cls, options.name, params, options.hardware)
+    card = Card(f"device '{options.name}' {catalog.version(options.name)}", sys.stdout)
+    checks = [check for check in DEVICE_CHECKS if not options.emulator or check not in EMULATOR_CHECKS]
+    good = card.write(examine(checks, subject))
+    if options.emulator:
+        card = Card(f"device '{options.name}' on its emulator", sys.stdout)
+        shared = Shared() if cls.moves_on_open else None
+        try:
+            emulated = replace(subject, hardware=False, emulated=True, shared=shared)
+            good = card.write(examine(EMULATOR_CHECKS, emulated)) and good
+        finally:
+            if shared is not None:
+                shared.end()
+    return good
+
+
+def _modality(name: str, path: str | None, catalog: Catalog) -> bool:
+    from pathlib import Path
+
+    from itouch.testing.card import Card
+    from itouch.testing.checks import NotApplicableError, examine
+    from itouch.testing.scenario import ModalitySubject
+    from itouch.testing.suites import MODALITY_CHECKS
+
+    plugin, _, local = name.partition(".")
+    cls = catalog.modality(plugin, local)
+    if cls is None:
+        raise ItouchError(catalog.failure(plugin))
+    subject = ModalitySubject(cls, Path(path) if path else None, name=name)
+    try:
+        subject.seconds  # noqa: B018  (looked for once, and told before the card)
+    except NotApplicableError as reason:
+        raise ItouchError(f"modality '{name}' can't be examined: {reason}") from reason
+    card = Card(f"modality '{name}' {catalog.version(plugin)}", sys.stdout)
+    return card.write(examine(MODALITY_CHECKS, subject))

@@ -1,0 +1,61 @@
+"""Whether ``run`` opens a window, and a window on a session that was launched."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import sys
+import time
+from typing import TYPE_CHECKING
+
+from itouch.schema.terminal import note
+
+if TYPE_CHECKING:
+    from itouch.servo import Handle
+    from itouch_tools.cli.live import Losses
+    from itouch_tools.report.screen import Screen
+
+
+def wanted(options: argparse.Namespace) -> bool:
+    """Tell whether to open a window: unless something else is asked for, or there is no display."""
+    from itouch_tools.viewer.offscreen import has_display
+
+    return _asked(options) and has_display()
+
+
+def tell(options: argparse.Namespace, *, opened: bool) -> None:
+    """Say in one line, once something runs, that there is no display for the window."""
+    if _asked(options) and not opened:
+        note("no display: running without a window, as with --headless")
+
+
+def _asked(options: argparse.Namespace) -> bool:
+    return not (options.headless or options.pace == "fast" or options.screenshot or options.film or options.wav)
+
+
+def show(handle: Handle, screen: Screen, losses: Losses, *, mute: bool) -> None:
+    """Open a window on a session that was launched, and show it until it ends or is closed; the terminal follows.
+
+    Nothing moves before the window is open: hardware is not enabled, and twins, which enable by themselves, are
+    paused.  A window that can't be opened is said, and the session runs without it.
+    """
+    from itouch.servo import ServoError
+    from itouch_tools.viewer.offscreen import GraphicsError, open_window
+
+    window = None
+    with contextlib.suppress(ServoError):  # a session that has ended is told by its launcher
+        handle.command("pause")  # refused with hardware, which waits to be enabled anyway
+        try:
+            window = open_window(handle.link, time.perf_counter, handle=handle, mute=mute)
+        except GraphicsError as error:
+            print(f"no window: {error}", file=sys.stderr)
+        handle.command("resume")
+        handle.command("enable")
+
+    def going() -> bool:
+        screen.show()
+        losses.look()
+        return not handle.wait(0.0)
+
+    if window is not None:
+        window.show(while_=going)

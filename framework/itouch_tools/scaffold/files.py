@@ -1,0 +1,58 @@
+"""Filling templates and writing them, never over what is there."""
+
+from __future__ import annotations
+
+import os
+import re
+from importlib.resources import files
+from string import Template
+
+from itouch.schema import ItouchError
+
+_LONGEST = 40
+_NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
+
+
+def check_name(name: str) -> str:
+    """Return the name if it can be one of a plugin or a scene.
+
+    Raises
+    ------
+    ItouchError
+        If it can't.
+    """
+    if not _NAME.fullmatch(name) or len(name) > _LONGEST:
+        raise ItouchError(
+            f"'{name}' can't be the name: it needs small letters and digits, a letter first, with single dashes "
+            f"between them, and at most {_LONGEST} characters, such as force-lever"
+        )
+    return name
+
+
+def fill(template: str, words: dict[str, str]) -> str:
+    """Return a template with its words put in."""
+    text = files("itouch_tools.scaffold").joinpath("templates", template).read_text("utf-8")
+    return Template(text).substitute(words)
+
+
+def write(folder: str, contents: dict[str, str]) -> list[str]:
+    """Write files into a new folder and return their paths.
+
+    Raises
+    ------
+    ItouchError
+        If the folder is there already, or can't be written.
+    """
+    if os.path.exists(folder):
+        raise ItouchError(f"'{folder}' is there already; nothing was written")
+    written = []
+    try:
+        for name, text in contents.items():
+            path = os.path.join(folder, name)
+            os.makedirs(os.path.dirname(path), exist_ok=True)
+            with open(path, "w", encoding="utf-8") as stream:
+                stream.write(text)
+            written.append(path)
+    except OSError as error:
+        raise ItouchError(f"cannot write to '{folder}': {error.strerror or error}") from error
+    return written

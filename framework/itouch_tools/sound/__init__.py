@@ -1,0 +1,10 @@
+"""The sound of a session: strokes, sliding and a warning tone, from published State alone.
+
+``Synth`` makes samples out of States; ``write_wav`` keeps them in a file, ``itouch_tools.sound.player`` plays them.
+"""
+
+from itouch_tools.sound.modal import Bank
+from itouch_tools.sound.synth import Synth
+from itouch_tools.sound.wav import SoundTrack, write_wav
+
+__all__ = ["Bank", "SoundTrack", "Synth", "write_wav"]

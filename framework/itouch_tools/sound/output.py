@@ -1,0 +1,162 @@
+"""Where sound goes: PulseAudio (or PipeWire in its place), ALSA, or nowhere.
+
+Both are spoken to through their C libraries, with buffers of our own length: what the window's library plays waits for
+a third of a second and more in its buffers, and a stroke must be heard when it happens.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import time
+from collections.abc import Callable, Iterator
+from typing import Any, Protocol
+
+from itouch_tools.sound.modal import RATE
+
+#: How much sound [s] waits in the buffer of the sound server or card, as far as they let us choose.
+BUFFER = 0.030
+_SAMPLE = 2  # bytes
+
+
+class Output(Protocol):
+    """What plays samples: 48 kHz, 16 bit little-endian, mono."""
+
+    name: str
+
+    def write(self, samples: bytes) -> None:
+        """Play samples after those before; wait while the buffer is full.  Raise OSError if it can't."""
+
+    def latency(self) -> float:
+        """Return how long [s] from now the next sample will be heard."""
+
+    def close(self) -> None:
+        """Play what was written, and end."""
+
+
+class Silence:
+    """Takes samples at the pace of time and plays nothing."""
+
+    name = "silent"
+
+    def __init__(self) -> None:
+        self._until = time.monotonic()
+
+    def write(self, samples: bytes) -> None:
+        """Wait as long as the samples last."""
+        now = time.monotonic()
+        self._until = max(self._until, now - BUFFER) + len(samples) / (_SAMPLE * RATE)
+        time.sleep(max(0.0, self._until - now - BUFFER))
+
+    def latency(self) -> float:
+        """Return how far it is ahead of time."""
+        return max(0.0, self._until - time.monotonic())
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+class _Spec(ctypes.Structure):
+    _fields_ = (("format", ctypes.c_int), ("rate", ctypes.c_uint32), ("channels", ctypes.c_uint8))
+
+
+class _Buffering(ctypes.Structure):
+    _fields_ = tuple((name, ctypes.c_uint32) for name in ("maxlength", "tlength", "prebuf", "minreq", "fragsize"))
+
+
+class Pulse:
+    """A stream to the user's PulseAudio, or to PipeWire in its place, by the library ``libpulse-simple``."""
+
+    name = "PulseAudio"
+
+    def __init__(self) -> None:
+        library = ctypes.CDLL("libpulse-simple.so.0")
+        library.pa_simple_new.restype = ctypes.c_void_p
+        library.pa_simple_get_latency.restype = ctypes.c_uint64
+        self._library, self._error = library, ctypes.c_int(0)
+        spec = _Spec(3, RATE, 1)  # 16 bit little-endian
+        unset, buffer = 0xFFFFFFFF, int(BUFFER * RATE) * _SAMPLE
+        attributes = _Buffering(2 * buffer, buffer, _SAMPLE, buffer // 4, unset)
+        self._stream = ctypes.c_void_p(
+            library.pa_simple_new(
+                None, b"itouch-py", 1, None, b"session", ctypes.byref(spec), None, ctypes.byref(attributes),
+                ctypes.byref(self._error),
+            )
+        )  # fmt: skip
+        if not self._stream:
+            raise OSError(self._error.value, "there is no PulseAudio")
+
+    def write(self, samples: bytes) -> None:
+        """Play samples."""
+        if self._library.pa_simple_write(
+            self._stream, samples, ctypes.c_size_t(len(samples)), ctypes.byref(self._error)
+        ):
+            raise OSError(self._error.value, "PulseAudio has gone")
+
+    def latency(self) -> float:
+        """Return what the server says."""
+        return float(self._library.pa_simple_get_latency(self._stream, ctypes.byref(self._error))) * 1e-6
+
+    def close(self) -> None:
+        """Play what was written, and end."""
+        self._library.pa_simple_drain(self._stream, ctypes.byref(self._error))
+        self._library.pa_simple_free(self._stream)
+
+
+class Alsa:
+    """The card that ALSA calls ``default``, by the library ``libasound``."""
+
+    name = "ALSA"
+
+    def __init__(self) -> None:
+        library = ctypes.CDLL("libasound.so.2")
+        for function in ("snd_pcm_writei", "snd_pcm_recover", "snd_pcm_delay"):
+            getattr(library, function).restype = ctypes.c_long
+        self._library, self._stream = library, ctypes.c_void_p()
+        with _quiet(library):
+            code = library.snd_pcm_open(ctypes.byref(self._stream), b"default", 0, 0)
+            if code < 0:
+                raise OSError(-code, "there is no sound card")
+            code = library.snd_pcm_set_params(
+                self._stream, 2, 3, 1, RATE, 1, ctypes.c_uint(round(BUFFER * 1e6))
+            )  # 16 bit little-endian, interleaved
+        if code < 0:
+            library.snd_pcm_close(self._stream)
+            raise OSError(-code, "the sound card plays no 48 kHz")
+
+    def write(self, samples: bytes) -> None:
+        """Play samples."""
+        count = len(samples) // _SAMPLE
+        written = self._library.snd_pcm_writei(self._stream, samples, ctypes.c_ulong(count))
+        if written < 0 and self._library.snd_pcm_recover(self._stream, ctypes.c_int(int(written)), 1) < 0:
+            raise OSError(int(-written), "the sound card has gone")
+
+    def latency(self) -> float:
+        """Return how much is waiting in the card's buffer."""
+        waiting = ctypes.c_long(0)
+        self._library.snd_pcm_delay(self._stream, ctypes.byref(waiting))
+        return max(0.0, waiting.value / RATE)
+
+    def close(self) -> None:
+        """Play what was written, and end."""
+        self._library.snd_pcm_drain(self._stream)
+        self._library.snd_pcm_close(self._stream)
+
+
+@contextlib.contextmanager
+def _quiet(library: Any) -> Iterator[None]:
+    """Keep the library from writing about missing cards to the terminal."""
+    handler = ctypes.CFUNCTYPE(None)(lambda: None)  # it is given more than it takes, which C allows
+    library.snd_lib_error_set_handler(handler)
+    try:
+        yield
+    finally:
+        library.snd_lib_error_set_handler(None)
+
+
+def open_output(kinds: tuple[Callable[[], Output], ...] = (Pulse, Alsa)) -> Output:
+    """Return the first of these outputs that there is on this machine, or silence."""
+    for kind in kinds:
+        with contextlib.suppress(OSError, AttributeError):
+            return kind()
+    return Silence()

@@ -1,0 +1,106 @@
+"""The method of constant stimuli: how often each level is judged colder than the standard, and a function of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from itouch_tools.study import statistics as stats
+from itouch_tools.study.reading import StudyFile
+from itouch_tools.study.store import Row
+
+#: Levels that a function needs at least, and the answers that are given without a look at the stimulus.
+LEAST, LAPSE = 3, 0.02
+#: Of the standard normal function: from its middle to three of four.
+QUARTILE = 0.674489750196082
+
+
+def stimuli(file: StudyFile) -> dict[str, float]:
+    """Return the number of each level of the factor that is asked for; empty if this is no series of numbers."""
+    task = file.study.task
+    factor = next((one for one in file.study.factors if one.name == task.factor), None)
+    if task.kind != "colder" or factor is None:
+        return {}
+    found = {}
+    for name, value in zip(factor.names, factor.taken, strict=True):
+        number = _number(value)
+        if number is None:
+            return {}
+        found[name] = number
+    return found if len(set(found.values())) >= LEAST else {}
+
+
+def _number(value: str) -> float | None:
+    words = value.split()
+    try:
+        found = float(words[0]) if words else math.nan
+    except ValueError:
+        return None
+    return found if math.isfinite(found) else None
+
+
+def judged_colder(file: StudyFile, rows: Iterable[Row]) -> list[tuple[float, int, int]]:
+    """Return (level, how often it was judged colder than the standard, trials), by level.
+
+    Where both intervals held the standard there is nothing that could be chosen: such trials are left out.
+    """
+    levels, asked = stimuli(file), file.study.task.factor
+    counts: dict[float, list[int]] = {}
+    for row in rows:
+        level = row.condition.get(asked, "")
+        if level not in levels or level == file.study.task.standard or row.answer is None:
+            continue
+        places = [index for index, shown in enumerate(row.shown) if shown.get(asked) == level]
+        if len(places) != 1:
+            continue
+        entry = counts.setdefault(levels[level], [0, 0])
+        entry[0] += int(row.answer) == places[0]
+        entry[1] += 1
+    return [(level, chosen, trials) for level, (chosen, trials) in sorted(counts.items())]
+
+
+def point_of_equality(counts: Sequence[tuple[float, int, int]]) -> tuple[float, float]:
+    """Return the level that is judged colder as often as not, and the difference from there to three of four.
+
+    A normal function from 0 to 1, with 2 % of answers that are given blindly, rising or falling with the level.  Both
+    are NaN where the answers do not bound them.
+    """
+    if len(counts) < LEAST:
+        return math.nan, math.nan
+    levels, chosen, trials = (np.array(each, float) for each in zip(*counts, strict=True))
+    blind = 0.5 * LAPSE
+    ways = [
+        (sign, stats.fit_psychometric(sign * levels, chosen, trials, guess=blind, lapse=blind)) for sign in (1.0, -1.0)
+    ]
+    sign, best = min(ways, key=lambda way: way[1].loss)
+    if best.bounded:
+        return math.nan, math.nan
+    return sign * best.threshold, QUARTILE * best.spread
+
+
+def constant(file: StudyFile, rows: Sequence[Row], *, draws: int) -> dict[str, Any] | None:
+    """Return the series of levels with each person's point of equality and threshold; None: this is no such study."""
+    if not stimuli(file):
+        return None
+    people = sorted({row.participant for row in rows})
+    found = {person: point_of_equality(judged_colder(file, [r for r in rows if r.participant == person]))
+             for person in people}  # fmt: skip
+    whole = point_of_equality(judged_colder(file, rows))
+    named: dict[str, Any] = {}
+    for index, name in enumerate(("equal", "threshold")):
+        values = [pair[index] for pair in found.values() if math.isfinite(pair[index])]
+        named[name] = {
+            "pooled": whole[index], "people": {person: pair[index] for person, pair in found.items()},
+            "mean": float(np.mean(values)) if values else math.nan,
+            "panel_95": stats.participant_interval(
+                values, lambda some: float(np.mean(some)), seed=file.study.seed, draws=draws
+            ),
+        }  # fmt: skip
+    series = [
+        {"level": level, "chosen": chosen, "trials": trials, "wilson_95": stats.wilson(chosen, trials)}
+        for level, chosen, trials in judged_colder(file, rows)
+    ]
+    return {"factor": file.study.task.factor, "standard": file.study.task.standard, "series": series, **named}

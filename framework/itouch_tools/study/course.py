@@ -1,0 +1,123 @@
+"""A participant's way through a study: which trial is due, from the order and the rows that there are alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+from itouch_tools.study.adaptive import Running
+from itouch_tools.study.elements import PRACTICE, Adaptive
+from itouch_tools.study.reading import StudyFile
+from itouch_tools.study.store import Row
+from itouch_tools.study.trials import Trial, trials_of
+
+
+@dataclass(frozen=True, slots=True)
+class Due:
+    """The trial that comes next.
+
+    ``place`` counts the participant's rows, ``repeats`` is the place of the void trial that it repeats, ``shown`` has
+    the condition of each interval, and ``level`` is what a staircase asks for.
+    """
+
+    trial: Trial
+    place: int
+    repeats: int | None
+    shown: tuple[dict[str, str], ...]
+    level: float | None = None
+
+
+class Course:
+    """What has been done and what is due; the same rows lead to the same next trial, whenever they are read."""
+
+    def __init__(self, file: StudyFile, code: str, rows: Iterable[Row] = ()) -> None:
+        self._file, self.rows = file, list(rows)
+        self.planned = trials_of(file, code)
+
+    def made(self, row: Row) -> None:
+        """Note a trial that has ended."""
+        self.rows.append(row)
+
+    def next(self) -> Due | None:
+        """Return the trial that is due; None: all is done."""
+        begun = _begun(self.planned, self.rows)
+        for trial in self.planned[begun[-1] + 1 if begun else 0 :]:
+            if (due := self._due(trial, None)) is not None:
+                return due
+        firsts = [row.place for row in self.rows if row.repeats is None]
+        for place in _to_repeat(self.rows, self._file.study.contact.repeats):
+            if (due := self._due(self.planned[begun[firsts.index(place)]], place)) is not None:
+                return due
+        return None
+
+    def _due(self, trial: Trial, repeats: int | None) -> Due | None:
+        """Return a trial as it is due now; None: its staircase has ended."""
+        place = len(self.rows)
+        if not trial.staircase:
+            return Due(trial, place, repeats, trial.shown)
+        running = self._running(trial.staircase)
+        if running.finished:
+            return None
+        level = running.level()
+        rule = next(one for one in self._file.study.staircases if one.name == trial.staircase)
+        return Due(trial, place, repeats, _stepped(trial, rule, level), level)
+
+    def _running(self, name: str) -> Running:
+        rule = next(one for one in self._file.study.staircases if one.name == name)
+        return Running.begin(rule.rule(), told(self.rows, name))
+
+    @property
+    def left(self) -> int:
+        """How many trials of the order have not been begun, of staircases as many as there may be at most."""
+        begun = _begun(self.planned, self.rows)
+        rest = self.planned[begun[-1] + 1 if begun else 0 :]
+        ended = {name for name in {each.staircase for each in rest} if name and self._running(name).finished}
+        return sum(each.staircase not in ended for each in rest)
+
+
+def _begun(planned: Sequence[Trial], rows: Sequence[Row]) -> list[int]:
+    """Return which trial of the order each row began that repeats none: those of staircases that ended are left out.
+
+    A trial of the order is passed over only if its staircase has ended, so that a row began the next one of its own.
+    """
+    found: list[int] = []
+    at = 0
+    for row in rows:
+        if row.repeats is not None:
+            continue
+        while at < len(planned) - 1 and planned[at].staircase != (row.staircase or ""):
+            at += 1
+        found.append(min(at, len(planned) - 1))
+        at += 1
+    return found
+
+
+def _to_repeat(rows: Sequence[Row], repeats: int) -> Iterator[int]:
+    """Yield the places of void trials that are to be tried again, in their order."""
+    tries: dict[int, int] = {}
+    valid: set[int] = set()
+    for row in rows:
+        first = row.place if row.repeats is None else row.repeats
+        tries[first] = tries.get(first, 0) + 1
+        if not row.void:
+            valid.add(first)
+    for row in rows:
+        if row.repeats is None and row.place not in valid and row.block != PRACTICE and tries[row.place] <= repeats:
+            yield row.place
+
+
+def told(rows: Sequence[Row], staircase: str) -> list[tuple[float, int]]:
+    """Return what a staircase was told: (level, answer) of its trials that count."""
+    return [
+        (row.level, row.right) for row in rows
+        if row.staircase == staircase and not row.void and row.block != PRACTICE
+        and row.level is not None and row.right is not None
+    ]  # fmt: skip
+
+
+def _stepped(trial: Trial, rule: Adaptive, level: float) -> tuple[dict[str, str], ...]:
+    """Return the conditions of the intervals: the level in one, the standard in the other."""
+    return tuple(
+        {**trial.condition, rule.name: f"{level if index == trial.target else rule.standard:.9g}"}
+        for index in range(len(trial.shown))
+    )

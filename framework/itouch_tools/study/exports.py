@@ -1,0 +1,162 @@
+"""A study's trials for other programs: Parquet, and a folder after the Brain Imaging Data Structure (``beh``)."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+from collections.abc import Collection, Sequence
+from pathlib import Path
+from typing import Any
+
+from itouch.schema import ItouchError
+from itouch_tools.study.figures import known, meaning
+from itouch_tools.study.store import Row
+from itouch_tools.study.tables import write_table
+
+#: Version of BIDS that the folder follows.
+VERSION = "1.10.0"
+_DESCRIBED = {
+    "participant": "code of the participant", "place": "number of the trial in the participant's order, from 0",
+    "repeats": "place of the void trial that it repeats",
+    "block": "block of the order; practice and catch do not count",
+    "task": "what was asked", "staircase": "adaptive procedure that the trial belongs to",
+    "level": "level that the adaptive procedure asked for", "answer": "what was answered",
+    "right": "1: right, 0: wrong", "reaction_s": "from the end of the contact to the answer",
+    "void": "why the trial does not count; n/a: it does", "begun_s": "begin of the trial on the servo's clock",
+    "ended_s": "end of the trial on the servo's clock", "session": "session of the participant",
+}  # fmt: skip
+
+
+def table_of(rows: Sequence[Row], folder: Path) -> list[dict[str, str]]:
+    """Return the trials as the table that `write_table` writes: column -> text, ``n/a`` where there is nothing."""
+    path = folder / "trials.tsv"
+    write_table(rows, path)
+    with path.open(encoding="utf-8", newline="") as stream:
+        found = list(csv.DictReader(stream, delimiter="\t"))
+    path.unlink()
+    return found
+
+
+def write_parquet(rows: Sequence[Row], path: Path) -> None:
+    """Write the trials as Parquet, numbers as numbers, null where there is nothing.
+
+    Raises
+    ------
+    ItouchError
+        If pyarrow is not installed.
+    """
+    try:
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+    except ImportError as error:
+        raise ItouchError("Parquet needs pyarrow: pip install 'itouch-py[data]'") from error
+    table = table_of(rows, path.parent)
+    words = {*_WORDS, *(name for row in rows for shown in (row.condition, *row.shown) for name in shown)}
+    columns = {
+        name: [(_said if name in words else _value)(row[name]) for row in table] for name in (table[0] if table else {})
+    }
+    for name, values in columns.items():
+        kinds = {type(value) for value in values if value is not None}
+        if kinds == {int, float}:
+            columns[name] = [None if value is None else float(value) for value in values]
+        elif len(kinds) > 1:
+            columns[name] = [None if value is None else str(value) for value in values]
+    pq.write_table(pa.table(columns), path)
+
+
+#: Columns that are words, whatever they look like: a participant '007' is no 7.
+_WORDS = frozenset(("participant", "block", "task", "staircase", "answer", "void", "session", "at"))
+
+
+def _said(cell: str) -> str | None:
+    return None if cell == "n/a" else cell
+
+
+def _value(cell: str) -> Any:
+    """Return a cell as the number, the yes or no, or the text that it is."""
+    if cell == "n/a":
+        return None
+    if cell in ("True", "False"):
+        return cell == "True"
+    for kind in (int, float):
+        try:
+            return kind(cell)
+        except ValueError:
+            continue
+    return cell
+
+
+def write_bids(rows: Sequence[Row], folder: Path, *, name: str) -> list[Path]:
+    """Write ``dataset_description.json``, ``participants.tsv`` and a table of trials for each participant.
+
+    Parameters
+    ----------
+    rows
+        The trials; codes become labels of letters and digits.
+    folder
+        Where to; it is made.
+    name
+        Of the study.
+
+    Raises
+    ------
+    ItouchError
+        If two codes become the same label.
+    OSError
+        If it can't be written.
+    """
+    label = re.sub(r"[^A-Za-z0-9]", "", name) or "study"
+    people = sorted({row.participant for row in rows})
+    subjects = {code: re.sub(r"[^A-Za-z0-9]", "", code) or "x" for code in people}
+    if len(set(subjects.values())) < len(people):
+        raise ItouchError(f"codes become the same BIDS label of letters and digits: {', '.join(people)}")
+    folder.mkdir(parents=True, exist_ok=True)
+    written = [
+        _json(folder / "dataset_description.json", {
+            "Name": name, "BIDSVersion": VERSION, "DatasetType": "raw", "License": "n/a",
+            "GeneratedBy": [{"Name": "itouch-py"}],
+        }),
+        _text(folder / "README", f"{name}\n\nTrials of a study of touch, one table a participant, by itouch-py.\n"),
+        _text(folder / "participants.tsv", "".join(["participant_id\n", *(f"sub-{s}\n" for s in subjects.values())])),
+        _json(folder / "participants.json", {"participant_id": {"Description": "code of the participant"}}),
+    ]  # fmt: skip
+    figures = {name for row in rows for felt in row.felt or [] for name in felt}
+    for code, subject in subjects.items():
+        stem = folder / f"sub-{subject}" / "beh" / f"sub-{subject}_task-{label}_beh"
+        stem.parent.mkdir(parents=True, exist_ok=True)
+        table = table_of([row for row in rows if row.participant == code], stem.parent)
+        head = [column for column in table[0] if column != "participant"]
+        lines = io.StringIO()
+        writer = csv.DictWriter(lines, head, delimiter="\t", lineterminator="\n", extrasaction="ignore")
+        writer.writeheader()
+        writer.writerows(table)
+        written.append(_text(stem.with_suffix(".tsv"), lines.getvalue()))
+        written.append(_json(stem.with_suffix(".json"), {"TaskName": label, **_sidecar(head, figures)}))
+    return written
+
+
+def _sidecar(columns: Sequence[str], figures: Collection[str]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    declared = known()
+    for column in columns:
+        felt, _, interval = column.rpartition("_")
+        if column in _DESCRIBED:
+            seconds = {"Units": "s"} if column.endswith("_s") else {}
+            found[column] = {"Description": _DESCRIBED[column], **seconds}
+        elif felt in figures and interval.isdigit():
+            unit, words = meaning(felt, declared)
+            found[column] = {"Description": f"{words}, interval {interval}", **({"Units": unit} if unit else {})}
+        else:
+            found[column] = {"Description": f"level of the factor {column}"}
+    return found
+
+
+def _text(path: Path, content: str) -> Path:
+    path.write_text(content, encoding="utf-8")
+    return path
+
+
+def _json(path: Path, content: dict[str, Any]) -> Path:
+    return _text(path, json.dumps(content, indent=2) + "\n")

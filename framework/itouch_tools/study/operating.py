@@ -1,0 +1,58 @@
+"""What the operator of a session sees and may do: devices, pause, notes, stop; nothing of it tells a condition."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Protocol
+
+from itouch.loop import Status
+from itouch_tools.study.room import Room
+from itouch_tools.study.shown import Shown
+
+
+class Operator(Protocol):
+    """Who looks after a session: a window, or what stands in its place.  Everything returns at once."""
+
+    paused: bool
+    stopped: bool
+    #: Whether the dead-man's switch is held; hardware needs it.
+    held: bool
+
+    def show(self, face: Shown, lines: Sequence[tuple[str, bool]]) -> None:
+        """Show how it goes; ``lines``: (words, whether all is well)."""
+
+    def notes(self) -> Sequence[str]:
+        """Return the notes that were written since the last call."""
+
+
+def lines_of(room: Room) -> list[tuple[str, bool]]:
+    """Return how the devices are and whether all is ready, (words, whether all is well)."""
+    state = room.session.state
+    found = []
+    for name in room.session.model.devices:
+        status = Status(int(state[f"{name}.status"]))
+        found.append((f"{name}: {status.name.lower()}", status is Status.ENABLED))
+    if room.real:
+        held = room.session.held
+        found.append(("the switch is held" if held else "the switch is not held: the devices wait", held))
+    ready = room.sensed().ready
+    found.append(("ready" if ready else "not ready yet", True))
+    return [*found, *((f"not recorded: {loss}", False) for loss in room.losses[:1])]
+
+
+def keep_note(folder: Path, code: str, trial: int, words: str) -> None:
+    """Add a note to ``notes.tsv`` of a study's folder: when (UTC), participant, number of the trial, words.
+
+    Raises
+    ------
+    OSError
+        If it can't be written.
+    """
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    with (folder / "notes.tsv").open("a", encoding="utf-8") as stream:
+        stream.write(f"{now}\t{code}\t{trial}\t{' '.join(words.split())}\n")
+        stream.flush()
+        os.fsync(stream.fileno())

@@ -1,0 +1,87 @@
+"""Which simulated observers there are: those that ship, and those that plugins bring by ``itouch.observers``.
+
+A plugin's observer is a class that is made without arguments and has ``cue(self, felt)``; it imports nothing of the
+framework: what an observer does with its cues is added here.  It may judge in another way by methods of its own, named
+as those of `Observer`; ``self.person`` holds the person's noise, memory, lapses and biases.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.plugin.discovery import find
+from itouch.schema import ItouchError
+from itouch_tools.study.observers import (
+    CombinedObserver,
+    Felt,
+    FluxObserver,
+    NaiveObserver,
+    Observer,
+    Person,
+    ReceptorObserver,
+)
+
+GROUP = "itouch.observers"
+SHIPPED: Mapping[str, type[Observer]] = {
+    "flux": FluxObserver, "combined": CombinedObserver, "receptors": ReceptorObserver, "naive": NaiveObserver,
+}  # fmt: skip
+
+
+class ObserverError(ItouchError, ValueError):
+    """An observer that is not there, can't be loaded, or errs."""
+
+
+def names() -> Sequence[str]:
+    """Return the names of all observers: the shipped ones first; they can't be replaced."""
+    return [*SHIPPED, *(name for name in sorted(find(GROUP)) if name not in SHIPPED)]
+
+
+def observer_of(name: str) -> type[Observer]:
+    """Return the class of an observer.
+
+    Raises
+    ------
+    ObserverError
+        With the names that there are, or what is wrong with a plugin's.
+    """
+    if name in SHIPPED:
+        return SHIPPED[name]
+    found = find(GROUP).get(name)
+    if found is None:
+        raise ObserverError(f"there is no observer '{name}'; there are {', '.join(names())}")
+    loaded = found.load()
+    whose = f"observer '{name}' ({found.distribution} {found.version})"
+    if not isinstance(loaded, type) or not callable(getattr(loaded, "cue", None)):
+        raise ObserverError(f"{whose} is no class with a method cue(self, felt)")
+    if issubclass(loaded, Observer):
+        return loaded
+    own = {"__init__": _made(loaded), "cue": _checked(loaded, whose), "__doc__": loaded.__doc__}
+    return type(loaded.__name__, (loaded, Observer), own)
+
+
+def _made(loaded: Any) -> object:
+    def init(self: Observer, person: Person) -> None:
+        Observer.__init__(self, person)
+        if loaded.__init__ is not object.__init__:
+            loaded.__init__(self)
+
+    return init
+
+
+def _checked(loaded: type, whose: str) -> object:
+    """Return a stranger's ``cue`` that gives finite numbers, shape (cues,), or a sentence."""
+
+    def cue(self: Observer, felt: Felt) -> NDArray[np.float64]:
+        try:
+            found = np.atleast_1d(np.asarray(loaded.cue(self, felt), np.float64))  # type: ignore[attr-defined]
+        except Exception as error:  # a stranger's code may raise anything
+            raise ObserverError(f"{whose}: cue raised {type(error).__name__}: {error}") from error
+        if found.ndim != 1 or not len(found) or not np.isfinite(found).all():
+            raise ObserverError(f"{whose}: cue gave {found.tolist()}; it must be one or more finite numbers")
+        return found
+
+    return cue

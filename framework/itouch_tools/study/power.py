@@ -1,0 +1,199 @@
+"""How many participants does a study need?  Panels drawn from simulated observers who differ between them.
+
+The twins are touched once for each condition and finger temperature; observers then answer from what was felt there,
+so that hundreds of people cost no more touches than a few.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.plugin.discovery import Catalog
+from itouch.schema import ItouchError
+from itouch_tools.study import orders
+from itouch_tools.study import statistics as stats
+from itouch_tools.study.observers import Felt, Observer, Person
+from itouch_tools.study.panelists import observer_of
+from itouch_tools.study.reading import StudyFile
+from itouch_tools.study.tasks import is_right
+from itouch_tools.study.touches import Presented, Toucher
+from itouch_tools.study.trials import Trial
+
+#: Finger temperatures [degC] at which the twins are touched: mean and one standard deviation to both sides, of the 32
+#: people of Bhattacharjee et al. 2021; a person has the nearest.
+FINGERS = (25.7, 28.5, 31.3)
+#: Touches of each condition at each of them, which differ by the noise of the twins.
+TOUCHES = 2
+
+#: Tasks that a simulated panel is drawn for.
+POWERED = ("identify", "colder", "odd", "same")
+
+
+class PowerError(ItouchError):
+    """A study whose power can't be computed so."""
+
+
+class Touches(Protocol):
+    """Makes touches; see `Toucher`."""
+
+    def touch(self, condition: Mapping[str, str], seed: int) -> Presented:
+        """Return a touch."""
+
+
+@dataclass(frozen=True, slots=True)
+class Power:
+    """What a panel would find.
+
+    ``half_width`` of the 95 % interval of the proportion right, and for each factor that is not asked for the power
+    of its test of equivalence (margin 10 %), as these observers would answer.
+    """
+
+    panel: int
+    repetitions: int
+    proportion: float
+    half_width: float
+    equivalence: Mapping[str, float]
+
+
+def library(
+    file: StudyFile, made: Callable[[float], Touches], *, told: Callable[[str], None] = lambda words: None
+) -> list[dict[str, list[Felt]]]:  # fmt: skip
+    """Return what is felt: for each of `FINGERS`, condition (as its repr) -> touches."""
+    found: list[dict[str, list[Felt]]] = []
+    for number, celsius in enumerate(FINGERS, 1):
+        touches = made(celsius + 273.15)
+        felt: dict[str, list[Felt]] = {}
+        for condition in file.conditions():
+            felt[repr(condition)] = [touches.touch(condition, seed).felt for seed in range(TOUCHES)]
+        found.append(felt)
+        told(f"touched {len(felt)} conditions with finger {number} of {len(FINGERS)}")
+    return found
+
+
+def toucher(file: StudyFile, catalog: Catalog) -> Callable[[float], Touches]:
+    """Return what makes touches on the twins with a finger of some temperature [K]."""
+    return lambda kelvin: Toucher(file, catalog, skin_temperature=kelvin)
+
+
+def power(
+    file: StudyFile, felt: Sequence[Mapping[str, Sequence[Felt]]], panels: Sequence[int], *, model: str = "flux",
+    repetitions: Sequence[int] = (), pool: int = 240, studies: int = 400, seed: int = 1,
+) -> list[Power]:  # fmt: skip
+    """Return the power of each panel size and number of repetitions.
+
+    Parameters
+    ----------
+    file
+        The study.
+    felt
+        From `library`.
+    panels
+        Numbers of participants.
+    model
+        Of the observers.
+    repetitions
+        Of each condition; default: the study's.
+    pool
+        How many people are simulated; panels are drawn from them.
+    studies
+        Panels drawn for each number.
+    seed
+        Of people and panels.
+
+    Raises
+    ------
+    PowerError
+        If the study is adaptive, or has no right answers.
+    """
+    if file.study.staircases or file.study.task.kind not in POWERED:
+        other = "this one has staircases, ratings or a plugin's task"
+        raise PowerError(f"power is of studies with conditions and right answers: {other}")
+    found = []
+    for count in repetitions or (file.study.order.repetitions,):
+        shares = [_shares(file, felt, model, count, orders.generator(seed, f"pool{n}")) for n in range(pool)]
+        rng = orders.generator(seed, "panels", str(count))
+        found += [_panel(file, np.array(shares), size, count, studies, rng) for size in panels]
+    return found
+
+
+def _shares(
+    file: StudyFile, felt: Sequence[Mapping[str, Sequence[Felt]]], model: str, count: int, rng: np.random.Generator
+) -> list[float]:  # fmt: skip
+    """Return one person's proportion right in each condition."""
+    task = file.study.task
+    levels = next((factor.names for factor in file.study.factors if factor.name == task.factor), ())
+    person = Person.drawn(rng, biased=model == "naive", answers=levels)
+    nearest = int(np.argmin([abs(person.finger_temperature - 273.15 - each) for each in FINGERS]))
+    observer, known = observer_of(model)(person), felt[nearest]
+    return [
+        sum(_answer(file, observer, known, condition, rng) for _ in range(count)) / count
+        for condition in file.conditions()
+    ]
+
+
+def _answer(
+    file: StudyFile, observer: Observer, felt: Mapping[str, Sequence[Felt]], condition: dict[str, str],
+    rng: np.random.Generator,
+) -> int:  # fmt: skip
+    """Return whether one trial of a condition was answered rightly."""
+    task = file.study.task
+
+    def one(shown: dict[str, str]) -> Felt:
+        each = felt[repr(shown)]
+        return each[int(rng.integers(len(each)))]
+
+    if task.kind == "identify":
+        levels = next(factor.names for factor in file.study.factors if factor.name == task.factor)
+        known = {level: felt[key][0] for level in levels if (key := repr({**condition, task.factor: level})) in felt}
+        return int(observer.identify(one(condition), known, rng) == condition[task.factor])
+    target = int(rng.integers(task.intervals))
+    standard = {**condition, task.factor: task.standard}
+    shown = [one(condition if index == target else standard) for index in range(task.intervals)]
+    trial = Trial(0, "main", condition, (), target)
+    answers = {"colder": observer.colder, "odd": observer.odd, "same": observer.same}[task.kind](shown, rng)
+    written = ("same" if answers else "different") if task.kind == "same" else str(answers)
+    return is_right(task, trial, written, [each.mean_flux() for each in shown]) or 0
+
+
+def _panel(
+    file: StudyFile, shares: NDArray[np.float64], size: int, count: int, studies: int, rng: np.random.Generator
+) -> Power:  # fmt: skip
+    """Draw panels from the pool, shape (people, conditions), and return what they would find."""
+    picks = rng.integers(0, len(shares), (studies, size))
+    means = shares.mean(axis=1)[picks]  # (studies, size)
+    error = means.std(axis=1, ddof=1) / math.sqrt(size) if size > 1 else np.full(studies, math.nan)
+    reach = float(_student(size - 1)) if size > 1 else math.nan
+    equal = {name: float(np.mean([_equivalent(pairs[pick]) for pick in picks])) for name, pairs in _pairs(file, shares)}
+    return Power(size, count, float(shares.mean()), float(np.mean(error) * reach), equal)
+
+
+def _student(freedom: int) -> Any:
+    from scipy.stats import t
+
+    return t.ppf(0.975, freedom)
+
+
+def _equivalent(pairs: NDArray[np.float64]) -> bool:
+    return len(pairs) > 1 and bool(stats.clustered_tost(pairs[:, 0], pairs[:, 1], margin=0.1).p < 0.05)
+
+
+def _pairs(file: StudyFile, shares: NDArray[np.float64]) -> list[tuple[str, NDArray[np.float64]]]:
+    """Return each pair of levels of the factors that are not asked for, and people's shares, shape (people, 2)."""
+    conditions, found = file.conditions(), []
+    for factor in file.study.factors:
+        if factor.name == file.study.task.factor:
+            continue
+        for i, first in enumerate(factor.names):
+            for second in factor.names[i + 1 :]:
+                columns = [
+                    shares[:, [k for k, each in enumerate(conditions) if each[factor.name] == level]].mean(axis=1)
+                    for level in (first, second)
+                ]
+                found.append((f"{factor.name}: {first}, {second}", np.column_stack(columns)))
+    return found

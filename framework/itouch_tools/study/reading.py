@@ -1,0 +1,340 @@
+"""From a study's file to a checked `Study`, with the places of everything in it and all problems at once."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from itouch.plugin.discovery import Catalog, PluginError
+from itouch.scene import Scene
+from itouch.scene.binding import Binder
+from itouch.scene.edits import Edit
+from itouch.scene.loader import in_file_order, read_scene
+from itouch.scene.places import Places
+from itouch.scene.source import Attribute, Node, SourceError, read_root
+from itouch.schema.diagnostics import Place, Problem, SceneError, did_you_mean
+from itouch.world import Model, compile_scene
+from itouch_tools.study.adaptive import Staircase
+from itouch_tools.study.brought import TaskError, offered, task_names, task_of
+from itouch_tools.study.elements import TASKS, UNCOUNTED, VERSION, Adaptive, Factor, Study
+
+#: How far [m] the end of a scripted hand's way may be from its begin.
+CLOSED = 1e-3
+#: What a staircase has that says nothing of itself.
+USUAL = Staircase("quest", 0.0, 1.0, 0.5)
+#: A prior is narrow if the range of the levels is so many times as wide.
+NARROW = 20.0
+#: What lies on a display's current before each touch of a blind study, over the noise of its own control.
+PRESET_NOISE = "0.2 A"
+#: Levels of the factors, and of a staircase under its name.
+Condition = Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class StudyFile:
+    """A study as it was read: ``path`` of the file, the scene's, and where each element stands."""
+
+    study: Study
+    path: str
+    scene_path: str
+    places: Places
+
+    @property
+    def name(self) -> str:
+        """Name of the study."""
+        return self.study.name or Path(self.path).stem
+
+    def conditions(self) -> list[dict[str, str]]:
+        """Return all combinations of levels that are shown, in the order of the file."""
+        names = [factor.name for factor in self.study.factors]
+        crossed = itertools.product(*(factor.names for factor in self.study.factors))
+        found = [dict(zip(names, levels, strict=True)) for levels in crossed]
+        return [
+            condition for condition in found
+            if not any(all(condition.get(f) == v for f, v in one.pairs.items()) for one in self.study.excluded)
+        ]  # fmt: skip
+
+    def instructions(self) -> list[str]:
+        """Return the lines that the participant reads first; none: there is no such element.
+
+        Raises
+        ------
+        OSError
+            If they can't be read.
+        """
+        element = self.study.instructions
+        if element is None:
+            return []
+        path = Path(os.path.dirname(self.path)) / element.file
+        return path.read_text(encoding="utf-8").splitlines()
+
+    def edits(self, condition: Condition) -> list[Edit]:
+        """Return what a condition sets in the scene."""
+        edits: list[Edit] = []
+        for factor in self.study.factors:
+            if factor.name in condition:
+                value = factor.taken[factor.names.index(condition[factor.name])]
+                edits += self._set(factor, factor.set_, value)
+        for staircase in self.study.staircases:
+            if staircase.name in condition:
+                edits += self._set(staircase, staircase.set_, f"{condition[staircase.name]} {staircase.unit}".strip())
+        return edits
+
+    def _set(self, element: Factor | Adaptive, paths: str, value: str) -> Iterator[Edit]:
+        place = self.places.of(element, "set_") or self.places.of(element) or Place(self.path, 1, 1)
+        for path in paths.split():
+            yield Edit(path, Attribute(value, place))
+
+    def scene(self, condition: Condition, catalog: Catalog, more: Sequence[Edit] = ()) -> tuple[Scene, list[Problem]]:
+        """Return the scene of a condition (and ``more`` edits), with what is wrong with it."""
+        edits = [*self.edits(condition), *more]
+        scene, problems = read_scene(self.scene_path, catalog, edits=edits)
+        equal = self._equalised(scene)
+        return read_scene(self.scene_path, catalog, edits=[*edits, *equal]) if equal else (scene, problems)
+
+    def _equalised(self, scene: Scene) -> list[Edit]:
+        """Return what asks the modalities that can for the same time before every touch: ``<blind>``'s."""
+        blind = self.study.blind
+        if blind is None or not blind.equalise:
+            return []
+        place = self.places.of(blind) or Place(self.path, 1, 1)
+        values = {"equalise": "yes", "preset_time": f"{blind.approach:g} s", "preset_noise": PRESET_NOISE}
+        return [
+            Edit(f"{part.name}.{name.replace('_', '-')}", Attribute(value, place))
+            for part in scene.modalities if hasattr(part.params, "equalise")
+            for name, value in values.items() if hasattr(part.params, name)
+        ]  # fmt: skip
+
+    def model(self, condition: Condition, catalog: Catalog, more: Sequence[Edit] = ()) -> Model:
+        """Return the compiled scene of a condition (and ``more`` edits).
+
+        Raises
+        ------
+        SceneError
+            With all problems.
+        """
+        scene, problems = self.scene(condition, catalog, more)
+        if any(problem.severity == "error" for problem in problems):
+            raise SceneError(problems)
+        return Model.of(scene, catalog)
+
+
+def load_study(path: str | os.PathLike[str], catalog: Catalog) -> StudyFile:
+    """Load a study, and check it against its scene.
+
+    Raises
+    ------
+    SceneError
+        With all problems of study and scene in file order.
+    """
+    found, problems = read_study(path, catalog)
+    if found is None or any(problem.severity == "error" for problem in problems):
+        raise SceneError(problems)
+    return found
+
+
+def read_study(path: str | os.PathLike[str], catalog: Catalog) -> tuple[StudyFile | None, list[Problem]]:
+    """Read as much of a study as can be, with the problems found."""
+    shown = os.fspath(path)
+    try:
+        root = read_root(shown, "study", f'<study version="{VERSION}" scene="SCENE.xml" seed="1">')
+    except SourceError as error:
+        return None, [error.problem]
+    problems: list[Problem] = []
+    places = Places()
+    study = Binder(catalog, problems, places).bind(root, Study)
+    if study is None:
+        return None, in_file_order(problems)
+    problems += _wanting(study, root)
+    found = StudyFile(study, shown, os.path.join(os.path.dirname(shown), study.scene), places)
+    if not problems:
+        problems += _contradictions(found)
+    if not problems:
+        problems += _scenes(found, catalog)
+    return found, in_file_order(problems)
+
+
+def _wanting(study: Study, root: Node) -> Iterator[Problem]:
+    if study.version != VERSION:
+        place = root.attributes["version"].place
+        sentence = f"the file is written for study format {study.version}, this program reads {VERSION}"
+        yield Problem("bad-version", sentence, place, f'write version="{VERSION}"')
+    for tag in ("task", "contact"):
+        if not any(node.tag == tag for node in root.children):
+            yield Problem("missing-element", f"<study> needs the element <{tag}>", root.place, f"write <{tag} .../>")
+    if not any(node.tag in ("factor", "staircase") for node in root.children):
+        advice = "write a <factor> or a <staircase>"
+        yield Problem("missing-element", "<study> varies nothing", root.place, advice)
+
+
+def _contradictions(file: StudyFile) -> Iterator[Problem]:
+    """Find what the study says of things that it has not."""
+    study, places = file.study, file.places
+    yield from _unknown_task(file)
+    levels = {factor.name: factor.names for factor in study.factors}
+    owners: list[Factor | Adaptive] = [*study.factors, *study.staircases]
+    names = [owner.name for owner in owners]
+    for name in sorted({name for name in names if names.count(name) > 1}):
+        owner = [owner for owner in owners if owner.name == name][1]
+        yield Problem("duplicate-name", f"'{name}' is defined twice", places.of(owner, "name"))
+    asked = study.task.factor
+    if asked not in levels and asked not in names:
+        advice = did_you_mean(asked, names, "the study varies")
+        yield Problem("unknown-name", f"there is no factor named '{asked}'", places.of(study.task, "factor"), advice)
+    elif asked in levels and study.task.standard and study.task.standard not in levels[asked]:
+        advice = did_you_mean(study.task.standard, levels[asked], "its levels are")
+        sentence = f"'{study.task.standard}' is no level of '{asked}'"
+        yield Problem("unknown-name", sentence, places.of(study.task, "standard"), advice)
+    if study.order.by and study.order.by not in levels:
+        advice = did_you_mean(study.order.by, levels, "the factors are")
+        sentence = f"there is no factor named '{study.order.by}'"
+        yield Problem("unknown-name", sentence, places.of(study.order, "by"), advice)
+    for one in study.excluded:
+        for factor, level in one.pairs.items():
+            if level not in levels.get(factor, ()):
+                sentence = f"there is no level '{level}' of a factor '{factor}'"
+                advice = (
+                    did_you_mean(level, levels.get(factor, ()), "its levels are") or f"factors: {', '.join(levels)}"
+                )
+                yield Problem("unknown-name", sentence, places.of(one, "where"), advice)
+    try:
+        file.instructions()
+    except (OSError, UnicodeDecodeError) as error:
+        why = getattr(error, "strerror", None) or "it is no UTF-8 text"
+        sentence = f"cannot read the instructions: {why}"
+        yield Problem("bad-value", sentence, places.of(study.instructions, "file") if study.instructions else None)
+    if study.staircases and study.task.kind != "colder":
+        sentence = f"a staircase needs <task kind=\"colder\">, not '{study.task.kind}'"
+        yield Problem("bad-value", sentence, places.of(study.task, "kind"))
+    yield from _odd_staircases(file)
+    for each in study.factors:
+        taken = sorted(UNCOUNTED.intersection(each.names))
+        if each.name == study.order.by and study.order.kind == "blocked" and taken:
+            sentence = f"a block can't be called '{taken[0]}': by that name is told which trials do not count"
+            yield Problem("bad-value", sentence, places.of(each, "levels"), "call the level otherwise")
+    yield from _wrong_catch(file, levels)
+    if study.factors and not file.conditions():
+        yield Problem("bad-value", "every combination of levels is excluded", places.of(study.excluded[0]))
+
+
+def _wrong_catch(file: StudyFile, levels: Mapping[str, Sequence[str]]) -> Iterator[Problem]:
+    """Find catch trials that name what the study does not vary, or leave a factor open."""
+    catch = file.study.catch
+    if catch is None:
+        return
+    place = file.places.of(catch, "where")
+    if not levels:
+        yield Problem("bad-value", "catch trials show levels of factors, and this study has none", place)
+        return
+    for factor, level in catch.condition.items():
+        if level not in levels.get(factor, ()):
+            advice = did_you_mean(level, levels.get(factor, ()), "its levels are") or f"factors: {', '.join(levels)}"
+            yield Problem("unknown-name", f"there is no level '{level}' of a factor '{factor}'", place, advice)
+    if open_ := [name for name in levels if name not in catch.condition]:
+        sentence = f"catch trials must say a level of every factor: '{open_[0]}' is open"
+        yield Problem("bad-value", sentence, place, f"add {open_[0]}={levels[open_[0]][0]}")
+
+
+def _odd_staircases(file: StudyFile) -> Iterator[Problem]:
+    """Find staircases that would go the wrong way, or whose words would have no effect."""
+    study, places = file.study, file.places
+    if study.staircases and study.factors:
+        sentence = "the trials of staircases vary their levels only: a factor beside them has no effect"
+        yield Problem("bad-value", sentence, places.of(study.factors[0], "name"),
+                      "make a study of it for each of its levels, or set it in the scene")  # fmt: skip
+    for one in study.staircases:
+        if one.standard >= one.start:
+            sentence = f"the levels of '{one.name}' begin at {one.start:g}, and the standard is {one.standard:g}"
+            advice = (
+                "a right answer lowers the level: it has to come nearer to the standard, which lies below the start"
+            )
+            yield Problem("bad-value", sentence, places.of(one, "standard"), advice)
+        bayes = one.procedure != "up-down"
+        if bayes and one.target != USUAL.target:
+            sentence = f"target is of the up-down procedure: {one.procedure} finds the middle of the function"
+            yield Problem("bad-value", sentence, places.of(one, "target"), "leave it away")
+        if bayes and one.prior == USUAL.prior and one.high - one.low > NARROW * one.prior:
+            sentence = (
+                f"the prior of '{one.name}', {one.prior:g}, is narrow for levels from {one.low:g} to {one.high:g}"
+            )
+            advice = f'write what you expect, as prior="{(one.high - one.low) / 4.0:.2g}"'
+            yield Problem("bad-value", sentence, places.of(one, "name"), advice)
+
+
+def _unknown_task(file: StudyFile) -> Iterator[Problem]:
+    """Find a task that nobody brings, or that asks for what the study has not."""
+    task, place = file.study.task, file.places.of(file.study.task, "kind")
+    if task.kind in TASKS:
+        return
+    try:
+        brought = task_of(task.kind)
+        factor = next((one for one in file.study.factors if one.name == task.factor), None)
+        brought.choices(factor.names if factor is not None else ())
+    except (TaskError, PluginError) as error:
+        if offered(task.kind):
+            yield Problem("bad-value", str(error), place)
+        else:
+            advice = did_you_mean(task.kind, [*TASKS, *task_names()], "there are")
+            yield Problem("unknown-name", f"there is no task '{task.kind}'", place, advice)
+        return
+    if brought.intervals > 1 and not task.standard:
+        sentence = f"'{task.kind}' compares with a standard: say which level of '{task.factor}' that is"
+        yield Problem("bad-value", sentence, place, 'write standard="LEVEL"')
+
+
+def _scenes(file: StudyFile, catalog: Catalog) -> Iterator[Problem]:
+    """Find what is wrong with the scene, and with each level in it."""
+    base, problems = read_scene(file.scene_path, catalog)
+    yield from problems
+    if any(problem.severity == "error" for problem in problems):
+        return
+    known = [each.name for each in base.world.objects]
+    wanted = file.study.contact.object_
+    if wanted not in known:
+        advice = did_you_mean(wanted, known, "its objects are")
+        sentence = f"the scene has no object named '{wanted}'"
+        yield Problem("unknown-name", sentence, file.places.of(file.study.contact, "object_"), advice)
+    yield from _open_motions(base)
+    told: set[str] = set()
+    for condition in each_level_once(file):
+        scene, found = file.scene(condition, catalog)
+        if not any(problem.severity == "error" for problem in found):
+            _, more = compile_scene(scene, catalog)
+            found = [*found, *more]
+        for problem in found:
+            if problem.severity == "error" and problem.sentence not in told:
+                told.add(problem.sentence)
+                shown = ", ".join(f"{name}={level}" for name, level in condition.items())
+                yield replace(problem, sentence=f"{problem.sentence} (in the condition {shown})")
+
+
+def _open_motions(scene: Scene) -> Iterator[Problem]:
+    """Find scripted hands that do not end where they begin: from one trial to the next such an arm would jump."""
+    for operator in scene.operators:
+        targets = operator.motion.targets
+        if len(targets) > 1 and math.dist(targets[0].pos, targets[-1].pos) > CLOSED:
+            sentence = f"the hand of '{operator.probe}' does not end where it begins: the next trial begins there"
+            yield Problem(
+                "bad-value", sentence, scene.places.of(targets[-1], "pos"), "end with the pos of the first <to>"
+            )
+
+
+def each_level_once(file: StudyFile) -> Iterator[dict[str, str]]:
+    """Yield conditions that together have every level, one more than there are levels at most."""
+    conditions = file.conditions() if file.study.factors else [{}]
+    seen: set[tuple[str, str]] = set()
+    ends = [
+        {one.name: f"{getattr(one, end):.9g}" for one in file.study.staircases} for end in ("low", "high", "standard")
+    ]
+    for condition in conditions:
+        new = set(condition.items()) - seen
+        if new or not seen:
+            seen |= set(condition.items())
+            for end in ends if file.study.staircases else [{}]:
+                yield {**condition, **end}
+        if not condition:
+            return

@@ -1,0 +1,409 @@
+"""The room of a study: devices that go on from trial to trial while the scene above them changes.
+
+Twins wait while nobody lets time go on.  Hardware can't: while the next scene is built it is at rest, surfaces back and
+drives off, and the loop goes on to read it under the scene before.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import Future
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from itouch.loop import Clock, DeviceFaultError
+from itouch.plugin.discovery import Catalog
+from itouch.safety import LOSSES, Outcome, Status, Trip
+from itouch.session import Session, SessionError
+from itouch.session.recorder import Onwards
+from itouch.session.succession import differing, succeed, touching
+from itouch.world import Model, make_state
+from itouch_tools.study.machine import Sensed
+from itouch_tools.study.reading import StudyFile
+from itouch_tools.study.store import Standing
+from itouch_tools.study.touches import STILL, Feeling, Presented, Toucher, TouchError, felt_by, steer_hands
+
+Result = TypeVar("Result")
+#: How often it is tried to put hardware to rest, half a second each.
+TRIES = 4
+#: The mark of a session that a fault has stopped.
+STOPPED = "stopped"
+#: How long [s] what is done beside the loop may keep the interpreter to itself.
+SHARE = 5e-4
+
+
+class Room:
+    """One session after the other, each on from the State of the one before.
+
+    Parameters
+    ----------
+    file, catalog
+        The study and the plugins.
+    seed
+        Of the twins' noise.
+    clock
+        What paces the loop.
+    record
+        File that all of them are recorded to; a State with other fields needs one more, ``NAME-2.mcap``.
+    """
+
+    def __init__(
+        self, file: StudyFile, catalog: Catalog, *, seed: int, clock: Clock | None = None, record: Path | None = None
+    ) -> None:
+        self._record, self._recorded = record, 0
+        #: Called between two ticks by who runs the loop; what it raises ends the session.
+        self.look: Callable[[], None] | None = None
+        #: Told again and again while nothing ticks because something must come to its end.
+        self.on_idle: Callable[[], None] | None = None
+        #: Told when hardware has come to rest.
+        self.on_rest: Callable[[], None] | None = None
+        #: Told of each session that takes the place of another one, before it runs.
+        self.on_change: Callable[[Session], None] | None = None
+        #: Told between two ticks for what a person is waited for: ``lift`` the finger, ``hold`` the switch.
+        self.on_wait: Callable[[str], None] | None = None
+        #: What is not kept any more of the recording, a sentence each.
+        self.losses: list[str] = []
+        self._file, self._catalog, self._seed = file, catalog, seed
+        #: What paces the loop.
+        self.clock = clock
+        self._models = Toucher(file, catalog)
+        self._session: Session | None = None
+        self._feeling: Feeling | None = None
+        self.condition: Mapping[str, str] = {}
+
+    @property
+    def session(self) -> Session:
+        """The session that runs now.
+
+        Raises
+        ------
+        ValueError
+            If nothing was presented yet.
+        """
+        if self._session is None:
+            raise ValueError("nothing was presented yet")
+        return self._session
+
+    @property
+    def feeling(self) -> Feeling:
+        """What is noted of the interval.
+
+        Raises
+        ------
+        ValueError
+            If nothing was presented yet.
+        """
+        if self._feeling is None:
+            raise ValueError("nothing was presented yet")
+        return self._feeling
+
+    def present(self, condition: Mapping[str, str]) -> Feeling:
+        """Put a condition's scene over the devices, the hand at the begin of its path, which waits.
+
+        A twin's hand that is still under way ends its path first: no arm can be at another place at once.  Hardware
+        rests, a person who still touches is waited for, and then whoever holds the dead-man's switch.
+
+        Raises
+        ------
+        SessionError
+            If real devices differ between the scenes, or the hand of a twin does not leave what it touches.
+        SceneError
+            If the scene has problems.
+        DeviceError, DeviceFaultError
+            If a device can't be enabled, or failed.
+        """
+        before = self._session
+        if before is None:
+            self.prepare(condition)
+        else:
+            if self._under_way:
+                self.run(lambda: before.done)
+            self.rest()
+            session, feeling, onwards = self.beside(lambda: self._made(condition))
+            if self.real:
+                self._await_person(before)
+            succeed(session, before)
+            self._take(session, condition, feeling, onwards)
+            if self.real:
+                session.leave_out(before.since)
+                self._enable()
+        self.begin()
+        return self.feeling
+
+    def wake(self) -> None:
+        """Let commands through again to hardware that rests, under the same scene."""
+        if self.real and not self.acting:
+            self._await_person(self.session)
+            self._enable()
+
+    def _enable(self) -> None:
+        if self.look is not None:
+            self.look()  # the switch is held for a moment only
+        self.session.enable(opens=False)
+
+    def survey(self, conditions: Iterable[Mapping[str, str]]) -> None:
+        """Compile the scenes of conditions before anything begins, and see that hardware is the same in all.
+
+        Raises
+        ------
+        SessionError
+            If it is not.
+        SceneError
+            If a scene has problems.
+        """
+        first: Model | None = None
+        for condition in conditions:
+            model = self._models.model(condition)
+            found = differing(model, first or model)
+            if found:
+                raise SessionError(f"{found} (in the condition {', '.join(f'{k}={v}' for k, v in condition.items())})")
+            if first is not None and self._record is not None and self._differ(model, first):
+                raise SessionError(
+                    "the scenes' States have other fields: on hardware one recording can't hold them all; --no-record"
+                )
+            first = first or model
+
+    @staticmethod
+    def _differ(model: Model, first: Model) -> bool:
+        real = any(not device.twin for device in model.devices.values())
+        return real and make_state(model).dtype != make_state(first).dtype
+
+    def prepare(self, condition: Mapping[str, str]) -> None:
+        """Take the first scene, and let nothing run yet."""
+        session = self._built(condition)
+        self._take(session, condition, self._feel(session), None)
+
+    def begin(self) -> None:
+        """Run until the rig knows where it is and gives its whole force; the hand of a twin waits then."""
+        session = self.session
+        if not int(session.state["ready"]):  # the rig finds its heights by touch
+            self.run(lambda: bool(session.state["ready"]))
+        driven = [one for one in session.runners if one.model.commands and not one.model.twin]
+
+        def whole() -> bool:
+            return all(session.state[f"{one.model.name}.ramp"].item() >= 1.0 for one in driven if one.enabled)
+
+        if not whole():  # what is touched before would be felt too softly
+            self.run(whole)
+        self.hold()
+
+    @property
+    def real(self) -> bool:
+        """Whether any device of the scene is hardware."""
+        return self._session is not None and any(not runner.model.twin for runner in self._session.runners)
+
+    def rest(self) -> None:
+        """Let hardware rest: surfaces go back, drives are off, until the next scene is presented.  Twins only wait.
+
+        Raises
+        ------
+        DeviceFaultError
+            If a device could not be seen to be safe.
+        """
+        if not self.acting:
+            return
+        session = self.session
+        for _ in range(TRIES):  # a machine that is busy may not hear a device for a while
+            outcome = session.park()
+            stopped, unsafe = session.latched(), self._unsafe(outcome)
+            if stopped is not None or not unsafe:
+                break
+        if stopped is None and not unsafe:
+            if self.on_rest is not None:
+                self.on_rest()
+            return
+        if stopped is None:
+            seen = "; ".join(f"{name}: {outcome.devices[name]}" for name in unsafe)
+            stopped = DeviceFaultError(
+                unsafe[0], session.ticks, Trip.DEVICE_ERROR, f"could not be put to rest ({seen})"
+            )
+        session.make_safe(stopped)
+        raise stopped
+
+    def _unsafe(self, outcome: Outcome) -> list[str]:
+        """Return the devices that could not be seen to be safe, without those that are optional and not there."""
+        absent = [
+            one.model.name for one in self.session.runners
+            if one.status is Status.CLOSED or (one.model.optional and one.trip in LOSSES)
+        ]  # fmt: skip
+        return [name for name in outcome.unsafe if name not in absent]
+
+    @property
+    def acting(self) -> bool:
+        """Whether commands are let through to hardware."""
+        return self.real and any(one.enabled and not one.model.twin for one in self.session.runners)
+
+    def beside(self, work: Callable[[], Result], *, whole: bool = False) -> Result:
+        """Do what may take long while nothing acts; hardware is read on meanwhile, so that it knows of us.
+
+        Parameters
+        ----------
+        work
+            What is to be done.
+        whole
+            Whether it must come to its end, whatever happens meanwhile; else it is left alone then.
+
+        Raises
+        ------
+        DeviceFaultError
+            If a device failed meanwhile.
+        """
+        if not self.real:
+            return work()
+        doing: Future[Result] = Future()
+
+        def do() -> None:
+            try:
+                doing.set_result(work())
+            except BaseException as error:
+                doing.set_exception(error)
+
+        thread, before = threading.Thread(target=do, name="itouch-study", daemon=True), sys.getswitchinterval()
+        sys.setswitchinterval(SHARE)
+        thread.start()
+        try:
+            self.run(doing.done)
+        except BaseException:
+            while whole and thread.is_alive() and self.on_idle is not None:
+                self.on_idle()
+                thread.join(0.01)
+            raise
+        finally:
+            sys.setswitchinterval(before)
+        return doing.result()
+
+    def _made(self, condition: Mapping[str, str]) -> tuple[Session, Feeling, Onwards | None]:
+        """Return the next session, what will be noted of it, and what a recording needs to go on with it."""
+        session = self._built(condition)
+        return session, self._feel(session), self.session.onwards(session)
+
+    def _await_person(self, session: Session) -> None:
+        """Run, with everything at rest, until nothing is touched and the switch is held."""
+
+        def so() -> bool:
+            waits = "lift" if touching(session) else "" if session.held else "hold"
+            if waits and self.on_wait is not None:
+                self.on_wait(waits)
+            return not waits
+
+        self.run(so)
+
+    def take_up(self, standing: Standing) -> bool:
+        """Stand where a participant's session stood; tell whether that was possible with this program."""
+        session = self._built(standing.condition)
+        if standing.layout != layout_of(session):
+            return False
+        session.adopt(standing.state)
+        _let_pass(session)
+        session.settle(always=True)
+        self._take(session, standing.condition, self._feel(session), None)
+        return True
+
+    def standing(self, place: int) -> Standing:
+        """Return where the session stands after a trial."""
+        session = self.session
+        return Standing(place, dict(self.condition), layout_of(session), session.state.tobytes())
+
+    @property
+    def _under_way(self) -> bool:
+        session = self.session
+        hands = [f"{probe.name}.hand.steered" for probe in session.model.probes]
+        let_go = any(name in session.state and not session.state[name] for name in hands)
+        return session.scripted and let_go and not session.done
+
+    def hold(self) -> None:
+        """Let the hand of a twin wait on its path."""
+        steer_hands(self.session, STILL)
+
+    def go(self) -> None:
+        """Let the hand of a twin go its way."""
+        steer_hands(self.session, None)
+
+    def sensed(self) -> Sensed:
+        """Return what the machine is told of the tick that is over."""
+        return self.feeling.sensed(self.session)
+
+    def felt(self, void: str) -> Presented:
+        """Return the touch that has ended."""
+        return self.feeling.presented(self.session, void)
+
+    def run(self, until: Callable[[], bool]) -> None:
+        """Run until something is so; asked after every tick."""
+        look = self.look
+
+        def both() -> bool:
+            if look is not None:
+                look()
+            return until()
+
+        self.session.run(until=until if look is None else both)
+        if self.session.failed:
+            raise SessionError("the session can't be recorded any more, and its scene says that it ends then")
+
+    def close(self) -> None:
+        """End the session that runs, unless somebody else runs the loop, who then does."""
+        if self._session is not None and self.look is None:
+            self._session.close()
+
+    def _built(self, condition: Mapping[str, str]) -> Session:
+        model = self._models.model(condition)
+        session = Session(model, seed=self._seed, catalog=self._catalog, clock=self.clock)
+        session.records = False
+        return session
+
+    def _feel(self, session: Session) -> Feeling:
+        """Return what will be noted of a session that has not begun."""
+        try:
+            truth = felt_by(session.model)
+        except TouchError:  # a scene without heat, or hardware: the report's figures stand for what was felt
+            truth = None
+        return Feeling(session.model, self._file.study.contact, truth)
+
+    def _take(
+        self, session: Session, condition: Mapping[str, str], feeling: Feeling, onwards: Onwards | None
+    ) -> None:  # fmt: skip
+        """Let a session be the one that runs."""
+        before, self._session, self.condition = self._session, session, dict(condition)
+        self._feeling = feeling
+        if self.on_change is not None:
+            self.on_change(session)
+        feeling.listen(session)
+        if self._record is not None:
+            self._keep(before, session, self._record, onwards)
+
+    def _keep(self, before: Session | None, session: Session, path: Path, onwards: Onwards | None) -> None:
+        """Let the recording go on, or begin one."""
+        session.loss_hooks.append(lambda loss: self.losses.append(str(loss["cause"])))
+        if (before is not None and onwards is not None and before.hand_on(session, onwards)) or self.losses:
+            return
+        if before is not None:
+            before.end_recording()
+        self._recorded += 1
+        session.record(path if self._recorded == 1 else path.with_name(f"{path.stem}-{self._recorded}.mcap"))
+
+
+def note_stop(session: Session) -> None:
+    """Note the time of day at which a session was stopped by a fault, in its State."""
+    session.mark(STOPPED, {"at": time.time()})
+
+
+def _let_pass(session: Session) -> None:
+    """Let time that has passed since a stop count for how often a device may be re-armed in a minute (W4)."""
+    stops = [mark for mark in session.marks if mark["name"] == STOPPED]
+    if not stops:
+        return
+    ticks = max(0, round((time.time() - float(stops[-1]["payload"]["at"])) / session.model.period))
+    for runner in session.runners:
+        rearmed = session.state[f"{runner.model.name}.rearmed"]
+        rearmed[...] = np.where(rearmed >= 0, np.maximum(rearmed - ticks, -1), -1)
+
+
+def layout_of(session: Session) -> str:
+    """Return the SHA-256 of the fields of a session's State: their names, types and places."""
+    return hashlib.sha256(repr(session.state.dtype).encode()).hexdigest()

@@ -1,0 +1,183 @@
+"""A study with simulated observers: the same trials on the twins, answered by models that felt the twin's finger."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from itouch.plugin.discovery import Catalog
+from itouch.schema import SceneError
+from itouch_tools.study import orders
+from itouch_tools.study.brought import TaskError, task_of
+from itouch_tools.study.course import Course, Due
+from itouch_tools.study.elements import TASKS
+from itouch_tools.study.observers import Felt, Person
+from itouch_tools.study.panelists import observer_of
+from itouch_tools.study.reading import StudyFile, load_study
+from itouch_tools.study.store import Row, Store, StoreError
+from itouch_tools.study.tasks import is_right, taken_answer
+from itouch_tools.study.touches import Toucher, figures
+from itouch_tools.study.trials import Trial
+
+#: What stands where a session's recording and date would.
+SIMULATED = "simulated"
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """Who is simulated: how many of which model, and whether their fingers differ in temperature."""
+
+    observers: int
+    model: str = "flux"
+    skin: bool = True
+
+    def codes(self) -> list[str]:
+        """Return the participants' codes."""
+        return [f"S{number:03d}" for number in range(1, self.observers + 1)]
+
+
+@dataclass(frozen=True, slots=True)
+class Made:
+    """What a simulated participant's command made: new trials, and why how many of them do not count."""
+
+    code: str
+    trials: int
+    void: Counter[str]
+
+    def __str__(self) -> str:
+        told = f"{self.code}: {self.trials} new trials"
+        if self.void:
+            reasons = ", ".join(f"{reason} ({count})" for reason, count in self.void.most_common())
+            told += f", {self.void.total()} void: {reasons}"
+        return told
+
+
+class Simulation:
+    """One observer's way through a study.  What it answers depends on the rows before only through staircases."""
+
+    def __init__(self, file: StudyFile, code: str, panel: Panel, catalog: Catalog) -> None:
+        self._file, self._code, self._study = file, code, file.study
+        levels = self._levels()
+        person = Person.drawn(self._rng("person"), biased=panel.model == "naive", answers=levels)
+        self.observer = observer_of(panel.model)(person)
+        skin = person.finger_temperature if panel.skin else None
+        self._toucher = Toucher(file, catalog, skin_temperature=skin)
+        self._known: dict[str, dict[str, Felt]] = {}
+        #: What stands in the rows as their session: who answered.
+        self.session = f"{SIMULATED}-{panel.model}"
+
+    def _rng(self, *purpose: str) -> np.random.Generator:
+        return orders.generator(self._study.seed, self._code, *purpose)
+
+    def _levels(self) -> tuple[str, ...]:
+        asked = self._study.task.factor
+        return next((factor.names for factor in self._study.factors if factor.name == asked), ())
+
+    def rows(self, done: Sequence[Row]) -> Iterator[Row]:
+        """Yield the trials that are still to be made, one by one; take ``done`` as those that are."""
+        course = Course(self._file, self._code, done)
+        while (due := course.next()) is not None:
+            row = self._trial(due, course.rows)
+            course.made(row)
+            yield row
+
+    def _trial(self, due: Due, rows: Sequence[Row]) -> Row:
+        trial, place = due.trial, due.place
+        seeds = self._rng("touch", str(place)).integers(2**31, size=len(due.shown))
+        touches = [self._toucher.touch(condition, int(seed)) for condition, seed in zip(due.shown, seeds, strict=True)]
+        void = next((touch.void for touch in touches if touch.void), "")
+        rng = self._rng("answer", str(place))
+        answer, right = ("", None) if void else self._answer(trial, [touch.felt for touch in touches], rng)
+        begun = rows[-1].ended_s if rows else 0.0
+        lasted = sum(len(touch.felt.flux) * touch.felt.period for touch in touches)
+        return Row(
+            self._code, place, trial.block, self._study.task.kind, trial.condition, list(due.shown), begun,
+            round(begun + lasted, 6), self.session, "", repeats=due.repeats, staircase=trial.staircase or None,
+            level=due.level, answer=None if void else answer, right=right, void=void,
+            felt=[figures(touch) for touch in touches],
+        )  # fmt: skip
+
+    def _answer(self, trial: Trial, felt: list[Felt], rng: np.random.Generator) -> tuple[str, int | None]:
+        task = self._study.task
+        if task.kind not in TASKS:
+            answer = self._taken(task_of(task.kind).simulated(self.observer, felt, rng))
+        elif task.kind == "identify":
+            answer = self.observer.identify(felt[0], self._prototypes(trial.condition), rng)
+        elif task.kind == "colder":
+            answer = str(self.observer.colder(felt, rng))
+        elif task.kind == "odd":
+            answer = str(self.observer.odd(felt, rng))
+        elif task.kind == "same":
+            answer = "same" if self.observer.same(felt, rng) else "different"
+        else:
+            answer = f"{self.observer.coldness(felt[0], rng):.4f}"
+        return answer, is_right(task, trial, answer, [one.mean_flux() for one in felt])
+
+    def _taken(self, said: str) -> str:
+        """Return a plugin's answer as it is kept."""
+        found = taken_answer(self._study, said)
+        if found is None:
+            raise TaskError(f"{task_of(self._study.task.kind).whose}: simulated gave '{said}', which is no choice")
+        return found
+
+    def _prototypes(self, condition: Mapping[str, str]) -> dict[str, Felt]:
+        """Return what each answer feels like, learnt before the study with the other factors as they are."""
+        asked = self._study.task.factor
+        others = {name: level for name, level in condition.items() if name != asked}
+        key = repr(sorted(others.items()))
+        if key not in self._known:
+            self._known[key] = {
+                level: self._toucher.touch({**condition, asked: level}, 0).felt for level in self._levels()
+            }
+        return self._known[key]
+
+
+def _simulate_one(work: tuple[str, str, Panel, str]) -> Made:
+    path, folder, panel, code = work
+    catalog = Catalog()
+    file = load_study(path, catalog)
+    count, void = 0, Counter[str]()
+    with Store.open(Path(folder)) as store:
+        simulation, done = Simulation(file, code, panel, catalog), store.rows(code)
+        others = sorted({row.session for row in done if row.session != simulation.session})
+        if others:
+            raise StoreError(
+                f"{folder} holds trials of {others[0]}, these would be of {simulation.session}: another folder"
+            )
+        for row in simulation.rows(done):
+            store.add(row)
+            count += 1
+            if row.void:
+                void[row.void] += 1
+    return Made(code, count, void)
+
+
+def simulate(path: str, folder: Path, panel: Panel, *, processes: int = 1) -> Iterator[Made]:
+    """Simulate a panel into a study's folder; go on where it stopped.  Yield what each participant made, as they end.
+
+    The rows depend on study, panel and seed alone, not on the number of processes.
+
+    Raises
+    ------
+    SceneError
+        With what is wrong with study or scene.
+    StoreError
+        If the folder holds another study, or cannot be written.
+    ObserverError
+        If there is no such observer.
+    """
+    observer_of(panel.model)
+    work = [(path, str(folder), panel, code) for code in panel.codes()]
+    if processes <= 1:
+        yield from map(_simulate_one, work)
+        return
+    with multiprocessing.get_context("spawn").Pool(min(processes, len(work))) as pool:
+        yield from pool.imap(_simulate_one, work)
+
+
+__all__ = ["Made", "Panel", "SceneError", "Simulation", "simulate"]

@@ -1,0 +1,80 @@
+"""What a participant may answer in each task, and which answer is right."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from itouch_tools.study.brought import task_of
+from itouch_tools.study.elements import TASKS, Study, Task
+from itouch_tools.study.trials import Trial
+
+_ORDINALS = ("the first", "the second", "the third")
+_QUESTIONS = {
+    "identify": "What was it?", "colder": "Which was colder?", "odd": "Which was the odd one?",
+    "same": "Were they the same?", "rate": "How cold was it?",
+}  # fmt: skip
+
+
+def question_of(study: Study) -> str:
+    """Return what the participant is asked."""
+    kind = study.task.kind
+    return study.task.question or (_QUESTIONS[kind] if kind in _QUESTIONS else task_of(kind).question)
+
+
+def choices_of(study: Study) -> tuple[tuple[str, str], ...]:
+    """Return the answers that there are, (as it is kept, as it is shown); none: any number is one."""
+    task = study.task
+    names = next((factor.names for factor in study.factors if factor.name == task.factor), ())
+    if task.kind not in TASKS:
+        return task_of(task.kind).choices(names)
+    if task.kind == "identify":
+        return tuple((name, name) for name in names)
+    if task.kind in ("colder", "odd"):
+        return tuple((str(index), _ORDINALS[index]) for index in range(task.intervals))
+    return (("same", "the same"), ("different", "different")) if task.kind == "same" else ()
+
+
+def taken_answer(study: Study, written: str) -> str | None:
+    """Return an answer as it is kept, from its word, what is shown, or its number from 1; None: it is none."""
+    wanted, choices = written.strip().casefold(), choices_of(study)
+    for kept, shown in choices:
+        if wanted in (shown.casefold(), kept.casefold() if not kept.isdecimal() else shown.casefold()):
+            return kept
+    if choices:
+        number = int(wanted) if wanted.isascii() and wanted.isdecimal() else 0
+        return choices[number - 1][0] if 1 <= number <= len(choices) else None
+    try:
+        value = float(wanted.replace(",", "."))
+    except ValueError:
+        return None
+    return repr(value) if math.isfinite(value) else None
+
+
+def is_right(task: Task, trial: Trial, answer: str, fluxes: Sequence[float]) -> int | None:
+    """Return 1 for the right answer, 0 for a wrong one, None where there is no right one.
+
+    ``fluxes`` [W/m2] is what was felt in each interval: the coldest is the one that drew most.
+    """
+    if task.kind not in TASKS:
+        return task_of(task.kind).right(answer, _told(task, trial, fluxes))
+    if task.kind == "identify":
+        return int(answer == trial.condition[task.factor])
+    if task.kind in ("colder", "odd") and not trial.staircase and all(one == trial.shown[0] for one in trial.shown):
+        return None  # the standard beside itself: nothing tells them apart
+    if task.kind == "colder":
+        return int(int(answer) == max(range(len(fluxes)), key=lambda index: fluxes[index])) if fluxes else None
+    if task.kind == "odd":
+        return int(int(answer) == trial.target)
+    if task.kind == "same":
+        return int((answer == "same") == (trial.condition[task.factor] == task.standard))
+    return None
+
+
+def _told(task: Task, trial: Trial, fluxes: Sequence[float]) -> dict[str, Any]:
+    """Return what a plugin's task is told of a trial."""
+    return {
+        "levels": [condition.get(task.factor) for condition in trial.shown], "target": trial.target,
+        "standard": task.standard, "condition": dict(trial.condition), "flux_W_m2": list(fluxes),
+    }  # fmt: skip

@@ -1,0 +1,134 @@
+"""A servo process as the window's session: it reads what is published, and asks by commands."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from itouch.loop import Status
+from itouch.loop.faultwords import told
+from itouch.plugin import Record
+from itouch.plugin.discovery import Catalog
+from itouch.safety import Trip
+from itouch.servo import Handle, Link, ServoError
+from itouch.world import Model
+from itouch_tools.viewer.deadman_switch import DeadMansSwitch
+from itouch_tools.viewer.overlay import Situation
+from itouch_tools.viewer.signals import Curves
+
+#: Seconds without a tick after which a session is paused: by this window or by another.
+STILL = 0.25
+#: Time between two samples of the curves [s].
+SAMPLE = 0.01
+
+
+class Attached:
+    """Shows a running session.
+
+    Parameters
+    ----------
+    link
+        What is read.
+    handle
+        The launcher's handle on it: closing the window ends the session then, and faults are told with their cause.
+    save_to
+        File that S writes.
+    """
+
+    def __init__(self, link: Link, *, handle: Handle | None = None, save_to: str = "session.itouch") -> None:
+        self._link, self._handle, self._save_to = link, handle, save_to
+        self.model = Model.of(link.scene(), Catalog())
+        self.state: Record = link.state
+        self.situation = Situation(pace="real")
+        self._refused = 0
+        #: Curves are sampled where the session ran, not where pictures were drawn: the last State that they have.
+        self._seen, self._every = 0, max(1, round(SAMPLE / self.model.period))
+        self._passing = Record(link.dtype)
+        self._holding = DeadMansSwitch(link)
+        self._still = 0.0
+
+    def advance(self, seconds: float, ring: Curves) -> None:
+        """Copy the newest State; say so when the session has ended or hangs."""
+        before = int(self.state["tick"])
+        self._holding.beat()
+        for number in self._link.skim(self._seen, self._every, self._passing):
+            self._seen = number
+            if int(self._passing["tick"]) > before:  # what was shown last is in the curves already
+                ring.add(self._passing)
+            self._holding.beat()  # catching up takes its time on a busy machine
+        self._link.refresh(self.state)
+        ring.add(self.state)
+        self._holding.beat()
+        timing, now = self._link.timing, self.situation
+        now.tick_us, now.late_us, now.overruns = timing.summary()["p99"], timing.lateness()["p99"], timing.overruns
+        now.faults = self._faults()
+        now.losses = self._losses()
+        self._still = 0.0 if int(self.state["tick"]) != before else self._still + seconds
+        now.paused = self._still > STILL and self._link.phase == "running" and not now.faults
+        now.waiting = self._link.phase == "ready"
+        if self._handle is not None and len(self._handle.refused) > self._refused:
+            now.message = self._handle.refused[-1]
+            self._refused = len(self._handle.refused)
+        if not self._link.alive:
+            now.message = f"the session is over ({self._link.phase})"
+
+    def _losses(self) -> list[str]:
+        """Return what is not kept any more: in the launcher's words, or at least that it is so."""
+        if self._handle is not None:
+            return [told(loss) for loss in self._handle.losses]
+        return [f"{trip.upper()} LOST: the program that launched the session says why" for trip in self._link.losses]
+
+    def _faults(self) -> list[dict[str, Any]]:
+        """Return the faults that last: with the cause where it was told, else what State says of them."""
+        failed = [name for name in self.model.devices if int(self.state[f"{name}.status"]) == Status.FAULT]
+        if not failed:
+            return []
+        told = [] if self._handle is None else [f for f in self._handle.faults if f["device"] in failed]
+        if told:
+            return told[-1:]
+        return [{"trip": Trip(int(self.state[f"{name}.trip"])).label, "device": name, "cause": "has failed"}
+                for name in failed]  # fmt: skip
+
+    def pause(self) -> str:
+        """Ask a simulated session to pause, or to go on."""
+        if any(not device.twin for device in self.model.devices.values()):
+            return "a session with hardware can't pause: Esc stops it"
+        return self._ask("resume" if self.situation.paused else "pause")
+
+    def hold(self, held: bool) -> None:
+        """Hold the dead-man's switch as long as the key is down; a window that hangs lets go by itself."""
+        self._holding.hold(held)
+
+    def beat(self) -> None:
+        """Let the switch be held on: the window answers."""
+        self._holding.beat()
+
+    def save(self) -> str:
+        """Ask for a snapshot."""
+        return self._ask("save", self._save_to) or f"saving {self._save_to}"
+
+    def rearm(self) -> str:
+        """Ask to re-arm after a fault."""
+        if not self.situation.faults:
+            return "there is nothing to re-arm"
+        return self._ask("rearm") or "re-arming"
+
+    def steer(self, step: tuple[float, float, float] | None) -> str:
+        """Ask for a step of the twin's finger [m]; None gives it back to its script."""
+        if not self.model.probes:
+            return "the scene has no probe"
+        return self._ask("steer", {"probe": self.model.probes[0].name, "step": step})
+
+    def _ask(self, what: str, value: object = None) -> str:
+        try:
+            self._link.command(what, value)
+        except ServoError as error:
+            return str(error)
+        return ""
+
+    def stop(self) -> None:
+        """Let go; end the session if this window is its launcher's."""
+        self._holding.close()
+        if self._handle is not None:
+            self._link.stop()  # the launcher closes its link when all is over
+        else:
+            self._link.close()

@@ -1,0 +1,174 @@
+"""Draws the curves of the last seconds."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+from pyglet import gl
+
+from itouch_tools.viewer import docking
+from itouch_tools.viewer.buffers import Paint
+from itouch_tools.viewer.drawing import Rectangle, line, look, rectangle, ribbon
+from itouch_tools.viewer.scales import titled
+from itouch_tools.viewer.signals import WINDOW, Chart, Curves, Signal
+from itouch_tools.viewer.text import Text
+
+Values = NDArray[np.float64]
+
+#: Seconds between two lines of the time axis; length of a dash and of the gap after it [s].
+STEP = 2.0
+_DASH = 0.12
+
+
+def draw(
+    ring: Curves, paint: Paint, text: Text, area: Rectangle, seen: NDArray[np.float64], size: float, *,
+    pointed: tuple[float, float] = (-1.0, -1.0),
+) -> None:  # fmt: skip
+    """Draw all charts into an area [pixels], one under the other, or side by side if it is wide.
+
+    All have one time axis; where the mouse points into one, a line stands at that time in all, and their keys tell the
+    values of then.
+    """
+    places = docking.arranged(len(ring.charts), area, size)
+    times = (docking.pointed_time(place, foot, pointed, size) for place, foot in places)
+    cursor = next((time for time in times if time is not None), None)
+    preparing = ring.preparing()
+    for (place, foot), chart in zip(places, ring.charts, strict=False):
+        _chart(ring, chart, paint, text, place, seen, size, foot=foot, cursor=cursor, preparing=preparing)
+
+
+def _chart(
+    ring: Curves, chart: Chart, paint: Paint, text: Text, area: Rectangle, seen: NDArray[np.float64], size: float, *,
+    foot: float, cursor: float | None, preparing: list[tuple[float, float]],
+) -> None:  # fmt: skip
+    left, bottom, width, height = area
+    paint.draw(gl.GL_TRIANGLES, rectangle(area, look().panel), seen)
+    title = titled(chart.title, chart.unit, int((width - 1.8 * size) / text.width(size)))
+    text.put(title, left + 0.9 * size, bottom + height - 1.8 * size, look().words, size=size)
+    x0, y0, w, h = docking.inner(area, foot, size)
+    if h < 3.0 * size:
+        return
+    times, values = ring.curves(chart)
+    keys = (left + 0.9 * size, bottom + height - 3.5 * size, width - 1.8 * size, size)
+    _keys(chart, values, docking.sample(times, cursor), paint, text, keys, seen)
+    low, high = span(values, chart.least)
+    lines = []
+    for value in ticks(low, high, round(h / (2.0 * size))):
+        y = y0 + h * (value - low) / (high - low)
+        lines.append(line((x0, y), (x0 + w, y), look().fine if value else look().axis))
+        text.put(f"{value:g}", x0 - 0.5 * size, y - 0.35 * size, look().quiet, size=0.85 * size, anchor="right")
+    end = float(times[-1]) if len(times) else 0.0
+    _mark(preparing, end, paint, text if chart is ring.charts[0] else None, (x0, y0, w, h), seen, size)
+    lines += _time_axis(text, (x0, y0, w, h), size, words=foot > 2.0 * size, cursor=cursor)
+    paint.draw(gl.GL_LINES, np.vstack(lines), seen)
+    curves = [np.empty((0, 7), np.float32)]
+    for row, signal in sorted(zip(values, chart.signals, strict=True), key=lambda pair: pair[1].dashed):
+        x = x0 + w * (1.0 + (times - end) / WINDOW)
+        y = y0 + h * (np.clip(row, low, high) - low) / (high - low)
+        drawn = np.floor(times[1:] / _DASH) % 2 == 0 if signal.dashed else None
+        curves.append(ribbon(x, y, (*look().drawn(signal.colour), 1.0), 0.12 * size, drawn=drawn))
+    with clipped((x0, y0, w, h)):
+        paint.draw(gl.GL_TRIANGLES, np.vstack(curves), seen)
+
+
+def _mark(
+    preparing: list[tuple[float, float]], end: float, paint: Paint, text: Text | None, area: Rectangle,
+    seen: NDArray[np.float64], size: float,
+) -> None:  # fmt: skip
+    """Mark when the rig found its heights: the pulses of force there are its own, and no touch of an object.
+
+    ``text`` says so, in the first chart.
+    """
+    x0, y0, w, h = area
+    for begin, last in preparing:
+        left, right = (x0 + w * max(0.0, 1.0 + (time - end) / WINDOW) for time in (begin, last))
+        paint.draw(gl.GL_TRIANGLES, rectangle((left, y0, right - left, h), (*look().quiet, 0.13)), seen)
+        words, small = "finds its heights", 0.8 * size
+        if text is not None and right - left > (len(words) + 1) * text.width(small):
+            text.put(words, 0.5 * (left + right), y0 + h - 1.1 * size, look().quiet, size=small, anchor="center")
+
+
+@contextlib.contextmanager
+def clipped(area: Rectangle) -> Iterator[None]:
+    """Draw nothing outside of an area of the picture [pixels] while the context lasts."""
+    gl.glEnable(gl.GL_SCISSOR_TEST)
+    gl.glScissor(*(max(0, round(value)) for value in area))
+    try:
+        yield
+    finally:
+        gl.glDisable(gl.GL_SCISSOR_TEST)
+
+
+def _time_axis(
+    text: Text, area: Rectangle, size: float, *, words: bool, cursor: float | None
+) -> list[NDArray[np.float32]]:
+    """Return the lines of the time axis and of the cursor, and write their numbers."""
+    x0, y0, w, h = area
+    lines = []
+    told = STEP if w * STEP / WINDOW > 5.0 * text.width(0.85 * size) else WINDOW / 2
+    for seconds in np.arange(-WINDOW, 0.5 * STEP, STEP):
+        x = x0 + w * (1.0 + seconds / WINDOW)
+        lines.append(line((x, y0), (x, y0 + h), look().fine))
+    for seconds in np.arange(-WINDOW, 0.5 * told, told):
+        x = x0 + w * (1.0 + seconds / WINDOW)
+        hidden = cursor is not None and abs(seconds - cursor) * w / WINDOW < 5.5 * text.width(0.85 * size)
+        if words and not hidden:
+            said = f"{seconds:g}" if seconds else "now"
+            text.put(said + (" s" if seconds == -WINDOW else ""), x, y0 - 1.9 * size, look().quiet, size=0.85 * size,
+                     anchor="center")  # fmt: skip
+    if cursor is not None:
+        x = x0 + w * (1.0 + cursor / WINDOW)
+        lines.append(line((x, y0), (x, y0 + h), (*look().words, 1.0)))
+        if words:
+            text.put(f"{cursor:.2f} s", x, y0 - 1.9 * size, look().words, size=0.85 * size, anchor="center")
+    return lines
+
+
+def _keys(
+    chart: Chart, values: Values, index: int, paint: Paint, text: Text, place: Rectangle, seen: NDArray[np.float64]
+) -> None:
+    """Write what each curve is, with a piece of it and its value at a sample; as many as there is room for."""
+    left, y, width, size = place
+    x, small = left, 0.9 * size
+    letter = text.width(small)
+    shown = [(row, s) for row, s in zip(values, chart.signals, strict=True) if not _silent(row, s, index)]
+    signals = [signal for _, signal in shown]
+    said = [f"{signal.label} {docking.told(row, chart.digits, index)}" for row, signal in shown]
+    if sum(2.3 * size + (len(words) + 1.6) * letter for words in said) > width:
+        said = [signal.label for signal in signals]
+    for words, signal in zip(said, signals, strict=True):
+        if x + 2.3 * size + len(words) * letter > left + width:
+            return
+        for begin, end in ((0.0, 0.7), (1.1, 1.8)) if signal.dashed else ((0.0, 1.8),):
+            piece = (x + begin * size, y + 0.3 * size, (end - begin) * size, 0.28 * size)
+            paint.draw(gl.GL_TRIANGLES, rectangle(piece, (*look().drawn(signal.colour), 1.0)), seen)
+        text.put(words, x + 2.3 * size, y, look().drawn(signal.colour), size=small)
+        x += 2.3 * size + (len(words) + 1.6) * letter
+
+
+def _silent(row: Values, signal: Signal, index: int) -> bool:
+    """Whether a curve is that one of two forms of a reading, measured or held, that is not the one of a sample."""
+    return signal.held is not None and not (0 <= index < len(row) and math.isfinite(row[index]))
+
+
+def span(values: Values, least: float) -> tuple[float, float]:
+    """Return the ends of an axis that holds all values, at least ``least`` high."""
+    known = values[np.isfinite(values)]
+    low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, least or 1.0)
+    if low > 0.0 and low < 0.5 * high:
+        low = 0.0
+    least = least or max(1e-2 * max(abs(low), abs(high)), 1e-12)
+    room = max(least - (high - low), 0.08 * (high - low))
+    return low - room / 2, high + room / 2
+
+
+def ticks(low: float, high: float, most: int = 6) -> list[float]:
+    """Return round numbers between two ends, about ``most`` of them at most and two at least."""
+    raw = (high - low) / max(2, min(most, 5))
+    power = 10.0 ** math.floor(math.log10(raw))
+    step = next(f * power for f in (1.0, 2.0, 5.0, 10.0) if f * power >= raw * 0.999)
+    return [round(i * step, 12) for i in range(math.ceil(low / step), math.floor(high / step) + 1)]

@@ -1,0 +1,66 @@
+"""Where charts stand in a picture, what is pointed at in them, and what their keys tell; without graphics."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch_tools.viewer.drawing import Rectangle
+from itouch_tools.viewer.signals import WINDOW
+
+Values = NDArray[np.float64]
+
+#: Least height of a chart, in letters' sizes; where there is less room, the last charts are left out.
+LEAST_HEIGHT = 10.5
+#: Least width of one of several that stand side by side, in letters' sizes.
+LEAST_WIDTH = 34.0
+#: Height of the time axis's words, and what is left between two charts, in letters' sizes.
+_AXIS, _GAP = 2.4, 0.8
+
+
+def arranged(count: int, area: Rectangle, size: float) -> list[tuple[Rectangle, float]]:
+    """Return where charts stand, as many as there is room for, and how high the time axis's words are below each."""
+    left, bottom, width, height = area
+    gap, axis = _GAP * size, _AXIS * size
+    columns = max(1, min(count, int((width + gap) / (LEAST_WIDTH * size + gap))))
+    wide = (width - gap * (columns - 1)) / columns
+    rows = min(-(-count // columns), max(1, int((height - axis + gap) / (LEAST_HEIGHT * size + gap))))
+    most = max(0.32 * height, LEAST_HEIGHT * size) if columns == 1 else height
+    each = min((height - axis - gap * (rows - 1)) / max(rows, 1), most)
+    found = []
+    for index in range(min(count, rows * columns)):
+        row, column = divmod(index, columns)
+        foot = axis if row == rows - 1 or index + columns >= count else 0.0
+        below = bottom + height - (row + 1) * each - row * gap - (axis if row == rows - 1 else 0.0)
+        high = each + (axis if row == rows - 1 else 0.0)
+        found.append(((left + column * (wide + gap), below, wide, high), foot))
+    return found
+
+
+def inner(area: Rectangle, foot: float, size: float) -> Rectangle:
+    """Return where the curves of a chart are drawn in its area."""
+    left, bottom, width, height = area
+    head, foot = 4.3 * size, foot + 0.9 * size
+    return left + 5.0 * size, bottom + foot, width - 6.4 * size, height - foot - head
+
+
+def pointed_time(area: Rectangle, foot: float, pointed: tuple[float, float], size: float) -> float | None:
+    """Return the time [s] from now that is pointed at in a chart; None: no time is."""
+    x0, y0, w, h = inner(area, foot, size)
+    x, y = pointed
+    return WINDOW * ((x - x0) / w - 1.0) if w > 0.0 and x0 <= x <= x0 + w and y0 <= y <= y0 + h else None
+
+
+def sample(times: Values, cursor: float | None) -> int:
+    """Return which sample the keys tell: the one at the cursor, or the newest; where there is none, -1 past the end."""
+    if cursor is None or not len(times):
+        return len(times) - 1
+    found = int(np.searchsorted(times, times[-1] + cursor))
+    return found if times[-1] + cursor >= times[0] else len(times)
+
+
+def told(row: Values, digits: str, index: int) -> str:
+    """Write a sample of a curve; -- where there is none."""
+    return format(row[index], digits) if 0 <= index < len(row) and math.isfinite(row[index]) else "--"

@@ -1,0 +1,176 @@
+"""Pictures of a run on the virtual clock: one at a chosen time, or a film of all of it."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.loop import Engine
+from itouch.schema import ItouchError
+from itouch_tools.viewer import colours
+from itouch_tools.viewer.context import write_png
+from itouch_tools.viewer.offscreen import Offscreen
+from itouch_tools.viewer.overlay import Situation
+
+#: Frames of simulated time a second.
+MP4_RATE, GIF_RATE = 25.0, 10.0
+#: Colours that may come later than in a film's first picture: curves, marks and temperatures, in the light and not.
+_FIXED = tuple(
+    tuple(round(255 * min(1.0, share * part)) for part in colour)
+    for colour in (
+        *colours.CURVES,
+        colours.FORCE,
+        colours.HIP,
+        *(colours.of_temperature(k) for k in range(288, 314, 3)),
+    )
+    for share in (1.0, 0.75, 0.5)
+)
+_ADVICE = "films need two more packages: pip install 'itouch-py[film]'"
+
+Pixels = NDArray[np.uint8]
+
+
+class Sink(Protocol):
+    """Takes the frames of a film, one after the other."""
+
+    rate: float
+
+    def add(self, pixels: Pixels) -> None:
+        """Take the next frame, shape (height, width, 3)."""
+
+    def close(self) -> None:
+        """Finish the file."""
+
+
+class Mp4:
+    """A film with H.264, through PyAV."""
+
+    rate = MP4_RATE
+
+    def __init__(self, path: str) -> None:
+        try:
+            import av
+        except ImportError:
+            raise ItouchError(_ADVICE) from None
+        self._av, self._path = av, path
+        self._file = av.open(path, "w", format="mp4", options={"movflags": "+faststart"})
+        self._stream: Any = None
+
+    def add(self, pixels: Pixels) -> None:
+        """Take the next frame."""
+        if self._stream is None:
+            self._stream = self._file.add_stream("libx264", rate=round(self.rate), options={"crf": "21"})
+            self._stream.height, self._stream.width = pixels.shape[:2]
+            self._stream.pix_fmt = "yuv420p"
+        frame = self._av.VideoFrame.from_ndarray(pixels, format="rgb24")
+        self._file.mux(self._stream.encode(frame))
+
+    def close(self) -> None:
+        """Finish the file."""
+        if self._stream is not None:
+            self._file.mux(self._stream.encode(None))
+        self._file.close()
+
+
+class Gif:
+    """An animated picture with one palette of 128 colours, through Pillow; only what changes is stored."""
+
+    rate = GIF_RATE
+
+    def __init__(self, path: str) -> None:
+        try:
+            from PIL import Image
+        except ImportError:
+            raise ItouchError(_ADVICE) from None
+        self._image, self._path = Image, path
+        self._frames: list[Any] = []
+        self._palette: Any = None
+
+    def add(self, pixels: Pixels) -> None:
+        """Take the next frame."""
+        picture = self._image.fromarray(pixels)
+        if not self._frames:
+            self._palette = self._image.new("P", (1, 1))
+            seen = picture.quantize(256 - len(_FIXED), dither=self._image.Dither.NONE).getpalette() or []
+            self._palette.putpalette(seen[: 3 * (256 - len(_FIXED))] + [part for colour in _FIXED for part in colour])
+        self._frames.append(picture.quantize(palette=self._palette, dither=self._image.Dither.NONE))
+
+    def close(self) -> None:
+        """Finish the file."""
+        if self._frames:
+            first, *rest = self._frames
+            first.save(self._path, save_all=True, append_images=rest, duration=round(1000 / self.rate), loop=0,
+                       optimize=True)  # fmt: skip
+
+
+def sink(path: str) -> Sink:
+    """Return what writes a film to a file, as its name's ending says.
+
+    Raises
+    ------
+    ItouchError
+        If the ending is not .mp4 or .gif, the file can't be written, or a package is missing.
+    """
+    ending = Path(path).suffix.lower()
+    if ending not in (".mp4", ".gif"):
+        raise ItouchError(f"--film {path}: a film's name ends in .mp4 or .gif")
+    try:
+        return Mp4(path) if ending == ".mp4" else Gif(path)
+    except OSError as error:
+        raise ItouchError(f"cannot write '{path}': {error.strerror or error}") from error
+
+
+class Filming:
+    """Takes pictures while an engine runs; append ``tap`` to its ``taps``, and ``close`` after the run."""
+
+    def __init__(
+        self, engine: Engine, *, screenshot: str = "", at: float | None = None, film: str = "",
+        size: tuple[int, int] = (1280, 720),
+    ) -> None:  # fmt: skip
+        self._engine, self._path, self._at = engine, screenshot, at
+        self._sink = sink(film) if film else None
+        self._film = film
+        self._offscreen = Offscreen(engine.model, width=size[0], height=size[1])
+        period = engine.model.period
+        self._shot_tick = None if at is None else round(at / period)
+        self._every = round(1.0 / (self._sink.rate * period)) if self._sink else 0
+        self.taken = False
+
+    def tap(self, tick: int) -> None:
+        """Take the pictures that are due after this tick."""
+        self._offscreen.picture.ring.add(self._engine.state)
+        if self._path and self._shot_tick is not None and tick + 1 >= self._shot_tick and not self.taken:
+            self._shoot()
+        if self._sink is not None and tick % self._every == 0:
+            self._sink.add(self._offscreen.shoot(self._engine.state, self._situation()))
+
+    def _situation(self) -> Situation:
+        return Situation(faults=list(self._engine.statistics.faults))
+
+    def _shoot(self) -> None:
+        write_png(self._path, self._offscreen.shoot(self._engine.state, self._situation()))
+        self.taken = True
+
+    def close(self) -> None:
+        """Take the picture of the end, if that is asked for, and finish the film.
+
+        Raises
+        ------
+        ItouchError
+            If the run was over before the time of the picture, or a file can't be written.
+        """
+        try:
+            if self._path and self._at is None:
+                self._shoot()
+            if self._sink is not None:
+                self._sink.close()
+        except OSError as error:
+            raise ItouchError(f"cannot write '{self._film}': {error.strerror or os.strerror(5)}") from error
+        finally:
+            self._offscreen.close()
+        if self._path and not self.taken:
+            raise ItouchError(f"--at {self._at:g} s: the run ended at {self._engine.seconds:g} s, before the picture")

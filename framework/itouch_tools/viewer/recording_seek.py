@@ -1,0 +1,193 @@
+"""A recording as a film that can be wound to any tick: States are computed by replaying it, forwards and anew.
+
+A replay goes forwards only.  So places are kept every quarter of a second where it has been; to show an earlier tick,
+it begins from the place before.  What has not been read yet is read in the time that is left, first around the tick
+that is shown; a recording holds whole States every 10 s, from which that may begin anywhere.
+"""
+
+from __future__ import annotations
+
+import time
+import zlib
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.plugin import Record
+from itouch.plugin.discovery import Catalog
+from itouch.recording import Recording, RecordingError
+from itouch.session.replay import Place, Replay
+from itouch_tools.viewer.recorded_curves import RecordedCurves
+from itouch_tools.viewer.signals import WINDOW
+
+#: How often [s] a place is kept, and how many at most.
+EVERY, MOST = 0.25, 20_000
+#: Seconds before and behind the tick that is shown which are read first.
+_BEFORE, _BEHIND = WINDOW, 20.0
+#: Ticks between two looks at the clock.
+_PART = 16
+
+
+class SeekableRecording:
+    """Shows the State of any recorded tick.
+
+    Parameters
+    ----------
+    recording
+        What is shown.
+    catalog
+        The plugins; default: those of this environment.
+
+    Attributes
+    ----------
+    state
+        The State after tick ``ticks[shown]``.
+    row
+        Row of ``ticks`` that is wanted; ``work`` brings it.
+    tape
+        The curves up to it.
+
+    Raises
+    ------
+    RecordingError, SessionError
+        If the recording holds no tick, or its session can't be built here.
+    """
+
+    def __init__(self, recording: Recording, *, catalog: Catalog | None = None) -> None:
+        self.recording = recording
+        self.ticks = recording.ticks
+        if not len(self.ticks):
+            raise RecordingError(f"'{recording.path}' holds no tick that could be shown")
+        self._replay = Replay(recording, catalog=catalog, compares=False)
+        self.session = self._replay.session
+        self.model = self.session.model
+        self.curves = RecordedCurves(self.model, self.ticks)
+        self.state = Record(self.session.state.dtype)
+        self.state.raw[:] = self.session.state.raw
+        self.row, self.shown = 0, -1
+        self._seen = np.zeros(len(self.ticks), bool)
+        self._block = max(1, round(EVERY / self.model.period), -(-len(self.ticks) // MOST))
+        self._places: dict[int, Place] = {}
+        self._letters = self._stated()
+        self._here: Place | None = None
+        self._filler: Place | None = None
+        self._stands: Place | None = None  # where the replay stands, if that is a place: to go there again takes time
+        self._caught = False
+        self.session.taps.append(self._tap)
+
+    def _stated(self) -> dict[int, Mapping[str, Any]]:
+        """Return by row the recorded States that reading may begin from."""
+        said = [letter for letter in self.recording.states if letter["reason"] != "fault"]
+        found = {int(np.searchsorted(self.ticks, int(letter["tick"]))): letter for letter in said}
+        return {row: letter for row, letter in sorted(found.items()) if row < len(self.ticks)}
+
+    def _tap(self, tick: int) -> None:
+        """Take note of a tick that was replayed; also called within the sequence that makes devices safe."""
+        row = self._replay.feed.at - 1
+        if row < 0 or int(self.ticks[row]) != tick:
+            return
+        self.curves.note(row, self.session.state)
+        if row == self.row and not self._caught:
+            self.state.raw[:] = self.session.state.raw
+            self._caught = True
+
+    def work(self, seconds: float) -> bool:
+        """Bring the wanted row, and read on in what is left of a time [s]; return whether the row is shown."""
+        end = time.perf_counter() + seconds
+        if self.shown != self.row:
+            self._bring(end)
+        if self.shown == self.row:
+            self.curves.row = self.row
+            self._read_on(end)
+        return self.shown == self.row
+
+    def known(self, parts: int) -> NDArray[np.bool_]:
+        """Return which of so many equal parts of the recording have been read, shape (parts,)."""
+        at = (np.arange(parts) + 0.5) * len(self.ticks) / parts
+        return np.asarray(self._seen[at.astype(int)], bool)
+
+    def _bring(self, end: float) -> None:
+        row, here = self.row, self._here
+        start = self._nearest(row)
+        if here is not None and _row(start, self.ticks) <= here.at <= row:
+            start = here
+        self._caught = False
+        self._stand(start)  # which forgets where it stood
+        done = self._run(row + 1, end)
+        self._here = self._replay.place()
+        if not done:
+            return
+        if not self._caught:  # nothing can be said of this row: it lies in a gap
+            self.state.raw[:] = self.session.state.raw
+        self.shown = row
+
+    def _read_on(self, end: float) -> None:
+        self._caught = True  # what is shown stays
+        while time.perf_counter() < end:
+            first = self._unread()
+            if first is None:
+                return
+            if self._filler is not None and self._filler.at == first:
+                if self._stands is not self._filler:
+                    self._stand(self._filler)
+            else:
+                self._stand(self._nearest(first))
+            rest = self._seen[first:]
+            self._run(first + (int(np.argmax(rest)) if rest.any() else len(rest)), end)
+            self._filler = self._stands = self._replay.place()
+
+    def _unread(self) -> int | None:
+        """Return the row that is read next: near the one that is shown, or the first of all."""
+        period = self.model.period
+        near = max(0, self.row - round(_BEFORE / period))
+        for begin, stop in ((near, self.row + round(_BEHIND / period)), (0, len(self._seen))):
+            part = self._seen[begin:stop]
+            if not part.all():
+                return begin + int(np.argmin(part))
+        return None
+
+    def _nearest(self, row: int) -> Place | Mapping[str, Any]:
+        """Return the last place or recorded State from which a row can be reached."""
+        rows = [at for at in self._letters if at <= row]
+        letter = rows[-1] if rows else min(self._letters, default=0)
+        for block in range(row // self._block, letter // self._block - 1, -1):
+            place = self._places.get(block)
+            if place is not None and letter <= place.at <= row:
+                return Place(place.at, zlib.decompress(place.state), place.going, place.parks)
+        return self._letters[letter]
+
+    def _stand(self, start: Place | Mapping[str, Any]) -> None:
+        self._stands = None
+        if isinstance(start, Place):
+            self._replay.go(start)
+            return
+        self._replay.begin_at(start)
+        self._seen[: self._replay.feed.at] |= self._replay.feed.at == min(self._letters)  # no State is that old
+
+    def _run(self, stop: int, end: float) -> bool:
+        """Replay up to a row; false if there was no time for that."""
+        feed, count = self._replay.feed, 0
+        while feed.at < stop:
+            self._keep()
+            before = feed.at
+            if not self._replay.step():
+                break
+            self._seen[before : feed.at] = True
+            count += 1
+            if count % _PART == 0 and time.perf_counter() > end:
+                return feed.at >= stop
+        return True
+
+    def _keep(self) -> None:
+        block = self._replay.feed.at // self._block
+        if block in self._places:
+            return
+        place = self._replay.place()
+        if place.going:
+            self._places[block] = Place(place.at, zlib.compress(place.state, 1), True, place.parks)
+
+
+def _row(start: Place | Mapping[str, Any], ticks: NDArray[np.int64]) -> int:
+    return start.at if isinstance(start, Place) else int(np.searchsorted(ticks, int(start["tick"])))

@@ -1,0 +1,128 @@
+"""Streams a running session to browsers until it ends: a process of its own that only reads."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import io
+import os
+import random
+import socket
+import sys
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from itouch.plugin import Record
+from itouch.plugin.discovery import Catalog
+from itouch.schema import ItouchError
+from itouch.servo import Link
+from itouch.world import Model
+from itouch_tools.viewer.web.gate import Access, Gate
+from itouch_tools.viewer.web.scenery import Scenery
+
+#: Pictures a second, of which every so manieth brings the words, and how far this process steps back for others.
+RATE, WORDS, NICE = 30.0, 6, 10
+
+
+def show(link: Link, access: Access, told: Callable[[str], None], looks: Callable[[int], None]) -> None:
+    """Serve a session until it ends.
+
+    Parameters
+    ----------
+    link
+        What is read; nothing is asked of it.
+    access
+        Where browsers reach it, and what they must show.
+    told
+        Called with the address for a browser when there is one.
+    looks
+        Called, in another thread, when one more browser shows the session, with how many do.
+
+    Raises
+    ------
+    ItouchError
+        If nothing can be listened at there.
+    """
+    with contextlib.suppress(OSError, AttributeError):
+        os.nice(NICE)  # the loop comes first on a machine with few cores
+    with _server(link.name) as server:
+        inner = (server.get_host(), server.get_port())
+        model = Model.of(link.scene(), Catalog())
+        scenery = Scenery(server, model, link.state)
+        server.on_client_connect(lambda _: looks(len(server.get_clients())))
+        asyncio.run(_serve(link, access, inner, scenery, told))
+
+
+async def _serve(
+    link: Link, access: Access, inner: tuple[str, int], scenery: Scenery, told: Callable[[str], None]
+) -> None:
+    try:
+        async with Gate(access, inner) as gate:
+            told(address(access, gate.port))
+            state, pictures = link.state, 0
+            words = ""
+            while link.alive:
+                link.refresh(state)
+                if pictures % WORDS == 0:
+                    words = said(link, state)
+                scenery.show(state, words)
+                pictures += 1
+                await asyncio.sleep(1.0 / RATE)
+    except OSError as error:
+        raise ItouchError(
+            f"cannot listen at {access.host}:{access.port}: {error.strerror or error}; --port takes another"
+        ) from error
+
+
+def address(access: Access, port: int) -> str:
+    """Return what is put into a browser's address line."""
+    host = "localhost" if access.near else access.host
+    if host in ("0.0.0.0", "::"):  # everything here: browsers elsewhere need this machine's name
+        host = socket.gethostname()
+    host = f"[{host.strip('[]')}]" if ":" in host else host
+    return f"http://{host}:{port}/" + (f"?token={access.token}" if access.token else "")
+
+
+def said(link: Link, state: Record) -> str:
+    """Return what stands beside the picture, as Markdown: whose it is, its time, what it does."""
+    words = f"**{_plain(link.name)}**\n\n{int(state['tick']) * link.period:.2f} s, {link.phase}"
+    for loss in link.losses:
+        words += f"\n\n**{loss.upper()} LOST**"
+    return words
+
+
+def _plain(text: str) -> str:
+    """Return a name so that Markdown means nothing else by it."""
+    return "".join(letter if letter.isalnum() or letter in " .-" else f"\\{letter}" for letter in text)
+
+
+@contextlib.contextmanager
+def _server(name: str) -> Iterator[Any]:
+    """Yield the library's server, which listens on this machine only and tells nobody."""
+    import viser
+
+    class Quiet(viser.ViserServer):
+        """Does not carry the view to a server on the internet, whichever browser asks for it."""
+
+        def request_share_url(self, verbose: bool = True) -> str | None:
+            """Refuse."""
+            return None
+
+    with contextlib.redirect_stdout(io.StringIO()):  # it would print an address that passes the gate by
+        server = Quiet(host=_inner_host(), port=0, label=name, verbose=False)
+    try:
+        server.gui.configure_theme(show_logo=False, show_share_button=False, dark_mode=True)
+        yield server
+    finally:
+        with contextlib.redirect_stdout(io.StringIO()):
+            server.stop()
+
+
+def _inner_host() -> str:
+    """Return an address of this machine that no page can guess, where there is more than one."""
+    if sys.platform == "linux":
+        found = ".".join(["127", *(str(random.SystemRandom().randrange(1, 255)) for _ in range(3))])
+        with contextlib.suppress(OSError), socket.socket() as probe:
+            probe.bind((found, 0))
+            return found
+    return "127.0.0.1"

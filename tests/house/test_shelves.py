@@ -1,0 +1,77 @@
+"""The three packages of the framework: a touch needs the core alone, and old names of what has moved go on working."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import warnings
+from importlib import import_module
+
+import pytest
+from shipped import SCENES
+
+import itouch
+from itouch.moved import PLACES
+from itouch_tools.cli import main
+
+
+def fresh(code: str, *options: str) -> str:
+    """Return what a new interpreter prints."""
+    done = subprocess.run([sys.executable, *options, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout + done.stderr
+
+
+def test_a_touch_needs_nothing_but_the_core() -> None:
+    """A scene is built, run and reported; no module of the other shelves is there after it."""
+    code = f"""
+import itouch, sys
+session = itouch.build({str(SCENES / "first_touch.xml")!r})
+session.run(0.05)
+session.report()
+session.close()
+print(sorted(name for name in sys.modules if name.startswith(("itouch_tools", "itouch_evidence"))))
+"""
+    assert fresh(code).splitlines()[-1] == "[]"
+
+
+@pytest.mark.parametrize(
+    ("old", "name", "new"),
+    [
+        ("itouch.study.statistics", "logistic_gee", "itouch_tools.study.statistics"),
+        ("itouch.study.client", "connect", "itouch_tools.study.client"),
+        ("itouch.study.observers", "FluxObserver", "itouch_tools.study.observers"),
+        ("itouch.report.notebook", "curve", "itouch_tools.report.notebook"),
+        ("itouch.sweeps.figures", "bits", "itouch_tools.sweeps.figures"),
+        ("itouch.bench.faults.truth", "Truth", "itouch_evidence.faults.truth"),
+    ],
+)
+def test_what_has_moved_is_found_under_its_old_name_with_a_warning(old: str, name: str, new: str) -> None:
+    code = f"from {old} import {name} as old\nfrom {new} import {name} as new\nprint(old is new)"
+    said = fresh(code, "-W", "always::DeprecationWarning")
+    top = ".".join(old.split(".")[:2])
+    assert said.startswith("True\n")
+    assert said.count(f"DeprecationWarning: '{top}' is '{PLACES[top]}' now: import from there") == 1
+    assert "<string>:1:" in said  # the line that is to be changed
+
+
+def test_a_module_that_never_was_is_not_found() -> None:
+    for name in ("itouch.nothing", "itouch.cli"):
+        with pytest.raises(ModuleNotFoundError, match=name):
+            import_module(name)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        with pytest.raises(ModuleNotFoundError, match="nothing"):
+            import_module("itouch.study.nothing")
+
+
+def test_tools_that_users_ask_for_by_the_name_of_the_core_are_there() -> None:
+    assert itouch.sweep is import_module("itouch_tools.sweeps.client").sweep
+
+
+def test_the_safety_report_is_a_command_like_any_other(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--help"]) == 0
+    assert (
+        "  safety-report  write limits, trips, worst case and tests of a scene, for a board\n"
+        in capsys.readouterr().out
+    )
