@@ -36,7 +36,7 @@ HERE = Path(__file__).resolve().parent
 TREE = HERE.parent
 #: Tests of the supervisor that need no scene and no compiler; those that do.
 SAFETY = (
-    "guard", "readings", "heat", "carrier", "finger", "monitors", "supervisor", "hold_connect", "sequence", "groping",
+    "guard", "readings", "heat", "carrier", "finger", "monitors", "supervisor", "hold_connect", "sequence", "blind_retreat",
     "joined_steps", "edges", "rehearsing", "at_the_limits",
 )  # fmt: skip
 SCENES = (

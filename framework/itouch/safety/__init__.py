@@ -1,9 +1,9 @@
 """The supervisor: every reading is checked here, every command is limited here, and nothing else writes to a device."""
 
 from itouch.monitors import LOSSES, DeviceFaultError, Trip, TripError
+from itouch.safety.blind_retreat import Witness
 from itouch.safety.connect import connect
 from itouch.safety.finger import Finger
-from itouch.safety.groping import Witness
 from itouch.safety.guard import Guard
 from itouch.safety.hold import Hold
 from itouch.safety.lifecycle import Status

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from itouch.monitors import DOUBTS, DeviceFaultError, Heat, Trip
 from itouch.plugin import RETRACT, Record, Role
-from itouch.safety.groping import Groping, Witness
+from itouch.safety.blind_retreat import BlindRetreat, Witness
 from itouch.safety.lifecycle import BACKWARDS, HELD, Status
 from itouch.safety.supervisor import Supervisor
 
@@ -76,8 +76,8 @@ class SafeSequence:
         self._tick, self._stopping = state["tick"], state["stopping"]
         self._ways = [(s, s.stopped) for s in supervisors if s.stopped is not None and _retracts(s)]
         self._retracting = [s for s, _ in self._ways]
-        self._groping = {
-            s.model.name: Groping(s, self._tick, period, (witnesses or {}).get(s.model.name, ()))
+        self._blind = {
+            s.model.name: BlindRetreat(s, self._tick, period, (witnesses or {}).get(s.model.name, ()))
             for s in self._retracting
         }
         self._mute: set[str] = set()
@@ -140,7 +140,7 @@ class SafeSequence:
 
     def _set_out(self, supervisor: Supervisor, stopped: NDArray[np.int8]) -> None:
         """Begin with one surface; what was found of its ways in an earlier stop is over if it was enabled since."""
-        self._groping[supervisor.model.name].begin()
+        self._blind[supervisor.model.name].begin()
         way, target = supervisor.way, supervisor.model.command(Role.SURFACE_POSE)
         if supervisor.enabled:
             stopped[...] = 0
@@ -158,7 +158,7 @@ class SafeSequence:
     def _hold_still(self) -> None:
         """Hold what was driven back, or whose place is not believed: nobody minds its direction after the sequence."""
         for supervisor, stopped in self._ways:
-            if stopped.item() == BACKWARDS or self._groping[supervisor.model.name].active:
+            if stopped.item() == BACKWARDS or self._blind[supervisor.model.name].active:
                 stopped[...] = HELD
 
     def _step(self) -> None:
@@ -226,11 +226,11 @@ class SafeSequence:
         for supervisor, stopped in self._ways:
             name = supervisor.model.name
             if supervisor.twin is None and not self._believed(supervisor):
-                self._grope(supervisor, stopped)  # a place that is not believed says nothing of a direction
+                self._retreat_blind(supervisor, stopped)  # a place that is not believed says nothing of a direction
                 continue
             height = _height(supervisor)
-            if self._groping[name].active and supervisor.way is not None:
-                self._groping[name].drop(stopped, supervisor.way)
+            if self._blind[name].active and supervisor.way is not None:
+                self._blind[name].drop(stopped, supervisor.way)
                 self._furthest[name] = height
                 self._change(name)
             if name in self._late:
@@ -256,11 +256,11 @@ class SafeSequence:
                 stopped[...] = HELD
                 self._held_for.pop(name, None)
 
-    def _grope(self, supervisor: Supervisor, stopped: NDArray[np.int8]) -> None:
+    def _retreat_blind(self, supervisor: Supervisor, stopped: NDArray[np.int8]) -> None:
         """Withdraw a surface by what touches it; one that has only not answered yet may still do so."""
         lies = supervisor.trip in LIES or supervisor.model.name not in self._mute
         if supervisor.way is not None and (lies or self._passed * self._period >= UNHEARD):
-            self._groping[supervisor.model.name].mind(stopped, supervisor.way)
+            self._blind[supervisor.model.name].mind(stopped, supervisor.way)
 
     def _change(self, name: str) -> None:
         """Note that a surface goes another way from now on."""
@@ -281,8 +281,8 @@ class SafeSequence:
         """Say what is seen of a device, and whether it is not safe."""
         name = supervisor.model.name
         if supervisor.twin is None and not self._believed(supervisor):
-            groping = self._groping.get(name)
-            done = groping.said(supervisor.way) if groping is not None and supervisor.way is not None else ""
+            blind = self._blind.get(name)
+            done = blind.said(supervisor.way) if blind is not None and supervisor.way is not None else ""
             return f"can't be verified: its sensors are not believed, or it does not answer{done}", True
         surface = self._seen_surface(supervisor, heights[name]) if name in heights else None
         if surface is not None and surface[1]:

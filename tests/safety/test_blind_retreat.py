@@ -20,7 +20,7 @@ from itouch.monitors.limits import PLATE_FORCE_ABSOLUTE
 from itouch.plugin import Record
 from itouch.plugin.stamps import Stamped
 from itouch.safety import DeviceFaultError, Outcome, SafeSequence, Supervisor, Trip, Witness
-from itouch.safety.groping import BLIND, LEG, along
+from itouch.safety.blind_retreat import BLIND, LEG, along
 from itouch.safety.lifecycle import HELD
 from itouch.safety.sequence import RETREAT
 

@@ -94,7 +94,7 @@ def along(asked: float, before: float, middle: float, after: float, least: float
     return least <= moved <= FITS[1] and -SWINGS <= then <= STILL
 
 
-class Groping:
+class BlindRetreat:
     """Withdraws one surface whose place is not believed; it must be able to retract.
 
     ``witnesses``: who knows of the fingers over it.
