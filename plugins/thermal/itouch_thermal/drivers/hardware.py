@@ -47,13 +47,13 @@ class HardwareDisplay(Device):
     def attached(cls) -> tuple[Attached, ...]:
         """Look for serial ports; what is behind them is only known when a scene names one."""
         try:
-            from serial.tools import list_ports
+            import serialx
         except ImportError:
             return (Attached("serial ports", False, "cannot be looked for: pip install 'itouch-py[thermal-hardware]'"),)
         advice = "name it in <thermal:mecom> or <thermal:line> if the display's controller is behind it"
         return tuple(
-            Attached(port.device, True, f"a serial port ({port.description}); {advice}")
-            for port in list_ports.comports()
+            Attached(port.device, True, f"a serial port ({port.product or 'it tells no name'}); {advice}")
+            for port in serialx.list_serial_ports()
             if port.vid is not None
         )
 

@@ -1,4 +1,4 @@
-"""A serial line that ends its messages with one byte, behind pyserial; every wait has an end."""
+"""A serial line that ends its messages with one byte, behind serialx; every wait has an end."""
 
 from __future__ import annotations
 
@@ -8,6 +8,11 @@ import time
 from typing import Any
 
 from itouch.plugin import DeviceError, Trace
+
+#: The longest wait for a byte [s]: how late the end of a patience can be noticed.
+_POLL = 0.01
+#: Most bytes that are taken at once; what is there is given without waiting for more.
+_PIECE = 4096
 
 
 class SerialLine:
@@ -21,14 +26,19 @@ class SerialLine:
 
     def __init__(self, port: str, baud: int, *, end: bytes, trace: Trace | None = None, patience: float = 1.0) -> None:
         try:
-            import serial
+            import serialx
         except ImportError as error:
             raise DeviceError("serial ports need a package more: pip install 'itouch-py[thermal-hardware]'") from error
         self.port, self._end, self._trace, self._waiting = port, end, trace, b""
+        self._refused = serialx.SerialException  # what a port can't be set to; it is no OSError
         try:
-            self._serial: Any = serial.serial_for_url(port, baud, timeout=0.01, write_timeout=0.5 * patience)
-        except (OSError, ValueError) as error:
-            number = getattr(error, "errno", None)  # pyserial says port and number twice
+            # Not exclusive: a second opener must be able to set the current to zero beside a process that hangs.
+            self._serial: Any = serialx.serial_for_url(
+                port, baud, read_timeout=_POLL, write_timeout=0.5 * patience, exclusive=False
+            )
+            self._serial.open()
+        except (OSError, ValueError, serialx.SerialException) as error:
+            number = getattr(error, "errno", None)  # serialx's own text has number and port as well
             reason = os.strerror(number) if number else str(error)
             advice = ": look at its plug" if number == errno.ENOENT else ""
             raise DeviceError(f"serial port '{port}' cannot be opened: {reason}{advice}") from error
@@ -47,8 +57,8 @@ class SerialLine:
         """
         try:
             self._serial.flush()
-            self._serial.baudrate = baud
-        except (OSError, ValueError) as error:
+            self._serial.reconfigure_port(baudrate=baud)
+        except (OSError, ValueError, self._refused) as error:
             raise DeviceError(f"serial port '{self.port}' does not take {baud} baud: {error}") from error
 
     def send(self, message: bytes) -> None:
@@ -70,8 +80,7 @@ class SerialLine:
         """Drop what has come and was not read."""
         self._waiting = b""
         try:
-            while self._serial.in_waiting:
-                self._serial.read(self._serial.in_waiting)
+            self._serial.reset_read_buffer()
         except OSError as error:
             raise DeviceError(f"serial port '{self.port}' is gone: {error}") from error
 
@@ -88,7 +97,7 @@ class SerialLine:
             if time.monotonic() >= limit:
                 return None
             try:
-                self._waiting += self._serial.read(max(1, self._serial.in_waiting))
+                self._waiting += self._serial.read(_PIECE)
             except OSError as error:
                 raise DeviceError(f"serial port '{self.port}' is gone: {error}") from error
         message, _, self._waiting = self._waiting.partition(self._end)
