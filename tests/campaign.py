@@ -5,6 +5,9 @@ A test that calls ``size`` carries the mark ``campaign``: without ``-m long`` it
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
+from typing import Any
+
 import pytest
 from _pytest.mark.expression import Expression
 from _pytest.mark.structures import ParameterSet
@@ -39,3 +42,13 @@ def seeds(short: int, full: int, *, first: int = 0) -> list[ParameterSet]:
         pytest.param(seed, marks=() if seed < first + short else pytest.mark.long)
         for seed in range(first, first + full)
     ]
+
+
+def some(values: Iterable[Any], keep: int | Callable[[Any], bool]) -> list[ParameterSet]:
+    """Return parameters of a test: the first so many, or those that are to be kept, always; the others in the long form."""
+    found = []
+    for place, value in enumerate(values):
+        always = place < keep if isinstance(keep, int) else keep(value)
+        words = value if isinstance(value, tuple) else (value,)
+        found.append(pytest.param(*words, marks=() if always else pytest.mark.long))
+    return found

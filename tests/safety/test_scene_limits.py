@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+import campaign
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -36,6 +37,8 @@ def shipped() -> Iterator[tuple[str, int, int, str, str]]:
 
 
 SHIPPED = list(shipped())
+#: The first attribute of each name; all others are tried in the long form.
+FIRST_OF_ITS_NAME = set({one[3]: one for one in reversed(SHIPPED)}.values())
 WHOLE = [path.name for path in sorted(SCENES.glob("*.xml")) if "<world" in path.read_text(encoding="utf-8")]
 SPOILT = ("nan", "inf", "-inf", "nan N", "1e999 m/s", "", "abc", "-1", "0", "1_0", "15 inf degC", "nan 40 degC")
 
@@ -118,7 +121,9 @@ def test_the_shipped_scenes_have_safety_attributes() -> None:
     assert {name for *_, name, _ in SHIPPED} >= {"force", "speed", "current", "temperature"}
 
 
-@pytest.mark.parametrize(("file", "first", "last", "name", "value"), SHIPPED)
+@pytest.mark.parametrize(
+    ("file", "first", "last", "name", "value"), campaign.some(SHIPPED, FIRST_OF_ITS_NAME.__contains__)
+)
 def test_no_change_of_a_shipped_attribute_loosens_anything(
     scenes: Path, file: str, first: int, last: int, name: str, value: str
 ) -> None:
@@ -129,7 +134,9 @@ def test_no_change_of_a_shipped_attribute_loosens_anything(
         assert expected == "allowed" or limits is None, mutant
 
 
-@pytest.mark.parametrize(("file", "first", "last", "name", "value"), SHIPPED)
+@pytest.mark.parametrize(
+    ("file", "first", "last", "name", "value"), campaign.some(SHIPPED, FIRST_OF_ITS_NAME.__contains__)
+)
 def test_an_attribute_that_is_moved_elsewhere_is_refused_or_tightens(
     scenes: Path, file: str, first: int, last: int, name: str, value: str
 ) -> None:

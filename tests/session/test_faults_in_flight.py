@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import campaign
 import pytest
 
 import itouch
@@ -35,13 +36,16 @@ def told(session: itouch.Session, seconds: float) -> str:
 
 @pytest.mark.parametrize(
     "faults",
-    [
-        '<fault device="arm" kind="delay" at="6 s"/>',
-        '<fault device="peltier" kind="drift" at="6 s" channel="plate_temperature" amount="1 K"/>',
-        '<fault device="table" kind="drop" at="6 s"/>',
-        '<fault device="arm" kind="freeze" at="6.09 s" for="100 ms"/>',
-        '<fault device="table" kind="bias" at="6.4 s" channel="wrench" amount="6 N"/>',  # comes after the restart
-    ],
+    campaign.some(
+        [
+            '<fault device="arm" kind="delay" at="6 s"/>',
+            '<fault device="peltier" kind="drift" at="6 s" channel="plate_temperature" amount="1 K"/>',
+            '<fault device="table" kind="drop" at="6 s"/>',
+            '<fault device="arm" kind="freeze" at="6.09 s" for="100 ms"/>',
+            '<fault device="table" kind="bias" at="6.4 s" channel="wrench" amount="6 N"/>',  # comes after the restart
+        ],
+        2,
+    ),
 )
 def test_it_goes_on_in_another_process(scenes: Path, faults: str) -> None:
     path = scenes / "faults.xml"

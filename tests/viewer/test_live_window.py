@@ -37,7 +37,7 @@ def until(condition, what, windows=()):
         for one in (window, *windows):
             one.dispatch_events()
             one.frame()
-        time.sleep(0.01)
+        time.sleep(0.04)  # a frame costs a core some 50 ms where software draws it
 def press(symbol):
     window.dispatch_event("on_key_press", symbol, 0)
     window.dispatch_events()

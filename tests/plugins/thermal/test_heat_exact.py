@@ -50,7 +50,7 @@ def test_solved_cases(name):
     assert {key: error for key, (error, limit) in found.items() if error > limit} == {}
 
 
-@pytest.mark.parametrize("seed", seeds(5, 14))
+@pytest.mark.parametrize("seed", seeds(3, 14))
 def test_random_cases_against_the_oracle(seed):
     case = heat_cases.random_case(seed)
     times = np.geomspace(1e-5, 100.0, 4) * np.array([1.0, 1.7, 0.6, 1.0])

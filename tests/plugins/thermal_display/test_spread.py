@@ -4,6 +4,7 @@ import json
 import math
 from dataclasses import replace
 
+import campaign
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -54,7 +55,9 @@ def test_a_disc_warms_a_half_space_as_is_known():
     assert disc(1.0, 1.0, 1.0, 1e6) == pytest.approx(8.0 / (3.0 * math.pi), rel=2e-3)
 
 
-@pytest.mark.parametrize(("area", "resistance"), [(0.5e-4, 2e-3), (1.1e-4, 2e-3), (1.1e-4, 5e-4), (4e-4, 2e-3)])
+@pytest.mark.parametrize(
+    ("area", "resistance"), campaign.some([(1.1e-4, 5e-4), (0.5e-4, 2e-3), (1.1e-4, 2e-3), (4e-4, 2e-3)], 1)
+)
 def test_the_twin_of_the_display_spreads_heat_in_the_plate_as_the_rings_do(area, resistance):
     touched = Touched(area, resistance, air=resting_loss(DisplayParams()))
     times = np.array([0.05, 0.1, 0.3, 1.0, 3.0, 10.0])
