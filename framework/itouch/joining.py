@@ -25,7 +25,7 @@ import numba
 import numpy as np
 from llvmlite import ir
 from numba import int64, types
-from numba.core import cgutils
+from numba.core import cgutils, imputils
 from numba.experimental.function_type import _get_wrapper_address
 from numba.extending import intrinsic as _intrinsic
 from numpy.typing import NDArray
@@ -58,6 +58,16 @@ def _pointer(typing: Any, address: Any) -> Any:
         return builder.inttoptr(arguments[0], cgutils.voidptr_t)
 
     return types.voidptr(types.int64), generate
+
+
+@intrinsic
+def _only_read(typing: Any, array: Any) -> Any:
+    """Take an array as one that may not be written, as Python hands over what is read-only."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return imputils.impl_ret_borrowed(context, builder, signature.return_type, arguments[0])
+
+    return array.copy(readonly=True)(array), generate
 
 
 @intrinsic
@@ -262,9 +272,9 @@ def _entry(call: Call) -> int:
 
 
 def _kinds(arguments: Sequence[Any]) -> tuple[Any, ...]:
-    """Return what decides how arguments are put together again: of an array its dimensions and type, not its place."""
+    """Return what decides how arguments are put together again: of an array its kind, not its place."""
     return tuple(
-        (each.ndim, each.dtype) if isinstance(each, np.ndarray)
+        (each.ndim, each.dtype, each.flags.writeable) if isinstance(each, np.ndarray)
         else (type(each), _kinds(each)) if isinstance(each, tuple)
         else type(each)
         for each in arguments
@@ -287,7 +297,8 @@ def _compiled(function: Callable[..., int], body: str, classes: dict[str, type])
     inner: Any = getattr(function, "py_func", function)
     name = f"{inner.__name__}_{hashlib.sha256(body.encode()).hexdigest()[:12]}"
     names = {
-        "carray": carray, "pointer": _pointer, "function": function, "__name__": inner.__module__,
+        "carray": carray, "pointer": _pointer, "only_read": _only_read, "function": function,
+        "__name__": inner.__module__,
         **{kind.__name__: kind for kind in _KINDS}, **classes,
     }  # fmt: skip
     exec(compile(f"def {name}(words):\n    {body}\n", inspect.getfile(inner), "exec"), names)
@@ -330,5 +341,7 @@ class _Writer:
         name = f"a{self.count}"
         data = self._next()
         shape = "".join(f"{self._next()}, " for _ in argument.shape)
-        self.lines.append(f"{name} = carray(pointer({data}), ({shape}), {argument.dtype.name})")
+        made = f"carray(pointer({data}), ({shape}), {argument.dtype.name})"
+        # of the same type as when Python calls: another one would be compiled once more, with all that it calls
+        self.lines.append(f"{name} = {made if argument.flags.writeable else f'only_read({made})'}")
         return name

@@ -370,6 +370,7 @@ def table_of(bodies: Sequence[Array | None]) -> Array:
     for row, body in zip(table, bodies, strict=False):
         if body is not None:
             row[: len(body)] = body
+    table.setflags(write=False)
     return table
 
 

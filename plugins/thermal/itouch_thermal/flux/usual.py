@@ -37,6 +37,9 @@ READY = 0.1
 SCALE = (0.02, 50.0)
 #: Steps of the preview that are computed anew in a tick while the resistance changes.
 STRIDE = 16
+#: As Python hands numbers over.  A plain constant of a kernel is a type of its own, for which all that it is passed to
+#: would be compiled once more.
+_NOTHING, _ONE = np.int64(0), np.int64(1)
 #: Time constant of a press [s] that is as doubtful as its scale is above 1; filter of its rate [s]; what is noise.
 PRESSING, PRESS_FILTER, STILL = 0.05, 0.02, 0.1
 #: Seconds after the begin from which the flux error counts, and the least flux [W/m2] it is relative to.
@@ -339,7 +342,7 @@ def prepare(
         own.obtained[0], own.pressing[0] = scene.true_flux[0], int(contact)
         own.desired[0] = scene.heat_desired[0]
         if not figures.steady:
-            scale = _scale(scene, own, given, figures, 0)
+            scale = _scale(scene, own, given, figures, _NOTHING)
             taken.scale[0] = scale
             taken.press[0] = press_on(own.scale_before, math.log(scale), figures.part)
     else:
@@ -438,7 +441,7 @@ def command(scene: Scene, own: Own, given: Given, figures: Figures, memory: Memo
             memory.memory, scale, memory.line, memory.slots, memory.single, memory.queue, memory.wanted,
             memory.response, given.hats, memory.knots, memory.work, memory.trace, memory.span, figures.flux_limit,
             figures.ceiling, given.band, figures.capacity, memory.cover[observer.RESISTANCE, observer.RESISTANCE],
-            figures.size, 1, 1, out, 0,
+            figures.size, _ONE, _ONE, out, _NOTHING,
         )  # fmt: skip
     else:
         if pressed(scene, figures.heat):
@@ -447,7 +450,7 @@ def command(scene: Scene, own: Own, given: Given, figures: Figures, memory: Memo
             own.force_before[0] = abs(scene.load[2])
         current, flux, error = laws._approach(  # noqa: SLF001
             given.c, given.tissue, given.plate, memory.x, memory.theta, memory.memory, memory.line, memory.slots, out,
-            0, own.start_temperature[0], figures.capacity, figures.flux_limit, figures.ceiling, figures.within,
+            _NOTHING, own.start_temperature[0], figures.capacity, figures.flux_limit, figures.ceiling, figures.within,
         )  # fmt: skip
         passed = 1.0
         if figures.preset_time > 0.0:
