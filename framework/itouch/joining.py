@@ -325,9 +325,11 @@ class _Writer:
             return self._array(argument)
         if isinstance(argument, tuple):
             kind = type(argument)
-            self.classes[kind.__name__] = kind
+            name = kind.__name__
+            while self.classes.setdefault(name, kind) is not kind:  # another class of the same name
+                name += "_"
             inner = ", ".join(self.write(item) for item in argument)
-            return f"{kind.__name__}({inner})" if hasattr(kind, "_fields") else f"({inner},)"
+            return f"{name}({inner})" if hasattr(kind, "_fields") else f"({inner},)"
         if argument is None:
             return "None"
         if isinstance(argument, bool):

@@ -75,6 +75,26 @@ def test_a_scalar_of_state_is_an_array_of_one_number() -> None:
     assert total == 4.0
 
 
+class _Outer:
+    class Pair(NamedTuple):
+        """Another class of the same name, with other fields."""
+
+        first: Pair
+        scale: Floats
+
+
+@kernel
+def _scaled(total: Any, both: Any) -> int:
+    total[0] = both.first.weights[0] * both.scale[0]
+    return 0
+
+
+def test_two_classes_of_one_name_are_told_apart() -> None:
+    total, inner = np.zeros(1), Pair(np.array([3.0]), np.zeros(1, np.int32))
+    Chain([Bound(_scaled, total, _Outer.Pair(inner, np.array([7.0])))]).run()
+    assert total[0] == 21.0
+
+
 def test_what_is_not_contiguous_is_refused() -> None:
     with pytest.raises(ValueError, match="contiguous"):
         Chain([Bound(_add, np.zeros(1), np.ones((4, 4))[:, ::2], 1.0)])
