@@ -11,12 +11,29 @@ import numpy as np
 import pytest
 from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, FakeTwin, model, record, state
 
-from itouch.monitors import Arm, Heat, Ordinary, Push, Readings, Surface, Trip, heat, readings, runaway, surface
+from itouch.monitors import (
+    Arm,
+    Heat,
+    Ordinary,
+    Push,
+    Readings,
+    Surface,
+    Trip,
+    carried,
+    driven,
+    heated,
+    lookback,
+    readings,
+    surface,
+    thresholds,
+)
 from itouch.monitors import limits as default
-from itouch.monitors.carried import Load, Nearing, felt, rise
-from itouch.monitors.history import SLOTS, History
+from itouch.monitors.carried import Load, Nearing, Seen, felt, rise
+from itouch.monitors.driven import Look
+from itouch.monitors.history import History
 from itouch.monitors.limits import DeviceLimits
-from itouch.monitors.runaway import COLDEST_TARGET, LAG, PART, PARTS, RUNAWAY_TIME, Runaway, drive_of
+from itouch.monitors.runaway import Runaway, drive_of
+from itouch.monitors.thresholds import COLDEST_TARGET, LAG, PART, PARTS, READINGS, RUNAWAY_TIME, WINDOW
 from itouch.plugin import (
     Channel,
     Field,
@@ -110,7 +127,8 @@ def test_a_monitor_of_two_plates_reads_the_component_that_is_its_own() -> None:
     reading["skin"], sent["i"] = (290.0, 310.0), (0.5, -1.0)
     one, two = Heat.of(device)
     assert (one.shown(reading), two.shown(reading)) == ("at 16.9 degC", "at 36.9 degC")
-    assert one._driven(sent, 290.0) == 0.25 and two._driven(sent, 310.0) == -0.5  # type: ignore[attr-defined]
+    assert heated.drive(one.stands, sent.numbers, 290.0) == 0.25  # type: ignore[attr-defined]
+    assert heated.drive(two.stands, sent.numbers, 310.0) == -0.5  # type: ignore[attr-defined]
     reading["skin"] = 290.0, math.nan
     assert two.shown(reading) == "not measured"
 
@@ -129,27 +147,29 @@ def test_a_budget_is_used_up_when_more_than_all_of_it_is(field: str, most: float
 
 def test_where_dose_and_cold_begin() -> None:
     monitor, memory = made(Heat, PLATE)
-    touched = Moment(touched=True, seconds=2.0)
+    touched, kept, held = Look(0.0, 0.0, 2.0, True), monitor.memory(memory), monitor.allowed
     for kelvin, dose, cold in ((312.15, 2.0 * 0.25**4, 0.0), (beyond(-312.15) * -1.0, 2.0 * 0.25**4, 0.0),
                                (316.15, 2.0, 0.0), (317.15, 4.0, 0.0), (315.15, 0.5, 0.0), (289.15, 0.0, 0.0),
                                (289.1, 0.0, 2.0), (312.1, 0.0, 0.0)):  # fmt: skip
         memory["dose"] = memory["cold_time"] = 0.0
-        assert monitor._count(memory, kelvin, touched) == 0.0
+        assert heated.count(held, kept, kelvin, touched) == 0.0
         assert (memory["dose"].item(), memory["cold_time"].item()) == (pytest.approx(dose), cold)
     memory["dose"], memory["cold_time"] = 119.0, 118.0
-    assert monitor._count(memory, 317.15 - 1.0, Moment(touched=True, seconds=1.0)) == 0.0  # exactly all of it
-    assert monitor._count(memory, 289.0, touched) == 0.0
-    assert monitor._count(memory, 316.15, touched) == -Trip.DOSE
-    assert monitor._count(memory, 289.0, touched) == -Trip.COLD
-    assert monitor._count(memory, 289.0, Moment(touched=False, seconds=2.0)) == 0.0
+    assert heated.count(held, kept, 317.15 - 1.0, Look(0.0, 0.0, 1.0, True)) == 0.0  # exactly all of it
+    assert heated.count(held, kept, 289.0, touched) == 0.0
+    assert heated.count(held, kept, 316.15, touched) == -Trip.DOSE
+    assert heated.count(held, kept, 289.0, touched) == -Trip.COLD
+    assert heated.count(held, kept, 289.0, Look(0.0, 0.0, 2.0, False)) == 0.0
 
 
 def test_the_share_that_a_temperature_a_little_ahead_leaves() -> None:
     monitor, memory = made(Heat, PLATE)
     for celsius, share in ((40.0, 1.0), (41.0, 0.5), (42.0, 0.0), (15.0, 1.0), (13.5, 0.5), (12.0, 0.0)):
-        assert monitor._near_temperature(memory, K0 + celsius) == pytest.approx(share, abs=1e-9)
+        assert heated.near_temperature(monitor.allowed, monitor.memory(memory), K0 + celsius) == pytest.approx(
+            share, abs=1e-9
+        )
     for kelvin in (beyond(315.15), 285.15 - 1e-9):
-        assert monitor._near_temperature(memory, kelvin) == -Trip.PLATE_TEMPERATURE
+        assert heated.near_temperature(monitor.allowed, monitor.memory(memory), kelvin) == -Trip.PLATE_TEMPERATURE
         assert memory["figure"].tolist() == [kelvin, kelvin, 0.0]
 
 
@@ -157,24 +177,25 @@ def test_the_share_that_a_temperature_a_little_ahead_leaves() -> None:
 def test_the_share_that_a_flux_leaves(part: float, share: float) -> None:
     monitor, memory = made(Heat, PLATE)
     for step in range(301):
-        monitor._history.add(memory, 0.005 * step, 300.0, 15e3 * part)
-    assert monitor._near_flux(memory) == pytest.approx(share, abs=1e-3)
+        lookback.add(monitor.memory(memory).past, 0.005 * step, 300.0, 15e3 * part)
+    assert heated.near_flux(monitor.allowed, monitor.memory(memory)) == pytest.approx(share, abs=1e-3)
 
 
 def test_a_sensor_at_the_end_of_its_scale_all_the_time_trips() -> None:
     monitor, memory = made(Heat, PLATE)
     for step in range(301):
-        monitor._history.add(memory, 0.005 * step, 300.0, 20e3)
-    assert monitor._near_flux(memory) == -Trip.FLUX
+        lookback.add(monitor.memory(memory).past, 0.005 * step, 300.0, 20e3)
+    assert heated.near_flux(monitor.allowed, monitor.memory(memory)) == -Trip.FLUX
     assert memory["figure"][0] == pytest.approx(20e3)
 
 
 def test_a_sink_cuts_the_drive_down_between_50_and_55_degrees() -> None:
-    monitor, _ = made(Heat, PLATE)
-    reading = record(PLATE[0])
+    monitor, memory = made(Heat, PLATE)
+    reading, sent = record(PLATE[0]), record(PLATE[1])
+    reading["plate_temperature"] = 300.0
     for celsius, share in ((50.0, 1.0), (51.0, 0.8), (55.0, 0.0), (60.0, 0.0)):
         reading["sink_temperature"] = K0 + celsius
-        assert monitor._near_sink(reading) == pytest.approx(share, abs=1e-9)
+        assert monitor.check(memory, reading, sent, Moment()) == pytest.approx(share, abs=1e-9)
 
 
 def test_a_step_of_five_kelvin_is_let_pass() -> None:
@@ -182,8 +203,8 @@ def test_a_step_of_five_kelvin_is_let_pass() -> None:
     for top, found in ((305.0, 0.0), (305.1, -float(Trip.SENSOR_JUMP)), (294.9, -float(Trip.SENSOR_JUMP))):
         monitor.forget(memory)
         for step in range(41):
-            monitor._history.add(memory, 0.005 * step, 300.0 if step < 30 else top, 0.0)
-        assert monitor._step(memory) == found
+            lookback.add(monitor.memory(memory).past, 0.005 * step, 300.0 if step < 30 else top, 0.0)
+        assert heated.jump(monitor.allowed, monitor.memory(memory)) == found
     assert memory["figure"][0] == pytest.approx(-5.1)
 
 
@@ -193,7 +214,7 @@ def test_a_drive_without_a_greatest_value_is_measured_in_its_unit(low: Any, high
     monitor, _ = made(Heat, (PLATE[0], (drive,)))
     sent = record((drive,))
     sent["w"] = -0.4
-    assert monitor._driven(sent, 300.0) == -0.4
+    assert heated.drive(monitor.stands, sent.numbers, 300.0) == -0.4
 
 
 def test_the_stronger_of_two_drives_counts() -> None:
@@ -202,7 +223,7 @@ def test_the_stronger_of_two_drives_counts() -> None:
     sent = record((drive,))
     for both, found in (((0.5, -1.0), -0.5), ((-1.0, 0.5), -0.5), ((1.0, 1.0), 0.5), ((0.0, 0.0), 0.0)):
         sent["i"] = both
-        assert monitor._driven(sent, 300.0) == found
+        assert heated.drive(monitor.stands, sent.numbers, 300.0) == found
 
 
 def test_what_acts_is_driven_by_more_than_a_fiftieth() -> None:
@@ -220,7 +241,7 @@ def test_a_switch_that_is_half_on_is_on() -> None:
     sent["goal"] = 295.0
     for word, drive in ((0.0, 0.0), (0.499, 0.0), (0.5, 0.5), (1.0, 0.5)):
         sent["output"] = word
-        assert monitor._driven(sent, 300.0) == drive
+        assert heated.drive(monitor.stands, sent.numbers, 300.0) == drive
 
 
 # --- drive and sensor -----------------------------------------------------------------------------------------------
@@ -254,17 +275,20 @@ def drifting() -> tuple[Runaway, Record]:
      (-0.3, 289.9, False, True), (-0.3, 290.0, False, False)],
 )  # fmt: skip
 def test_what_counts_as_the_wrong_side_of_the_sink(drive: float, kelvin: float, touched: bool, counts: bool) -> None:
-    _, memory = drifting()
+    runaway, memory = drifting()
     memory["odd_for"] = 3.0
-    assert Runaway._odd(memory, kelvin, 300.0, drive, Moment(touched=touched, seconds=0.5)) == 0.0
+    assert driven.odd(runaway.trust, runaway.memory(memory), kelvin, 300.0, drive, Look(0.0, 0.0, 0.5, touched)) == 0.0
     assert memory["odd_for"].item() == (3.5 if counts else 0.0)
 
 
 def test_ten_seconds_on_the_wrong_side_are_let_pass() -> None:
-    _, memory = drifting()
+    runaway, memory = drifting()
     memory["odd_for"] = 9.5
-    assert Runaway._odd(memory, 315.0, 300.0, 0.3, Moment(touched=False, seconds=0.5)) == 0.0
-    assert Runaway._odd(memory, 315.0, 300.0, 0.3, Moment(touched=False, seconds=0.5)) == -Trip.SENSOR_DISAGREE
+    assert driven.odd(runaway.trust, runaway.memory(memory), 315.0, 300.0, 0.3, Look(0.0, 0.0, 0.5, False)) == 0.0
+    assert (
+        driven.odd(runaway.trust, runaway.memory(memory), 315.0, 300.0, 0.3, Look(0.0, 0.0, 0.5, False))
+        == -Trip.SENSOR_DISAGREE
+    )
     assert memory["figure2"].tolist() == [15.0, 10.5]
 
 
@@ -275,7 +299,11 @@ def test_how_long_a_sensor_may_read_the_same() -> None:
         found = []
         memory["frozen"], memory["frozen_at"] = math.nan, 0.0
         for index, drive in enumerate(drives):
-            found.append(runaway._still(memory, 300.0, drive, Moment(time=seconds * (index + 1))))
+            found.append(
+                driven.still(
+                    runaway.trust, runaway.memory(memory), 300.0, drive, Look(0.0, seconds * (index + 1), 0.0, True)
+                )
+            )
         return found
 
     frozen = -float(Trip.SENSOR_FROZEN)
@@ -292,9 +320,12 @@ def test_a_sensor_that_is_driven_by_just_a_fiftieth_may_be_still() -> None:
     runaway, memory = drifting()
     memory["frozen"], memory["frozen_at"], memory["frozen_for"] = 300.0, 1.0, 1.5
     memory["frozen_drive"], memory["frozen_from"] = 0.04, 0.3
-    assert runaway._still(memory, 300.0, 0.3, Moment(time=1.5)) == 0.0
+    assert driven.still(runaway.trust, runaway.memory(memory), 300.0, 0.3, Look(0.0, 1.5, 0.0, True)) == 0.0
     memory["frozen_for"], memory["frozen_drive"] = 1.5, beyond(0.04)
-    assert runaway._still(memory, 300.0, 0.3, Moment(time=2.0)) == -Trip.SENSOR_FROZEN
+    assert (
+        driven.still(runaway.trust, runaway.memory(memory), 300.0, 0.3, Look(0.0, 2.0, 0.0, True))
+        == -Trip.SENSOR_FROZEN
+    )
 
 
 @pytest.mark.parametrize(
@@ -306,8 +337,9 @@ def test_a_sensor_that_is_driven_by_just_a_fiftieth_may_be_still() -> None:
 def test_when_a_moving_plate_seems_to_have_stopped(slope: float, drive: float, same: float, stopped: bool) -> None:
     runaway, memory = drifting()
     memory["frozen_slope"] = slope
-    assert runaway._stopped(memory, drive, same) is stopped
-    assert not Runaway(follows=False)._stopped(memory, drive, same)
+    kept = runaway.memory(memory)
+    assert driven.stopped(runaway.trust, kept, drive, same) is stopped
+    assert not driven.stopped(Runaway(follows=False).trust, kept, drive, same)
 
 
 @pytest.mark.parametrize(
@@ -322,13 +354,14 @@ def test_when_a_moving_plate_seems_to_have_stopped(slope: float, drive: float, s
     ],
 )
 def test_a_fast_plate_does_not_stop_whatever_drives_it(slope: float, same: float, stopped: bool) -> None:
-    _, memory = drifting()
+    watch, memory = drifting()
     memory["frozen_slope"] = slope
-    assert Runaway(follows=True)._stopped(memory, 0.0, same) is stopped
-    holds = Runaway(follows=False)  # it may stop at its target, and a kelvin round it
-    assert not holds._stopped(memory, 0.1, same)
-    assert holds._stopped(memory, 0.11, same) is stopped
-    assert holds._stopped(memory, -0.11, same) is stopped
+    kept = watch.memory(memory)
+    assert driven.stopped(watch.trust, kept, 0.0, same) is stopped
+    holds = Runaway(follows=False).trust  # it may stop at its target, and a kelvin round it
+    assert not driven.stopped(holds, kept, 0.1, same)
+    assert driven.stopped(holds, kept, 0.11, same) is stopped
+    assert driven.stopped(holds, kept, -0.11, same) is stopped
 
 
 def test_a_plate_may_go_against_its_drive_by_two_kelvin() -> None:
@@ -337,9 +370,9 @@ def test_a_plate_may_go_against_its_drive_by_two_kelvin() -> None:
         (1.0, 300.0, 0.5, 0.0), (2.0, 310.0, 0.5, 0.0), (2.5, 300.0, 0.6, 0.0), (3.0, 302.0, 0.6, 0.0),
         (3.5, 302.001, 0.6, -float(Trip.RUNAWAY)),
     ):  # fmt: skip
-        moment = Moment(now=now, seconds=0.5, touched=True)
         memory["touched_at"] = now
-        assert runaway._against(memory, kelvin, drive, moment) == found, now
+        look = Look(now, 0.0, 0.5, True)
+        assert driven.against(runaway.trust, runaway.memory(memory), kelvin, drive, look) == found, now
     assert memory["figure2"].tolist() == [pytest.approx(2.001), 0.0]
 
 
@@ -353,7 +386,7 @@ def test_a_strong_drive_must_show_within_two_seconds(change: float, alone: float
     memory["driven_for"] = RUNAWAY_TIME - 1e-9 - 0.25
     memory["parts"][:] = -math.inf
     memory["parts"][95 % PARTS] = 9.5, 300.0, 300.0 + change
-    found = runaway._against(memory, 300.0, 0.7, Moment(now=10.0, seconds=0.25))
+    found = driven.against(runaway.trust, runaway.memory(memory), 300.0, 0.7, Look(10.0, 0.0, 0.25, True))
     assert found == (-float(Trip.RUNAWAY) if trips else 0.0)
     assert not trips or memory["figure2"].tolist() == [0.0, pytest.approx(2.0)]
 
@@ -361,26 +394,29 @@ def test_a_strong_drive_must_show_within_two_seconds(change: float, alone: float
 def test_what_drove_one_way_and_turns_round_begins_anew() -> None:
     runaway, memory = drifting()
     memory["driven_for"] = 1.0
-    assert runaway._against(memory, 300.0, -0.8, Moment(now=5.0, seconds=0.25)) == 0.0
+    assert driven.against(runaway.trust, runaway.memory(memory), 300.0, -0.8, Look(5.0, 0.0, 0.25, True)) == 0.0
     assert memory["driven_for"].item() == 0.0
-    assert runaway._against(memory, 300.0, -0.8, Moment(now=5.25, seconds=0.25)) == 0.0
+    assert driven.against(runaway.trust, runaway.memory(memory), 300.0, -0.8, Look(5.25, 0.0, 0.25, True)) == 0.0
     assert memory["driven_for"].item() == -0.25
-    assert runaway._against(memory, 300.0, -0.5, Moment(now=5.5, seconds=0.25)) == 0.0
+    assert driven.against(runaway.trust, runaway.memory(memory), 300.0, -0.5, Look(5.5, 0.0, 0.25, True)) == 0.0
     assert memory["driven_for"].item() == 0.0
 
 
 def test_the_extremes_of_two_seconds() -> None:
-    _, memory = drifting()
+    watch, memory = drifting()
     for step in range(40):
-        extremes = Runaway._extremes(memory, 300.0 + step, 0.05 + 0.1 * step, 0.0)
+        extremes = driven.extremes(watch.memory(memory), 300.0 + step, 0.05 + 0.1 * step, 0.0)
     assert extremes == (319.0, 339.0)  # at 3.95 s: from the part on in which 1.95 s is
-    assert Runaway._extremes(memory, 200.0, 3.9, 3.95) == (200.0, 200.0)
-    assert Runaway._extremes(memory, 340.0, 4.0, 4.0)[1] == 340.0
-    assert Runaway._extremes(memory, 340.0, 4.0, 3.0)[0] >= 329.0
+    assert driven.extremes(watch.memory(memory), 200.0, 3.9, 3.95) == (200.0, 200.0)
+    assert driven.extremes(watch.memory(memory), 340.0, 4.0, 4.0)[1] == 340.0
+    assert driven.extremes(watch.memory(memory), 340.0, 4.0, 3.0)[0] >= 329.0
     assert (LAG, PART) == (0.15, 0.1)
-    _, memory = drifting()
-    assert Runaway._extremes(memory, 300.0, 1.0, 1.0) == (300.0, 300.0)
-    assert Runaway._extremes(memory, 301.0, 1.05, 1.0) == (300.0, 301.0)  # what was read at the begin counts
+    watch, memory = drifting()
+    assert driven.extremes(watch.memory(memory), 300.0, 1.0, 1.0) == (300.0, 300.0)
+    assert driven.extremes(watch.memory(memory), 301.0, 1.05, 1.0) == (
+        300.0,
+        301.0,
+    )  # what was read at the begin counts
 
 
 @pytest.mark.parametrize(("wrench", "force"), [
@@ -400,46 +436,49 @@ def test_means_and_integrals_are_those_of_what_was_read() -> None:
     history = History((0.1, 0.2))
     memory = Record.of(history.fields())
     history.forget(memory)
-    assert history.newest(memory) == 0.0 and history.before(memory, 0) is None
-    assert history.value(memory, 0.0, 0) == 0.0 and history.mean_flux(memory, 0, 0.1) == 0.0
+    past = history.past(memory)
+    assert lookback.newest(past) == 0.0 and not lookback.before(past, 0)[0]
+    assert lookback.value_at(past, 0.0, 0) == 0.0 and lookback.mean_flux(past, 0) == 0.0
     for step in range(5):
-        assert history.add(memory, 1.0 + 0.05 * step, 300.0 + step, 100.0 * step)
-        assert not history.add(memory, 1.0 + 0.05 * step + 0.9e-7, 0.0, 0.0)
-    assert history.newest(memory) == 1.2
+        assert lookback.add(past, 1.0 + 0.05 * step, 300.0 + step, 100.0 * step)
+        assert not lookback.add(past, 1.0 + 0.05 * step + 0.9e-7, 0.0, 0.0)
+    assert lookback.newest(past) == 1.2
     assert memory["history"][4].tolist() == [1.2, 304.0, pytest.approx(0.05 * (300 + 301 + 302 + 303)),
                                              pytest.approx(0.05 * (50 + 150 + 250 + 350))]  # fmt: skip
-    assert history.before(memory, 0) == pytest.approx(302.0) and history.before(memory, 1) == 300.0
-    assert history.value(memory, 1.125, 0) == pytest.approx(302.5)
-    assert history.value(memory, 0.5, 1) == 300.0
-    assert history.mean_flux(memory, 0, 0.1) == pytest.approx(300.0)
-    assert history.step(memory, 0, 1, 0.1) == pytest.approx(2.0)
-    assert history.add(memory, 1.2 + 1.1e-7, 304.0, 0.0)
+    assert lookback.before(past, 0) == (True, pytest.approx(302.0)) and lookback.before(past, 1) == (True, 300.0)
+    assert lookback.value_at(past, 1.125, 0) == pytest.approx(302.5)
+    assert lookback.value_at(past, 0.5, 1) == 300.0
+    assert lookback.mean_flux(past, 0) == pytest.approx(300.0)
+    assert lookback.step(past, 0, 1) == pytest.approx(2.0)
+    assert lookback.add(past, 1.2 + 1.1e-7, 304.0, 0.0)
 
 
 def test_times_that_differ_by_a_rounding_are_one() -> None:
     history = History((10.0,))
     memory = Record.of(history.fields())
     history.forget(memory)
+    past = history.past(memory)
     for time, kelvin in ((0.0, 300.0), (0.5 + 1e-7, 310.0), (1.0, 320.0)):
-        history.add(memory, time, kelvin, 0.0)
-    assert history.value(memory, 0.5, 0) == 310.0
+        lookback.add(past, time, kelvin, 0.0)
+    assert lookback.value_at(past, 0.5, 0) == 310.0
 
 
 def test_a_place_of_just_fifty_milliseconds_ago_is_known() -> None:
     monitor, memory = made(Surface, TABLE)
-    memory["places"], memory["track"][0] = 1, (1.0 - surface._WINDOW, *np.zeros(6))
-    assert monitor._before(memory, (1.0, *np.zeros(6))) is not None
+    memory["places"], memory["track"][0] = 1, (1.0 - WINDOW, *np.zeros(6))
+    assert carried._before(monitor.memory(memory), np.zeros(7), (0.0,) * 3, 1.0) == 0
 
 
 def test_a_full_ring_forgets_the_oldest() -> None:
     history = History((10.0, 0.01))
     memory = Record.of(history.fields())
     history.forget(memory)
-    for step in range(SLOTS + 5):
-        history.add(memory, 0.01 * step, float(step), 0.0)
-    assert history.before(memory, 0) is None
-    assert history.value(memory, 0.0, 0) == 5.0
-    assert history.before(memory, 1) == pytest.approx(SLOTS + 3.0)
+    past = history.past(memory)
+    for step in range(READINGS + 5):
+        lookback.add(past, 0.01 * step, float(step), 0.0)
+    assert not lookback.before(past, 0)[0]
+    assert lookback.value_at(past, 0.0, 0) == 5.0
+    assert lookback.before(past, 1) == (True, pytest.approx(READINGS + 3.0))
 
 
 # --- surfaces, arms, pressure, silence ------------------------------------------------------------------------------
@@ -466,14 +505,20 @@ def test_a_surface_trips_above_five_newton(load: float, found: float) -> None:
     assert monitor.check(memory, reading, record(TABLE[1]), Moment(now=1.0, time=1.0, gap=0.0)) == found
 
 
+def looked(seconds: float = 0.0, strayed: float = 0.0, gap: float = 0.0, calibrated: bool = False) -> Seen:
+    """Return a look at a surface after a second."""
+    return Seen(1.0, 1.0, seconds, strayed, gap, calibrated)
+
+
 def test_a_surface_may_be_astray_for_a_tenth_of_a_second() -> None:
     monitor, memory = made(Surface, TABLE)
-    assert not monitor._astray(memory, Moment(strayed=0.005, seconds=9.0))
+    kept = monitor.memory(memory)
+    assert not carried._astray(kept, looked(strayed=0.005, seconds=9.0))
     for _ in range(10):
-        assert not monitor._astray(memory, Moment(strayed=0.0051, seconds=0.01))
+        assert not carried._astray(kept, looked(strayed=0.0051, seconds=0.01))
     assert memory["strayed_for"].item() == pytest.approx(0.1)
-    assert monitor._astray(memory, Moment(strayed=0.0051, seconds=0.0001))
-    assert not monitor._astray(memory, Moment(strayed=math.nan, seconds=9.0))
+    assert carried._astray(kept, looked(strayed=0.0051, seconds=0.0001))
+    assert not carried._astray(kept, looked(strayed=math.nan, seconds=9.0))
     assert memory["strayed_for"].item() == 0.0
 
 
@@ -545,8 +590,8 @@ def test_speeds_that_no_command_can_have_asked_for(
     memory["near_since"], memory["figure"] = near, (0.0, 0.0)
     memory["places"], memory["track"][0] = 1, (0.95, *np.zeros(6))
     reading["pose"][:3] = way
-    moment = Moment(now=1.0, time=1.0, gap=gap, touched=touched, finger=(slid, 0.0, 0.0))
-    assert monitor._moves(memory, reading, moment) == found
+    kept, finger = monitor.memory(memory), (slid, 0.0, 0.0)
+    assert carried.moves(monitor.allowed, kept, reading["pose"], finger, looked(gap=gap), touched) == found
     assert memory["figure"][1] == kind
     assert (memory["near_since"].item() == near) is (gap < 0.02)
 
@@ -557,12 +602,12 @@ def test_speeds_that_no_command_can_have_asked_for(
 ])  # fmt: skip
 def test_when_a_force_without_a_finger_is_doubted(load: float, gap: float, calibrated: bool, doubts: bool) -> None:
     monitor, memory = made(Surface, TABLE)
-    moment = Moment(gap=gap, calibrated=calibrated)
+    seen, kept = looked(gap=gap, calibrated=calibrated), monitor.memory(memory)
     memory["doubted"] = 0.05
-    assert monitor._doubt(memory, load, 0.05, moment) == 0.0
+    assert carried.doubt(monitor.allowed, kept, load, 0.05, seen) == 0.0
     assert memory["doubted"].item() == (pytest.approx(0.1) if doubts else 0.0)
     memory["doubted"] = 0.1
-    assert monitor._doubt(memory, load, 0.01, moment) == (-float(Trip.SENSOR_DISAGREE) if doubts else 0.0)
+    assert carried.doubt(monitor.allowed, kept, load, 0.01, seen) == (-float(Trip.SENSOR_DISAGREE) if doubts else 0.0)
 
 
 def test_an_arm_at_its_limits() -> None:
@@ -886,16 +931,16 @@ PROMISED: dict[Any, dict[str, Any]] = {
         "SPEED_TRIP": 0.30, "TRACKING": 0.003, "TRACKING_TRIP": 0.005, "TRACKING_TIME": 0.1, "WATCHDOG_OTHER": 0.5,
         "REARMS": 5, "HOLD": 0.080,
     },
-    heat: {"AHEAD": 0.1, "RATE_TIME": 0.05, "CONTACT_RATE_TIME": 0.5, "FLUX_TIME": 1.0, "DOSE_FROM": 312.15,
-           "DOSE_UNIT": 316.15, "STEP": 5.0},
-    surface: {"TOUCH_FORCE": 0.03, "TOUCH_GAP": 2e-4, "DOUBT_FORCE": 0.5, "DOUBT_GAP": 0.004,
-              "DOUBT_GAP_UNCALIBRATED": 0.015, "DOUBT_TIME": 0.1, "LEVER": 0.1, "SLOW": 0.01, "SPEED_TIME": 0.05,
-              "SLOTS": 16},
-    readings: {"TEMPERATURE_JUMP": 20.0, "TEMPERATURE_RANGE": (263.15, 353.15), "FINGER_SPEED": 5.0, "STEPS": 0.002,
-               "WORKSPACE": 2.0, "SURFACE_MARGIN": 3.0, "DISAGREEMENT": 3.0, "SATURATED": 1.01},
-    runaway: {"FROZEN": 1.0, "DRIVEN": 0.02, "FROZEN_DRIVE": 0.15, "FROZEN_HELD": 0.5, "RUNAWAY_DRIVE": 0.5,
+    thresholds: {"AHEAD": 0.1, "RATE_TIME": 0.05, "CONTACT_RATE_TIME": 0.5, "FLUX_TIME": 1.0, "DOSE_FROM": 312.15,
+           "DOSE_UNIT": 316.15, "STEP": 5.0, "TOUCH_FORCE": 0.03, "TOUCH_GAP": 2e-4, "DOUBT_FORCE": 0.5, "DOUBT_GAP": 0.004,
+              "DOUBT_GAP_UNCALIBRATED": 0.015, "DOUBT_TIME": 0.1, "SLOW": 0.01, "SPEED_TIME": 0.05,
+              "PLACES": 16, "READINGS": 256, "FROZEN": 1.0, "DRIVEN": 0.02, "FROZEN_DRIVE": 0.15, "FROZEN_HELD": 0.5,
+              "RUNAWAY_DRIVE": 0.5,
               "RUNAWAY_TIME": 2.0, "RUNAWAY_STILL": 0.1, "RUNAWAY_WRONG": 2.0, "LAG": 0.15, "DRIFT_DRIVE": 0.1,
               "DRIFT_TIME": 10.0, "DRIFT": 10.0, "FULL_STRENGTH": 10.0, "COLDEST_TARGET": 200.0},
+    surface: {"LEVER": 0.1},
+    readings: {"TEMPERATURE_JUMP": 20.0, "TEMPERATURE_RANGE": (263.15, 353.15), "FINGER_SPEED": 5.0, "STEPS": 0.002,
+               "WORKSPACE": 2.0, "SURFACE_MARGIN": 3.0, "DISAGREEMENT": 3.0, "SATURATED": 1.01},
 }  # fmt: skip
 
 
@@ -965,8 +1010,8 @@ def test_a_drive_that_changes_forgets_how_fast_the_plate_went() -> None:
     memory = Record.of(watch.fields())
     watch.forget(memory)
     for step, drive in enumerate((0.8, 0.8, 0.8, 0.8, 0.2)):
-        moment = Moment(now=0.1 * step, time=0.1 * step, seconds=0.1, touched=True)
-        watch.check(memory, 300.0 + 0.1 * step, 300.0, drive, moment, True)
+        look = Look(0.1 * step, 0.1 * step, 0.1, True)
+        driven.check(watch.trust, watch.memory(memory), 300.0 + 0.1 * step, 300.0, drive, look, True)
         assert (memory["frozen_slope"].item() > 0.0) is (1 < step < 4 or step == 1)
 
 
@@ -1007,4 +1052,4 @@ def test_the_flux_at_which_it_trips_is_printed_as_a_third_more_than_the_limit() 
 
 @pytest.mark.parametrize("beyond", [-5.0, -0.5, -1e-9, 0.0])
 def test_within_a_limit_all_of_the_drive_is_left(beyond: float) -> None:
-    assert heat._left(beyond, 2.0) == 1.0
+    assert heated.left(beyond, 2.0) == 1.0

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, FakeTwin, model, record, state
 
-from itouch.monitors import Heat, Readings, Surface, own_monitors
-from itouch.monitors.carried import pace
-from itouch.monitors.history import SLOTS, History
-from itouch.plugin import Channel, Moment, Record
+from itouch.monitors import Heat, Readings, Surface, carried, heated, lookback, own_monitors
+from itouch.monitors.carried import Seen, pace
+from itouch.monitors.history import History
+from itouch.monitors.thresholds import READINGS
+from itouch.plugin import Channel, Record
 from itouch.safety import Finger, Supervisor
 from itouch.world.supervision import watched
 
@@ -60,19 +62,17 @@ def test_a_range_is_printed_where_there_is_one(low: tuple[float, ...], high: tup
 
 def test_exactly_at_its_trip_a_rate_is_let_pass() -> None:
     (heat,) = Heat.of(watched("it", "fake", None, PLATE, LIMITS, twin=False))
-    memory, moment = Record.of(heat.fields()), Moment(touched=True)
+    memory = Record.of(heat.fields())
     heat.reset(memory)
     for step in range(201):  # 16 K/s for a second: 8 K in each half
-        moment.now = moment.time = 0.005 * step
-        heat._history.add(memory, moment.time, 296.0 + 0.08 * step, 0.0)
+        lookback.add(heat.memory(memory).past, 0.005 * step, 296.0 + 0.08 * step, 0.0)
     memory["since"] = 0.0
-    heat._rate = 8.0
-    kelvin = 296.0 + 0.08 * 200
-    rate = abs(kelvin - heat._history.value(memory, 0.5, 2)) / 0.5
-    heat._rate = rate / 2.0
-    assert heat._near_rate(memory, kelvin, moment) == 0.0  # nothing is left of the drive, and it does not trip
-    heat._rate = rate / 2.0 * (1.0 - 1e-9)
-    assert heat._near_rate(memory, kelvin, moment) < 0.0
+    kelvin, kept = 296.0 + 0.08 * 200, heat.memory(memory)
+    rate = abs(kelvin - lookback.value_at(kept.past, 0.5, 2)) / 0.5
+    allowed = heat.allowed._replace(rate=rate / 2.0)
+    assert heated.near_rate(allowed, kept, kelvin, True) == 0.0  # nothing is left of the drive, and it does not trip
+    allowed = heat.allowed._replace(rate=rate / 2.0 * (1.0 - 1e-9))
+    assert heated.near_rate(allowed, kept, kelvin, True) < 0.0
 
 
 def memory_of(monitor: Surface | Readings | Heat) -> Record:
@@ -101,8 +101,8 @@ def test_a_force_that_is_doubted_for_a_moment_leaves_no_doubt() -> None:
     surface = of(Surface, TABLE)
     memory = memory_of(surface)
     memory["doubted"] = 0.07
-    near = Moment(gap=0.001, calibrated=True)
-    assert surface._doubt(memory, 2.0, 0.01, near) == 0.0
+    near = Seen(0.0, 0.0, 0.0, 0.0, 0.001, True)
+    assert carried.doubt(surface.allowed, surface.memory(memory), 2.0, 0.01, near) == 0.0
     assert memory["doubted"].item() == 0.0
 
 
@@ -111,7 +111,7 @@ def test_places_from_before_a_pause_are_forgotten(pause: float, places: int) -> 
     surface = of(Surface, TABLE)
     memory = memory_of(surface)
     for time in (0.0, 0.02, 0.04, 0.04 + pause):
-        surface._before(memory, (time, *(0.0,) * 6))
+        carried._before(surface.memory(memory), np.zeros(7), (0.0,) * 3, time)
     assert memory["places"].item() == places
 
 
@@ -119,9 +119,10 @@ def test_where_a_surface_was_is_known_after_its_ring_is_full() -> None:
     surface = of(Surface, TABLE)
     memory = memory_of(surface)
     for step in range(60):
-        before = surface._before(memory, (0.02 * step, 0.001 * step, *(0.0,) * 5))
-    assert before is not None
-    assert before[:2] == pytest.approx([0.02 * 56, 0.056])
+        pose = np.array([0.001 * step, *(0.0,) * 6])
+        row = carried._before(surface.memory(memory), pose, (0.0,) * 3, 0.02 * step)
+    assert row >= 0
+    assert memory["track"][row, :2].tolist() == pytest.approx([0.02 * 56, 0.056])
 
 
 def test_at_its_edge_a_surface_is_not_near_and_not_astray() -> None:
@@ -134,23 +135,25 @@ def test_a_history_knows_nothing_at_first() -> None:
     history = History((0.05, 0.1, 0.5, 1.0))
     memory = Record.of(history.fields())
     history.forget(memory)
-    assert history.newest(memory) == 0.0
-    assert history.step(memory, 0, 1, 0.05) == 0.0
-    assert history.mean_flux(memory, 3, 1.0) == 0.0
-    assert history.before(memory, 0) is None
-    history.add(memory, 0.0, 300.0, 0.0)
-    assert history.step(memory, 0, 1, 0.05) == 0.0
+    past = history.past(memory)
+    assert lookback.newest(past) == 0.0
+    assert lookback.step(past, 0, 1) == 0.0
+    assert lookback.mean_flux(past, 3) == 0.0
+    assert not lookback.before(past, 0)[0]
+    lookback.add(past, 0.0, 300.0, 0.0)
+    assert lookback.step(past, 0, 1) == 0.0
 
 
 def test_a_history_looks_back_through_a_full_ring() -> None:
     history = History((0.05, 0.1, 0.5, 1.0))
     memory = Record.of(history.fields())
     history.forget(memory)
-    for step in range(2 * SLOTS + 7):
-        history.add(memory, 0.005 * step, 300.0 + 0.01 * step, 100.0)
-    assert history.before(memory, 0) == pytest.approx(300.0 + 0.01 * (2 * SLOTS + 6 - 10))
-    assert history.mean_flux(memory, 3, 1.0) == pytest.approx(100.0)
-    assert history.step(memory, 0, 1, 0.05) == pytest.approx(0.1)
+    past = history.past(memory)
+    for step in range(2 * READINGS + 7):
+        lookback.add(past, 0.005 * step, 300.0 + 0.01 * step, 100.0)
+    assert lookback.before(past, 0) == (True, pytest.approx(300.0 + 0.01 * (2 * READINGS + 6 - 10)))
+    assert lookback.mean_flux(past, 3) == pytest.approx(100.0)
+    assert lookback.step(past, 0, 1) == pytest.approx(0.1)
 
 
 def test_a_reading_at_the_edge_of_sense_can_be_worked_with() -> None:

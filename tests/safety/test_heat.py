@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from parts import LIMITS, PLATE, Asked
 
-from itouch.monitors import Heat, Trip, TripError
-from itouch.monitors.heat import FROZEN_DRIVE
+from itouch.monitors import Heat, Trip, TripError, heated
+from itouch.monitors.driven import Look
+from itouch.monitors.thresholds import FROZEN_DRIVE
 from itouch.plugin import Channel, Role, current, plate_temperature, temperature_target
 from itouch.world.limits import DeviceLimits
 
@@ -196,11 +197,10 @@ def test_the_dose_of_a_touch_trips_after_two_equivalent_minutes(temperature: flo
 
 def test_above_43_degrees_a_degree_doubles() -> None:
     plate = Plate(touched=True)
-    plate.moment.seconds = STEP
     heat = plate.monitor
     assert isinstance(heat, Heat)
     for kelvin, dose in ((K0 + 44.0, 2.0), (K0 + 43.0, 3.0), (K0 + 42.0, 3.25)):
-        assert heat._count(plate.state, kelvin, plate.moment) == 0.0
+        assert heated.count(heat.allowed, heat.memory(plate.state), kelvin, Look(0.0, 0.0, STEP, True)) == 0.0
         assert plate.state["dose"].item() == pytest.approx(dose * STEP)
 
 

@@ -39,6 +39,7 @@ from itouch.plugin import (
 )
 from itouch.plugin.stamps import Stamped
 from itouch.safety import Guard, Panel, Supervisor
+from itouch.safety.watching import clocked
 from itouch.world.supervision import monitors_of, watched
 
 PAD = ((measured_wrench(),), (Channel("air", 1, "Pa", (0.0,), (5e4,), safe=(0.0,), role=Role.PRESSURE, harmless="x"),))
@@ -197,13 +198,11 @@ def test_a_panel_without_monitors_lets_a_device_be_silent() -> None:
     assert panel.sane()
 
 
-def test_times_that_are_not_kept_are_computed_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("itouch.safety.panel._KEPT", 0)
-    device = toyed(0.5)
-    for tick in range(3):
-        device.read(tick)
-    assert device.panel._rounded == {}
-    assert device.panel._since(3) == 3 * PERIOD
+@pytest.mark.parametrize("rate", [500.0, 1000.0, 1024.0, 3000.0, 4000.0, 7777.0])
+def test_times_are_rounded_to_a_nanosecond(rate: float) -> None:
+    """As decimal numbers: what was measured 50 ms ago was that, whatever the sum of periods is."""
+    for ticks in [*range(2000), *range(999_000, 1_000_000), 86_400_000, 600_000_001]:
+        assert clocked(ticks, 1.0 / rate) == round(ticks * (1.0 / rate), 9)
 
 
 def test_a_surface_without_a_place_or_a_force() -> None:

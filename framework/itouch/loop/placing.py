@@ -1,10 +1,12 @@
 """Supervision where the finger is, and what acts on it together, compiled as far as nothing unusual is seen.
 
-What is unusual changes nothing here and is left to Python: a trip, a share that changes, a check whose turn it is.
+What is unusual is left to Python.  An arm whose share changes is looked at again there; what was found of a surface
+stands in its post's ``said``, and Python tells it.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -13,16 +15,20 @@ from numpy.typing import NDArray
 
 from itouch.compiling import kernel
 from itouch.joining import SKIP
+from itouch.loop.render import TABLE
 from itouch.loop.rig import ProbeRig
 from itouch.loop.run_statistics import Counts, counted
 from itouch.loop.runner import Runner
 from itouch.monitors import Arm, Surface
-from itouch.monitors.carried import Load, Nearing, felt, rise, size
+from itouch.monitors.carried import Allowed, Load, Memory, Nearing, Seen, count, felt, rise, size
+from itouch.monitors.carried import check as watch
 from itouch.monitors.pushed import Pushing, check
-from itouch.monitors.surface import TOUCH_FORCE
+from itouch.monitors.thresholds import TOUCH_FORCE
 from itouch.plugin import Bound, Record
 from itouch.safety import Finger
 from itouch.safety.lifecycle import ENABLED
+from itouch.safety.watching import TOLD, Clocks, clocked, moment
+from itouch.twin.turning import turned_in
 
 Floats = NDArray[np.float64]
 Numbers = NDArray[np.int64]
@@ -40,21 +46,22 @@ class Post(NamedTuple):
     share: Floats
 
 
-class Astray(NamedTuple):
-    """How far a surface is from its command [m], for how long that was too far [s], and when it was looked at [s]."""
+class Carried(NamedTuple):
+    """A surface and the finger over it.
 
-    distance: Floats
-    lasted: Floats
-    looked: Floats
+    ``pose`` (7,) or (0,): where it reads to be; ``strayed`` (1,): how far it is from its command [m]; ``finger`` (3,)
+    and ``top`` (1,): finger and top of the surface in the world; ``frame``: the numbers among which the frame of the
+    device stands.  ``touch`` (2,): room for what a look says; ``touched`` and ``felt`` (1,): what others are told.
+    """
 
-
-class Rules(NamedTuple):
-    """Greatest distance [m] and force [N] before more is asked; the time between slower looks, and the period [s]."""
-
-    distance: float
-    force: float
-    slow: float
-    period: float
+    pose: Floats
+    strayed: Floats
+    finger: Floats
+    top: Floats
+    frame: Floats
+    touch: Floats
+    touched: Numbers
+    felt: Floats
 
 
 @kernel
@@ -72,42 +79,51 @@ def arm(
 
 @kernel
 def surface(
-    post: Post, rules: Rules, load: Load, astray: Astray, tick: Any, ready: Any, tracking: Counts, enabled: int
+    post: Post, allowed: Allowed, memory: Memory, load: Load, one: Carried, clocks: Clocks, said: Floats, tick: Any,
+    ready: Any, tracking: Counts, radius: float, calibrates: bool, period: float, enabled: int,
 ) -> int:  # fmt: skip
-    """Watch a carried surface, and count how far it is from its command once scripts go on."""
+    """Watch a carried surface, and count how far it is from its command once scripts go on.
+
+    ``calibrates``: a touch-off finds its height; ``radius``: of the finger [m].  What is told to Python is in ``said``.
+    """
     if post.status[0] != enabled:
         return SKIP
-    if astray.distance[0] > rules.distance or astray.lasted[0] != 0.0 or felt(load) > rules.force:
-        return PYTHON
-    now = tick[0] + post.missed[0]
-    if not now * rules.period - astray.looked[0] < rules.slow or post.share[0] != 1.0:
-        return PYTHON
     if ready[0] != 0:
-        counted(tracking, astray.distance[0])
-    post.checked[0] = now
-    return 0
+        counted(tracking, one.strayed[0])
+    now, time, seconds = moment(clocks, post.checked[0], tick[0], period)
+    post.checked[0] = tick[0] + clocks.missed[0]
+    x = one.finger[0] - one.frame[TABLE]
+    y = one.finger[1] - one.frame[TABLE + 1]
+    z = one.finger[2] - one.frame[TABLE + 2]
+    gap = one.finger[2] - radius - one.top[0]
+    seen = Seen(now, time, seconds, one.strayed[0], gap, ready[0] != 0 and calibrates)
+    found = watch(allowed, memory, load, one.pose, turned_in(one.frame, TABLE, x, y, z), seen, one.touch)
+    if found >= 0.0 and memory.looked[0] == now:
+        one.touched[0], one.felt[0] = int(one.touch[0]), one.touch[1]
+    said[0] = found
+    return 0 if found == post.share[0] else TOLD
 
 
 @kernel
 def together(
-    load: Load, nearing: Nearing, touch: float, force: float, room: Floats, counted_at: Floats, missed: Any, tick: Any,
-    slow: float, period: float,
+    load: Load, nearing: Nearing, touch: float, force: float, room: Floats, allowed: Allowed, memory: Memory,
+    status: Any, touched: Any, missed: Any, said: Floats, tick: Any, period: float, enabled: int,
 ) -> int:  # fmt: skip
-    """Leave an arm the force [N] that a surface does not take, and see whether the clock of T4 is to be run.
+    """Leave an arm the force [N] that a surface does not take, and run the clock of T4.
 
-    ``load``: of the surface; ``nearing``: of the finger; ``touch``: the force that counts [N]; ``force``: of all
-    together [N]; ``room`` (n,): what is left for each of at most one arm; ``counted_at`` (1,): when that clock was
-    looked at last [s].
+    ``load``, ``allowed``, ``memory``, ``status``, ``touched``: of the surface; ``nearing``: of the finger; ``touch``:
+    the force that counts [N]; ``force``: of all together [N]; ``room`` (n,): what is left for each of at most one arm.
+    What is told to Python is in ``said``.
     """
-    if not (tick[0] + missed[0]) * period - counted_at[0] < slow:
-        return PYTHON
     pressed = felt(load)
     more = rise(nearing, pressed)
     if not pressed > touch:
         pressed = 0.0
     for i in range(room.shape[0]):
         room[i] = max(0.0, force - (pressed + more))
-    return 0
+    found = count(allowed, memory, clocked(tick[0] + missed[0], period), status[0] == enabled and touched[0] != 0)
+    said[0] = found
+    return TOLD if found < 0.0 else 0
 
 
 @kernel
@@ -133,10 +149,15 @@ def bound_supervision(
         wrench, velocity = monitor.sent_of(runner.sent), state[f"{rig.probe.name}.velocity"]
         looks = Bound(arm, own, monitor.pushing, wrench, velocity, post.state["figure"], tick, int(ENABLED))
     elif isinstance(monitor, Surface) and runner is rig.table and not runner.model.wire:
-        distance, lasted, looked = state[f"{rig.probe.name}.tracking"], post.state["strayed_for"], post.state["looked"]
+        over = rig.toucher.over
+        one = Carried(
+            monitor.pose(panel.seen), state[f"{rig.probe.name}.tracking"], over.finger, over.top, over.frame,
+            np.array([0.0, math.nan]), state[f"{name}.touched"], state[f"{name}.felt"],
+        )  # fmt: skip
         looks = Bound(
-            surface, own, Rules(*monitor.most, rig.model.period), monitor.load(panel.seen),
-            Astray(distance, lasted, looked), tick, state["ready"], tracking, int(ENABLED),
+            surface, own, monitor.allowed, monitor.memory(post.state), monitor.load(panel.seen), one, panel.times,
+            post.said, tick, state["ready"], tracking, rig.probe.scene.radius, rig.touch_off is not None,
+            rig.model.period, int(ENABLED),
         )  # fmt: skip
     else:
         return ()
@@ -146,7 +167,7 @@ def bound_supervision(
 
 
 def bound_together(finger: Finger, state: Record, period: float) -> Bound | None:
-    """Return what ``Finger.check`` does while nothing is wrong, of one surface and at most one arm and one plate."""
+    """Return what ``Finger.check`` does as a compiled call, of one surface and at most one arm and one plate."""
     if not finger.simple or finger.worn:
         return None
     table = finger.tables[0]
@@ -155,7 +176,9 @@ def bound_together(finger: Finger, state: Record, period: float) -> Bound | None
     if post is None or not isinstance(post.monitor, Surface) or nearing is None:
         return None
     room = finger.arms_of[0].moving.room if finger.arms_of else np.zeros(0)
+    panel, monitor = table.panel, post.monitor
     return Bound(
-        together, post.monitor.load(table.panel.seen), nearing, TOUCH_FORCE, finger.force, room,
-        post.state["counted"], table.panel.clocks[0], state["tick"], post.monitor.most[2], period,
+        together, monitor.load(panel.seen), nearing, TOUCH_FORCE, finger.force, room, monitor.allowed,
+        monitor.memory(post.state), table.gate, state[f"{table.model.name}.touched"], panel.times.missed, post.said,
+        state["tick"], period, int(ENABLED),
     )  # fmt: skip

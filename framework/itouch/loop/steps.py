@@ -24,7 +24,7 @@ from itouch.loop.runner import Runner
 from itouch.loop.step import CALLS_KERNELS, Step, joinable
 from itouch.plugin import Bound, Record, Role
 from itouch.safety import Finger, Hold
-from itouch.safety.watching import LOOK
+from itouch.safety.watching import LOOK, TOLD
 from itouch.twin.skin import Skin
 from itouch.world import ModalityModel, Model
 from itouch.world.failing import failing
@@ -67,17 +67,19 @@ def watch(runner: Runner) -> Step:
     name = runner.model.name
     written = (*_readings(runner), *_of(name, "age", "sequence", *_watched(runner), *_TRIPPED))
     reads = (*_readings(runner), *_of(name, "status", "age", "sent.*", "touched", "felt", *_watched(runner)))
-    bound = runner.bound_watch()
-    if bound is None:
+    bounds = runner.bound_watch()
+    if not bounds:
         return Step(f"watch {name}", lambda tick, ready: runner.watch_reading(tick), reads, written)
 
     def answer(code: int, tick: int, ready: bool) -> None:
-        if code == LOOK:
+        if code >= TOLD:
+            runner.told(code - TOLD, tick)
+        elif code == LOOK:
             runner.look(tick)
         else:
             runner.watch_reading(tick)
 
-    return joinable(f"watch {name}", bound, reads, written, answer)
+    return joinable(f"watch {name}", bounds, reads, written, answer)
 
 
 def move_objects(model: Model, objects: Objects) -> Step:
@@ -243,8 +245,11 @@ def supervise(
             for tell in present:
                 tell(runner, ready)
             runner.watch_placed(tick)
-            for one in carried:
-                one.panel.touch(runner.panel.touched, runner.panel.force)
+            show()
+
+    def show() -> None:
+        for one in carried:
+            one.panel.touch(runner.panel.touched, runner.panel.force)
 
     reads = (*_readings(runner), *_of(name, "sent.*", "status", "arm.*", "surface.*"))
     for rig in rigs:
@@ -252,10 +257,18 @@ def supervise(
     written = _of(name, "arm.*", "surface.*", "touched", "felt")
     for one in carried:
         written += _of(one.model.name, "touched", "felt")
+
+    def answer(code: int, tick: int, ready: bool) -> None:
+        if code != TOLD:
+            run(tick, ready)
+        elif (post := runner.panel.surface) is not None:
+            runner.panel.told_at(post, tick)
+            show()
+
     mine = [rig for rig in rigs if runner in (rig.arm, rig.table)]
     bounds = bound_supervision(runner, mine[0], carried, state, tracking) if len(mine) == 1 else ()
     if bounds:
-        return joinable(f"supervise {name}", bounds, reads, written, lambda code, tick, ready: run(tick, ready))
+        return joinable(f"supervise {name}", bounds, reads, written, answer)
     return Step(f"supervise {name}", run, reads, written)
 
 
@@ -269,9 +282,7 @@ def share(finger: Finger, devices: Sequence[Runner], state: Record, period: floa
     written = tuple(f"{name}.surface.*" for name in names)
     bound = bound_together(finger, state, period)
     if bound is not None:
-        return joinable(
-            f"together {finger.name}", bound, reads, written, lambda code, tick, ready: finger.check(tick)
-        )  # fmt: skip
+        return joinable(f"together {finger.name}", bound, reads, written, lambda code, tick, ready: finger.told(tick))
     return Step(f"together {finger.name}", lambda tick, ready: finger.check(tick), reads, written)
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from itouch.loop.runner import Runner
 from itouch.loop.surface import memory
 from itouch.loop.surface.plate import ROOM
 from itouch.monitors.carried import Nearing
-from itouch.monitors.surface import DOUBT_GAP, DOUBT_GAP_UNCALIBRATED
+from itouch.monitors.thresholds import DOUBT_GAP, DOUBT_GAP_UNCALIBRATED
 from itouch.plugin import Bound, Contact, ContactEvent, Record, Role
 from itouch.scene.elements import Operator
 from itouch.world import Model, ProbeModel
@@ -39,6 +40,14 @@ PAD_STIFFNESS, PAD_DAMPING = 1e3, 2.0
 
 Listener = Callable[[ContactEvent], None]
 Vector = tuple[float, float, float]
+
+
+class Over(NamedTuple):
+    """Place of a finger (3,) and of the top of a surface (1,) in the world [m]; numbers with the device's frame."""
+
+    finger: render.Floats
+    top: render.Floats
+    frame: render.Floats
 
 
 class Toucher:
@@ -191,6 +200,14 @@ class Toucher:
             figures[render.HIP : render.HIP + 3], figures[render.VELOCITY : render.VELOCITY + 3],
             figures[render.PLATE_TOP : render.PLATE_TOP + 1], self._rising,
             np.array([self.probe.scene.radius, *self._pad, self.model.period]),
+        )  # fmt: skip
+
+    @property
+    def over(self) -> Over:
+        """Where finger and surface are in the world."""
+        figures = self.figures
+        return Over(
+            figures[render.HIP : render.HIP + 3], figures[render.PLATE_TOP : render.PLATE_TOP + 1], self._constants
         )  # fmt: skip
 
     def place(self, which: int, frame: Frame) -> None:

@@ -9,16 +9,76 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.compiling import kernel
+from itouch.monitors.limits import (
+    NEAR,
+    SPEED_NEAR_TRIP,
+    SPEED_TRIP,
+    TRACKING_TIME,
+    TRACKING_TRIP,
+)
+from itouch.monitors.thresholds import (
+    DOUBT_FORCE,
+    DOUBT_GAP,
+    DOUBT_GAP_UNCALIBRATED,
+    DOUBT_TIME,
+    DUE,
+    PLACES,
+    SPEED_TIME,
+    TOUCH_FORCE,
+    TOUCH_GAP,
+    TOUCH_GUESS,
+    WINDOW,
+)
 
 Floats = NDArray[np.float64]
+Numbers = NDArray[np.int64]
 
 
 class Load(NamedTuple):
     """What a surface's sensor reads, (n,) or nothing, and which of it are torques that count; ``lever`` [m], (1,)."""
 
     reading: Floats
-    torques: NDArray[np.int64]
+    torques: Numbers
     lever: Floats
+
+
+class Allowed(NamedTuple):
+    """What one surface may do: greatest force [N], times in touch [s] that make it withdraw and that trip; trips."""
+
+    force: float
+    clamp: float
+    longest: float
+    plate_force: int
+    tracking: int
+    contact_time: int
+    speed: int
+    disagree: int
+
+
+class Memory(NamedTuple):
+    """What is remembered of a surface, as State has it; scalars have shape (1,)."""
+
+    contact_time: Floats
+    withdrawn: Numbers
+    counted: Floats
+    strayed_for: Floats
+    doubted: Floats
+    near_since: Floats
+    looked: Floats
+    places: Numbers
+    track: Floats
+    figure: Floats
+
+
+class Seen(NamedTuple):
+    """One look at a surface: times as in `Moment` [s]; how far it is from its command and from the finger [m]."""
+
+    now: float
+    time: float
+    seconds: float
+    strayed: float
+    gap: float
+    calibrated: bool
 
 
 @kernel
@@ -85,3 +145,141 @@ def pace(gap: float, strayed: float, tracking: float, near: float, close: float,
     if strayed > tracking:
         return 0.0
     return close if gap < near else far
+
+
+@kernel
+def check(allowed: Any, memory: Any, load: Any, pose: Floats, finger: Any, seen: Any, touch: Floats) -> float:
+    """Return 1, or minus the code of a trip.
+
+    Parameters
+    ----------
+    allowed, memory, load
+        Of the surface: `Allowed`, `Memory`, `Load`.
+    pose
+        Its reading, shape (7,), or (0,) if nothing tells where it is.
+    finger
+        Place of the finger in the device's frame [m], three numbers.
+    seen
+        The look, a `Seen`.
+    touch
+        Shape (2,), written where it is its turn: 1 if it is touched, and the force [N]; NaN: not measured.
+    """
+    pressed = felt(load)
+    if _astray(memory, seen):
+        memory.figure[0] = seen.strayed
+        return -float(allowed.tracking)
+    if pressed > allowed.force:
+        memory.figure[0] = pressed
+        return -float(allowed.plate_force)
+    looked = memory.looked[0]
+    if seen.now - looked < DUE:
+        return 1.0
+    passed = 0.0 if math.isnan(looked) else seen.now - looked
+    memory.looked[0] = seen.now
+    measured = len(load.reading) > 0
+    near = TOUCH_GAP if seen.calibrated else 0.0 if measured else TOUCH_GUESS
+    touched = pressed > TOUCH_FORCE or (near > 0.0 and seen.gap < near)
+    touch[0], touch[1] = 1.0 if touched else 0.0, pressed if measured else math.nan
+    found = moves(allowed, memory, pose, finger, seen, touched)
+    if found == 0.0:
+        found = doubt(allowed, memory, pressed, passed, seen)
+    return float(found if found != 0.0 else 1.0)
+
+
+@kernel
+def _astray(memory: Any, seen: Any) -> bool:
+    """Tell whether the surface has been away from its command for too long (K6)."""
+    if not seen.strayed > TRACKING_TRIP:
+        memory.strayed_for[0] = 0.0
+        return False
+    memory.strayed_for[0] += seen.seconds
+    return bool(memory.strayed_for[0] > TRACKING_TIME + 1e-9)
+
+
+@kernel
+def moves(allowed: Any, memory: Any, pose: Floats, finger: Any, seen: Any, touched: bool) -> float:
+    """Return minus the trip of a speed, a mean over 50 ms, that no command can have asked for (K5), or 0."""
+    if not seen.gap < NEAR:
+        memory.near_since[0] = math.nan
+    elif math.isnan(memory.near_since[0]):
+        memory.near_since[0] = seen.now
+    if len(pose) == 0:
+        return 0.0
+    then = _before(memory, pose, finger, seen.time)
+    if then < 0:
+        return 0.0
+    before, near = memory.track[then], memory.near_since[0]
+    window = seen.time - before[0]
+    x, y, z = pose[0] - before[1], pose[1] - before[2], pose[2] - before[3]
+    speed, closing = math.sqrt(x * x + y * y + z * z) / window, z / window
+    if speed > SPEED_TRIP:
+        memory.figure[0], memory.figure[1] = speed, 0.0
+        return -float(allowed.speed)
+    # what was far when the window began may have come near at the speed that is allowed there
+    if math.isnan(near) or seen.now - near < window - 1e-7:
+        return 0.0
+    if closing > SPEED_NEAR_TRIP:
+        memory.figure[0], memory.figure[1] = closing, 1.0
+        return -float(allowed.speed)
+    along, across = x - (finger[0] - before[4]), y - (finger[1] - before[5])
+    past = math.sqrt(along * along + across * across) / window
+    if touched and min(past, math.sqrt(x * x + y * y) / window) > SPEED_NEAR_TRIP:
+        memory.figure[0], memory.figure[1] = past, 2.0
+        return -float(allowed.speed)
+    return 0.0
+
+
+@kernel
+def _before(memory: Any, pose: Floats, finger: Any, time: float) -> int:
+    """Note where surface and finger are; return the row of where they were 50 ms ago or more, -1: not known."""
+    count, track = memory.places[0], memory.track
+    if count > 0:
+        passed = time - track[(count - 1) % PLACES, 0]
+        if passed < DUE:
+            return -1
+        if passed > 4 * SPEED_TIME:
+            count = 0
+    row = count % PLACES
+    track[row, 0] = time
+    for i in range(3):
+        track[row, 1 + i], track[row, 4 + i] = pose[i], finger[i]
+    memory.places[0] = count + 1
+    for known in range(count, max(0, count + 1 - PLACES) - 1, -1):
+        if track[known % PLACES, 0] <= time - WINDOW:
+            return int(known % PLACES)
+    return -1
+
+
+@kernel
+def doubt(allowed: Any, memory: Any, pressed: float, passed: float, seen: Any) -> float:
+    """Return minus the trip of a force [N] where no finger is: sensor and tracking disagree (T8), or 0."""
+    far = seen.gap > (DOUBT_GAP if seen.calibrated else DOUBT_GAP_UNCALIBRATED)
+    if pressed <= DOUBT_FORCE or not far:
+        memory.doubted[0] = 0.0
+        return 0.0
+    memory.doubted[0] += passed
+    if memory.doubted[0] <= DOUBT_TIME + 1e-9:
+        return 0.0
+    memory.figure[0], memory.figure[1] = pressed, seen.gap
+    return -float(allowed.disagree)
+
+
+@kernel
+def count(allowed: Any, memory: Any, now: float, touched: bool) -> float:
+    """Run the clock of T4: forwards in touch, backwards no faster than real time; return 1, or minus its trip.
+
+    ``now``: session time [s]; ``touched``: whether the finger touches this surface, or another one.
+    """
+    counted = memory.counted[0]
+    if now - counted < DUE:
+        return 1.0
+    seconds = 0.0 if math.isnan(counted) else now - counted
+    memory.counted[0] = now
+    passed = max(0.0, memory.contact_time[0] + (seconds if touched else -seconds))
+    memory.contact_time[0] = passed
+    if passed > allowed.longest:
+        memory.figure[0] = passed
+        return -float(allowed.contact_time)
+    if passed > allowed.clamp:
+        memory.withdrawn[0] = 1
+    return 1.0

@@ -9,25 +9,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from typing import ClassVar
+from functools import cached_property
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from itouch.monitors import limits as default
-from itouch.monitors.history import SLOTS, History
+from itouch.monitors.history import History
 from itouch.monitors.readings import drives, plates, separate
-from itouch.monitors.runaway import COLDEST_TARGET, DRIVEN, FROZEN_DRIVE, Runaway, drive_of
+from itouch.monitors.runaway import Runaway, drive_of, signed
+from itouch.monitors.thresholds import COLDEST_TARGET, DRIVEN, WINDOWS
 from itouch.monitors.trips import Trip
 from itouch.plugin import Channel, Field, Moment, Monitor, Record, Role, Rule, Watched
 
-#: How far ahead [s] a plate's temperature is extrapolated, and over what time [s] its rate is taken for that.
-AHEAD, RATE_TIME = 0.1, 0.05
-#: T5, T6: the times [s] over which the rate in contact and the flux are averaged.
-CONTACT_RATE_TIME, FLUX_TIME = 0.5, 1.0
-#: T3: temperature [K] from which dose counts, and that at which a second is a second (Sapareto and Dewey 1984).
-DOSE_FROM, DOSE_UNIT = 312.15, 316.15
-#: T8: a step between two means of 50 ms [K] that no plate can do.
-STEP = 5.0
-_COUNTS = (RATE_TIME, 2 * RATE_TIME, CONTACT_RATE_TIME, FLUX_TIME)
-_SHORT, _DOUBLE, _LONG, _MEAN = range(4)
+if TYPE_CHECKING:
+    from itouch.monitors import driven, heated
+
 _TRIPS = (
     Trip.PLATE_TEMPERATURE, Trip.PLATE_RATE, Trip.FLUX, Trip.DOSE, Trip.COLD, Trip.SENSOR_JUMP, Trip.SENSOR_FROZEN,
     Trip.SENSOR_DISAGREE, Trip.RUNAWAY,
@@ -65,7 +63,7 @@ class Heat(Monitor):
         parts = [most / least for most, least in zip(self._ceilings, hardware, strict=True)]
         follows = all(channel.role is Role.DRIVE for channel, _ in self._drives)
         # of a drive that states no ceiling a limit leaves at most the whole
-        self._history, self._runaway = History(_COUNTS), Runaway(follows=follows, part=min([1.0, *parts]))
+        self._history, self._runaway = History(WINDOWS), Runaway(follows=follows, part=min([1.0, *parts]))
 
     @classmethod
     def of(cls, device: Watched) -> Iterable[Monitor]:
@@ -129,96 +127,56 @@ class Heat(Monitor):
 
     def check(self, state: Record, reading: Record, sent: Record, moment: Moment) -> float:
         """Check the newest readings; budgets and clocks run on without news, with what was read last."""
-        temperature = self._temperature(reading)
-        flux = abs(reading[self._flux].item()) if self._flux else 0.0
-        news = moment.fresh and self._history.add(state, moment.time, temperature, flux)
-        share = min(
-            self._near_temperature(state, temperature), self._near_rate(state, temperature, moment),
-            self._near_flux(state) if self._flux else 1.0, self._near_sink(reading),
+        from itouch.monitors import driven, heated  # the compiler is loaded when a device runs
+
+        look = driven.Look(float(moment.now), float(moment.time), float(moment.seconds), bool(moment.touched))
+        numbers, commands = self.numbers(reading), self.numbers(sent)
+        fresh = bool(moment.fresh)
+        return heated.check(self.stands, self.allowed, self.trust, self.memory(state), numbers, commands, look, fresh)
+
+    @staticmethod
+    def numbers(record: Record) -> NDArray[np.float64]:
+        """Return all numbers of a reading or of commands."""
+        return record.numbers if record.nbytes else np.zeros(0)
+
+    @cached_property
+    def stands(self) -> heated.Plate:
+        """Where its numbers stand, as compiled code takes it."""
+        from itouch.monitors.heated import Plate
+
+        reads, commands = _places(self.device.reads), _places(self.device.commands)
+        listed = [(*one, most) for one, most in zip(self._drives, self._ceilings, strict=True)]
+        return Plate(
+            reads[self.plate] + self._component, reads.get(self._flux, -1), reads.get(self._sink, -1),
+            -1 if self._switch is None else commands[self._switch.name],
+            np.array([commands[channel.name] + component for channel, component, _ in listed], np.int64),
+            np.array([signed(channel, most) for channel, _, most in listed], np.float64),
+            np.array([channel.role is Role.TEMPERATURE_TARGET for channel, _, _ in listed], np.int64),
         )  # fmt: skip
-        if share < 0.0:
-            return share
-        spent = self._count(state, temperature, moment)
-        if spent or (spent := self._step(state) if news else 0.0):
-            return spent
-        sink = reading[self._sink].item() if self._sink else math.nan
-        drive = self._driven(sent, temperature)
-        return self._runaway.check(state, temperature, sink, drive, moment, news) or share
 
-    def _driven(self, sent: Record, temperature: float) -> float:
-        """Return how strongly the plate is driven: -1 (heats) to 1 (cools), as a part of the limit in force."""
-        if self._off(sent):
-            return 0.0
-        found = 0.0
-        for (channel, component), ceiling in zip(self._drives, self._ceilings, strict=True):
-            drive = drive_of(channel, sent[channel.name].ravel()[component].item(), temperature, ceiling)
-            found = drive if abs(drive) > abs(found) else found
-        return found
+    @cached_property
+    def allowed(self) -> heated.Allowed:
+        """What it holds the plate to, as compiled code takes it."""
+        from itouch.monitors.heated import Allowed
 
-    def _near_temperature(self, state: Record, temperature: float) -> float:
-        """Return the share of the drive that the plate's temperature, a little ahead, leaves (T1, T2)."""
         (low, high), (least, most) = self._limits, self._trip
-        ahead, before = temperature, self._history.before(state, _SHORT)
-        if before is not None:
-            ahead += (temperature - before) / RATE_TIME * AHEAD
-        if not least <= ahead <= most:
-            state["figure"][:] = (temperature, ahead, 0.0)
-            return -float(Trip.PLATE_TEMPERATURE)
-        return min(_left(low - ahead, low - least), _left(ahead - high, most - high))
+        temperature, rate, flux, dose, cold, jump = (int(trip) for trip in _TRIPS[:6])
+        return Allowed(
+            float(least), float(low), float(high), float(most), float(self._rate), float(self._most_flux),
+            float(self._dose), float(self._cold), temperature, rate, flux, dose, cold, jump,
+        )  # fmt: skip
 
-    def _near_rate(self, state: Record, temperature: float, moment: Moment) -> float:
-        """Return the share that the plate's rate in contact, a mean over half a second, leaves (T5)."""
-        if not moment.touched:
-            state["since"][...] = math.nan
-            return 1.0
-        since = state["since"].item()
-        if math.isnan(since):
-            since = self._history.newest(state)
-            state["since"][...] = since
-        before = self._history.value(state, max(since, self._history.newest(state) - CONTACT_RATE_TIME), _LONG)
-        rate = abs(temperature - before) / CONTACT_RATE_TIME
-        if rate > 2.0 * self._rate:
-            state["figure"][0] = rate
-            return -float(Trip.PLATE_RATE)
-        return _left(rate - self._rate, self._rate)
+    @property
+    def trust(self) -> driven.Trust:
+        """What is known of its drive, as compiled code takes it."""
+        return self._runaway.trust
 
-    def _near_flux(self, state: Record) -> float:
-        """Return the share that the mean of |flux| over a second leaves (T6)."""
-        mean = self._history.mean_flux(state, _MEAN, FLUX_TIME)
-        limit = self._most_flux
-        if mean * 3.0 > limit * 3.99:  # 4/3, or a sensor that has been at the end of its scale all the time
-            state["figure"][0] = mean
-            return -float(Trip.FLUX)
-        return _left(mean - limit, limit / 3.0)
+    def memory(self, state: Record) -> heated.Memory:
+        """Return what it remembers as compiled code takes it."""
+        from itouch.monitors.heated import Memory
 
-    def _near_sink(self, reading: Record) -> float:
-        """Return the share that the heat sink leaves (T7)."""
-        if not self._sink:
-            return 1.0
-        return _left(reading[self._sink].item() - default.SINK, default.SINK_TRIP - default.SINK)
-
-    def _count(self, state: Record, temperature: float, moment: Moment) -> float:
-        """Add to the thermal dose, in seconds at 43 degC (T3), and to the time in the cold; return a trip or 0."""
-        if not moment.touched:
-            return 0.0
-        if temperature >= DOSE_FROM:
-            base = 0.5 if temperature >= DOSE_UNIT else 0.25
-            state["dose"][...] = dose = state["dose"].item() + moment.seconds * base ** (DOSE_UNIT - temperature)
-            if dose > self._dose:
-                return -float(Trip.DOSE)
-        elif temperature < default.COLD_FROM:
-            state["cold_time"][...] = cold = state["cold_time"].item() + moment.seconds
-            if cold > self._cold:
-                return -float(Trip.COLD)
-        return 0.0
-
-    def _step(self, state: Record) -> float:
-        """Trip on a step of the plate's sensor that no plate can do (T8)."""
-        step = self._history.step(state, _SHORT, _DOUBLE, RATE_TIME)
-        if abs(step) <= STEP:
-            return 0.0
-        state["figure"][0] = step
-        return -float(Trip.SENSOR_JUMP)
+        dose, cold, since = (state[name].reshape(1) for name in ("dose", "cold_time", "since"))
+        return Memory(self._history.past(state), dose, cold, since, state["figure"], self._runaway.memory(state))
 
     def sentence(self, code: int, state: Record, reading: Record, moment: Moment) -> str:
         """Say which limit was passed, by how much."""
@@ -284,13 +242,14 @@ def _pulls(drive: tuple[Channel, int], ceiling: float, sent: Record, plate: floa
     return abs(drive_of(channel, value, plate, ceiling)) > DRIVEN
 
 
-def _left(beyond: float, room: float) -> float:
-    """Return what is left of the drive so far beyond a limit, with so much room to the trip."""
-    return 1.0 if beyond <= 0.0 else max(0.0, 1.0 - beyond / room)
+def _places(channels: Iterable[Channel]) -> dict[str, int]:
+    """Return where the first number of each channel stands among those of all."""
+    found, at = {}, 0
+    for channel in channels:
+        found[channel.name] = at
+        at += max(1, channel.size)
+    return found
 
 
 def _c(kelvin: float) -> str:
     return f"{kelvin - 273.15:.4g} °C"
-
-
-__all__ = ["FROZEN_DRIVE", "SLOTS", "Heat"]

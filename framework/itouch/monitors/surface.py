@@ -4,32 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from itouch.monitors import limits as default
+from itouch.monitors.thresholds import PLACES
 from itouch.monitors.trips import Trip
 from itouch.plugin import Field, Moment, Monitor, Record, Role, Rule, Watched
 
 if TYPE_CHECKING:
     from itouch.monitors import carried
 
-#: Force [N] that counts as a touch of the plate; gap [m] that does, too, once the height is known.
-TOUCH_FORCE, TOUCH_GAP = 0.03, 2e-4
-#: Gap [m] that counts where nothing measures the force: then the height is known from the mount only.
-TOUCH_GUESS = 1e-3
-#: A force [N] that cannot be where the finger is so far [m] from the plate, and for how long [s] it may seem so; wider
-#: before the height is calibrated.
-DOUBT_FORCE, DOUBT_GAP, DOUBT_GAP_UNCALIBRATED, DOUBT_TIME = 0.5, 0.004, 0.015, 0.1
 #: Arm [m] with which a torque counts as a force (K4).
 LEVER = 0.1
-#: Seconds between two of the slower checks, and time [s] that a surface's speed is taken over (K5).
-SLOW, SPEED_TIME = 0.010, 0.050
-#: A little less: times are sums of periods.
-_DUE, _WINDOW = SLOW - 1e-7, SPEED_TIME - 1e-7
-#: Places that are remembered: those of a bit more than the window.
-SLOTS = 16
 _TRIPS = (Trip.PLATE_FORCE, Trip.TRACKING, Trip.CONTACT_TIME, Trip.SURFACE_SPEED, Trip.SENSOR_DISAGREE)
 _RULES = {
     Trip.PLATE_FORCE: "K4", Trip.TRACKING: "K6", Trip.CONTACT_TIME: "T4", Trip.SURFACE_SPEED: "K5",
@@ -82,7 +72,7 @@ class Surface(Monitor):
             Field("looked", unit="s", doc="when it was looked at last; NaN: after a pause"),
             Field("places", "i8", low=0, unit="1", doc="how many places are remembered"),
             Field(
-                "track", "f8", (SLOTS, 7), unit="mixed", doc="times [s], places of the surface and of the finger [m]"
+                "track", "f8", (PLACES, 7), unit="mixed", doc="times [s], places of the surface and of the finger [m]"
             ),
             Field("figure", "f8", 2, unit="mixed", doc="the figures of the last trip"),
         )
@@ -123,21 +113,18 @@ class Surface(Monitor):
 
     def check(self, state: Record, reading: Record, sent: Record, moment: Moment) -> float:
         """Check one tick."""
-        astray = self._astray(state, moment)
-        load = self.felt(reading)
-        if astray or load > self._force_trip:
-            state["figure"][0] = moment.strayed if astray else load
-            return -float(Trip.TRACKING if astray else Trip.PLATE_FORCE)
-        looked = state["looked"].item()
-        if moment.now - looked < _DUE:
-            return 1.0
-        passed = moment.now - looked if looked == looked else 0.0
-        state["looked"][...] = moment.now
-        near = TOUCH_GAP if moment.calibrated else 0.0 if self._load else TOUCH_GUESS
-        touched = load > TOUCH_FORCE or (near > 0.0 and moment.gap < near)
-        moment.touched, moment.force = touched, load if self._load else math.nan
-        found = self._moves(state, reading, moment) or self._doubt(state, load, passed, moment)
-        return found or 1.0
+        from itouch.monitors import carried
+
+        seen = carried.Seen(
+            float(moment.now), float(moment.time), float(moment.seconds), float(moment.strayed), float(moment.gap),
+            bool(moment.calibrated),
+        )  # fmt: skip
+        finger, touch = tuple(float(one) for one in moment.finger), np.array([math.nan, math.nan])
+        memory, pose = self.memory(state), self.pose(reading)
+        found = carried.check(self.allowed, memory, self.load(reading), pose, finger, seen, touch)
+        if touch[0] == touch[0]:
+            moment.touched, moment.force = bool(touch[0]), touch[1].item()
+        return found
 
     def count(self, state: Record, now: float, touched: bool) -> float:
         """Run the clock of T4: forwards in touch, backwards no faster than real time out of it.
@@ -156,19 +143,29 @@ class Surface(Monitor):
         float
             1, or minus the code of a trip.
         """
-        counted = state["counted"].item()
-        if now - counted < _DUE:
-            return 1.0
-        seconds = now - counted if counted == counted else 0.0
-        state["counted"][...] = now
-        passed = max(0.0, state["contact_time"].item() + (seconds if touched else -seconds))
-        state["contact_time"][...] = passed
-        if passed > self._longest:
-            state["figure"][0] = passed
-            return -float(Trip.CONTACT_TIME)
-        if passed > self._clamp:
-            state["withdrawn"][...] = 1
-        return 1.0
+        from itouch.monitors.carried import count
+
+        return count(self.allowed, self.memory(state), float(now), bool(touched))
+
+    @cached_property
+    def allowed(self) -> carried.Allowed:
+        """What it may do, as compiled code takes it."""
+        from itouch.monitors.carried import Allowed
+
+        return Allowed(
+            float(self._force_trip), float(self._clamp), float(self._longest), *(int(trip) for trip in _TRIPS)
+        )
+
+    @staticmethod
+    def memory(state: Record) -> carried.Memory:
+        """Return what it remembers as compiled code takes it."""
+        from itouch.monitors.carried import Memory
+
+        return Memory(*(state[name].reshape(-1) if name != "track" else state[name] for name in Memory._fields))
+
+    def pose(self, reading: Record) -> NDArray[np.float64]:
+        """Return the view of where it reads to be, shape (7,), or (0,)."""
+        return reading[self._pose] if self._pose else np.zeros(0)
 
     def load(self, reading: Record) -> carried.Load:
         """Return what its sensor reads of the force on it, as compiled code takes it."""
@@ -182,77 +179,6 @@ class Surface(Monitor):
         from itouch.monitors.carried import felt
 
         return felt(self.load(reading))
-
-    @property
-    def most(self) -> tuple[float, float, float]:
-        """The distance [m] and force [N] beyond which more than a glance is needed, and the time [s] between looks."""
-        return default.TRACKING_TRIP, float(self._force_trip), _DUE
-
-    def _astray(self, state: Record, moment: Moment) -> bool:
-        """Tell whether the surface has been away from its command for too long (K6)."""
-        if not moment.strayed > default.TRACKING_TRIP:
-            if state["strayed_for"].item():
-                state["strayed_for"][...] = 0.0
-            return False
-        state["strayed_for"][...] = passed = state["strayed_for"].item() + moment.seconds
-        return bool(passed > default.TRACKING_TIME + 1e-9)
-
-    def _moves(self, state: Record, reading: Record, moment: Moment) -> float:
-        """Trip on a speed, a mean over 50 ms, that no command can have asked for (K5)."""
-        near = state["near_since"].item()
-        if not moment.gap < default.NEAR:
-            state["near_since"][...] = near = math.nan
-        elif near != near:
-            state["near_since"][...] = near = moment.now
-        if not self._pose:
-            return 0.0
-        here = (moment.time, *reading[self._pose][:3].tolist(), *moment.finger)
-        before = self._before(state, here)
-        if before is None:
-            return 0.0
-        window = here[0] - before[0]
-        way = [a - b for a, b in zip(here[1:4], before[1:4], strict=True)]
-        speed, closing = math.hypot(*way) / window, way[2] / window
-        if speed > default.SPEED_TRIP:
-            state["figure"][:] = (speed, 0.0)
-            return -float(Trip.SURFACE_SPEED)
-        # what was far when the window began may have come near at the speed that is allowed there
-        if near != near or moment.now - near < window - 1e-7:
-            return 0.0
-        if closing > default.SPEED_NEAR_TRIP:
-            state["figure"][:] = (closing, 1.0)
-            return -float(Trip.SURFACE_SPEED)
-        past = math.hypot(*(way[i] - (here[4 + i] - before[4 + i]) for i in range(2))) / window
-        if moment.touched and min(past, math.hypot(way[0], way[1]) / window) > default.SPEED_NEAR_TRIP:
-            state["figure"][:] = (past, 2.0)
-            return -float(Trip.SURFACE_SPEED)
-        return 0.0
-
-    @staticmethod
-    def _before(state: Record, here: tuple[float, ...]) -> list[float] | None:
-        """Note where surface and finger are, and return where they were at least 50 ms ago; None if not known."""
-        count, track = state["places"].item(), state["track"]
-        if count and here[0] - track[(count - 1) % SLOTS, 0] < _DUE:
-            return None
-        if count and here[0] - track[(count - 1) % SLOTS, 0] > 4 * SPEED_TIME:
-            count = 0
-        track[count % SLOTS] = here
-        state["places"][...] = count + 1
-        known = track[np.arange(max(0, count + 1 - SLOTS), count + 1) % SLOTS]
-        older = known[known[:, 0] <= here[0] - _WINDOW]
-        return older[-1].tolist() if len(older) else None
-
-    def _doubt(self, state: Record, load: float, passed: float, moment: Moment) -> float:
-        """Trip if force sensor and tracked finger disagree: a force without a finger (T8)."""
-        far = moment.gap > (DOUBT_GAP if moment.calibrated else DOUBT_GAP_UNCALIBRATED)
-        if load <= DOUBT_FORCE or not far:
-            state["doubted"][...] = 0.0
-            return 0.0
-        state["doubted"][...] = doubted = state["doubted"].item() + passed
-        if doubted <= DOUBT_TIME + 1e-9:
-            return 0.0
-        state["figure"][:] = (load, moment.gap)
-        return -float(Trip.SENSOR_DISAGREE)
 
     def sentence(self, code: int, state: Record, reading: Record, moment: Moment) -> str:
         """Say which limit was passed, by how much."""

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from itouch.monitors import DeviceFaultError, Heat, Push, Surface, Trip
 from itouch.monitors import limits as default
-from itouch.monitors.surface import TOUCH_FORCE
+from itouch.monitors.thresholds import TOUCH_FORCE
 from itouch.plugin import Role
 from itouch.safety.panel import Post
 from itouch.safety.supervisor import Supervisor
@@ -117,6 +117,18 @@ class Finger:
             self._touch(tick)
         if len(self._heats) > 1:
             self._doses(tick)
+
+    def told(self, tick: int) -> None:
+        """Act upon what the compiled clock of T4 has found.
+
+        Raises
+        ------
+        DeviceFaultError
+            If the surface was touched for too long.
+        """
+        for table in self.tables:
+            if table.panel.surface is not None:
+                table.panel.told_at(table.panel.surface, tick)
 
     def leave(self, arm: Supervisor) -> None:
         """Leave an arm what the other arms have not taken either, just before it is sent its force."""

@@ -15,7 +15,7 @@ from itouch.monitors import Trip, TripError
 from itouch.monitors import limits as default
 from itouch.monitors.limits import DeviceLimits
 from itouch.monitors.readings import not_finite
-from itouch.monitors.runaway import COLDEST_TARGET
+from itouch.monitors.thresholds import COLDEST_TARGET
 from itouch.plugin import HURTING, RETRACT, Bound, Channel, Role
 from itouch.safety import limiting
 

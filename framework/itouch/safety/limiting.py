@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from itouch.compiling import kernel
 from itouch.joining import SKIP
-from itouch.monitors.runaway import COLDEST_TARGET
+from itouch.monitors.thresholds import COLDEST_TARGET
 
 Floats = NDArray[np.float64]
 

@@ -13,22 +13,22 @@ from copy import copy
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.monitors import OWN, DeviceFaultError, Ordinary, Readings, Surface, Trip, TripError
+from itouch.monitors import OWN, DeviceFaultError, Heat, Ordinary, Readings, Surface, Trip, TripError
 from itouch.plugin import Moment, Monitor, Record
+from itouch.safety.watching import Clocks, clocked
+from itouch.safety.watching import moment as clocks_at
 from itouch.world import DeviceModel
 
 #: Longest time [s] between two checks of an open device, also without news.
 CLOCK = 0.010
 #: A reading that comes so long [s] after the one before is looked at at once, faster ones at the clock's next turn.
 APART = 0.005
-#: So many spans of time are kept rounded.
-_KEPT = 64
 
 
 class Post:
     """One monitor in its place."""
 
-    __slots__ = ("checked", "monitor", "own", "share", "state")
+    __slots__ = ("checked", "monitor", "own", "said", "share", "state")
 
     def __init__(self, monitor: Monitor, state: Record, device: str) -> None:
         self.monitor = monitor
@@ -38,6 +38,8 @@ class Post:
         self.share, self.checked = state[f"{name}.share"], state[f"{name}.checked"]
         #: Whether it is one of the framework's own.
         self.own = type(monitor) in OWN
+        #: What a compiled look has found and Python is to tell, shape (1,).
+        self.said = np.zeros(1)
 
 
 class Panel:
@@ -49,14 +51,17 @@ class Panel:
         self.seen = reading.copy()
         self._reading, self._sent = reading, sent
         self._read, self._seen = reading.raw, self.seen.raw
-        self._rounded: dict[int, float] = {}
         self._name = name = model.name
         self.moment = Moment()
         self._clamped = state[f"{name}.clamped"]
         self._missed, self._heard = self.clocks = state[f"{name}.missed"], state[f"{name}.heard"]
         self._state = state
         self._measured = state[f"{name}.measured"]
+        #: The times of the device, as compiled code takes them.
+        self.times = Clocks(self._missed.reshape(1), self._heard.reshape(1), self._measured.reshape(-1))
         self._touched, self._felt = state[f"{name}.touched"], state[f"{name}.felt"]
+        #: 1 while a finger touches the device, as far as is known, shape (1,).
+        self.touching = self._touched.reshape(1)
         posts = [Post(monitor, state, name) for monitor in model.monitors]
         #: What is asked first: whether the reading can be believed.
         self.readings = next((post for post in posts if isinstance(post.monitor, Readings)), None)
@@ -171,9 +176,12 @@ class Panel:
         self._missed += ticks
 
     def turns(self) -> tuple[NDArray[np.int64], NDArray[np.int64]] | None:
-        """Return State as whole numbers, and where in it the timed monitors note when they looked; None: nowhere."""
+        """Return State as whole numbers, and where monitors note in it when Python asked them; None: nowhere.
+
+        Those of plates are asked by compiled code.
+        """
         begin = self._state.raw.ctypes.data
-        places = [post.checked.ctypes.data - begin for post in self._timed]
+        places = [post.checked.ctypes.data - begin for post in self._timed] if not self.heats else []
         if any(place % 8 for place in places) or begin % 8 or self._state.nbytes % 8:
             return None
         return self._state.raw.view(np.int64), np.array(places, np.int64) // 8
@@ -203,15 +211,34 @@ class Panel:
         TripError
             The first trip.
         """
-        if not self._timed or self._heard.item() < 0:
-            return
+        if self._timed and self._heard.item() >= 0:
+            self._look(self._timed, tick, age)
+
+    def _look(self, listed: Sequence[Post], tick: int, age: float) -> None:
         now = tick + self._missed.item()
-        for post in self._timed:
+        for post in listed:
             checked = post.checked.item()
             if checked < 0 or now - checked >= self.clock or self.due[0] == now:
                 self.moment.age = age
                 self.moment.touched, self.moment.force = bool(self._touched.item()), self._felt.item()
                 self._ask(post, self.seen, now, None)
+
+    @property
+    def heats(self) -> Sequence[tuple[Post, Heat]]:
+        """The monitors of plates, if nothing else is asked on the clock; else none."""
+        found = [(post, post.monitor) for post in self._timed if isinstance(post.monitor, Heat) and post.own]
+        return found if len(found) == len(self._timed) else ()
+
+    def told_timed(self, number: int, tick: int, age: float) -> None:
+        """Act upon what a compiled look of a monitor on the clock has found, and ask those after it.
+
+        Raises
+        ------
+        TripError
+            The first trip.
+        """
+        self.told(self._timed[number])
+        self._look(self._timed[number + 1 :], tick, age)
 
     def look_placed(self, tick: int) -> None:
         """Ask the monitors that need to know where the finger is now; ``moment`` says it.
@@ -273,12 +300,23 @@ class Panel:
         post = self.surface
         if post is None or not isinstance(post.monitor, Surface):
             return
-        found = post.monitor.count(post.state, round((tick + self._missed.item()) * self._period, 9), touched)
+        now = clocked(tick + self._missed.item(), self._period)
+        post.said[0] = found = post.monitor.count(post.state, now, touched)
         if found < 0.0:
-            try:
-                self._trip(post, found, self.seen)
-            except TripError as error:
-                raise DeviceFaultError(self._name, tick, error.trip, str(error)) from error
+            self.told_at(post, tick)
+
+    def told_at(self, post: Post, tick: int) -> None:
+        """Act upon what a compiled look of a monitor has found in a tick.
+
+        Raises
+        ------
+        DeviceFaultError
+            If it is a trip.
+        """
+        try:
+            self.told(post)
+        except TripError as error:
+            raise DeviceFaultError(self._name, tick, error.trip, str(error)) from error
 
     @property
     def touched(self) -> bool:
@@ -286,11 +324,10 @@ class Panel:
         return bool(self._touched.item())
 
     def _ask(self, post: Post, reading: Record, now: int, seconds: float | None) -> None:
-        moment, period, checked = self.moment, self._period, post.checked.item()
-        measured = max(self._measured.tolist(), default=now) + self._missed.item()
-        moment.now = round(now * period, 9)
-        moment.time = moment.now if measured == now else round(measured * period, 9)
-        moment.seconds = seconds if seconds is not None else self._since(now - checked) if checked >= 0 else 0.0
+        moment, checked = self.moment, post.checked.item()
+        tick = now - self._missed.item()
+        moment.now, moment.time, passed = clocks_at(self.times, checked, tick, self._period)
+        moment.seconds = passed if seconds is None else seconds
         moment.fresh = self._heard.item() > checked
         post.checked[...] = now
         sent = self._sent
@@ -306,20 +343,24 @@ class Panel:
         except BaseException as error:  # a plugin that exits does not end the program
             cause = f"was stopped because its monitor '{post.monitor.name}' failed: {type(error).__name__}: {error}"
             raise TripError(Trip.MONITOR_ERROR, cause) from error
+        self._judge(post, found, reading)
+
+    def told(self, post: Post) -> None:
+        """Act upon what a compiled look of a monitor has found.
+
+        Raises
+        ------
+        TripError
+            If it is a trip.
+        """
+        self._judge(post, post.said[0].item(), self.seen)
+
+    def _judge(self, post: Post, found: float, reading: Record) -> None:
         if found != post.share.item():
             if not 0.0 <= found <= 1.0:
                 self._trip(post, found, reading)
             post.share[...] = found
             self._gather()
-
-    def _since(self, ticks: int) -> float:
-        """Return so many ticks in seconds, rounded; the few that there are in a run are computed once."""
-        found = self._rounded.get(ticks)
-        if found is None:
-            found = round(ticks * self._period, 9)
-            if len(self._rounded) < _KEPT:
-                self._rounded[ticks] = found
-        return found
 
     def _trip(self, post: Post, found: float, reading: Record) -> None:
         """Raise the trip that a monitor has returned."""

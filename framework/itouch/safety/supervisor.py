@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.joining import is_newest
-from itouch.monitors import LOSSES, DeviceFaultError, Readings, Trip, TripError
+from itouch.monitors import LOSSES, DeviceFaultError, Heat, Readings, Trip, TripError
 from itouch.monitors.limits import TIMELY
 from itouch.plugin import Bound, Device, DeviceError, Record, Role, Twin
 from itouch.plugin.stamps import Stamped
 from itouch.safety import limiting, watching
 from itouch.safety.guard import ANYWHERE, Guard
 from itouch.safety.lifecycle import BACKWARDS, CLOSED, ENABLED, FAULT, HELD, Lifecycle
+from itouch.safety.panel import Post
 from itouch.world import DeviceModel
 from itouch.world import limits as default
 from itouch.world.failing import failing
@@ -148,6 +149,19 @@ class Supervisor(Lifecycle):
         except TripError as error:
             self._disbelieve(tick, error)
 
+    def told(self, number: int, tick: int) -> None:
+        """Act upon what a compiled look of a monitor has found, and let those after it look.
+
+        Raises
+        ------
+        DeviceFaultError
+            If the device reads what may not be.
+        """
+        try:
+            self.panel.told_timed(number, tick, self._age.item() * self._period)
+        except TripError as error:
+            self._disbelieve(tick, error)
+
     def bound_take(self) -> tuple[Bound, ...]:
         """Return ``take`` as compiled calls, which leave a twin that has nothing new to it; none: it is Python."""
         twin = self.twin
@@ -162,12 +176,12 @@ class Supervisor(Lifecycle):
         )
         return due, sensed, Bound(watching.came, self._tick, self._measured, self._taken)
 
-    def bound_watch(self) -> Bound | None:
-        """Return ``watch_reading`` as a compiled call, which leaves what is unusual to it; None: it is Python."""
+    def bound_watch(self) -> tuple[Bound, ...]:
+        """Return ``watch_reading`` as compiled calls, which leave what is unusual to it; none: it is Python."""
         panel, post = self.panel, self.panel.readings
         turns = panel.turns()
         if post is None or not isinstance(post.monitor, Readings) or turns is None:
-            return None
+            return ()
         words, places = turns
         watched = watching.Watched(
             self._status, self._taken, self._age, self._sequence, self.slip, *panel.clocks, post.checked, post.share,
@@ -175,7 +189,17 @@ class Supervisor(Lifecycle):
         )  # fmt: skip
         rhythm = watching.Rhythm(self._every, panel.apart, panel.clock, self._period)
         memory = post.monitor.memory(post.state)
-        return Bound(watching.watch, watched, post.monitor.able, memory, rhythm, self._tick, CLOSED, FAULT)
+        first = Bound(watching.watch, watched, post.monitor.able, memory, rhythm, self._tick, CLOSED, FAULT)
+        return first, *(self._bound_look(number, *one, rhythm) for number, one in enumerate(panel.heats))
+
+    def _bound_look(self, number: int, post: Post, heat: Heat, rhythm: watching.Rhythm) -> Bound:
+        """Return the look of a plate's monitor, when it is its turn."""
+        panel, touched = self.panel, self.panel.touching
+        asked = watching.Asked(post.checked, post.share, post.said, panel.due, touched)
+        return Bound(
+            watching.ask, asked, panel.times, rhythm, self._status, self._tick, heat.stands, heat.allowed, heat.trust,
+            heat.memory(post.state), heat.numbers(panel.seen), heat.numbers(self.sent), number, CLOSED,
+        )  # fmt: skip
 
     def _believe(self, tick: int, status: int) -> None:
         age, slip = self._age.item(), self.slip[0].item()

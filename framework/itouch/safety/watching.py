@@ -1,7 +1,8 @@
 """A reading's way past the monitors in a tick, compiled as far as nothing unusual is seen.
 
 What is unusual changes nothing here and is left to Python: a reading that did not come or is not believed, a device
-that is stopped.  The other monitors are called by Python when it is their turn.
+that is stopped.  What the monitors of plates find that is not what they found before, Python tells.  Monitors of other
+kinds are called by Python when it is their turn.
 """
 
 from __future__ import annotations
@@ -13,13 +14,16 @@ from numpy.typing import NDArray
 
 from itouch.compiling import kernel
 from itouch.joining import SKIP
+from itouch.monitors import heated
 from itouch.monitors.believing import Believable, Memory, check
+from itouch.monitors.driven import Look, Trust
 
 Floats = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
-#: What is left to Python: the whole step, or the monitors whose turn it is.
-PYTHON, LOOK = 1, 2
+#: What is left to Python: the whole step, the monitors whose turn it is, or (from TOLD on, by its number) to tell what
+#: one of them has found.
+PYTHON, LOOK, TOLD = 1, 2, 3
 
 
 class Watched(NamedTuple):
@@ -52,6 +56,51 @@ class Rhythm(NamedTuple):
     apart: int
     clock: int
     period: float
+
+
+class Clocks(NamedTuple):
+    """Times of a device in ticks: how many were left out, and when it was heard, each (1,).
+
+    ``measured`` (n,): when each of its readings was measured.
+    """
+
+    missed: Numbers
+    heard: Numbers
+    measured: Numbers
+
+
+@kernel
+def clocked(ticks: int, period: float) -> float:
+    """Return so many ticks as time [s], rounded to 1 ns: the decimal number that they stand for."""
+    return float(np.rint(ticks * period * 1e9) / 1e9)
+
+
+@kernel
+def moment(clocks: Any, checked: int, tick: int, period: float) -> tuple[float, float, float]:
+    """Return the time of a look, that at which the newest reading was measured, and that since ``checked`` [s].
+
+    ``checked``: when a monitor looked last, in ticks; below 0: not yet, or not since a pause.
+    """
+    now, newest = tick + clocks.missed[0], clocks.measured[0]
+    for i in range(1, len(clocks.measured)):
+        newest = max(newest, clocks.measured[i])
+    return (
+        clocked(now, period), clocked(newest + clocks.missed[0], period),
+        clocked(now - checked, period) if checked >= 0 else 0.0,
+    )  # fmt: skip
+
+
+class Asked(NamedTuple):
+    """A monitor that has its turn: when it looked last [ticks], what it left, and what it says; all of shape (1,).
+
+    ``due``: the time whose reading must be looked at; ``touched``: whether a finger touches the device.
+    """
+
+    checked: Numbers
+    share: Floats
+    said: Floats
+    due: Numbers
+    touched: Numbers
 
 
 @kernel
@@ -111,3 +160,24 @@ def watch(
         if checked < 0 or now - checked >= rhythm.clock or device.due[0] == now:
             return LOOK
     return 0
+
+
+@kernel
+def ask(
+    one: Asked, clocks: Clocks, rhythm: Rhythm, status: Any, tick: Any, plate: heated.Plate, allowed: heated.Allowed,
+    trust: Trust, memory: heated.Memory, seen: Floats, sent: Floats, number: int, closed: int,
+) -> int:  # fmt: skip
+    """Let the monitor of a plate look if it is its turn; ``number``: which of the device's it is.
+
+    Returns 0, or TOLD and its number: what it says, in ``one.said``, is not what it left before.
+    """
+    if status[0] == closed or clocks.heard[0] < 0:
+        return 0
+    now, checked = tick[0] + clocks.missed[0], one.checked[0]
+    if checked >= 0 and now - checked < rhythm.clock and one.due[0] != now:
+        return 0
+    at, time, seconds = moment(clocks, checked, tick[0], rhythm.period)
+    one.checked[0] = now
+    look, fresh = Look(at, time, seconds, one.touched[0] != 0), clocks.heard[0] > checked
+    one.said[0] = heated.check(plate, allowed, trust, memory, seen, sent, look, fresh)
+    return 0 if one.said[0] == one.share[0] else TOLD + number

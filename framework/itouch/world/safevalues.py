@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from itouch.monitors.limits import TIMELY
-from itouch.monitors.runaway import COLDEST_TARGET
+from itouch.monitors.thresholds import COLDEST_TARGET
 from itouch.plugin import HURTING, RETRACT, Channel, Device, Role
 from itouch.schema import Place, Problem
 from itouch.world import limits as default

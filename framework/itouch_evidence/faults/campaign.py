@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from itouch.monitors import limits
-from itouch.monitors.heat import DOSE_FROM, DOSE_UNIT
+from itouch.monitors.thresholds import DOSE_FROM, DOSE_UNIT
 from itouch.plugin import DeviceError, ItouchError, Role
 from itouch.plugin.discovery import Catalog, Found
 from itouch.scene import loads

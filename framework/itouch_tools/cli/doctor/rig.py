@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from itouch.loop import Engine
 from itouch.monitors import DeviceFaultError, Trip
 from itouch.monitors import limits as default
-from itouch.monitors.surface import TOUCH_FORCE
+from itouch.monitors.thresholds import TOUCH_FORCE
 from itouch.plugin import DeviceError, Role
 from itouch.safety import Hold, Status, connect
 from itouch.schema import ItouchError

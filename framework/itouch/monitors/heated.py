@@ -1,0 +1,206 @@
+"""What a plate may do to a finger, compiled: the arithmetic of `Heat` (T1 to T7), and a whole look at it."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.compiling import kernel
+from itouch.monitors import driven, lookback
+from itouch.monitors.limits import COLD_FROM, SINK, SINK_TRIP
+from itouch.monitors.thresholds import (
+    AHEAD,
+    CONTACT_RATE_TIME,
+    DOSE_FROM,
+    DOSE_UNIT,
+    DOUBLE,
+    LONG,
+    MEAN,
+    RATE_TIME,
+    SHORT,
+    STEP,
+)
+
+Floats = NDArray[np.float64]
+Numbers = NDArray[np.int64]
+
+
+class Plate(NamedTuple):
+    """Where a plate's numbers stand: in the reading plate, flux and heat sink, among the commands the switch; -1: none.
+
+    ``drives`` (n,): places of its commands, ``ceilings`` (n,): the greatest of each, below 0 of a heater;
+    ``targets`` (n,): 1 where the command is a temperature.
+    """
+
+    plate: int
+    flux: int
+    sink: int
+    switch: int
+    drives: Numbers
+    ceilings: Floats
+    targets: Numbers
+
+
+class Allowed(NamedTuple):
+    """Temperatures [K] that trip, and from which the drive is cut; rate [K/s], flux [W/m2], dose and cold time [s].
+
+    Then the trips.
+    """
+
+    least: float
+    low: float
+    high: float
+    most: float
+    rate: float
+    flux: float
+    dose: float
+    cold: float
+    trip_temperature: int
+    trip_rate: int
+    trip_flux: int
+    trip_dose: int
+    trip_cold: int
+    trip_jump: int
+
+
+class Memory(NamedTuple):
+    """What is remembered of a plate, as State has it; of what was spent, and since when it is touched, shape (1,)."""
+
+    past: lookback.Past
+    dose: Floats
+    cold_time: Floats
+    since: Floats
+    figure: Floats
+    runaway: driven.Memory
+
+
+@kernel
+def check(
+    plate: Any, allowed: Any, trust: Any, memory: Any, reading: Floats, sent: Floats, look: Any, fresh: bool
+) -> float:  # fmt: skip
+    """Look at the newest readings; budgets and clocks run on without news, with what was read last.
+
+    Parameters
+    ----------
+    plate, allowed, trust, memory
+        Of the plate: `Plate`, `Allowed`, `driven.Trust`, `Memory`.
+    reading, sent
+        All numbers of the device's reading and of what it was sent.
+    look, fresh
+        A `driven.Look`, and whether a reading has come since the last.
+
+    Returns
+    -------
+    float
+        The part of the drive that is left, or minus the code of a trip.
+    """
+    temperature = reading[plate.plate]
+    flux = abs(reading[plate.flux]) if plate.flux >= 0 else 0.0
+    news = fresh and lookback.add(memory.past, look.time, temperature, flux)
+    share = near_temperature(allowed, memory, temperature)
+    share = min(share, near_rate(allowed, memory, temperature, look.touched))
+    if plate.flux >= 0:
+        share = min(share, near_flux(allowed, memory))
+    sink = reading[plate.sink] if plate.sink >= 0 else math.nan
+    if plate.sink >= 0:
+        share = min(share, left(sink - SINK, SINK_TRIP - SINK))
+    if share < 0.0:
+        return float(share)
+    spent = count(allowed, memory, temperature, look)
+    if spent == 0.0 and news:
+        spent = jump(allowed, memory)
+    if spent != 0.0:
+        return float(spent)
+    found = driven.check(trust, memory.runaway, temperature, sink, drive(plate, sent, temperature), look, news)
+    return float(found if found != 0.0 else share)
+
+
+@kernel
+def left(beyond: float, room: float) -> float:
+    """Return what is left of the drive so far beyond a limit, with so much room to the trip."""
+    return 1.0 if beyond <= 0.0 else max(0.0, 1.0 - beyond / room)
+
+
+@kernel
+def drive(plate: Any, sent: Floats, temperature: float) -> float:
+    """Return how strongly the plate is driven: -1 (heats) to 1 (cools), as a part of the limit in force."""
+    if plate.switch >= 0 and sent[plate.switch] < 0.5:
+        return 0.0
+    found = 0.0
+    for k in range(len(plate.drives)):
+        one = driven.drive_of(plate.targets[k] != 0, sent[plate.drives[k]], temperature, plate.ceilings[k])
+        if abs(one) > abs(found):
+            found = one
+    return found
+
+
+@kernel
+def near_temperature(allowed: Any, memory: Any, temperature: float) -> float:
+    """Return the share of the drive that the plate's temperature, a little ahead, leaves (T1, T2)."""
+    ahead = temperature
+    known, before = lookback.before(memory.past, SHORT)
+    if known:
+        ahead += (temperature - before) / RATE_TIME * AHEAD
+    if not allowed.least <= ahead <= allowed.most:
+        memory.figure[0], memory.figure[1], memory.figure[2] = temperature, ahead, 0.0
+        return -float(allowed.trip_temperature)
+    cold = left(allowed.low - ahead, allowed.low - allowed.least)
+    hot = left(ahead - allowed.high, allowed.most - allowed.high)
+    return float(min(cold, hot))
+
+
+@kernel
+def near_rate(allowed: Any, memory: Any, temperature: float, touched: bool) -> float:
+    """Return the share that the plate's rate in contact, a mean over half a second, leaves (T5)."""
+    if not touched:
+        memory.since[0] = math.nan
+        return 1.0
+    newest = lookback.newest(memory.past)
+    if math.isnan(memory.since[0]):
+        memory.since[0] = newest
+    before = lookback.value_at(memory.past, max(memory.since[0], newest - CONTACT_RATE_TIME), LONG)
+    rate = abs(temperature - before) / CONTACT_RATE_TIME
+    if rate > 2.0 * allowed.rate:
+        memory.figure[0] = rate
+        return -float(allowed.trip_rate)
+    return float(left(rate - allowed.rate, allowed.rate))
+
+
+@kernel
+def near_flux(allowed: Any, memory: Any) -> float:
+    """Return the share that the mean of the flux, whatever its sign, over a second leaves (T6)."""
+    mean, limit = lookback.mean_flux(memory.past, MEAN), allowed.flux
+    if mean * 3.0 > limit * 3.99:  # 4/3, or a sensor that has been at the end of its scale all the time
+        memory.figure[0] = mean
+        return -float(allowed.trip_flux)
+    return float(left(mean - limit, limit / 3.0))
+
+
+@kernel
+def count(allowed: Any, memory: Any, temperature: float, look: Any) -> float:
+    """Add to the thermal dose, in seconds at 43 degC (T3), and to the time in the cold; return a trip or 0."""
+    if not look.touched:
+        return 0.0
+    if temperature >= DOSE_FROM:
+        base = 0.5 if temperature >= DOSE_UNIT else 0.25
+        memory.dose[0] += look.seconds * base ** (DOSE_UNIT - temperature)
+        if memory.dose[0] > allowed.dose:
+            return -float(allowed.trip_dose)
+    elif temperature < COLD_FROM:
+        memory.cold_time[0] += look.seconds
+        if memory.cold_time[0] > allowed.cold:
+            return -float(allowed.trip_cold)
+    return 0.0
+
+
+@kernel
+def jump(allowed: Any, memory: Any) -> float:
+    """Trip on a step of the plate's sensor that no plate can do (T8)."""
+    step = lookback.step(memory.past, SHORT, DOUBLE)
+    if abs(step) <= STEP:
+        return 0.0
+    memory.figure[0] = step
+    return -float(allowed.trip_jump)
