@@ -96,7 +96,7 @@ def _read_clock(typing: Any, address: Any, which: Any, memory: Any) -> Any:
 
 
 @nogil_kernel
-def _run(about: int, begin: int) -> int:
+def run_chain(about: int, begin: int) -> int:
     """Run the calls from ``begin`` on; return -1, or where one wants Python and what it says: index * 2**32 + code.
 
     ``about``: where the chain stands (``Chain``).  Numbers are what Python hands over quickest.
@@ -116,7 +116,7 @@ def _run(about: int, begin: int) -> int:
 
 @nogil_kernel
 def _run_timed(about: int, begin: int, stamps: Any, first: int) -> int:
-    """Do what ``_run`` does, and write the host time [s] after step i to ``stamps[first + i]``."""
+    """Do what ``run_chain`` does, and write the host time [s] after step i to ``stamps[first + i]``."""
     chain = carray(_pointer(about), _ABOUT, int64)
     count = chain[0]
     entries, words = carray(_pointer(chain[1]), count, int64), carray(_pointer(chain[2]), count, int64)
@@ -135,14 +135,26 @@ def _run_timed(about: int, begin: int, stamps: Any, first: int) -> int:
 
 
 @nogil_kernel
-def _repeat(entries: Any, words: Any, ends: Any, tick: Any, rounds: int) -> None:
-    """Run all calls again and again, each time a tick later; what one leaves to Python is left out with its step."""
+def host_time(about: int) -> float:
+    """Return the host's time [s] by the clock of a chain, which is that of ``time.perf_counter``."""
+    chain = carray(_pointer(about), _ABOUT, int64)
+    memory = carray(_pointer(chain[6]), 2, int64)
+    _read_clock(chain[5], 1, chain[6])
+    return float(memory[0] + 1e-9 * memory[1])
+
+
+@nogil_kernel
+def _repeat(entries: Any, words: Any, ends: Any, tick: Any, rounds: int) -> int:
+    """Run all calls again and again, each time a tick later; return how often one left its step to Python."""
+    left = 0
     for _ in range(rounds):
-        tick[0] += 1
         i = 0
         while i < entries.shape[0]:
             code: int = _call(entries[i], words[i])
+            left += code != 0 and code != SKIP
             i = i + 1 if code == 0 else ends[i]
+        tick[0] += 1
+    return left
 
 
 class Call(Protocol):
@@ -179,27 +191,28 @@ class Chain:
         addresses = [array.ctypes.data for array in arrays]
         #: Where the chain stands, for compiled code: how many calls, their arrays, and the clock with its memory.
         self._about = np.array([len(calls), *addresses, _clock_address(), self._memory.ctypes.data], np.int64)
-        self._place = int(self._about.ctypes.data)
+        #: The address of that.
+        self.place = int(self._about.ctypes.data)
 
     def run(self, begin: int = 0) -> int:
         """Run the calls from ``begin`` on; return -1, or where one wants Python: its index * 2**32 + its code."""
-        return _run(self._place, begin)
+        return run_chain(self.place, begin)
 
     def warm_up(self) -> None:
         """Compile, or load, what runs the calls; none of them is run."""
         self.run(len(self.calls))
         self.run_timed(np.zeros(1), 0, len(self.calls))
 
-    def repeat(self, rounds: int, tick: NDArray[np.int64]) -> None:
-        """Run all calls so many times in one compiled loop, whatever they return: for measurements.
+    def repeat(self, rounds: int, tick: NDArray[np.int64]) -> int:
+        """Run all calls so many times in one compiled loop, for measurements; ``tick`` (1,) goes on by one each time.
 
-        ``tick`` (1,) goes on by one before each time.
+        What a step leaves to Python is left out with what remains of it.  Returns how often that was.
         """
-        _repeat(self._entries, self._blocks, self.ends, tick, rounds)
+        return _repeat(self._entries, self._blocks, self.ends, tick, rounds)
 
     def run_timed(self, stamps: NDArray[np.float64], first: int, begin: int = 0) -> int:
         """Do what ``run`` does, and write the host time [s] after step i to ``stamps[first + i]``."""
-        return _run_timed(self._place, begin, stamps, first)
+        return _run_timed(self.place, begin, stamps, first)
 
 
 def can_join() -> bool:

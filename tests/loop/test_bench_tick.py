@@ -7,7 +7,7 @@ import json
 import pytest
 from shipped import SCENES
 
-from itouch.session import build
+from itouch.session import build, load_scene
 from itouch_evidence import tick
 from itouch_tools.cli import main
 
@@ -25,9 +25,30 @@ def test_measuring_a_part_puts_the_state_back() -> None:
     session = build(tick.scene_of(probes=2, devices=3))
     assert tick.in_contact(session)
     before = session.state.tobytes()
-    assert tick.compiled_part(session, 20) > 0.0
+    whole, compiled, left = tick.beside_the_limit(session, 3)
+    assert whole > 0.0 and compiled > 0.0 and left == 0
     assert isinstance(tick.cost_of_a_split(session, 20), float)
     assert session.state.tobytes() == before
+    session.close()
+
+
+@pytest.mark.parametrize("name", ["four_materials.xml", ""])
+def test_the_limit_has_all_that_a_tick_has(name: str) -> None:
+    """The compiled loop to which a tick is compared makes the same State: no step of the touch is missing in it."""
+    session = build(load_scene(SCENES / name) if name else tick.scene_of())
+    assert tick.in_contact(session)
+    kept, found = session.state.tobytes(), []
+    for whole in (True, False):
+        session.adopt(kept)
+        session.tick()
+        if whole:
+            for _ in range(100):
+                session.tick()
+        else:
+            (chain,) = session.plan.chains
+            assert chain.repeat(100, session.state["tick"].reshape(1)) == 0
+        found.append(session.state.tobytes())
+    assert found[0] == found[1]
     session.close()
 
 
