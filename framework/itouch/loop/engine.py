@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 
 from itouch.faults import FOREVER, Injection, Kind
+from itouch.joining import runner as as_one_call
+from itouch.loop.advance import PYTHON, STOPPED, advance
 from itouch.loop.clock import Clock, VirtualClock, now
 from itouch.loop.events import Events
 from itouch.loop.fault_attribution import broken_off, with_writer
@@ -31,7 +33,7 @@ from itouch.loop.runner import DeviceFaultError, Runner, Status
 from itouch.loop.safe_shutdown import SafeShutdown
 from itouch.loop.timing import Timing
 from itouch.loop.warm_up import reset_modalities, warm_up
-from itouch.plugin import DeviceError, Record
+from itouch.plugin import Bound, DeviceError, Record
 from itouch.safety import Outcome
 from itouch.schema import ItouchError
 from itouch.world import Model, make_state
@@ -103,9 +105,20 @@ class Engine:
         self.stamps = np.zeros(1 + max(1, len(self.plan.steps)))
         #: Called with the number of a tick when it is over, also in the safe sequence; they must not change the State.
         self.taps: list[Callable[[int], None]] = []
+        #: Where the plan has stopped in a tick that was begun by compiled code, shape (1,).
+        self._left = np.zeros(1, np.int64)
+        self._advance = self._joined_tick()
         self.state["seed"] = seed
         self._reset(seed)
         warm_up(model, self.state, self._all)
+
+    def _joined_tick(self) -> Callable[[], int] | None:
+        """Return what runs a whole tick as one call, where the plan is one: -1 is done, else PYTHON or STOPPED."""
+        chain = self.plan.whole
+        if chain is None:
+            return None
+        memory = (self.stamps, *self.times.views, self._left)
+        return as_one_call((Bound(advance, chain.place, self._tick, self._ready, _SAMPLED, *memory),))
 
     def _reset(self, seed: int) -> None:
         self.state["objects.pose"] = self.model.poses
@@ -235,11 +248,21 @@ class Engine:
             self._require_enabled()
         if self._unfinished:
             self._finish_stop()
+        paced = self.clock.pace == "real"  # then every part of every tick is timed
+        found = PYTHON if paced or self._advance is None else self._advance()
+        if found < 0:
+            for tap in self.taps:
+                tap(int(self._tick) - 1)
+            return
         tick, ready, stamps = self._tick.item(), bool(self._ready), self.stamps
-        timed = bool(self.plan.steps) and (self._paced or not tick % _SAMPLED)
-        stamps[0] = begin = now()
+        stopped = found == STOPPED
+        timed = bool(self.plan.steps) and not stopped and (paced or not tick % _SAMPLED)
+        if not stopped:
+            stamps[0] = now()
         try:
-            if timed:
+            if stopped:
+                self.plan.go_on(self._left[0].item(), tick, ready)
+            elif timed:
                 self.plan.run_timed(tick, ready, stamps)
             else:
                 self.plan.run(tick, ready)
@@ -257,8 +280,8 @@ class Engine:
         if timed:
             self.times.add(stamps)
         else:
-            stamps[-1] = end = now()
-            self.times.add_whole(end - begin)
+            stamps[-1] = now()
+            self.times.add_whole(stamps[-1].item() - stamps[0].item())
         for tap in self.taps:
             tap(tick)
 

@@ -57,6 +57,18 @@ class Plan:
         """The calls of joined steps."""
         return tuple(piece.chain for piece in self._pieces if isinstance(piece, _Joined))
 
+    @property
+    def whole(self) -> Chain | None:
+        """The chain of all steps, where they are one call."""
+        piece = self._pieces[0] if len(self._pieces) == 1 else None
+        return piece.chain if isinstance(piece, _Joined) else None
+
+    def go_on(self, found: int, tick: int, ready: bool) -> None:
+        """Go on with a tick whose only chain has stopped, as ``Chain.run`` says it."""
+        piece = self._pieces[0]
+        if isinstance(piece, _Joined):
+            piece.go_on(found, tick, ready)
+
     def run(self, tick: int, ready: bool) -> None:
         """Run all steps of a tick; ``ready``: the rig is calibrated, and scripts go on."""
         for work in self._works:
@@ -93,7 +105,10 @@ class _Joined:
 
     def work(self, tick: int, ready: bool) -> None:
         """Run the steps; what one leaves to Python is done before the next one."""
-        found = self._run()
+        self.go_on(self._run(), tick, ready)
+
+    def go_on(self, found: int, tick: int, ready: bool) -> None:
+        """Do what a step has left to Python, and run those after it; ``found``: as ``Chain.run`` says it."""
         while found >= 0:
             found = self._run(self._answered(found, tick, ready))
 

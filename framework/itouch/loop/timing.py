@@ -86,7 +86,7 @@ def timing_fields(parts: int) -> tuple[Field, ...]:
 
 
 @kernel
-def _count(counts: Any, greatest: Any, row: int, seconds: float) -> None:
+def count(counts: Any, greatest: Any, row: int, seconds: float) -> None:
     """Count one duration in a row."""
     index = int(math.log2(seconds * _SCALE) * PER_OCTAVE) if seconds > LEAST else 0
     counts[row, min(index, BINS - 1)] += 1
@@ -94,16 +94,16 @@ def _count(counts: Any, greatest: Any, row: int, seconds: float) -> None:
         greatest[row] = seconds
 
 
-_count_one = getattr(_count, "py_func", _count)
+_count_one = getattr(count, "py_func", count)
 
 
 @kernel
 def _count_tick(counts: Any, greatest: Any, stamps: Any, used: int) -> None:
     """Count a tick in row 1, and its parts in the rows after it if they were stamped."""
-    _count(counts, greatest, 1, stamps[used - 1] - stamps[0])
+    count(counts, greatest, 1, stamps[used - 1] - stamps[0])
     if used > 2:
         for part in range(used - 1):
-            _count(counts, greatest, 2 + part, stamps[part + 1] - stamps[part])
+            count(counts, greatest, 2 + part, stamps[part + 1] - stamps[part])
 
 
 class Timing:
@@ -150,6 +150,11 @@ class Timing:
 
     def _add(self, row: int, seconds: float) -> None:
         _count_one(self._counted, self._most, row, seconds)
+
+    @property
+    def views(self) -> tuple[NDArray[np.int64], NDArray[np.uint32], NDArray[np.float64]]:
+        """How many ticks were timed, (1,), the histograms and the greatest times, as compiled code counts in them."""
+        return self.record["ticks"].reshape(1), self._counts, self._greatest
 
     def add_whole(self, seconds: float) -> None:
         """Note one tick that took so long [s], of which no parts are known."""
