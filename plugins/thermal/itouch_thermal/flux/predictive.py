@@ -7,12 +7,13 @@ from dataclasses import replace
 
 from contact_heat.live import state_size
 from itouch.plugin import Field, Record
+from itouch_thermal.display.column import Array
 from itouch_thermal.flux import approach, wires
 from itouch_thermal.flux.law import ModelLaw
 from itouch_thermal.flux.observer import advance
-from itouch_thermal.flux.preview import Preview, look_ahead, rising, run_ahead
+from itouch_thermal.flux.preview import Ahead, Preview, begin_at, go_on, keep_ahead, look_ahead, rising
 from itouch_thermal.flux.setting import FluxModel
-from itouch_thermal.flux.usual import PRESS_FILTER, PRESSING, STRIDE, press_on, scale_of
+from itouch_thermal.flux.usual import PRESS_FILTER, PRESSING, press_on, scale_of
 
 #: Most servo periods that a touch may have begun before the force was seen.
 LATE = 6
@@ -233,30 +234,28 @@ def _place(model: FluxModel, law: ModelLaw, course: Preview, state: Record) -> N
         law.place(state, rising(law.fine, skin))
 
 
+def _ahead(model: FluxModel, course: Preview, state: Record) -> Ahead | None:
+    """Return the contact that runs ahead on State; None: of its object nothing is known."""
+    names, body = model.names, course.bodies[state[model.names.preview_index].item()]
+    if body is None:
+        return None
+    modes = state[names.preview_finger], state[names.preview_object]
+    return Ahead(course.finger, modes[0], body, modes[1], state[names.future], state[names.reached].reshape(1))
+
+
+def _now(model: FluxModel, state: Record) -> tuple[Array, Array, float]:
+    """Return the modes of the model finger and of the object below it, and the desired flux [W/m2]."""
+    names = model.names
+    below = state[names.bodies][state[names.preview_index].item()]
+    return state[names.finger], below, state[names.desired].item()
+
+
 def _restart(model: FluxModel, course: Preview, state: Record, ticks: int, count: int) -> None:
     """Run ahead from the model finger and object as they are after step ``ticks`` of the touch."""
-    names = model.names
-    below = state[names.preview_object]
-    state[names.preview_finger][:] = state[names.finger]
-    below[:] = state[names.bodies][state[names.preview_index].item()][: len(below)]
-    future = state[names.future]
-    future[ticks % len(future)] = state[names.desired].item()
-    state[names.reached] = ticks
-    _advance(model, course, state, count)
-
-
-def _advance(model: FluxModel, course: Preview, state: Record, count: int) -> None:
-    """Run ahead by so many steps more."""
-    names, body = model.names, course.bodies[state[model.names.preview_index].item()]
-    resistance = _coming(model, course, state)
-    if body is None or not math.isfinite(resistance):
-        return
-    reached = state[names.reached].item()
-    run_ahead(
-        course.finger, state[names.preview_finger], body, state[names.preview_object], resistance,
-        model.press / model.period, state[names.future], reached + 1, count,
-    )  # fmt: skip
-    state[names.reached] = reached + count
+    ahead = _ahead(model, course, state)
+    if ahead is not None:
+        begin_at(ahead, *_now(model, state), ticks)
+        go_on(ahead, _coming(model, course, state), model.press / model.period, count)
 
 
 def _coming(model: FluxModel, course: Preview, state: Record) -> float:
@@ -267,12 +266,10 @@ def _coming(model: FluxModel, course: Preview, state: Record) -> float:
 
 
 def _continue(model: FluxModel, law: ModelLaw, course: Preview, state: Record, ticks: int) -> None:
-    """Keep the preview a horizon ahead; while the resistance changes, begin it anew again and again."""
-    reached = state[model.names.reached].item()
-    wanted, hold = ticks + law.ahead, model.hold
-    if model.steady or course.bodies[state[model.names.preview_index].item()] is None:
-        _advance(model, course, state, wanted - reached)
-    elif reached >= wanted - hold or reached < ticks:
-        _restart(model, course, state, ticks, min(law.ahead, STRIDE * hold))
-    else:
-        _advance(model, course, state, min(wanted - reached, STRIDE * hold))
+    """Keep the preview a horizon ahead."""
+    ahead = _ahead(model, course, state)
+    if ahead is not None:
+        keep_ahead(
+            ahead, *_now(model, state), _coming(model, course, state), model.press / model.period, ticks, law.ahead,
+            model.hold, model.steady,
+        )  # fmt: skip

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contact_heat import live
 from contact_heat.layers import Layer, Side
@@ -21,6 +22,10 @@ from itouch_thermal.laws import press_factor
 
 #: Skin temperatures [K] round the expected one for which start temperatures are found; between them linear.
 SKIN_STEP = 2.0
+#: Steps of the preview that are computed anew in a tick while the resistance changes.
+STRIDE = 16
+
+Numbers = NDArray[np.int64]
 
 
 @kernel
@@ -38,6 +43,62 @@ def run_ahead(
         if press > 0.0:
             now = resistance / -math.expm1(-(first + i + 1) / press)
         out[(first + i) % size] = live.contact_step(finger, above, body, below, now)
+
+
+class Ahead(NamedTuple):
+    """A contact that runs ahead of the touch: finger and object, packed and their modes; the flux of its steps, a ring.
+
+    ``reached`` (1,): up to which tick of the touch it has come.
+    """
+
+    finger: Array
+    above: Array
+    body: Array
+    below: Array
+    future: Array
+    reached: Numbers
+
+
+@kernel
+def go_on(ahead: Any, resistance: float, press: float, count: int) -> None:
+    """Run ahead by so many steps more; a resistance that is not finite is no contact.  ``press`` as in `run_ahead`."""
+    if math.isfinite(resistance):
+        reached = ahead.reached[0]
+        run_ahead(
+            ahead.finger, ahead.above, ahead.body, ahead.below, resistance, press, ahead.future, reached + 1, count
+        )  # fmt: skip
+        ahead.reached[0] = reached + count
+
+
+@kernel
+def begin_at(ahead: Any, finger: Any, below: Any, desired: float, ticks: int) -> None:
+    """Take the modes of finger and object as they are after step ``ticks``, whose flux was ``desired`` [W/m2]."""
+    for i in range(ahead.above.shape[0]):
+        ahead.above[i] = finger[i]
+    for i in range(ahead.below.shape[0]):
+        ahead.below[i] = below[i]
+    ahead.future[ticks % ahead.future.shape[0]] = desired
+    ahead.reached[0] = ticks
+
+
+@kernel
+def keep_ahead(
+    ahead: Any, finger: Any, below: Any, desired: float, resistance: float, press: float, ticks: int, horizon: int,
+    hold: int, steady: bool,
+) -> None:  # fmt: skip
+    """Keep the contact a horizon ahead of tick ``ticks`` of the touch.
+
+    Where the resistance is not ``steady`` it begins anew again and again, as far as it comes in an update, which is
+    every ``hold`` ticks.  ``finger``, ``below`` and ``desired`` are those of now, as in `begin_at`.
+    """
+    reached, wanted = ahead.reached[0], ticks + horizon
+    if steady:
+        go_on(ahead, resistance, press, wanted - reached)
+    elif reached >= wanted - hold or reached < ticks:
+        begin_at(ahead, finger, below, desired, ticks)
+        go_on(ahead, resistance, press, min(horizon, STRIDE * hold))
+    else:
+        go_on(ahead, resistance, press, min(wanted - reached, STRIDE * hold))
 
 
 @kernel

@@ -17,7 +17,7 @@ from itouch_thermal.display.column import F_BEGIN, F_DECAY, F_END, F_PORT
 from itouch_thermal.flux import law as laws
 from itouch_thermal.flux import observer
 from itouch_thermal.flux.masking import masked
-from itouch_thermal.flux.preview import look_ahead, run_ahead
+from itouch_thermal.flux.preview import Ahead, keep_ahead, look_ahead
 from itouch_thermal.flux.start import MARGIN
 from itouch_thermal.laws import press_factor
 
@@ -35,8 +35,6 @@ AVERAGED, DRAWN = 1.0, 45.0
 READY = 0.1
 #: How far the contact resistance that the force explains may be from the expected one, as a multiple of it.
 SCALE = (0.02, 50.0)
-#: Steps of the preview that are computed anew in a tick while the resistance changes.
-STRIDE = 16
 #: As Python hands numbers over.  A plain constant of a kernel is a type of its own, for which all that it is passed to
 #: would be compiled once more.
 _NOTHING, _ONE = np.int64(0), np.int64(1)
@@ -393,35 +391,17 @@ def track(scene: Scene, given: Given, memory: Memory, taken: Taken, size: int) -
 
 
 @kernel
-def _advance(scene: Any, own: Any, given: Any, figures: Any, future: Floats, count: int) -> None:
-    """Run the contact ahead by so many steps more."""
-    resistance = figures.alone if figures.steady else _resistance_at(given.law, scene.felt_force[0])
-    if not math.isfinite(resistance):
-        return
-    reached = own.reached[0]
-    run_ahead(
-        given.finger, own.preview_finger, given.bodies[own.preview_index[0]], own.preview_object, resistance,
-        figures.press / figures.period, future, reached + 1, count,
+def _look_on(scene: Any, own: Any, given: Any, figures: Any, future: Floats, ticks: int) -> None:
+    """Keep the preview a horizon ahead, with the resistance that the contact, as it is felt, is thought to keep."""
+    index = own.preview_index[0]
+    ahead = Ahead(
+        given.finger, own.preview_finger, given.bodies[index], own.preview_object, future, own.reached
     )  # fmt: skip
-    own.reached[0] = reached + count
-
-
-@kernel
-def _continue(scene: Any, own: Any, given: Any, figures: Any, future: Floats, ticks: int) -> None:
-    """Keep the preview a horizon ahead; while the resistance changes, begin it anew again and again."""
-    reached, wanted = own.reached[0], ticks + figures.ahead
-    if figures.steady:
-        _advance(scene, own, given, figures, future, wanted - reached)
-    elif reached >= wanted - 1 or reached < ticks:
-        for i in range(own.preview_finger.shape[0]):
-            own.preview_finger[i] = scene.finger[i]
-        for i in range(own.preview_object.shape[0]):
-            own.preview_object[i] = scene.bodies[own.preview_index[0], i]
-        future[ticks % future.shape[0]] = own.desired[0]
-        own.reached[0] = ticks
-        _advance(scene, own, given, figures, future, min(figures.ahead, STRIDE))
-    else:
-        _advance(scene, own, given, figures, future, min(wanted - reached, STRIDE))
+    resistance = figures.alone if figures.steady else _resistance_at(given.law, scene.felt_force[0])
+    keep_ahead(
+        ahead, scene.finger, scene.bodies[index], own.desired[0], resistance, figures.press / figures.period, ticks,
+        figures.ahead, 1, figures.steady,
+    )  # fmt: skip
 
 
 @kernel
@@ -432,7 +412,7 @@ def command(scene: Scene, own: Own, given: Given, figures: Figures, memory: Memo
     """
     if own.touching[0] != 0:
         ticks, scale = scene.tick[0] - own.begun[0], 1.0
-        _continue(scene, own, given, figures, memory.future, ticks)
+        _look_on(scene, own, given, figures, memory.future, ticks)
         look_ahead(memory.future, ticks, given.offsets, own.desired[0], memory.wanted)
         if not figures.steady:
             scale = _scale(scene, own, given, figures, figures.delay)
