@@ -184,6 +184,7 @@ def test_one_that_is_wired_backwards_lets_go_of_the_finger_that_it_pushes(wire: 
         assert max(world.forces) < PLATE_FORCE_ABSOLUTE
         assert world.stopped == HELD
         assert not outcome.safe and "; it pushed as it was told to go back, and was sent " in outcome.devices["table"]
+        assert abs(world.obeyed - STOOD) <= BLIND + 1e-9  # where it would go if its drive were mended then
 
 
 def test_a_finger_that_is_lifted_quickly_and_then_held_calls_nothing_back() -> None:

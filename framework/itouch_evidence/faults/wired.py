@@ -14,7 +14,7 @@ from itertools import combinations, product
 from typing import Any, ClassVar
 
 from itouch.exchange import EveryNth, ThreadedDevice
-from itouch.faults import Kind
+from itouch.faults import FOREVER, Kind
 from itouch.loop import DeviceFaultError, WallClock
 from itouch.loop.runner import Runner
 from itouch.plugin import Device, DeviceError, Record, Role
@@ -159,6 +159,8 @@ class Pair:
     def _tick(self, tick: int) -> None:
         """Let the world go on by a period after a tick of the host; somebody holds the switch all the time."""
         self._rest(False)
+        if self.host.state["stopping"].item():
+            self._persist()
         self._exchange()
         self._note()
         self.host.hold()
@@ -167,6 +169,13 @@ class Pair:
                 self._checked = post.checked.item()
                 self.checks += 1
         self.watched += self.world.model.period * bool(self._heats)
+
+    def _persist(self) -> None:
+        """Let the faults last that are there when all is stopped: one that is mended in the middle is another plan."""
+        for runner, _ in self._boxes:
+            state = runner.twin_state
+            there = (state["fault.begin"] <= state["fault.tick"]) & (state["fault.tick"] < state["fault.end"])
+            state["fault.end"][there] = FOREVER
 
     def _rest(self, rests: bool) -> None:
         for _, box in self._boxes:
