@@ -147,6 +147,19 @@ def test_a_finger_that_stays_is_waited_for_three_tenths_of_a_second() -> None:
     assert not rig.plate.keeping
 
 
+def test_ticks_that_a_late_machine_leaves_out_are_waited_for_too() -> None:
+    """What is waited for at most is over by the clock; what must have had its time has it in ticks that were run."""
+    rig = Rig()
+    rig.leaves_after = math.inf
+    nothing = DeviceFaultError("arm", 0, Trip.TRACKING, "has failed")
+    outcome = rig.sequence.carry_out(nothing, lambda: rig.sequence.leave_out(9))
+    kept = sum(drive == 1.5 for _, _, drive in rig.sent)
+    assert kept * 10 * PERIOD == pytest.approx(LEAVE_TIME, abs=20 * PERIOD)
+    assert len(rig.sent) * PERIOD == pytest.approx(SAFE_TIME)
+    assert outcome.seconds == pytest.approx(10 * SAFE_TIME)
+    assert rig.stop("arm").seconds == pytest.approx(SAFE_TIME)  # the next one begins anew
+
+
 def test_a_surface_that_does_not_go_is_told() -> None:
     rig = Rig()
 

@@ -319,7 +319,7 @@ class Engine:
     def make_safe(self, fault: DeviceFaultError) -> None:
         """Make every device safe because of a fault, and note it."""
         self.fault = fault
-        self._safe_shutdown.carry_out(fault, self.taps, self.clock.wait if self._paced else None)
+        self._safe_shutdown.carry_out(fault, self.taps, self.clock if self._paced else None)
         self.stamps[-1] = now()
 
     def rearm(self) -> None:
@@ -453,7 +453,7 @@ class Engine:
         Outcome
             Whether all could be seen to be safe, and what was seen of each device.
         """
-        outcome = self._safe_shutdown.wind_down(self.taps, self.clock.wait if self._paced else None)
+        outcome = self._safe_shutdown.wind_down(self.taps, self.clock if self._paced else None)
         self.stamps[-1] = now()
         return outcome
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
+from itouch.loop.clock import Clock
 from itouch.loop.rig import ProbeRig
 from itouch.loop.run_statistics import RunStatistics
 from itouch.loop.runner import Runner
@@ -31,31 +32,46 @@ class SafeShutdown:
                 runner.on_loss = self._lost
 
     def carry_out(
-        self, fault: DeviceFaultError, taps: Sequence[Callable[[int], None]], wait: Callable[[], float] | None = None
+        self, fault: DeviceFaultError, taps: Sequence[Callable[[int], None]], clock: Clock | None = None
     ) -> None:
-        """Make every device safe; ``taps`` hear of each tick that this takes, ``wait`` paces them in real time."""
+        """Make every device safe; ``taps`` hear of each tick that this takes, ``clock`` paces them in real time."""
         entry = self._describe(fault)
         self._statistics.faults.append(entry)
-        outcome = self._sequence.carry_out(fault, self._after_tick(taps, wait))
+        outcome = self._sequence.carry_out(fault, self._after_tick(taps, clock))
         if outcome.also:
             entry["also"] = outcome.also
         entry["safe"] = {"reached": outcome.safe, "after_s": outcome.seconds, "devices": outcome.devices}
 
-    def wind_down(self, taps: Sequence[Callable[[int], None]], wait: Callable[[], float] | None = None) -> Outcome:
+    def wind_down(self, taps: Sequence[Callable[[int], None]], clock: Clock | None = None) -> Outcome:
         """Make every device safe in the same order, without a fault: a session ends, or rests."""
         nothing = DeviceFaultError("", self._tick.item(), Trip.NONE, "ends")
-        return self._sequence.carry_out(nothing, self._after_tick(taps, wait))
+        return self._sequence.carry_out(nothing, self._after_tick(taps, clock))
 
-    def _after_tick(
-        self, taps: Sequence[Callable[[int], None]], wait: Callable[[], float] | None
-    ) -> Callable[[], None]:
+    def _after_tick(self, taps: Sequence[Callable[[int], None]], clock: Clock | None) -> Callable[[], None]:
+        if clock is not None:
+            clock.start(self._model.period)  # what was late before is no time that this takes
+
         def after_tick() -> None:
             for tap in taps:
                 tap(self._tick.item() - 1)
-            if wait is not None:
-                wait()
+            if clock is not None:
+                self._pace(clock)
 
         return after_tick
+
+    def _pace(self, clock: Clock) -> None:
+        """Wait for the next tick; what is late is left out.
+
+        A burst of ticks that catches up would ask a surface for many steps at once, and judge it by what it did in no
+        time.
+        """
+        period = self._model.period
+        late = round(clock.wait() / period)
+        if late:
+            clock.start(period)
+            self._sequence.leave_out(late)
+            for runner in self._runners:
+                runner.leave_out(late)
 
     def _move(self) -> None:
         for rig in self._rigs:

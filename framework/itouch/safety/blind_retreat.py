@@ -4,7 +4,8 @@ Its drive may be wired backwards as well, and then it comes up as it is told to 
 place tells that; what does is independent of it: the devices that track the fingers over it, and its own force sensor,
 as far as that one means anything.
 
-* It is told to go down by a leg, which it has to have gone before anything is judged: for as long as wires may take.
+* It is told to go down by a leg, which it has to have gone before anything is judged: for as long as wires may take,
+  counted from when the last command of the leg is known to have left, where the wire says that.
 * A finger that rose by about that leg *in* the leg, and went on no further after it, is pushed; if a force has grown as
   well, a part of the leg is enough: its hand may be stiff.  Once may be chance (a finger that is lifted and then held):
   that stops nothing, and calls nothing back.  Twice in a row, leg by leg, hardly is.
@@ -111,7 +112,9 @@ class BlindRetreat:
         self._ends = (channel.low[2], channel.high[2]) if channel.low else (-math.inf, math.inf)
         self._loads = [one.name for one in model.reads if one.role is Role.CONTACT_FORCE]
         exchange = max(model.cls.takes(model.params), model.cls.period + model.cls.delay)
-        self._acts, self._watched = round((2.0 * exchange + SETTLING) / period), round(WATCHED / period)
+        #: How many ticks a leg takes after its last command was asked for, and after that one has left.
+        self._acts, self._rests = (round((trips * exchange + SETTLING) / period) for trips in (2.0, 1.0))
+        self._watched = round(WATCHED / period)
         self._known = round(KNOWN / period)
         self.begin()
 
@@ -119,7 +122,9 @@ class BlindRetreat:
         """Begin a safe sequence."""
         #: Whether its place is not believed now.
         self.active = False
-        self._stage, self._reached = Stage.DOWN, -1
+        self._stage = Stage.DOWN
+        #: The ticks in which a leg's last command was asked for, and was known to have left; -1: not yet.
+        self._reached = self._left = -1
         #: How many legs in a row have moved a finger, and how many were felt.
         self._pushed = self._harder = 0
         self._asked = self._goal = 0.0
@@ -156,7 +161,11 @@ class BlindRetreat:
             return
         if self._reached < 0:
             self._reached = self._tick.item()
-        over = self._reached + self._acts
+        if self._left < 0 and self._has_left():
+            self._left = self._tick.item()
+        if self._left < 0:
+            return
+        over = max(self._reached + self._acts, self._left + self._rests)
         if self._middle is None and self._heard(over):
             self._middle = self._look()
         if self._middle is not None and self._heard(over + self._watched):
@@ -166,6 +175,11 @@ class BlindRetreat:
         """Let the surface retract as others do: its place is believed again."""
         self.begin()
         stopped[...], way[1:] = 0, math.nan
+
+    def _has_left(self) -> bool:
+        """Tell whether a leg's last command has left, as far as the wire tells: a busy machine may be late with it."""
+        goal = self._supervisor.gone_to
+        return goal is None or abs(goal - self._goal) <= _NEAR
 
     def _heard(self, tick: int) -> bool:
         """Tell whether all that is known of fingers was measured since a tick."""
@@ -222,5 +236,6 @@ class BlindRetreat:
             return
         stopped[...] = BACKWARDS if up else 0
         way[1:] = (math.nan, goal) if up else (goal, math.nan)
-        self._goal, self._asked, self._reached = goal, goal - sent, -1
+        self._goal, self._asked = goal, goal - sent
+        self._reached = self._left = -1
         self._before, self._middle = self._look(), None

@@ -90,7 +90,8 @@ class SafeSequence:
         #: How often a surface was turned round, and the tick in which it was last.
         self._turns: dict[str, int] = {}
         self._turned: dict[str, int] = {}
-        self._since = self._passed = 0
+        #: How many ticks it has taken, and how many were left out because the machine was late.
+        self._since = self._passed = self._skipped = 0
         names = {s.model.name for s in self._retracting}
         self._carried = [s for s in supervisors if s.model.carrier in names and not _retracts(s)]
 
@@ -115,13 +116,13 @@ class SafeSequence:
         self._since = self._tick.item()
         for supervisor in self._carried:
             supervisor.keeping = supervisor.model.name != fault.device
-        self._passed = 0
+        self._passed = self._skipped = 0
         try:
             for _ in range(round(SAFE_TIME / self._period)):
                 self._step()
                 after_tick()
                 self._mind_direction(heights)
-                if self._passed * self._period >= LEAVE_TIME or all(self._left(s) for s in self._retracting):
+                if self._seconds >= LEAVE_TIME or all(self._left(s) for s in self._retracting):
                     self._release()
                 if not self._busy() and self._safe(heights):
                     break
@@ -136,7 +137,16 @@ class SafeSequence:
         odd = {s.model.name for s in self._supervisors if not self._believed(s) and self._stands(s, heights)}
         odd |= {s.model.name for s in self._retracting if self._back(s, heights[s.model.name])}
         unsafe = tuple(name for name, (_, bad) in seen.items() if bad and name not in odd)
-        return Outcome(not any(bad for _, bad in seen.values()), self._passed * self._period, told, also, unsafe)
+        return Outcome(not any(bad for _, bad in seen.values()), self._seconds, told, also, unsafe)
+
+    def leave_out(self, ticks: int) -> None:
+        """Let time go on for so many ticks that were not run: what is waited for at most is over with them."""
+        self._skipped += ticks
+
+    @property
+    def _seconds(self) -> float:
+        """The time [s] that it has taken."""
+        return (self._passed + self._skipped) * self._period
 
     def _set_out(self, supervisor: Supervisor, stopped: NDArray[np.int8]) -> None:
         """Begin with one surface; what was found of its ways in an earlier stop is over if it was enabled since."""

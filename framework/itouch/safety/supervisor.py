@@ -262,6 +262,14 @@ class Supervisor(Lifecycle):
             self._gone[count % len(self._gone)] = (left, *self._out[self._target][:3].tolist())
             self._goings[...] = count + 1
 
+    @property
+    def gone_to(self) -> float | None:
+        """How high [m] the newest command sends a surface that is known to have left; None: no wire tells that."""
+        count = self._goings.item()
+        if self._gone is None or not count:
+            return None
+        return float(self._gone[(count - 1) % len(self._gone), 3])
+
     def strayed(self, distance: float) -> float:
         """Return how far [m] a surface was from its command when it was measured; ``distance``: from the newest one.
 
