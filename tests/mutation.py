@@ -1,5 +1,7 @@
 """Mutants of the program, and whether the tests notice: ``python tests/mutation.py [--sample N] [--seed S] [ROOM ...]``.
 
+``--module NAME`` draws them from the modules of this name alone.
+
 cosmic-ray makes the mutants, drawn over all rooms alike.  First the tests of a room run as they are, under coverage, to
 learn which test reaches which line.  Then each mutant meets only the tests that reach its line, quickest first, in a
 process forked from one that has imported all else.  A mutant that none of them notices has survived.  Compiled kernels are not
@@ -40,7 +42,7 @@ SAFETY = (
     "joined_steps", "edges", "rehearsing", "at_the_limits",
 )  # fmt: skip
 SCENES = (
-    "two_on_one_finger", "laws", "phases", "strangers", "what_attackers_found", "exchanged",
+    "two_on_one_finger", "laws", "phases", "strangers", "what_attackers_found", "exchanged", "late_in_a_stop",
 )  # fmt: skip
 #: Room -> the folder of its modules and the tests that answer for it, if they are not those in the folder of its name.
 ROOMS: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -139,9 +141,10 @@ class Reach:
         return sorted(found, key=lambda test: self.took.get(test, 0.0))
 
 
-def modules(room: str) -> list[Path]:
-    """Return the modules of a room."""
-    return sorted(path for path in (TREE / ROOMS[room][0]).rglob("*.py") if path.stat().st_size > 200)
+def modules(room: str, name: str = "") -> list[Path]:
+    """Return the modules of a room, or those of this name."""
+    found = sorted(path for path in (TREE / ROOMS[room][0]).rglob("*.py") if path.stat().st_size > 200)
+    return [path for path in found if name in ("", path.stem)]
 
 
 def _compiled(path: Path) -> bool:
@@ -149,12 +152,12 @@ def _compiled(path: Path) -> bool:
     return any(word in text for word in ("@kernel", "@nogil_kernel", "@entry", "@inner", "@flat", "@making", "@njit"))
 
 
-def draw(rooms: Sequence[str], count: int, seed: int) -> list[Mutant]:
-    """Draw mutants at random: of each room as many, within it each place of each module alike."""
+def draw(rooms: Sequence[str], count: int, seed: int, module: str = "") -> list[Mutant]:
+    """Draw mutants at random: of each room as many, within it each place of each module, or of one, alike."""
     dice, found = random.Random(seed), list[Mutant]()
     share = -(-count // len(rooms))
     for room in rooms:
-        places = [(path, place) for path in modules(room) for place in _places(path)]
+        places = [(path, place) for path in modules(room, module) for place in _places(path)]
         dice.shuffle(places)
         taken = 0
         for path, place in places:
@@ -346,9 +349,9 @@ def prepare() -> None:
     assert not any(name.startswith("itouch") for name in sys.modules)
 
 
-def campaign(rooms: Sequence[str], count: int, seed: int) -> dict[str, tuple[int, list[Mutant]]]:
+def campaign(rooms: Sequence[str], count: int, seed: int, module: str = "") -> dict[str, tuple[int, list[Mutant]]]:
     """Draw mutants of some rooms, let the tests meet them, and return per room how many there were, and which lived."""
-    drawn, found = draw(rooms, count, seed), dict[str, tuple[int, list[Mutant]]]()
+    drawn, found = draw(rooms, count, seed, module), dict[str, tuple[int, list[Mutant]]]()
     work = Path(tempfile.mkdtemp(prefix="itouch-mutation-"))
     try:
         for room in rooms:
@@ -378,10 +381,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("rooms", nargs="*", metavar="ROOM", help=f"default: all of {', '.join(ROOMS)}")
     parser.add_argument("--sample", type=int, default=300, metavar="N", help="how many, over all rooms (default 300)")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--module", default="", metavar="NAME", help="of the modules of this name alone")
     options = parser.parse_args(argv)
     rooms = options.rooms or list(ROOMS)
     prepare()
-    found = campaign(rooms, options.sample, options.seed)
+    found = campaign(rooms, options.sample, options.seed, options.module)
     count, alive = sum(size for size, _ in found.values()), sum(len(lived) for _, lived in found.values())
     if not count:
         return 2

@@ -9,7 +9,7 @@ import pytest
 from shipped import SCENES
 
 from itouch.faults import Kind
-from itouch_evidence.faults import KINDS
+from itouch_evidence.faults import KINDS, wired
 from itouch_evidence.faults.wired import Pair, cells, run, stored
 
 #: The whole matrix has 180 cells; the short form takes one in 30, of every device and every phase.
@@ -85,6 +85,19 @@ def test_a_table_that_is_reversed_and_lies_about_its_place_lets_go_of_the_finger
     assert cell.good
     assert "it pushed as it was told to go back" in fault["safe"]["devices"]["table"]
     assert pair.truth.plate_force < 4.0
+
+
+def test_a_fault_that_is_there_when_all_is_stopped_lasts_until_the_stop_is_over(
+    found: tuple[Pair, dict[str, tuple[bytes, bytes]]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The drive of a table that was withdrawn backwards was mended in the middle, and it came up as it was told to."""
+    pair, phases = found
+    both = [("table", Kind.SPIKE, 0), ("table", Kind.REVERSED_SIGN, 1)]
+    after = run(pair, "contact", phases["contact"], both).after
+    assert after is not None
+    monkeypatch.setattr(wired, "LASTS", after + 0.3)
+    assert run(pair, "contact", phases["contact"], both).good
+    assert all((runner.twin_state["fault.end"] > pair.world.ticks).all() for runner in pair.world.runners)
 
 
 def test_a_cell_through_threads_reaches_its_fault(found: tuple[Pair, dict[str, tuple[bytes, bytes]]]) -> None:
