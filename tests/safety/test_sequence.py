@@ -619,13 +619,25 @@ def test_one_that_turns_round_again_and_again_is_held() -> None:
     assert rig.height < 0.06
 
 
-def test_one_that_is_held_nearer_than_it_was_is_not_safe_though_no_force_is_felt() -> None:
+def test_one_that_is_held_nearer_than_it_was_is_driven_back_though_no_force_is_felt() -> None:
+    """Nobody touched it, and it stayed 5 mm nearer: a finger that comes next finds it there."""
     rig = Rig()
     slow_table(rig, 0, 20)  # what is heard of it is 20 ms old: 5 mm at 0.25 m/s
     rig.load = 0.0
     rig.obey = lambda goal: setattr(rig, "height", 0.06 - goal)
     outcome = rig.stop("arm", Trip.SPEED)
-    assert outcome.devices["table"].startswith("goes the wrong way: held -")
+    assert outcome.devices["table"].startswith("goes the wrong way: held 8.")
+    assert outcome.safe
+    assert rig.height < 0.022
+
+
+def test_one_that_stays_nearer_than_it_was_is_not_safe_though_no_force_is_felt() -> None:
+    rig = Rig()
+    slow_table(rig, 0, 20)
+    rig.load = 0.0
+    rig.obey = lambda goal: setattr(rig, "height", max(rig.height, min(0.034, 0.06 - goal)))  # it jams there
+    outcome = rig.stop("arm", Trip.SPEED)
+    assert outcome.devices["table"].startswith("goes the wrong way: held -3.")
     assert not outcome.safe
 
 

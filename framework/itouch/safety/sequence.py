@@ -229,7 +229,7 @@ class SafeSequence:
         return self._believed(supervisor) and not self._left(supervisor)
 
     def _mind_direction(self, heights: dict[str, float]) -> None:
-        """Hold a surface that comes nearer when it is told to retract; if it still presses then, drive it back.
+        """Hold a surface that comes nearer when it is told to retract; drive it back if it presses or is too near then.
 
         Of a twin it is known where it is, whatever it says: one that feels nothing that can be believed may press.
         """
@@ -257,8 +257,8 @@ class SafeSequence:
                 self._change(name)
             elif stopped.item() == HELD and name in self._held_for:
                 self._held_for[name] += 1
-                presses = self._pressed(supervisor) or (gone < 0.0 and not self._believed(supervisor))
-                if self._held_for[name] * self._period > SETTLE and presses:
+                nearer = gone < -NEARER or (gone < 0.0 and not self._believed(supervisor))
+                if self._held_for[name] * self._period > SETTLE and (nearer or self._pressed(supervisor)):
                     stopped[...], self._furthest[name] = BACKWARDS, height
             elif stopped.item() == BACKWARDS and height - furthest > WRONG_WAY:  # that is the wrong way, too
                 self._turn(name, stopped)
