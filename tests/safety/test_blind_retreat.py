@@ -258,6 +258,29 @@ def test_a_tracker_that_is_not_believed_or_has_fallen_silent_is_no_witness() -> 
         assert "; it was told to go back by 6.0 mm" in outcome.devices["table"]
 
 
+@pytest.mark.parametrize("silent", [False, True])
+@pytest.mark.parametrize(("wire", "lost"), [(5, 155), (5, 180), (20, 250), (20, 280)])
+def test_one_that_has_pushed_is_held_where_it_stood_if_its_witness_is_lost_on_the_way_there(
+    wire: int, lost: int, silent: bool
+) -> None:
+    """It was sent down for good then, which is up: 6 mm nearer, though it had been seen twice to push."""
+    world = World(still(), way=-1.0, wire=wire)
+    move = world.sequence._move
+
+    def moves() -> None:
+        move()
+        if world.ticks == lost and silent:
+            assert isinstance(world.arm.device, Wire)
+            world.arm.device.says = lambda reading: False
+        elif world.ticks == lost:
+            world.arm.fault(Trip.SENSOR_FROZEN, lost)
+
+    world.sequence._move = moves
+    world.stop()
+    assert world.top == pytest.approx(STOOD, abs=5e-4)
+    assert world.stopped == HELD
+
+
 def test_one_that_answers_again_is_believed_and_goes_on_as_any_other() -> None:
     """For 60 ms nothing is heard: it goes back as far as one may that nobody knows of, and waits there."""
     world = World(still())

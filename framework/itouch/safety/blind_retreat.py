@@ -10,7 +10,7 @@ as far as that one means anything.
   well, a part of the leg is enough: its hand may be stiff.  Once may be chance (a finger that is lifted and then held):
   that stops nothing, and calls nothing back.  Twice in a row, leg by leg, hardly is.
 * It is then told to go up to where it stood when all stopped, no further.  A finger that comes down with it has been
-  pushed; else it is told to go down for good.
+  pushed; else it is told to go down for good.  If nothing is known of a finger any more then, it is held there.
 * Only then is it driven on the other way, again by legs: the first in which a finger rises sends it down for good.
 * A force that grows, twice in a row, on a finger that does not come down stops it: its sensor may lie, too.
 
@@ -208,6 +208,9 @@ class BlindRetreat:
         self._harder = self._harder + 1 if harder else 0
         self._pushed = self._pushed + 1 if moved else 0
         if self._stage is Stage.BACK:
+            if all(math.isnan(first + last) for first, _, last in ways):  # it stands where it stood: no way is better
+                stopped[...] = HELD
+                return
             self._stage = Stage.OTHER if moved else Stage.AWAY
         elif self._stage is Stage.OTHER and followed:
             self._stage = Stage.AWAY
