@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from itouch.schema import ItouchError
+from itouch_evidence.bumpy_sphere import bumpy_sphere
 
 #: Triangles of the meshes that are drawn.
 SIZES = (1_000, 100_000, 1_000_000)
@@ -124,24 +125,3 @@ _SCENE = """<itouch version="1.0">
   <interaction><probe name="finger" radius="8 mm" pose-from="arm" force-to="arm"/>
     <operator probe="finger"><motion><to pos="0 0 60 mm" in="0.1 s"/></motion></operator></interaction>
 </itouch>"""
-
-
-def bumpy_sphere(triangles: int) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
-    """Return vertices [m] and faces of a closed surface of about so many triangles."""
-    rings = max(4, round((triangles / 4) ** 0.5))
-    around = 2 * rings
-    polar, azimuth = np.meshgrid(np.linspace(0, np.pi, rings + 1)[1:-1], np.arange(around) * 2 * np.pi / around,
-                                 indexing="ij")  # fmt: skip
-    radius = 0.03 * (1 + 0.05 * np.sin(7 * azimuth) * np.sin(5 * polar))
-    body = np.stack([radius * np.sin(polar) * np.cos(azimuth), radius * np.sin(polar) * np.sin(azimuth),
-                     radius * np.cos(polar)], 2).reshape(-1, 3)  # fmt: skip
-    vertices = np.vstack([body, [0, 0, 0.03], [0, 0, -0.03]])
-    row, column = np.meshgrid(np.arange(rings - 2), np.arange(around), indexing="ij")
-    a, b = (row * around + column).ravel(), (row * around + (column + 1) % around).ravel()
-    c, d = a + around, b + around
-    sides = np.vstack([np.stack([a, c, b], 1), np.stack([b, c, d], 1)])
-    first, last = np.arange(around), (rings - 2) * around + np.arange(around)
-    north, south = len(body), len(body) + 1
-    top = np.stack([np.full(around, north), first, np.roll(first, -1)], 1)
-    bottom = np.stack([np.full(around, south), np.roll(last, -1), last], 1)
-    return vertices, np.vstack([sides, top, bottom])

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from itouch.loop.timing import Timing, edges, percentile
 from itouch.schema import ItouchError
 from itouch.servo import Handle, launch
+from itouch_evidence.bumpy_sphere import bumpy_sphere, write_stl
 from itouch_tools.cli.doctor.touch_scene import scene
 
 NONE, THERE, KILLED, FROZEN = "no viewer", "viewer", "viewer killed and reopened", "viewer frozen"
@@ -219,21 +220,12 @@ def _write(folder: Path, triangles: int) -> Path:
     """Write the scene: a finger that touches a block again and again; beside it a mesh of so many triangles."""
     text = scene(touches=2000, remote=False, hold=False)
     if triangles:
-        from itouch_evidence.viewer import bumpy_sphere
-
         write_stl(folder / "ball.stl", *bumpy_sphere(triangles))
         mesh = '<mesh name="ball" file="ball.stl" scale="1 mm" pos="90 0 40 mm" material="wood"/></world>'
         text = text.replace("</world>", mesh)
     path = folder / f"scene{triangles}.xml"
     path.write_text(text, encoding="utf-8")
     return path
-
-
-def write_stl(path: Path, vertices: NDArray[np.float64], faces: NDArray[np.integer]) -> None:
-    """Write a mesh as a binary STL file, in millimetres."""
-    rows = np.zeros(len(faces), [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
-    rows["corners"] = 1e3 * vertices[faces]
-    path.write_bytes(bytes(80) + len(faces).to_bytes(4, "little") + rows.tobytes())
 
 
 def _begin(handle: Handle) -> None:

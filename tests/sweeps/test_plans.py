@@ -17,7 +17,8 @@ from itouch_tools.sweeps import draws
 from itouch_tools.sweeps.draws import Points, value_of
 from itouch_tools.sweeps.elements import Draws, Over
 from itouch_tools.sweeps.plan import Axis, Level, Plan, digest_of
-from itouch_tools.sweeps.reading import SweepFile, load_sweep
+from itouch_tools.sweeps.reading import load_sweep
+from itouch_tools.sweeps.sweepfile import SweepFile
 
 OVER = (
     Over(name="a", set_="x.a", low=1.0, high=100.0, scale="log"),

@@ -5,43 +5,11 @@ from __future__ import annotations
 import argparse
 import contextlib
 import io
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from itouch_tools.cli.arguments import Parser
-
-SHELLS = ("bash", "zsh", "fish")
-
-
-@dataclass(frozen=True, slots=True)
-class Option:
-    """An option: its words, one line of help, the words that may follow it, and whether something must follow."""
-
-    words: tuple[str, ...]
-    help: str
-    choices: tuple[str, ...] = ()
-    takes: bool = False
-
-
-@dataclass(slots=True)
-class Command:
-    """A command: its line of help, its options, the words that its places take, and its own sub-commands."""
-
-    name: str
-    help: str
-    options: list[Option] = field(default_factory=list)
-    words: list[str] = field(default_factory=list)
-    inner: dict[str, Command] = field(default_factory=dict)
-
-
-#: Options of every command.
-COMMON = [
-    Option(("-h", "--help"), "show the help"),
-    Option(("-q", "--quiet"), "results and errors only"),
-    Option(("-v", "--verbose"), "also what took how long"),
-    Option(("--color",), "when to use colours", ("auto", "always", "never"), takes=True),
-]
+from itouch_tools.cli.shells import WRITERS, Command, Option
 
 
 def main(argv: Sequence[str]) -> int:
@@ -52,11 +20,9 @@ def main(argv: Sequence[str]) -> int:
         'zsh:  eval "$(itouch-py completion zsh)" in ~/.zshrc, after compinit\n'
         "fish: itouch-py completion fish > ~/.config/fish/completions/itouch-py.fish",
     )  # fmt: skip
-    parser.add_argument("shell", choices=SHELLS, help="for which shell")
+    parser.add_argument("shell", choices=tuple(WRITERS), help="for which shell")
     shell = parser.parse_args(argv).shell
-    from itouch_tools.cli import shells
-
-    print(shells.WRITERS[shell](commands()), end="")
+    print(WRITERS[shell](commands()), end="")
     return 0
 
 
@@ -134,11 +100,3 @@ def _option(action: argparse.Action) -> Option:
 
 def _line(text: str) -> str:
     return " ".join(text.replace("%%", "%").split())
-
-
-def all_of(found: dict[str, Command]) -> Iterator[tuple[tuple[str, ...], Command]]:
-    """Yield each command and sub-command with the words that lead to it."""
-    for name, command in found.items():
-        yield (name,), command
-        for inner, sub in command.inner.items():
-            yield (name, inner), sub

@@ -11,7 +11,7 @@ from itouch.loop.faultwords import told
 from itouch.schema import ItouchError
 from itouch.schema.terminal import did, note
 from itouch.schema.waits import waiting
-from itouch_tools.cli import deprecations
+from itouch_tools.cli import deprecations, windows
 from itouch_tools.cli.ending import Stopping, write_report
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ def needed(session: Session) -> bool:
 def run(options: argparse.Namespace, stop: Stopping, *, window: bool = False, leader: Leader | None = None) -> int:
     """Run in real time, in a window if that is asked for, or led by a gamepad, and return the exit code."""
     from itouch.servo import ServoError, launch
-    from itouch_tools.cli import leading, outputs, windows
+    from itouch_tools.cli import leading, outputs
 
     for option in ("screenshot", "film", "wav"):
         if getattr(options, option, None):
@@ -70,7 +70,6 @@ def run(options: argparse.Namespace, stop: Stopping, *, window: bool = False, le
 def _follow(handle: Handle, stop: Stopping, *, window: bool, mute: bool, leader: Leader | None) -> int:
     """Show the session until it ends, on the terminal and in a window if that is asked for; return the exit code."""
     from itouch.loop import DeviceFaultError
-    from itouch_tools.cli import windows
     from itouch_tools.cli.waiting import Waiting
     from itouch_tools.report.screen import Screen
 
@@ -83,9 +82,14 @@ def _follow(handle: Handle, stop: Stopping, *, window: bool, mute: bool, leader:
     losses = Losses(handle, screen)
     show = stop.listened(screen.show)
     code = 0
+
+    def look() -> None:
+        screen.show()
+        losses.look()
+
     try:
         if window:
-            windows.show(handle, screen, losses, mute=mute)
+            windows.show(handle, look, mute=mute)
         while not handle.wait(_EVERY if leader is None else _LOOK):
             show()
             losses.look()

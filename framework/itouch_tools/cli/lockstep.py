@@ -24,7 +24,7 @@ from itouch.loop import DeviceFaultError
 from itouch.plugin import Trace
 from itouch.schema import ItouchError
 from itouch.schema.waits import waiting
-from itouch_tools.cli.virtual_rig import VirtualRig
+from itouch_tools.cli.served_twins import VirtualRig
 
 if TYPE_CHECKING:
     from itouch.loop.runner import Runner

@@ -2,9 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 
-from itouch_tools.cli.completion import COMMON, Command, Option, all_of
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """An option: its words, one line of help, the words that may follow it, and whether something must follow."""
+
+    words: tuple[str, ...]
+    help: str
+    choices: tuple[str, ...] = ()
+    takes: bool = False
+
+
+@dataclass(slots=True)
+class Command:
+    """A command: its line of help, its options, the words that its places take, and its own sub-commands."""
+
+    name: str
+    help: str
+    options: list[Option] = field(default_factory=list)
+    words: list[str] = field(default_factory=list)
+    inner: dict[str, Command] = field(default_factory=dict)
+
+
+#: Options of every command.
+COMMON = [
+    Option(("-h", "--help"), "show the help"),
+    Option(("-q", "--quiet"), "results and errors only"),
+    Option(("-v", "--verbose"), "also what took how long"),
+    Option(("--color",), "when to use colours", ("auto", "always", "never"), takes=True),
+]
 
 Commands = dict[str, Command]
 
@@ -39,6 +68,14 @@ _itouch_py() {{
 }}
 complete -o filenames -o bashdefault -F _itouch_py itouch-py
 """
+
+
+def all_of(found: dict[str, Command]) -> Iterator[tuple[tuple[str, ...], Command]]:
+    """Yield each command and sub-command with the words that lead to it."""
+    for name, command in found.items():
+        yield (name,), command
+        for inner, sub in command.inner.items():
+            yield (name, inner), sub
 
 
 def bash(found: Commands) -> str:

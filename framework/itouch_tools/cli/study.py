@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from itouch.schema.terminal import did
 from itouch_tools.cli import study_numbers, study_run, study_serve
 from itouch_tools.cli.arguments import output_file, output_folder, parser_of
+from itouch_tools.cli.study_people import folder_of
 
 if TYPE_CHECKING:
     from itouch_tools.study.reading import StudyFile
@@ -209,7 +210,7 @@ def _run(options: argparse.Namespace) -> int:
     if not (0 < len(code) <= 32 and code.isascii() and code.replace("-", "").replace("_", "").isalnum()):
         print(f"--participant '{code}': a code has letters, digits, - and _, 32 at most", file=sys.stderr)
         return 2
-    folder = str(study_run.folder_of(options))
+    folder = str(folder_of(options))
     file = _prepared(options, folder, deviation=options.deviation or "")
     if isinstance(file, int):
         return file

@@ -34,7 +34,7 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
     from itouch.plugin.discovery import Catalog
     from itouch.schema.waits import waiting
     from itouch.servo import ServoError
-    from itouch_tools.cli.study_run import answers_of, folder_of, masking
+    from itouch_tools.cli.study_people import answers_of, folder_of, masking
     from itouch_tools.cli.study_window import operators_window
     from itouch_tools.study import desk
     from itouch_tools.study.course import Course

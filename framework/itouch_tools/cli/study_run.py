@@ -3,17 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import sys
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from itouch_tools.study.answers import Answers
     from itouch_tools.study.reading import StudyFile
-    from itouch_tools.study.shown import Shown
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -35,20 +29,13 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     run.add_argument("--full-screen", action="store_true", help="the window fills the screen")
 
 
-def folder_of(options: argparse.Namespace) -> Path:
-    """Return where the study's data are."""
-    if options.output:
-        return Path(options.output)
-    path = Path(options.study)
-    return path.with_name(f"{path.stem}.data")
-
-
 def run(file: StudyFile, options: argparse.Namespace) -> int:
     """Make the trials that are left, and say what was made; 3: the session was ended before the last trial."""
     from itouch.loop import DeviceFaultError, VirtualClock
     from itouch.loop.clock import WallClock
     from itouch.plugin.discovery import Catalog
     from itouch_tools.cli import study_rig
+    from itouch_tools.cli.study_people import answers_of, folder_of, masking
     from itouch_tools.cli.study_window import operators_window
     from itouch_tools.study.answers import Stopped
     from itouch_tools.study.run import Run
@@ -86,45 +73,3 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
             return 1
     print(f"all done: {made} new trials")
     return 0
-
-
-def masking(file: StudyFile, options: argparse.Namespace) -> contextlib.AbstractContextManager[object]:
-    """Play masking noise if the study asks for it, and say if nothing can be heard."""
-    if file.study.blind is None or not file.study.blind.noise or options.mute:
-        return contextlib.nullcontext()
-    from itouch_tools.sound.masking import Masker
-
-    stack = contextlib.ExitStack()
-    masker = stack.enter_context(Masker(file.study.seed))
-    if not masker.heard:
-        print("no sound card is found: the masking noise that the study asks for is not heard", file=sys.stderr)
-    return stack
-
-
-def answers_of(file: StudyFile, options: argparse.Namespace) -> tuple[Answers, Callable[[Shown], None] | None]:
-    """Return who answers, and who is told what to show."""
-    from itouch.schema import ItouchError
-    from itouch_tools.study.answers import Beside, Script, Typed
-    from itouch_tools.study.brought import device_of
-
-    if options.answers and (options.window or options.answers_from):
-        raise ItouchError("--answers excludes --window and --answers-from: a script has all answers")
-    brought = device_of(options.answers_from, print) if options.answers_from else None
-    if options.window:
-        from itouch_tools.cli.study_window import WindowAnswers
-
-        page = file.instructions()
-        window = WindowAnswers(page, light=options.light, fullscreen=options.full_screen)
-        return window if brought is None else Beside(brought, window), window.show
-    if options.answers == "-":
-        return Script(sys.stdin), None
-    if options.answers:
-        try:
-            return Script(Path(options.answers).read_text(encoding="utf-8").splitlines()), None
-        except (OSError, UnicodeDecodeError) as error:
-            raise ItouchError(f"cannot read '{options.answers}': {getattr(error, 'strerror', error)}") from error
-    for line in file.instructions():
-        print(line)
-    if brought is not None:
-        return brought, None
-    return Typed(sys.stdin, lambda words: print(words, flush=True)), None

@@ -15,7 +15,7 @@ from itouch_tools.cli.arguments import Parser
 if TYPE_CHECKING:
     from itouch_tools.sweeps.client import Swept
     from itouch_tools.sweeps.progress import Progress
-    from itouch_tools.sweeps.reading import SweepFile
+    from itouch_tools.sweeps.sweepfile import SweepFile
 
 #: What may follow `sweep` instead of a file.
 COMMANDS = ("check", "replay", "page")

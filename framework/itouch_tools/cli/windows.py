@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 from itouch.schema.terminal import note
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from itouch.servo import Handle
-    from itouch_tools.cli.live import Losses
-    from itouch_tools.report.screen import Screen
 
 
 def wanted(options: argparse.Namespace) -> bool:
@@ -33,11 +33,12 @@ def _asked(options: argparse.Namespace) -> bool:
     return not (options.headless or options.pace == "fast" or options.screenshot or options.film or options.wav)
 
 
-def show(handle: Handle, screen: Screen, losses: Losses, *, mute: bool) -> None:
-    """Open a window on a session that was launched, and show it until it ends or is closed; the terminal follows.
+def show(handle: Handle, look: Callable[[], None], *, mute: bool) -> None:
+    """Open a window on a session that was launched, and show it until it ends or is closed.
 
     Nothing moves before the window is open: hardware is not enabled, and twins, which enable by themselves, are
     paused.  A window that can't be opened is said, and the session runs without it.
+    ``look`` is called at each picture: it brings the terminal up to date.
     """
     from itouch.servo import ServoError
     from itouch_tools.viewer.offscreen import GraphicsError, open_window
@@ -53,8 +54,7 @@ def show(handle: Handle, screen: Screen, losses: Losses, *, mute: bool) -> None:
         handle.command("enable")
 
     def going() -> bool:
-        screen.show()
-        losses.look()
+        look()
         return not handle.wait(0.0)
 
     if window is not None:

@@ -17,7 +17,7 @@ from itouch_tools.sweeps.plan import Setting, written
 
 if TYPE_CHECKING:
     from itouch.plugin import Record
-    from itouch_tools.sweeps.reading import SweepFile
+    from itouch_tools.sweeps.sweepfile import SweepFile
 
 #: Columns that every row has.
 OWN = ("seed", "status", "reason", "simulated_s", "digest", "state", "cpu", "sets", "part")

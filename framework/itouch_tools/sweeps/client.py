@@ -21,8 +21,9 @@ from itouch.schema import ItouchError
 from itouch_tools.sweeps.engines import Engine, EngineLostError, NoEngineError, Task
 from itouch_tools.sweeps.plan import Plan
 from itouch_tools.sweeps.progress import Progress
-from itouch_tools.sweeps.reading import SweepFile, load_sweep
+from itouch_tools.sweeps.reading import load_sweep
 from itouch_tools.sweeps.store import Store, rows
+from itouch_tools.sweeps.sweepfile import SweepFile
 from itouch_tools.sweeps.work import Work, work_of
 from itouch_tools.sweeps.worker import Done, work_on
 

@@ -12,8 +12,8 @@ from itouch.schema.diagnostics import Problem
 from itouch_tools.sweeps import paths
 from itouch_tools.sweeps.elements import FromReport
 from itouch_tools.sweeps.plan import Plan
-from itouch_tools.sweeps.reading import SweepFile
 from itouch_tools.sweeps.store import schema_of
+from itouch_tools.sweeps.sweepfile import SweepFile
 from itouch_tools.sweeps.work import work_of
 from itouch_tools.sweeps.worker import DeadError, Runner, failed
 

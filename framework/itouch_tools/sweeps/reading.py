@@ -1,102 +1,20 @@
-"""From a sweep's file to its plan, with the places of everything in it and all problems at once."""
+"""Reading a sweep's file, with the places of everything in it and all problems at once."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
+from collections.abc import Iterator
 
 from itouch.plugin.discovery import Catalog
-from itouch.scene import Scene
 from itouch.scene.binding import Binder
-from itouch.scene.edits import Edit
-from itouch.scene.loader import in_file_order, read_scene
+from itouch.scene.loader import in_file_order
 from itouch.scene.places import Places
-from itouch.scene.source import Attribute, Node, SourceError, read_root
-from itouch.schema.diagnostics import Place, Problem, SceneError
-from itouch_tools.study.elements import split_levels
+from itouch.scene.source import Node, SourceError, read_root
+from itouch.schema.diagnostics import Problem, SceneError
 from itouch_tools.study.reading import StudyFile, read_study
-from itouch_tools.sweeps.draws import Points, spaced
-from itouch_tools.sweeps.elements import VERSION, Draws, Grid, Listed, Sweep
-from itouch_tools.sweeps.plan import Axis, Level, Plan, Setting, Value, written
-
-
-@dataclass(frozen=True, slots=True)
-class SweepFile:
-    """A sweep as it was read: the file, the scene's path, where each element stands, and the study if there is one."""
-
-    sweep: Sweep
-    path: str
-    scene_path: str
-    places: Places
-    study: StudyFile | None = None
-
-    @property
-    def name(self) -> str:
-        """Name of the sweep."""
-        return self.sweep.name or Path(self.path).stem
-
-    def plan(self, base: str = "") -> Plan:
-        """Return the runs; ``base`` is the digest of what they have in common."""
-        sweep, draws = self.sweep, self.sweep.draws
-        axes = [] if self.study is None else [_conditions(self.study)]
-        axes += [_grid(axis) if isinstance(axis, Grid) else _listed(axis) for axis in sweep.axes]
-        points = None if draws is None else Points(draws, sweep.seed)
-        return Plan(
-            axes, () if draws is None else draws.over, points, sweep.seeds.count, sweep.seeds.first, base
-        )  # fmt: skip
-
-    def scene(self, sets: Sequence[Setting], catalog: Catalog) -> tuple[Scene, list[Problem]]:
-        """Return the scene with attributes set, and what is wrong with it; each problem is told at the parameter."""
-        return read_scene(self.scene_path, catalog, edits=[Edit(p, Attribute(v, self._place(p))) for p, v in sets])
-
-    def _place(self, path: str) -> Place:
-        draws = () if self.sweep.draws is None else self.sweep.draws.over
-        inner = [one for axis in self.sweep.axes if isinstance(axis, Listed) for one in axis.sets]
-        for element in (*self.sweep.axes, *draws):
-            if path in getattr(element, "set_", "").split():
-                return self.places.of(element, "set_") or Place(self.path, 1, 1)
-        for one in inner:
-            if path in one.path.split():
-                return self.places.of(one, "path") or Place(self.path, 1, 1)
-        return Place(self.path, 1, 1)
-
-
-def _grid(grid: Grid) -> Axis:
-    return Axis((grid.name,), tuple(
-        Level((value,), tuple((path, written(value, grid.unit)) for path in grid.set_.split()))
-        for value in _levels(grid)
-    ))  # fmt: skip
-
-
-def _levels(grid: Grid) -> Sequence[Value]:
-    """Return the levels: numbers if all of them are, else words."""
-    if grid.low is not None and grid.high is not None and grid.steps is not None:
-        return spaced(grid.low, grid.high, grid.steps, grid.scale)
-    words = split_levels(grid.values)
-    try:
-        return [float(word) for word in words]
-    except ValueError:
-        return words
-
-
-def _listed(one: Listed) -> Axis:
-    found = []
-    for index, level in enumerate(split_levels(one.levels)):
-        sets = [(path, split_levels(each.values)[index]) for each in one.sets for path in each.path.split()]
-        notes = [float(split_levels(note.values)[index]) for note in one.notes]
-        found.append(Level((level, *notes), tuple(sets)))
-    return Axis((one.name, *(note.name for note in one.notes)), tuple(found))
-
-
-def _conditions(study: StudyFile) -> Axis:
-    names = tuple(factor.name for factor in study.study.factors)
-    found = []
-    for condition in study.conditions():
-        sets = tuple((edit.path, edit.value.value) for edit in study.edits(condition))
-        found.append(Level(tuple(condition[name] for name in names), sets))
-    return Axis(names, tuple(found))
+from itouch_tools.sweeps.checking import contradictions, scenes
+from itouch_tools.sweeps.elements import VERSION, Sweep
+from itouch_tools.sweeps.sweepfile import SweepFile
 
 
 def load_sweep(path: str | os.PathLike[str], catalog: Catalog) -> SweepFile:
@@ -115,8 +33,6 @@ def load_sweep(path: str | os.PathLike[str], catalog: Catalog) -> SweepFile:
 
 def read_sweep(path: str | os.PathLike[str], catalog: Catalog) -> tuple[SweepFile | None, list[Problem]]:
     """Read as much of a sweep as can be, with the problems found."""
-    from itouch_tools.sweeps.checking import contradictions, scenes
-
     shown = os.fspath(path)
     try:
         root = read_root(shown, "sweep", f'<sweep version="{VERSION}" scene="SCENE.xml">')
@@ -153,8 +69,3 @@ def _wanting(root: Node) -> Iterator[Problem]:
     if not any(node.tag == "collect" for node in root.children):
         advice = 'write <collect><report name="..." key="..."/></collect>'
         yield Problem("missing-element", "<sweep> needs the element <collect>", root.place, advice)
-
-
-def with_draws(file: SweepFile, draws: Draws) -> SweepFile:
-    """Return the sweep with other draws: the same points first."""
-    return replace(file, sweep=replace(file.sweep, draws=draws))

@@ -18,7 +18,7 @@ from itouch import platforms
 from itouch.schema import ItouchError
 from itouch_tools.sweeps.checking import columns
 from itouch_tools.sweeps.elements import Grid
-from itouch_tools.sweeps.reading import SweepFile
+from itouch_tools.sweeps.sweepfile import SweepFile
 from itouch_tools.sweeps.work import Work
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from itouch.world import Model
 from itouch_tools.sweeps.elements import FromCall
 from itouch_tools.sweeps.functions import in_file
 from itouch_tools.sweeps.identity import PROGRAM, files_of, identity
-from itouch_tools.sweeps.reading import SweepFile
+from itouch_tools.sweeps.sweepfile import SweepFile
 
 #: Most bytes that travel with a task.
 MOST_BYTES = 64 << 20
