@@ -11,6 +11,7 @@ import sys
 from collections import Counter
 from pathlib import Path
 
+from rooms import room
 from sources import ROOT, Module, circles, imports, modules, shelf
 
 
@@ -39,7 +40,7 @@ def counts(root: Path = ROOT) -> dict[str, int | str]:
     names = Counter(
         module.path.name for module in every.values() if module.path.name not in ("__init__.py", "__main__.py")
     )
-    twice = Counter((module.path.parts[len(root.parts) + 2], module.path.name) for module in every.values())
+    twice = Counter((room(name), module.path.name) for name, module in every.items())
     found: dict[str, int | str] = {"lines of code": code.total(), "files": files.total()}
     for kind in ("core", "tools", "evidence", "plugins"):
         found[f"  {kind}: lines of code"] = code[kind]
@@ -47,7 +48,7 @@ def counts(root: Path = ROOT) -> dict[str, int | str]:
     found |= {
         "files with one importer": sum(importers[name] == 1 for name, module in every.items() if not module.is_package),
         "file names that occur twice or more": sum(count > 1 for count in names.values()),
-        "  within one package": sum(count > 1 for (_, name), count in twice.items() if name not in ("__init__.py", "__main__.py")),
+        "  within one room or plugin": sum(count > 1 for (_, name), count in twice.items() if name not in ("__init__.py", "__main__.py")),
         "import circles, TYPE_CHECKING included": len(circles(imports(every, deferred=False))),
         "import circles, imports inside functions included": len(circles(graph)),
     }  # fmt: skip

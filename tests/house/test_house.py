@@ -152,7 +152,7 @@ def test_the_counts_of_a_checkout(tmp_path: Path) -> None:
     assert (found["lines of code"], found["files"], found["  core: lines of code"]) == (6, 5, 5)
     assert found["files with one importer"] == 1
     assert found["file names that occur twice or more"] == 1
-    assert found["  within one package"] == 0
+    assert found["  within one room or plugin"] == 0
     assert found["import circles, TYPE_CHECKING included"] == 0
     assert found["import circles, imports inside functions included"] == 1
     assert found["longest function 1"] == "3 f (itouch.loop.plan)"

@@ -14,7 +14,7 @@ from parts import LIMITS, PLATE, TABLE, Asked
 
 from itouch.monitors import Heat, Surface, TripError
 from itouch.monitors.limits import DeviceLimits
-from itouch_evidence.faults.campaign import campaign, draw, run
+from itouch_evidence.faults.random_rigs import campaign, draw, run
 
 K0 = 273.15
 
@@ -128,7 +128,7 @@ def test_a_campaign_goes_on_where_it_was_stopped_and_adds_up(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     ran = []
-    module = importlib.import_module("itouch_evidence.faults.campaign")
+    module = importlib.import_module("itouch_evidence.faults.random_rigs")
     monkeypatch.setattr(module, "run", lambda case: ran.append(case.number) or case)
     kept = tmp_path / "kept.jsonl"
     assert campaign(3, 8, str(kept)) == 0

@@ -49,7 +49,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _figures() -> Iterator[dict[str, Any]]:
-    from itouch_thermal.chip.figures import figures
+    from itouch_thermal.chip.merits import figures
 
     for figure in figures():
         bound = "" if figure.most is None else f"at most {figure.most:g}" + ("" if figure.holds else "  MISSED")

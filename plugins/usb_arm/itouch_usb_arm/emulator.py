@@ -8,10 +8,10 @@ from typing import Any
 
 from itouch.plugin import DeviceError, Emulator, Record
 from itouch_usb_arm import kinematics
-from itouch_usb_arm.virtual.arm import VirtualFalcon
 from itouch_usb_arm.virtual.mechanics import Mechanics
 from itouch_usb_arm.virtual.times import HostTime
 from itouch_usb_arm.virtual.usbip import UsbipServer
+from itouch_usb_arm.virtual.virtual_falcon import VirtualFalcon
 from itouch_usb_arm.wire import Buttons
 
 

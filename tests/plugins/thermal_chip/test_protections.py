@@ -8,8 +8,8 @@ import random
 import pytest
 
 from itouch_thermal.chip.display import REFERENCE, plain
-from itouch_thermal.chip.figures import soak_limit
 from itouch_thermal.chip.host import Answer, SimulatedHost
+from itouch_thermal.chip.merits import soak_limit
 from itouch_thermal.chip.pins import KELVIN, thermistor
 from itouch_thermal.chip.program import Built, built, config
 from itouch_thermal.chip.soak import highest

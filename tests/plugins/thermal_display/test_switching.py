@@ -6,7 +6,7 @@ import pytest
 
 from itouch_thermal.display import DisplayParams, Mismatch
 from itouch_thermal.rendering.plants import corners
-from itouch_thermal.rendering.switching import CLOSE, least_time_of_plant, switching_time
+from itouch_thermal.rendering.switch_times import CLOSE, least_time_of_plant, switching_time
 
 COLD, WARM = 295.75, 303.65
 

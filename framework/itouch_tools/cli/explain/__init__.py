@@ -23,7 +23,7 @@ def main(argv: Sequence[str]) -> int:
 
 def examples() -> dict[str, Example]:
     """Return an example of each code."""
-    from itouch_tools.cli.explain.devices import BINDINGS, DEVICES
+    from itouch_tools.cli.explain.bindings import BINDINGS, DEVICES
     from itouch_tools.cli.explain.meshes import MESHES
     from itouch_tools.cli.explain.odd import ODD
     from itouch_tools.cli.explain.problems import FILES, NAMES, VALUES

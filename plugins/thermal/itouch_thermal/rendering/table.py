@@ -26,7 +26,7 @@ from itouch_thermal.rendering.closedloop import (
 from itouch_thermal.rendering.materials import FOAM, material
 from itouch_thermal.rendering.plants import SEEDS, corners
 from itouch_thermal.rendering.score import summary
-from itouch_thermal.rendering.switching import least_time_of_plant, switching_time
+from itouch_thermal.rendering.switch_times import least_time_of_plant, switching_time
 
 #: Contact resistances [K m2/W], press [s] and object temperatures [K] of the rows.
 USUAL, LITTLE, PRESS = 2e-3, 1e-4, 0.05

@@ -13,8 +13,8 @@ import usb.core
 
 from itouch_usb_arm.link import IN, OUT, PACKET, PRODUCT, VENDOR
 from itouch_usb_arm.virtual import descriptors
-from itouch_usb_arm.virtual.arm import StalledError, UnpluggedError, VirtualFalcon
 from itouch_usb_arm.virtual.requests import control
+from itouch_usb_arm.virtual.virtual_falcon import StalledError, UnpluggedError, VirtualFalcon
 
 
 class VirtualBackend(usb.backend.IBackend):

@@ -7,8 +7,8 @@ import signal
 import sys
 from collections.abc import Sequence
 
-from itouch_usb_arm.virtual.arm import VirtualFalcon
 from itouch_usb_arm.virtual.hand import Hand
+from itouch_usb_arm.virtual.virtual_falcon import VirtualFalcon
 from itouch_usb_arm.wire import Buttons
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 
 from itouch_usb_arm.virtual import descriptors
-from itouch_usb_arm.virtual.arm import StalledError, VirtualFalcon
+from itouch_usb_arm.virtual.virtual_falcon import StalledError, VirtualFalcon
 
 _GET_STATUS, _CLEAR_FEATURE, _GET_DESCRIPTOR, _GET_CONFIGURATION = 0, 1, 6, 8
 _SET_CONFIGURATION, _SET_INTERFACE = 9, 11

@@ -15,8 +15,8 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from itouch_usb_arm.link import IN, OUT, PRODUCT, VENDOR
-from itouch_usb_arm.virtual.arm import StalledError, UnpluggedError, VirtualFalcon
 from itouch_usb_arm.virtual.requests import control
+from itouch_usb_arm.virtual.virtual_falcon import StalledError, UnpluggedError, VirtualFalcon
 
 VERSION, BUS_ID = 0x0111, b"1-1"
 _LIST, _IMPORT = 0x8005, 0x8003
