@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+import types
 
 import numpy as np
 import pytest
@@ -156,15 +157,28 @@ def test_where_there_is_no_sound_it_is_silent():
     quiet.close()
 
 
-def test_alsa_gets_every_sample(tmp_path):
-    """ALSA is told of a card that is a file."""
+def portaudio_is_there() -> bool:
+    try:
+        import sounddevice  # noqa: F401
+    except (ImportError, OSError):
+        return False
+    return True
+
+
+BACKENDS = ["Alsa", pytest.param("PortAudio", marks=pytest.mark.skipif(
+    not portaudio_is_there() and not os.environ.get("CI"), reason="no sounddevice, or no libportaudio2"))]  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", BACKENDS)
+def test_a_card_gets_every_sample(tmp_path, kind):
+    """ALSA is told of a card that is a file; PortAudio plays through ALSA."""
     (tmp_path / "asound.conf").write_text(
         f'pcm.!default {{ type file file "{tmp_path}/heard.raw" format "raw" slave.pcm "quiet" }}\n'
         "pcm.quiet { type null }\n"
     )
     code = (
-        "import numpy as np; from itouch_tools.sound.output import Alsa, open_output\n"
-        "out = open_output((Alsa,)); print(out.name)\n"
+        f"import numpy as np; from itouch_tools.sound.output import {kind}, open_output\n"
+        f"out = open_output(({kind},)); print(out.name); assert 0.0 <= out.latency() < 0.1\n"
         "for n in range(50): out.write(np.arange(480 * n, 480 * n + 480).astype('<i2').tobytes())\n"
         "out.close()"
     )
@@ -172,9 +186,90 @@ def test_alsa_gets_every_sample(tmp_path):
         [sys.executable, "-c", code], capture_output=True, text=True,
         env={**os.environ, "ALSA_CONFIG_PATH": str(tmp_path / "asound.conf")},
     )  # fmt: skip
-    assert done.stdout == "ALSA\n" and done.stderr == ""
+    assert done.stdout.upper() == f"{kind.upper()}\n" and done.stderr == ""
     heard = np.fromfile(tmp_path / "heard.raw", "<i2")
     np.testing.assert_array_equal(heard[:24000], np.arange(24000))
+
+
+class GoneError(Exception):
+    """As sounddevice's: no OSError."""
+
+
+class Stream:
+    """A stream of sounddevice that remembers how it was asked for, and may go."""
+
+    latency, gone = 0.042, False
+
+    def __init__(self, **wanted: object) -> None:
+        self.wanted, self.said, self.data = wanted, [], b""
+
+    def start(self) -> None:
+        self.said.append("start")
+
+    def write(self, samples: bytes) -> bool:
+        if self.gone:
+            raise GoneError("unplugged")
+        self.data += samples
+        return True  # it came too late; it is played all the same
+
+    def stop(self) -> None:
+        if self.gone:
+            raise GoneError("unplugged")
+        self.said.append("stop")
+
+    def close(self) -> None:
+        self.said.append("close")
+
+
+@pytest.fixture
+def made(monkeypatch):
+    """A stand-in for sounddevice; the streams that were made."""
+    streams: list[Stream] = []
+
+    def stream(**wanted: object) -> Stream:
+        streams.append(Stream(**wanted))
+        return streams[-1]
+
+    module = types.SimpleNamespace(PortAudioError=GoneError, RawOutputStream=stream)
+    monkeypatch.setitem(sys.modules, "sounddevice", module)
+    return streams
+
+
+def test_portaudio_is_asked_for_a_short_buffer_where_the_others_are_not_there(made, monkeypatch):
+    monkeypatch.setattr(output.ctypes, "CDLL", lambda name: (_ for _ in ()).throw(OSError(2, name)))
+    out = output.open_output()
+    assert out.name == "PortAudio" and out.latency() == 0.042
+    out.write(b"\1\0" * 480)
+    out.close()
+    (stream,) = made
+    assert stream.wanted == {"samplerate": RATE, "channels": 1, "dtype": "int16", "latency": output.BUFFER}
+    assert stream.data == b"\1\0" * 480 and stream.said == ["start", "stop", "close"]
+
+
+def test_portaudio_that_goes_away_leaves_silence(made, session):
+    speaker = Speaker(session.model, output=output.PortAudio)
+    until(lambda: speaker.blocks > 2)
+    assert speaker.driver == "PortAudio"
+    made[0].gone = True
+    until(lambda: speaker.muted)
+    assert speaker.driver == "silent"
+    speaker.close()
+
+
+@pytest.mark.parametrize("error", [GoneError("Error querying device -1"), ValueError("No output device")])
+def test_portaudio_without_an_output_is_silent(made, monkeypatch, error):
+    def refuse(**_: object) -> Stream:
+        raise error
+
+    monkeypatch.setattr(sys.modules["sounddevice"], "RawOutputStream", refuse)
+    assert output.open_output((output.PortAudio,)).name == "silent"
+    with pytest.raises(OSError, match=str(error)):
+        output.PortAudio()
+
+
+def test_without_sounddevice_there_is_no_portaudio(monkeypatch):
+    monkeypatch.setitem(sys.modules, "sounddevice", None)
+    assert output.open_output((output.PortAudio,)).name == "silent"
 
 
 def test_a_machine_without_a_card_is_told_nothing(tmp_path):

@@ -1,13 +1,15 @@
-"""Where sound goes: PulseAudio (or PipeWire in its place), ALSA, or nowhere.
+"""Where sound goes: PulseAudio (or PipeWire in its place), ALSA, PortAudio where there is no ALSA, or nowhere.
 
-Both are spoken to through their C libraries, with buffers of our own length: what the window's library plays waits for
-a third of a second and more in its buffers, and a stroke must be heard when it happens.
+The first two are spoken to through their C libraries, with buffers of our own length: what the window's library plays
+waits for a third of a second and more in its buffers, and a stroke must be heard when it happens.  PortAudio is for
+macOS and Windows, by the package ``sounddevice``, which brings it there.
 """
 
 from __future__ import annotations
 
 import contextlib
 import ctypes
+import errno
 import time
 from collections.abc import Callable, Iterator
 from typing import Any, Protocol
@@ -143,6 +145,47 @@ class Alsa:
         self._library.snd_pcm_close(self._stream)
 
 
+class PortAudio:
+    """The output that the system uses by default, by PortAudio (Core Audio, WASAPI, JACK and others).
+
+    Raises
+    ------
+    OSError
+        If there is no ``sounddevice``, no PortAudio, no output, or none that plays 48 kHz.
+    """
+
+    name = "PortAudio"
+
+    def __init__(self) -> None:
+        try:
+            import sounddevice
+        except ImportError as error:
+            raise OSError(errno.ENOENT, "there is no sounddevice") from error
+        self._refused = sounddevice.PortAudioError  # it is no OSError
+        try:
+            self._stream: Any = sounddevice.RawOutputStream(samplerate=RATE, channels=1, dtype="int16", latency=BUFFER)
+            self._stream.start()
+        except (sounddevice.PortAudioError, ValueError) as error:
+            raise OSError(errno.ENODEV, f"there is no sound by PortAudio: {error}") from error
+
+    def write(self, samples: bytes) -> None:
+        """Play samples."""
+        try:
+            self._stream.write(samples)  # what came too late is heard later: the others do the same
+        except self._refused as error:
+            raise OSError(errno.EIO, f"PortAudio has gone: {error}") from error
+
+    def latency(self) -> float:
+        """Return what PortAudio says of its buffers and the system's."""
+        return float(self._stream.latency)
+
+    def close(self) -> None:
+        """Play what was written, and end."""
+        with contextlib.suppress(self._refused):  # it may have gone meanwhile
+            self._stream.stop()
+            self._stream.close()
+
+
 @contextlib.contextmanager
 def _quiet(library: Any) -> Iterator[None]:
     """Keep the library from writing about missing cards to the terminal."""
@@ -154,9 +197,22 @@ def _quiet(library: Any) -> Iterator[None]:
         library.snd_lib_error_set_handler(None)
 
 
-def open_output(kinds: tuple[Callable[[], Output], ...] = (Pulse, Alsa)) -> Output:
-    """Return the first of these outputs that there is on this machine, or silence."""
-    for kind in kinds:
+def backends() -> tuple[Callable[[], Output], ...]:
+    """Return what is asked for sound on this system, in this order.
+
+    Where ALSA is installed PortAudio is left alone: it would ask ALSA again, and it ends the whole program where ALSA's
+    configuration is missing (V19.6).
+    """
+    try:
+        ctypes.CDLL("libasound.so.2")
+    except OSError:
+        return Pulse, PortAudio
+    return Pulse, Alsa
+
+
+def open_output(kinds: tuple[Callable[[], Output], ...] | None = None) -> Output:
+    """Return the first of these outputs (default: the system's) that there is on this machine, or silence."""
+    for kind in backends() if kinds is None else kinds:
         with contextlib.suppress(OSError, AttributeError):
             return kind()
     return Silence()
