@@ -11,8 +11,8 @@ import pytest
 import itouch
 from itouch.plugin import Contact, Field, Measured, Modality, discovery, schema
 from itouch_tools.report.collect import collect
+from itouch_tools.report.page import page
 from itouch_tools.report.screen import Screen
-from itouch_tools.report.sections import contacts
 
 SCENE = """<itouch version="1.0" xmlns:buzz="urn:itouch:plugin:buzz">
   <materials><material name="wood"><contact stiffness="1.2 N/mm" damping="2 N*s/m" static-friction="0.4"/></material></materials>
@@ -134,7 +134,7 @@ def test_words_that_fail_are_told_and_end_nothing(made):
 
 
 def test_the_page_has_them(made):
-    shown = contacts(made[2])
+    shown = page(made[2]).split("<h2>Contacts</h2>")[1].split("<h2>Curves</h2>")[0]
     assert "vibration_m_s2 [m/s²]" in shown and "missed [%]" in shown and ">4.2<" in shown
     assert "&lt;b&gt;loose" in shown and "<b>loose" not in shown
     assert not any(f">{head}" in shown for head in ("word<", "beside", "never"))

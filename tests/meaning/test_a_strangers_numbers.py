@@ -19,7 +19,7 @@ from itouch.recording.bids import export_bids
 from itouch.recording.tables import export_csv, export_parquet
 from itouch.world import undeclared
 from itouch_tools.report.collect import collect
-from itouch_tools.report.sections import meanings
+from itouch_tools.report.page import page
 from itouch_tools.viewer import overlay
 from itouch_tools.viewer.signals import charts
 
@@ -143,7 +143,7 @@ def test_the_page_plots_and_explains_them(made):
     findings = collect(str(folder / "run.mcap"))
     assert findings.curves is not None
     assert {(chart.title, chart.unit) for chart in findings.curves.charts} == {("pressure", "Pa"), ("m^3/s", "m^3/s")}
-    assert PRESSURE in meanings(findings) and LEVEL in meanings(findings)
+    assert f">{PRESSURE}</td>" in page(findings) and f">{LEVEL}</td>" in page(findings)
 
 
 def test_inspect_explains_them(made, capsys):

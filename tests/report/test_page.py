@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import base64
+import html
 import re
 import shutil
 import subprocess
 import zlib
+from importlib.resources import files
 
 import numpy as np
 import pytest
@@ -54,23 +56,21 @@ def test_the_page_is_one_file_that_asks_for_nothing(recorded):
     head = text[: text.index('<script id="data"')]
     assert not re.search(r"""(src|href)\s*=\s*["'](?!data:)""", head)
     assert "@import" not in head and "url(" not in head
-    assert "default-src 'none'" in head
+    assert "default-src 'none'" in html.unescape(head)
 
 
 def test_what_was_not_as_it_should_be_is_said_first(recorded):
     findings = collect(recorded / "run.mcap")
     said = sections.answer(findings)
-    assert "all devices were simulated" in said and "not as it should" not in said
-    assert "not as it should be" not in sections.contacts(findings)
+    assert "all devices were simulated" in said["said"] and not said["short"]
+    assert "not as it should" not in page(findings)
     findings.report["contacts"][0] |= {"plate_limited": np.False_, "plate_ready": np.True_}  # as a stranger may say it
     findings.report["contacts"][1] |= {"plate_limited": True, "plate_ready": False}
-    said = sections.answer(findings)
-    assert (
-        "not as it should have been in 1 of 2 contacts: pyrex (the plate was not ready, the plate was limited)" in said
-    )
-    table = sections.contacts(findings)
-    assert ">the plate was not ready, the plate was limited</td>" in table
-    assert "its start temperature is out of the plate" in table  # the whole sentence below it
+    text = page(findings)
+    said = "not as it should have been in 1 of 2 contacts: pyrex (the plate was not ready, the plate was limited)"
+    assert f'<p class="bad">{said}</p>' in text
+    assert ">the plate was not ready, the plate was limited</td>" in text
+    assert "its start temperature is out of the plate" in text  # the whole sentence below it
 
 
 def test_the_page_pictures_the_first_touch(recorded):
@@ -78,7 +78,7 @@ def test_the_page_pictures_the_first_touch(recorded):
     assert findings.touching and findings.model.objects[int(findings.state["finger.object"])] == "aluminium"
     begin = findings.contacts[0]["begin_s"]
     assert int(findings.state["tick"]) * findings.model.period == pytest.approx(begin + 0.5, abs=0.003)
-    assert "in its first touch" in sections.picture(b"png", touching=findings.touching)
+    assert "<h2>Scene in its first touch</h2>" in page(findings, picture=b"png")
     end = collect(recorded / "end.itouch")
     assert not end.touching
 
@@ -321,6 +321,21 @@ def test_texts_of_a_session_are_shown_and_never_run(recorded, browser, tmp_path)
     assert browser.run("document.querySelectorAll('img[src=x]').length") == 0
     assert browser.run("document.querySelectorAll('#chart0 path.curve').length") > 0
     assert browser.run("document.body.innerText.split('window.pwned=1').length") > 10
+
+
+def test_only_our_own_style_scripts_and_packed_data_go_in_unescaped():
+    """What a session says is escaped by the template, for nothing there is marked as safe but this."""
+    template = files("itouch_tools.report").joinpath("page.html").read_text("utf-8")
+    assert re.findall(r"\{\{([^}|]*)\|\s*safe\s*\}\}", template) == [" style ", " data ", " script "]
+    assert template.count("| safe") == template.count("|safe") + 3 and "autoescape" not in template
+
+
+def test_what_is_no_text_is_written_as_one(recorded):
+    findings = collect(recorded / "run.mcap")
+    findings.marks = [{"time": 1.0, "name": ["<b>", "\ud800"], "payload": {"<i>": None}}]
+    text = page(findings)
+    assert "&lt;b&gt;" in text and "<b>&#39;" not in text and "&lt;i&gt;" in text
+    assert text.encode()
 
 
 @pytest.mark.parametrize("name", ["missing.mcap", "missing.itouch", "empty.mcap", "empty.itouch"])

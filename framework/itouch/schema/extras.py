@@ -8,6 +8,7 @@ from itouch.schema.diagnostics import ItouchError
 
 #: Name of an extra -> what it is for, and the modules that it brings.
 EXTRAS: dict[str, tuple[str, tuple[str, ...]]] = {
+    "report": ("pages", ("jinja2",)),
     "film": ("films", ("av", "PIL")),
     "tables": ("tables of this kind", ("pyarrow",)),
     "plot": ("figures", ("matplotlib",)),

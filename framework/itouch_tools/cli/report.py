@@ -6,6 +6,7 @@ import os
 from collections.abc import Sequence
 
 from itouch.schema import ItouchError
+from itouch.schema.extras import need
 from itouch.schema.terminal import did
 from itouch.schema.waits import waiting
 from itouch_tools.cli.arguments import Parser, output_file
@@ -21,6 +22,7 @@ def main(argv: Sequence[str]) -> int:
     given, target = options.session, options.output
     if os.path.exists(given) and os.path.exists(target) and os.path.samefile(given, target):
         raise ItouchError(f"'{target}' is the session itself; name another file for the page")
+    need("report", "the page")
     from itouch_tools.report.collect import collect
     from itouch_tools.report.page import page, scene_picture
 

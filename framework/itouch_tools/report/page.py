@@ -8,13 +8,15 @@ import json
 import os
 import tempfile
 from importlib.resources import files
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from itouch.loop.timing import merged
 from itouch_tools.report import sections
 from itouch_tools.report.collect import Findings
-from itouch_tools.report.markup import text
 from itouch_tools.report.packing import Packer
+
+if TYPE_CHECKING:
+    from jinja2 import Template
 
 #: Contacts that are drawn one by one; more of them are reached by choosing them.
 MOST_DRAWN = 12
@@ -25,30 +27,36 @@ def page(findings: Findings, *, picture: bytes | None = None) -> str:
     """Return the page as HTML; ``picture`` is a PNG of the scene.
 
     Its own scripts are the only ones that a browser runs, and it may ask for nothing: its policy says so, with their
-    digests.
+    digests.  Needs Jinja2 (extra ``report``).
     """
     data = _data(findings)
-    parts = [
-        sections.head(findings), sections.answer(findings), sections.summary(findings),
-        sections.picture(picture, touching=findings.touching),
-        sections.faults(findings), sections.contacts(findings), _curves(findings), sections.meanings(findings),
-        sections.timing(findings, len(data["histograms"])),
-        sections.marks(findings), sections.parameters(findings),
-    ]  # fmt: skip
     here = files("itouch_tools.report")
     style, *scripts = (here.joinpath(name).read_text("utf-8") for name in ("page.css", "charts.js", "page.js"))
-    packed = json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
-    return (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        f'<meta http-equiv="Content-Security-Policy" content="{_policy(scripts)}">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        '<link rel="icon" href="data:,">\n'
-        f"<title>{text(_title(findings))}</title>\n<style>\n{style}</style>\n</head>\n<body>\n<main>\n"
-        + "\n".join(part for part in parts if part)
-        + f'\n</main>\n<script id="data" type="application/json">{packed}</script>\n'
-        + "\n".join(f"<script>{script}</script>" for script in scripts)
-        + "\n</body>\n</html>\n"
+    return _template().render(
+        policy=_policy(scripts), title=_title(findings), style=style, scripts=scripts,
+        data=json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"),
+        head=sections.head(findings), answer=sections.answer(findings), summary=findings.summary.items(),
+        losses=findings.losses, notices=findings.notices,
+        picture=sections.picture(picture, touching=findings.touching), faults=sections.faults(findings),
+        contacts=sections.contacts(findings), curves=_curves(findings), meanings=sections.meanings(findings),
+        timing=sections.timing(findings, len(data["histograms"])), marks=sections.marks(findings),
+        parameters=sections.parameters(findings),
+    )  # fmt: skip
+
+
+def _template() -> Template:
+    """Return the page's template: every text that is put into it is escaped, and a name that is missing is an error."""
+    from jinja2 import Environment, StrictUndefined
+
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, finalize=_writable, trim_blocks=True, lstrip_blocks=True
     )
+    return environment.from_string(files("itouch_tools.report").joinpath("page.html").read_text("utf-8"))
+
+
+def _writable(value: object) -> object:
+    """Return a value as text that can be written as UTF-8, halves of characters as question marks; markup stays."""
+    return value if hasattr(value, "__html__") else str(value).encode("utf-8", "replace").decode()
 
 
 def _title(findings: Findings) -> str:
@@ -65,38 +73,18 @@ def _policy(scripts: list[str]) -> str:
     return f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; img-src data: blob:; base-uri 'none'"
 
 
-def _curves(findings: Findings) -> str:
+def _curves(findings: Findings) -> dict[str, Any] | None:
+    """Return how many charts there are, the contacts that can be chosen, and those that are drawn by themselves."""
     curves = findings.curves
     if curves is None:
-        return '<h2>Curves</h2>\n<p class="soft">a snapshot holds one moment; a recording holds the curves</p>'
-    options = '<option value="-1">the whole session</option>' + "".join(
-        f'<option value="{index}">{text(_named(contact))}</option>'
-        for index, contact in enumerate(findings.contacts[: len(curves.contacts)])
-    )
-    plots = "".join(f'<div class="plot" id="chart{index}"></div>' for index in range(len(curves.charts)))
-    made = (
-        '<h2>Curves</h2>\n<div class="controls"><span class="steps">'
-        '<button id="before" type="button" aria-label="the contact before">◀</button>'
-        f'<label>show <select id="which">{options}</select></label>'
-        '<button id="after" type="button" aria-label="the next contact">▶</button></span>'
-        '<button id="all" type="button">the whole session</button>'
-        f'<label>at <input id="cursor" type="range" aria-label="time of the cursor"></label></div>\n'
-        '<p class="soft">Point at a curve for its values at that time in all charts; drag to look closer, '
-        f"double-click to see all again; a name takes its curve away.</p>\n{plots}"
-    )
-    return made + _one_by_one(findings, len(curves.charts), min(len(curves.contacts), MOST_DRAWN))
-
-
-def _one_by_one(findings: Findings, charts: int, drawn: int) -> str:
-    if drawn == 0:
-        return ""
-    count = len(findings.contacts)
-    note = f'<p class="soft">the first {drawn} of {count}; choose others above</p>' if drawn < count else ""
-    made = f"<h2>Contact by contact</h2>\n{note}"
-    for index, contact in enumerate(findings.contacts[:drawn]):
-        plots = "".join(f'<div class="small" id="contact{index}-{chart}"></div>' for chart in range(charts))
-        made += f'\n<section class="contact"><h3>{text(_named(contact))}</h3><div class="grid">{plots}</div></section>'
-    return made
+        return None
+    names = [_named(contact) for contact in findings.contacts[: len(curves.contacts)]]
+    return {
+        "charts": len(curves.charts),
+        "contacts": names,
+        "drawn": names[:MOST_DRAWN],
+        "many": len(findings.contacts),
+    }
 
 
 def _named(contact: dict[str, Any]) -> str:

@@ -1,17 +1,19 @@
-"""The parts of a session's page, each as markup."""
+"""The parts of a session's page: what its template shows."""
 
 from __future__ import annotations
 
 import base64
 import math
 import os
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from itouch_tools.report import columns
 from itouch_tools.report.collect import Findings
 from itouch_tools.report.columns import measured
 from itouch_tools.report.limits import limit_rows
-from itouch_tools.report.markup import flattened, number, table, text
+from itouch_tools.report.markup import flattened, number
 
 #: Columns of the table of contacts, before those of the modalities: key of the report, title, form, scale.
 _CONTACTS = (
@@ -34,19 +36,26 @@ _REMARKS = 12
 _PERCENTILES = ("p50", "p99", "p99.9", "max")
 
 
-def head(findings: Findings) -> str:
-    """Return the title, what it is of, and the buttons."""
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table: heads, rows of as many cells, which columns hold text beside the first, whether rows can be chosen."""
+
+    heads: Sequence[str]
+    rows: Sequence[Sequence[object]]
+    words: Sequence[int] = ()
+    choices: bool = False
+
+
+def head(findings: Findings) -> dict[str, str]:
+    """Return the title and what it is of."""
     source = os.path.basename(str(findings.provenance.get("scene") or ""))
     kind = f"{findings.kind} {findings.title} of {source}" if source else findings.kind
     told = ", ".join(part for part in (kind, findings.provenance.get("begin")) if part)
-    return (
-        f'<header><h1>{text(source.removesuffix(".xml") or findings.title)}</h1><p class="soft">{text(told)}</p>'
-        '<div class="controls"><button id="print" type="button">Print or save as PDF</button></div></header>'
-    )
+    return {"name": source.removesuffix(".xml") or findings.title, "told": told}
 
 
-def answer(findings: Findings) -> str:
-    """Return one sentence: what was touched, how strongly it was felt, and what went wrong."""
+def answer(findings: Findings) -> dict[str, str]:
+    """Return what was touched, how strongly it was felt and what went wrong; and in which contacts it was ``short``."""
     touched = list(dict.fromkeys(str(contact["object"]) for contact in findings.contacts))
     if touched:
         named = ", ".join(touched[:6]) + (f" and {len(touched) - 6} more" if len(touched) > 6 else "")
@@ -60,50 +69,35 @@ def answer(findings: Findings) -> str:
     kind = ["all devices were simulated"] if twins and all(twins) else []
     short = [(str(c["object"]), why) for c in findings.contacts if (why := columns.shortcomings(findings.model, c))]
     named = ", ".join(f"{name} ({', '.join(why)})" for name, why in short[:4]) + (", ..." if len(short) > 4 else "")
-    plain = f'<p class="answer">{text("; ".join([*parts, *said, wrong, *lost, *kind]))}</p>'
-    if not short:
-        return plain
+    said_all = "; ".join([*parts, *said, wrong, *lost, *kind])
     count = f"{len(short)} of {len(findings.contacts)} contacts"
-    return plain + f'<p class="bad">{text(f"not as it should have been in {count}: {named}")}</p>'
+    return {"said": said_all, "short": f"not as it should have been in {count}: {named}" if short else ""}
 
 
-def summary(findings: Findings) -> str:
-    """Return the figures at a glance, and what is missing or rendered otherwise."""
-    cards = "".join(
-        f'<div class="card{" alarm" if name == "faults" and value != "0" else ""}">'
-        f"<b>{text(value)}</b><span>{text(name)}</span></div>"
-        for name, value in findings.summary.items()
-    )
-    notes = "".join(f'<p class="bad">{text(loss)}</p>' for loss in findings.losses)
-    notes += "".join(f'<p class="soft">{text(notice)}</p>' for notice in findings.notices)
-    return f'<section class="cards">{cards}</section>{notes}'
-
-
-def meanings(findings: Findings) -> str:
-    """Return what each curve is, with its unit, and each column of the table of contacts."""
-    made = ""
+def meanings(findings: Findings) -> list[tuple[str, Table]]:
+    """Return what each curve is, with its unit, and each column of the table of contacts: titles and tables."""
+    made = []
     if findings.curves is not None:
         rows = [[line.label, chart.unit, line.doc] for chart in findings.curves.charts for line in chart.lines]
-        made += "<h2>What the curves are</h2>\n" + table(["curve", "unit", "meaning"], rows, words=(0, 1, 2))
+        made.append(("What the curves are", Table(["curve", "unit", "meaning"], rows, (0, 1, 2))))
     if findings.contacts:
         felt = [one for one in measured(findings.model) if one.show != "no"]
         known = [(title, _MEANT[key]) for key, title, *_ in _CONTACTS if key in _MEANT]
-        rows = [[*pair] for pair in (*known, *((one.page_head, one.doc) for one in felt))]
-        made += "<h2>What the columns of contacts are</h2>\n" + table(["column", "meaning"], rows, words=(0, 1))
+        pairs = [[*pair] for pair in (*known, *((one.page_head, one.doc) for one in felt))]
+        made.append(("What the columns of contacts are", Table(["column", "meaning"], pairs, (0, 1))))
     return made
 
 
-def faults(findings: Findings) -> str:
-    """Return the table of faults."""
+def faults(findings: Findings) -> Table | None:
+    """Return the table of faults, if there are any."""
     if not findings.faults:
-        return '<h2>Faults</h2>\n<p class="good">none</p>'
+        return None
     rows = [
         [number(fault.get("time_s", fault.get("time")), ".3f"), fault.get("device", ""), _trip(fault),
          fault.get("cause") or "", _safe(fault), fault.get("scene") or ""]
         for fault in findings.faults
     ]  # fmt: skip
-    heads = ["time [s]", "device", "trip", "cause", "safe after [s]", "scene"]
-    return "<h2>Faults</h2>\n" + table(heads, rows, words=(1, 2, 3, 5))
+    return Table(["time [s]", "device", "trip", "cause", "safe after [s]", "scene"], rows, (1, 2, 3, 5))
 
 
 def _trip(fault: dict[str, Any]) -> str:
@@ -117,11 +111,20 @@ def _safe(fault: dict[str, Any]) -> str:
     return number(safe.get("after_s"), ".3f") if safe.get("reached") else "not reached"
 
 
-def contacts(findings: Findings) -> str:
-    """Return the table of contacts; columns that nothing is known of are left out."""
+@dataclass(frozen=True, slots=True)
+class Contacts:
+    """The table of contacts, what is said of them below it, and how much more could be said."""
+
+    table: Table
+    remarks: Sequence[str]
+    more: int
+
+
+def contacts(findings: Findings) -> Contacts | None:
+    """Return the contacts, if there are any; columns that nothing is known of are left out."""
     found = findings.contacts
     if not found:
-        return '<h2>Contacts</h2>\n<p class="soft">none</p>'
+        return None
     several = findings.model is None or len(findings.model.probes) > 1
     felt = [one for one in measured(findings.model) if one.show != "no"]
     shown = [
@@ -135,23 +138,20 @@ def contacts(findings: Findings) -> str:
     if any(short):
         heads, words = [*heads, "not as it should be"], [*words, len(heads)]
         rows = [[*row, ", ".join(why)] for row, why in zip(rows, short, strict=True)]
-    made = "<h2>Contacts</h2>\n" + table(heads, rows, words=words, choices=choices)
     said = [line for entry in found for line in columns.remarks(findings.model, entry)] if findings.model else []
-    told = "".join(f'<p class="soft">{text(line)}</p>' for line in said[:_REMARKS])
-    return made + told + (f'<p class="soft">and {len(said) - _REMARKS} more</p>' if len(said) > _REMARKS else "")
+    return Contacts(Table(heads, rows, words, choices), said[:_REMARKS], max(0, len(said) - _REMARKS))
 
 
-def picture(png: bytes | None, *, touching: bool = False) -> str:
-    """Return the picture of the scene, if there is one: of its first touch, or of its end."""
+def picture(png: bytes | None, *, touching: bool = False) -> dict[str, str] | None:
+    """Return the picture of the scene in base64, if there is one, and when it was: in its first touch or at its end."""
     if png is None:
-        return ""
-    image = base64.b64encode(png).decode()
+        return None
     when = "in its first touch" if touching else "at the end of the session"
-    return f'<h2>Scene {when}</h2>\n<img alt="the scene {when}" src="data:image/png;base64,{image}">'
+    return {"when": when, "data": base64.b64encode(png).decode()}
 
 
-def timing(findings: Findings, histograms: int) -> str:
-    """Return how the loop kept time: figures, and room for so many histograms."""
+def timing(findings: Findings, histograms: int) -> dict[str, Any]:
+    """Return how the loop kept time: a tick's period [us], tables of figures, and how many histograms there are."""
     found = findings.timing
     rows = [[name, *(number(figures.get(p), ".1f") for p in _PERCENTILES)] for name, figures in _measured(found)]
     facts = [row for key in ("ticks", "overruns", "skipped", "lost") for row in flattened(_FACTS[key], found.get(key))]
@@ -163,20 +163,12 @@ def timing(findings: Findings, histograms: int) -> str:
          str(one.get("culprit", ""))]
         for one in (late if isinstance(late, list) else ()) if isinstance(one, dict)
     ]  # fmt: skip
-    made = "<h2>Timing of the servo loop</h2>\n"
-    if isinstance(rate, float | int) and rate > 0:
-        made += (
-            f'<p class="soft">A tick is due every {1e6 / rate:.0f} µs. Lateness is how long after that it began; an '
-            "overrun is a tick that ended after the next one was due; a period that was given up had no tick.</p>\n"
-        )
-    if rows:
-        made += table(["duration [µs]", *_PERCENTILES], rows)
-    if facts:
-        made += table(["count", "value"], facts)
-    if worst:
-        made += table(["tick that ended latest", "at [s]", "after the next was due [µs]", "made by"], worst)
-    plots = "".join(f'<div class="plot" id="histogram{index}"></div>' for index in range(histograms))
-    return made + f'<div class="grid">{plots}</div>' if rows or facts or plots else ""
+    tables = [
+        Table(["duration [µs]", *_PERCENTILES], rows), Table(["count", "value"], facts),
+        Table(["tick that ended latest", "at [s]", "after the next was due [µs]", "made by"], worst),
+    ]  # fmt: skip
+    period = f"{1e6 / rate:.0f}" if isinstance(rate, float | int) and rate > 0 else ""
+    return {"period": period, "tables": [table for table in tables if table.rows], "histograms": histograms}
 
 
 _FACTS = {"ticks": "ticks", "overruns": "overruns", "skipped": "periods given up", "lost": "samples not recorded"}
@@ -189,33 +181,31 @@ def _measured(found: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
     return [(name, figures) for name, figures in named if isinstance(figures, dict) and figures]
 
 
-def marks(findings: Findings) -> str:
+def marks(findings: Findings) -> Table | None:
     """Return the table of marks, if there are any."""
     if not findings.marks:
-        return ""
+        return None
     rows = [[number(m.get("time"), ".3f"), m.get("name", ""), m.get("payload", "")] for m in findings.marks]
-    return "<h2>Marks</h2>\n" + table(["time [s]", "mark", "payload"], rows, words=(1, 2))
+    return Table(["time [s]", "mark", "payload"], rows, (1, 2))
 
 
-def parameters(findings: Findings) -> str:
-    """Return devices, limits, what the modalities say, provenance, and the scene."""
-    made = "<h2>Parameters</h2>\n"
+def parameters(findings: Findings) -> dict[str, Any]:
+    """Return tables of devices and limits, of what the modalities say, and of the provenance, and the scene."""
     devices, model = findings.report.get("devices", {}), findings.model
+    shown = []
     if model is not None and model.devices:
         rows = [
             [name, device.plugin, "twin" if device.twin else "hardware",
              *(number(devices.get(name, {}).get(key)) for key in ("status", "limited", "locked_dropped"))]
             for name, device in model.devices.items()
         ]  # fmt: skip
-        made += table(["device", "plugin", "kind", "status", "limited ticks", "dropped"], rows, words=(1, 2, 3))
+        shown.append(Table(["device", "plugin", "kind", "status", "limited ticks", "dropped"], rows, (1, 2, 3)))
         limits = [row for device in model.devices.values() for row in limit_rows(device)]
-        made += table(["device", "limit", "value", "set by"], limits, words=(1, 2, 3))
+        shown.append(Table(["device", "limit", "value", "set by"], limits, (1, 2, 3)))
     said = [row for name, found in findings.report.get("modalities", {}).items() for row in flattened(name, found)]
-    if said:
-        made += _folded("What the modalities say", table(["modality", "value"], said, words=(1,)))
-    made += "<h2>Provenance</h2>\n" + table(["what", "value"], list(findings.provenance.items()), words=(1,))
-    return made + _folded("The scene that ran", f"<pre>{text(findings.scene_xml)}</pre>")
-
-
-def _folded(title: str, content: str) -> str:
-    return f"<details><summary>{text(title)}</summary>{content}</details>"
+    return {
+        "devices": shown,
+        "modalities": Table(["modality", "value"], said, (1,)) if said else None,
+        "provenance": Table(["what", "value"], list(findings.provenance.items()), (1,)),
+        "scene": findings.scene_xml,
+    }
