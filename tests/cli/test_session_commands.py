@@ -178,7 +178,6 @@ def test_bids_has_the_poses_as_motion(kept: Path, tmp_path: Path) -> None:
     )
 
 
-@pytest.mark.long
 def test_the_official_validator_of_bids_has_nothing_to_say(kept: Path, tmp_path: Path) -> None:
     pytest.importorskip("bids_validator_deno", reason="pip install -e '.[bids]'")
     import subprocess
