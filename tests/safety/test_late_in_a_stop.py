@@ -9,11 +9,11 @@ import pytest
 from numpy.typing import NDArray
 from shipped import SCENES
 
-from itouch.bench.faults.wired import Pair, run, stored
 from itouch.exchange import EveryNth
 from itouch.faults import Kind
 from itouch.plugin import Record
 from itouch.plugin.stamps import ticks_of
+from itouch_evidence.faults.wired import Pair, run, stored
 
 PERIOD = 1e-3
 
