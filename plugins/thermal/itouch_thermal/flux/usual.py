@@ -37,7 +37,8 @@ READY = 0.1
 SCALE = (0.02, 50.0)
 #: As Python hands numbers over.  A plain constant of a kernel is a type of its own, for which all that it is passed to
 #: would be compiled once more.
-_NOTHING, _ONE = np.int64(0), np.int64(1)
+_NOTHING: Any = np.int64(0)
+_ONE: Any = np.int64(1)
 #: Time constant of a press [s] that is as doubtful as its scale is above 1; filter of its rate [s]; what is noise.
 PRESSING, PRESS_FILTER, STILL = 0.05, 0.02, 0.1
 #: Seconds after the begin from which the flux error counts, and the least flux [W/m2] it is relative to.
