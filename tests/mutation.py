@@ -39,7 +39,7 @@ TREE = HERE.parent
 #: Tests of the supervisor that need no scene and no compiler; those that do.
 SAFETY = (
     "guard", "readings", "heat", "carrier", "finger", "monitors", "supervisor", "hold_connect", "sequence", "blind_retreat",
-    "joined_steps", "edges", "rehearsing", "at_the_limits",
+    "joined_steps", "edges", "check_warm_up", "at_the_limits",
 )  # fmt: skip
 SCENES = (
     "two_on_one_finger", "laws", "phases", "strangers", "what_attackers_found", "exchanged", "late_in_a_stop",
@@ -56,7 +56,7 @@ ROOMS: dict[str, tuple[str, tuple[str, ...]]] = {
     "faults": ("framework/itouch/faults", ("safety/test_faults.py",)),
     "servo": ("framework/itouch/servo", ("servo/test_memory.py", "servo/test_watchdogs.py", "servo/test_launch.py")),
     "cli": ("framework/itouch_tools/cli", ("cli", "scene/test_problems.py")),
-    "plugin": ("framework/itouch/plugin", ("plugins/test_shelf.py", "world", "loop/test_engine.py")),
+    "plugin": ("framework/itouch/plugin", ("plugins/test_result_cache.py", "world", "loop/test_engine.py")),
     "twin": ("framework/itouch/twin", ("loop/test_engine.py", "world/test_coupling.py")),
     "viewer": ("framework/itouch_tools/viewer", ("viewer/test_pure.py", "viewer/test_recording_seek.py")),
     "contact": ("framework/itouch/contact", ("contact",)),

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from itouch.scene import shipping
+from itouch.scene import bundled_scenes
 from itouch.schema import ItouchError
 from itouch.schema.extras import need
 
@@ -80,7 +80,7 @@ def measure(seconds: float, rate: float) -> list[dict[str, Any]]:
     """
     from itouch.servo import launch
 
-    folder = shipping.folder()
+    folder = bundled_scenes.folder()
     if folder is None:
         raise ItouchError("the shipped scenes are missing from this installation; install itouch-py again")
     scene = folder / "four_materials.xml"

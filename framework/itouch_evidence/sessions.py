@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from itouch.recording.ring import Ring, Shape, Word
-from itouch.recording.scribe import Scribe
+from itouch.recording.chunking import ChunkBuilder
+from itouch.recording.ring import ControlWord, Ring, Shape
 from itouch.recording.sink import Sink
 from itouch.recording.spec import Spec
 from itouch.recording.tracks import Column, Track
@@ -126,7 +126,7 @@ def recording(path: str) -> float:
     slots = np.frombuffer(ring.rows, np.float64).reshape(8192, CHANNELS)
     count, spent = int(_SECONDS * RATE), 0.0
     sink = Sink(path)
-    scribe = Scribe(ring, spec, sink, np.dtype([("tick", "i8")]))
+    scribe = ChunkBuilder(ring, spec, sink, np.dtype([("tick", "i8")]))
     begin = time.perf_counter()
     scribe.begin()
     spent += time.perf_counter() - begin
@@ -135,7 +135,7 @@ def recording(path: str) -> float:
         at = (first + np.arange(block)) % 8192
         slots[at] = walk[:block]
         np.frombuffer(ring.ticks, np.int64)[at] = first + np.arange(block)
-        ring.words[Word.ROWS_IN] = first + block
+        ring.words[ControlWord.ROWS_IN] = first + block
         begin = time.perf_counter()
         scribe.step()
         spent += time.perf_counter() - begin

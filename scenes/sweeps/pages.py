@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from itouch.plugin.discovery import Catalog
-from itouch.scene import shipping
+from itouch.scene import bundled_scenes
 from itouch_tools.study.observers import Felt
 from itouch_tools.study.power import power
 from itouch_tools.study.reading import StudyFile, load_study
@@ -116,7 +116,7 @@ def how_many_people(found: Rows) -> tuple[list[str], Drawn]:
 
 def _study(found: Rows) -> StudyFile:
     """Return the shipped study whose factors the rows have."""
-    home = shipping.folder() or Path()
+    home = bundled_scenes.folder() or Path()
     for path in sorted((home / "studies").glob("*.xml")):
         study = load_study(path, Catalog())
         known = {repr(condition) for condition in study.conditions()}

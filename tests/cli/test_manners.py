@@ -165,7 +165,7 @@ def test_what_a_file_holds_acts_on_no_terminal_in_colours_either(tmp_path: Path)
 
 def test_a_wait_of_over_a_second_is_told_on_a_terminal_only(tmp_path: Path) -> None:
     code = (
-        "import sys, time\nfrom itouch.schema.waits import waiting, shown_by\nfrom itouch_tools.cli import progress\n"
+        "import sys, time\nfrom itouch.schema.wait_notices import waiting, shown_by\nfrom itouch_tools.cli import progress\n"
         "from itouch.schema.terminal import escaped\n"
         "with escaped(), shown_by(progress.shown), waiting('working hard') as wait:\n"
         "    time.sleep(1.6)\n    wait.part(0.5, 'half of it')\n    time.sleep(0.8)\n    print('in between')\n"

@@ -14,7 +14,7 @@ import itouch
 from itouch.plugin import Channel, Contact, Device, Field, Modality, Record, Role, Twin, pose, wrench
 from itouch.plugin.discovery import Catalog, Found, find
 from itouch.safety import Trip
-from itouch.world.failing import said
+from itouch.world.plugin_errors import said
 
 SCENE = """<itouch version="1.0" xmlns:tone="urn:itouch:plugin:tone">
   <materials><material name="wood"><contact stiffness="1 N/mm"/></material></materials>

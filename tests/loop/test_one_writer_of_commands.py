@@ -13,7 +13,7 @@ from test_failing_plugins import Hum, engine
 
 import itouch
 from itouch.plugin import Field, Record
-from itouch.plugin.fenced import FencedRecord
+from itouch.plugin.write_protection import WriteProtectedRecord
 
 #: Fields that a check, a limit or another writer depends on.
 OTHERS = ("arm.pose", "arm.status", "arm.trip", "arm.sent.wrench", "hold", "arm.calibration", "finger.hip", "tick")
@@ -106,7 +106,7 @@ def test_its_own_fields_and_commands_can_be_written(tmp_path: Path) -> None:
 
 def test_a_fenced_record_is_the_same_memory() -> None:
     whole = Record.of([Field("a", "f8", 2), Field("b"), Field("c", "i8")])
-    fenced = FencedRecord(whole, ["b"])
+    fenced = WriteProtectedRecord(whole, ["b"])
     whole["a"] = 3.0
     fenced["b"] = 2.0
     assert (fenced["a"].tolist(), whole["b"].item()) == ([3.0, 3.0], 2.0)

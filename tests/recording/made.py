@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from shipped import SCENES
 
 import itouch
-from itouch.recording.scribe import message
+from itouch.recording.chunking import message
 from itouch.recording.spec import Spec
 from itouch.recording.tracks import Column, Track
 from itouch.recording.writer import McapWriter

@@ -16,8 +16,8 @@ from made import rows_of, track
 from shipped import SCENES
 
 import itouch
+from itouch.recording.chunking import message
 from itouch.recording.reader import read_content
-from itouch.recording.scribe import message
 from itouch.recording.sink import Sink
 from itouch.recording.spec import Spec
 from itouch.recording.writer import McapWriter

@@ -725,10 +725,10 @@ def test_what_is_enabled_anew_was_not_looked_at_before() -> None:
     device, _ = listened(Gaps)
     Gaps.times.clear()
     device.read(0)
-    device.panel.look_placed(100)
-    device.panel.look_placed(103)
-    device.panel.begin()
-    device.panel.look_placed(500)
+    device.device_monitors.look_placed(100)
+    device.device_monitors.look_placed(103)
+    device.device_monitors.begin()
+    device.device_monitors.look_placed(500)
     assert Gaps.times[-3:] == [0.0, pytest.approx(0.003), 0.0]
 
 
@@ -748,51 +748,51 @@ def test_a_monitor_is_told_when_a_reading_was_measured_that_came_late() -> None:
     device, _ = listened(Measured)
     Measured.times.clear()
     device.read(0)
-    device.panel.begin()
+    device.device_monitors.begin()
     for measured in (5, 3):
         device._measured[...] = measured
-        device.panel.look_placed(5)
+        device.device_monitors.look_placed(5)
     device.leave_out(7)
     device._measured[...] = 5
-    device.panel.look_placed(5)
+    device.device_monitors.look_placed(5)
     assert Measured.times == [pytest.approx(0.005), pytest.approx(0.003), pytest.approx(0.012)]
-    assert device.panel.moment.now == pytest.approx(0.012)
+    assert device.device_monitors.moment.now == pytest.approx(0.012)
 
 
 def test_silence_is_looked_at_in_the_time_that_has_truly_passed() -> None:
     device, _ = listened(Moments)
     device.read(0)
     device.leave_out(7)
-    device.panel.wait(3, 0.01)
-    assert device.panel.moment.now == pytest.approx(0.010)
+    device.device_monitors.wait(3, 0.01)
+    assert device.device_monitors.moment.now == pytest.approx(0.010)
 
 
 def test_what_acts_elsewhere_on_the_finger_counts_from_its_first_word() -> None:
     device, _ = listened(Moments)
-    device.panel.leave("tip", 0.0)
-    assert device.panel.share == 0.0
-    device.panel.leave("thumb", 0.5)
-    assert device.panel.share == 0.0
-    device.panel.leave("tip", 1.0)
-    assert device.panel.share == 0.5
+    device.device_monitors.leave("tip", 0.0)
+    assert device.device_monitors.share == 0.0
+    device.device_monitors.leave("thumb", 0.5)
+    assert device.device_monitors.share == 0.0
+    device.device_monitors.leave("tip", 1.0)
+    assert device.device_monitors.share == 0.5
 
 
 def test_nothing_is_fresh_before_the_first_reading_and_after_all_was_forgotten() -> None:
     device, _ = listened(Placed)
-    device.panel.begin()
-    device.panel.look_placed(1)
+    device.device_monitors.begin()
+    device.device_monitors.look_placed(1)
     assert [fresh for _, fresh, _ in Moments.told] == [False]
     device.read(2)
-    device.panel.look_placed(2)
-    device.panel.look_placed(3)
+    device.device_monitors.look_placed(2)
+    device.device_monitors.look_placed(3)
     assert [fresh for _, fresh, _ in Moments.told] == [False, True, False]
 
 
 def test_the_first_reading_is_looked_at_when_it_comes() -> None:
     device, _ = listened(Moments)
-    device.panel.due[0] = -1
+    device.device_monitors.due[0] = -1
     device.read(3)
-    assert device.panel.due[0] == 3  # whatever the clock says
+    assert device.device_monitors.due[0] == 3  # whatever the clock says
 
 
 def test_a_reading_is_believed_once() -> None:
@@ -1018,7 +1018,7 @@ def test_a_drive_that_changes_forgets_how_fast_the_plate_went() -> None:
 def test_of_a_slow_loop_every_reading_is_looked_at_at_once() -> None:
     one = model(PLATE)
     slow = Supervisor(one, state(one), 0.005, device=None)
-    assert (slow.panel.apart, slow.panel.clock) == (1, 2)
+    assert (slow.device_monitors.apart, slow.device_monitors.clock) == (1, 2)
 
 
 @pytest.mark.parametrize(("ramp", "share"), [(0.5, 0.0), (1e-3, 0.0), (0.0, 1.0)])

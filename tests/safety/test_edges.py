@@ -168,8 +168,8 @@ def test_no_monitors_turn_is_before_a_reading_has_come() -> None:
     made = model(PLATE, twin=True)
     supervisor = Supervisor(made, state(made), PERIOD, twin=FakeTwin())
     supervisor.reset()
-    assert supervisor.panel.due[0] < 0
-    assert supervisor.panel.share == 1.0
+    assert supervisor.device_monitors.due[0] < 0
+    assert supervisor.device_monitors.share == 1.0
 
 
 def test_what_is_simple_has_one_of_each_kind() -> None:

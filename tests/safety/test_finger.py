@@ -131,8 +131,8 @@ def test_two_plates_that_press_together_trip() -> None:
 def test_touching_one_plate_and_then_another_is_one_contact() -> None:
     data, tables, finger = hand({"one": TABLE, "two": TABLE})
     for tick in range(1, 12001):
-        tables[0].panel.touch(tick // 500 % 2 == 0, 1.0)
-        tables[1].panel.touch(tick // 500 % 2 == 1, 1.0)
+        tables[0].device_monitors.touch(tick // 500 % 2 == 0, 1.0)
+        tables[1].device_monitors.touch(tick // 500 % 2 == 1, 1.0)
         finger.check(tick)
     for name in ("one", "two"):
         assert data[f"{name}.surface.contact_time"].item() == pytest.approx(12.0, abs=0.03)
@@ -173,7 +173,7 @@ def worn(data: Record, finger: Finger, current: float, ticks: range) -> float:
 
 def test_a_worn_display_is_in_contact_while_it_is_driven() -> None:
     data, (table, _), finger = hand({"table": TABLE, "plate": PLATE})
-    table.panel.touch(False, 0.0)
+    table.device_monitors.touch(False, 0.0)
     assert worn(data, finger, 1.5, range(1, 5001)) == pytest.approx(5.0, abs=0.03)
     assert worn(data, finger, 0.0, range(5001, 7001)) == pytest.approx(3.0, abs=0.03)
     assert worn(data, finger, -1.5, range(7001, 8001)) == pytest.approx(4.0, abs=0.03)
@@ -181,23 +181,23 @@ def test_a_worn_display_is_in_contact_while_it_is_driven() -> None:
 
 def test_a_worn_display_lets_go_when_the_surface_withdraws() -> None:
     data, (table, plate), finger = hand({"table": TABLE, "plate": PLATE})
-    table.panel.touch(False, 0.0)
+    table.device_monitors.touch(False, 0.0)
     other = Finger("other", [plate])
     assert worn(data, finger, 1.5, range(1, 10051)) > 10.0
     assert data["table.surface.withdrawn"].item() == 1
     other.check(10051)
-    assert plate.panel.share == 0.0
+    assert plate.device_monitors.share == 0.0
     plate.command["current"][...] = 1.5
     plate.write(10051)
     assert plate.sent["current"].item() == 0.0
     data["table.surface.withdrawn"], data["table.surface.contact_time"] = 0, 4.9
     finger.check(10060)
-    assert plate.panel.share == 1.0
+    assert plate.device_monitors.share == 1.0
 
 
 def test_a_display_that_the_surface_brings_is_not_worn() -> None:
     data, (table, _), finger = hand({"table": TABLE, "plate": PLATE}, on="table")
-    table.panel.touch(False, 0.0)
+    table.device_monitors.touch(False, 0.0)
     assert finger.worn == []
     assert worn(data, finger, 1.5, range(1, 1001)) == 0.0
 
@@ -212,7 +212,7 @@ def holding(data: Record, finger: Finger, goal: float, ticks: range) -> float:
 
 def test_a_worn_display_is_in_contact_while_it_only_holds_a_temperature() -> None:
     data, (table, _), finger = hand({"table": TABLE, "pad": HOLDER})
-    table.panel.touch(False, 0.0)
+    table.device_monitors.touch(False, 0.0)
     assert holding(data, finger, 300.0, range(1, 3001)) == pytest.approx(3.0, abs=0.03)
     assert holding(data, finger, 0.0, range(3001, 4001)) == pytest.approx(2.0, abs=0.03)
     assert holding(data, finger, 200.0, range(4001, 5001)) == pytest.approx(3.0, abs=0.03)
@@ -221,10 +221,10 @@ def test_a_worn_display_is_in_contact_while_it_only_holds_a_temperature() -> Non
 def test_what_the_safe_target_of_a_withdrawn_display_is_does_not_count() -> None:
     """A pad without an off is told to hold the middle of its limits: T4 must not trip on that."""
     data, (table, pad), finger = hand({"table": TABLE, "pad": HOLDER})
-    table.panel.touch(False, 0.0)
+    table.device_monitors.touch(False, 0.0)
     data["table.surface.contact_time"] = 9.99
     assert holding(data, finger, 300.0, range(1, 41)) == pytest.approx(10.0, abs=0.03)
-    assert pad.panel.share == 0.0
+    assert pad.device_monitors.share == 0.0
     before = holding(data, finger, 300.65, range(41, 1041))
     assert before == pytest.approx(9.0, abs=0.04)
     pad.command["goal"][...] = 312.0
@@ -254,7 +254,7 @@ def test_one_plate_alone_has_nothing_to_share() -> None:
 def test_a_load_of_the_touch_force_itself_is_none_yet() -> None:
     _, (table,), finger = hand({"table": TABLE})
     for load, pressed in ((0.03, 0.0), (0.0301, 0.0301)):
-        table.panel.seen["wrench"] = (0.0, 0.0, -load, 0.0, 0.0, 0.0)
+        table.device_monitors.seen["wrench"] = (0.0, 0.0, -load, 0.0, 0.0, 0.0)
         assert finger.pressed() == pytest.approx(pressed)
 
 
@@ -266,7 +266,7 @@ def test_what_one_plate_alone_has_given_is_said_by_its_own_monitor() -> None:
 
 def test_the_clock_of_contact_goes_on_in_periods_that_a_late_loop_has_left_out() -> None:
     data, (_, table), finger = hand({"arm": ARM, "table": TABLE})
-    table.panel.touch(True, 1.0)
+    table.device_monitors.touch(True, 1.0)
     finger.check(1)
     table.leave_out(500)
     finger.check(2)

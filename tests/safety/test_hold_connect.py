@@ -9,7 +9,7 @@ import pytest
 from parts import ARM, PERIOD, TABLE, Fake, lost, model, state
 
 from itouch.plugin import Channel, DeviceError, Record, Role
-from itouch.safety import DeviceFaultError, Hold, Status, Supervisor, Trip, connect
+from itouch.safety import DeviceFaultError, HoldToRun, Status, Supervisor, Trip, connect
 
 
 def supervised(*kinds: tuple[str, object], twin: bool = True) -> tuple[Record, list[Supervisor]]:
@@ -20,15 +20,15 @@ def supervised(*kinds: tuple[str, object], twin: bool = True) -> tuple[Record, l
 
 def test_hardware_needs_somebody_twins_only_if_asked() -> None:
     data, twins = supervised(("arm", ARM), twin=True)
-    assert not Hold(data, twins, PERIOD, asked=False).required
-    assert Hold(data, twins, PERIOD, asked=True).required
+    assert not HoldToRun(data, twins, PERIOD, asked=False).required
+    assert HoldToRun(data, twins, PERIOD, asked=True).required
     data, hardware = supervised(("arm", ARM), twin=False)
-    assert Hold(data, hardware, PERIOD, asked=False).required
+    assert HoldToRun(data, hardware, PERIOD, asked=False).required
 
 
 def test_a_word_holds_for_eighty_milliseconds() -> None:
     data, twins = supervised(("arm", ARM))
-    hold = Hold(data, twins, PERIOD, asked=True)
+    hold = HoldToRun(data, twins, PERIOD, asked=True)
     assert not hold.held(0)
     hold.press(5, True)
     assert hold.held(5)
@@ -43,16 +43,16 @@ def test_a_word_holds_for_eighty_milliseconds() -> None:
 def test_a_switch_of_a_device_holds() -> None:
     switch = Channel("button", 1, "1", role=Role.DEADMAN)
     data, twins = supervised(("arm", ((*ARM[0], switch), ARM[1])))
-    hold = Hold(data, twins, PERIOD, asked=True)
-    twins[0].panel.seen["button"][0] = 1.0
+    hold = HoldToRun(data, twins, PERIOD, asked=True)
+    twins[0].device_monitors.seen["button"][0] = 1.0
     assert hold.held(10**6)
-    twins[0].panel.seen["button"][0] = 0.5
+    twins[0].device_monitors.seen["button"][0] = 0.5
     assert not hold.held(10**6)
 
 
 def test_letting_go_stops_what_acts() -> None:
     data, twins = supervised(("arm", ARM), ("table", TABLE))
-    hold = Hold(data, twins, PERIOD, asked=True)
+    hold = HoldToRun(data, twins, PERIOD, asked=True)
     hold.check(0)  # nothing acts yet
     for one in twins:
         one.open()
@@ -67,7 +67,7 @@ def test_letting_go_stops_what_acts() -> None:
     twins[1].disable()
     with pytest.raises(DeviceFaultError, match="device 'arm'"):
         hold.check(80)
-    Hold(data, twins, PERIOD, asked=False).check(80)
+    HoldToRun(data, twins, PERIOD, asked=False).check(80)
 
 
 def test_all_devices_are_opened_at_once_and_read() -> None:

@@ -15,7 +15,7 @@ from itouch.monitors import DeviceFaultError, Surface
 from itouch.plugin import Bound, Record, current, plate_temperature, temperature_target, wrench
 from itouch.plugin.stamps import Stamped
 from itouch.safety import Finger, Supervisor
-from itouch.safety.watching import LOOK, TOLD
+from itouch.safety.monitor_step import LOOK, TOLD
 from itouch.world.rig import DeviceModel
 
 #: A heater that is held at a temperature, and a force that may turn: every kind of channel.
@@ -68,8 +68,8 @@ class Bench:
         assert said[0] == said[1]
         for name, view in self.one[1].items():
             assert view.tobytes() == self.other[1][name].tobytes(), (name, view, self.other[1][name])
-        assert self.one[2].panel.share == self.other[2].panel.share
-        assert self.one[2].panel.seen == self.other[2].panel.seen
+        assert self.one[2].device_monitors.share == self.other[2].device_monitors.share
+        assert self.one[2].device_monitors.seen == self.other[2].device_monitors.seen
         return said[0]
 
 
@@ -219,7 +219,7 @@ def test_what_is_looked_at_together_is_simple_with_one_surface() -> None:
     assert Finger("finger", [arm, one]).simple
     assert not Finger("finger", [arm, one, two]).simple
     assert not Finger("finger", [arm]).simple
-    post = one.panel.surface
+    post = one.device_monitors.surface
     assert post is not None and isinstance(post.monitor, Surface)
     assert post.monitor.allowed[:3] == (5.0, 10.0, 60.0)
 

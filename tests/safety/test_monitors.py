@@ -38,8 +38,8 @@ from itouch.plugin import (
     temperature_target,
 )
 from itouch.plugin.stamps import Stamped
-from itouch.safety import Guard, Panel, Supervisor
-from itouch.safety.watching import clocked
+from itouch.safety import DeviceMonitors, Guard, Supervisor
+from itouch.safety.monitor_step import clocked
 from itouch.world.supervision import monitors_of, watched
 
 PAD = ((measured_wrench(),), (Channel("air", 1, "Pa", (0.0,), (5e4,), safe=(0.0,), role=Role.PRESSURE, harmless="x"),))
@@ -177,8 +177,8 @@ def test_a_late_loop_leaves_out_periods_but_not_time() -> None:
 def test_a_panel_without_a_surface_has_none() -> None:
     one = model(((), ()), twin=True)
     data = state(one)
-    panel = Supervisor(one, data, PERIOD).panel
-    assert isinstance(panel, Panel)
+    panel = Supervisor(one, data, PERIOD).device_monitors
+    assert isinstance(panel, DeviceMonitors)
     panel.reset()
     assert panel.closing(0.0, 0.0) == 0.0
     assert panel.follow(0.5, False) == 0.5
@@ -192,7 +192,7 @@ def test_a_panel_without_a_surface_has_none() -> None:
 
 def test_a_panel_without_monitors_lets_a_device_be_silent() -> None:
     one = dataclasses.replace(model(((), ()), twin=True), monitors=())
-    panel = Supervisor(one, state(one), PERIOD).panel
+    panel = Supervisor(one, state(one), PERIOD).device_monitors
     panel.reset()
     panel.wait(1, 1e9)
     assert panel.sane()
@@ -273,15 +273,15 @@ def test_what_a_monitor_may_return(says: Any, trip: Trip, words: str) -> None:
 def test_a_monitor_may_leave_nothing_or_all(share: float) -> None:
     device = toyed(share)
     device.read(0)
-    assert device.panel.share == share
+    assert device.device_monitors.share == share
 
 
 def test_what_a_monitor_of_a_plugin_writes_is_seen_by_nobody() -> None:
     device = toyed(0.5)
     device.read(0)
-    assert device.panel.seen["plate_temperature"].item() == 300.0
+    assert device.device_monitors.seen["plate_temperature"].item() == 300.0
     assert device.sent["current"].item() == 0.0
-    assert device.panel.moment.touched
+    assert device.device_monitors.moment.touched
 
 
 def test_ctrl_c_in_a_plugin_is_ctrl_c() -> None:
@@ -320,9 +320,9 @@ def test_a_monitor_that_is_told_where_the_finger_is() -> None:
     device.read(0)
     device.enable()
     device.watch_placed(0)
-    assert device.panel.share == 0.5
-    device.panel.restore()
-    assert device.panel.share == 0.5
+    assert device.device_monitors.share == 0.5
+    device.device_monitors.restore()
+    assert device.device_monitors.share == 0.5
     broken = toyed(-1.0, PlacedToy)
     with pytest.raises(DeviceFaultError, match="was stopped by one"):
         broken.watch_placed(0)
@@ -336,23 +336,23 @@ def test_a_surface_says_what_is_touched_and_how_fast_it_may_close_in() -> None:
     device.open()
     device.reading["wrench"][2] = -1.0
     device.read(0)
-    device.panel.moment.gap, device.panel.moment.strayed = -0.001, 0.0
+    device.device_monitors.moment.gap, device.device_monitors.moment.strayed = -0.001, 0.0
     device.watch_placed(0)
-    assert device.panel.touched
-    assert device.panel.force == 1.0
+    assert device.device_monitors.touched
+    assert device.device_monitors.force == 1.0
     device.watch_placed(1)  # not its turn
-    assert device.panel.closing(0.05, 0.0) == 0.25
-    count = device.panel._clamped.item()
-    assert device.panel.closing(0.05, 0.004) == 0.0
-    assert device.panel._clamped.item() == count + 1
-    assert device.panel.follow(0.03, False) == 0.03
-    assert device.panel._clamped.item() == count + 1
-    surface = device.panel.surface
+    assert device.device_monitors.closing(0.05, 0.0) == 0.25
+    count = device.device_monitors._clamped.item()
+    assert device.device_monitors.closing(0.05, 0.004) == 0.0
+    assert device.device_monitors._clamped.item() == count + 1
+    assert device.device_monitors.follow(0.03, False) == 0.03
+    assert device.device_monitors._clamped.item() == count + 1
+    surface = device.device_monitors.surface
     assert surface is not None
     surface.state["withdrawn"][...] = 1
-    assert device.panel.withdrawn
-    assert device.panel.follow(0.03, False) == 0.0
-    assert device.panel._clamped.item() == count + 2
+    assert device.device_monitors.withdrawn
+    assert device.device_monitors.follow(0.03, False) == 0.0
+    assert device.device_monitors._clamped.item() == count + 2
 
 
 class StampedTwin(FakeTwin, Stamped):

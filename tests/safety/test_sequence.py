@@ -176,7 +176,7 @@ def test_a_surface_at_the_end_of_its_travel_is_safe() -> None:
     rig = Rig()
     rig.height = rig.table.sent["pose_target"][2] = 0.0009
     rig.load = 0.0
-    rig.table.panel.forget()
+    rig.table.device_monitors.forget()
     rig.table.read(1)
     rig.obey = lambda goal: None
     outcome = rig.stop("arm")
@@ -345,7 +345,7 @@ def test_a_glance_that_brings_nothing_judges_nothing() -> None:
     """A number that stands still because nothing has come is not frozen, and one that was bad is bad once."""
     rig = Rig()
     seen: list[int] = []
-    rig.table.panel.believe = lambda tick, seconds: seen.append(tick)  # type: ignore[method-assign]
+    rig.table.device_monitors.believe = lambda tick, seconds: seen.append(tick)  # type: ignore[method-assign]
     assert rig.table.device is not None
     rig.table.device.read = lambda reading: False  # type: ignore[method-assign]
     assert not rig.table.glance(5)
@@ -452,7 +452,7 @@ def test_a_plate_beyond_what_may_ever_be_is_not_safe() -> None:
     for one in rig.all:
         one.disable()
     rig.temperature = 318.5
-    rig.plate.panel.forget()
+    rig.plate.device_monitors.forget()
     outcome = rig.stop("plate", Trip.PLATE_TEMPERATURE)
     assert not outcome.safe
     assert outcome.devices["plate"] == "off, but the plate is at 45.4 degC"
@@ -503,7 +503,7 @@ def test_the_numbers_of_the_sequence() -> None:
     for height, safe in ((0.0009, True), (0.0015, False)):
         rig = Rig()
         rig.height, rig.load = height, 0.0
-        rig.table.panel.forget()
+        rig.table.device_monitors.forget()
         rig.table.read(1)
         rig.obey = lambda goal: None
         assert rig.stop("arm").safe is safe
@@ -520,7 +520,7 @@ def test_a_second_sequence_begins_anew() -> None:
     first = rig.sequence._begun["table"]
     rig.table.rearm(0)
     rig.height = 0.03
-    rig.table.panel.forget()
+    rig.table.device_monitors.forget()
     rig.table.read(2)
     rig.table.enable()
     rig.obey, rig.ticks = rig.follow, 0
@@ -762,7 +762,7 @@ def test_what_stands_at_its_end_and_reads_the_same_is_no_reason_not_to_rest() ->
         rig = Rig()
         rig.noise, rig.load = False, 0.0
         rig.height = rig.table.sent["pose_target"][2] = height
-        rig.table.panel.forget()
+        rig.table.device_monitors.forget()
         rig.table.read(1)
         rig.obey = lambda goal: None
         assert rig.table.device is not None

@@ -174,7 +174,7 @@ def test_after_re_arming_a_second_of_ramp() -> None:
 
 def test_fading_and_heat_cut_down_what_is_sent() -> None:
     rig = Rig().enabled()
-    rig.it.panel.moment.speed = 1.16  # K2 leaves a tenth
+    rig.it.device_monitors.moment.speed = 1.16  # K2 leaves a tenth
     rig.it.watch_placed(0)
     rig.it.command["wrench"][0] = 3.0
     rig.it.write(0)
@@ -585,7 +585,7 @@ def test_the_trip_has_a_name_in_reports() -> None:
 def test_at_first_nothing_may_approach_and_the_whole_force_is_let_through() -> None:
     one = model(TABLE)
     it = Supervisor(one, state(one), PERIOD)
-    assert (it.closing, it.panel.share, it.keeping, it.on_loss) == (0.0, 1.0, False, None)
+    assert (it.closing, it.device_monitors.share, it.keeping, it.on_loss) == (0.0, 1.0, False, None)
 
 
 def test_hardware_is_handed_from_one_session_to_the_next() -> None:

@@ -425,9 +425,9 @@ def test_a_monitor_made_from_one_of_the_frameworks_is_a_plugins(tmp_path: Path) 
 
     session = itouch.build(scene(tmp_path, "pad"), catalog=catalog({"stranger": plate("t", "i")}, {"mine": Own}))
     session.run(0.1)
-    (panel,) = [runner.panel for runner in session.runners]
+    (panel,) = [runner.device_monitors for runner in session.runners]
     assert panel.seen["t"].item() > 290.0
-    assert [post.own for post in panel.posts if post.monitor.name == "mine"] == [False]
+    assert [post.own for post in panel.installed if post.monitor.name == "mine"] == [False]
 
 
 def test_a_moment_that_is_no_field_is_told_when_the_scene_is_built(tmp_path: Path) -> None:
@@ -563,7 +563,7 @@ def test_a_surface_that_is_blown_up_counts_once(tmp_path: Path) -> None:
     session = itouch.build(scene(tmp_path, "pad"), catalog=catalog({"stranger": Inflated}))
     (runner,) = session.runners
     finger = Finger("tip", [runner])
-    runner.panel.seen["f"][2] = -3.0
+    runner.device_monitors.seen["f"][2] = -3.0
     assert finger.pressed() == 3.0
     assert finger.pressed(but=runner) == 0.0
     finger.check(5)

@@ -7,14 +7,14 @@ for "distance = radius" from the free side never passes the root and converges q
 import numpy as np
 
 from itouch.contact import layout as at
-from itouch.contact.borrow import borrowed
+from itouch.contact.array_views import borrowed
 from itouch.contact.compiling import entry, inner
 from itouch.contact.distance import distance
 from itouch.contact.frames import rotate, to_local, unrotate
 from itouch.contact.layout import FRAME_FIRST, ZERO
 from itouch.contact.meshcast import mesh_cast
 from itouch.contact.reset import mesh_overlap
-from itouch.contact.site import Mesh, empty_site, put_object, site_rows
+from itouch.contact.scratch import Mesh, empty_site, put_object, site_rows
 from itouch.contact.vectors import Floats, Vector, along, dot, norm, place_of, put, sub, vector
 
 BACK = 0.025  # a probe that has sunk in by less than this still faces the surface that it came through [m]

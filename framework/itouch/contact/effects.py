@@ -22,7 +22,7 @@ import math
 from itouch.contact import layout as at
 from itouch.contact.compiling import entry, inner
 from itouch.contact.heights import carved
-from itouch.contact.turning import to_body, to_space
+from itouch.contact.rotations import to_body, to_space
 from itouch.contact.vectors import Floats, Vector, add, along, dot, norm, place_of, put, sub, vector
 
 # --- the table of effects: one row per object -----------------------------------------------------------------

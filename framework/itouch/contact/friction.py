@@ -8,9 +8,9 @@ normal force and mu the mean of the contacts' coefficients, weighted by their sh
 
 from itouch.contact import layout as at
 from itouch.contact.compiling import flat, inner
-from itouch.contact.gather import gather, touching
+from itouch.contact.constraint_planes import gather, touching
 from itouch.contact.halfspaces import Solution, nearest_allowed, normal_of, set_loads
-from itouch.contact.site import Mesh
+from itouch.contact.scratch import Mesh
 from itouch.contact.slide import cut, slide
 from itouch.contact.vectors import Floats, Vector, along, dot, norm, sub
 

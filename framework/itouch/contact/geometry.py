@@ -9,9 +9,9 @@ import numpy as np
 from itouch.contact import layout
 from itouch.contact.bvh import CHILD_COUNT, CHILD_REF, MAX_TRIANGLES
 from itouch.contact.neighbours import NEIGHBOUR
+from itouch.contact.scratch import Mesh as Tables
 from itouch.contact.shading import vertex_normals
 from itouch.contact.shapes import Mesh, Shape
-from itouch.contact.site import Mesh as Tables
 from itouch.contact.surface import Surface
 from itouch.contact.vectors import Floats
 

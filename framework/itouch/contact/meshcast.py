@@ -6,8 +6,8 @@ from itouch.contact import layout as at
 from itouch.contact.bvh import CHILD_COUNT, CHILD_REF, CHILD_WIDTH, Floats32, Ints32
 from itouch.contact.compiling import inner
 from itouch.contact.frames import to_local, to_local_then
+from itouch.contact.scratch import Mesh
 from itouch.contact.search import box_distance2
-from itouch.contact.site import Mesh
 from itouch.contact.triangle import face_normal, height, nearest_of, plane_distance2
 from itouch.contact.vectors import Floats, Vector, along, dot, norm, sub
 

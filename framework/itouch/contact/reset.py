@@ -9,8 +9,8 @@ from itouch.contact.frames import rotate, to_local
 from itouch.contact.halfspaces import nearest_inside, normal_of
 from itouch.contact.layout import ZERO
 from itouch.contact.meshcast import off_triangle
+from itouch.contact.scratch import Mesh, add_seed, put_plane
 from itouch.contact.search import nearest, steepest
-from itouch.contact.site import Mesh, add_seed, put_plane
 from itouch.contact.triangle import height
 from itouch.contact.vectors import Floats, Vector, add, along, dot, norm, sub
 

@@ -13,7 +13,7 @@ from itouch.contact.bvh import Ints32
 from itouch.contact.compiling import inner
 from itouch.contact.frames import rotate, to_local
 from itouch.contact.halfspaces import normal_of
-from itouch.contact.site import Mesh
+from itouch.contact.scratch import Mesh
 from itouch.contact.triangle import corner, nearest_of
 from itouch.contact.vectors import Floats, Vector, add, along, cross, dot, norm, sub
 

@@ -13,15 +13,15 @@ the best point is tried, the first triangle that it touches gives a plane, and t
 
 from itouch.contact import layout as at
 from itouch.contact.compiling import inner
-from itouch.contact.crawl import crawl
+from itouch.contact.constraint_planes import gather
 from itouch.contact.distance import distance
 from itouch.contact.frames import rotate, to_local, unrotate
-from itouch.contact.gather import gather
 from itouch.contact.halfspaces import Solution, nearest_allowed, normal_of
 from itouch.contact.layout import ZERO
+from itouch.contact.local_search import search_locally
 from itouch.contact.meshcast import mesh_cast
-from itouch.contact.quick import quick
-from itouch.contact.site import Mesh, add_seed, put_plane
+from itouch.contact.scratch import Mesh, add_seed, put_plane
+from itouch.contact.surface_walk import walk_surface
 from itouch.contact.vectors import Floats, Vector, add, along, dot, norm, sub
 
 MAX_MOVES = 64
@@ -80,7 +80,7 @@ def creep(site: Floats, mesh: Mesh | None, start: Vector, goal: Vector) -> Slid:
         to_goal = sub(goal, p)
         length = norm(to_goal)
         if mesh is not None and move == 1:
-            done, place, solution = quick(site, mesh, p, goal)
+            done, place, solution = search_locally(site, mesh, p, goal)
             if done:
                 return place, solution
         count = gather(site, mesh, p, 2.0 * length + ABSOLUTE)
@@ -128,12 +128,12 @@ def slide(site: Floats, mesh: Mesh | None, start: Vector, goal: Vector) -> Slid:
     if mesh is not None:
         small = is_small(site, norm(sub(goal, start)))
         if not small:
-            done, place, solution = quick(site, mesh, start, goal)
+            done, place, solution = search_locally(site, mesh, start, goal)
             if done:
                 return place, solution
         if int(site[at.ENDS, at.END_FRAMES]) == at.FRAME_FIRST + 1:
             for s in range(at.SEED_FIRST, int(site[at.ENDS, at.END_SEEDS])):
-                done, place = crawl(site, mesh, s, start, goal)
+                done, place = walk_surface(site, mesh, s, start, goal)
                 if done:
                     return place, ((0.0, 0.0, 0.0), 0, -1, -1, True)
     return creep(site, mesh, start, goal)

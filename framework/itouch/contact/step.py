@@ -3,16 +3,16 @@
 import numpy as np
 
 from itouch.contact import layout as at
-from itouch.contact.borrow import borrowed
+from itouch.contact.array_views import borrowed
 from itouch.contact.compiling import entry, flat, inner
+from itouch.contact.constraint_planes import touching
 from itouch.contact.distance import distance
 from itouch.contact.frames import to_local, to_local_then, to_world
 from itouch.contact.friction import Pressed, drag, first_touch, press
-from itouch.contact.gather import touching
-from itouch.contact.push import pushed
+from itouch.contact.moving_objects import pushed
 from itouch.contact.report import clear, report, report_near
 from itouch.contact.reset import nearest_free
-from itouch.contact.site import Mesh, add_seed, empty_site, put_near_objects, put_object, site_rows
+from itouch.contact.scratch import Mesh, add_seed, empty_site, put_near_objects, put_object, site_rows
 from itouch.contact.slide import slide
 from itouch.contact.triangle import nearest_of, pierced
 from itouch.contact.vectors import Floats, Vector, norm, put, sub, vector

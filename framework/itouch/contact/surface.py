@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from itouch.contact import bvh, search
 from itouch.contact.neighbours import add_neighbours
-from itouch.contact.site import Mesh as Tables
+from itouch.contact.scratch import Mesh as Tables
 from itouch.contact.solid import encloses
 from itouch.contact.vectors import Floats
 

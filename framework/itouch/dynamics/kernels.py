@@ -4,7 +4,7 @@ from typing import Any
 
 from itouch.contact import layout as at
 from itouch.contact.compiling import entry, inner
-from itouch.contact.turning import to_space
+from itouch.contact.rotations import to_space
 from itouch.contact.vectors import Floats, Vector, add, along, cross, dot, place_of, sub, vector
 
 ORIGIN = (0.0, 0.0, 0.0)

@@ -12,10 +12,10 @@ from itouch.loop.runner import Runner
 from itouch.loop.surface.memory import MISSED, RENDERS, SETTLED, WITHDRAWN
 from itouch.loop.touch import Toucher
 from itouch.plugin import Bound, Contact, ContactEvent, Record
-from itouch.plugin.fenced import FencedRecord
+from itouch.plugin.write_protection import WriteProtectedRecord
 from itouch.twin.coupling import Coupling
 from itouch.world import ModalityModel, Model
-from itouch.world.failing import said
+from itouch.world.plugin_errors import said
 
 
 @kernel
@@ -68,7 +68,7 @@ class ContactLog:
         statistics: RunStatistics,
     ) -> None:
         self._model, self._toucher, self._table = model, toucher, table
-        self._coupling, self._statistics, self._seen = coupling, statistics, FencedRecord(state, ())
+        self._coupling, self._statistics, self._seen = coupling, statistics, WriteProtectedRecord(state, ())
         name = toucher.probe.name
         self._plate, self._gap = state[f"{name}.contact.plate"], state[f"{name}.contact.plate_gap"]
         self._peak, self._physical = state[f"{name}.contact.peak_force"], state[f"{name}.contact.physical_begin"]

@@ -37,7 +37,7 @@ from itouch.plugin import Bound, DeviceError, Record
 from itouch.safety import Outcome
 from itouch.schema import ItouchError
 from itouch.world import Model, make_state
-from itouch.world.failing import failing
+from itouch.world.plugin_errors import failing
 
 #: On a virtual clock every so many ticks are timed part by part; in real time all are.
 _SAMPLED = 16

@@ -9,7 +9,7 @@ import numpy as np
 from itouch.plugin import Modality, Record
 from itouch.safety import DeviceFaultError, Trip
 from itouch.world import ModalityModel, Model
-from itouch.world.failing import said
+from itouch.world.plugin_errors import said
 
 
 def modality_fault(

@@ -13,7 +13,7 @@ import numpy as np
 
 from itouch.loop.fencing import differ, keep, put_back
 from itouch.plugin import Bound, Record
-from itouch.plugin.fenced import FencedRecord
+from itouch.plugin.write_protection import WriteProtectedRecord
 from itouch.world import ModalityModel
 
 
@@ -23,9 +23,9 @@ def own_fields(one: ModalityModel, state: Record) -> list[str]:
     return [name for name in state if name.startswith(f"{one.name}.") or name in commands]
 
 
-def view_for(one: ModalityModel, state: Record) -> FencedRecord:
+def view_for(one: ModalityModel, state: Record) -> WriteProtectedRecord:
     """Return State as a modality may use it."""
-    return FencedRecord(state, own_fields(one, state))
+    return WriteProtectedRecord(state, own_fields(one, state))
 
 
 class Fence:

@@ -10,7 +10,7 @@ from itouch.loop.rig import ProbeRig
 from itouch.loop.run_statistics import RunStatistics
 from itouch.loop.runner import DeviceFaultError, Runner, Status
 from itouch.plugin import DeviceError, Record
-from itouch.safety import LOSSES, Hold, Trip, connect
+from itouch.safety import LOSSES, HoldToRun, Trip, connect
 from itouch.world import Model
 
 
@@ -31,7 +31,7 @@ class OperatorCommands:
     ) -> None:
         self._model, self._runners, self._rigs, self._statistics = model, runners, rigs, statistics
         self._tick = state["tick"]
-        self.hold = Hold(state, list(runners.values()), model.period, asked=model.scene.safety.hold_to_run)
+        self.hold = HoldToRun(state, list(runners.values()), model.period, asked=model.scene.safety.hold_to_run)
 
     def enable(self, *, opens: bool = True) -> None:
         """Connect all devices at once, and let commands through; ``opens``: those that are CLOSED, too.

@@ -27,7 +27,7 @@ from itouch.monitors.thresholds import TOUCH_FORCE
 from itouch.plugin import Bound, Record
 from itouch.safety import Finger
 from itouch.safety.lifecycle import ENABLED
-from itouch.safety.watching import TOLD, Clocks, clocked, moment
+from itouch.safety.monitor_step import TOLD, Clocks, clocked, moment
 from itouch.twin.turning import turned_in
 
 Floats = NDArray[np.float64]
@@ -138,9 +138,9 @@ def bound_supervision(
     runner: Runner, rig: ProbeRig, carried: Sequence[Runner], state: Record, tracking: Counts
 ) -> tuple[Bound, ...]:  # fmt: skip
     """Return the supervision of an arm, or of a table, where one finger is, as compiled calls; none: it is Python."""
-    panel = runner.panel
-    placed = [post for post in panel.posts if post.monitor.placed]
-    if len(placed) != 1 or not all(post.own for post in panel.posts):
+    panel = runner.device_monitors
+    placed = [post for post in panel.installed if post.monitor.placed]
+    if len(placed) != 1 or not all(post.own for post in panel.installed):
         return ()
     (post,), name = placed, runner.model.name
     monitor, tick = post.monitor, state["tick"]
@@ -171,12 +171,12 @@ def bound_together(finger: Finger, state: Record, period: float) -> Bound | None
     if not finger.simple or finger.worn:
         return None
     table = finger.tables[0]
-    post = table.panel.surface
+    post = table.device_monitors.surface
     nearing = finger.nearing.get(table.model.name)
     if post is None or not isinstance(post.monitor, Surface) or nearing is None:
         return None
     room = finger.arms_of[0].moving.room if finger.arms_of else np.zeros(0)
-    panel, monitor = table.panel, post.monitor
+    panel, monitor = table.device_monitors, post.monitor
     return Bound(
         together, monitor.load(panel.seen), nearing, TOUCH_FORCE, finger.force, room, monitor.allowed,
         monitor.memory(post.state), table.gate, state[f"{table.model.name}.touched"], panel.times.missed, post.said,

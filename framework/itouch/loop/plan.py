@@ -24,7 +24,7 @@ from itouch.loop.run_statistics import Counts
 from itouch.loop.runner import Runner
 from itouch.loop.step import Step
 from itouch.plugin import Record
-from itouch.safety import Hold
+from itouch.safety import HoldToRun
 from itouch.schema import ItouchError
 from itouch.world import ModalityModel, Model
 
@@ -199,7 +199,7 @@ def _fenced(
 
 def build(
     model: Model, state: Record, runners: Mapping[str, Runner], rigs: Sequence[ProbeRig], objects: Objects,
-    events: Events, hold: Hold, views: Mapping[str, Record], tracking: Counts,
+    events: Events, hold: HoldToRun, views: Mapping[str, Record], tracking: Counts,
 ) -> Plan:  # fmt: skip
     """Return the plan of a scene: read, contact, supervision, events, modalities, write; then the twins move on.
 

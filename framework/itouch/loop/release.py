@@ -8,7 +8,7 @@ from collections.abc import Callable
 from itouch.loop.runner import Runner
 from itouch.plugin import DeviceError
 from itouch.schema import ItouchError
-from itouch.world.failing import said
+from itouch.world.plugin_errors import said
 
 
 def in_turn(*steps: Callable[[], object]) -> None:

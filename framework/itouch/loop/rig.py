@@ -170,7 +170,7 @@ class ProbeRig:
     def bound_surface(self) -> tuple[Bound, ...]:
         """Return ``surface`` as compiled calls, which leave a touch-off and a withdrawal to it; none: it is Python."""
         table, done = self.table, np.array([int(Stage.DONE)])
-        post = table.panel.surface if table is not None else None
+        post = table.device_monitors.surface if table is not None else None
         if table is None or post is None or not isinstance(post.monitor, Surface):
             return ()
         stage = self.touch_off.stage if self.touch_off is not None else done
@@ -191,19 +191,19 @@ class ProbeRig:
         A touch-off that is not done takes the table over.
         """
         table = self.table
-        if table is None or table.panel.surface is None:
+        if table is None or table.device_monitors.surface is None:
             self.toucher.carry()
             return
-        self.toucher.stay_away(table.panel.withdrawn)
+        self.toucher.stay_away(table.device_monitors.withdrawn)
         self.toucher.carry()
         strayed = self._figures[render.TRACKING].item()
-        table.closing = table.panel.closing(self._gap(), strayed)
+        table.closing = table.device_monitors.closing(self._gap(), strayed)
         if self.touch_off is not None and not self.touch_off.done and table.enabled:
             self._lead()
             self.touch_off.update()
-        elif table.panel.withdrawn:
+        elif table.device_monitors.withdrawn:
             target = table.commanded(Role.SURFACE_POSE)
-            target[2] = table.panel.follow(target[2].item(), self.toucher.current.item() < 0)
+            target[2] = table.device_monitors.follow(target[2].item(), self.toucher.current.item() < 0)
             self.toucher.gone()
 
     def _gap(self) -> float:
@@ -251,7 +251,7 @@ class ProbeRig:
 
     def present(self, runner: Runner, counting: bool) -> None:
         """Tell the monitors of an arm or a table where the finger is, and how fast."""
-        figures, moment = self._figures, runner.panel.moment
+        figures, moment = self._figures, runner.device_monitors.moment
         if runner is self.arm:
             moment.speed = size(figures[render.VELOCITY : render.VELOCITY + 3])
         if runner is self.table:

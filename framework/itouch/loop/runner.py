@@ -12,7 +12,7 @@ from itouch.plugin import Bound, Channel, Record, Role, Touch
 from itouch.plugin.quantity import SIZES
 from itouch.safety import DeviceFaultError, Status, Supervisor, Trip
 from itouch.world import DeviceModel
-from itouch.world.failing import failing, said
+from itouch.world.plugin_errors import failing, said
 
 __all__ = ["DeviceFaultError", "Runner", "Status"]
 

@@ -23,11 +23,11 @@ from itouch.loop.run_statistics import Counts
 from itouch.loop.runner import Runner
 from itouch.loop.step import CALLS_KERNELS, Step, joinable
 from itouch.plugin import Bound, Record, Role
-from itouch.safety import Finger, Hold
-from itouch.safety.watching import LOOK, TOLD
+from itouch.safety import Finger, HoldToRun
+from itouch.safety.monitor_step import LOOK, TOLD
 from itouch.twin.skin import Skin
 from itouch.world import ModalityModel, Model
-from itouch.world.failing import failing
+from itouch.world.plugin_errors import failing
 
 #: What a trip changes of a device, besides what is sent to it.
 _TRIPPED = ("status", "trip", "tripped", "ramp")
@@ -249,7 +249,7 @@ def supervise(
 
     def show() -> None:
         for one in carried:
-            one.panel.touch(runner.panel.touched, runner.panel.force)
+            one.device_monitors.touch(runner.device_monitors.touched, runner.device_monitors.force)
 
     reads = (*_readings(runner), *_of(name, "sent.*", "status", "arm.*", "surface.*"))
     for rig in rigs:
@@ -261,8 +261,8 @@ def supervise(
     def answer(code: int, tick: int, ready: bool) -> None:
         if code != TOLD:
             run(tick, ready)
-        elif (post := runner.panel.surface) is not None:
-            runner.panel.told_at(post, tick)
+        elif (post := runner.device_monitors.surface) is not None:
+            runner.device_monitors.told_at(post, tick)
             show()
 
     mine = [rig for rig in rigs if runner in (rig.arm, rig.table)]
@@ -286,7 +286,7 @@ def share(finger: Finger, devices: Sequence[Runner], state: Record, period: floa
     return Step(f"together {finger.name}", lambda tick, ready: finger.check(tick), reads, written)
 
 
-def hold(switch: Hold, runners: Iterable[Runner]) -> Step:
+def hold(switch: HoldToRun, runners: Iterable[Runner]) -> Step:
     """Stop what acts if nobody holds the dead-man's switch."""
     switches = [field for runner in runners for field in _roles(runner, Role.DEADMAN)]
     return Step("hold", lambda tick, ready: switch.check(tick), ("hold", *switches, "*.status"))

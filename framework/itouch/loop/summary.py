@@ -9,9 +9,9 @@ from itouch.loop.missing import missed_plates
 from itouch.loop.running import Running
 from itouch.loop.timing import Timing
 from itouch.loop.waiting import vain_waits, waits_of
-from itouch.plugin.fenced import FencedRecord
+from itouch.plugin.write_protection import WriteProtectedRecord
 from itouch.world import ModalityModel, limits
-from itouch.world.failing import said
+from itouch.world.plugin_errors import said
 
 
 def timing_report(times: Timing, real: bool) -> dict[str, Any]:
@@ -106,6 +106,6 @@ def _exchanges(engine: Running, name: str) -> dict[str, Any]:
 def _told(modality: ModalityModel, engine: Running) -> dict[str, Any]:
     """Return what a modality says of the run; a report is made in any case."""
     try:
-        return modality.instance.report(modality.model, FencedRecord(engine.state, ()))
+        return modality.instance.report(modality.model, WriteProtectedRecord(engine.state, ()))
     except Exception as error:
         return {"error": f"failed in report: {said(error)}"}

@@ -13,9 +13,9 @@ from itouch.loop.fence import Fence, view_for
 from itouch.loop.run_statistics import Histogram
 from itouch.loop.runner import Runner
 from itouch.plugin import Contact, ContactEvent, DeviceError, Record, Role, Touch
-from itouch.safety import rehearsing
+from itouch.safety import check_warm_up
 from itouch.world import Model, make_state
-from itouch.world.failing import failing
+from itouch.world.plugin_errors import failing
 
 
 def warm_up(model: Model, state: Record, runners: Iterable[Runner]) -> None:
@@ -26,7 +26,7 @@ def warm_up(model: Model, state: Record, runners: Iterable[Runner]) -> None:
     for runner in runners:
         with failing(f"device '{runner.model.name}'", "the step of its twin", model.place_of(runner.model.name)):
             warm_up_twin(runner, scratch, model.period)
-        rehearsing.warm_up(runner.model, scratch, model.period)
+        check_warm_up.warm_up(runner.model, scratch, model.period)
 
 
 def warm_up_modalities(model: Model) -> None:

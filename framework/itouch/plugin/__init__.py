@@ -51,7 +51,7 @@ from itouch.plugin.trace import Trace, read_trace
 from itouch.schema import ItouchError
 from itouch.schema.extras import need
 from itouch.schema.quantities import QuantityError, parse_quantity
-from itouch.schema.waits import waiting
+from itouch.schema.wait_notices import waiting
 
 __all__ = [
     "HOLD",

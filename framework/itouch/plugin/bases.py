@@ -16,7 +16,7 @@ from typing import Any, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.plugin import shelf
+from itouch.plugin import result_cache
 
 Array = NDArray[np.float64]
 Arrays = tuple[Array, ...]
@@ -47,15 +47,15 @@ class Bases:
 
 def _found(content: object, make: Callable[[], T], pack: Callable[[T], Arrays], load: Load[T]) -> tuple[T, Arrays]:
     """Return the result of a solve and its arrays: from the shelf on disk, or from a new solve that is put there."""
-    name = shelf.key(content, make)
-    arrays = None if name is None else shelf.read(name)
+    name = result_cache.key(content, make)
+    arrays = None if name is None else result_cache.read(name)
     if arrays is not None:
         with suppress(ValueError):  # it does not fit together: as good as none
             return load(arrays), arrays
     made = make()
     arrays = pack(made)
     if name is not None:
-        shelf.write(name, arrays)
+        result_cache.write(name, arrays)
     return made, arrays
 
 

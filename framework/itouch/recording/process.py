@@ -16,8 +16,8 @@ import time
 import numpy as np
 
 from itouch.platforms import Ended, Memory, signals
-from itouch.recording.ring import Phase, Ring, Shape, Word
-from itouch.recording.scribe import MOST_ROWS, SPEC, Scribe
+from itouch.recording.chunking import MOST_ROWS, SPEC, ChunkBuilder
+from itouch.recording.ring import ControlWord, Phase, Ring, Shape
 from itouch.recording.sink import Sink
 from itouch.recording.spec import Spec
 
@@ -30,7 +30,7 @@ def main(words: list[str]) -> int:
     """Write one recording; return 0 if it is whole."""
     rows, row, letters = (int(word) for word in words[1:4])
     ring = Ring(Shape(rows, row, letters), Memory.opened(words[0]))
-    ring.words[Word.PROCESS] = os.getpid()
+    ring.words[ControlWord.PROCESS] = os.getpid()
     _settle()
     try:
         sink = Sink(words[4])
@@ -62,11 +62,11 @@ def _settle() -> None:
 def _write(ring: Ring, sink: Sink) -> None:
     parent = Ended(0)
     spec = Spec.load(_first(ring, parent))
-    scribe = Scribe(ring, spec, sink, np.dtype(_tuples(spec.session["layout"])))
+    scribe = ChunkBuilder(ring, spec, sink, np.dtype(_tuples(spec.session["layout"])))
     scribe.begin()
     ring.say(Phase.RECORDING)
     written = time.monotonic()
-    while not ring.words[Word.CLOSING]:
+    while not ring.words[ControlWord.CLOSING]:
         if parent.wait(0.01 if _waiting(ring) > ring.shape.rows // 4 else 0.02):
             break
         if _waiting(ring) >= min(MOST_ROWS, ring.shape.rows // 4) or time.monotonic() - written >= EVERY - 0.02:
@@ -86,7 +86,7 @@ def _first(ring: Ring, parent: Ended) -> bytes:
 
 
 def _waiting(ring: Ring) -> int:
-    return int(ring.words[Word.ROWS_IN] - ring.words[Word.ROWS_OUT])
+    return int(ring.words[ControlWord.ROWS_IN] - ring.words[ControlWord.ROWS_OUT])
 
 
 def _tuples(described: list[list[object]]) -> list[tuple[object, ...]]:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from itouch.recording.codec import HEAD, Codec
 from itouch.recording.errors import RecordingError
-from itouch.recording.growing import GrowingRows
+from itouch.recording.row_buffer import RowBuffer
 from itouch.recording.tracks import Track, load_track
 from itouch.recording.writer import LETTERS, MAGIC
 from itouch.schema.files import open_regular
@@ -131,7 +131,7 @@ class _Parser:
         self.content, self._keep = content, chunks
         self._codecs: dict[int, Codec] = {}
         self._topics: dict[int, str] = {}
-        self._growing: dict[str, GrowingRows] = {}
+        self._growing: dict[str, RowBuffer] = {}
         self._next: dict[int, int] = {}
         self._total = 0
 
@@ -246,7 +246,7 @@ class _Parser:
         self.content.session = session
         self.content.tracks = {track.name: track for track in tracks}
         self._codecs = {index: Codec(track, index) for index, track in enumerate(tracks, start=1)}
-        self._growing = {track.name: GrowingRows(track.dtype) for track in tracks}
+        self._growing = {track.name: RowBuffer(track.dtype) for track in tracks}
 
     def _channel(self, data: bytes) -> None:
         number, _, length = struct.unpack_from("<HHI", data, 0)

@@ -18,7 +18,7 @@ _ALIGN = 8
 _FILL = 0xFFFFFFFF
 
 
-class Word(enum.IntEnum):
+class ControlWord(enum.IntEnum):
     """Numbers in the first page."""
 
     ROWS_IN = 0
@@ -94,8 +94,8 @@ class Ring:
     def post(self, kind: int, data: bytes) -> bool:
         """Put a letter in; false if there is no room for it."""
         size = (8 + len(data) + _ALIGN - 1) // _ALIGN * _ALIGN
-        begin, room = self.words[Word.LETTERS_IN], self.shape.letters
-        free = room - (begin - self.words[Word.LETTERS_OUT])
+        begin, room = self.words[ControlWord.LETTERS_IN], self.shape.letters
+        free = room - (begin - self.words[ControlWord.LETTERS_OUT])
         rest = room - begin % room
         if size > (free if size <= rest else free - rest):
             return False
@@ -105,18 +105,18 @@ class Ring:
         at = begin % room
         struct.pack_into("<II", self.letters, at, len(data), kind)
         self.letters[at + 8 : at + 8 + len(data)] = data
-        self.words[Word.LETTERS_IN] = begin + size
+        self.words[ControlWord.LETTERS_IN] = begin + size
         return True
 
     def take(self) -> tuple[int, bytes] | None:
         """Take the oldest letter, or None if there is none."""
-        begin, room = self.words[Word.LETTERS_OUT], self.shape.letters
-        while begin < self.words[Word.LETTERS_IN]:
+        begin, room = self.words[ControlWord.LETTERS_OUT], self.shape.letters
+        while begin < self.words[ControlWord.LETTERS_IN]:
             at = begin % room
             length, kind = struct.unpack_from("<II", self.letters, at)
             data = bytes(self.letters[at + 8 : at + 8 + length]) if kind != _FILL else b""
             begin += (8 + length + _ALIGN - 1) // _ALIGN * _ALIGN
-            self.words[Word.LETTERS_OUT] = begin
+            self.words[ControlWord.LETTERS_OUT] = begin
             if kind != _FILL:
                 return kind, data
         return None
@@ -124,14 +124,14 @@ class Ring:
     @property
     def phase(self) -> Phase:
         """What the writing process does."""
-        return Phase(self.words[Word.STATUS])
+        return Phase(self.words[ControlWord.STATUS])
 
     def say(self, phase: Phase, errno: int = 0, text: str = "") -> None:
         """Tell the other side how it stands."""
         data = text.encode()[: _PAGE - _TEXT - 2]
         self.view[_TEXT : _TEXT + 2 + len(data)] = struct.pack("<H", len(data)) + data
-        self.words[Word.ERRNO] = errno
-        self.words[Word.STATUS] = phase
+        self.words[ControlWord.ERRNO] = errno
+        self.words[ControlWord.STATUS] = phase
 
     @property
     def text(self) -> str:

@@ -3,11 +3,11 @@
 from itouch.monitors import LOSSES, DeviceFaultError, Trip, TripError
 from itouch.safety.blind_retreat import Witness
 from itouch.safety.connect import connect
+from itouch.safety.device_monitors import DeviceMonitors
 from itouch.safety.finger import Finger
 from itouch.safety.guard import Guard
-from itouch.safety.hold import Hold
+from itouch.safety.hold_to_run import HoldToRun
 from itouch.safety.lifecycle import Status
-from itouch.safety.panel import Panel
 from itouch.safety.sequence import Outcome, SafeSequence
 from itouch.safety.supervisor import Supervisor
 
@@ -16,9 +16,9 @@ __all__ = [
     "DeviceFaultError",
     "Finger",
     "Guard",
-    "Hold",
+    "HoldToRun",
     "Outcome",
-    "Panel",
+    "DeviceMonitors",
     "SafeSequence",
     "Status",
     "Supervisor",

@@ -18,7 +18,7 @@ from itouch.monitors import DeviceFaultError, Heat, Push, Surface, Trip
 from itouch.monitors import limits as default
 from itouch.monitors.thresholds import TOUCH_FORCE
 from itouch.plugin import Role
-from itouch.safety.panel import Post
+from itouch.safety.device_monitors import InstalledMonitor
 from itouch.safety.supervisor import Supervisor
 
 if TYPE_CHECKING:
@@ -34,13 +34,13 @@ class Finger:
         self.name, self.nearing = name, nearing or {}
         #: What pushes on it, and what carries a surface to it.
         self.arms_of = [one for one in devices if any(c.role is Role.FORCE_ON_OPERATOR for c in one.model.commands)]
-        self.tables = [one for one in devices if one.panel.surface is not None]
+        self.tables = [one for one in devices if one.device_monitors.surface is not None]
         #: What presses by a fluid and feels with what force, each with what watches that.
         self.pads = [
             (one, post.monitor)
             for one in devices
-            for post in one.panel.posts
-            if isinstance(post.monitor, Push) and one.panel.surface is None
+            for post in one.device_monitors.installed
+            if isinstance(post.monitor, Push) and one.device_monitors.surface is None
         ]
         pushing = (*self.tables, *(one for one, _ in self.pads))
         self._heats = [(one, post) for one in devices for post in one.heats]
@@ -82,7 +82,7 @@ class Finger:
     def _padded(self) -> Iterator[tuple[Supervisor, float]]:
         """Yield what presses by a fluid, with the force [N] that it feels."""
         for one, push in self.pads:
-            yield one, push.felt(one.panel.seen)
+            yield one, push.felt(one.device_monitors.seen)
 
     def taken(self) -> float:
         """Return the force [N] that arms must leave to surfaces: what they press with, and what that may rise by."""
@@ -127,8 +127,8 @@ class Finger:
             If the surface was touched for too long.
         """
         for table in self.tables:
-            if table.panel.surface is not None:
-                table.panel.told_at(table.panel.surface, tick)
+            if table.device_monitors.surface is not None:
+                table.device_monitors.told_at(table.device_monitors.surface, tick)
 
     def leave(self, arm: Supervisor) -> None:
         """Leave an arm what the other arms have not taken either, just before it is sent its force."""
@@ -142,15 +142,15 @@ class Finger:
 
     def _touch(self, tick: int) -> None:
         """Run the clock of T4 of every surface while the finger touches any, or wears a display that is driven."""
-        withdrawn = any(table.panel.withdrawn for table in self.tables)
-        touched = any(table.panel.touched for table in self.tables if table.enabled)
+        withdrawn = any(table.device_monitors.withdrawn for table in self.tables)
+        touched = any(table.device_monitors.touched for table in self.tables if table.enabled)
         touched = touched or any(_acts(one, post, withdrawn) for one, post in self.worn)
         for table in self.tables:
-            table.panel.count_contact(tick, touched)
+            table.device_monitors.count_contact(tick, touched)
         if self.worn:
-            part = 0.0 if any(table.panel.withdrawn for table in self.tables) else 1.0
+            part = 0.0 if any(table.device_monitors.withdrawn for table in self.tables) else 1.0
             for one, _ in self.worn:
-                one.panel.leave(self.name, part)
+                one.device_monitors.leave(self.name, part)
 
     def _doses(self, tick: int) -> None:
         said = self._over()
@@ -185,13 +185,15 @@ class Finger:
 
 
 def _felt(table: Supervisor) -> float:
-    post: Post | None = table.panel.surface
-    return post.monitor.felt(table.panel.seen) if post is not None and isinstance(post.monitor, Surface) else 0.0
+    post: InstalledMonitor | None = table.device_monitors.surface
+    return (
+        post.monitor.felt(table.device_monitors.seen) if post is not None and isinstance(post.monitor, Surface) else 0.0
+    )
 
 
-def _acts(one: Supervisor, post: Post, withdrawn: bool) -> bool:
+def _acts(one: Supervisor, post: InstalledMonitor, withdrawn: bool) -> bool:
     heat = post.monitor
-    return one.enabled and isinstance(heat, Heat) and heat.acts(one.panel.seen, one.sent, withdrawn=withdrawn)
+    return one.enabled and isinstance(heat, Heat) and heat.acts(one.device_monitors.seen, one.sent, withdrawn=withdrawn)
 
 
 def _chain(name: str, carriers: Mapping[str, str]) -> Iterator[str]:

@@ -17,7 +17,7 @@ import numpy as np
 
 from itouch.monitors import LOSSES, Heat, Push, Trip, TripError
 from itouch.plugin import Channel, Device, DeviceError, Record, Role, Twin
-from itouch.safety.panel import Panel
+from itouch.safety.device_monitors import DeviceMonitors
 from itouch.world import DeviceModel
 
 
@@ -74,11 +74,11 @@ class Lifecycle(ABC):
         #: What it may do now, as compiled code sees it, shape (1,).
         self.gate = self._status.reshape(1)
         #: The monitors in force.
-        self.panel = Panel(model, state, self.reading, self.sent, period)
+        self.device_monitors = DeviceMonitors(model, state, self.reading, self.sent, period)
         #: Those of its plates.
-        self.heats = [post for post in self.panel.posts if isinstance(post.monitor, Heat)]
+        self.heats = [post for post in self.device_monitors.installed if isinstance(post.monitor, Heat)]
         #: Whether it presses by a fluid, and feels with what force.
-        self.presses = any(isinstance(post.monitor, Push) for post in self.panel.posts)
+        self.presses = any(isinstance(post.monitor, Push) for post in self.device_monitors.installed)
         #: What else may be used up that it shares with other devices on the same finger.
         self.shared: list[Callable[[], str]] = []
 
@@ -126,11 +126,11 @@ class Lifecycle(ABC):
         self._rearmed[:] = -1
         if self.way is not None:
             self.way[:] = math.nan
-        self.panel.reset()
+        self.device_monitors.reset()
 
     def restore(self) -> None:
         """Go on from a State that was put in place."""
-        self.panel.restore()
+        self.device_monitors.restore()
 
     def open(self) -> None:
         """Open the device; CLOSED -> OPEN, or FAULT if a trip is latched: only re-arming releases it.
@@ -147,7 +147,7 @@ class Lifecycle(ABC):
 
     def _forget(self) -> None:
         """Drop what was read before: it says nothing of the device as it is now."""
-        self.panel.forget()
+        self.device_monitors.forget()
         self._age[...] = 0
         self._sequence[...] = 0
         if self.stopped is not None and self.way is not None:
@@ -170,7 +170,7 @@ class Lifecycle(ABC):
         if not self.model.twin and self.model.reads and not self._sequence.item():
             raise DeviceError(f"device '{name}' has not read anything yet: nothing could watch what it does")
         self.rest_at_measured()
-        self.panel.begin()
+        self.device_monitors.begin()
         self._status[...] = ENABLED
         self._ramp[...] = 0.0 if self.model.limits.ramp > 0.0 else 1.0
 
@@ -204,9 +204,9 @@ class Lifecycle(ABC):
         self._forget()
         try:
             self._take()
-            self.panel.believe(tick, 0.0)
+            self.device_monitors.believe(tick, 0.0)
         except TripError as error:
-            self.panel.put_back()
+            self.device_monitors.put_back()
             raise DeviceError(f"device '{self.model.name}' can't be re-armed: it {error}") from error
         self._sequence[...] = 1
         self._trip[...] = Trip.NONE
@@ -215,7 +215,7 @@ class Lifecycle(ABC):
         self._rearmed[0] = tick
 
     def _refuse_spent(self) -> None:
-        said = next((words for words in (self.panel.spent(), *(ask() for ask in self.shared)) if words), "")
+        said = next((words for words in (self.device_monitors.spent(), *(ask() for ask in self.shared)) if words), "")
         if said:
             raise DeviceError(f"device '{self.model.name}' {said}")
 

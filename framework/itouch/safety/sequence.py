@@ -187,7 +187,7 @@ class SafeSequence:
         oldest = self._passed - ANSWER / self._period
         self._mute = {s.model.name for s in self._supervisors if self._answered.get(s.model.name, -1) <= max(0, oldest)}
         if not self._begun:
-            self._begun.update({s.model.name: s.panel.values for s in self._retracting})
+            self._begun.update({s.model.name: s.device_monitors.values for s in self._retracting})
 
     def _safe(self, heights: dict[str, float]) -> bool:
         return not any(self._seen(s, heights)[1] for s in self._supervisors)
@@ -197,7 +197,7 @@ class SafeSequence:
         name = supervisor.model.name
         if name in self._mute or supervisor.trip in LIES:
             return False
-        frozen = name in self._begun and supervisor.panel.values == self._begun[name]
+        frozen = name in self._begun and supervisor.device_monitors.values == self._begun[name]
         return not frozen or self._passed * self._period < SETTLE
 
     def _stands(self, supervisor: Supervisor, heights: dict[str, float]) -> bool:

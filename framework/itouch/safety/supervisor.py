@@ -15,13 +15,13 @@ from itouch.monitors import LOSSES, DeviceFaultError, Heat, Readings, Trip, Trip
 from itouch.monitors.limits import TIMELY
 from itouch.plugin import Bound, Device, DeviceError, Record, Role, Twin
 from itouch.plugin.stamps import Stamped
-from itouch.safety import limiting, watching
+from itouch.safety import limiting, monitor_step
+from itouch.safety.device_monitors import InstalledMonitor
 from itouch.safety.guard import ANYWHERE, Guard
 from itouch.safety.lifecycle import BACKWARDS, CLOSED, ENABLED, FAULT, HELD, Lifecycle
-from itouch.safety.panel import Post
 from itouch.world import DeviceModel
 from itouch.world import limits as default
-from itouch.world.failing import failing
+from itouch.world.plugin_errors import failing
 
 
 class Supervisor(Lifecycle):
@@ -132,7 +132,7 @@ class Supervisor(Lifecycle):
             if self._taken[0]:
                 self._taken[0] = 0
                 self._believe(tick, status)
-            self.panel.look(tick, self._age.item() * self._period)
+            self.device_monitors.look(tick, self._age.item() * self._period)
         except TripError as error:
             self._disbelieve(tick, error)
 
@@ -145,7 +145,7 @@ class Supervisor(Lifecycle):
             If the device reads what may not be.
         """
         try:
-            self.panel.look(tick, self._age.item() * self._period)
+            self.device_monitors.look(tick, self._age.item() * self._period)
         except TripError as error:
             self._disbelieve(tick, error)
 
@@ -158,7 +158,7 @@ class Supervisor(Lifecycle):
             If the device reads what may not be.
         """
         try:
-            self.panel.told_timed(number, tick, self._age.item() * self._period)
+            self.device_monitors.told_timed(number, tick, self._age.item() * self._period)
         except TripError as error:
             self._disbelieve(tick, error)
 
@@ -172,33 +172,33 @@ class Supervisor(Lifecycle):
         if sensed is None:
             return ()
         due = Bound(
-            watching.due, self._status, self._sequence, self._tick, self._taken, self.replaced, CLOSED, self._every
+            monitor_step.due, self._status, self._sequence, self._tick, self._taken, self.replaced, CLOSED, self._every
         )
-        return due, sensed, Bound(watching.came, self._tick, self._measured, self._taken)
+        return due, sensed, Bound(monitor_step.came, self._tick, self._measured, self._taken)
 
     def bound_watch(self) -> tuple[Bound, ...]:
         """Return ``watch_reading`` as compiled calls, which leave what is unusual to it; none: it is Python."""
-        panel, post = self.panel, self.panel.readings
+        panel, post = self.device_monitors, self.device_monitors.readings
         turns = panel.turns()
         if post is None or not isinstance(post.monitor, Readings) or turns is None:
             return ()
         words, places = turns
-        watched = watching.Watched(
+        watched = monitor_step.Watched(
             self._status, self._taken, self._age, self._sequence, self.slip, *panel.clocks, post.checked, post.share,
             panel.due, self.reading.numbers, panel.seen.numbers, words, places,
         )  # fmt: skip
-        rhythm = watching.Rhythm(self._every, panel.apart, panel.clock, self._period)
+        rhythm = monitor_step.CheckSchedule(self._every, panel.apart, panel.clock, self._period)
         memory = post.monitor.memory(post.state)
-        first = Bound(watching.watch, watched, post.monitor.able, memory, rhythm, self._tick, CLOSED, FAULT)
+        first = Bound(monitor_step.watch, watched, post.monitor.able, memory, rhythm, self._tick, CLOSED, FAULT)
         return first, *(self._bound_look(number, *one, rhythm) for number, one in enumerate(panel.heats))
 
-    def _bound_look(self, number: int, post: Post, heat: Heat, rhythm: watching.Rhythm) -> Bound:
+    def _bound_look(self, number: int, post: InstalledMonitor, heat: Heat, rhythm: monitor_step.CheckSchedule) -> Bound:
         """Return the look of a plate's monitor, when it is its turn."""
-        panel, touched = self.panel, self.panel.touching
-        asked = watching.Asked(post.checked, post.share, post.said, panel.due, touched)
+        panel, touched = self.device_monitors, self.device_monitors.touching
+        asked = monitor_step.Asked(post.checked, post.share, post.said, panel.due, touched)
         return Bound(
-            watching.ask, asked, panel.times, rhythm, self._status, self._tick, heat.stands, heat.allowed, heat.trust,
-            heat.memory(post.state), heat.numbers(panel.seen), heat.numbers(self.sent), number, CLOSED,
+            monitor_step.ask, asked, panel.times, rhythm, self._status, self._tick, heat.stands, heat.allowed,
+            heat.trust, heat.memory(post.state), heat.numbers(panel.seen), heat.numbers(self.sent), number, CLOSED,
         )  # fmt: skip
 
     def _believe(self, tick: int, status: int) -> None:
@@ -209,9 +209,9 @@ class Supervisor(Lifecycle):
         self._sequence[...] = self._sequence.item() + 1
         if status == FAULT:
             self._keep_sane()
-            self.panel.take(tick)
+            self.device_monitors.take(tick)
             return
-        self.panel.believe(tick, (age + self._every) * self._period + slip)
+        self.device_monitors.believe(tick, (age + self._every) * self._period + slip)
 
     def watch_placed(self, tick: int) -> None:
         """Let the monitors look that need to know where the finger is.
@@ -222,13 +222,13 @@ class Supervisor(Lifecycle):
             Naming the limit and the value.
         """
         try:
-            self.panel.look_placed(tick)
+            self.device_monitors.look_placed(tick)
         except TripError as error:
             raise DeviceFaultError(self.model.name, tick, error.trip, str(error)) from error
 
     def leave_out(self, ticks: int) -> None:
         """Note that a loop that was late has left out so many periods: time has gone on in them."""
-        self.panel.leave_out(ticks)
+        self.device_monitors.leave_out(ticks)
 
     def measured_at(self, role: Role) -> int:
         """Return the tick at which the newest reading of a role was measured, -1 if there is none."""
@@ -286,8 +286,8 @@ class Supervisor(Lifecycle):
 
     def _keep_sane(self) -> None:
         """Let nobody work with numbers that mean nothing."""
-        if not self.panel.sane():
-            self.panel.put_back()
+        if not self.device_monitors.sane():
+            self.device_monitors.put_back()
 
     def _take(self) -> bool | None:
         """Read the twin or the device; whatever goes wrong is a trip."""
@@ -311,13 +311,13 @@ class Supervisor(Lifecycle):
         if self._timely:
             age = max(age, self._oldest(tick))
         if status == ENABLED:
-            self.panel.wait(tick, age * self._period)
+            self.device_monitors.wait(tick, age * self._period)
 
     def _doubt_age(self, tick: int) -> None:
         """Count the age of a reading that has come from when it was measured, too: old news is no news (W1)."""
         age = self._oldest(tick)
         if age > 0:
-            self.panel.wait(tick, age * self._period)
+            self.device_monitors.wait(tick, age * self._period)
 
     def _oldest(self, tick: int) -> int:
         """Return how many ticks ago the oldest of those readings was measured that must be new."""
@@ -373,7 +373,7 @@ class Supervisor(Lifecycle):
         if share < 1.0:
             share = min(1.0, share + self._growth)
             self._ramp[...] = share
-        self.moving.share[0] = share * self.panel.share
+        self.moving.share[0] = share * self.device_monitors.share
         if self.leave_room is not None:
             self.leave_room()
         for guard, lane in self._lanes:
@@ -387,7 +387,7 @@ class Supervisor(Lifecycle):
         sizes = [channel.size for channel in self.model.commands]
         begin = Bound(
             limiting.begin, self._status, ENABLED, CLOSED, self.command.numbers, np.cumsum(sizes, dtype=np.int64),
-            self._ramp, self.panel.left, self.moving.share, self._growth,
+            self._ramp, self.device_monitors.left, self.moving.share, self._growth,
         )  # fmt: skip
         return (begin, *(lane for _, lane in self._lanes))
 
@@ -448,10 +448,10 @@ class Supervisor(Lifecycle):
                 self._measure_slip()
             if answered and status != FAULT:
                 slip, self.slip[0] = self.slip[0].item(), 0.0
-                self.panel.believe(tick, self._every * self._period + slip)
+                self.device_monitors.believe(tick, self._every * self._period + slip)
         except TripError as error:
             if status != FAULT:
                 self.fault(error.trip, tick)
-        if not self.panel.sane():
-            self.panel.mend()
+        if not self.device_monitors.sane():
+            self.device_monitors.mend()
         return answered

@@ -6,7 +6,7 @@ import os
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from itouch.scene import shipping
+from itouch.scene import bundled_scenes
 from itouch.scene.elements import VERSION
 from itouch.scene.source import Attribute, Node, SourceError, parse, read_bytes
 from itouch.schema.diagnostics import Place, Problem, did_you_mean, meant
@@ -88,9 +88,11 @@ class DocumentReader:
         if place is None or problem.code != "no-such-file":
             return problem
         advice = "paths are relative to the file that names them"
-        named = [name for name in shipping.names() if problem.sentence.endswith(f"{name}': No such file or directory")]
+        named = [
+            name for name in bundled_scenes.names() if problem.sentence.endswith(f"{name}': No such file or directory")
+        ]
         if named:
-            advice += f'; the program brings one: file="{shipping.SCHEME}{named[-1]}"'
+            advice += f'; the program brings one: file="{bundled_scenes.SCHEME}{named[-1]}"'
         return Problem(problem.code, problem.sentence, place, advice)
 
     def _cycle(self, path: Path, shown: str, place: Place | None) -> Problem:
@@ -182,7 +184,7 @@ class DocumentReader:
                 self.problems.append(Problem("missing-attribute", "<include> needs the attribute 'file'", node.place))
             return
         prefix = document.prefix + (node.attributes["prefix"].value if "prefix" in node.attributes else "")
-        if file.value.startswith(shipping.SCHEME) or document.shown.startswith(shipping.SCHEME):
+        if file.value.startswith(bundled_scenes.SCHEME) or document.shown.startswith(bundled_scenes.SCHEME):
             self._include_shipped(document, file, prefix)
             return
         shown = os.path.normpath(os.path.join(os.path.dirname(document.shown), file.value))
@@ -198,11 +200,11 @@ class DocumentReader:
     def _include_shipped(self, document: Document, file: Attribute, prefix: str) -> None:
         """Include a file that comes with the program: ``itouch:rigs/twin.xml``, or one beside such a file."""
         named = file.value
-        if not named.startswith(shipping.SCHEME):
-            beside = os.path.dirname(document.shown.removeprefix(shipping.SCHEME))
-            named = shipping.SCHEME + os.path.join(beside, named)
-        inner, folder = os.path.normpath(named.removeprefix(shipping.SCHEME)), shipping.folder()
-        known = shipping.names()
+        if not named.startswith(bundled_scenes.SCHEME):
+            beside = os.path.dirname(document.shown.removeprefix(bundled_scenes.SCHEME))
+            named = bundled_scenes.SCHEME + os.path.join(beside, named)
+        inner, folder = os.path.normpath(named.removeprefix(bundled_scenes.SCHEME)), bundled_scenes.folder()
+        known = bundled_scenes.names()
         if folder is None or inner.replace(os.sep, "/") not in known:
             self.incomplete = True
             sentence = f"'{named}' does not come with the program"
@@ -211,11 +213,11 @@ class DocumentReader:
                     "no-such-file",
                     sentence,
                     file.place,
-                    did_you_mean(named, [shipping.SCHEME + name for name in known], "there are"),
+                    did_you_mean(named, [bundled_scenes.SCHEME + name for name in known], "there are"),
                 )
             )
             return
-        self._take_in(document, folder / inner, shipping.SCHEME + inner, prefix, file.place)
+        self._take_in(document, folder / inner, bundled_scenes.SCHEME + inner, prefix, file.place)
 
     def _take_in(self, document: Document, target: Path, shown: str, prefix: str, place: Place) -> None:
         included = self._document(target, shown, prefix, place)

@@ -22,7 +22,7 @@ from itouch.servo.shared_memory import ServoError, SharedMemory
 from itouch.servo.within import Unguarded, Within
 from itouch.session import choose_twins
 from itouch.session.outputs import Outputs
-from itouch.world.swapped import fitted
+from itouch.world.replaced_limits import fitted
 
 
 def launch(

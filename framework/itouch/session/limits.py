@@ -11,8 +11,8 @@ from typing import Any
 from itouch.session.errors import SessionError
 from itouch.session.paths import without_folders
 from itouch.world import Model
+from itouch.world.limit_texts import shown
 from itouch.world.limits import DEFAULT
-from itouch.world.limitwords import shown
 
 #: Limits of which less is looser: how long a ramp-in takes.
 _LEAST = frozenset({"ramp"})

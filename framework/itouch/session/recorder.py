@@ -20,8 +20,8 @@ from itouch.loop.running import Running
 from itouch.loop.timing import edges, percentile
 from itouch.plugin import Contact
 from itouch.recording import RecordingError
-from itouch.recording.ring import Phase, Ring, Shape, Word
-from itouch.recording.scribe import MESSAGE, SPEC, STATE, message
+from itouch.recording.chunking import MESSAGE, SPEC, STATE, message
+from itouch.recording.ring import ControlWord, Phase, Ring, Shape
 from itouch.recording.spec import Spec
 from itouch.recording.tracks import Track
 from itouch.scene import write
@@ -137,12 +137,12 @@ class Recorder:
     @property
     def lost(self) -> int:
         """Samples that the writing process was too slow for."""
-        return int(self._ring.words[Word.LOST])
+        return int(self._ring.words[ControlWord.LOST])
 
     @property
     def written(self) -> int:
         """Bytes in the file."""
-        return int(self._ring.words[Word.BYTES_WRITTEN])
+        return int(self._ring.words[ControlWord.BYTES_WRITTEN])
 
     def _slots(self, rows: Rows) -> Slots:
         """Return, for every row of the ring, where each piece of State goes, and where it comes from."""
@@ -156,8 +156,8 @@ class Recorder:
         """Return the function that copies a row; everything that it needs is at hand."""
         ring, shape, slots = self._ring, self._ring.shape, self._copied
         words, ticks, capacity, mask = ring.words, ring.ticks, shape.rows, shape.rows - 1
-        count, whole, look = int(words[Word.ROWS_IN]), slice(None), self._look
-        room = int(words[Word.ROWS_OUT]) + capacity
+        count, whole, look = int(words[ControlWord.ROWS_IN]), slice(None), self._look
+        room = int(words[ControlWord.ROWS_OUT]) + capacity
         state_every, timing_every = (round(s / self._period) for s in (STATE_EVERY, TIMING_EVERY))
         table: Any = self.session.state.dtype.fields
         place = table["events.count"][1]
@@ -188,10 +188,10 @@ class Recorder:
         """Wait for room where time can wait; else count what is lost.  Return how far rows may go."""
         words, capacity = self._ring.words, self._ring.shape.rows
         if self.session.clock.pace != "real":
-            self._wait(lambda: bool(words[Word.ROWS_OUT] + capacity > count or self._over), 3600.0)
-        if words[Word.ROWS_OUT] + capacity <= count:
-            words[Word.LOST] += 1
-        return int(words[Word.ROWS_OUT]) + capacity
+            self._wait(lambda: bool(words[ControlWord.ROWS_OUT] + capacity > count or self._over), 3600.0)
+        if words[ControlWord.ROWS_OUT] + capacity <= count:
+            words[ControlWord.LOST] += 1
+        return int(words[ControlWord.ROWS_OUT]) + capacity
 
     @property
     def _over(self) -> bool:
@@ -226,7 +226,7 @@ class Recorder:
             return
         if self.session.clock.pace != "real" and self._wait(lambda: self._ring.post(kind, data) or self._over, 3600.0):
             return
-        self._ring.words[Word.LOST] += 1
+        self._ring.words[ControlWord.LOST] += 1
 
     def note_state(self, reason: str) -> None:
         """Record the whole State: ``start``, ``every``, ``enable`` (a replay starts again from it) or ``fault``."""
@@ -260,7 +260,10 @@ class Recorder:
 
     def _note_timing(self, tick: int) -> None:
         """Record the loop's timing: percentiles of all ticks, histograms of those since the last note."""
-        times, waiting = self.session.times, self._ring.words[Word.ROWS_IN] - self._ring.words[Word.ROWS_OUT]
+        times, waiting = (
+            self.session.times,
+            self._ring.words[ControlWord.ROWS_IN] - self._ring.words[ControlWord.ROWS_OUT],
+        )
         counts = times.record["counts"][1]
         p50, p99 = (1e6 * (percentile(counts, percent) or 0.0) for percent in (50, 99))
         longest = 1e6 * float(times.record["greatest"][1])
@@ -310,7 +313,7 @@ class Recorder:
         self._tell_faults()
         self._note_timing(int(self.session.state["tick"]))
         self._tell_report()
-        self._ring.words[Word.CLOSING] = 1
+        self._ring.words[ControlWord.CLOSING] = 1
         done = self._wait(lambda: self._over, _END)
         text = self._ring_text if self._ring.phase is Phase.FAILED else ""
         self._end()

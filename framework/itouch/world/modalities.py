@@ -14,9 +14,9 @@ from itouch.scene import Scene
 from itouch.scene.elements import Operator, PluginPart
 from itouch.schema import Problem
 from itouch.schema.fields import specs
-from itouch.world.carried import check_carried
-from itouch.world.failing import failing, failure
 from itouch.world.files import SceneFiles
+from itouch.world.plugin_errors import failing, failure
+from itouch.world.presented_surfaces import check_carried
 from itouch.world.rig import DeviceModel
 
 

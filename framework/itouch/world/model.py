@@ -21,18 +21,18 @@ from itouch.schema import Place, Problem, SceneError
 from itouch.world.bindings import check_bindings, check_reach, check_writers
 from itouch.world.coupling import Coupling, couplings, on_bodies, stable_effects
 from itouch.world.files import SceneFile, SceneFiles
-from itouch.world.leading import PERSON, hand_of
+from itouch.world.input_sources import PERSON, hand_of
 from itouch.world.limits import check_safety
-from itouch.world.metres import large
 from itouch.world.modalities import ModalityModel, build_modalities, notices_of
 from itouch.world.motion import NO_MOTIONS, Motions, build_motions
 from itouch.world.overlap import overlaps
 from itouch.world.recorded import RecordedMotion, recorded_motion
+from itouch.world.replaced_limits import differences, fitted
 from itouch.world.rig import DeviceModel, build_devices, orientation
 from itouch.world.shapes import build_shapes
 from itouch.world.skin import unfelt
 from itouch.world.surfaces import build_effects, build_friction, contact_of
-from itouch.world.swapped import differences, fitted
+from itouch.world.unitless_lengths import large
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,10 +16,10 @@ from itouch.scene.elements import DeviceElement
 from itouch.schema import Place, Problem
 from itouch.schema.diagnostics import did_you_mean, meant
 from itouch.schema.fields import REQUIRED, default_of, specs, xml_name
-from itouch.world.failing import failing
 from itouch.world.files import SceneFiles
 from itouch.world.injection import injections
 from itouch.world.limits import DeviceLimits, resolve
+from itouch.world.plugin_errors import failing
 from itouch.world.safevalues import acting_at_rest, stale, too_slow, with_safe_values
 from itouch.world.supervision import monitors_of, supervision, supervision_problems, watched
 

@@ -11,9 +11,9 @@ from itouch.plugin import Field, Record, Role
 from itouch.plugin.declared import faults_of
 from itouch.schema.until import Until
 from itouch.world import marks
-from itouch.world.failing import failing
 from itouch.world.fields import CELLS, HAND, probe_fields, skin_fields, wait_fields
 from itouch.world.model import Model
+from itouch.world.plugin_errors import failing
 from itouch.world.rig import GONE, DeviceModel
 from itouch.world.supervision import supervision
 

@@ -220,7 +220,7 @@ def _use_up(session: Session, left: float, truth: Truth) -> None:
 
 def _spent(session: Session) -> str:
     """Return which budget of which device is used up; empty: none."""
-    return next((f"{r.model.name} {said}" for r in session.runners if (said := r.panel.spent())), "")
+    return next((f"{r.model.name} {said}" for r in session.runners if (said := r.device_monitors.spent())), "")
 
 
 def tightened(text: str, seed: int) -> str:

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from itouch.scene import shipping
+from itouch.scene import bundled_scenes
 from itouch.schema import ItouchError
 from itouch_evidence.sweeps.ways import dask_cluster
 from itouch_tools.sweeps.store import rows, table
@@ -43,7 +43,7 @@ _OWN = '<call name="own" function="own.py:count" results="seed"/>'
 
 def small(folder: Path, seeds: int, *, run: str = "0.2 s", more: str = "", own: str = "") -> Path:
     """Write a sweep of the smallest scene with so many seeds into a folder."""
-    home = shipping.folder()
+    home = bundled_scenes.folder()
     if home is None:
         raise ItouchError("the shipped scenes are not there")
     folder.mkdir(parents=True, exist_ok=True)

@@ -84,7 +84,7 @@ def _guarded(words: list[str]) -> int:
     """Dispatch; what a user or a device can cause becomes a message, never a traceback."""
     from itouch.schema.diagnostics import ItouchError
     from itouch.schema.terminal import detail
-    from itouch.schema.waits import shown_by
+    from itouch.schema.wait_notices import shown_by
     from itouch_tools.cli import progress
     from itouch_tools.cli.ending import stop_writing
 

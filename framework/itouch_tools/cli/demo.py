@@ -6,7 +6,7 @@ import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
-from itouch.scene import shipping
+from itouch.scene import bundled_scenes
 from itouch.schema import ItouchError
 from itouch_tools.cli.arguments import Parser, output_folder
 
@@ -19,7 +19,7 @@ def scenes_folder() -> Path:
     ItouchError
         If they are not there.
     """
-    folder = shipping.folder()
+    folder = bundled_scenes.folder()
     if folder is not None:
         return folder
     raise ItouchError("the shipped scenes are missing from this installation; install itouch-py again")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from itouch.schema import ItouchError
 from itouch.schema.extras import need
 from itouch.schema.terminal import did, note
-from itouch.schema.waits import waiting
+from itouch.schema.wait_notices import waiting
 from itouch_tools.cli.arguments import Parser, add_json, as_json, output_file, output_folder
 
 if TYPE_CHECKING:

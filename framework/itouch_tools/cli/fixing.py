@@ -12,7 +12,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from itouch.scene.mending import mended
+from itouch.scene.fixes import mended
 from itouch.schema import ItouchError
 from itouch.schema.diagnostics import Problem
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from itouch.loop.faultwords import told
 from itouch.schema import ItouchError
 from itouch.schema.terminal import did, note
-from itouch.schema.waits import waiting
+from itouch.schema.wait_notices import waiting
 from itouch_tools.cli import deprecations, windows
 from itouch_tools.cli.ending import Stopping, write_report
 

@@ -23,7 +23,7 @@ from itouch.exchange import EveryNth, Straight, StraightEmulator, ThreadedDevice
 from itouch.loop import DeviceFaultError
 from itouch.plugin import Trace
 from itouch.schema import ItouchError
-from itouch.schema.waits import waiting
+from itouch.schema.wait_notices import waiting
 from itouch_tools.cli.served_twins import VirtualRig
 
 if TYPE_CHECKING:

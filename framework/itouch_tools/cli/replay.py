@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from itouch.schema import ItouchError
 from itouch.schema.terminal import note
-from itouch.schema.waits import waiting
+from itouch.schema.wait_notices import waiting
 from itouch_tools.cli import pictures, sounds
 from itouch_tools.cli.arguments import Parser
 

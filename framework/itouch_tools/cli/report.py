@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from itouch.schema import ItouchError
 from itouch.schema.extras import need
 from itouch.schema.terminal import did
-from itouch.schema.waits import waiting
+from itouch.schema.wait_notices import waiting
 from itouch_tools.cli.arguments import Parser, output_file
 
 

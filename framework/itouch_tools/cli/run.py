@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from itouch.plugin import trace
 from itouch.schema import ItouchError
 from itouch.schema.terminal import did, note
-from itouch.schema.waits import waiting
+from itouch.schema.wait_notices import waiting
 from itouch_tools.cli import deprecations, leading, live, outputs, pictures, sounds, windows
 from itouch_tools.cli.arguments import Parser, output_file, seconds
 from itouch_tools.cli.ending import Interrupted, Stopping, unstarted, write_report

@@ -32,7 +32,7 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
     """
     from itouch.loop import DeviceFaultError
     from itouch.plugin.discovery import Catalog
-    from itouch.schema.waits import waiting
+    from itouch.schema.wait_notices import waiting
     from itouch.servo import ServoError
     from itouch_tools.cli.study_people import answers_of, folder_of, masking
     from itouch_tools.cli.study_window import operators_window
@@ -102,7 +102,7 @@ def serve(file: StudyFile, key: Path, options: argparse.Namespace) -> int:
     from itouch.loop import DeviceFaultError
     from itouch.plugin.discovery import Catalog
     from itouch.schema.terminal import did
-    from itouch.schema.waits import waiting
+    from itouch.schema.wait_notices import waiting
     from itouch.servo import ServoError
     from itouch_tools.study import desk
 

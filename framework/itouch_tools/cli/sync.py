@@ -15,7 +15,7 @@ import numpy as np
 
 from itouch.plugin import Terminal
 from itouch.schema import ItouchError
-from itouch.schema.waits import waiting
+from itouch.schema.wait_notices import waiting
 from itouch.session.marks import remembered
 from itouch_tools.cli.arguments import Parser, add_json, as_json
 from itouch_tools.cli.demo import scenes_folder

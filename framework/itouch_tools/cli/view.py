@@ -137,7 +137,7 @@ def _rerun(file: str) -> int:
     from itouch.recording import read
     from itouch.recording.rerun import export_rrd
     from itouch.schema.extras import need
-    from itouch.schema.waits import waiting
+    from itouch.schema.wait_notices import waiting
     from itouch_tools.viewer.offscreen import has_display
 
     need("rerun", "--rerun")

@@ -7,7 +7,7 @@ from typing import Any
 
 from itouch.plugin import Measured
 from itouch.world import Model
-from itouch.world.failing import said
+from itouch.world.plugin_errors import said
 
 #: What the framework itself measures of a contact and shows in a terminal's table, before and after what was felt.
 _WHEN = (

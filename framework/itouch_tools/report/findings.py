@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from itouch.scene.mending import Edit
+from itouch.scene.fixes import Edit
 from itouch.schema.codes import CODES
 from itouch.schema.diagnostics import Place, Problem
 

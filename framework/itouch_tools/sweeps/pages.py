@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from itouch.scene import shipping
+from itouch.scene import bundled_scenes
 from itouch.schema import ItouchError
 from itouch.schema.diagnostics import did_you_mean
 from itouch_tools.sweeps.functions import load_function
@@ -29,7 +29,7 @@ _SHIPPED = "sweeps/pages.py"
 
 def names() -> list[str]:
     """Return the names of the pages of the shipped sweeps."""
-    home = shipping.folder()
+    home = bundled_scenes.folder()
     if home is None or not (home / _SHIPPED).is_file():
         return []
     tree = ast.parse((home / _SHIPPED).read_text(encoding="utf-8"))
@@ -47,7 +47,7 @@ def maker(name: str, folder: Path = Path()) -> Maker:
     """
     if ":" in name:
         return load_function(name, folder)
-    home = shipping.folder()
+    home = bundled_scenes.folder()
     if home is None or name not in names():
         known = did_you_mean(name, names(), "pages are")
         raise ItouchError(f"there is no page '{name}'\n  = help: {known}; your own: FILE.py:FUNCTION")

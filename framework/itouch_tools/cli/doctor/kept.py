@@ -31,24 +31,24 @@ def compile_cache() -> Finding:
 def kept_results() -> Finding:
     """Results of compiling scenes: start temperatures, modal bases, hierarchies of meshes."""
     from itouch.contact.meshfile import cache as meshes
-    from itouch.plugin import shelf
+    from itouch.plugin import result_cache
 
-    found, built = shelf.folder(), meshes.folder()
+    found, built = result_cache.folder(), meshes.folder()
     if found is None:
-        return Finding("kept results", "note", f"switched off by {shelf.SWITCH}", "every start finds them again")
+        return Finding("kept results", "note", f"switched off by {result_cache.SWITCH}", "every start finds them again")
     if found.exists() and not (caches.owned(found) and os.access(found, os.W_OK)):
-        advice = f"make it yours alone (chmod 700), or name another folder by {shelf.SWITCH}"
+        advice = f"make it yours alone (chmod 700), or name another folder by {result_cache.SWITCH}"
         return Finding("kept results", "lack", f"'{found}' is not this user's alone", advice)
-    parts = [_sum(caches.entries(found, shelf.SUFFIX), "result"), _sum(caches.entries(built, ".mesh"), "mesh")]
+    parts = [_sum(caches.entries(found, result_cache.SUFFIX), "result"), _sum(caches.entries(built, ".mesh"), "mesh")]
     return Finding("kept results", "ok", f"{', '.join(parts)} in '{found.parent}'")
 
 
 def clear_kept() -> str:
     """Remove all that is kept, and return what it was in one sentence."""
     from itouch.contact.meshfile import cache as meshes
-    from itouch.plugin import shelf
+    from itouch.plugin import result_cache
 
-    results, built = caches.clear(shelf.folder(), shelf.SUFFIX), caches.clear(meshes.folder(), ".mesh")
+    results, built = caches.clear(result_cache.folder(), result_cache.SUFFIX), caches.clear(meshes.folder(), ".mesh")
     compiled = 0
     for path in kernels():
         with contextlib.suppress(OSError):

@@ -15,7 +15,7 @@ from itouch.monitors import DeviceFaultError, Trip
 from itouch.monitors import limits as default
 from itouch.monitors.thresholds import TOUCH_FORCE
 from itouch.plugin import DeviceError, Role
-from itouch.safety import Hold, Status, connect
+from itouch.safety import HoldToRun, Status, connect
 from itouch.schema import ItouchError
 from itouch_tools.cli.doctor.finding import Finding
 from itouch_tools.cli.doctor.watched import Watched
@@ -194,7 +194,7 @@ def _drives(one: Watched) -> Iterator[Finding]:
 def _switch(session: Engine) -> Finding:
     """After the stop, while nobody holds the dead-man's switch, nothing may be enabled again."""
     asked = session.model.scene.safety.hold_to_run
-    hold = Hold(session.state, list(session.runners), session.model.period, asked=asked)
+    hold = HoldToRun(session.state, list(session.runners), session.model.period, asked=asked)
     if not hold.required:
         return Finding(
             "W3",

@@ -1,10 +1,10 @@
 """The short way of a point over a mesh: from triangle to neighbour towards the goal, each straight piece tried.
 
-A point probe has no size that would prove a guessed place right (see ``quick``), and the rounding of an edge by its
-tiny skin costs the general search many tiny moves. Walking over the triangles goes straight to where it ends: inside a
-triangle, at the goal's foot, or in a valley between two, at the goal's foot on their common edge. What the walk meets
-that is not of this kind - a rim, a peak, the other side, a goal in front of the surface, another piece of surface in
-its way - is left to the general search.
+A point probe has no size that would prove a guessed place right (see ``search_locally``), and the rounding of an edge
+by its tiny skin costs the general search many tiny moves. Walking over the triangles goes straight to where it ends:
+inside a triangle, at the goal's foot, or in a valley between two, at the goal's foot on their common edge. What the
+walk meets that is not of this kind - a rim, a peak, the other side, a goal in front of the surface, another piece of
+surface in its way - is left to the general search.
 """
 
 from itouch.contact import layout as at
@@ -13,7 +13,7 @@ from itouch.contact.compiling import inner
 from itouch.contact.frames import to_local, to_world
 from itouch.contact.meshcast import mesh_cast
 from itouch.contact.neighbours import NEIGHBOUR
-from itouch.contact.site import Mesh, add_seed
+from itouch.contact.scratch import Mesh, add_seed
 from itouch.contact.triangle import corner, face_normal
 from itouch.contact.vectors import Floats, Vector, along, cross, dot, norm, sub
 
@@ -54,7 +54,7 @@ def _tried(site: Floats, mesh: Mesh, k: int, p: Vector, q: Vector) -> bool:
 
 
 @inner
-def crawl(site: Floats, mesh: Mesh, lead: int, start: Vector, goal_at: Vector) -> tuple[bool, Vector]:
+def walk_surface(site: Floats, mesh: Mesh, lead: int, start: Vector, goal_at: Vector) -> tuple[bool, Vector]:
     """Walk from ``start`` towards a goal behind the surface; returns whether that ended well, and where.
 
     ``lead`` is the row of the triangle in view that is touched; where the walk ends is taken into view.

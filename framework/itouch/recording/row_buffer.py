@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-class GrowingRows:
+class RowBuffer:
     """A table to whose end rows are added; hours of them stand in memory about once, not twice."""
 
     def __init__(self, dtype: np.dtype[Any]) -> None:

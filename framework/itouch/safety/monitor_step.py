@@ -49,7 +49,7 @@ class Watched(NamedTuple):
     turns: Numbers
 
 
-class Rhythm(NamedTuple):
+class CheckSchedule(NamedTuple):
     """The beat of a device in ticks, and the period [s]."""
 
     every: int
@@ -128,7 +128,7 @@ def came(tick: Any, measured: Any, taken: Any) -> int:
 
 @kernel
 def watch(
-    device: Watched, able: Believable, memory: Memory, rhythm: Rhythm, tick: Any, closed: int, fault: int
+    device: Watched, able: Believable, memory: Memory, rhythm: CheckSchedule, tick: Any, closed: int, fault: int
 ) -> int:  # fmt: skip
     """Believe the reading that has come, and say whether it is a monitor's turn.
 
@@ -164,8 +164,8 @@ def watch(
 
 @kernel
 def ask(
-    one: Asked, clocks: Clocks, rhythm: Rhythm, status: Any, tick: Any, plate: heated.Plate, allowed: heated.Allowed,
-    trust: Trust, memory: heated.Memory, seen: Floats, sent: Floats, number: int, closed: int,
+    one: Asked, clocks: Clocks, rhythm: CheckSchedule, status: Any, tick: Any, plate: heated.Plate,
+    allowed: heated.Allowed, trust: Trust, memory: heated.Memory, seen: Floats, sent: Floats, number: int, closed: int,
 ) -> int:  # fmt: skip
     """Let the monitor of a plate look if it is its turn; ``number``: which of the device's it is.
 

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from itouch.monitors import OWN, DeviceFaultError, Heat, Ordinary, Readings, Surface, Trip, TripError
 from itouch.plugin import Moment, Monitor, Record
-from itouch.safety.watching import Clocks, clocked
-from itouch.safety.watching import moment as clocks_at
+from itouch.safety.monitor_step import Clocks, clocked
+from itouch.safety.monitor_step import moment as clocks_at
 from itouch.world import DeviceModel
 
 #: Longest time [s] between two checks of an open device, also without news.
@@ -25,7 +25,7 @@ CLOCK = 0.010
 APART = 0.005
 
 
-class Post:
+class InstalledMonitor:
     """One monitor in its place."""
 
     __slots__ = ("checked", "monitor", "own", "said", "share", "state")
@@ -42,7 +42,7 @@ class Post:
         self.said = np.zeros(1)
 
 
-class Panel:
+class DeviceMonitors:
     """The monitors of one device; everything that they remember is State."""
 
     def __init__(self, model: DeviceModel, state: Record, reading: Record, sent: Record, period: float) -> None:
@@ -62,14 +62,14 @@ class Panel:
         self._touched, self._felt = state[f"{name}.touched"], state[f"{name}.felt"]
         #: 1 while a finger touches the device, as far as is known, shape (1,).
         self.touching = self._touched.reshape(1)
-        posts = [Post(monitor, state, name) for monitor in model.monitors]
+        installed = [InstalledMonitor(monitor, state, name) for monitor in model.monitors]
         #: What is asked first: whether the reading can be believed.
-        self.readings = next((post for post in posts if isinstance(post.monitor, Readings)), None)
-        self._watchdog = next((post for post in posts if isinstance(post.monitor, Ordinary)), None)
+        self.readings = next((post for post in installed if isinstance(post.monitor, Readings)), None)
+        self._watchdog = next((post for post in installed if isinstance(post.monitor, Ordinary)), None)
         #: What watches the surface that it carries to the finger, if it is such a device.
-        self.surface = next((post for post in posts if isinstance(post.monitor, Surface)), None)
-        others = [post for post in posts if post is not self.readings and post is not self._watchdog]
-        self.posts: Sequence[Post] = posts
+        self.surface = next((post for post in installed if isinstance(post.monitor, Surface)), None)
+        others = [post for post in installed if post is not self.readings and post is not self._watchdog]
+        self.installed: Sequence[InstalledMonitor] = installed
         self._timed = [post for post in others if not post.monitor.placed]
         self._placed = [post for post in others if post.monitor.placed]
         self.clock = max(1, round(CLOCK / period))
@@ -85,14 +85,14 @@ class Panel:
         """Begin a session: nothing remembered, everything let through; without a rig a touch must be assumed."""
         self._touched[...] = 1
         self._felt[...] = math.nan
-        for post in self.posts:
+        for post in self.installed:
             post.monitor.reset(post.state)
             post.share[...] = 1.0
         self.forget()
 
     def forget(self) -> None:
         """Forget what was measured; budgets stay."""
-        for post in self.posts:
+        for post in self.installed:
             post.monitor.forget(post.state)
             post.checked[...] = -1
         self._heard[...] = -1
@@ -111,7 +111,7 @@ class Panel:
 
     def spent(self) -> str:
         """Say which budget is used up; empty: none."""
-        return next((said for post in self.posts if (said := post.monitor.spent(post.state))), "")
+        return next((said for post in self.installed if (said := post.monitor.spent(post.state))), "")
 
     @property
     def share(self) -> float:
@@ -120,7 +120,7 @@ class Panel:
         return found
 
     def _gather(self) -> None:
-        self.left[0] = min((post.share.item() for post in self.posts), default=1.0)
+        self.left[0] = min((post.share.item() for post in self.installed), default=1.0)
         self.left[0] = min(self.left[0], *self._others.values(), 1.0)
 
     def leave(self, finger: str, part: float) -> None:
@@ -214,7 +214,7 @@ class Panel:
         if self._timed and self._heard.item() >= 0:
             self._look(self._timed, tick, age)
 
-    def _look(self, listed: Sequence[Post], tick: int, age: float) -> None:
+    def _look(self, listed: Sequence[InstalledMonitor], tick: int, age: float) -> None:
         now = tick + self._missed.item()
         for post in listed:
             checked = post.checked.item()
@@ -224,7 +224,7 @@ class Panel:
                 self._ask(post, self.seen, now, None)
 
     @property
-    def heats(self) -> Sequence[tuple[Post, Heat]]:
+    def heats(self) -> Sequence[tuple[InstalledMonitor, Heat]]:
         """The monitors of plates, if nothing else is asked on the clock; else none."""
         found = [(post, post.monitor) for post in self._timed if isinstance(post.monitor, Heat) and post.own]
         return found if len(found) == len(self._timed) else ()
@@ -305,7 +305,7 @@ class Panel:
         if found < 0.0:
             self.told_at(post, tick)
 
-    def told_at(self, post: Post, tick: int) -> None:
+    def told_at(self, post: InstalledMonitor, tick: int) -> None:
         """Act upon what a compiled look of a monitor has found in a tick.
 
         Raises
@@ -323,7 +323,7 @@ class Panel:
         """Whether a finger touches the device, as far as is known."""
         return bool(self._touched.item())
 
-    def _ask(self, post: Post, reading: Record, now: int, seconds: float | None) -> None:
+    def _ask(self, post: InstalledMonitor, reading: Record, now: int, seconds: float | None) -> None:
         moment, checked = self.moment, post.checked.item()
         tick = now - self._missed.item()
         moment.now, moment.time, passed = clocks_at(self.times, checked, tick, self._period)
@@ -345,7 +345,7 @@ class Panel:
             raise TripError(Trip.MONITOR_ERROR, cause) from error
         self._judge(post, found, reading)
 
-    def told(self, post: Post) -> None:
+    def told(self, post: InstalledMonitor) -> None:
         """Act upon what a compiled look of a monitor has found.
 
         Raises
@@ -355,14 +355,14 @@ class Panel:
         """
         self._judge(post, post.said[0].item(), self.seen)
 
-    def _judge(self, post: Post, found: float, reading: Record) -> None:
+    def _judge(self, post: InstalledMonitor, found: float, reading: Record) -> None:
         if found != post.share.item():
             if not 0.0 <= found <= 1.0:
                 self._trip(post, found, reading)
             post.share[...] = found
             self._gather()
 
-    def _trip(self, post: Post, found: float, reading: Record) -> None:
+    def _trip(self, post: InstalledMonitor, found: float, reading: Record) -> None:
         """Raise the trip that a monitor has returned."""
         monitor = post.monitor
         code = int(-found) if -1e6 < found < 0.0 and found == int(found) else 0
@@ -372,7 +372,7 @@ class Panel:
         try:
             sentence = monitor.sentence(code, post.state, reading, self.moment)
             number = monitor.rule(code, reading)
-            every = [*monitor.rules(), *(rule for other in self.posts for rule in other.monitor.rules())]
+            every = [*monitor.rules(), *(rule for other in self.installed for rule in other.monitor.rules())]
             quoted = next((rule for rule in every if number in (rule.number, rule.quantity) and rule.trip), None)
         except KeyboardInterrupt:
             raise

@@ -15,7 +15,7 @@ class NotYoursError(ValueError):
     """A field of State was to be written by somebody who has not declared it."""
 
 
-class FencedRecord(Record):
+class WriteProtectedRecord(Record):
     """The same memory as another record, with views that can be written for some of its fields only."""
 
     __slots__ = ("_open", "_whole")
@@ -44,7 +44,7 @@ class FencedRecord(Record):
         chosen = [prefix + name for name in listed] if listed is not None else [n for n in self if n.startswith(prefix)]
         found = self._whole.part(prefix, listed)
         own = [name.removeprefix(prefix) for name in chosen if name in self._open]
-        return found if len(own) == len(chosen) else FencedRecord(found, own)
+        return found if len(own) == len(chosen) else WriteProtectedRecord(found, own)
 
     def flat(self, first: str, last: str) -> NDArray[np.float64]:
         """Return contiguous fields as ``Record.flat`` does; they may be written if all of them may."""

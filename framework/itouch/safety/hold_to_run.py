@@ -15,13 +15,15 @@ from itouch.safety.supervisor import Supervisor
 from itouch.world import limits as default
 
 
-class Hold:
+class HoldToRun:
     """The dead-man's switch of a session; until which tick it holds is State."""
 
     def __init__(self, state: Record, supervisors: Sequence[Supervisor], period: float, *, asked: bool) -> None:
         self._until, self._supervisors = state["hold"], tuple(supervisors)
         self._ticks = math.ceil(default.HOLD / period)
-        self._switches = [s.panel.seen[c.name] for s in supervisors for c in s.model.reads if c.role is Role.DEADMAN]
+        self._switches = [
+            s.device_monitors.seen[c.name] for s in supervisors for c in s.model.reads if c.role is Role.DEADMAN
+        ]
         self._said = "nobody holds the switch"
         #: Whether nothing may act unless the switch is held.
         self.required = asked or any(not s.model.twin for s in supervisors)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
-from itouch.recording.ring import Ring, Word
+from itouch.recording.ring import ControlWord, Ring
 from itouch.recording.spec import Spec
 from itouch.recording.views import Drawing
 from itouch.recording.writer import McapWriter, Output
@@ -27,7 +27,7 @@ STATUSES = ("closed", "open", "enabled", "fault")
 Letter = tuple[str, int, bytes]
 
 
-class Scribe:
+class ChunkBuilder:
     """Writes one recording; ``step`` does what is to be done now."""
 
     def __init__(self, ring: Ring, spec: Spec, output: Output, dtype: np.dtype[Any]) -> None:
@@ -57,18 +57,18 @@ class Scribe:
         return len(ticks)
 
     def _tell(self) -> None:
-        self.ring.words[Word.ROWS_WRITTEN] = self.ring.words[Word.ROWS_OUT]
-        self.ring.words[Word.BYTES_WRITTEN] = self._output.size
+        self.ring.words[ControlWord.ROWS_WRITTEN] = self.ring.words[ControlWord.ROWS_OUT]
+        self.ring.words[ControlWord.BYTES_WRITTEN] = self._output.size
 
     def _rows(self, most: int) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
         """Take rows out of the ring, copied: ticks (n,) and bytes (n, row)."""
         ring, shape = self.ring, self.ring.shape
-        begin = ring.words[Word.ROWS_OUT]
-        count = min(most, ring.words[Word.ROWS_IN] - begin)
+        begin = ring.words[ControlWord.ROWS_OUT]
+        count = min(most, ring.words[ControlWord.ROWS_IN] - begin)
         places = (begin + np.arange(count)) % shape.rows
         ticks = np.frombuffer(ring.ticks, np.int64)[places]
         rows = np.frombuffer(ring.rows, np.uint8).reshape(shape.rows, shape.row)[places]
-        ring.words[Word.ROWS_OUT] = begin + count
+        ring.words[ControlWord.ROWS_OUT] = begin + count
         return ticks, rows
 
     def _table(self, name: str, ticks: NDArray[np.int64], rows: NDArray[np.uint8]) -> NDArray[Any]:

@@ -3,12 +3,12 @@
 import numpy as np
 
 from itouch.contact import layout as at
-from itouch.contact.borrow import borrowed
+from itouch.contact.array_views import borrowed
 from itouch.contact.compiling import entry, inner
 from itouch.contact.distance import distance
 from itouch.contact.frames import rotate, to_local, to_world
+from itouch.contact.scratch import Mesh, empty_site, put_object, site_rows
 from itouch.contact.search import nearest
-from itouch.contact.site import Mesh, empty_site, put_object, site_rows
 from itouch.contact.vectors import Floats, Vector, dot, norm, place_of, sub, vector
 
 #: Nearer than this another object is here, whatever way its nearest point lies [m].

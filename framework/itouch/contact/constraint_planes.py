@@ -6,7 +6,7 @@ from itouch.contact.distance import distance
 from itouch.contact.frames import rotate, to_local
 from itouch.contact.layout import ZERO
 from itouch.contact.meshcast import off_triangle
-from itouch.contact.site import Mesh, put_plane
+from itouch.contact.scratch import Mesh, put_plane
 from itouch.contact.vectors import Floats, Vector
 
 

@@ -30,7 +30,7 @@ class _Rehearsed(Supervisor):
             if channel.unit == "K":
                 self.reading[channel.name][...] = self.model.ambient
         for touched in (False, True):
-            moment = self.panel.moment
+            moment = self.device_monitors.moment
             moment.gap, moment.calibrated, moment.touched = (-1e-3, True, True) if touched else (1.0, False, False)
             for act in self._acts(touched):
                 self._status[...] = ENABLED
@@ -44,8 +44,8 @@ class _Rehearsed(Supervisor):
         yield lambda: self.look(tick)
         yield lambda: self._wait(tick, ENABLED)
         yield lambda: self.watch_placed(tick)
-        yield lambda: self.panel.count_contact(tick, touched)
-        yield lambda: self.panel.closing(self.panel.moment.gap, 0.0)
-        yield lambda: self.panel.follow(0.0, not touched)
+        yield lambda: self.device_monitors.count_contact(tick, touched)
+        yield lambda: self.device_monitors.closing(self.device_monitors.moment.gap, 0.0)
+        yield lambda: self.device_monitors.follow(0.0, not touched)
         yield lambda: self.guard(tick)
         yield lambda: self.glance(tick)

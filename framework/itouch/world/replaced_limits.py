@@ -9,8 +9,8 @@ from typing import Any
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
 from itouch.scene.elements import DeviceElement
+from itouch.world.limit_texts import shown
 from itouch.world.limits import DEFAULT, ceilings
-from itouch.world.limitwords import shown
 from itouch.world.rig import DeviceModel, build_devices
 
 #: Limits of a scene's own device that mean nothing for another that has no such command.

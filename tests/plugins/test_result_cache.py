@@ -16,7 +16,7 @@ from hypothesis.extra import numpy as arrays
 from shipped import SCENES
 
 import itouch
-from itouch.plugin import bases, shelf
+from itouch.plugin import bases, result_cache
 from itouch.plugin.bases import Bases, keeping, kept
 from itouch_tools.cli import main
 from itouch_tools.cli.doctor.kept import compile_cache, kept_results
@@ -28,7 +28,7 @@ GIVEN = ("content", 1.5)
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("ITOUCH_KEPT", str(tmp_path / "found"))
-    monkeypatch.setattr(shelf, "_code", lambda package: f"code of {package}")
+    monkeypatch.setattr(result_cache, "_code", lambda package: f"code of {package}")
     return tmp_path / "found"
 
 
@@ -75,13 +75,13 @@ def test_other_content_and_other_code_are_other_entries(solve: Solver, monkeypat
     solve()
     solve(("content", 1.5000000000000002))
     assert solve.solved == 2
-    monkeypatch.setattr(shelf, "_code", lambda package: "code after an upgrade")
+    monkeypatch.setattr(result_cache, "_code", lambda package: "code after an upgrade")
     solve()
     assert solve.solved == 3
-    monkeypatch.setattr(shelf, "_machine", lambda: ("another processor",))
+    monkeypatch.setattr(result_cache, "_machine", lambda: ("another processor",))
     solve()
     assert solve.solved == 4
-    monkeypatch.setattr(shelf, "_code", lambda package: None)  # nobody can say which code it is
+    monkeypatch.setattr(result_cache, "_code", lambda package: None)  # nobody can say which code it is
     solve()
     solve()
     assert solve.solved == 6
@@ -94,11 +94,11 @@ def test_each_byte_counts(solve: Solver, folder: Path) -> None:
     sound = path.read_bytes()
     for at in range(len(sound)):
         path.write_bytes(sound[:at] + bytes([sound[at] ^ 0x40]) + sound[at + 1 :])
-        assert shelf.read(path.stem) is None, at
+        assert result_cache.read(path.stem) is None, at
         path.write_bytes(sound[:at])
-        assert shelf.read(path.stem) is None, at
+        assert result_cache.read(path.stem) is None, at
     path.write_bytes(sound + b"\0")
-    assert shelf.read(path.stem) is None
+    assert result_cache.read(path.stem) is None
     solve()
     assert solve.solved == 2
     assert path.read_bytes() == sound
@@ -108,12 +108,12 @@ def test_an_entry_under_another_name_is_none(solve: Solver, folder: Path) -> Non
     solve()
     path = only(folder)
     path.rename(folder / f"{'0' * 40}.arrays")
-    assert shelf.read("0" * 40) is None
+    assert result_cache.read("0" * 40) is None
 
 
 def test_a_whole_entry_that_does_not_fit_is_solved_anew(solve: Solver, folder: Path) -> None:
     solve()
-    shelf.write(only(folder).stem, (np.zeros(3),))
+    result_cache.write(only(folder).stem, (np.zeros(3),))
     assert solve().shape == (2, 3)
     assert solve.solved == 2
 
@@ -154,22 +154,22 @@ def test_it_can_be_switched_off(solve: Solver, folder: Path, monkeypatch: pytest
 
 
 def test_the_folder_is_bounded(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(shelf, "CAPACITY", 10_000)
+    monkeypatch.setattr(result_cache, "CAPACITY", 10_000)
     for number in range(40):
-        shelf.write(f"{number:040}", (np.full(100, float(number)),))
-        shelf.read(f"{0:040}")  # what is used stays
+        result_cache.write(f"{number:040}", (np.full(100, float(number)),))
+        result_cache.read(f"{0:040}")  # what is used stays
     assert sum(path.stat().st_size for path in folder.iterdir()) <= 10_000
-    assert shelf.read(f"{39:040}") is not None
-    assert shelf.read(f"{1:040}") is None
-    shelf.write("f" * 40, (np.zeros(5_000_000),))  # larger than an entry may be
-    assert shelf.read("f" * 40) is None
+    assert result_cache.read(f"{39:040}") is not None
+    assert result_cache.read(f"{1:040}") is None
+    result_cache.write("f" * 40, (np.zeros(5_000_000),))  # larger than an entry may be
+    assert result_cache.read("f" * 40) is None
 
 
 @settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(some.lists(arrays.arrays(np.float64, arrays.array_shapes(min_dims=0, max_dims=3, min_side=0)), max_size=4))
 def test_arrays_come_back_bit_for_bit(given_arrays: list[Array]) -> None:
-    shelf.write("e" * 40, tuple(given_arrays))
-    found = shelf.read("e" * 40)
+    result_cache.write("e" * 40, tuple(given_arrays))
+    found = result_cache.read("e" * 40)
     assert found is not None
     assert [(a.shape, a.tobytes()) for a in found] == [(a.shape, a.tobytes()) for a in given_arrays]
 
@@ -183,12 +183,12 @@ def test_code_that_changed_since_the_process_began_keeps_nothing(
     (tmp_path / "guest.py").write_text("def make():\n    return 1\n", encoding="utf-8")
     text = (
         "import pathlib, sys, time\n"
-        "from itouch.plugin import shelf\n"
+        "from itouch.plugin import result_cache\n"
         "import guest\n"
         "if sys.argv[1] == 'upgraded':\n"
         "    time.sleep(0.05)\n"
         "    pathlib.Path(guest.__file__).write_text('def make():\\n    return 2\\n')\n"
-        "print(shelf.key('content', guest.make))\n"
+        "print(result_cache.key('content', guest.make))\n"
     )
     found = [
         subprocess.run([sys.executable, "-c", text, how], capture_output=True, text=True, check=True).stdout.strip()

@@ -7,7 +7,7 @@ from itouch.contact.frames import rotate, to_local, to_world
 from itouch.contact.halfspaces import nearest_inside
 from itouch.contact.layout import ZERO
 from itouch.contact.meshcast import mesh_cast, place_then
-from itouch.contact.site import Mesh, add_seed, put_plane
+from itouch.contact.scratch import Mesh, add_seed, put_plane
 from itouch.contact.vectors import Floats, Vector, add, along, dot, norm, sub
 
 _ROUNDS = 12

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from shipped import SCENES
 
 from itouch.plugin.discovery import Catalog
+from itouch.scene.fixes import mended
 from itouch.scene.loader import read_scene
-from itouch.scene.mending import mended
 from itouch.schema import Problem
 from itouch.schema.diagnostics import meant
 from itouch_tools.cli import main

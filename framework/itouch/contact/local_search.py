@@ -7,14 +7,14 @@ planes which touch there hold the goal back. Most steps then cost a single searc
 
 from itouch.contact import layout as at
 from itouch.contact.compiling import inner
+from itouch.contact.constraint_planes import gather
 from itouch.contact.distance import distance
 from itouch.contact.frames import rotate, to_local
-from itouch.contact.gather import gather
 from itouch.contact.halfspaces import Solution, nearest_inside
 from itouch.contact.meshcast import counts
 from itouch.contact.neighbours import NEIGHBOUR
+from itouch.contact.scratch import Mesh, add_seed
 from itouch.contact.search import intruder
-from itouch.contact.site import Mesh, add_seed
 from itouch.contact.triangle import nearest_of
 from itouch.contact.vectors import Floats, Vector, add, along, dot, norm, sub
 
@@ -156,7 +156,7 @@ def _primitives_allow(site: Floats, x: Vector) -> bool:
 
 
 @inner
-def quick(site: Floats, mesh: Mesh, p: Vector, goal: Vector) -> tuple[bool, Vector, Solution]:
+def search_locally(site: Floats, mesh: Mesh, p: Vector, goal: Vector) -> tuple[bool, Vector, Solution]:
     """Try the short way; returns whether it led anywhere, the place, and the solution there."""
     solution: Solution = ((0.0, 0.0, 0.0), -1, -1, -1, True)
     smallest, slack = 1e300, 0.0

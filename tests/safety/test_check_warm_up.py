@@ -12,7 +12,7 @@ from parts import ARM, PERIOD, PLATE, TABLE, Channels, Fake, model, state
 
 from itouch.plugin import Field, Moment, Monitor, Record, Rule, Watched
 from itouch.safety import Supervisor
-from itouch.safety.rehearsing import warm_up
+from itouch.safety.check_warm_up import warm_up
 
 ENTRANCES = ("look", "watch_placed", "guard", "glance", "fault")
 
