@@ -9,19 +9,20 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import campaign
 import pytest
 from numpy.typing import NDArray
-from parts import ARM, PERIOD, TABLE, Fake, model, state
+from parts import ARM, LIMITS, PERIOD, TABLE, Fake, model, state
 
 from itouch.monitors.limits import PLATE_FORCE_ABSOLUTE
 from itouch.plugin import Record
 from itouch.plugin.stamps import Stamped
 from itouch.safety import DeviceFaultError, Outcome, SafeSequence, Supervisor, Trip, Witness
 from itouch.safety.blind_retreat import BLIND, LEG, along
-from itouch.safety.lifecycle import HELD
+from itouch.safety.lifecycle import BACKWARDS, HELD
 from itouch.safety.sequence import RETREAT
 
 #: Where a plate stands when all stop [m], how stiff a finger's pad is [N/m].
@@ -51,10 +52,12 @@ class World:
 
     def __init__(
         self, hand: Motion, *, way: float = 1.0, wire: int = 5, phase: int = 0, stiffness: float = 300.0,
-        tracked: bool = True, feels: bool = False, behind: int = 2,
+        tracked: bool = True, feels: bool = False, behind: int = 2, takes: dict[str, float] | None = None,
+        speed: float = 0.25,
     ) -> None:  # fmt: skip
-        kind = type("Kind", (Wire,), {"every": wire})
-        models = [model(ARM, name="arm", cls=Wire), model(TABLE, name="table", cls=kind)]
+        kind = type("Kind", (Wire,), takes or {"every": wire})
+        limits = replace(LIMITS, speed=speed)
+        models = [model(ARM, name="arm", cls=Wire), model(TABLE, name="table", cls=kind, limits=limits)]
         self.state = state(*models)
         self.all = [Supervisor(one, self.state, PERIOD, device=one.cls(None)) for one in models]
         self.arm, self.table = self.all
@@ -64,6 +67,7 @@ class World:
         self.finger, self.force = 0.0, 0.0
         self.tops: list[float] = []
         self.forces: list[float] = []
+        self.ways: set[int] = set()
         self.touch()
         self.said = [self.finger] * (behind + 1)
         assert isinstance(self.arm.device, Wire) and isinstance(self.table.device, Wire)
@@ -109,6 +113,7 @@ class World:
         self.said = [*self.said[1:], self.finger]
         self.tops.append(self.top)
         self.forces.append(self.force)
+        self.ways.add(self.stopped)
 
     def stop(self, trip: Trip = Trip.NOT_A_NUMBER, device: str = "table") -> Outcome:
         return self.sequence.carry_out(DeviceFaultError(device, 0, trip, "has failed"), lambda: None)
@@ -180,10 +185,13 @@ def test_one_that_is_wired_backwards_lets_go_of_the_finger_that_it_pushes(wire: 
         )  # fmt: skip
         outcome = world.stop()
         assert world.top <= STOOD - RETREAT, number
+        assert {0, BACKWARDS} <= world.ways <= {0, BACKWARDS, HELD}
         assert max(world.tops) <= STOOD + 2.5 * LEG, number
         assert max(world.forces) < PLATE_FORCE_ABSOLUTE
         assert world.stopped == HELD
-        assert not outcome.safe and "; it pushed as it was told to go back, and was sent " in outcome.devices["table"]
+        sent = (world.table.sent["pose_target"][2].item() - STOOD) * 1e3
+        told = f"; it pushed as it was told to go back, and was sent {sent:.1f} mm the other way"
+        assert not outcome.safe and outcome.devices["table"].endswith(told)
         assert abs(world.obeyed - STOOD) <= BLIND + 1e-9  # where it would go if its drive were mended then
 
 
@@ -258,10 +266,10 @@ def test_a_tracker_that_is_not_believed_or_has_fallen_silent_is_no_witness() -> 
         assert "; it was told to go back by 6.0 mm" in outcome.devices["table"]
 
 
-@pytest.mark.parametrize("silent", [False, True])
+@pytest.mark.parametrize("how", ["trips", "is silent", "freezes"])
 @pytest.mark.parametrize(("wire", "lost"), [(5, 155), (5, 180), (20, 250), (20, 280)])
 def test_one_that_has_pushed_is_held_where_it_stood_if_its_witness_is_lost_on_the_way_there(
-    wire: int, lost: int, silent: bool
+    wire: int, lost: int, how: str
 ) -> None:
     """It was sent down for good then, which is up: 6 mm nearer, though it had been seen twice to push."""
     world = World(still(), way=-1.0, wire=wire)
@@ -269,16 +277,31 @@ def test_one_that_has_pushed_is_held_where_it_stood_if_its_witness_is_lost_on_th
 
     def moves() -> None:
         move()
-        if world.ticks == lost and silent:
-            assert isinstance(world.arm.device, Wire)
-            world.arm.device.says = lambda reading: False
-        elif world.ticks == lost:
+        if world.ticks == lost and how == "trips":
             world.arm.fault(Trip.SENSOR_FROZEN, lost)
+        elif world.ticks == lost and how == "is silent" or world.stopped == BACKWARDS and how == "freezes":
+            assert isinstance(world.arm.device, Wire)
+            world.arm.device.says = lambda reading: how == "freezes"
 
     world.sequence._move = moves
-    world.stop()
+    outcome = world.stop()
     assert world.top == pytest.approx(STOOD, abs=5e-4)
     assert world.stopped == HELD
+    assert outcome.devices["table"].endswith("; it pushed as it was told to go back, and was sent to where it stood")
+
+
+def test_what_is_known_of_a_finger_may_be_a_tenth_of_a_second_old() -> None:
+    for behind, known in ((99, True), (100, False)):  # and the tick that it came in
+        world = World(still(), way=-1.0, wire=1, behind=behind)
+        world.stop()
+        assert (BACKWARDS in world.ways) is known
+
+
+def test_the_time_that_a_device_takes_by_itself_counts_for_a_leg() -> None:
+    """Its exchanges take no time; it measures every 10 ms, and what it is told acts 10 ms later."""
+    world = World(still(), way=-1.0, wire=20, takes={"every": 0, "period": 0.01, "delay": 0.01})
+    world.stop()
+    assert world.top <= STOOD - RETREAT
 
 
 def test_one_that_answers_again_is_believed_and_goes_on_as_any_other() -> None:
@@ -299,6 +322,22 @@ def test_one_that_answers_again_is_believed_and_goes_on_as_any_other() -> None:
     assert outcome.devices["table"].startswith("retracted ")
     assert world.stopped == 0
     assert world.table.way is not None and math.isnan(world.table.way[1].item())
+
+
+def test_one_that_answers_again_in_the_middle_of_a_leg_goes_further_than_that_leg() -> None:
+    """At 0.04 m/s it has gone by 1.2 mm when it is doubted: there are legs left."""
+    world = World(still(), speed=0.04)
+    world.lies, world.heard, world.feels = False, False, True
+    move = world.move
+
+    def moves() -> None:
+        move()
+        world.heard = world.ticks > 60
+
+    world.sequence._move = moves
+    outcome = world.stop(Trip.SILENT)
+    assert outcome.devices["table"].startswith("retracted ")
+    assert world.table.way is not None and all(math.isnan(end) for end in world.table.way[1:])
 
 
 def found_backwards(tells: float) -> World:
@@ -360,6 +399,18 @@ def test_near_the_end_of_its_travel_there_is_no_leg_left() -> None:
     world.stop()
     assert world.top == pytest.approx(0.0, abs=9e-4)
     assert world.stopped == HELD
+
+
+def test_near_the_end_of_its_travel_legs_lead_to_that_end() -> None:
+    """Wired backwards 4 mm over its end, it pushes in the leg that is left, too, and lets go."""
+    world = World(lambda time: 0.0, way=-1.0)
+    world.table.sent["pose_target"][2] = world.top = world.obeyed = 0.004
+    world.touch()
+    world.said = [world.finger] * 3
+    world.arm.panel.forget()
+    world.arm.read(0)
+    world.stop()
+    assert world.top < 0.004 - RETREAT
 
 
 def test_what_is_held_blindly_goes_no_further_in_the_next_stop_until_it_was_enabled() -> None:

@@ -95,6 +95,11 @@ def along(asked: float, before: float, middle: float, after: float, least: float
     return least <= moved <= FITS[1] and -SWINGS <= then <= STILL
 
 
+def _tells(heights: tuple[float, ...]) -> bool:
+    """Tell whether heights say anything of a finger that has been moved: not if unknown, nor if all are the same."""
+    return not math.isnan(sum(heights)) and any(height != heights[0] for height in heights)
+
+
 class BlindRetreat:
     """Withdraws one surface whose place is not believed; it must be able to retract.
 
@@ -136,7 +141,9 @@ class BlindRetreat:
         if not self.active:
             return ""
         gone = (way[0].item() - self._sent[2].item()) * 1e3
-        if self._stage in (Stage.BACK, Stage.OTHER):
+        if self._stage is Stage.BACK:
+            return "; it pushed as it was told to go back, and was sent to where it stood"
+        if self._stage is Stage.OTHER:
             return f"; it pushed as it was told to go back, and was sent {-gone:.1f} mm the other way"
         return f"; it was told to go back by {gone:.1f} mm"
 
@@ -208,7 +215,7 @@ class BlindRetreat:
         self._harder = self._harder + 1 if harder else 0
         self._pushed = self._pushed + 1 if moved else 0
         if self._stage is Stage.BACK:
-            if all(math.isnan(first + last) for first, _, last in ways):  # it stands where it stood: no way is better
+            if not any(_tells(heights) for heights in ways):  # it stands where it stood: no way is better
                 stopped[...] = HELD
                 return
             self._stage = Stage.OTHER if moved else Stage.AWAY
