@@ -407,7 +407,7 @@ def test_near_the_end_of_its_travel_legs_lead_to_that_end() -> None:
     world.table.sent["pose_target"][2] = world.top = world.obeyed = 0.004
     world.touch()
     world.said = [world.finger] * 3
-    world.arm.panel.forget()
+    world.arm.device_monitors.forget()
     world.arm.read(0)
     world.stop()
     assert world.top < 0.004 - RETREAT
