@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from itouch.plugin import Bound, Device, Field, Record, Touch, Twin, pose, schema
+from itouch.plugin import Bound, Device, Field, Record, Twin, TwinInputs, pose, schema
 from itouch.plugin.kernels import kernel
 
 
@@ -27,7 +27,7 @@ class PythonTwin(Twin):
             Field("speed", unit="m/s", doc="true speed of the rod"),
         )
 
-    def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+    def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
         """Swing for a period under what presses on it."""
         force = touch.wrench[2].item() - self.params.stiffness * state["height"].item()
         speed = 0.999 * state["speed"].item() + period * force / self.params.mass
@@ -52,12 +52,12 @@ def swing(height: Any, speed: Any, wrench: Any, stiffness: float, mass: float, p
 class CompiledTwin(PythonTwin):
     """The same rod; its step joins those beside it."""
 
-    def bound_step(self, state: Record, command: Record, touch: Touch, period: float) -> Bound:
+    def bound_step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> Bound:
         """Return the step on these views as one compiled call."""
         p = self.params
         return Bound(swing, state["height"], state["speed"], touch.wrench, p.stiffness, p.mass, period)
 
-    def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+    def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
         """Swing for a period under what presses on it."""
         self.bound_step(state, command, touch, period)()
 
@@ -82,7 +82,7 @@ class Rod(Device):
 
 def height_after(twin: Twin, ticks: int) -> float:
     """Return the height [m] of a rod that 1 N presses on from below, after so many ticks of 1 ms."""
-    state, touch = Record.of(twin.fields()), Touch()
+    state, touch = Record.of(twin.fields()), TwinInputs()
     touch.wrench[2] = 1.0
     for _ in range(ticks):
         twin.step(state, Record.of(()), touch, 1e-3)

@@ -156,16 +156,16 @@ def test_what_is_attached_is_told_with_the_reason_if_it_is_of_no_use(monkeypatch
         raise PadError("none is attached")
 
     monkeypatch.setattr(arms_led, "find_pad", none)
-    (pad,) = Gamepad.attached()
+    (pad,) = Gamepad.discover()
     assert (pad.usable, pad.note) == (False, "none is attached")
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     monkeypatch.delenv("DISPLAY", raising=False)
     for cls in (Mouse, Keyboard):
-        (found,) = cls.attached()
+        (found,) = cls.discover()
         assert not found.usable and "no display" in found.note
     monkeypatch.setenv("DISPLAY", ":7")
     for cls in (Mouse, Keyboard):
-        (found,) = cls.attached()
+        (found,) = cls.discover()
         assert found.usable and ":7" in found.where
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from itouch.exchange import LateTwin
-from itouch.plugin import Device, Field, Record, Role, Touch, Twin, current, temperature
+from itouch.plugin import Device, Field, Record, Role, Twin, TwinInputs, current, temperature
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class _Integrator(Twin):
     def reset(self, state: Record, rng: np.random.Generator) -> None:
         state["sum"], state["steps"] = 0.0, 0.0
 
-    def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+    def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
         state["sum"] += command["current"][0]
         state["steps"] += 1
 
@@ -68,7 +68,7 @@ def test_commands_act_after_the_delay_and_readings_are_that_old(period: float, d
             fresh.append((tick, float(reading["temperature"][0])))
         before = float(state["sum"])
         command["current"] = tick + 1
-        twin.step(state, command, Touch(), 1e-3)
+        twin.step(state, command, TwinInputs(), 1e-3)
         acted.append(float(state["sum"]) - before)
     for tick in range(every + lag, 60):
         begun = (tick - lag) // every * every  # the exchange that has ended last began then
@@ -82,7 +82,7 @@ def test_a_state_can_be_copied_in_the_middle_of_an_exchange() -> None:
     twin, state, command, reading = _wired(0.007, 0.005)
     for tick in range(17):
         command["current"] = tick
-        twin.step(state, command, Touch(), 1e-3)
+        twin.step(state, command, TwinInputs(), 1e-3)
     other, copy = (
         LateTwin(_Integrator(_Params()), type("_M", (_Wired,), {"period": 0.007, "delay": 0.005}), 1e-3),
         state.copy(),
@@ -91,7 +91,7 @@ def test_a_state_can_be_copied_in_the_middle_of_an_exchange() -> None:
         command["current"] = tick
         for twin_of, record in ((twin, state), (other, copy)):
             twin_of.read(record, reading)
-            twin_of.step(record, command, Touch(), 1e-3)
+            twin_of.step(record, command, TwinInputs(), 1e-3)
     assert state.tobytes() == copy.tobytes()
 
 
@@ -111,7 +111,7 @@ def test_readings_and_commands_carry_the_ticks_at_which_they_were(period: float,
             told.append((left, float(out["current"][0])))
         before = float(state["sum"])
         command["current"] = tick + 1
-        twin.step(state, command, Touch(), 1e-3)
+        twin.step(state, command, TwinInputs(), 1e-3)
         acting[tick] = float(state["sum"]) - before
     assert len(told) > 4
     for left, value in told:

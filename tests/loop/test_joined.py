@@ -13,7 +13,7 @@ import pytest
 from test_failing_plugins import Hum, engine
 
 from itouch.loop import Engine
-from itouch.plugin import Bound, Device, Record, Touch
+from itouch.plugin import Bound, Device, Record, TwinInputs
 from itouch.plugin.kernels import kernel
 from itouch.testing import joined
 from itouch.testing.checks import CheckError, NotApplicableError
@@ -65,10 +65,10 @@ def test_a_step_that_differs_is_told() -> None:
     example = _example()
 
     class Wrong(example.CompiledTwin):  # type: ignore[misc, name-defined]
-        def bound_step(self, state: Record, command: Record, touch: Touch, period: float) -> Bound:
+        def bound_step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> Bound:
             return Bound(example.swing, state["height"], state["speed"], touch.wrench, 7.0, 1.0, period)
 
-        def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+        def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
             super(example.CompiledTwin, self).step(state, command, touch, period)
 
     wrong = type("WrongRod", (example.Rod,), {"Twin": Wrong})

@@ -14,7 +14,7 @@ from itouch.joining import is_newest
 from itouch.loop.clock import now
 from itouch.loop.plan import Plan, PlanError
 from itouch.loop.step import Step
-from itouch.plugin import Record, Touch
+from itouch.plugin import Record, TwinInputs
 from itouch.session import Session
 from itouch_tools.cli.__main__ import main
 from itouch_usb_arm.arm import UsbArmTwin
@@ -141,7 +141,7 @@ def test_timed_steps_do_what_they_do_untimed(session: Session) -> None:
 
 def test_a_twin_whose_heir_has_a_step_of_its_own_runs_that() -> None:
     class Own(UsbArmTwin):
-        def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+        def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
             """Stand still."""
 
     assert is_newest(UsbArmTwin, "bound_step", "step")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from renamed import OURS, QUIET, Alias, commanded, scene
 
-from itouch.plugin.device import Touch
+from itouch.plugin.device import TwinInputs
 from itouch.plugin.renamed import RenamedCatalog
 from itouch.testing.harness import DeviceSubject
 
@@ -60,7 +60,7 @@ def test_a_twin_behind_other_names_keeps_none_of_the_records_that_it_is_given():
     reading, command = bench.reading.copy(), bench.command.copy()
     for call, record in (
         (lambda it: bench.twin.read(bench.state, it), reading),
-        (lambda it: bench.twin.step(bench.state, it, Touch(), 1e-3), command),
+        (lambda it: bench.twin.step(bench.state, it, TwinInputs(), 1e-3), command),
     ):
         memory = record.raw
         while isinstance(memory.base, np.ndarray):

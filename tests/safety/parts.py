@@ -16,8 +16,8 @@ from itouch.plugin import (
     Moment,
     Monitor,
     Record,
-    Touch,
     Twin,
+    TwinInputs,
     current,
     heat_flux,
     measured_wrench,
@@ -97,7 +97,7 @@ class FakeTwin(Twin):
         self.says: Callable[[Record], bool | None] = lambda reading: True
         self.place: list[float] | None = None
 
-    def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+    def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
         """Stay."""
 
     def position(self, state: Record) -> np.ndarray | None:

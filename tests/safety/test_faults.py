@@ -20,7 +20,7 @@ from itouch.plugin import (
     IdealTwin,
     Record,
     Role,
-    Touch,
+    TwinInputs,
     current,
     plate_temperature,
     pose,
@@ -41,7 +41,7 @@ class Steady(IdealTwin):
         device = type("Bare", (Device,), {"reads": reads, "commands": commands})
         super().__init__(None, device)
 
-    def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+    def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
         super().step(state, command, touch, period)
         self.sent = {name: view.tolist() for name, view in command.items()}
 
@@ -72,7 +72,7 @@ class Bent:
         new = self.twin.read(self.state, self.reading)
         if command is not None:
             next(iter(self.command.values()))[:] = command
-        self.twin.step(self.state, self.command, Touch(), 1e-3)
+        self.twin.step(self.state, self.command, TwinInputs(), 1e-3)
         return new
 
 
@@ -94,14 +94,14 @@ def test_a_disconnected_device_makes_itself_safe() -> None:
         with pytest.raises(DeviceError, match="disconnected"):
             bent.twin.read(bent.state, bent.reading)
         bent.command["current"][0] = 4.0
-        bent.twin.step(bent.state, bent.command, Touch(), 1e-3)
+        bent.twin.step(bent.state, bent.command, TwinInputs(), 1e-3)
         sent.append(bent.inner.sent["current"][0])
     assert sent == [2.0] * 5 + [0.0] * 5
     table = Bent(TABLE, Kind.DISCONNECT)
     for _ in range(2):
         table.tick((0, 0, 0.05, 1, 0, 0, 0))
     for _ in range(8):
-        table.twin.step(table.state, table.command, Touch(), 1e-3)
+        table.twin.step(table.state, table.command, TwinInputs(), 1e-3)
     assert table.inner.sent["pose_target"][2] == pytest.approx(0.05 - 3 * 0.25e-3)
 
 

@@ -22,8 +22,8 @@ from itouch.plugin import (
     Record,
     Role,
     Rule,
-    Touch,
     Twin,
+    TwinInputs,
     current,
     temperature,
     temperature_target,
@@ -71,7 +71,7 @@ class Plate(Twin):
     def reset(self, state: Record, rng: np.random.Generator) -> None:
         state["true"] = ROOM
 
-    def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+    def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
         true, drive = state["true"].item(), command[self.command].item()
         if drive > 100.0:  # a target, held by its own control
             power = max(-30.0, min(30.0, 20.0 * (drive - true)))

@@ -26,8 +26,8 @@ from itouch.plugin import (
     Monitor,
     Record,
     Role,
-    Touch,
     Twin,
+    TwinInputs,
     plate_temperature,
     pose,
     pose_target,
@@ -301,7 +301,7 @@ class Leaves(Plate):
     channel, command = "t", "i"
     where: ClassVar[str] = ""
 
-    def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+    def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
         if self.where == "step" and state["ticks"] > 300:
             raise SystemExit(3)
         super().step(state, command, touch, period)
@@ -486,7 +486,7 @@ class Bag(Twin):
     def fields(self) -> tuple[Field, ...]:
         return (Field("p", unit="Pa", doc="pressure"),)
 
-    def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+    def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
         state["p"] = command["p"].item()
 
     def read(self, state: Record, reading: Record) -> bool | None:

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from itouch.plugin import Field, Record, Touch
+from itouch.plugin import Field, Record, TwinInputs
 from itouch.plugin.discovery import Catalog
 from itouch.scene import loads
 from itouch.servo import wire
@@ -67,7 +67,7 @@ def test_a_plate_whose_next_step_down_is_late_is_still_on_its_way_down(
         for _ in range(steps):
             if height is not None:
                 command[name][2] = height
-                line.send(wire.head(wire.COMMAND, 1, 0) + command.tobytes() + wire.pack_touch(Touch()))
+                line.send(wire.head(wire.COMMAND, 1, 0) + command.tobytes() + wire.pack_touch(TwinInputs()))
             server.step()
             server._heard = 1 << 62
         return bool(server.flags & wire.OUTPUTS_SAFE)

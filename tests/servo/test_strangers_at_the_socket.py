@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import pytest
 
 from itouch.platforms import lives
-from itouch.plugin import Touch
+from itouch.plugin import TwinInputs
 from itouch.plugin.discovery import Catalog
 from itouch.scene import loads
 from itouch.servo import wire
@@ -84,10 +84,10 @@ def test_a_second_opener_does_not_take_a_twin_from_its_session(server: tuple[Twi
     twin.step()
     twin.step()
     second.send(begin)
-    second.send(wire.head(wire.COMMAND, 7, 0) + twin.command.tobytes() + wire.pack_touch(Touch()))
+    second.send(wire.head(wire.COMMAND, 7, 0) + twin.command.tobytes() + wire.pack_touch(TwinInputs()))
     twin.step()
     assert not twin.flags & wire.BEGUN  # nobody's command was taken
-    first.send(wire.head(wire.COMMAND, 1, 0) + twin.command.tobytes() + wire.pack_touch(Touch()))
+    first.send(wire.head(wire.COMMAND, 1, 0) + twin.command.tobytes() + wire.pack_touch(TwinInputs()))
     twin.step()
     assert twin.flags & wire.BEGUN
     first.close()

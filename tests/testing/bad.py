@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from slider import Slider, SliderEmulator, SliderParams, SliderTwin
 
-from itouch.plugin import Channel, Field, Record, Role, Touch, pose, schema, temperature, twist, wrench
+from itouch.plugin import Channel, Field, Record, Role, TwinInputs, pose, schema, temperature, twist, wrench
 
 #: Class -> the check that names it.
 BAD: dict[type[Slider], str] = {}
@@ -308,7 +308,7 @@ class ChangesTheCommand(SliderTwin):
 
 @with_twin("twin-command")
 class ChangesTheTouch(SliderTwin):
-    def step(self, state, command, touch: Touch, period):
+    def step(self, state, command, touch: TwinInputs, period):
         touch.finger_pose[:3] += 1e-3
         super().step(state, command, touch, period)
 

@@ -13,7 +13,7 @@ import numpy as np
 from bad import bad, with_twin
 from slider import Slider, SliderTwin
 
-from itouch.plugin import Channel, Record, Touch, measured_wrench, pose, twist, wrench
+from itouch.plugin import Channel, Record, TwinInputs, measured_wrench, pose, twist, wrench
 
 LAG = {"place": 0.0}
 FILE = Path(tempfile.gettempdir()) / f"slider-state-{os.getpid()}"
@@ -73,7 +73,7 @@ class KeepsStateInAnArray(SliderTwin):
         super().__init__(params)
         self.line = np.zeros(5)
 
-    def step(self, state, command, touch: Touch, period):
+    def step(self, state, command, touch: TwinInputs, period):
         super().step(state, command, touch, period)
         state["place"][0] = self.line[-1]
         self.line[1:] = self.line[:-1].copy()
@@ -84,7 +84,7 @@ class KeepsStateInAnArray(SliderTwin):
 class KeepsStateInASlot(SliderTwin):
     __slots__ = ("last",)
 
-    def step(self, state, command, touch: Touch, period):
+    def step(self, state, command, touch: TwinInputs, period):
         super().step(state, command, touch, period)
         state["place"][0] += 1e-3 * getattr(self, "last", 0.0)
         self.last = float(touch.finger_pose[0])

@@ -262,7 +262,7 @@ class Heater(Device):
     class Twin(Twin):
         """A block that loses heat to the room."""
 
-        def stand(self, ambient, skin_temperature):
+        def set_environment(self, ambient, skin_temperature):
             self._room = ambient
 
         def fields(self):

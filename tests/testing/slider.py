@@ -14,8 +14,8 @@ from itouch.plugin import (
     Field,
     Record,
     Terminal,
-    Touch,
     Twin,
+    TwinInputs,
     gaussian,
     pose,
     schema,
@@ -46,7 +46,7 @@ class SliderTwin(Twin):
         state["place"] = 0.0
         state["noise"] = rng.integers(1 << 62)
 
-    def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+    def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
         """Go where the finger is."""
         if touch.finger_attached:
             state["place"] = touch.finger_pose[:3]

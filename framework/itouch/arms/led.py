@@ -65,7 +65,7 @@ class LedArm(Device):
         DeviceError
             Always.
         """
-        raise DeviceError(f'a {self.led_by} is no arm that could be opened: it is twin only, write twin="yes"')
+        raise DeviceError(f'a {self.input_source} is no arm that could be opened: it is twin only, write twin="yes"')
 
     def close(self) -> None:
         """Do nothing: it was never open."""
@@ -78,17 +78,17 @@ class LedArm(Device):
         DeviceError
             Always.
         """
-        raise DeviceError(f"a {self.led_by} is no arm that could be read: it is twin only")
+        raise DeviceError(f"a {self.input_source} is no arm that could be read: it is twin only")
 
 
 class Mouse(LedArm):
     """A simulated arm whose finger the mouse leads across, and its wheel up and down, in the window."""
 
     Params = MouseParams
-    operator_input = OperatorInput(led_by="mouse")
+    operator_input = OperatorInput(input_source="mouse")
 
     @classmethod
-    def attached(cls) -> tuple[Attached, ...]:
+    def discover(cls) -> tuple[Attached, ...]:
         """Tell whether there is a screen, and with it a mouse."""
         return (_window("moves the finger across; its wheel raises and lowers it"),)
 
@@ -97,10 +97,10 @@ class Keyboard(LedArm):
     """A simulated arm whose finger the arrow keys lead across, and Page Up and Down up and down, in the window."""
 
     Params = KeyboardParams
-    operator_input = OperatorInput(led_by="keyboard")
+    operator_input = OperatorInput(input_source="keyboard")
 
     @classmethod
-    def attached(cls) -> tuple[Attached, ...]:
+    def discover(cls) -> tuple[Attached, ...]:
         """Tell whether there is a screen, and with it a keyboard."""
         return (_window("the arrow keys move the finger across, Page Up and Page Down raise and lower it"),)
 
@@ -109,10 +109,10 @@ class Gamepad(LedArm):
     """A simulated arm whose finger a gamepad leads: the left stick across, the right one up and down."""
 
     Params = GamepadParams
-    operator_input = OperatorInput(led_by="gamepad")
+    operator_input = OperatorInput(input_source="gamepad")
 
     @classmethod
-    def attached(cls) -> tuple[Attached, ...]:
+    def discover(cls) -> tuple[Attached, ...]:
         """Look for a gamepad."""
         try:
             pad = find_pad()

@@ -25,8 +25,8 @@ from itouch.plugin import (
     OperatorInput,
     ParameterError,
     Record,
-    Touch,
     Twin,
+    TwinInputs,
     pose,
     schema,
     wrench,
@@ -107,7 +107,7 @@ class RecordedTwin(Twin):
         """Begin at its beginning."""
         state["time"] = 0.0
 
-    def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+    def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
         """Play on."""
         state["time"] = state["time"].item() + period
 
@@ -125,7 +125,7 @@ class Recorded(Device):
     commands = (wrench(force=FORCE),)
     Twin: ClassVar[type[Twin] | None] = RecordedTwin
     opening = Opening(twin_only=True)
-    operator_input = OperatorInput(led_by="recording")
+    operator_input = OperatorInput(input_source="recording")
     mechanics = Mechanics(max_stiffness=STIFFNESS, damping=0.0)
 
     @classmethod
@@ -160,7 +160,7 @@ class Recorded(Device):
         return bound.duration if isinstance(bound, Played) else 0.0
 
     @classmethod
-    def attached(cls) -> tuple[Attached, ...]:
+    def discover(cls) -> tuple[Attached, ...]:
         """Tell that it needs nothing but a file."""
         return (Attached("a file that a scene names", True, "or, without one, a built-in example"),)
 

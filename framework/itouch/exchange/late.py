@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.plugin import Channel, Device, Field, Record, Touch, Twin
+from itouch.plugin import Channel, Device, Field, Record, Twin, TwinInputs
 from itouch.plugin.stamps import Stamped
 
 
@@ -50,9 +50,9 @@ class LateTwin(Twin, Stamped):
             Field("line.since", "i8", unit="tick", doc="for how long the last exchange has been over"),
         )
 
-    def stand(self, ambient: float, skin_temperature: float | None) -> None:
+    def set_environment(self, ambient: float, skin_temperature: float | None) -> None:
         """Tell the inner twin."""
-        self.twin.stand(ambient, skin_temperature)
+        self.twin.set_environment(ambient, skin_temperature)
 
     def _look(self, state: Record) -> Record:
         """Return the inner twin's part of a State, and keep views of the wire's part."""
@@ -73,7 +73,7 @@ class LateTwin(Twin, Stamped):
         """Return the true position of what the device carries: no wire is between."""
         return self.twin.position(self._look(state))
 
-    def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+    def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
         """Begin or end an exchange if it is time, and advance the inner twin."""
         inner = self._look(state)
         if not state["line.begun"].item():

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.faults.kinds import AMOUNTS, DROPPED, LATE, SPIKES, UNITS, Injection, Kind
-from itouch.plugin import RETRACT, Channel, DeviceError, Field, Record, Role, Touch, Twin
+from itouch.plugin import RETRACT, Channel, DeviceError, Field, Record, Role, Twin, TwinInputs
 from itouch.plugin.stamps import Stamped
 
 Floats = NDArray[np.float64]
@@ -227,7 +227,7 @@ class FaultyTwin(Twin, Stamped):
 
     # --- commands -------------------------------------------------------------------------------------------------
 
-    def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+    def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
         """Bend the command, and advance the twin under what has become of it."""
         received, wanted = self._received.raw.view(np.float64), command.raw.view(np.float64)
         last = state["fault.received"][: self._size]

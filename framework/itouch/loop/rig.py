@@ -16,7 +16,7 @@ from itouch.loop.touch import Toucher
 from itouch.loop.touchoff import Stage, TouchOff
 from itouch.monitors import Surface
 from itouch.monitors.carried import size
-from itouch.plugin import Bound, Record, Role, Touch
+from itouch.plugin import Bound, Record, Role, TwinInputs
 from itouch.safety.lifecycle import ENABLED
 from itouch.schema.until import Until
 from itouch.twin.coupling import Coupling
@@ -103,7 +103,7 @@ class ProbeRig:
         touches = [runner.touch for runner in worn]
         return Skin(state, self.probe.name, self.model.period, touches, self._owners(state), rest, ambient)
 
-    def _owners(self, state: Record) -> list[tuple[Floats, Touch]]:
+    def _owners(self, state: Record) -> list[tuple[Floats, TwinInputs]]:
         """Return skin and touch of each plate whose twin owns the finger's tissue, whichever probe on it meets it."""
         same = [one.face for one in self.model.probes if one.scene.pose_from == self.probe.scene.pose_from]
         faces = [self._runners[name] for name in dict.fromkeys(same) if name in self._runners]

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from itouch.faults import FaultyTwin
 from itouch.joining import is_newest
 from itouch.loop.frames import Frame, frame
-from itouch.plugin import Bound, Channel, Record, Role, Touch
+from itouch.plugin import Bound, Channel, Record, Role, TwinInputs
 from itouch.plugin.quantity import SIZES
 from itouch.safety import DeviceFaultError, Status, Supervisor, Trip
 from itouch.world import DeviceModel
@@ -28,7 +28,7 @@ class Runner(Supervisor):
         self._framed_for: list[float] = []
         error = model.mount_error
         self._true_frame = self._mount.moved((-error[0], -error[1], -error[2]))
-        self.touch = Touch(ambient=model.ambient)
+        self.touch = TwinInputs(ambient=model.ambient)
         #: The probe on whose finger it is worn; empty: on none.
         self.worn_by = ""
 

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping
 from itouch.loop.fence import Fence, view_for
 from itouch.loop.run_statistics import Histogram
 from itouch.loop.runner import Runner
-from itouch.plugin import Contact, ContactEvent, DeviceError, Record, Role, Touch
+from itouch.plugin import Contact, ContactEvent, DeviceError, Record, Role, TwinInputs
 from itouch.safety import check_warm_up
 from itouch.world import Model, make_state
 from itouch.world.plugin_errors import failing
@@ -125,7 +125,7 @@ def warm_up_twin(runner: Runner, scratch: Record, period: float) -> None:
     fields = runner.twin_state.dtype.names or ()
     state = scratch.part(f"{name}.twin.", fields) if fields else runner.twin_state.copy()
     sent, reading = runner.sent.copy(), runner.reading.copy()
-    for touch in (Touch(), Touch(force=1.0, gap=-1e-3)):
+    for touch in (TwinInputs(), TwinInputs(force=1.0, gap=-1e-3)):
         runner.twin.step(state, sent, touch, period)
         with contextlib.suppress(DeviceError):  # a fault that is injected from the start
             runner.twin.read(state, reading)

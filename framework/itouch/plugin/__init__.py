@@ -1,5 +1,8 @@
 """All that a plugin may import: the device, twin and modality contracts, channels, schema fields and poses."""
 
+import warnings
+from typing import Any
+
 from itouch import schema
 from itouch.plugin import poses
 from itouch.plugin.bases import building, kept
@@ -24,7 +27,7 @@ from itouch.plugin.channel import (
     twist,
     wrench,
 )
-from itouch.plugin.device import Attached, Device, DeviceError, Touch, Twin
+from itouch.plugin.device import Attached, Device, DeviceError, Twin, TwinInputs
 from itouch.plugin.emulator import Emulator
 from itouch.plugin.fit import Fit, Fitted, line_through
 from itouch.plugin.groups import Emulation, Mechanics, Opening, OperatorInput, Timing
@@ -93,7 +96,7 @@ __all__ = [
     "Safe",
     "Stamps",
     "Terminal",
-    "Touch",
+    "TwinInputs",
     "Trace",
     "Twin",
     "Watched",
@@ -124,3 +127,14 @@ __all__ = [
     "waiting",
     "wrench",
 ]
+
+#: Old names -> what they are now; for one version.
+_RENAMED = {"Touch": "TwinInputs"}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _RENAMED:
+        raise AttributeError(f"module 'itouch.plugin' has no attribute '{name}'")
+    new = _RENAMED[name]
+    warnings.warn(f"'itouch.plugin.{name}' is '{new}' now: import that", DeprecationWarning, stacklevel=2)
+    return globals()[new]

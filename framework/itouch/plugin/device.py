@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -34,7 +35,7 @@ class Attached:
     note: str
 
 
-class Touch:
+class TwinInputs:
     """What the simulated world presents to a twin in one tick, in the device's frame.
 
     ``finger_pose`` (7,) and ``finger_twist`` (6,) are those of the finger's centre; ``wrench`` (6,) acts on the
@@ -90,8 +91,24 @@ class Twin(ABC):
     def __init__(self, params: Any) -> None:
         self.params = params
 
-    def stand(self, ambient: float, skin_temperature: float | None) -> None:  # noqa: B027
+    #: What it declares in an older way, one sentence each.
+    outdated: ClassVar[tuple[str, ...]] = ()
+
+    def __init_subclass__(cls, **given: Any) -> None:
+        super().__init_subclass__(**given)
+        if "stand" in cls.__dict__ and "set_environment" not in cls.__dict__:  # for one version
+            cls.set_environment = cls.__dict__["stand"]  # type: ignore[method-assign]
+            cls.outdated = (*cls.outdated, f"method 'stand' of {cls.__name__} is 'set_environment' now: rename it")
+
+    def set_environment(self, ambient: float, skin_temperature: float | None) -> None:  # noqa: B027
         """Learn, before anything else, the temperatures [K] of the room and of the operator's skin, if there is one."""
+
+    def stand(self, ambient: float, skin_temperature: float | None) -> None:
+        """Do what ``set_environment`` of this class does: its old name, for one version."""
+        warnings.warn("'stand' is 'set_environment' now: call that", DeprecationWarning, stacklevel=2)
+        overridden = any("stand" in vars(kind) for kind in type(self).__mro__ if kind is not Twin)
+        if not overridden:  # else it was called by that one, and is what all twins do: nothing
+            self.set_environment(ambient, skin_temperature)
 
     def fields(self) -> tuple[Field, ...]:
         """Return the State that the twin needs."""
@@ -105,10 +122,10 @@ class Twin(ABC):
         return None
 
     @abstractmethod
-    def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+    def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
         """Advance the State by ``period`` seconds under the command that safety let through."""
 
-    def bound_step(self, state: Record, command: Record, touch: Touch, period: float) -> Bound | None:
+    def bound_step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> Bound | None:
         """Return what ``step`` does with these, which stay the same, as one compiled call; None: it is Python.
 
         It then runs joined with others, without the interpreter; `step` should be the same call.  A call that returns
@@ -229,9 +246,16 @@ class Device(Grouped, ABC):
         return None
 
     @classmethod
-    def attached(cls) -> tuple[Attached, ...] | None:
+    def discover(cls) -> tuple[Attached, ...] | None:
         """Look for such devices without moving or heating anything; None: they cannot be looked for."""
         return None
+
+    @classmethod
+    def attached(cls) -> tuple[Attached, ...] | None:
+        """Do what ``discover`` does: its old name, for one version."""
+        warnings.warn("'attached' is 'discover' now: call that", DeprecationWarning, stacklevel=2)
+        overridden = any("attached" in vars(kind) for kind in cls.__mro__ if kind is not Device)
+        return None if overridden else cls.discover()
 
     @classmethod
     def missing(cls, bound: Any) -> str:
@@ -261,4 +285,7 @@ class Device(Grouped, ABC):
         hurting = list(unguessable(cls.reads))
         if hurting:
             raise ValueError(f"device class {cls.__name__}: {'; '.join(hurting)}")
+        if "attached" in cls.__dict__ and "discover" not in cls.__dict__:  # for one version
+            cls.discover = cls.__dict__["attached"]  # type: ignore[method-assign]
+            cls.outdated = (*cls.outdated, "class method 'attached' is 'discover' now: rename it")
         cls.undeclared = (*faults_of(cls.reads, "reading"), *faults_of(cls.commands, "command"))

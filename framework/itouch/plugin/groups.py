@@ -6,7 +6,8 @@ and the framework reads it there: a group that a class declares is unfolded into
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+import warnings
+from dataclasses import InitVar, dataclass, fields
 from typing import Any, ClassVar
 
 from itouch.plugin.emulator import Emulator as _Emulator
@@ -83,12 +84,19 @@ class OperatorInput:
 
     Attributes
     ----------
-    led_by
+    input_source
         A person by "mouse", "keyboard" or "gamepad", who leads the operator's hand; or a "recording", which knows its
         way; empty: the scene's operator.
     """
 
-    led_by: str = ""
+    input_source: str = ""
+    led_by: InitVar[str] = ""  # its old name, for one version
+
+    def __post_init__(self, led_by: str) -> None:
+        """Take the old name of ``input_source``, and warn."""
+        if led_by:
+            warnings.warn("OperatorInput: 'led_by' is 'input_source' now", DeprecationWarning, stacklevel=3)
+            object.__setattr__(self, "input_source", led_by)
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +122,10 @@ GROUPS: dict[str, type] = {
 }  # fmt: skip
 
 
+#: Attributes that have another name now -> that name; the old ones are understood for one version.
+OLD_NAMES = {"led_by": "input_source"}
+
+
 class Grouped:
     """Unfolds the groups that a class declares; what the framework reads are their attributes."""
 
@@ -135,7 +147,7 @@ class Grouped:
     twin_only: ClassVar[bool] = False
     Emulator: ClassVar[type[_Emulator] | None] = None
     fits: ClassVar[tuple[Fit, ...]] = ()
-    led_by: ClassVar[str] = ""
+    input_source: ClassVar[str] = ""
     max_stiffness: ClassVar[float | None] = None
     damping: ClassVar[float | None] = None
 
@@ -157,4 +169,8 @@ class Grouped:
             else:
                 old += [f"attribute '{m}' belongs to a group: write {name} = {kind.__name__}({m}=...)"
                         for m in members if m in cls.__dict__]  # fmt: skip
+        for name, new in OLD_NAMES.items():
+            if name in cls.__dict__ and new not in cls.__dict__:
+                setattr(cls, new, cls.__dict__[name])
+                old.append(f"attribute '{name}' is '{new}' now: rename it")
         cls.outdated = tuple(dict.fromkeys([*cls.outdated, *old]))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from itouch.plugin.channel import Channel
-from itouch.plugin.device import Device, Touch, Twin
+from itouch.plugin.device import Device, Twin, TwinInputs
 from itouch.plugin.quantity import Role
 from itouch.plugin.record import Field, Record
 
@@ -40,7 +40,7 @@ class IdealTwin(Twin):
         for channel in self.reads:
             state[channel.name] = _rest(channel)
 
-    def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+    def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
         """Take over commands without lag, and the finger's pose where the device follows the finger."""
         for channel in self.reads:
             source = self._pairs.get(channel.name)

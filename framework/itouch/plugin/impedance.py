@@ -15,7 +15,7 @@ import numpy as np
 
 from itouch.plugin.bound import Bound
 from itouch.plugin.channel import ROTATIONS, Channel, deadman, pose
-from itouch.plugin.device import Device, DeviceError, Touch, Twin
+from itouch.plugin.device import Device, DeviceError, Twin, TwinInputs
 from itouch.plugin.quantity import Role
 from itouch.plugin.record import Field, Record
 
@@ -62,13 +62,13 @@ class FingerTwin(Twin):
         """Begin at the frame's origin until the finger is attached."""
         state["pose"] = _REST
 
-    def bound_step(self, state: Record, command: Record, touch: Touch, period: float) -> Bound | None:
+    def bound_step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> Bound | None:
         """Return the step on these views as one compiled call."""
         from itouch.plugin.kernels import copied  # the compiler is loaded when an arm runs, not when it is listed
 
         return Bound(copied, touch.finger_pose, state["pose"]) if touch.finger_attached else None
 
-    def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+    def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
         """Go with the finger."""
         if touch.finger_attached:
             state["pose"] = touch.finger_pose

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from itouch.joining import is_newest
 from itouch.plugin.bound import Bound
 from itouch.plugin.channel import Channel
-from itouch.plugin.device import Device, Touch, Twin
+from itouch.plugin.device import Device, Twin, TwinInputs
 from itouch.plugin.discovery import Catalog, Found
 from itouch.plugin.modality import ContactEvent, Modality, World
 from itouch.plugin.quantity import Quantity
@@ -147,9 +147,9 @@ def _renamed_twin(kind: type[Twin], cls: type[Device], words: Words) -> type[Twi
                 self._state = _Labels({words(field.name): field.name for field in self.twin.fields()})
             return self._state(state)
 
-        def stand(self, ambient: float, skin_temperature: float | None) -> None:
+        def set_environment(self, ambient: float, skin_temperature: float | None) -> None:
             """Learn the temperatures."""
-            self.twin.stand(ambient, skin_temperature)
+            self.twin.set_environment(ambient, skin_temperature)
 
         def fields(self) -> tuple[Field, ...]:
             """Return the fields under their other names."""
@@ -163,11 +163,11 @@ def _renamed_twin(kind: type[Twin], cls: type[Device], words: Words) -> type[Twi
             """Return the true position of what it carries."""
             return self.twin.position(self._own(state))
 
-        def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+        def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
             """Advance."""
             self.twin.step(self._own(state), self._command(command), touch, period)
 
-        def bound_step(self, state: Record, command: Record, touch: Touch, period: float) -> Bound | None:
+        def bound_step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> Bound | None:
             """Return the step as one call."""
             return self.twin.bound_step(self._own(state), self._command(command), touch, period)
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from itouch.loop.runner import Runner
 from itouch.platforms import SERVO_PROCESS
-from itouch.plugin import DeviceError, Field, Record, Touch, Twin
+from itouch.plugin import DeviceError, Field, Record, Twin, TwinInputs
 from itouch.scene import write
 from itouch.servo import wire
 from itouch.servo.shared_memory import ServoError, monotonic
@@ -70,7 +70,7 @@ class RemoteTwin(Twin):
         line.setblocking(False)
         self._line = line
 
-    def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+    def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
         """Send the command; what the twin does comes back with a later reading."""
         if self._line is None:
             self.twin.step(state, command, touch, period)

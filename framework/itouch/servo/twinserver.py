@@ -17,7 +17,7 @@ import numpy as np
 
 from itouch.exchange.thread import make_safe
 from itouch.loop import WallClock
-from itouch.plugin import HOLD, RETRACT, Field, Record, Touch
+from itouch.plugin import HOLD, RETRACT, Field, Record, TwinInputs
 from itouch.plugin.discovery import Catalog
 from itouch.scene import loads
 from itouch.servo import realtime, wire
@@ -46,7 +46,7 @@ class TwinServer:
         self.state = Record.of(fields) if fields else Record(np.dtype([]))
         self.twin.reset(self.state, np.random.default_rng(0))
         self.reading, self.command, self.acting = (_record(c) for c in (model.reads, model.commands, model.commands))
-        self.touch = Touch(ambient=model.ambient)
+        self.touch = TwinInputs(ambient=model.ambient)
         self._slow = model.limits.speed or 0.0
         self._latched, self._over, self._begun = "", False, False
         self._last_target, self._sank, self._steps = math.nan, -math.inf, 0
@@ -59,7 +59,7 @@ class TwinServer:
     def _rehearse(self) -> None:
         """Load what is compiled before any step counts."""
         scratch, reading = self.state.copy(), self.reading.copy()
-        for touch in (Touch(), Touch(force=1.0, gap=-1e-3)):
+        for touch in (TwinInputs(), TwinInputs(force=1.0, gap=-1e-3)):
             self.twin.step(scratch, self.acting, touch, self._period)
             self.twin.read(scratch, reading)
 

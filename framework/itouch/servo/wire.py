@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from itouch.plugin import Touch
+    from itouch.plugin import TwinInputs
 
 INIT, COMMAND, BYE, SAFE, WATCH = b"I", b"C", b"B", b"S", b"W"
 TELL, OBSERVED, EVENT = b"T", b"O", b"E"
@@ -79,7 +79,7 @@ def split(packet: bytes) -> tuple[int, int, memoryview]:
     return first, second, memoryview(packet)[_HEAD.size :]
 
 
-def pack_touch(touch: Touch) -> bytes:
+def pack_touch(touch: TwinInputs) -> bytes:
     """Return what the simulated world presents to the twin."""
     return _TOUCH.pack(
         *touch.finger_pose.tolist(), *touch.finger_twist.tolist(), *touch.wrench.tolist(),
@@ -87,7 +87,7 @@ def pack_touch(touch: Touch) -> bytes:
     )  # fmt: skip
 
 
-def unpack_touch(data: memoryview, touch: Touch) -> None:
+def unpack_touch(data: memoryview, touch: TwinInputs) -> None:
     """Write what ``pack_touch`` returned into a touch."""
     numbers: NDArray[np.float64] = np.frombuffer(data, np.float64, 23)
     touch.finger_pose[:], touch.finger_twist[:], touch.wrench[:] = numbers[:7], numbers[7:13], numbers[13:19]

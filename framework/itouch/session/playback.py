@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.plugin import Device, DeviceError, Record, Touch, Twin
+from itouch.plugin import Device, DeviceError, Record, Twin, TwinInputs
 from itouch.plugin.stamps import Stamped
 from itouch.recording import Recording
 from itouch.session.row_layout import in_track
@@ -27,7 +27,7 @@ class PlaybackTwin(Twin, Stamped):
         """Return the true position of the twin underneath."""
         return self._inner.position(state)
 
-    def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+    def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
         """Step the twin underneath."""
         self._inner.step(state, command, touch, period)
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.plugin import Channel, Device, DeviceError, Field, IdealTwin, Record, Role, Touch, Twin
+from itouch.plugin import Channel, Device, DeviceError, Field, IdealTwin, Record, Role, Twin, TwinInputs
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
 from itouch.scene.elements import DeviceElement, PluginPart, Probe
@@ -161,13 +161,13 @@ class TwinBench:
         params = subject.require_params()
         self.reads, self.commands = subject.cls.channels(params)
         self.twin: Twin = IdealTwin(params, subject.cls) if subject.cls.Twin is None else subject.cls.Twin(params)
-        self.twin.stand(ROOM, SKIN)
+        self.twin.set_environment(ROOM, SKIN)
         #: Name of the reading that is the pose of its end; empty: there is none.
         self.pose = next((c.name for c in self.reads if c.role is Role.TRACKED_POSE), "")
         self.state = Record.of(self.twin.fields())
         self.reading = Record.of(Field.of(c) for c in self.reads)
         self.command = Record.of(Field.of(c) for c in self.commands)
-        self.touch = Touch(ambient=ROOM)
+        self.touch = TwinInputs(ambient=ROOM)
         self.tick = 0
         self.twin.reset(self.state, np.random.default_rng(seed))
         self.fresh = self.twin.read(self.state, self.reading)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from itouch.plugin import Record, Touch
+from itouch.plugin import Record, TwinInputs
 from itouch.testing.checks import CheckError, check
 from itouch.testing.harness import PERIOD, DeviceSubject
 from itouch.testing.hygiene import Subject
@@ -97,7 +97,7 @@ def keeps_nothing(subject: DeviceSubject) -> None:
     _let_go(lambda command: twin.step(bench.state, command, bench.touch, PERIOD), bench.command, "command")
     _let_go(lambda state: twin.step(state, bench.command, bench.touch, PERIOD), bench.state, "State")
     _let_go(lambda state: twin.read(state, bench.reading), bench.state, "State")
-    touch = Touch(finger_attached=True)
+    touch = TwinInputs(finger_attached=True)
     watched = weakref.ref(touch.finger_pose)
     twin.step(bench.state, bench.command, touch, PERIOD)
     del touch

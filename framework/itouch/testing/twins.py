@@ -117,7 +117,7 @@ def _channel(bench: TwinBench, role: Role) -> Channel:
 @check("twin-frame", "it is where the finger is, or was sent")
 def frame(subject: DeviceSubject) -> None:
     """Hold a finger, or command a target, off centre along each axis."""
-    if subject.cls.led_by == "recording":
+    if subject.cls.input_source == "recording":
         raise NotApplicableError("it leads the finger")
     bench = subject.bench()
     channel = _channel(bench, Role.TRACKED_POSE)

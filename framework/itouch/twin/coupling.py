@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.plugin import Bound, Record, Role, Touch
+from itouch.plugin import Bound, Record, Role, TwinInputs
 from itouch.twin import mechanics as at
 from itouch.twin.hand import Hand
 
@@ -34,7 +34,7 @@ class Body(Protocol):
 class Stand(Protocol):
     """A device's runner, as the coupling sees it."""
 
-    touch: Touch
+    touch: TwinInputs
 
     def sent_as(self, role: Role) -> Floats:
         """Return the view of what safety let through of the first command of a role; zeros if there is none."""

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.compiling import kernel
-from itouch.plugin import Bound, Record, Touch
+from itouch.plugin import Bound, Record, TwinInputs
 from itouch.world.fields import CELLS
 
 Floats = NDArray[np.float64]
@@ -115,8 +115,8 @@ class Skin:
     """
 
     def __init__(
-        self, state: Record, name: str, period: float, worn: Sequence[Touch],
-        owners: Sequence[tuple[Floats, Touch]], rest: float, ambient: float,
+        self, state: Record, name: str, period: float, worn: Sequence[TwinInputs],
+        owners: Sequence[tuple[Floats, TwinInputs]], rest: float, ambient: float,
     ) -> None:  # fmt: skip
         self._skin, self._tissue, self._rest = state[f"{name}.skin"], state[f"{name}.tissue"], rest
         taken: Any = state[f"{name}.taken"]

@@ -27,9 +27,9 @@ def hand_of(
     """
     operator = next((o for o in scene.operators if o.probe == probe.name), None)
     arm = devices.get(probe.pose_from)
-    if arm is None or arm.cls.led_by not in (*PERSON, "recording"):
+    if arm is None or arm.cls.input_source not in (*PERSON, "recording"):
         return operator, (0.0, 0.0, 0.0)
-    if arm.cls.led_by == "recording":
+    if arm.cls.input_source == "recording":
         if operator is not None and (operator.motion.targets or operator.motion.file):
             sentence = f"probe '{probe.name}' follows the recording of '{arm.name}', and its operator has a motion too"
             problems.append(Problem("exclusive", sentence, scene.places.of(operator.motion), "remove one of them"))

@@ -257,5 +257,5 @@ def led(model: Model) -> Iterator[tuple[ProbeModel, DeviceModel]]:
     """Yield the probes whose hand a person leads, each with its arm."""
     for probe in model.probes:
         arm = model.devices[probe.scene.pose_from]
-        if arm.twin and arm.cls.led_by in PERSON and probe.operator is not None:
+        if arm.twin and arm.cls.input_source in PERSON and probe.operator is not None:
             yield probe, arm

@@ -104,7 +104,7 @@ class DeviceModel:
     def make_twin(self) -> Twin:
         """Return the twin that the plugin brings, or the ideal one."""
         twin = self._bare_twin()
-        twin.stand(self.ambient, self.skin_temperature)
+        twin.set_environment(self.ambient, self.skin_temperature)
         if self.late:
             twin = LateTwin(twin, self.cls, self.servo_period)
         if self.faults:

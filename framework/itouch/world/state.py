@@ -163,7 +163,8 @@ def undeclared(model: Model) -> tuple[str, ...]:
     for device in model.devices.values():
         said = [*faults_of(device.reads, "reading"), *faults_of(device.commands, "command")]
         said += faults_of(device.make_twin().fields(), "field") if device.twin else ()
-        found += [f"device plugin '{device.plugin}': {sentence}" for sentence in (*said, *device.cls.outdated)]
+        said += [*device.cls.outdated, *(device.cls.Twin.outdated if device.cls.Twin is not None else ())]
+        found += [f"device plugin '{device.plugin}': {sentence}" for sentence in said]
     for modality in model.modalities:
         said = list(faults_of(modality.instance.fields(modality.model), "field"))
         found += [f"modality plugin '{modality.plugin}': {sentence}" for sentence in said]

@@ -15,8 +15,8 @@ from itouch.plugin import (
     Modality,
     Record,
     Role,
-    Touch,
     Twin,
+    TwinInputs,
     World,
     current,
     measured_wrench,
@@ -62,7 +62,7 @@ class _Plate(Twin):
     def reset(self, state: Record, rng: np.random.Generator) -> None:
         state["true"] = ROOM
 
-    def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+    def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
         kind, true, drive = self.kind, state["true"].item(), command[self.kind.obeys].item()
         if kind.target:
             power = max(-kind.power, min(kind.power, 20.0 * (drive - true))) if drive > 200.0 else 0.0
@@ -93,7 +93,7 @@ class _Arm(Twin):
 
     names: ClassVar[tuple[str, str]]
 
-    def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+    def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
         """Stand."""
 
     def read(self, state: Record, reading: Record) -> bool | None:
@@ -114,7 +114,7 @@ class _Table(Twin):
     def fields(self) -> tuple[Field, ...]:
         return (Field("place", "f8", 3, unit="m", doc="where it is"), Field("time", unit="s", doc="time so far"))
 
-    def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+    def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
         state["place"] = command[_TARGET.name][:3]
         state["time"] += period
 

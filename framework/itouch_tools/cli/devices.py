@@ -36,7 +36,7 @@ def main(argv: Sequence[str]) -> int:
 def _probe(cls: type[Device]) -> list[str]:
     """Say what is attached; a plugin that fails to look is told, the others go on."""
     try:
-        found = cls.attached()
+        found = cls.discover()
     except Exception as error:  # a stranger's plugin may raise anything, and must not hide the others
         return [f"    looking failed: {type(error).__name__}: {error}"]
     if found is None:

@@ -63,8 +63,8 @@ def without_window(model: Model, *, real: bool) -> Leader | None:
     from itouch.world.model import led
 
     for probe, arm in led(model):
-        reason = f"the {arm.cls.led_by} leads it in a window, and there is none"
-        if arm.cls.led_by == "gamepad":
+        reason = f"the {arm.cls.input_source} leads it in a window, and there is none"
+        if arm.cls.input_source == "gamepad":
             reason = "a gamepad leads it in real time only"
             if real:
                 try:

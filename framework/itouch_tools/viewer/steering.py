@@ -36,7 +36,7 @@ class Steering:
     def __init__(self, source: Source) -> None:
         self._source = source
         arm = next((arm for probe, arm in led(source.model) if probe is source.model.probes[0]), None)
-        self._by = arm.cls.led_by if arm is not None else ""
+        self._by = arm.cls.input_source if arm is not None else ""
         self._pixel = getattr(arm.params, "step", PIXEL) if arm is not None else PIXEL
         speed = getattr(arm.params, "speed", None) if arm is not None else None
         self._keys = speed if self._by == "keyboard" and speed else KEY_SPEED

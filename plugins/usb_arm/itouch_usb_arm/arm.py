@@ -90,7 +90,7 @@ class UsbArm(ImpedanceArm[Falcon]):
         return (pose(locked=locked), *reads[1:]), commands
 
     @classmethod
-    def attached(cls) -> tuple[Attached, ...]:
+    def discover(cls) -> tuple[Attached, ...]:
         """Look for arms on the USB bus."""
         return look()
 

@@ -122,7 +122,7 @@ class XyzTable(Device):
         return cls.reads, (target,)
 
     @classmethod
-    def attached(cls) -> tuple[Attached, ...]:
+    def discover(cls) -> tuple[Attached, ...]:
         """Look for CAN-FD adaptors."""
         try:
             from moteus.fdcanusb_device import FdcanusbDevice

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.plugin import Bound, Field, Record, Touch, Twin
+from itouch.plugin import Bound, Field, Record, Twin, TwinInputs
 
 
 class XyzTableTwin(Twin):
@@ -53,14 +53,14 @@ class XyzTableTwin(Twin):
         place: NDArray[np.float64] = state["axes"][0]
         return place
 
-    def bound_step(self, state: Record, command: Record, touch: Touch, period: float) -> Bound:
+    def bound_step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> Bound:
         """Return the step on these views as one compiled call."""
         return Bound(
             self._move, self._parameters, command["pose_target"], state["axes"], state["sensed"], state["noise"],
             touch.wrench, period,
         )  # fmt: skip
 
-    def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+    def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
         """Move the axes by one period."""
         self.bound_step(state, command, touch, period)()
 

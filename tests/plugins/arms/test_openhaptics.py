@@ -198,10 +198,10 @@ def test_what_can_be_wrong_with_opening(hd: FakeHd, knob: str, number: int, erro
     with pytest.raises(error, match=words):
         arm.open()
     assert not hd.open
-    (found,) = OpenHaptics.attached()
+    (found,) = OpenHaptics.discover()
     assert not found.usable
     setattr(hd, knob, 0)
-    (found,) = OpenHaptics.attached()
+    (found,) = OpenHaptics.discover()
     assert found.usable and found.where == "PHANTOM Omni" and "3.3 N" in found.note
     assert not any(any(force) for force in hd.forces)
 

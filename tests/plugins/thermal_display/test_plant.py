@@ -5,7 +5,7 @@ import pytest
 
 from contact_heat.layers import Back, Contact, Initial, Side
 from contact_heat.stepper import Stepper
-from itouch.plugin import Field, Record, Touch
+from itouch.plugin import Field, Record, TwinInputs
 from itouch_thermal.display import DisplayParams, Mismatch
 from itouch_thermal.display import plant as at
 from itouch_thermal.display.column import plate_capacity, tissue_side
@@ -33,7 +33,7 @@ def test_contact_flux_is_that_of_the_solver_on_the_same_layers():
     exact = Stepper(Contact(finger=tissue_side(FINGER, 310.15, 306.15), object=body), PERIOD).advance(2e-3, 500)
     found = []
     for _ in range(500):
-        twin.step(state, command, Touch(force=1.0, gap=0.0), PERIOD)
+        twin.step(state, command, TwinInputs(force=1.0, gap=0.0), PERIOD)
         found.append(state["true_flux"].item())
     np.testing.assert_allclose(found, exact, rtol=2e-4)
 
@@ -47,7 +47,7 @@ def test_energy_closes_over_currents_touches_and_air():
     for i in range(4000):
         if i % 200 == 0:
             command["current"] = rng.uniform(-5, 5)
-        twin.step(state, command, Touch(force=float(i % 1500 > 700), gap=0.0), PERIOD)
+        twin.step(state, command, TwinInputs(force=float(i % 1500 > 700), gap=0.0), PERIOD)
     end = capacity * memory[at.MEAN] + params.sink_capacity * memory[at.SINK]
     came = memory[at.ENERGY_ELECTRIC] + memory[at.ENERGY_FINGER] + memory[at.ENERGY_AIR] - memory[at.ENERGY_ROOM]
     assert abs(came) > 1.0
@@ -56,7 +56,7 @@ def test_energy_closes_over_currents_touches_and_air():
 
 def skin_after(period, steps, worn):
     twin = DisplayTwin(DisplayParams())
-    state, command, touch = Record.of(twin.fields()), Record.of([Field("current", "f8", 1)]), Touch()
+    state, command, touch = Record.of(twin.fields()), Record.of([Field("current", "f8", 1)]), TwinInputs()
     twin.reset(state, np.random.default_rng(3))
     touch.beside[0] = worn
     for _ in range(steps):
@@ -77,7 +77,7 @@ def test_heat_beside_the_sensor_enters_the_plate_unseen():
     twin, state, command = twin_of(contact_area=4e-4, sensor_area=8e-4, flux_noise=0.0, film_coefficient=0.0)
     heat = 0.0
     for _ in range(2000):
-        twin.step(state, command, Touch(force=1.0, gap=0.0), PERIOD)
+        twin.step(state, command, TwinInputs(force=1.0, gap=0.0), PERIOD)
         heat += PERIOD * state["true_flux"].item()
     flux, memory = state["true_flux"].item(), state["memory"]
     assert memory[at.READ_FLUX] == pytest.approx(0.5 * flux, rel=0.03)
@@ -88,7 +88,7 @@ def test_heat_beside_the_sensor_enters_the_plate_unseen():
 def test_a_light_finger_covers_a_part_of_the_sensor_and_the_controller_knows_which(force, seen):
     twin, state, command = twin_of(flux_noise=0.0, film_coefficient=0.0, flux_resolution=0.0)
     for _ in range(1500):
-        twin.step(state, command, Touch(force=force, gap=0.0), PERIOD)
+        twin.step(state, command, TwinInputs(force=force, gap=0.0), PERIOD)
     assert state["memory"][at.READ_FLUX] == pytest.approx(seen * state["true_flux"].item(), rel=0.03)
     assert twin.params.seen(force) == pytest.approx(seen, rel=1e-9)
     law = ModelLaw(twin.params, FINGER, 310.15, 306.15, 2e-3, 296.15, PERIOD, band=(288.15, 313.15), ceiling=6.4)
@@ -116,17 +116,17 @@ def test_command_is_delayed_saturated_and_counted():
     twin, state, command = twin_of(max_current=2.0, current_bits=8)
     command["current"] = 7.0
     for i in range(25):
-        twin.step(state, command, Touch(), PERIOD)
+        twin.step(state, command, TwinInputs(), PERIOD)
         assert (state["memory"][at.CURRENT] != 0.0) == (i >= 20)
     assert state["memory"][at.CURRENT] == pytest.approx(2.0, abs=4.0 / 256)
 
 
 def test_infrared_holds_its_last_value_under_the_finger():
     twin, state, command = twin_of()
-    twin.step(state, command, Touch(gap=0.01), PERIOD)
+    twin.step(state, command, TwinInputs(gap=0.01), PERIOD)
     seen = state["memory"][at.READ_SKIN]
     for _ in range(50):
-        twin.step(state, command, Touch(force=1.0, gap=0.0), PERIOD)
+        twin.step(state, command, TwinInputs(force=1.0, gap=0.0), PERIOD)
     assert state["memory"][at.READ_VALID] == 0.0
     assert state["memory"][at.READ_SKIN] == seen
     assert state["true_skin"].item() < 306.0
@@ -136,20 +136,20 @@ def test_a_copied_state_goes_on_bit_for_bit():
     twin, state, command = twin_of()
     command["current"] = 1.5
     for _ in range(100):
-        twin.step(state, command, Touch(force=1.0, gap=0.0), PERIOD)
+        twin.step(state, command, TwinInputs(force=1.0, gap=0.0), PERIOD)
     other, copy = DisplayTwin(twin.params), state.copy()
     for _ in range(100):
-        twin.step(state, command, Touch(), PERIOD)
-        other.step(copy, command, Touch(), PERIOD)
+        twin.step(state, command, TwinInputs(), PERIOD)
+        other.step(copy, command, TwinInputs(), PERIOD)
     assert state == copy
 
 
 def test_press_raises_the_resistance():
     twin, state, command = twin_of(full_force=1.0)
-    twin.step(state, command, Touch(force=0.25, gap=0.0), PERIOD)
+    twin.step(state, command, TwinInputs(force=0.25, gap=0.0), PERIOD)
     light = state["true_flux"].item()
     other, fresh, _ = twin_of(full_force=1.0)
-    other.step(fresh, command, Touch(force=2.0, gap=0.0), PERIOD)
+    other.step(fresh, command, TwinInputs(force=2.0, gap=0.0), PERIOD)
     assert fresh["true_flux"].item() == pytest.approx(4.0 * light, rel=0.05)
 
 

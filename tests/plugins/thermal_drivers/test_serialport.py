@@ -155,6 +155,6 @@ def test_ports_with_a_plug_are_listed_under_the_name_that_stays(monkeypatch: pyt
     wired = [("/dev/serial/by-id/tec", 0x0403, "TEC"), ("/dev/ttyUSB1", 0x0403, None), ("/dev/ttyS0", None, None)]
     found = [port(*words) for words in wired]
     monkeypatch.setattr(serialx, "list_serial_ports", lambda: found)
-    told = ThermalDisplay.attached()
+    told = ThermalDisplay.discover()
     assert [part.where for part in told] == ["/dev/serial/by-id/tec", "/dev/ttyUSB1"]
     assert [part.note.split(";")[0] for part in told] == ["a serial port (TEC)", "a serial port (it tells no name)"]

@@ -17,7 +17,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from itouch.plugin import DeviceError, Field, Record, Terminal, Touch, Trace
+from itouch.plugin import DeviceError, Field, Record, Terminal, Trace, TwinInputs
 from itouch_thermal import ThermalDisplay
 from itouch_thermal.display.params import DisplayParams
 from itouch_thermal.drivers import FluxSensor, Infrared, LabJack, LinePort, Mecom
@@ -393,7 +393,7 @@ def test_a_loop_through_the_real_bytes_holds_a_flux(tmp_path: object) -> None:
     state = Record.of(twin.fields())
     reading, command = (Record.of(Field.of(c) for c in side) for side in (reads, commands))
     twin.reset(state, np.random.default_rng(1))
-    touch, clock = Touch(force=1.0, gap=-1e-3), {"last": time.monotonic()}
+    touch, clock = TwinInputs(force=1.0, gap=-1e-3), {"last": time.monotonic()}
 
     def step() -> None:
         now = time.monotonic()

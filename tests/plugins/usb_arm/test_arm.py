@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from itouch.plugin import Field, Record, Touch
+from itouch.plugin import Field, Record, TwinInputs
 from itouch_usb_arm import UsbArm, UsbArmParams, UsbArmTwin
 
 
@@ -14,7 +14,7 @@ def test_position_in_steps_and_rotations_as_the_parameters_say(rotations: str) -
     twin = UsbArmTwin(UsbArmParams(rotations=rotations, resolution=1e-4))
     state, reading = Record.of(twin.fields()), Record.of([Field("pose", "f8", 7)])
     twin.reset(state, np.random.default_rng(0))
-    touch = Touch(finger_attached=True)
+    touch = TwinInputs(finger_attached=True)
     touch.finger_pose[:] = (0.01234, -0.00004, 0.02006, 0.6, 0.8, 0.0, 0.0)
     twin.step(state, Record.of([]), touch, 1e-3)
     twin.read(state, reading)

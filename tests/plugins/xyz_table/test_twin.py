@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from itouch.plugin import Record, Touch
+from itouch.plugin import Record, TwinInputs
 from itouch.plugin.record import Field
 from itouch_xyz_table import XyzTable, XyzTableParams, XyzTableTwin
 
@@ -23,7 +23,7 @@ class Bench:
         reads, commands = XyzTable.channels(self.params)
         self.command = Record.of(Field.of(c) for c in commands)
         self.reading = Record.of(Field.of(c) for c in reads)
-        self.touch = Touch()
+        self.touch = TwinInputs()
 
     def run(self, *goal: float, steps: int = 1000) -> np.ndarray:
         path = []

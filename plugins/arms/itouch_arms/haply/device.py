@@ -50,7 +50,7 @@ class Haply(ImpedanceArm[Inverse3]):
     harmless = (NotCalibrated, Refused)
 
     @classmethod
-    def attached(cls) -> tuple[Attached, ...]:
+    def discover(cls) -> tuple[Attached, ...]:
         """Ask the service of this machine for its arms."""
         return look()
 

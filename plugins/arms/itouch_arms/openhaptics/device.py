@@ -46,7 +46,7 @@ class OpenHaptics(ImpedanceArm[Phantom]):
     harmless = (NotCalibrated,)
 
     @classmethod
-    def attached(cls) -> tuple[Attached, ...]:
+    def discover(cls) -> tuple[Attached, ...]:
         """Open the default arm without force, if the library is there."""
         arm = Phantom()
         try:

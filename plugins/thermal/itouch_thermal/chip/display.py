@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from itouch.plugin import Field, Record, Touch
+from itouch.plugin import Field, Record, TwinInputs
 from itouch_thermal.chip.pins import INPUTS, at_pins
 from itouch_thermal.chip.program import Built, built, config
 from itouch_thermal.chip.simulated import Chip, Run
@@ -62,9 +62,9 @@ class SimulatedDisplay:
     ) -> None:
         self.params = plain(params)
         self.numbers = config()
-        self.touch = Touch(ambient=room)
+        self.touch = TwinInputs(ambient=room)
         self._twin = DisplayTwin(self.params)
-        self._twin.stand(room, None)
+        self._twin.set_environment(room, None)
         reads, commands = ThermalDisplay.channels(self.params)
         self._state = Record.of(self._twin.fields())
         self._reading, self._command = (

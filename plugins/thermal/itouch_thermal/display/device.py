@@ -14,8 +14,8 @@ from itouch.plugin import (
     Field,
     Record,
     Role,
-    Touch,
     Twin,
+    TwinInputs,
     current,
     heat_flux,
     plate_temperature,
@@ -58,7 +58,7 @@ class DisplayTwin(Twin):
         )  # fmt: skip
         self._shares = table(self._column.plate.shape[1] - FIELDS - 1).copy()
 
-    def stand(self, ambient: float, skin_temperature: float | None) -> None:
+    def set_environment(self, ambient: float, skin_temperature: float | None) -> None:
         """Take the room's temperature, and the operator's finger where there is an operator."""
         self._ambient = ambient
         if skin_temperature is not None:
@@ -148,7 +148,7 @@ class DisplayTwin(Twin):
         state["true_skin"][...] = memory[plant.SKIN]
         state["true_plate"][...] = memory[plant.PLATE]
 
-    def bound_step(self, state: Record, command: Record, touch: Touch, period: float) -> Bound:
+    def bound_step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> Bound:
         """Return the step on these views as one compiled call."""
         parts, numbers = self._for(period)
         by_current = self.params.command == "current"
@@ -160,7 +160,7 @@ class DisplayTwin(Twin):
             state["true_skin"], state["true_plate"], touch.beside,
         )  # fmt: skip
 
-    def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+    def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
         """Advance by one period under the current that safety let through."""
         self.bound_step(state, command, touch, period)()
 

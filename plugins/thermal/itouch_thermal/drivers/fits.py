@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.plugin import Field, Fit, Fitted, Record, Touch, line_through
+from itouch.plugin import Field, Fit, Fitted, Record, TwinInputs, line_through
 
 Array = NDArray[np.float64]
 #: Parameters of the module that a step shows, the part by which they are varied, and how often the fit is improved.
@@ -95,12 +95,12 @@ def _simulate(params: Any, times: Array, currents: Array, begin: float) -> Array
 
     quiet = replace(params, plate_noise=0.0, sink_noise=0.0, flux_noise=0.0, skin_noise=0.0)
     twin = DisplayTwin(quiet)
-    twin.stand(begin, None)
+    twin.set_environment(begin, None)
     reads, commands = ThermalDisplay.channels(quiet)
     state = Record.of(twin.fields())
     reading, command = (Record.of(Field.of(c) for c in side) for side in (reads, commands))
     twin.reset(state, np.random.default_rng(0))
-    touch = Touch(ambient=begin)
+    touch = TwinInputs(ambient=begin)
     shown = np.zeros((2, len(times)))
     ticks = 0
     for index, (time, current) in enumerate(zip(times - times[0], currents, strict=True)):

@@ -44,7 +44,7 @@ class HardwareDisplay(Device):
         self._current, self._skin, self._lost = 0.0, _UNSEEN, False
 
     @classmethod
-    def attached(cls) -> tuple[Attached, ...]:
+    def discover(cls) -> tuple[Attached, ...]:
         """Look for serial ports; what is behind them is only known when a scene names one."""
         try:
             import serialx

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from contact_heat.layers import ROOM, Back, Film, Initial, Side
-from itouch.plugin import Field, Record, Role, Touch, Twin
+from itouch.plugin import Field, Record, Role, Twin, TwinInputs
 from itouch_thermal.display.column import Array
 from itouch_thermal.film.params import WOOD, FilmParams
 from itouch_thermal.heat import FINGER, finger_side
@@ -42,7 +42,7 @@ class FilmTwin(Twin):
         self._law = law_of(params.laws, params.contact_resistance)
         self._built: dict[float, tuple[Array, Array, Array, Array]] = {}
 
-    def stand(self, ambient: float, skin_temperature: float | None) -> None:
+    def set_environment(self, ambient: float, skin_temperature: float | None) -> None:
         """Take the room's temperature; the finger is the twin's own."""
         self._ambient = ambient
         self._built.clear()
@@ -81,7 +81,7 @@ class FilmTwin(Twin):
         state["memory"][[FACE, FILM_LAG]] = self._ambient
         state["noise"] = rng.integers(0, 1 << 63)
 
-    def step(self, state: Record, command: Record, touch: Touch, period: float) -> None:
+    def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
         """Advance by one period."""
         from contact_heat import live
 

@@ -9,7 +9,7 @@ from typing import Any, TypeVar, cast
 import numpy as np
 
 from contact_heat.layers import Contact
-from itouch.plugin import Field, Record, Touch
+from itouch.plugin import Field, Record, TwinInputs
 from itouch_thermal.display.column import Array
 from itouch_thermal.display.device import DisplayTwin, ThermalDisplay
 from itouch_thermal.flux.curve import Curve
@@ -134,7 +134,11 @@ def _step(setup: Setup, current: float, seconds: float, touched: bool) -> Array:
         twin.reset(state, np.random.default_rng(0))
         reading = Record.of(Field.of(c) for c in ThermalDisplay.channels(params)[0])
         command = Record.of(Field.of(c) for c in ThermalDisplay.commands)
-        touch = Touch(ambient=AMBIENT, force=1.0, gap=0.0) if touched else Touch(ambient=AMBIENT, force=0.0, gap=1.0)
+        touch = (
+            TwinInputs(ambient=AMBIENT, force=1.0, gap=0.0)
+            if touched
+            else TwinInputs(ambient=AMBIENT, force=0.0, gap=1.0)
+        )
         flux = np.empty(round((seconds + 1.0) / PERIOD))
         for i in range(len(flux)):
             command["current"] = level if i * PERIOD >= 1.0 else 0.0

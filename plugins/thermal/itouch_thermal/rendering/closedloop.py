@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from itouch.plugin import Field, Record, Touch
+from itouch.plugin import Field, Record, TwinInputs
 from itouch_thermal.display.column import Array, plate_capacity
 from itouch_thermal.display.device import DisplayTwin, ThermalDisplay
 from itouch_thermal.display.params import DisplayParams, Mismatch
@@ -131,7 +131,7 @@ def simulate(
     reads, commands = ThermalDisplay.channels(plant)
     reading = Record.of(Field.of(c) for c in reads)
     command = Record.of(Field.of(c) for c in commands)
-    touch = Touch(ambient=AMBIENT)
+    touch = TwinInputs(ambient=AMBIENT)
     before, count = round(BEFORE / PERIOD), round(case.seconds / PERIOD)
     found = np.empty((6, count))
     for k in range(before + count):

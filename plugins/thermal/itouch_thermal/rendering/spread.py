@@ -16,7 +16,7 @@ import numpy as np
 
 from contact_heat.layers import Layer
 from contact_heat.steady import initial_profile
-from itouch.plugin import Field, Record, Touch
+from itouch.plugin import Field, Record, TwinInputs
 from itouch_thermal.display.column import Array, tissue_side
 from itouch_thermal.display.device import DisplayTwin
 from itouch_thermal.display.params import ALUMINA, FILM, DisplayParams
@@ -258,7 +258,7 @@ def flux_of_twin(touched: Touched, times: Array) -> Array:
     gap = display.skin_temperature - state["true_plate"].item()
     found = []
     for _ in range(math.ceil(float(np.max(times)) / _TWIN_STEP)):
-        twin.step(state, command, Touch(force=1.0, gap=0.0), _TWIN_STEP)
+        twin.step(state, command, TwinInputs(force=1.0, gap=0.0), _TWIN_STEP)
         found.append(state["true_flux"].item() / gap)
     return np.asarray(np.interp(times, np.arange(1, len(found) + 1) * _TWIN_STEP, found))
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from itouch.plugin import Field, Record, Touch
+from itouch.plugin import Field, Record, TwinInputs
 from itouch_thermal.display import plant
 from itouch_thermal.display.column import (
     P_BACK,
@@ -107,7 +107,7 @@ def switching_time(display: DisplayParams, begin: float, end: float, *, seed: in
     reads, commands = ThermalDisplay.channels(display)
     reading = Record.of(Field.of(c) for c in reads)
     command = Record.of(Field.of(c) for c in commands)
-    touch, settle, sent, last = Touch(ambient=AMBIENT), 4000, 0.0, 0
+    touch, settle, sent, last = TwinInputs(ambient=AMBIENT), 4000, 0.0, 0
     for k in range(2 * settle):
         twin.read(state, reading)
         law.track(

@@ -1,0 +1,93 @@
+"""What plugins were written with before it had other names: understood for one version, and told."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+import pytest
+
+import itouch.plugin
+from itouch.plugin import Attached, Device, Field, OperatorInput, Record, Role, Twin, temperature
+
+
+class Older(Device):
+    """A block whose twin learns the room's temperature, as it was written a version ago."""
+
+    class Params:
+        """Nothing."""
+
+    reads = (temperature("block", Role.OTHER_TEMPERATURE),)
+    led_by = "mouse"
+
+    class Twin(Twin):
+        """A block at the temperature of the room."""
+
+        def stand(self, ambient: float, skin_temperature: float | None) -> None:
+            super().stand(ambient, skin_temperature)
+            self.room = ambient
+
+        def fields(self) -> tuple[Field, ...]:
+            return (Field("temperature", unit="K", doc="temperature of the block"),)
+
+        def reset(self, state: Record, rng: np.random.Generator) -> None:
+            state["temperature"] = self.room
+
+        def step(self, state: Record, command: Record, touch: Any, period: float) -> None:
+            pass
+
+        def read(self, state: Record, reading: Record) -> bool:
+            reading["block"] = state["temperature"]
+            return True
+
+    @classmethod
+    def attached(cls) -> tuple[Attached, ...]:
+        return (Attached("nowhere", False, "it is an example"),)
+
+
+def test_an_older_device_is_found_led_and_stands_in_its_room() -> None:
+    (found,) = Older.discover() or ()
+    assert (found.where, Older.input_source) == ("nowhere", "mouse")
+    twin = Older.Twin(Older.Params())
+    with pytest.warns(DeprecationWarning, match="'stand' is 'set_environment' now"):  # its own call of the base's
+        twin.set_environment(291.0, None)
+    state, reading = Record.of(twin.fields()), Record.of(Field.of(channel) for channel in Older.reads)
+    twin.reset(state, np.random.default_rng(0))
+    assert twin.read(state, reading) and reading["block"] == 291.0
+
+
+def test_what_is_called_otherwise_now_is_told_once_each() -> None:
+    told = " ".join((*Older.outdated, *Older.Twin.outdated))
+    for old, new in (("led_by", "input_source"), ("attached", "discover"), ("stand", "set_environment")):
+        assert told.count(f"'{old}'") == 1 and f"'{new}'" in told
+
+
+def test_old_names_that_are_used_warn_and_are_what_they_were() -> None:
+    with pytest.warns(DeprecationWarning, match="TwinInputs"):
+        assert itouch.plugin.Touch is itouch.plugin.TwinInputs  # type: ignore[attr-defined]
+    with pytest.warns(DeprecationWarning, match="input_source"):
+        assert OperatorInput(led_by="keyboard") == OperatorInput(input_source="keyboard")
+    with pytest.raises(AttributeError, match="no attribute 'Tuch'"):
+        _ = itouch.plugin.Tuch  # type: ignore[attr-defined]
+
+
+def test_new_names_are_reached_by_their_old_ones_from_outside() -> None:
+    class Newer(Older):
+        @classmethod
+        def discover(cls) -> tuple[Attached, ...]:
+            return ()
+
+        class Twin(Older.Twin):
+            def set_environment(self, ambient: float, skin_temperature: float | None) -> None:
+                self.room = ambient + 1.0
+
+    twin = Newer.Twin(Newer.Params())
+    twin.set_environment(290.0, None)
+    assert twin.room == 291.0
+    plain = type("Plain", (Twin,), {"step": lambda *_: None, "read": lambda *_: True})(None)
+    with pytest.warns(DeprecationWarning):
+        plain.stand(290.0, None)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert OperatorInput() == OperatorInput(input_source="")
