@@ -21,7 +21,7 @@ from itouch.monitors.limits import PLATE_FORCE_ABSOLUTE
 from itouch.plugin import Record
 from itouch.plugin.stamps import Stamped
 from itouch.safety import DeviceFaultError, Outcome, SafeSequence, Supervisor, Trip, Witness
-from itouch.safety.blind_retreat import BLIND, LEG, along
+from itouch.safety.blind_retreat import BLIND, HARDER, LEG, along
 from itouch.safety.lifecycle import BACKWARDS, HELD
 from itouch.safety.sequence import RETREAT
 
@@ -100,7 +100,14 @@ class World:
             return False
         reading["pose"] = (0.0, 0.0, math.nan if self.lies else self.top, 1.0, 0.0, 0.0, 0.0)
         felt = self.force if self.feels or not self.lies else math.nan
-        reading["wrench"] = (0.0, 0.0, -felt - 1e-6 * (self.ticks % 2), 0.0, 0.0, 0.0)
+        reading["wrench"] = (
+            0.0,
+            0.0,
+            -felt - 1e-6 * (self.ticks % 2),
+            0.01 * self.ticks,
+            0.0,
+            0.0,
+        )  # a torque is no push
         return True
 
     def move(self) -> None:
@@ -340,6 +347,24 @@ def test_one_that_answers_again_in_the_middle_of_a_leg_goes_further_than_that_le
     assert world.table.way is not None and all(math.isnan(end) for end in world.table.way[1:])
 
 
+def test_forces_that_grow_by_no_more_than_noise_may_do_not_stop_it() -> None:
+    """Exactly so much in each leg."""
+    world = World(still(), tracked=False)
+    goals: set[float] = set()
+
+    def say(reading: Record) -> bool:
+        goal = world.table.way[1].item() if world.table.way is not None else math.nan
+        goals.update({goal} if not math.isnan(goal) else ())
+        reading["pose"], reading["wrench"] = math.nan, (0.0, 0.0, -HARDER * len(goals), 0.0, 0.0, 0.0)
+        return True
+
+    assert isinstance(world.table.device, Wire)
+    world.table.device.says = say
+    world.stop()
+    assert len(goals) == 3
+    assert world.top == pytest.approx(STOOD - BLIND, abs=3e-4)
+
+
 def found_backwards(tells: float) -> World:
     """Return a world whose table was seen to go the wrong way, and does not tell its place any more after so long."""
     world = World(still(), way=-1.0, wire=1)
@@ -426,6 +451,13 @@ def test_what_is_held_blindly_goes_no_further_in_the_next_stop_until_it_was_enab
     assert world.stopped == 0
     world.stop(Trip.SPEED, "arm")
     assert world.top < low - RETREAT
+
+
+def test_a_finger_fits_that_just_moves_as_it_may() -> None:
+    for before, after in ((-1.0, 0.1), (-1.0, -0.4), (-0.6, 0.0), (-1.4, 0.0)):
+        assert along(-1.0, before, 0.0, after)
+    for before, after in ((-1.0, 0.1001), (-1.0, -0.4001), (-0.5999, 0.0), (-1.4001, 0.0)):
+        assert not along(-1.0, before, 0.0, after)
 
 
 def test_a_finger_fits_that_moves_as_it_is_pushed_and_then_stays() -> None:
