@@ -7,7 +7,7 @@ import re
 import pytest
 from listings import DOCS
 
-from itouch.monitors import heat, runaway
+from itouch.monitors import thresholds
 from itouch.plugin import Role
 from itouch.world import limits as has
 
@@ -22,16 +22,16 @@ def celsius(kelvin: float) -> str:
 ROWS = {
     ("T1", "high"): [celsius(value[1]) for value in (has.PLATE_TEMPERATURE, has.PLATE_TRIP, has.PLATE_ABSOLUTE)],
     ("T2", "low"): [celsius(value[0]) for value in (has.PLATE_TEMPERATURE, has.PLATE_TRIP, has.PLATE_ABSOLUTE)],
-    ("T3", "dose"): [celsius(heat.DOSE_FROM), f"{has.DOSE_WARNING / 60:g} CEM43", f"{has.DOSE / 60:g} CEM43"],
+    ("T3", "dose"): [celsius(thresholds.DOSE_FROM), f"{has.DOSE_WARNING / 60:g} CEM43", f"{has.DOSE / 60:g} CEM43"],
     ("T4", "contact"): [f"{has.CONTACT_TIME:g} s", f"{has.CONTACT_TIME_LONGEST:g} s", f"{has.CONTACT_TIME_TRIP:g} s"],
     ("T4c", "below"): [celsius(has.COLD_FROM), f"{has.COLD_TIME:g} s"],
     ("T5", "rate"): [f"{has.PLATE_RATE:g} K/s", f"{2 * has.PLATE_RATE:g} K/s"],
     ("T6", "flux"): [f"{has.FLUX / 1e3:g} kW/m²", f"{has.FLUX / 1e3 * 4 / 3:g} kW/m²"],
     ("T7", "sink"): [celsius(value) for value in (has.SINK, has.SINK_TRIP, has.SINK_ABSOLUTE)],
-    ("T8", "sensors"): [f"step of {heat.STEP:g} K", f"same for {runaway.FROZEN:g} s"],
+    ("T8", "sensors"): [f"step of {thresholds.STEP:g} K", f"same for {thresholds.FROZEN:g} s"],
     ("T9", "drive"): [
-        f"{runaway.RUNAWAY_DRIVE * 100:g} %", f"{runaway.RUNAWAY_WRONG:g} K against", f"{runaway.RUNAWAY_STILL:g} K",
-        f"{runaway.RUNAWAY_TIME:g} s",
+        f"{thresholds.RUNAWAY_DRIVE * 100:g} %", f"{thresholds.RUNAWAY_WRONG:g} K against", f"{thresholds.RUNAWAY_STILL:g} K",
+        f"{thresholds.RUNAWAY_TIME:g} s",
     ],
     ("K1", "force of an arm"): [f"{has.FORCE:g} N"],
     ("K2", "speed"): [f"{has.ARM_SPEED:g} m/s", f"{has.ARM_SPEED_TRIP:g} m/s"],

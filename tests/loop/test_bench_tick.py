@@ -15,7 +15,8 @@ from itouch_tools.cli import main
 def test_the_command_prints_its_figures(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["bench", "tick", "--ticks", "60", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert 0.0 < found["compiled_us"] < found["tick_us"]["p50"] <= found["tick_us"]["p99"]
+    assert found["compiled_us"] > 0.0  # how long a tick takes beside it is no matter of a test: machines are shared
+    assert 0.0 < found["tick_us"]["p50"] <= found["tick_us"]["p99"]
     assert 0 < found["joined_steps"] == found["steps"]  # nothing of it is Python
     assert main(["bench", "tick", "--ticks", "30"]) == 0
     assert "compiled steps" in capsys.readouterr().out

@@ -13,7 +13,7 @@ from test_withdrawn_plate import HEAT, SCENE
 
 import itouch
 from itouch.loop import steps
-from itouch.safety import DeviceFaultError, Panel
+from itouch.safety import DeviceFaultError, DeviceMonitors
 
 #: What goes wrong.
 FAULTS = {
@@ -51,7 +51,7 @@ def test_supervision_is_the_same_both_ways(fault: str, tmp_path: Path, monkeypat
     compiled = told(path)
     monkeypatch.setattr(steps, "bound_supervision", lambda *given: ())
     monkeypatch.setattr(steps, "bound_together", lambda *given: None)
-    monkeypatch.setattr(Panel, "heats", ())
+    monkeypatch.setattr(DeviceMonitors, "heats", ())
     python = told(path)
     assert compiled[1] == python[1]
     assert bool(compiled[1]) is (fault != "nothing")

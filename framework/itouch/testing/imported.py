@@ -11,6 +11,7 @@ from itouch.testing.checks import CheckError, NotApplicableError, check
 _WATCH = """
 import sys
 sys.path[:0] = {path!r}
+sys.dont_write_bytecode = True  # what Python itself would write is not the plugin's doing
 import itouch.plugin, itouch.testing
 from itouch.testing.process_state import Surroundings, open_files
 import importlib, threading
@@ -24,7 +25,8 @@ def watch(event, words):
     if event == "open" and isinstance(words[1], str) and set(words[1]) & set("wax+"):
         if "__pycache__" not in str(words[0]):
             seen.append("it writes " + str(words[0]))
-for name, function in (("usb.core", "find"), ("serial", "Serial"), ("serial", "serial_for_url")):
+for name, function in (("usb.core", "find"), ("serial", "Serial"), ("serial", "serial_for_url"),
+                       ("serialx", "Serial"), ("serialx", "serial_for_url")):
     try:
         library = importlib.import_module(name)
     except ImportError:
