@@ -53,12 +53,13 @@ class World:
     def __init__(
         self, hand: Motion, *, way: float = 1.0, wire: int = 5, phase: int = 0, stiffness: float = 300.0,
         tracked: bool = True, feels: bool = False, behind: int = 2, takes: dict[str, float] | None = None,
-        speed: float = 0.25,
+        speed: float = 0.25, leaves: int | None = None,
     ) -> None:  # fmt: skip
         kind = type("Kind", (Wire,), takes or {"every": wire})
         limits = replace(LIMITS, speed=speed)
         models = [model(ARM, name="arm", cls=Wire), model(TABLE, name="table", cls=kind, limits=limits)]
-        self.state = state(*models)
+        self.state = state(*models, wire=leaves is not None)
+        self.leaves, self.sent_since = leaves, [STOOD] * ((leaves or 0) + 1)
         self.all = [Supervisor(one, self.state, PERIOD, device=one.cls(None)) for one in models]
         self.arm, self.table = self.all
         self.hand, self.way, self.wire, self.stiffness, self.feels = hand, way, wire, stiffness, feels
@@ -112,6 +113,10 @@ class World:
 
     def move(self) -> None:
         self.ticks += 1
+        if self.leaves is not None:  # a wire that tells so many ticks later that a command has left
+            self.sent_since = [*self.sent_since[1:], self.table.sent["pose_target"][2].item()]
+            self.state["table.gone"].reshape(-1, 4)[0] = (self.ticks - self.leaves, 0.0, 0.0, self.sent_since[0])
+            self.state["table.goings"] = 1
         if not (self.ticks + self.phase) % self.wire:
             sent = self.table.sent["pose_target"][2].item()
             self.top += self.way * (sent - self.obeyed)
@@ -472,3 +477,15 @@ def test_a_finger_fits_that_moves_as_it_is_pushed_and_then_stays() -> None:
     assert not along(leg, 0.01, 0.0082, 0.0082)  # it has followed
     assert along(-leg, 0.01, 0.0082, 0.0082)
     assert not along(leg, math.nan, 0.0118, 0.0118)
+
+
+def test_a_leg_is_judged_when_its_last_command_is_known_to_have_left() -> None:
+    """A wire that tells late makes each leg later by as much, and no leg another one."""
+    known, late = World(still()), World(still(), leaves=60)
+    for world in (known, late):
+        world.stop()
+        assert world.stopped == HELD
+        assert world.top <= STOOD - RETREAT
+    second = [next(tick for tick, top in enumerate(one.tops) if top < STOOD - 1.5 * LEG) for one in (known, late)]
+    assert second[1] >= second[0] + 40
+    assert late.ways == known.ways

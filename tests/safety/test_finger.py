@@ -139,6 +139,25 @@ def test_touching_one_plate_and_then_another_is_one_contact() -> None:
         assert data[f"{name}.surface.withdrawn"].item() == 1
 
 
+def test_what_the_compiled_clock_has_found_is_told_of_the_plate_it_found_it_of() -> None:
+    data, (one, two), finger = hand({"one": TABLE, "two": TABLE})
+    finger.check(1)
+    finger.told(2)  # nothing was found
+    surface = two.device_monitors.surface
+    assert surface is not None
+    surface.said[0] = -float(Trip.CONTACT_TIME)
+    data["two.surface.contact_time"] = 60.0
+    with pytest.raises(DeviceFaultError, match="has been touched for") as caught:
+        finger.told(3)
+    assert (caught.value.device, caught.value.trip) == ("two", Trip.CONTACT_TIME)
+
+
+def test_a_hand_without_surfaces_has_nothing_to_tell_of_them() -> None:
+    _, (one,), finger = hand({"one": PLATE})
+    finger.told(1)
+    one.device_monitors.told_of_contact(1)
+
+
 def test_a_plate_that_is_touched_for_too_long_trips_whichever_it_is() -> None:
     data, _, finger = hand({"one": TABLE, "two": TABLE})
     finger.check(1)

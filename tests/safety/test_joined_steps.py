@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -12,7 +13,17 @@ from parts import ARM, PERIOD, PLATE, TABLE, Channels, Fake, FakeTwin, Slow, mod
 from itouch.compiling import kernel
 from itouch.joining import SKIP
 from itouch.monitors import DeviceFaultError, Surface
-from itouch.plugin import Bound, Record, current, plate_temperature, temperature_target, wrench
+from itouch.plugin import (
+    Bound,
+    Moment,
+    Monitor,
+    Record,
+    Watched,
+    current,
+    plate_temperature,
+    temperature_target,
+    wrench,
+)
 from itouch.plugin.stamps import Stamped
 from itouch.safety import Finger, Supervisor
 from itouch.safety.monitor_step import LOOK, TOLD
@@ -35,12 +46,14 @@ def _copy(source: np.ndarray, target: np.ndarray) -> int:
 class Bench:
     """Two supervisors of twins that read the same; one is run by its Python, one by what joins."""
 
-    def __init__(self, channels: Channels, cls: type[Fake] = Fake) -> None:
+    def __init__(self, channels: Channels, cls: type[Fake] = Fake, offered: Sequence[type[Monitor]] = ()) -> None:
         self.source = np.zeros(40)
-        self.one, self.other = (self._make(channels, cls) for _ in range(2))
+        self.one, self.other = (self._make(channels, cls, offered) for _ in range(2))
 
-    def _make(self, channels: Channels, cls: type[Fake]) -> tuple[DeviceModel, Record, Supervisor]:
-        made = model(channels, twin=True, cls=cls)
+    def _make(
+        self, channels: Channels, cls: type[Fake], offered: Sequence[type[Monitor]]
+    ) -> tuple[DeviceModel, Record, Supervisor]:
+        made = model(channels, twin=True, cls=cls, offered=offered)
         memory, twin = state(made), Reading(self.source)
         found = Supervisor(made, memory, PERIOD, twin=twin)
         found.reset()
@@ -275,3 +288,40 @@ def test_what_was_bound_before_a_twin_was_replaced_leaves_every_reading_to_pytho
     assert due() == 0
     joined.twin = Reading(bench.source)
     assert due() == 1
+
+
+class TooWarm(Monitor):
+    """A stranger's monitor, on the clock: it trips on a plate of more than 305 K."""
+
+    name = "too-warm"
+    trips: ClassVar[dict[int, str]] = {1: "the warmth"}
+
+    @classmethod
+    def of(cls, device: Watched) -> Iterator[Monitor]:
+        yield cls(device)
+
+    def check(self, state: Record, reading: Record, sent: Record, moment: Moment) -> float:
+        return -1.0 if reading["plate_temperature"].item() > 305.0 else 1.0
+
+
+def test_a_stranger_s_monitor_is_asked_by_python_and_trips_as_it_does_there() -> None:
+    bench, said = Bench(PLATE, offered=[TooWarm]), ""
+    for tick in range(1, 400):
+        bench.say([300.0 + 0.02 * tick, 300.0, 0.0])
+        said = said or bench.tick(tick)
+        if said:
+            break
+    assert "stopped by the warmth" in said
+    assert 250 <= tick <= 261  # the clock looks each 10 ms
+
+
+def test_the_goal_that_a_wire_is_known_to_have_taken_is_the_newest() -> None:
+    made = model(TABLE, name="it")
+    memory = state(made, wire=True)
+    supervisor = Supervisor(made, memory, PERIOD)
+    assert supervisor.gone_to is None  # none yet
+    for count in range(1, 20):
+        memory["it.gone"].reshape(-1, 4)[(count - 1) % 8] = (count, 0.0, 0.0, 0.001 * count)
+        memory["it.goings"] = count
+        assert supervisor.gone_to == 0.001 * count
+    assert Supervisor(made, state(made), PERIOD).gone_to is None  # no wire

@@ -305,6 +305,17 @@ class DeviceMonitors:
         if found < 0.0:
             self.told_at(post, tick)
 
+    def told_of_contact(self, tick: int) -> None:
+        """Act upon what the compiled clock of T4 has found of the surface that the device carries; none: nothing.
+
+        Raises
+        ------
+        DeviceFaultError
+            If it was touched for too long.
+        """
+        if self.surface is not None:
+            self.told_at(self.surface, tick)
+
     def told_at(self, post: InstalledMonitor, tick: int) -> None:
         """Act upon what a compiled look of a monitor has found in a tick.
 

@@ -127,8 +127,7 @@ class Finger:
             If the surface was touched for too long.
         """
         for table in self.tables:
-            if table.device_monitors.surface is not None:
-                table.device_monitors.told_at(table.device_monitors.surface, tick)
+            table.device_monitors.told_of_contact(tick)
 
     def leave(self, arm: Supervisor) -> None:
         """Leave an arm what the other arms have not taken either, just before it is sent its force."""
