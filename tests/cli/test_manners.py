@@ -232,6 +232,7 @@ def test_help_says_of_each_command_what_it_does() -> None:
         (("run", FIRST, "--headless", "--film", "x.mp4"), "film", "av"),
         (("reproduce", "-o", "out"), "plot", "matplotlib"),
         (("report", "x.mcap", "-o", "x.html"), "report", "jinja2"),
+        (("test-plugin", "usb-arm"), "test", "pytest"),
     ],
 )
 def test_missing_extras_are_told_before_the_work(

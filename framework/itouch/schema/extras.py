@@ -18,6 +18,7 @@ EXTRAS: dict[str, tuple[str, tuple[str, ...]]] = {
     "web": ("browsers", ("viser",)),
     "ros": ("bags of ROS", ("rosbags",)),
     "ros2": ("ROS 2", ("zenoh_ros2_sdk", "rosbags")),
+    "test": ("the conformance suite", ("pytest",)),
     "lsl": ("Lab Streaming Layer", ("pylsl",)),
 }
 

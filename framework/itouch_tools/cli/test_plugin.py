@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from itouch.schema import ItouchError
+from itouch.schema.extras import need
 from itouch_tools.cli.arguments import Parser, add_json, as_json
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--emulator", action="store_true", help="run the driver on the plugin's emulator, too")
     add_json(parser)
     options = parser.parse_args(argv)
+    need("test")
     with cards(options.json):
         return _examine(options)
 
