@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as some
+from numba.core.errors import TypingError
 from numpy.typing import NDArray
 
 from itouch.compiling import kernel
-from itouch.joining import Chain, can_join
+from itouch.joining import Chain, can_join, runner
 from itouch.plugin import Bound
 
 Floats = NDArray[np.float64]
@@ -115,3 +116,29 @@ def test_rehearsing_changes_nothing() -> None:
     total = np.zeros(1)
     Bound(_add, total, np.ones((2, 2)), 1.0).warm_up()
     assert total[0] == 0.0
+
+
+@kernel
+def _sum_into(rows: Floats, out: Floats) -> int:
+    out[0] = rows.sum()
+    return 0
+
+
+@kernel
+def _spoil(rows: Floats) -> int:
+    rows[0] = 1.0
+    return 0
+
+
+@pytest.mark.skipif(not can_join(), reason="compiling is switched off")
+def test_what_is_read_only_stays_so_where_calls_are_joined() -> None:
+    """One type for both ways of calling: nothing is compiled twice, and nothing writes what a model holds."""
+    fixed, out = np.arange(4.0), np.zeros(1)
+    fixed.setflags(write=False)
+    run = runner((Bound(_sum_into, fixed, out),))
+    assert run() == -1 and out[0] == 6.0
+    assert _sum_into(fixed, out) == 0
+    assert len(_sum_into.signatures) == 1
+    with pytest.raises(TypingError, match="readonly"):
+        runner((Bound(_spoil, fixed),))
+    assert fixed.tolist() == [0.0, 1.0, 2.0, 3.0]
