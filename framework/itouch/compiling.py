@@ -3,8 +3,10 @@
 Numba keeps compiled functions on disk and compiles one anew when its own file has changed.  What it calls in other
 files, and the constants that it takes from there, are compiled into it, but nobody looks whether they have changed:
 after an upgrade in place old code could go on running.  Here the key of what is kept has a fingerprint of all that a
-function is made of, so that what fits no more is not found, and is compiled again.  What is not found among the
-kernels that were kept is looked for among those that came with the program (see ``shipped``).
+function is made of, so that what fits no more is not found, and is compiled again.  As the fingerprint alone decides,
+kernels lie in the user's own folder, for all environments of Python and all copies of the sources; where that can't be
+written, or others can write it, they lie where Numba would put them.  What is not found among the kernels that were
+kept is looked for among those that came with the program (see ``shipped``).
 """
 
 # ruff: noqa: SLF001  - Numba's stores have no public way in
@@ -12,17 +14,18 @@ kernels that were kept is looked for among those that came with the program (see
 from __future__ import annotations
 
 import contextlib
+import glob
 import hashlib
 import os
-from collections.abc import Callable, Iterator
-from functools import lru_cache
+import sys
+import time
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
-from types import CodeType, FunctionType, ModuleType
 from typing import Any, TypeVar, cast
 
-import numpy as np
-
-from itouch import shipped
+from itouch import caches, shipped
+from itouch.fingerprint import fingerprint
 
 shipped.choose_processor()
 
@@ -31,8 +34,14 @@ from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataC
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
-#: Packages whose functions are told by their names: Numba looks after its own version.
-_OUTSIDE = frozenset(("builtins", "llvmlite", "math", "numba", "numpy"))
+#: Names another folder for compiled kernels, or switches the user's off.
+SWITCH = "ITOUCH_KERNELS"
+#: What lists a function's kernels, and what holds one.
+INDEX, DATA = ".nbi", ".nbc"
+#: What compiled kernels may take in the user's folder [bytes]: those of this program and its plugins take some 30 MB.
+CAPACITY = 512_000_000
+#: How long [s] a kernel may be used before that is noted.
+_DAY = 86_400.0
 
 
 def kernel(function: Function) -> Function:
@@ -79,8 +88,97 @@ class _Nowhere(_CacheLocator):
         return cls(py_func.__code__.co_firstlineno)
 
 
+class _Shared(_CacheLocator):
+    """The user's folder: what a function is, not where it lies or when it was written, decides what is found."""
+
+    def ensure_cache_path(self) -> None:
+        """Make nothing: it is made with its first entry."""
+
+    def get_cache_path(self) -> str:
+        return str(folder())
+
+    def get_source_stamp(self) -> str:
+        return "by its fingerprint"
+
+    def get_disambiguator(self) -> str:
+        return "kept"
+
+    @classmethod
+    def from_function(cls, py_func: Any, py_file: str) -> _Shared | None:
+        """Return the place, unless Numba was told another, or it is not this user's alone."""
+        return cls() if _is_usable() else None
+
+
+@cache
+def folder() -> Path | None:
+    """Return the user's folder for compiled kernels, or None where it is switched off or Numba was told another."""
+    return None if os.environ.get("NUMBA_CACHE_DIR") else caches.folder("kernels", SWITCH)
+
+
+@cache
+def _is_usable() -> bool:
+    place = folder()
+    if place is None:
+        return False
+    with contextlib.suppress(OSError):
+        place.mkdir(mode=0o700, parents=True, exist_ok=True)
+    return caches.owned(place) and os.access(place, os.W_OK)
+
+
 class _Impl(CompileResultCacheImpl):
-    _locator_classes: list[Any] = [*CompileResultCacheImpl._locator_classes, _Nowhere]
+    _locator_classes: list[Any] = [_Shared, *CompileResultCacheImpl._locator_classes, _Nowhere]
+
+
+class _Store(IndexDataCacheFile):
+    """What is kept of one function: a list of kernels by their types, and a file for each, named by what it holds.
+
+    Numba numbers the files, and writes the list first: of two processes that compile at once, and of one that finds
+    the list while an older file still lies there, one could take a kernel for another.
+    """
+
+    def __init__(self, place: str, base: str, stamp: str) -> None:
+        of_numba: Any = super().__init__
+        of_numba(place, base, stamp)
+        self._base = base
+
+    def save(self, key: Any, data: Any) -> None:
+        """Write a kernel, then the list; what another process has added to it meanwhile may be compiled once more."""
+        of_numba: Any = self
+        name = f"{self._base}.{hashlib.sha256(of_numba._dump(key)).hexdigest()[:16]}{DATA}"
+        of_numba._save_data(name, data)
+        known = of_numba._load_index()
+        if not known:  # there was none, or it was of other sources
+            for path in Path(of_numba._cache_path).glob(f"{glob.escape(self._base)}.*{DATA}"):
+                if path.name != name:
+                    path.unlink(missing_ok=True)
+        if known.get(key) != name:
+            of_numba._save_index({**known, key: name})
+
+
+class _SharedStore(_Store):
+    """The same in the user's folder: bounded, and what was not used for longest goes first."""
+
+    def _save_data(self, name: str, data: Any) -> None:
+        of_numba: Any = self
+        self._put(name, [of_numba._dump(data)])
+
+    def _save_index(self, overloads: Any) -> None:
+        of_numba: Any = self
+        parts = (self._version, (self._source_stamp, overloads))  # as Numba reads them
+        self._put(self._index_name, [of_numba._dump(part) for part in parts])
+
+    def _put(self, name: str, blocks: list[bytes]) -> None:
+        caches.put(Path(self._cache_path), name, blocks, size=sum(map(len, blocks)), capacity=CAPACITY)
+
+    def _load_data(self, name: str) -> Any:
+        of_numba: Any = super()._load_data
+        found = of_numba(name)
+        with contextlib.suppress(OSError):  # used: it stays
+            path = os.path.join(self._cache_path, name)
+            if os.stat(path).st_mtime < time.time() - _DAY:
+                os.utime(path)
+                os.utime(self._index_path)
+        return found
 
 
 class KernelCache(FunctionCache):
@@ -94,16 +192,33 @@ class KernelCache(FunctionCache):
         of_numba: Any = super().__init__
         of_numba(py_func)
         making = os.environ.get(shipped.MAKING)
-        folder = os.path.join(making or shipped.FOLDER, py_func.__module__)
-        self._shipped = IndexDataCacheFile(folder, self._impl.filename_base, "shipped")
+        place = os.path.join(making or shipped.FOLDER, py_func.__module__)
+        self._base = (
+            f"{py_func.__qualname__.replace('<', '').replace('>', '')}.py{sys.version_info[0]}{sys.version_info[1]}"
+        )
+        self._shipped = IndexDataCacheFile(place, f"{self._base}-{py_func.__code__.co_firstlineno}", "shipped")
         self._making = making is not None
+        self._store: _Store | None = None
 
     def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
         of_numba: Any = super()._index_key
         return (*of_numba(sig, codegen), fingerprint(self._py_func))
 
+    def _kept(self) -> _Store:
+        """Return the store; found when it is first used, as all that a function names is there by then."""
+        if self._store is None:
+            path, stamp = self._cache_path, self._impl.locator.get_source_stamp()
+            if isinstance(self._impl.locator, _Shared):
+                base = f"{self._py_func.__module__}.{self._base}-{fingerprint(self._py_func)[:16]}"
+                self._store = _SharedStore(path, base, stamp)
+            else:
+                self._store = _Store(path, self._impl.filename_base, stamp)
+            self._cache_file = self._store
+        return self._store
+
     def _load_overload(self, sig: Any, target_context: Any) -> Any:
         of_numba: Any = super()._load_overload
+        self._kept()
         try:
             found = of_numba(sig, target_context)
         except Exception:  # damaged, or of types that another version of the program had: pickle raises anything
@@ -118,7 +233,7 @@ class KernelCache(FunctionCache):
     def _forget(self) -> None:
         """Take away the list of what is kept for the function: it is written anew with the next kernel."""
         with contextlib.suppress(OSError):
-            os.unlink(self._cache_file._index_path)
+            os.unlink(self._kept()._index_path)
 
     def _load_shipped(self, sig: Any, target_context: Any) -> Any:
         """Return the kernel that came with the program; None unless its files are the ones that were shipped."""
@@ -134,87 +249,9 @@ class KernelCache(FunctionCache):
     def _save_overload(self, sig: Any, data: Any) -> None:
         if not isinstance(self._impl.locator, _Nowhere):
             of_numba: Any = super()._save_overload
+            self._kept()
             with contextlib.suppress(Exception):  # what is kept cannot be read, nor taken away: it is not kept then
                 of_numba(sig, data)
         if self._making and self._impl.check_cachable(data):
             os.makedirs(self._shipped._cache_path, exist_ok=True)
             self._shipped.save(self._index_key(sig, data.codegen), self._impl.reduce(data))
-
-
-@lru_cache(maxsize=1024)
-def fingerprint(function: Any) -> str:
-    """Return a digest of a function's code, of all that it calls, and of the constants that they take from outside."""
-    found = hashlib.sha256(np.__version__.encode())
-    seen: set[int] = set()
-    waiting: list[Any] = [function]
-    while waiting:
-        value = waiting.pop()
-        for part in _parts(value):
-            if isinstance(part, bytes):
-                found.update(part)
-            elif id(part) not in seen:
-                seen.add(id(part))
-                waiting.append(part)
-    return found.hexdigest()
-
-
-def _parts(value: Any) -> Iterator[Any]:
-    """Yield the bytes that tell what a value is, and the functions that it stands for or uses."""
-    inner = getattr(value, "py_func", None) or getattr(value, "_defn", None)
-    if inner is not None:  # a compiled function, or an intrinsic one
-        yield repr(sorted(getattr(value, "targetoptions", {}).items(), key=str)).encode()
-        yield inner
-    elif isinstance(value, FunctionType):
-        yield f"{value.__module__}.{value.__qualname__}{value.__defaults__}".encode()
-        if value.__module__.partition(".")[0] not in _OUTSIDE:
-            yield from _used(value)
-    elif isinstance(value, np.ndarray):
-        yield f"{value.dtype}{value.shape}".encode() + value.tobytes()
-    elif isinstance(value, tuple):
-        for item in value:
-            yield from _held(item)
-    elif isinstance(value, (int, float, complex, str, bytes, np.generic, type(None))):
-        yield f"{type(value).__name__} {value!r}".encode()
-    else:
-        kind = value if isinstance(value, type) else type(value)
-        yield f"{kind.__module__}.{kind.__qualname__} {getattr(kind, '_fields', '')}".encode()
-
-
-def _used(function: FunctionType) -> Iterator[Any]:
-    """Yield the code of a function, and what its names stand for in its module and in the modules that it names."""
-    names: set[str] = set()
-    yield from _code(function.__code__, names)
-    for cell in function.__closure__ or ():
-        yield from _held(cell.cell_contents)
-    outer = function.__globals__
-    modules = [outer[name] for name in sorted(names) if isinstance(outer.get(name), ModuleType)]
-    for name in sorted(names):
-        if name in outer and not isinstance(outer[name], ModuleType):
-            yield name.encode()
-            yield from _held(outer[name])
-    for module in modules:
-        for name in sorted(names):
-            if module.__name__.partition(".")[0] not in _OUTSIDE and hasattr(module, name):
-                yield f"{module.__name__}.{name}".encode()
-                yield from _held(getattr(module, name))
-
-
-def _held(value: Any) -> Iterator[Any]:
-    """Yield a function to be looked at in its turn, or what tells any other value."""
-    if isinstance(value, FunctionType) or hasattr(value, "py_func") or hasattr(value, "_defn"):
-        yield value
-    else:
-        yield from _parts(value)
-
-
-def _code(code: CodeType, names: set[str]) -> Iterator[bytes]:
-    """Yield the bytes of some code, and of the code inside it; collect the names that it uses."""
-    yield code.co_code
-    names.update(code.co_names)
-    for constant in code.co_consts:
-        if isinstance(constant, CodeType):
-            yield from _code(constant, names)
-        elif isinstance(constant, frozenset):
-            yield repr(sorted(constant, key=repr)).encode()
-        else:
-            yield repr(constant).encode()

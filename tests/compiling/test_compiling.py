@@ -7,6 +7,7 @@ import pickle
 import subprocess
 import sys
 from pathlib import Path
+from types import ModuleType
 
 import campaign
 import pytest
@@ -105,6 +106,105 @@ def test_without_a_place_to_keep_anything_it_is_compiled_every_time(tmp_path: Pa
         assert run(tmp_path, HOME=str(tmp_path / "none"), NUMBA_CACHE_DIR="") == (2.0, 0)
     finally:
         tmp_path.chmod(0o755)
+
+
+def shared(folder: Path, **more: str) -> tuple[float, int]:
+    """Run with what all copies of the sources share; the modules are those of ``folder``."""
+    return run(folder, **{"NUMBA_CACHE_DIR": "", "ITOUCH_KERNELS": str(folder.parent / "shared"), **more})
+
+
+def test_what_one_copy_of_the_sources_compiled_serves_another(tmp_path: Path) -> None:
+    """A new environment, a second checkout, a branch and back: the fingerprint decides, not places and times."""
+    one, other = tmp_path / "one", tmp_path / "other"
+    for folder in (one, other):
+        folder.mkdir()
+        write(folder)
+    assert shared(one) == (2.0, 0)
+    assert shared(other) == (2.0, 1)
+    os.utime(other / "kernels.py", (2e9, 2e9))
+    assert shared(other) == (2.0, 1)
+    write(other, factor="3.0")
+    assert shared(other) == (6.0, 0)
+    assert shared(one) == (2.0, 1)  # each goes on finding its own
+    assert shared(other) == (6.0, 1)
+    assert not list(one.rglob("*.nbc")) + list(other.rglob("*.nbc"))
+    (tmp_path / "shared").chmod(0o777)  # others could have put it there
+    write(other)
+    assert shared(other) == (2.0, 0)
+    assert list(other.rglob("*.nbc"))  # where Numba would keep it
+
+
+NAMED = {
+    "constant": "0.0", "member": "0", "arguments": "x, y", "body": "y - x", "default": "1", "alpha": "0.0", "type": "f8",
+}  # fmt: skip
+NAMING = """
+import enum
+import numpy as np
+from numba import types
+class Kind(enum.IntEnum):
+    LOW = {member}
+CONSTANT, ROW, KIND = {constant}, np.dtype([("a", "{type}")]), types.float64 if "{type}" == "f8" else types.float32
+def inner({arguments}, *, more={default}):
+    return ({body}) * more
+def outer(x):
+    return inner(x=x, y=Kind.LOW) + CONSTANT + package.module.ALPHA + np.zeros(1, ROW)[0].a + KIND(1.0)
+"""
+
+
+@pytest.mark.parametrize("change", [
+    {"constant": "1.5"}, {"member": "7"}, {"arguments": "y, x", "body": "x - y"}, {"default": "2"}, {"alpha": "3.0"},
+    {"type": "f4"},
+], ids=lambda change: next(iter(change)))  # fmt: skip
+def test_whatever_a_function_names_is_in_its_fingerprint(change: dict[str, str]) -> None:
+    """Constants, members of an enumeration, names of arguments, what is named through two modules, dtypes."""
+    from itouch.fingerprint import fingerprint
+
+    def found(words: dict[str, str]) -> str:
+        package, module = ModuleType("package"), ModuleType("package.module")
+        package.module, module.ALPHA = module, float(words["alpha"])  # type: ignore[attr-defined]
+        space = {"__name__": "naming", "package": package}
+        exec(NAMING.format(**words), space)
+        return fingerprint(space["outer"])
+
+    assert found(NAMED) == found(NAMED)
+    assert found(NAMED | change) != found(NAMED)
+
+
+def test_what_is_kept_is_bounded_and_what_was_used_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from itouch import compiling
+
+    place = tmp_path / "kernels"
+    monkeypatch.setattr(compiling, "CAPACITY", 3000)
+    for number in range(6):
+        store = compiling._SharedStore(str(place), f"function{number}", "stamp")
+        store.save(("types", number), b"x" * 900)
+        for path in place.glob(f"function{number}.*"):
+            os.utime(path, (1e9 + number, 1e9 + number))
+        if number == 2:
+            first = compiling._SharedStore(str(place), "function0", "stamp")
+            assert first.load(("types", 0)) == b"x" * 900  # used now, and therefore kept
+    left = sorted(path.name[:9] for path in place.glob("*.nbc"))
+    assert "function0" in left and "function5" in left and len(left) == 3
+    gone = compiling._SharedStore(str(place), "function1", "stamp")
+    assert gone.load(("types", 1)) is None  # listed, and no more there
+
+
+def test_two_that_compile_at_once_never_take_a_kernel_for_another(tmp_path: Path) -> None:
+    """Each has read the list before the other wrote: Numba would call both kernels the first."""
+    from itouch import compiling
+
+    class Late(compiling._Store):
+        def _load_index(self) -> dict[object, str]:
+            return {}
+
+    for kind in (Late, compiling._Store):
+        one, other = kind(str(tmp_path), "function", "stamp"), kind(str(tmp_path), "function", "stamp")
+        one.save("float", b"of floats")
+        other.save("int", b"of integers")
+        read = compiling._Store(str(tmp_path), "function", "stamp")
+        assert read.load("float") in (None, b"of floats")
+        assert read.load("int") == b"of integers"
+    assert read.load("float") == b"of floats"
 
 
 def test_every_kernel_of_the_package_is_kept_with_its_fingerprint() -> None:

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from importlib.util import find_spec
 from pathlib import Path
 
-from itouch import caches
+from itouch import caches, compiling
 from itouch_tools.cli.doctor.finding import Finding
 
 _KERNELS = (".nbi", ".nbc")
@@ -25,7 +25,8 @@ def compile_cache() -> Finding:
     if not count:
         found = "empty: the first start compiles for some 20 s"
         return Finding("compile cache", "note", found, "itouch-py demo fills it")
-    return Finding("compile cache", "ok", f"{count} kernels in {'NUMBA_CACHE_DIR' if chosen else 'the package'}")
+    where = "NUMBA_CACHE_DIR" if chosen else f"'{folders[0]}'"
+    return Finding("compile cache", "ok", f"{count} kernels in {where}")
 
 
 def kept_results() -> Finding:
@@ -64,12 +65,14 @@ def kernels() -> list[Path]:
 
 
 def kernel_folders() -> list[Path]:
-    """Return where compiled kernels are kept: of the framework, and of the packages of plugins."""
+    """Return where compiled kernels are kept: the user's folder first, then those of the packages."""
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     if chosen:
         return [Path(chosen)]
+    shared = compiling.folder()
+    first = [shared] if shared is not None and caches.owned(shared) else []
     places = [spec.submodule_search_locations for name in _packages() if (spec := find_spec(name)) is not None]
-    return [Path(place) for found in places for place in found or ()]
+    return first + [Path(place) for found in places for place in found or ()]
 
 
 def _packages() -> list[str]:

@@ -1,0 +1,111 @@
+"""The fingerprint of a compiled function: a digest of its code, of all that it calls, and of the constants they take.
+
+Equal fingerprints mean equal machine code for equal types of arguments on one kind of processor, wherever the files
+lie and whenever they were written: what was compiled for one environment of Python serves another.
+"""
+
+from __future__ import annotations
+
+import enum
+import hashlib
+from collections.abc import Iterator
+from functools import lru_cache
+from types import CodeType, FunctionType, ModuleType
+from typing import Any
+
+import numpy as np
+
+#: Packages whose functions are told by their names: Numba looks after its own version.
+_OUTSIDE = frozenset(("builtins", "llvmlite", "math", "numba", "numpy"))
+
+
+@lru_cache(maxsize=1024)
+def fingerprint(function: Any) -> str:
+    """Return a digest of a function's code, of all that it calls, and of the constants that they take from outside."""
+    found = hashlib.sha256(np.__version__.encode())
+    seen: set[int] = set()
+    waiting: list[Any] = [function]
+    while waiting:
+        value = waiting.pop()
+        for part in _parts(value):
+            if isinstance(part, bytes):
+                found.update(part)
+            elif id(part) not in seen:
+                seen.add(id(part))
+                waiting.append(part)
+    return found.hexdigest()
+
+
+def _parts(value: Any) -> Iterator[Any]:
+    """Yield the bytes that tell what a value is, and the functions that it stands for or uses."""
+    inner = getattr(value, "py_func", None) or getattr(value, "_defn", None)
+    if inner is not None:  # a compiled function, or an intrinsic one
+        yield repr(sorted(getattr(value, "targetoptions", {}).items(), key=str)).encode()
+        yield inner
+    elif isinstance(value, FunctionType):
+        yield f"{value.__module__}.{value.__qualname__}{value.__defaults__}{value.__kwdefaults__}".encode()
+        if value.__module__.partition(".")[0] not in _OUTSIDE:
+            yield from _used(value)
+    elif isinstance(value, np.ndarray):
+        yield f"{value.dtype}{value.shape}".encode() + value.tobytes()
+    elif isinstance(value, tuple):
+        for item in value:
+            yield from _held(item)
+    elif isinstance(value, (int, float, complex, str, bytes, np.generic, np.dtype, type(None))):
+        yield f"{type(value).__name__} {value!r}".encode()
+    elif isinstance(value, type) and issubclass(value, enum.Enum):
+        yield f"{value.__module__}.{value.__qualname__} {[(each.name, each.value) for each in value]}".encode()
+    elif type(value).__module__.startswith("numba.core.types"):
+        yield repr(value).encode()
+    else:
+        kind = value if isinstance(value, type) else type(value)
+        yield f"{kind.__module__}.{kind.__qualname__} {getattr(kind, '_fields', '')}".encode()
+
+
+def _used(function: FunctionType) -> Iterator[Any]:
+    """Yield the code of a function, and what its names stand for in its module and in the modules that it names."""
+    names: set[str] = set()
+    yield from _code(function.__code__, names)
+    for cell in function.__closure__ or ():
+        yield from _held(cell.cell_contents)
+    outer = function.__globals__
+    modules = [outer[name] for name in sorted(names) if isinstance(outer.get(name), ModuleType)]
+    for name in sorted(names):
+        if name in outer and not isinstance(outer[name], ModuleType):
+            yield name.encode()
+            yield from _held(outer[name])
+    seen = set()
+    while modules:  # also those that are named through another: package.module.constant
+        module = modules.pop()
+        if module.__name__.partition(".")[0] in _OUTSIDE or module.__name__ in seen:
+            continue
+        seen.add(module.__name__)
+        for name in sorted(names):
+            value = getattr(module, name, None)
+            if isinstance(value, ModuleType):
+                modules.append(value)
+            elif hasattr(module, name):
+                yield f"{module.__name__}.{name}".encode()
+                yield from _held(value)
+
+
+def _held(value: Any) -> Iterator[Any]:
+    """Yield a function to be looked at in its turn, or what tells any other value."""
+    if isinstance(value, FunctionType) or hasattr(value, "py_func") or hasattr(value, "_defn"):
+        yield value
+    else:
+        yield from _parts(value)
+
+
+def _code(code: CodeType, names: set[str]) -> Iterator[bytes]:
+    """Yield the bytes of some code, and of the code inside it; collect the names that it uses."""
+    yield code.co_code
+    yield f"{code.co_argcount} {code.co_kwonlyargcount} {code.co_varnames}".encode()  # a caller may name its arguments
+    names.update(code.co_names)
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _code(constant, names)
+        elif isinstance(constant, frozenset):
+            yield repr(sorted(constant, key=repr)).encode()
+        else:
+            yield repr(constant).encode()
