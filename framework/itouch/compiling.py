@@ -19,10 +19,11 @@ import hashlib
 import os
 import sys
 import time
+import weakref
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, ClassVar, TypeVar, cast
 
 from itouch import caches, shipped
 from itouch.fingerprint import fingerprint
@@ -187,6 +188,7 @@ class KernelCache(FunctionCache):
     _impl_class = _Impl
     #: How many kernels this process did not find, and compiles.
     missed = 0
+    _prepared: ClassVar[weakref.WeakSet[Any]] = weakref.WeakSet()
 
     def __init__(self, py_func: Any) -> None:
         of_numba: Any = super().__init__
@@ -199,6 +201,21 @@ class KernelCache(FunctionCache):
         self._shipped = IndexDataCacheFile(place, f"{self._base}-{py_func.__code__.co_firstlineno}", "shipped")
         self._making = making is not None
         self._store: _Store | None = None
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return what is kept of a function for these types, or None.
+
+        Numba brings the compiler's lists up to date at each look, which takes more than what is found.  Code that was
+        compiled needs them to be there; whoever compiles brings them up to date.
+        """
+        if target_context not in KernelCache._prepared:
+            KernelCache._prepared.add(target_context)
+            of_numba: Any = super().load_overload
+            return of_numba(sig, target_context)
+        found, guard = None, cast(Any, self._guard_against_spurious_io_errors)
+        with guard():  # Numba passes over some errors of the disk
+            found = self._load_overload(sig, target_context)
+        return found
 
     def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
         of_numba: Any = super()._index_key

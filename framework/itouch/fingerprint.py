@@ -26,14 +26,37 @@ def fingerprint(function: Any) -> str:
     seen: set[int] = set()
     waiting: list[Any] = [function]
     while waiting:
-        value = waiting.pop()
-        for part in _parts(value):
-            if isinstance(part, bytes):
-                found.update(part)
-            elif id(part) not in seen:
+        digest, uses = _own(_Same(waiting.pop()))
+        found.update(digest)
+        for part in uses:
+            if id(part) not in seen:
                 seen.add(id(part))
                 waiting.append(part)
     return found.hexdigest()
+
+
+class _Same:
+    """A value that is equal to itself alone: what a function is made of may not be hashable."""
+
+    def __init__(self, value: Any) -> None:
+        self.value = value
+
+    def __hash__(self) -> int:
+        return id(self.value)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and other.value is self.value
+
+
+@lru_cache(maxsize=8192)  # functions share most of what they call
+def _own(value: _Same) -> tuple[bytes, tuple[Any, ...]]:
+    """Return a digest of what a function itself is, and the functions that it uses."""
+    parts = list(_parts(value.value))
+    digest = hashlib.sha256()
+    for part in parts:
+        if isinstance(part, bytes):
+            digest.update(len(part).to_bytes(8, "little") + part)
+    return digest.digest(), tuple(part for part in parts if not isinstance(part, bytes))
 
 
 def _parts(value: Any) -> Iterator[Any]:
