@@ -27,6 +27,7 @@ print(mutation.survives(control, tests, 100.0), mutation.survives(changed, tests
 """
 
 
+@pytest.mark.long
 def test_a_guard_that_clamps_the_wrong_way_is_noticed() -> None:
     code = BY_HAND.format(
         here=str(HERE), old="kept = min(max(values[i], low), high)", new="kept = max(min(values[i], low), high)"

@@ -10,6 +10,7 @@ import sys
 import time
 from pathlib import Path
 
+import campaign
 import pytest
 from program import program as run
 from shipped import SCENES
@@ -131,7 +132,7 @@ def test_devices_lists_what_is_installed_and_names_what_failed(tmp_path: Path) -
     assert "xyz-table" in done.stdout
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", campaign.some([signal.SIGTERM, signal.SIGINT], 1))
 def test_a_signal_ends_safely_with_the_report(tmp_path: Path, number: signal.Signals) -> None:
     report, recording = tmp_path / "r.json", tmp_path / "r.mcap"
     words = [FIRST, "--pace", "real", "--for", "60 s", "--report", str(report), "--record", str(recording)]

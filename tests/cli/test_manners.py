@@ -16,6 +16,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import campaign
 import pytest
 from program import program as run
 from shipped import SCENES
@@ -77,7 +78,7 @@ def lines_on_screen(text: str) -> Iterator[str]:
             yield piece
 
 
-@pytest.mark.parametrize("columns", [80, 120])
+@pytest.mark.parametrize("columns", campaign.some([80, 120], 1))
 def test_the_live_line_never_wraps(columns: int) -> None:
     terminal = Terminal(str(SCENES / "two_fingers.xml"), "--headless", "--for", "1.2s", columns=columns)
     assert terminal.end() == 0, terminal.text
@@ -116,7 +117,9 @@ def test_a_run_whose_reader_goes_ends_safely_with_its_report_and_session(tmp_pat
     assert kept.stat().st_size > 1000
 
 
-@pytest.mark.parametrize(("hears", "pace"), [(True, "real"), (False, "fast")], ids=["hung up", "only closed"])
+@pytest.mark.parametrize(
+    ("hears", "pace"), campaign.some([(True, "real"), (False, "fast")], 1), ids=["hung up", "only closed"]
+)
 def test_a_terminal_that_is_closed_ends_a_run_safely(tmp_path: Path, hears: bool, pace: str) -> None:
     report = tmp_path / "r.json"
     terminal = Terminal(FIRST, "--headless", "--pace", pace, "--for", "600s", "--report", str(report), owns=hears)

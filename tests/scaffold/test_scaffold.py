@@ -17,7 +17,8 @@ from itouch_tools.scaffold import make_plugin, make_scene
 from itouch_tools.scaffold.plugin import KINDS, TRANSPORTS
 
 #: Each kind and each transport is finished once in the short form; all of them together in the long one.
-COMBINATIONS = [pytest.param("device", "serial", marks=pytest.mark.long), ("both", "tcp")]
+#: In the long form: CI goes the same way with the built wheel (.ci/kit_from_wheel.sh).
+COMBINATIONS = [pytest.param(*each, marks=pytest.mark.long) for each in (("device", "serial"), ("both", "tcp"))]
 _SHORT = {("device", "serial"), ("modality", "none"), ("both", "usb"), ("device", "tcp")}
 ALL = [
     pytest.param(kind, how, marks=() if (kind, how) in _SHORT else pytest.mark.long)

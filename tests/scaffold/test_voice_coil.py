@@ -34,6 +34,7 @@ def run(site: Path, folder: Path, *words: str) -> str:
     return done.stdout
 
 
+@pytest.mark.long  # as are the next: CI walks through the tutorial with the built wheel
 def test_its_own_tests_pass(site, tmp_path):
     shutil.copytree(COIL / "tests", tmp_path / "tests")
     shutil.copytree(COIL / "scenes", tmp_path / "scenes")
@@ -45,6 +46,7 @@ def test_its_own_tests_pass(site, tmp_path):
     assert "errors-come-through" in said and "TestVoiceCoilRender" in said
 
 
+@pytest.mark.long
 def test_it_is_recorded_and_replayed_without_a_difference(site, tmp_path):
     run(site, tmp_path, "itouch_tools.cli", str(SCENE), "--headless", "--record", "slide.mcap")
     assert "0 mismatches" in run(site, tmp_path, "itouch_tools.cli", "replay", "slide.mcap")

@@ -10,6 +10,7 @@ import sys
 import time
 from pathlib import Path
 
+import campaign
 import pytest
 from program import program as run
 from shipped import SCENES
@@ -35,7 +36,7 @@ def test_real_pace_writes_the_report_and_the_session(tmp_path: Path) -> None:
     assert f"saved {session}" in done.stdout
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
+@pytest.mark.parametrize("number", campaign.some([signal.SIGHUP, signal.SIGINT], 1))
 def test_signals_end_a_session_in_real_time_with_a_report(tmp_path: Path, number: signal.Signals) -> None:
     report = tmp_path / "r.json"
     words = [FIRST, "--headless", "--pace", "real", "--for", "60s", "--report", str(report)]

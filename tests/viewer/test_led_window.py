@@ -98,8 +98,8 @@ GAMEPAD = {
     ("plugin", "way", "scripts"),
     [
         ("mouse", 'step="0.2 mm"', MOUSE),
-        ("keyboard", 'speed="50 mm/s"', KEYBOARD),
-        ("gamepad", 'speed="50 mm/s"', GAMEPAD),
+        pytest.param("keyboard", 'speed="50 mm/s"', KEYBOARD, marks=pytest.mark.long),
+        pytest.param("gamepad", 'speed="50 mm/s"', GAMEPAD, marks=pytest.mark.long),
     ],
 )
 def test_a_person_leads_the_finger(plugin, way, scripts, screen, tmp_path):

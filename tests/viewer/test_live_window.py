@@ -24,6 +24,8 @@ pyglet.options.audio = ("silent",)
 from pyglet.window import key
 from itouch.servo import attach
 from itouch_tools.viewer.offscreen import open_window
+from itouch_tools.viewer.window import Window
+Window.__init__.__kwdefaults__.update(width=640, height=400)  # a quarter of what software would have to draw
 def begin(scene):
     global handle, window, situation
     handle = itouch.launch(scene, linger=True)

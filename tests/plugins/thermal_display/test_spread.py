@@ -39,6 +39,7 @@ def disc(radius, conductivity, diffusivity, time):
     return 2.0 * radius / conductivity * float((bessel**2 * reach / steps**2).sum()) * 0.02
 
 
+@pytest.mark.long
 def test_a_disc_warms_a_half_space_as_is_known():
     """A contact of 1 K m2/W makes the flux the same all the time.
 
