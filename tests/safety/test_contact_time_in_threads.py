@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from pathlib import Path
 from typing import ClassVar
@@ -74,18 +75,52 @@ class Slab(Device):
         return True
 
 
-@pytest.mark.parametrize("every", campaign.some([0.020, 0.007, 0.023], 1))
-def test_the_clock_of_contact_is_the_walls(tmp_path: Path, every: float) -> None:
-    table = type("Slab", (Slab,), {"touches": [], "period": every})
-    (tmp_path / "s.xml").write_text(SCENE, encoding="utf-8")
-    with itouch.build(tmp_path / "s.xml", catalog=catalog({"arm": Arm, "table": table}), clock=WallClock()) as session:
+class Stalls:
+    """The longest that this machine kept a thread waiting that wanted to run every 5 ms [s]."""
+
+    def __enter__(self) -> Stalls:
+        self.longest, self._over = 0.0, threading.Event()
+        self._thread = threading.Thread(target=self._watch)
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
+        self._thread.join()
+
+    def _watch(self) -> None:
+        before = time.monotonic()
+        while not self._over.wait(0.005):
+            now = time.monotonic()
+            self.longest, before = max(self.longest, now - before), now
+
+
+def touched(scene: Path, table: type[Slab]) -> list[tuple[float, float, int]]:
+    """Run the touch; return the wall's time, T4's clock and whether the plate is withdrawn, a row a tick."""
+    clock: list[tuple[float, float, int]] = []
+    with itouch.build(scene, catalog=catalog({"arm": Arm, "table": table}), clock=WallClock()) as session:
         session.enable()
-        clock: list[tuple[float, float, int]] = []
         told = session.state["slab.surface.contact_time"], session.state["slab.surface.withdrawn"]
         session.run(4.0, each=lambda: clock.append((time.monotonic(), told[0].item(), told[1].item())))
-    begin = next(now for now, touched in table.touches if touched)
-    end = next(now for now, touched in table.touches if now > begin and not touched)
-    again = next((now for now, touched in table.touches if now > end and touched), end + 4.0)
+    return clock
+
+
+@pytest.mark.parametrize("every", campaign.some([0.020, 0.007, 0.023], 1))
+def test_the_clock_of_contact_is_the_walls(tmp_path: Path, every: float) -> None:
+    (tmp_path / "s.xml").write_text(SCENE, encoding="utf-8")
+    for tries in range(5):
+        table = type("Slab", (Slab,), {"touches": [], "period": every})
+        with Stalls() as stalls:
+            try:
+                clock = touched(tmp_path / "s.xml", table)
+            except itouch.DeviceFaultError:  # W1, which is right if the machine stood still for longer than it allows
+                if stalls.longest < 0.1 or tries == 4:
+                    raise
+                continue
+        break
+    begin = next(now for now, felt in table.touches if felt)
+    end = next(now for now, felt in table.touches if now > begin and not felt)
+    again = next((now for now, felt in table.touches if now > end and felt), end + 4.0)
     first = next(now for now, _, withdrawn in clock if withdrawn)
     assert first - begin == pytest.approx(CLAMP, rel=0.05, abs=2 * every + 0.06)
     assert end - begin < CLAMP + 0.3
