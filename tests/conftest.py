@@ -33,7 +33,11 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 #: The files that take longest, longest first: a worker that began one of them last would be waited for.
-LONGEST = ("test_matrix", "test_random_meshes", "test_restore", "test_live_window", "test_deaths", "test_device_suite")
+LONGEST = (
+    "test_matrix", "test_random_meshes", "test_restore", "test_on_a_rig", "test_device_suite", "test_live_window",
+    "test_window", "test_player", "test_emulator_suites", "test_deaths", "test_good_styles", "test_odrive",
+    "test_only_path", "test_shipped", "test_wire_rig", "test_manners", "test_page", "test_haply",
+)  # fmt: skip
 
 
 @pytest.hookimpl(tryfirst=True)  # before the groups are read
