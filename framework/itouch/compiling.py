@@ -215,7 +215,7 @@ class KernelCache(FunctionCache):
         found, guard = None, cast(Any, self._guard_against_spurious_io_errors)
         with guard():  # Numba passes over some errors of the disk
             found = self._load_overload(sig, target_context)
-        return found
+        return found  # noqa: RET504  - None where an error was passed over
 
     def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
         of_numba: Any = super()._index_key

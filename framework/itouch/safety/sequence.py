@@ -5,6 +5,8 @@
    whose drive is cut under a finger takes on the temperature of its heat sink.
 3. Its drive is cut.
 4. Verified: what the devices measure, or their twins truly do, says that each is safe.
+5. Minded on: a surface that is safe already goes on to its end, and a drive may fail on the way; the sequence is over
+   when each stands.
 """
 
 from __future__ import annotations
@@ -45,6 +47,8 @@ TURNS, TURNING = 2, 0.025
 UNHEARD = 0.03
 #: A surface that is held so much nearer [m] than it was is not safe, whatever its force sensor says.
 NEARER = 0.003
+#: A surface that has not moved by more than this [m] for so long [s] stands, wherever that is.
+STANDS, STOOD = 0.0003, 0.05
 
 
 class Outcome(NamedTuple):
@@ -92,6 +96,8 @@ class SafeSequence:
         self._turned: dict[str, int] = {}
         #: How many ticks it has taken, and how many were left out because the machine was late.
         self._since = self._passed = self._skipped = 0
+        #: When each surface last moved: its height [m] then, and the tick.
+        self._moved: dict[str, tuple[float, int]] = {}
         names = {s.model.name for s in self._retracting}
         self._carried = [s for s in supervisors if s.model.carrier in names and not _retracts(s)]
 
@@ -117,6 +123,8 @@ class SafeSequence:
         for supervisor in self._carried:
             supervisor.keeping = supervisor.model.name != fault.device
         self._passed = self._skipped = 0
+        self._moved = {name: (height, self._since) for name, height in heights.items()}
+        safe: tuple[float, dict[str, tuple[str, bool]], list[int]] | None = None
         try:
             for _ in range(round(SAFE_TIME / self._period)):
                 self._step()
@@ -124,20 +132,28 @@ class SafeSequence:
                 self._mind_direction(heights)
                 if self._seconds >= LEAVE_TIME or all(self._left(s) for s in self._retracting):
                     self._release()
-                if not self._busy() and self._safe(heights):
+                ways = [way.item() for _, way in self._ways]
+                if safe is None or ways != safe[2]:
+                    seen = {s.model.name: self._seen(s, heights) for s in self._supervisors}
+                    ends = not self._busy() and not any(bad for _, bad in seen.values())
+                    safe = (self._seconds, seen, ways) if ends else None
+                arrived = [self._arrived(s) for s in self._retracting]
+                if safe is not None and all(arrived):
                     break
         finally:
             self._release()
             self._hold_still()
         self._stopping[...] = 0
-        seen = {s.model.name: self._seen(s, heights) for s in self._supervisors}
+        if safe is None:
+            safe = self._seconds, {s.model.name: self._seen(s, heights) for s in self._supervisors}, []
+        seconds, seen, _ = safe  # as it was when all was safe: a finger may rest on what stands
         told = {name: text for name, (text, _) in seen.items()}
         faulty = [s for s in self._supervisors if s.status is Status.FAULT and s.model.name != fault.device]
         also = {s.model.name: s.trip.label for s in faulty}
         odd = {s.model.name for s in self._supervisors if not self._believed(s) and self._stands(s, heights)}
         odd |= {s.model.name for s in self._retracting if self._back(s, heights[s.model.name])}
         unsafe = tuple(name for name, (_, bad) in seen.items() if bad and name not in odd)
-        return Outcome(not any(bad for _, bad in seen.values()), self._seconds, told, also, unsafe)
+        return Outcome(not any(bad for _, bad in seen.values()), seconds, told, also, unsafe)
 
     def leave_out(self, ticks: int) -> None:
         """Let time go on for so many ticks that were not run: what is waited for at most is over with them."""
@@ -189,8 +205,15 @@ class SafeSequence:
         if not self._begun:
             self._begun.update({s.model.name: s.device_monitors.values for s in self._retracting})
 
-    def _safe(self, heights: dict[str, float]) -> bool:
-        return not any(self._seen(s, heights)[1] for s in self._supervisors)
+    def _arrived(self, supervisor: Supervisor) -> bool:
+        """Tell whether a surface that may still move stands: at the end of its travel, or wherever it got to."""
+        name, height = supervisor.model.name, _height(supervisor)
+        before, tick = self._moved[name]
+        if not abs(height - before) <= STANDS:
+            self._moved[name] = height, self._tick.item()
+            return height <= _end(supervisor) + AT_END
+        stood = (self._tick.item() - tick) * self._period >= STOOD
+        return stood or height <= _end(supervisor) + AT_END
 
     def _believed(self, supervisor: Supervisor) -> bool:
         """Tell whether what a device measures can be believed now."""
@@ -228,6 +251,10 @@ class SafeSequence:
         """Tell whether a surface still presses on the finger, by a force sensor that can be believed."""
         return self._believed(supervisor) and not self._left(supervisor)
 
+    def _nearer(self, supervisor: Supervisor, gone: float) -> bool:
+        """Tell whether a surface that is held stands nearer than it may: at all, if it can't be said to be free."""
+        return gone < -NEARER or (gone < 0.0 and not self._believed(supervisor))
+
     def _mind_direction(self, heights: dict[str, float]) -> None:
         """Hold a surface that comes nearer when it is told to retract; drive it back if it presses or is too near then.
 
@@ -257,7 +284,7 @@ class SafeSequence:
                 self._change(name)
             elif stopped.item() == HELD and name in self._held_for:
                 self._held_for[name] += 1
-                nearer = gone < -NEARER or (gone < 0.0 and not self._believed(supervisor))
+                nearer = self._nearer(supervisor, gone)
                 if self._held_for[name] * self._period > SETTLE and (nearer or self._pressed(supervisor)):
                     stopped[...], self._furthest[name] = BACKWARDS, height
             elif stopped.item() == BACKWARDS and height - furthest > WRONG_WAY:  # that is the wrong way, too
@@ -324,7 +351,7 @@ class SafeSequence:
         if any(s is supervisor and stopped.item() for s, stopped in self._ways):
             since = self._turned.get(supervisor.model.name, 0)
             going_on = supervisor.twin is None and self._measured(supervisor) < since
-            unsafe = pressed or going_on or gone < -NEARER
+            unsafe = pressed or going_on or self._nearer(supervisor, gone)
             return f"goes the wrong way: held {gone * 1e3:.1f} mm further back", unsafe
         if (gone >= RETREAT or height <= bottom + AT_END) and not pressed:
             return f"retracted {max(0.0, gone) * 1e3:.1f} mm", False
