@@ -96,14 +96,15 @@ def test_only_some_devices_are_on_their_wires(scene: Path, tmp_path: Path) -> No
     with (tmp_path / "wire.trace").open("w") as stream:
         both = Lockstep(str(scene), trace=stream, only=["peltier"])
         heights: list[float] = []
-        both.world.taps.append(lambda tick: heights.append(float(both.world.state["table.pose"][2])))
+        both.host.taps.append(lambda _: heights.append(float(both.world.state["table.pose"][2])))
         report = both.run(1.5)
     assert report["faults"] == []
     assert not report["twins"]
     entries = read_trace((tmp_path / "wire.trace").read_text().splitlines())
     assert {entry.device for entry in entries} == {"peltier"}
     assert both.rig.driven  # the table obeys
-    assert heights[-1] == pytest.approx(float(both.host.state["table.pose"][2]), abs=1e-3)
+    height = float(both.world.state["table.pose"][2])
+    assert height == pytest.approx(float(both.host.state["table.pose"][2]), abs=1e-3)
     assert max(heights) > 0.005
     with pytest.raises(ItouchError, match="no device 'stage': the scene has arm, table, peltier"):
         Lockstep(str(scene), only=["stage"])
