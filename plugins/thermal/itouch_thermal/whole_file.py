@@ -13,13 +13,16 @@ def write_whole(path: Path, text: str) -> None:
     Raises
     ------
     OSError
-        If it cannot be written; a file that was there is as it was.
+        If it cannot be written, with the file's own name; a file that was there is as it was.
     """
     place = Path(os.path.realpath(path))
     if place.exists() and not place.is_file():
         place.write_text(text, encoding="utf-8")
         return
-    handle, temporary = tempfile.mkstemp(prefix=f".{place.name}.", suffix=".part", dir=place.parent)
+    try:
+        handle, temporary = tempfile.mkstemp(prefix=f".{place.name}.", suffix=".part", dir=place.parent)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from error
     try:
         with os.fdopen(handle, "w", encoding="utf-8") as stream:
             stream.write(text)

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import itouch
 from itouch.plugin import DeviceError
 from itouch_thermal.flux.curve import read_curve
 from itouch_thermal.measuring import command, sampling
@@ -69,7 +70,10 @@ def test_a_film_that_was_not_read_is_no_nan():
         (["--for", "0 s"], "--for 0 s is out of range"),
         (["--force", "0 N"], "--force 0 N is out of range"),
         (["--duration", "0 s"], "--duration 0 s is out of range"),
-        (["--raw", "c.xml"], "c.xml"),
+        (["--raw", "c.xml"], "--raw 'c.xml' is no folder"),
+        (["--raw", "c.xml/below"], "--raw 'c.xml/below' is no folder"),
+        (["--seed", "-1"], "--seed -1 is out of range: 0 to 2^63 - 1"),
+        (["--seed", str(1 << 64)], "is out of range: 0 to 2^63 - 1"),
     ],
 )
 def test_options_are_looked_at_before_the_work(words, said, tmp_path, capsys, monkeypatch):
@@ -180,6 +184,30 @@ def test_a_file_is_written_as_a_whole(tmp_path, monkeypatch):
     with pytest.raises(OSError, match="full"):
         write_whole(path, "new")
     assert path.read_text() == "old" and os.listdir(tmp_path) == ["c.csv"]
+
+
+def test_a_folder_that_is_not_there_is_told_with_the_files_own_name(tmp_path):
+    path = tmp_path / "no" / "c.csv"
+    with pytest.raises(OSError, match="No such file") as error:
+        write_whole(path, "new")
+    assert error.value.filename == str(path)
+
+
+def test_the_head_has_the_sensors_calibration_sheets(monkeypatch, tmp_path):
+    """Who reads the curve later can tell by which sheets volts became W/m2 and N, and a twin from an instrument."""
+    (tmp_path / "s.xml").write_text(SCENE, encoding="utf-8")
+    with itouch.build(str(tmp_path / "s.xml")) as session:
+        source = sampling.find(session.model)
+    found = Sampled(_record((1.5, 1.5, 1.5)), source, ROOM, "")
+    monkeypatch.setattr(command, "sample", lambda *a, **k: found)
+    words = ["touch", "s.xml", "-o", str(tmp_path / "c.csv"), "--duration", "0.7 s", "--repeat", "3"]
+    assert command.main(words) == 0
+    text = (tmp_path / "c.csv").read_text(encoding="utf-8")
+    assert "# calibration: flux film 1.2e-06 V m2/W at 23 degC" in text and "force 2 N/V, 0 V without force" in text
+
+
+def test_the_head_says_that_it_was_a_twin(bare):
+    assert "# calibration: none, device 'bench' is a twin" in (bare / "c.csv").read_text(encoding="utf-8")
 
 
 def test_prompts_wait_for_rest_and_count_what_passes(capsys):

@@ -103,6 +103,28 @@ class FilmParams:
         check_laws(self.laws, self.contact_resistance)
 
     @property
+    def calibration(self) -> str:
+        """The instrument's calibration sheets in words; empty without an instrument."""
+        given = self.labjack
+        if given is None:
+            return ""
+        sheets = []
+        if given.flux_sensor is not None:
+            flux = given.flux_sensor
+            sheets.append(
+                f"flux film {flux.sign * flux.sensitivity:g} V m2/W at {flux.reference - 273.15:g} degC, "
+                f"{flux.correction:g} of it a kelvin, {flux.offset:g} V without flux"
+            )
+        if given.thermometer is not None:
+            film = given.thermometer
+            sheets.append(f"thermometer {film.slope:g} K/V, {film.zero - 273.15:g} degC at 0 V")
+        if given.force_sensor is not None:
+            sheets.append(f"force {given.force_sensor.slope:g} N/V, {given.force_sensor.zero:g} V without force")
+        if given.infrared is not None:
+            sheets.append(f"infrared {given.infrared.slope:g} K/V, {given.infrared.zero - 273.15:g} degC at 0 V")
+        return "; ".join(sheets)
+
+    @property
     def has_thermometer(self) -> bool:
         """Whether the film has a thermometer: an instrument's is given, or there is only the twin's."""
         return self.labjack is None or self.labjack.thermometer is not None

@@ -94,6 +94,8 @@ def _asked(options: argparse.Namespace) -> _Asked:
         None if options.film_capacity is None else _quantity(options, "film_capacity", "J/(m^2*K)", 0.0, 1e4),
     )
     longest = None if options.longest is None else _quantity(options, "longest", "s", 1e-3, 7.0 * 86400.0)
+    if not 0 <= options.seed < 1 << 63:
+        raise ValueError(f"--seed {options.seed} is out of range: 0 to 2^63 - 1")
     if options.repeat < 1:
         raise ValueError(f"--repeat {options.repeat} is out of range: 1 or more")
     output = Path(options.output)
@@ -101,6 +103,8 @@ def _asked(options: argparse.Namespace) -> _Asked:
         raise ValueError(f"--output '{output}' can't be written: {output.parent} must be a folder, and it a file")
     raw = Path(options.raw) if options.raw else None
     if raw is not None:
+        if any(part.exists() and not part.is_dir() for part in (raw, *raw.parents)):
+            raise ValueError(f"--raw '{raw}' is no folder, and none can be made there; name another one")
         raw.mkdir(parents=True, exist_ok=True)
         if not os.access(raw, os.W_OK):
             raise ValueError(f"--raw '{raw}': nothing can be written there; name another folder")
@@ -179,6 +183,7 @@ def curve_text(
         f"room, {by}: {np.mean([_room(touch, found) for touch in good]) - 273.15:.2f} degC",
         f"film: lag {sensors.lag:g} s, its thermometer {sensors.film_lag:g} s, {sensors.capacity:g} J/m2K; "
         f"read {np.mean([touch.offset for touch in good]):.2f} W/m2 at rest, which is taken away",
+        f"calibration: {found.source.calibration}",
         "j: " + ("flux out of the finger: " if sensors.capacity else "flux through the film's middle: ")
         + ("lag and stored heat taken out" if sensors.capacity else "lag taken out" if sensors.lag else "as read"),
         noise_words(mean),

@@ -30,6 +30,7 @@ class Source:
     sensors: Sensors
     full_scale: float
     device: str
+    calibration: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +80,7 @@ def find(model: Any) -> Source:
         f"{name}.{flux.name}", path(Role.CONTACT_FORCE), film, path(Role.SKIN_TEMPERATURE), path(Role.SKIN_VALID),
         sensors if film else replace(sensors, film_lag=0.0, capacity=0.0),
         float(flux.high[0]) if flux.high else math.inf, name,
+        str(getattr(params, "calibration", "")) or f"as device '{name}' has it",
     )  # fmt: skip
 
 
@@ -124,6 +126,8 @@ def sample(
     stopped = ""
     with session:
         source = calibrated(find(session.model), given)
+        if any(device.twin for device in description.devices if device.name == source.device):
+            source = replace(source, calibration=f"none, device '{source.device}' is a twin")
         if longest is None and not session.scripted and watch is None:
             raise ValueError("the scene never ends: say for how long to measure, with --for 10min")
         if real:
