@@ -12,6 +12,7 @@ from itouch_thermal.paper import claims_display, claims_touch, drawing, figures,
 from itouch_thermal.paper.claim import FAILS, HOLDS, PARTLY, UNKNOWN, VERDICTS, Check, Claim
 from itouch_thermal.paper.setup import MATERIALS, Setup, halfspaces, measure, touch
 from itouch_thermal.paper.work import Work
+from itouch_thermal.rendering.closedloop import Case, Course, desired_course
 
 #: Figures that cost little; all of them are drawn in the long form.
 QUICK = (2, 5, 10)
@@ -113,6 +114,7 @@ BROKEN = [
     (claims_touch.rise, HOLDS, {"press": 0.0, "lag": 0.0}, PARTLY),
     (claims_touch.small_sensor, PARTLY, {"film": 1e-6}, HOLDS),
     (claims_touch.two_steps, HOLDS, {"film": 0.0}, PARTLY),
+    (claims_touch.any_situation, HOLDS, {"resistance": 0.0}, PARTLY),
     (claims_touch.wet, HOLDS, {"film": 4e-4}, FAILS),
     (claims_touch.printed, FAILS, {"resistance": 1.0}, HOLDS),
     (claims_display.start_temperatures, HOLDS, {"plate_effusivity": 200.0}, PARTLY),
@@ -123,6 +125,20 @@ BROKEN = [
 def test_a_broken_set_up_changes_the_verdict(work, maker, before, broken, after):
     assert maker(work).verdict == before
     assert maker(Work(replace(work.setup, **broken))).verdict == after
+
+
+@pytest.mark.parametrize(
+    ("maker", "broken"),
+    [
+        (claims_touch.correlated, lambda case: Course(desired_course(case).flux, -desired_course(case).skin)),
+        (claims_touch.temperatures, lambda case: desired_course(Case(case.material, seconds=case.seconds))),
+    ],
+    ids=["a skin that warms", "a flux that no temperature changes"],
+)
+def test_what_is_physics_holds_of_other_courses_not(work, maker, broken, monkeypatch):
+    assert maker(work).verdict == HOLDS
+    monkeypatch.setattr(claims_touch, "desired_course", broken)
+    assert maker(work).verdict == FAILS
 
 
 def test_equation_three_begins_right_without_a_resistance_and_wrong_with_one(work):
@@ -185,6 +201,14 @@ def test_the_page_has_set_up_claims_and_figures(work):
     assert "(figure08.png)" in text and "\nFigure 10. " in text and "nan" not in text
 
 
+def test_the_page_tells_the_contact_area_that_figures_are_made_with(work):
+    rows = {what: here for what, _, here in page.DIFFERENCES}
+    module = work.setup.module
+    assert module.contact_area < module.area
+    assert f"{1e4 * module.contact_area:g} cm² at 1 N of its {1e4 * module.area:g} cm²" in rows["contact area"]
+    assert rows["flux film's area"].startswith(f"{1e4 * module.sensor_area:g} cm²")
+
+
 def test_the_film_reads_less_than_crosses_the_contact_and_the_same_later():
     setup = Setup(seconds=3.0)
     found = measure("aluminium", setup)
@@ -224,7 +248,7 @@ def test_the_whole_page(tmp_path):
     assert reproduce.main(["--out", str(tmp_path)]) == 0
     text = (tmp_path / "claims.md").read_text(encoding="utf-8")
     rows = [line for line in text.splitlines() if line.endswith(tuple(f"| {verdict} |" for verdict in VERDICTS))]
-    assert len(rows) >= 34 and "nan" not in text
+    assert len(rows) >= 38 and "nan" not in text
     assert sum(row.endswith(f"| {UNKNOWN} |") for row in rows) == 2
     for number in figures.FIGURES:
         assert (tmp_path / f"figure{number:02d}.png").read_bytes().startswith(b"\x89PNG")

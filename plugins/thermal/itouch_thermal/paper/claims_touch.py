@@ -14,7 +14,7 @@ from itouch_thermal.paper.claim import Check, Claim, Maker, over
 from itouch_thermal.paper.figures import parts
 from itouch_thermal.paper.setup import MATERIALS, SKIN, finger, halfspaces, measure, sample
 from itouch_thermal.paper.work import COARSE, Work
-from itouch_thermal.rendering.closedloop import AMBIENT, PERIOD
+from itouch_thermal.rendering.closedloop import AMBIENT, PERIOD, Case, desired_course
 from itouch_thermal.rendering.materials import material
 
 INF = float("inf")
@@ -120,6 +120,59 @@ def surface(work: Work) -> Claim:
         Check(f"{b} over {a}", faces[b] / faces[a], 1.05, INF) for a, b in zip(MATERIALS, MATERIALS[1:], strict=False)
     )
     return Claim("II-B", "... due to quicker material surface heating", "rise of the face in 1 s", checks)
+
+
+def correlated(work: Work) -> Claim:
+    """Check: the surface temperature of the finger goes with the flux."""
+    courses = [desired_course(_case(work, name, 3.0)) for name in MATERIALS]
+
+    def correlation(time: float) -> float:
+        drops = [SKIN - at(course.skin, time) for course in courses]
+        return float(np.corrcoef([at(course.flux, time) for course in courses], drops)[0, 1])
+
+    checks = tuple(Check(f"at {t:g} s", correlation(t), 0.99, INF) for t in (0.3, 1.0, 3.0))
+    return Claim("II-B", "The finger's surface temperature is completely correlated to the flow",
+                 "correlation of flux and drop of the skin over the four bare materials", checks,
+                 "within a touch the skin follows from all of the flux so far, not from the present one")  # fmt: skip
+
+
+def temperatures(work: Work) -> Claim:
+    """Check: other temperatures of material or finger change the flow, so that a recording is of little use."""
+    case = _case(work, "aluminium", 1.0)
+    plain = at(desired_course(case).flux, 1.0)
+    others = {
+        "aluminium 5 K warmer": replace(case, object_temperature=AMBIENT + 5.0),
+        "skin 3 K colder": replace(case, skin=SKIN - 3.0),
+    }
+
+    def change(what: str) -> float:
+        return 100.0 * abs(at(desired_course(others[what]).flux, 1.0) / plain - 1.0)
+
+    checks = over(others, change, 10.0, INF, " %")
+    return Claim("II-D", "The flow is modified by the temperatures of material and finger: a recording holds for its "
+                 "own only", "change of j(1 s) on bare aluminium", checks)  # fmt: skip
+
+
+def any_situation(work: Work) -> Claim:
+    """Check: the model gives the flow at other temperatures without a measurement."""
+    from contact_heat.differences import solve_differences
+    from contact_heat.exact import solve
+
+    when, checks = np.array([0.1, 1.0, 3.0]), []
+    for name, room, skin in (("wood", 283.15, SKIN), ("wood", 313.15, SKIN), ("polystyrene", AMBIENT, SKIN - 3.0)):
+        body = sample(name, work.setup.film, room)
+        contact = Contact(finger=finger(skin=skin), object=body, resistance=work.setup.resistance)
+        error = 100.0 * np.abs(solve_differences(contact, when).flux / solve(contact, when).flux - 1.0)
+        what = f"{name} at {room - 273.15:.0f} °C, skin {skin - 273.15:.0f} °C"
+        checks.append(Check(what, float(error.max()), -INF, 5.0, " %"))
+    return Claim("II-E", "The model reproduces any thermal situation without measurements in the same conditions",
+                 "eqs 4 to 10 at 0.1, 1, 3 s against the exact solution", tuple(checks),
+                 "what the values from the literature are off by is not in it")  # fmt: skip
+
+
+def _case(work: Work, name: str, seconds: float) -> Case:
+    setup = work.setup
+    return Case(material(name)[1], resistance=setup.resistance, press=setup.press, seconds=seconds)
 
 
 def two_steps(work: Work) -> Claim:
@@ -263,6 +316,6 @@ def printed(work: Work) -> Claim:
 
 
 TOUCH: tuple[Maker, ...] = (
-    transient, steady, small_sensor, second_sensor, wet, pressure, rise, order, faster, surface, two_steps, blood,
-    first_second, accurate_model, classic, splitting, small_remainder, printed,
+    transient, steady, small_sensor, second_sensor, wet, pressure, rise, order, faster, surface, correlated, two_steps,
+    blood, first_second, temperatures, accurate_model, any_situation, classic, splitting, small_remainder, printed,
 )  # fmt: skip

@@ -6,6 +6,10 @@ from collections.abc import Sequence
 
 from itouch_thermal.paper.claim import VERDICTS, Claim
 from itouch_thermal.paper.figures import LEFT_OUT, Figure
+from itouch_thermal.paper.setup import Setup
+
+#: The module that figures 3 to 7 are of.
+_MODULE = Setup().module
 
 INTRODUCTION = (
     "Made by `itouch-py reproduce`.  The figures have the paper's numbers, quantities and set-ups; where we do "
@@ -29,7 +33,9 @@ DIFFERENCES: tuple[tuple[str, str, str], ...] = (
     ("contact resistance", "R_th, not told", "0.002 K m²/W; 1e-4 where a row says so"),
     ("pressure", "the same for all, by an FSR below the sample; not told", "R falls to its value with a time constant "
      "of 50 ms, in figure 11 at once"),
-    ("contact area", "a fingertip on a module", "one dimension: the finger covers the whole module"),
+    ("contact area", "a fingertip, size not told", f"on the samples one dimension; on the module "
+     f"{1e4 * _MODULE.contact_area:g} cm² at 1 N of its {1e4 * _MODULE.area:g} cm², heat spreads beside it"),
+    ("flux film's area", "not told", f"{1e4 * _MODULE.sensor_area:g} cm² in the middle under the finger"),
     ("module", "Peltier module with ceramic, not named", "40 mm, 127 couples, 6.4 A, 0.8 mm alumina, sink 0.5 K/W"),
     ("current", "custom card, not told", "16 bit over both signs, 20 ms from command to current"),
     ("β_p of eq. 3", "of the module", "of its ceramic, 9502 W s½/m²K; the film above it is left out, as in the paper"),

@@ -67,20 +67,20 @@ class Measured(NamedTuple):
     face: Array
 
 
-def sample(name: str, film: float = 0.0) -> Side:
-    """Return 20 mm of a material at the room's temperature, with a film [m] on it if that is more than 0."""
+def sample(name: str, film: float = 0.0, room: float = AMBIENT) -> Side:
+    """Return 20 mm of a material in a room [K], with a film [m] on it if that is more than 0."""
     between = (replace(FILM, thickness=film),) if film > 0.0 else ()
     return Side(
         layers=(*between, material(name)[1].layer(DEPTH)),
-        initial=Initial(kind="uniform", temperature=AMBIENT),
-        back=Back(kind="convection", temperature=AMBIENT, coefficient=10.0),
+        initial=Initial(kind="uniform", temperature=room),
+        back=Back(kind="convection", temperature=room, coefficient=10.0),
     )
 
 
-def finger(perfusion: float = 1.0) -> Side:
-    """Return the nominal finger, its perfusion multiplied."""
+def finger(perfusion: float = 1.0, skin: float = SKIN) -> Side:
+    """Return the nominal finger with a skin [K], its perfusion multiplied."""
     layers = tuple(replace(layer, perfusion=layer.perfusion * perfusion) for layer in FINGER)
-    return finger_side(layers, CORE, SKIN, AMBIENT)
+    return finger_side(layers, CORE, skin, AMBIENT)
 
 
 def touch(name: str, resistance: float, seconds: float, *, film: float = 0.0, period: float = PERIOD) -> Array:
