@@ -53,7 +53,7 @@ def _reproduce(out: Path, options: argparse.Namespace) -> str:
     """Draw and check; return what was written."""
     from itouch_thermal.paper.drawing import draw, write_curves
     from itouch_thermal.paper.figures import FIGURES, LEFT_OUT
-    from itouch_thermal.paper.lab import read_curves
+    from itouch_thermal.paper.lab import left_out, read_curves
     from itouch_thermal.paper.page import page
     from itouch_thermal.paper.work import Work
 
@@ -63,6 +63,9 @@ def _reproduce(out: Path, options: argparse.Namespace) -> str:
         if number not in FIGURES:
             raise ValueError(f"the paper has no figure {number}; there are {', '.join(map(str, FIGURES))}")
     work = Work(curves=read_curves(Path(options.measured)) if options.measured else None)
+    numbers = sorted(set(options.figure) or set(FIGURES))
+    for said in left_out(Path(options.measured), numbers) if options.measured else ():
+        print(f"note: {said}", file=sys.stderr)
     figures: list[Figure] = []
     claims: list[Claim] = []
     jobs: list[tuple[str, float, Callable[[], Any]]] = []
@@ -75,7 +78,7 @@ def _reproduce(out: Path, options: argparse.Namespace) -> str:
         files += write_curves(figure, out) if options.csv else 0
         figures.append(figure)
 
-    for number in sorted(set(options.figure) or set(FIGURES)):
+    for number in numbers:
         jobs.append((f"figure {number}", _WEIGHTS.get(number, 1.0), lambda number=number: make(number)))  # type: ignore[misc]
     if not options.figure:
         jobs += _claim_jobs(work, claims)

@@ -89,6 +89,17 @@ def test_what_cannot_be_drawn_is_said(words, said, tmp_path, capsys, monkeypatch
     assert error.startswith("error:") and said in error
 
 
+def test_curves_that_are_not_shown_are_told(tmp_path, capsys):
+    """A file of another spelling, or a figure without curves, is not passed over in silence."""
+    for name in ("wood", "aluminum", "PMMA"):
+        (tmp_path / f"{name}.csv").write_text("t,j\n0,100\n1,90\n", encoding="utf-8")
+    words = ["--out", str(tmp_path / "out"), "--figure", "8", "--measured", str(tmp_path)]
+    assert reproduce.main(words) == 0
+    said = capsys.readouterr().err
+    assert "note: --measured: the paper has no PMMA.csv, aluminum.csv; shown are aluminium, pyrex" in said
+    assert "note: --measured: curves are laid over figures 2, 5, 6, 7, 11 only" in said
+
+
 def test_a_folder_that_cannot_be_made_is_an_error(tmp_path, capsys):
     (tmp_path / "file").write_text("", encoding="utf-8")
     assert reproduce.main(["--out", str(tmp_path / "file" / "below")]) == 2

@@ -2,10 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from itouch_thermal.flux.curve import LARGEST_FILE, Curve, decode_curve
 from itouch_thermal.paper.setup import MATERIALS
+
+#: The figures over which curves are laid.
+SHOWN = frozenset((2, 5, 6, 7, 11))
+
+
+def left_out(folder: Path, figures: Iterable[int]) -> list[str]:
+    """Return what of a folder is not shown in figures, in words: files of other names, or all where none shows any."""
+    others = sorted(path.name for path in folder.glob("*.csv") if path.stem not in MATERIALS)
+    said = [f"--measured: the paper has no {', '.join(others)}; shown are {', '.join(MATERIALS)}"] if others else []
+    if not SHOWN.intersection(figures):
+        said.append(f"--measured: curves are laid over figures {', '.join(map(str, sorted(SHOWN)))} only")
+    return said
 
 
 def read_curves(folder: Path) -> dict[str, Curve]:
