@@ -178,7 +178,8 @@ def test_the_shipped_scene_is_measured_again_the_same(tmp_path):
 def test_five_materials_are_measured_and_rendered(name, tmp_path):
     output = tmp_path / "curve.csv"
     assert command.main(["touch", scene(tmp_path, name), "-o", str(output), "--repeat", "8"]) == 0
-    assert worst(read_curve(str(tmp_path), "curve.csv"), name) < 2.0
+    off = worst(read_curve(str(tmp_path), "curve.csv"), name)
+    assert off < 2.0
     text = (SCENES / "first_touch.xml").read_text(encoding="utf-8")
     assert "<operator" in text
     (tmp_path / "play.xml").write_text(
@@ -195,4 +196,6 @@ def test_five_materials_are_measured_and_rendered(name, tmp_path):
     with itouch.build(str(tmp_path / "play.xml")) as session:
         session.run()
         (contact,) = session.report()["contacts"]
-    assert contact["flux_error_rms"] < (0.06 if name == "polystyrene" else 0.04)
+    print(f"{name}: curve within {off:.2f} %, rendered within {100.0 * contact['flux_error_rms']:.2f} % rms")
+    # The display's own bounds in all its corners, here with the report's smaller floor of the flux.
+    assert contact["flux_error_rms"] < (0.015 if name == "polystyrene" else 0.008)
