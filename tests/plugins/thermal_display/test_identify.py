@@ -332,6 +332,13 @@ def test_a_broken_raw_file_is_one_message(old, new, said, raw, tmp_path, capsys)
     assert error.startswith("error: ") and "b.csv" in error and said in error
 
 
+def test_touches_of_two_people_are_not_taken_for_one(raw, tmp_path, capsys):
+    text = (raw / "touch0.csv").read_text(encoding="utf-8")
+    (tmp_path / "b.csv").write_text(text.replace("# who: P07", "# who: P08"), encoding="utf-8")
+    assert command.main([str(raw), str(tmp_path / "b.csv")]) == 2
+    assert "of several people (P07, P08)" in capsys.readouterr().err
+
+
 def test_without_an_exponent_the_resistance_is_that_at_the_mean_force(tmp_path):
     one = Problem(known("wood", forces=(2.0, 2.0)), TIMES, np.zeros((2, len(TIMES))), NOISE)
     assert "exponent" not in one.names and one.force == pytest.approx(2.0)

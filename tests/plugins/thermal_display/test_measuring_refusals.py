@@ -72,6 +72,7 @@ def test_a_film_that_was_not_read_is_no_nan():
         (["--duration", "0 s"], "--duration 0 s is out of range"),
         (["--raw", "c.xml"], "--raw 'c.xml' is no folder"),
         (["--raw", "c.xml/below"], "--raw 'c.xml/below' is no folder"),
+        (["--raw", "old"], "--raw 'old' holds files already"),
         (["--seed", "-1"], "--seed -1 is out of range: 0 to 2^63 - 1"),
         (["--seed", str(1 << 64)], "is out of range: 0 to 2^63 - 1"),
     ],
@@ -79,6 +80,8 @@ def test_a_film_that_was_not_read_is_no_nan():
 def test_options_are_looked_at_before_the_work(words, said, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "c.xml").write_text("", encoding="utf-8")
+    (tmp_path / "old").mkdir()
+    (tmp_path / "old" / "touch09.csv").write_text("", encoding="utf-8")
     monkeypatch.setattr(command, "sample", lambda *a, **k: pytest.fail("it was sampled"))
     assert command.main(["touch", "s.xml", "-o", "c.csv", *words]) == 2
     assert said in capsys.readouterr().err

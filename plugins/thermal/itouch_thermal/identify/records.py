@@ -61,6 +61,9 @@ def load(paths: list[Path]) -> Loaded:
     whats = {str(head["what"]) for head in heads}
     if len(whats) > 1:
         raise ValueError(f"these touches are of several samples ({', '.join(sorted(whats))}): give those of one")
+    people = sorted({head.get("who", "") for head in heads} - {""})
+    if len(people) > 1:
+        raise ValueError(f"these touches are of several people ({', '.join(people)}): give those of one")
     middle = {key: float(np.mean([float(head[key]) for head in heads])) for key in _HEAD}
     film = None
     if middle["capacity [J/m2K]"] > 0.0:

@@ -108,6 +108,9 @@ def _asked(options: argparse.Namespace) -> _Asked:
         raw.mkdir(parents=True, exist_ok=True)
         if not os.access(raw, os.W_OK):
             raise ValueError(f"--raw '{raw}': nothing can be written there; name another folder")
+        if any(raw.glob("*.csv")):
+            raise ValueError(f"--raw '{raw}' holds files already, which `identify` would take for these touches; name "
+                             f"another folder, or remove them")  # fmt: skip
     return _Asked(wanted, longest, every, given, output, raw)
 
 
