@@ -5,6 +5,7 @@ import io
 import json
 import math
 from dataclasses import replace
+from datetime import UTC, datetime
 
 import numpy as np
 import pytest
@@ -274,6 +275,8 @@ def test_the_command_stores_a_participant_and_its_heat(raw, tmp_path, capsys):
     assert "not told by the data" in said and "perfusion: " in said
     stored = json.loads((tmp_path / "p.json").read_text())
     assert stored["who"] == "P07" and stored["touches"] == 3
+    datetime.strptime(stored["when"], "%Y-%m-%d %H:%M:%S UTC").replace(tzinfo=UTC)  # a calibration has its date
+    assert stored["when"][:10] in (tmp_path / "p.xml").read_text(encoding="utf-8").splitlines()[0]
     found = stored["values"]["resistance"]
     assert found["value"] == pytest.approx(Values().resistance, rel=0.03) and found["told"]
     assert set(stored["values"]) <= set(ASSUMED)

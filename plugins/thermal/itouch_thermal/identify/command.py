@@ -7,6 +7,7 @@ import json
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 from itouch.plugin import ItouchError
@@ -90,7 +91,8 @@ def document(loaded: Loaded, problem: Problem, fit: Fit) -> dict[str, object]:
         name: {"middle": m, "deviation": d, "of_logarithm": log} for name, (m, d, log) in problem.assumed.items()
     }
     return {
-        "who": loaded.who, "what": loaded.what, "touches": len(loaded.known.forces), "forces_N": loaded.known.forces,
+        "who": loaded.who, "what": loaded.what, "when": _now(),
+        "touches": len(loaded.known.forces), "forces_N": loaded.known.forces,
         "skin_K": loaded.known.skin, "room_K": loaded.known.room, "misfit": fit.misfit,
         "resistance_at_N": problem.force, "values": rows, "assumed": assumed, "told_below": TOLD,
     }  # fmt: skip
@@ -116,12 +118,17 @@ def heat_text(loaded: Loaded, problem: Problem, fit: Fit) -> str:
         for force in points
     )
     return (
-        f"<!-- Finger {_plain(loaded.who)}, by itouch-py identify from {len(loaded.known.forces)} touches. -->\n"
+        f"<!-- Finger {_plain(loaded.who)}, by itouch-py identify from {len(loaded.known.forces)} touches, "
+        f"{_now()}. -->\n"
         '<itouch version="1.0" xmlns:thermal="urn:itouch:plugin:thermal">\n  <interaction>\n'
         f'    <thermal:heat probe="finger" arterial="{values.core!r} K" object-depth="{DEPTH!r} m">\n{layers}'
         f"      <thermal:table-resistance>\n{law}      </thermal:table-resistance>\n"
         "    </thermal:heat>\n  </interaction>\n</itouch>\n"
     )
+
+
+def _now() -> str:
+    return f"{datetime.now(UTC):%Y-%m-%d %H:%M:%S} UTC"
 
 
 def _plain(text: str) -> str:
