@@ -92,7 +92,9 @@ def test_xml_is_right(listing: Listing, tmp_path: Path, monkeypatch: pytest.Monk
         return
     folder = tmp_path / "scenes"
     shutil.copytree(SCENES, folder)
-    (folder / "wood.csv").write_text("t,j\n0.001,2573.93\n0.002,2555.20\n")
+    (folder / "curves").mkdir()
+    for curve in ("wood.csv", *re.findall(r'file="(curves/[^"]*)"', listing.text)):
+        (folder / curve).write_text("t,j\n0.001,2573.93\n0.002,2555.20\n")
     (folder / "lid.csv").write_text("t,x,y,z\n0,0,0,0\n1,0,0,0.1\n")
     if "touch.mcap" in listing.text:
         (folder / "touch.mcap").write_bytes(recording())
