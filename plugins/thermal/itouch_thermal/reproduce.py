@@ -103,12 +103,12 @@ def _claim_jobs(work: Any, claims: list[Claim]) -> list[tuple[str, float, Callab
 
 
 def _run(jobs: list[tuple[str, float, Callable[[], Any]]]) -> None:
-    """Do one after another, and tell what is done and how long the rest will take."""
+    """Do one after another, and tell what is done and how long the rest will take, in as much as a terminal shows."""
     whole, done, begun = sum(weight for _, weight, _ in jobs), 0.0, time.monotonic()
-    with waiting("drawing figures and checking claims") as wait:
+    with waiting("reproducing") as wait:
         for name, weight, job in jobs:
             passed = time.monotonic() - begun
-            left = f", about {passed * (whole - done) / done:.0f} s left" if done > 0.0 else ""
+            left = f", {passed * (whole - done) / done:.0f} s left" if done > 0.0 else ""
             wait.part(done / whole, f"{name}{left}")
             job()
             done += weight

@@ -1,5 +1,6 @@
 """The paper's figures and claims from one command."""
 
+import contextlib
 import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 
@@ -87,6 +88,27 @@ def test_what_cannot_be_drawn_is_said(words, said, tmp_path, capsys, monkeypatch
     assert reproduce.main(["--out", "out", *words]) == 2
     error = capsys.readouterr().err
     assert error.startswith("error:") and said in error
+
+
+def test_the_time_left_has_room_in_eighty_columns(monkeypatch):
+    """A bar, the part done and a clock leave 34 letters; what is longer is cut at its end, where the time left is."""
+    said = []
+
+    class Wait:
+        def part(self, done, words):
+            said.append(words)
+
+    @contextlib.contextmanager
+    def waiting(what):
+        said.append(what)
+        yield Wait()
+
+    now = iter(range(0, 10_000, 100))
+    monkeypatch.setattr(reproduce, "waiting", waiting)
+    monkeypatch.setattr(reproduce.time, "monotonic", lambda: float(next(now)))
+    reproduce._run([(name, 1.0, lambda: None) for name in ("figure 1", "figure 11", "claims", "a session")])
+    what, *parts = said
+    assert parts[1].endswith("s left") and max(len(f"{what}: {part}") for part in parts) <= 34
 
 
 def test_curves_that_are_not_shown_are_told(tmp_path, capsys):
