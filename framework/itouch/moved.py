@@ -1,6 +1,6 @@
 """Old names of modules that are in other packages now, for one version: importing one warns, and gives what is there.
 
-Only those that the documentation or a shipped scene told users to import.
+Only those that the documentation, a shipped scene or an entry point told users to import.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ PLACES = {
     "itouch.report": "itouch_tools.report",
     "itouch.study": "itouch_tools.study",
     "itouch.sweeps": "itouch_tools.sweeps",
+    "itouch_thermal.identify.command": "itouch_thermal.identify.estimate",
 }
 
 
@@ -46,11 +47,10 @@ class _Moved:
 
     def find_spec(self, name: str, path: Sequence[str] | None, target: ModuleType | None = None) -> ModuleSpec | None:
         """Return how to load an old name; None for any other."""
-        parts = name.split(".")
-        place = PLACES.get(".".join(parts[:2]))
-        if place is None:
+        old = next((old for old in PLACES if name == old or name.startswith(f"{old}.")), None)
+        if old is None:
             return None
-        alias = _Alias(".".join((place, *parts[2:])))
+        alias = _Alias(PLACES[old] + name.removeprefix(old))
         # Python's own base class of loaders is slow to import
         return ModuleSpec(name, cast(Any, alias), is_package=True)
 

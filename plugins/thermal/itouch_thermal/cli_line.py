@@ -29,8 +29,8 @@ def add_display(commands: Any) -> None:
 
 def _display(options: argparse.Namespace) -> None:
     """Greet a rig that speaks the line protocol, and print its readings; without a finger on it."""
+    from itouch_thermal.drivers.driver_params import LinePort
     from itouch_thermal.drivers.lineport import LineDriver
-    from itouch_thermal.drivers.params import LinePort
 
     if not abs(options.current) <= _AMPS:
         raise ValueError(f"--current {options.current:g}: {_AMPS:g} A at most, without a supervisor")

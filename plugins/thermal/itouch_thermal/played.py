@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 def played_curves(name: str, world: World) -> tuple[Curve | None, ...]:
     """Return the recorded curve that is played for each object in place of what modality ``name`` computes, or None."""
     from itouch_thermal.flux.desire import curves_of  # the controller knows of the heat, not the heat of it
-    from itouch_thermal.flux.params import FluxControlParams
+    from itouch_thermal.flux.flux_control_params import FluxControlParams
 
     for params in world.modalities.values():
         if isinstance(params, FluxControlParams) and params.desired_from == name and params.target == "file":

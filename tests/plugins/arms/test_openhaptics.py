@@ -15,7 +15,7 @@ from fake_hd import FakeHd
 from itouch.plugin import DeviceError, Field, Record, Trace, read_trace
 from itouch.testing import DeviceTests
 from itouch_arms.errors import ArmError, Disconnected, NotCalibrated, NotFound, ProtocolError, Refused, Timeout
-from itouch_arms.openhaptics import OpenHaptics, OpenHapticsParams, Phantom, api, driver
+from itouch_arms.openhaptics import OpenHaptics, OpenHapticsParams, Phantom, api, phantom
 from itouch_tools.cli import main
 
 NO_FORCE = (0.0, 0.0, 0.0)
@@ -83,7 +83,7 @@ def test_no_force_before_it_is_asked_for_and_none_that_is_old(hd: FakeHd, monkey
         arm.write((0.0, 0.0, 1.0))
         until(lambda: hd.force == (0.0, 1.0, 0.0))
         until(lambda: hd.force == NO_FORCE)  # nobody writes any more
-        assert len([force for force in hd.forces if any(force)]) * 5e-4 < 10 * driver.STALE
+        assert len([force for force in hd.forces if any(force)]) * 5e-4 < 10 * phantom.STALE
 
 
 def test_too_much_is_cut_to_what_the_arm_can_give_with_its_direction(hd: FakeHd) -> None:

@@ -13,7 +13,7 @@ from itouch_thermal import bench_display, cli
 from itouch_thermal.display import Datasheet, DisplayParams, plant
 from itouch_thermal.display.column import plate_capacity
 from itouch_thermal.flux.condensation import driest, warning
-from itouch_thermal.flux.params import FluxControlParams, MaterialCurve
+from itouch_thermal.flux.flux_control_params import FluxControlParams, MaterialCurve
 
 AVOID = '<thermal:flux-control display="peltier" desired-from="heat" condensation="avoid"/>'
 

@@ -14,9 +14,9 @@ import itouch
 from contact_heat.exact import solve
 from contact_heat.layers import Contact
 from itouch_thermal import bench_identify
-from itouch_thermal.film.params import FilmParams
+from itouch_thermal.film.film_params import FilmParams
 from itouch_thermal.heat import finger_side
-from itouch_thermal.identify import command
+from itouch_thermal.identify import estimate
 from itouch_thermal.identify.coverage import Row, campaign, touched
 from itouch_thermal.identify.differences import readings
 from itouch_thermal.identify.fit import ASSUMED, Problem, edges_for
@@ -270,7 +270,7 @@ def raw(tmp_path_factory):
 def test_the_command_stores_a_participant_and_its_heat(raw, tmp_path, capsys):
     words = [str(raw), "--sample", "wood", "--press", "0", "-o", str(tmp_path / "p.json"), "--heat",
              str(tmp_path / "p.xml"), "--profile"]  # fmt: skip
-    assert command.main(words) == 0
+    assert estimate.main(words) == 0
     said = capsys.readouterr().out
     assert "not told by the data" in said and "perfusion: " in said
     stored = json.loads((tmp_path / "p.json").read_text())
@@ -302,7 +302,7 @@ def test_the_command_stores_a_participant_and_its_heat(raw, tmp_path, capsys):
 )
 def test_wrong_input_is_one_message(words, said, raw, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert command.main([str(raw) if word == "RAW" else word for word in words]) == 2
+    assert estimate.main([str(raw) if word == "RAW" else word for word in words]) == 2
     assert said in capsys.readouterr().err
 
 
@@ -310,7 +310,7 @@ def test_a_file_that_is_no_touch_is_named(raw, tmp_path, capsys):
     text = (raw / "touch0.csv").read_text(encoding="utf-8")
     for k, broken in enumerate((text.replace("# skin", "# skim"), text.replace("t [s]", "s"), text[:900])):
         (tmp_path / f"b{k}.csv").write_text(broken, encoding="utf-8")
-        assert command.main([str(tmp_path / f"b{k}.csv")]) == 2
+        assert estimate.main([str(tmp_path / f"b{k}.csv")]) == 2
         assert f"b{k}.csv' is no raw touch" in capsys.readouterr().err
 
 
@@ -330,7 +330,7 @@ def test_a_broken_raw_file_is_one_message(old, new, said, raw, tmp_path, capsys)
     text = (raw / "touch0.csv").read_text(encoding="utf-8")
     assert old in text
     (tmp_path / "b.csv").write_text(text.replace(old, new, 1), encoding="utf-8", errors="surrogateescape")
-    assert command.main([str(tmp_path / "b.csv")]) == 2
+    assert estimate.main([str(tmp_path / "b.csv")]) == 2
     error = capsys.readouterr().err
     assert error.startswith("error: ") and "b.csv" in error and said in error
 
@@ -369,6 +369,6 @@ def test_bins_hold_samples_and_grow():
 
 
 def test_a_file_that_is_not_there_is_named_with_what_to_do(tmp_path, capsys):
-    assert command.main([str(tmp_path / "nothing.csv")]) == 2
+    assert estimate.main([str(tmp_path / "nothing.csv")]) == 2
     said = capsys.readouterr().err
     assert "nothing.csv" in said and "check the path" in said and "Errno" not in said

@@ -70,7 +70,7 @@ def test_no_material_is_noisier_than_another_before_the_touch(scenes: Path) -> N
 
 
 def test_noise_goes_with_equal_times() -> None:
-    from itouch_thermal.flux.params import FluxControlParams
+    from itouch_thermal.flux.flux_control_params import FluxControlParams
 
     with pytest.raises(ValueError, match="preset-noise goes with"):
         FluxControlParams(display="peltier", desired_from="heat", preset_noise=0.1)

@@ -10,7 +10,7 @@ import itouch
 from contact_heat.layers import Contact
 from contact_heat.stepper import Stepper
 from itouch_thermal.display.column import Array
-from itouch_thermal.film.params import FilmParams
+from itouch_thermal.film.film_params import FilmParams
 from itouch_thermal.film.twin import sample_side
 from itouch_thermal.flux.curve import read_curve
 from itouch_thermal.heat import FINGER, finger_side

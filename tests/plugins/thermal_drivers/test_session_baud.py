@@ -13,8 +13,8 @@ from test_thermal_drivers import own_rig, served, terminal  # noqa: F401
 from itouch.plugin import DeviceError, Stamps, Terminal, Trace, read_trace
 from itouch_thermal.display.device import ThermalDisplay
 from itouch_thermal.drivers import LinePort, mecom
+from itouch_thermal.drivers.driver_params import Mecom
 from itouch_thermal.drivers.mecom import MecomClient, MecomError, MecomRefusal
-from itouch_thermal.drivers.params import Mecom
 from itouch_thermal.drivers.rig import Rig
 from itouch_thermal.drivers.tec import TecDriver
 from itouch_thermal.drivers.virtual import SILENCE, Plate, VirtualMecom

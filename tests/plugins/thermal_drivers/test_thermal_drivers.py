@@ -28,7 +28,7 @@ from itouch_thermal.drivers.mecom import MecomClient, MecomError, MecomRefusal, 
 from itouch_thermal.drivers.tec import TecDriver
 from itouch_thermal.drivers.virtual import Plate, VirtualLine, VirtualMecom, VirtualT7
 from itouch_thermal.film import TouchFilm
-from itouch_thermal.film.params import T7, FilmParams, ForceSensor, Thermometer
+from itouch_thermal.film.film_params import T7, FilmParams, ForceSensor, Thermometer
 from itouch_thermal.film.twin import FilmTwin
 
 SENSOR = FluxSensor(sensitivity=1.2e-6, correction=0.002, offset=3e-6)

@@ -9,7 +9,7 @@ from typing import Any
 
 from itouch.plugin import Emulator, Record
 from itouch.plugin.impedance import Vector
-from itouch_arms.haply.driver import SERVICE
+from itouch_arms.haply.inverse3 import SERVICE
 from itouch_arms.haply.line import address_of
 from itouch_arms.haply.server import Server
 from itouch_arms.haply.virtual import CENTRE, VirtualService

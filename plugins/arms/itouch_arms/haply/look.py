@@ -5,7 +5,7 @@ from __future__ import annotations
 from itouch.plugin import Attached
 from itouch_arms.errors import ArmError
 from itouch_arms.haply import messages
-from itouch_arms.haply.driver import SERVICE
+from itouch_arms.haply.inverse3 import SERVICE
 from itouch_arms.haply.line import Line
 
 #: How long [s] to wait for the service and for its inventory.

@@ -9,7 +9,7 @@ from contact_heat.layers import Layer
 from contact_heat.resistance import AREA_AT_1N, AREA_EXPONENT, SPREAD, contact_area
 from itouch.plugin import schema
 from itouch_thermal.display.peltier import Module
-from itouch_thermal.drivers.params import LabJack, LinePort, Mecom
+from itouch_thermal.drivers.driver_params import LabJack, LinePort, Mecom
 from itouch_thermal.laws import KINDS, ForceLaw, PressureLaw, check_laws
 
 #: Copper-clad film sensor of the paper: thickness from 15e-6 K m2/W and k = 2.5 W/mK.

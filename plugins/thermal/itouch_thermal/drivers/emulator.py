@@ -12,7 +12,7 @@ from typing import Any
 
 from itouch.plugin import DeviceError, Emulator, Record, Terminal
 from itouch_thermal.chip.line import SimulatedLine
-from itouch_thermal.drivers.params import FluxSensor, Infrared, LabJack, Mecom
+from itouch_thermal.drivers.driver_params import FluxSensor, Infrared, LabJack, Mecom
 from itouch_thermal.drivers.virtual import Plate, VirtualLine, VirtualMecom, VirtualT7
 
 #: So long [s] the sensors' readings may be old.

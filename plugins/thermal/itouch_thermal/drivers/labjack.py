@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
 from itouch.plugin import DeviceError, Trace
-from itouch_thermal.drivers.params import FluxSensor, Infrared
+from itouch_thermal.drivers.driver_params import FluxSensor, Infrared
 
 PRODUCT, PORT = 60000, 502
 RANGE, NEGATIVE, RESOLUTION = 40000, 41000, 41500

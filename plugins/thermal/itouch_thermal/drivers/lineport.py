@@ -21,7 +21,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from itouch.plugin import DeviceError, Trace
-from itouch_thermal.drivers.params import LinePort
+from itouch_thermal.drivers.driver_params import LinePort
 from itouch_thermal.drivers.promises import CAUSES, Promises, not_kept
 from itouch_thermal.drivers.serialport import SerialLine
 

@@ -11,8 +11,8 @@ from collections import deque
 from typing import NamedTuple
 
 from itouch.plugin import DeviceError, Stamps, Trace
+from itouch_thermal.drivers.driver_params import Mecom
 from itouch_thermal.drivers.mecom import UNKNOWN, MecomClient, MecomRefusal
-from itouch_thermal.drivers.params import Mecom
 
 STATUS, ERROR_NUMBER = 104, 105
 OBJECT_TEMPERATURE, SINK_TEMPERATURE, ACTUAL_CURRENT = 1000, 1001, 1020

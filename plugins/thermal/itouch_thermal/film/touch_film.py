@@ -19,7 +19,7 @@ from itouch.plugin import (
     temperature,
 )
 from itouch_thermal.drivers.labjack import LabJackDriver
-from itouch_thermal.film.params import FilmParams
+from itouch_thermal.film.film_params import FilmParams
 from itouch_thermal.film.twin import FilmTwin
 
 #: What stands in a reading of the skin as long as no thermometer has seen it [K]; it is marked as not valid.

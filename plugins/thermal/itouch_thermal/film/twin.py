@@ -10,7 +10,7 @@ import numpy as np
 from contact_heat.layers import ROOM, Back, Film, Initial, Side
 from itouch.plugin import Field, Record, Role, Twin, TwinInputs
 from itouch_thermal.display.column import Array
-from itouch_thermal.film.params import WOOD, FilmParams
+from itouch_thermal.film.film_params import WOOD, FilmParams
 from itouch_thermal.heat import FINGER, finger_side
 from itouch_thermal.laws import law_of, press_factor
 

@@ -9,8 +9,8 @@ import numpy as np
 from itouch.plugin import ParameterError, World
 from itouch_thermal.display.column import F_BEGIN, F_DECAY, F_END, F_PORT, Array, Column
 from itouch_thermal.flux.curve import LARGEST_FILE, Curve, decode_curve
+from itouch_thermal.flux.flux_control_params import FluxControlParams
 from itouch_thermal.flux.law import ModelLaw
-from itouch_thermal.flux.params import FluxControlParams
 from itouch_thermal.flux.preview import rising
 from itouch_thermal.flux.start import Touched, Trial, start_temperature
 from itouch_thermal.heat import HeatParams

@@ -11,9 +11,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from itouch.plugin import Bound, Contact, ContactEvent, Field, Modality, Record, Role, World
-from itouch_thermal.flux import account, approach, command, condensation, joined, predictive, published, telling
+from itouch_thermal.flux import account, actuation, approach, condensation, joined, predictive, published, telling
+from itouch_thermal.flux.flux_control_params import FluxControlParams
 from itouch_thermal.flux.masking import masked
-from itouch_thermal.flux.params import FluxControlParams
 from itouch_thermal.flux.setting import FluxModel, setting
 from itouch_thermal.flux.start import within
 
@@ -102,11 +102,11 @@ class FluxControl(Modality):
             ),
         )
         memory = predictive.memory(model) if model.law is not None else published.memory(model)
-        return own + account.FIELDS + command.fields(model) + memory
+        return own + account.FIELDS + actuation.fields(model) + memory
 
     def commands(self, model: FluxModel) -> tuple[str, ...]:
         """Return what the display obeys: a current, or a temperature and whether its output is on."""
-        return command.channels(model)
+        return actuation.channels(model)
 
     def attends(self, model: FluxModel) -> bool:
         """Behind a wire the newest command counts whenever the next exchange begins, and readings come at any time."""
@@ -122,7 +122,7 @@ class FluxControl(Modality):
         state[model.names.start_temperature] = within(model.band, model.ambient)
         if model.law is not None:
             model.law.reset(state)
-        command.reset(model, state)
+        actuation.reset(model, state)
         if model.law is not None:
             state[model.names.departed] = -1
 
@@ -198,7 +198,7 @@ class FluxControl(Modality):
             state[names.obtained] = model.law.estimate(state)[0]
         if not touching:
             current = masked(current, model.preset_noise, model.current, tick)
-        command.issue(model, state, current, model.hold)
+        actuation.issue(model, state, current, model.hold)
 
     def bound_update(self, model: FluxModel, state: Record, period: float) -> tuple[Bound, ...]:
         """Return the update of these views as compiled calls, which leave to Python what begins or ends."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 from itouch.plugin import Role, WorldDevice
-from itouch_thermal.flux.params import FluxControlParams
+from itouch_thermal.flux.flux_control_params import FluxControlParams
 
 #: What the framework keeps of every device, and of the finger.
 _DEVICE = ("age", "sequence", "measured", "left")

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from itouch_thermal.display.column import Array
-from itouch_thermal.film.params import FilmParams
+from itouch_thermal.film.film_params import FilmParams
 from itouch_thermal.identify.differences import readings
 from itouch_thermal.identify.fit import TOLD, Problem
 from itouch_thermal.identify.forward import Forward, Known

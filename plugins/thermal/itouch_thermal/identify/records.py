@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from itouch_thermal.display.column import Array
-from itouch_thermal.film.params import FilmParams
+from itouch_thermal.film.film_params import FilmParams
 from itouch_thermal.identify.fit import Problem, edges_for
 from itouch_thermal.identify.forward import Known
 

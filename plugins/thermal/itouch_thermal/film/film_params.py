@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from contact_heat.layers import Layer
 from itouch.plugin import schema
-from itouch_thermal.drivers.params import FluxSensor, Infrared
+from itouch_thermal.drivers.driver_params import FluxSensor, Infrared
 from itouch_thermal.laws import KINDS, ForceLaw, check_laws
 
 #: The sample of the twin where none is given: the paper's wood.

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from itouch.plugin import Attached, ImpedanceArm, Mechanics, Opening, Record, Timing, schema, wrench
 from itouch_arms.errors import ArmError, NotCalibrated
-from itouch_arms.openhaptics.driver import Phantom
+from itouch_arms.openhaptics.phantom import Phantom
 
 #: Greatest force [N] and stiffness [N/m] of a Phantom Omni, as OpenHaptics states them (3.3 N and 0.5 N/mm).
 FORCE, STIFFNESS = 3.3, 500.0

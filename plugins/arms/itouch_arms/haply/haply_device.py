@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from itouch.plugin import Attached, Emulation, ImpedanceArm, Opening, Record, Timing, schema, wrench
 from itouch_arms.errors import NotCalibrated, Refused
-from itouch_arms.haply.driver import SERVICE, Inverse3
 from itouch_arms.haply.emulator import HaplyEmulator
+from itouch_arms.haply.inverse3 import SERVICE, Inverse3
 from itouch_arms.haply.look import look
 
 #: Greatest force [N] that is asked of the arm: ours, below what such arms can give.
