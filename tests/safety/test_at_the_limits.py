@@ -28,7 +28,7 @@ from itouch.monitors import (
     thresholds,
 )
 from itouch.monitors import limits as default
-from itouch.monitors.carried import Load, Nearing, Seen, felt, rise
+from itouch.monitors.carried import Load, Nearing, SurfaceObservation, felt, rise
 from itouch.monitors.driven import Look
 from itouch.monitors.history import History
 from itouch.monitors.limits import DeviceLimits
@@ -505,9 +505,11 @@ def test_a_surface_trips_above_five_newton(load: float, found: float) -> None:
     assert monitor.check(memory, reading, record(TABLE[1]), Moment(now=1.0, time=1.0, gap=0.0)) == found
 
 
-def looked(seconds: float = 0.0, strayed: float = 0.0, gap: float = 0.0, calibrated: bool = False) -> Seen:
+def looked(
+    seconds: float = 0.0, strayed: float = 0.0, gap: float = 0.0, calibrated: bool = False
+) -> SurfaceObservation:
     """Return a look at a surface after a second."""
-    return Seen(1.0, 1.0, seconds, strayed, gap, calibrated)
+    return SurfaceObservation(1.0, 1.0, seconds, strayed, gap, calibrated)
 
 
 def test_a_surface_may_be_astray_for_a_tenth_of_a_second() -> None:

@@ -20,7 +20,7 @@ from parts import ARM, LIMITS, PERIOD, TABLE, Fake, model, state
 from itouch.monitors.limits import PLATE_FORCE_ABSOLUTE
 from itouch.plugin import Record
 from itouch.plugin.stamps import Stamped
-from itouch.safety import DeviceFaultError, Outcome, SafeSequence, Supervisor, Trip, Witness
+from itouch.safety import DeviceFaultError, Outcome, SafeSequence, Supervisor, TrackedFinger, Trip
 from itouch.safety.blind_retreat import BLIND, HARDER, LEG, along
 from itouch.safety.lifecycle import BACKWARDS, HELD
 from itouch.safety.sequence import RETREAT
@@ -81,8 +81,8 @@ class World:
             one.read(0)
             one.enable()
         self.lies = True
-        witnesses = {"table": [Witness(self.arm, lambda: self.arm.reading["pose"][2].item())]} if tracked else {}
-        self.sequence = SafeSequence(self.all, self.state, PERIOD, self.move, witnesses)
+        fingers = {"table": [TrackedFinger(self.arm, lambda: self.arm.reading["pose"][2].item())]} if tracked else {}
+        self.sequence = SafeSequence(self.all, self.state, PERIOD, self.move, fingers)
 
     def touch(self) -> None:
         """Let the finger find its place between hand and plate."""

@@ -9,7 +9,7 @@ import pytest
 from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, FakeTwin, model, record, state
 
 from itouch.monitors import Heat, Readings, Surface, carried, heated, lookback, own_monitors
-from itouch.monitors.carried import Seen, pace
+from itouch.monitors.carried import SurfaceObservation, pace
 from itouch.monitors.history import History
 from itouch.monitors.thresholds import READINGS
 from itouch.plugin import Channel, Record
@@ -101,7 +101,7 @@ def test_a_force_that_is_doubted_for_a_moment_leaves_no_doubt() -> None:
     surface = of(Surface, TABLE)
     memory = memory_of(surface)
     memory["doubted"] = 0.07
-    near = Seen(0.0, 0.0, 0.0, 0.0, 0.001, True)
+    near = SurfaceObservation(0.0, 0.0, 0.0, 0.0, 0.001, True)
     assert carried.doubt(surface.allowed, surface.memory(memory), 2.0, 0.01, near) == 0.0
     assert memory["doubted"].item() == 0.0
 

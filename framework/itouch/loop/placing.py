@@ -20,7 +20,7 @@ from itouch.loop.rig import ProbeRig
 from itouch.loop.run_statistics import Counts, counted
 from itouch.loop.runner import Runner
 from itouch.monitors import Arm, Surface
-from itouch.monitors.carried import Allowed, Load, Memory, Nearing, Seen, count, felt, rise, size
+from itouch.monitors.carried import Allowed, Load, Memory, Nearing, SurfaceObservation, count, felt, rise, size
 from itouch.monitors.carried import check as watch
 from itouch.monitors.pushed import Pushing, check
 from itouch.monitors.thresholds import TOUCH_FORCE
@@ -96,7 +96,7 @@ def surface(
     y = one.finger[1] - one.frame[TABLE + 1]
     z = one.finger[2] - one.frame[TABLE + 2]
     gap = one.finger[2] - radius - one.top[0]
-    seen = Seen(now, time, seconds, one.strayed[0], gap, ready[0] != 0 and calibrates)
+    seen = SurfaceObservation(now, time, seconds, one.strayed[0], gap, ready[0] != 0 and calibrates)
     found = watch(allowed, memory, load, one.pose, turned_in(one.frame, TABLE, x, y, z), seen, one.touch)
     if found >= 0.0 and memory.looked[0] == now:
         one.touched[0], one.felt[0] = int(one.touch[0]), one.touch[1]

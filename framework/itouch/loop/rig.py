@@ -13,7 +13,7 @@ from itouch.loop.frames import Frame, Vector
 from itouch.loop.run_statistics import RunStatistics
 from itouch.loop.runner import Runner
 from itouch.loop.touch import Toucher
-from itouch.loop.touchoff import Stage, TouchOff
+from itouch.loop.touchoff import TouchOff, TouchOffPhase
 from itouch.monitors import Surface
 from itouch.monitors.carried import size
 from itouch.plugin import Bound, Record, Role, TwinInputs
@@ -169,13 +169,13 @@ class ProbeRig:
 
     def bound_surface(self) -> tuple[Bound, ...]:
         """Return ``surface`` as compiled calls, which leave a touch-off and a withdrawal to it; none: it is Python."""
-        table, done = self.table, np.array([int(Stage.DONE)])
+        table, done = self.table, np.array([int(TouchOffPhase.DONE)])
         post = table.device_monitors.surface if table is not None else None
         if table is None or post is None or not isinstance(post.monitor, Surface):
             return ()
         stage = self.touch_off.stage if self.touch_off is not None else done
         withdrawn, kept = post.state["withdrawn"], self.toucher.surface
-        led = Bound(carrying.led, stage, int(Stage.DONE), table.gate, ENABLED, withdrawn, kept)
+        led = Bound(carrying.led, stage, int(TouchOffPhase.DONE), table.gate, ENABLED, withdrawn, kept)
         closing = Bound(
             carrying.close_in, self._figures, self._radius, *post.monitor.paces, table.moving.closing, table.clamped
         )

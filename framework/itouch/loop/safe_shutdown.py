@@ -12,7 +12,7 @@ from itouch.loop.rig import ProbeRig
 from itouch.loop.run_statistics import RunStatistics
 from itouch.loop.runner import Runner
 from itouch.plugin import Record, Role
-from itouch.safety import DeviceFaultError, Outcome, SafeSequence, Trip, Witness
+from itouch.safety import DeviceFaultError, Outcome, SafeSequence, TrackedFinger, Trip
 from itouch.world import Model
 
 
@@ -25,7 +25,7 @@ class SafeShutdown:
     ) -> None:  # fmt: skip
         self._model, self._runners, self._rigs, self._statistics = model, runners, rigs, statistics
         self._tick, self._injected = state["tick"], injected
-        self._sequence = SafeSequence(runners, state, model.period, self._move, _witnesses(rigs))
+        self._sequence = SafeSequence(runners, state, model.period, self._move, _tracked_fingers(rigs))
         needed = {rig.tracker.model.name for rig in rigs}
         for runner in runners:
             if runner.model.optional and runner.model.name not in needed:
@@ -101,13 +101,13 @@ class SafeShutdown:
         return entry
 
 
-def _witnesses(rigs: Sequence[ProbeRig]) -> dict[str, list[Witness]]:
+def _tracked_fingers(rigs: Sequence[ProbeRig]) -> dict[str, list[TrackedFinger]]:
     """Return what tracks the fingers over each surface; what a surface carries says nothing that it does not."""
-    found: dict[str, list[Witness]] = {}
+    found: dict[str, list[TrackedFinger]] = {}
     for rig in rigs:
         if rig.table is not None and rig.tracker is not rig.table and not rig.tracker.model.carrier:
             found.setdefault(rig.table.model.name, []).append(
-                Witness(rig.tracker, partial(_finger_over, rig, rig.table))
+                TrackedFinger(rig.tracker, partial(_finger_over, rig, rig.table))
             )
     return found
 

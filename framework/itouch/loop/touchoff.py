@@ -29,7 +29,7 @@ ROOM = 0.012
 _ARRIVED = 3e-4
 
 
-class Stage(enum.IntEnum):
+class TouchOffPhase(enum.IntEnum):
     """Where a touch-off stands."""
 
     PLACE = 0
@@ -59,11 +59,11 @@ class TouchOff:
     @property
     def done(self) -> bool:
         """Whether the height is known."""
-        return int(self.stage) == Stage.DONE
+        return int(self.stage) == TouchOffPhase.DONE
 
     def reset(self) -> None:
         """Begin anew."""
-        self.stage[...] = Stage.PLACE
+        self.stage[...] = TouchOffPhase.PLACE
         self.point[...] = 0
         self._target[...] = math.nan
 
@@ -85,10 +85,10 @@ class TouchOff:
         under = self._under()
         if math.isnan(float(self._target)):
             self._target[...] = min(max(self._low, under[2] - MARGIN), self._high)
-        stage = Stage(int(self.stage))
-        if stage is Stage.PLACE:
+        stage = TouchOffPhase(int(self.stage))
+        if stage is TouchOffPhase.PLACE:
             self._place(position, under, force)
-        elif stage is Stage.RISE:
+        elif stage is TouchOffPhase.RISE:
             self._rise(force)
         else:
             self._release(position)
@@ -115,7 +115,7 @@ class TouchOff:
         goal = (under[0], under[1], float(self._target))
         if all(abs(p - g) < _ARRIVED for p, g in zip(position, goal, strict=False)):
             self._sums[:] = 0.0
-            self.stage[...] = Stage.RISE
+            self.stage[...] = TouchOffPhase.RISE
 
     def _rise(self, force: float) -> None:
         if force > SAMPLE:
@@ -126,7 +126,7 @@ class TouchOff:
         if force >= FORCE:
             self._offsets[int(self.point)] = _at_zero_force(self._sums.tolist())
             self._target[...] = float(self._target) - DROP
-            self.stage[...] = Stage.RELEASE
+            self.stage[...] = TouchOffPhase.RELEASE
             return
         if float(self._target) >= self._high:
             cause = "was raised to the end of its travel and felt no finger (touch-off); begin the motion lower"
@@ -138,11 +138,11 @@ class TouchOff:
             return
         if int(self.point) + 1 < self._count:
             self.point += 1
-            self.stage[...] = Stage.PLACE
+            self.stage[...] = TouchOffPhase.PLACE
             return
         height = float(self._offsets.mean())
         self._calibration[2] -= height
-        self.stage[...] = Stage.DONE
+        self.stage[...] = TouchOffPhase.DONE
 
 
 def _at_zero_force(sums: list[float]) -> float:

@@ -70,8 +70,8 @@ class Memory(NamedTuple):
     figure: Floats
 
 
-class Seen(NamedTuple):
-    """One look at a surface: times as in `Moment` [s]; how far it is from its command and from the finger [m]."""
+class SurfaceObservation(NamedTuple):
+    """A surface at one time: times as in `Moment` [s]; how far it is from its command and from the finger [m]."""
 
     now: float
     time: float
@@ -160,7 +160,7 @@ def check(allowed: Any, memory: Any, load: Any, pose: Floats, finger: Any, seen:
     finger
         Place of the finger in the device's frame [m], three numbers.
     seen
-        The look, a `Seen`.
+        What was observed, a `SurfaceObservation`.
     touch
         Shape (2,), written where it is its turn: 1 if it is touched, and the force [N]; NaN: not measured.
     """

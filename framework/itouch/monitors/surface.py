@@ -115,7 +115,7 @@ class Surface(Monitor):
         """Check one tick."""
         from itouch.monitors import carried
 
-        seen = carried.Seen(
+        seen = carried.SurfaceObservation(
             float(moment.now), float(moment.time), float(moment.seconds), float(moment.strayed), float(moment.gap),
             bool(moment.calibrated),
         )  # fmt: skip

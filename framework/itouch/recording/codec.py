@@ -19,7 +19,7 @@ class Codec:
     """Encodes and decodes the message records of one track under one channel number."""
 
     def __init__(self, track: Track, channel: int) -> None:
-        payload, slots = template(track)
+        payload, layout = template(track)
         self.track, self.channel = track, channel
         self._template = np.frombuffer(header(channel, len(payload)) + payload, np.uint8)
         self.length = len(self._template)
@@ -29,11 +29,11 @@ class Codec:
             formats.append(kind)
             offsets.append(offset)
         self._places: list[tuple[str, str, int]] = []
-        for index, slot in enumerate(slots):
+        for index, field in enumerate(layout):
             names.append(f"n{index}")
-            formats.append(f"<{slot.kind}" if slot.count == 1 else f"({slot.count},)<{slot.kind}")
-            offsets.append(HEAD + slot.offset)
-            self._places.append((f"n{index}", slot.column, slot.component if slot.count == 1 else -1))
+            formats.append(f"<{field.kind}" if field.count == 1 else f"({field.count},)<{field.kind}")
+            offsets.append(HEAD + field.offset)
+            self._places.append((f"n{index}", field.column, field.component if field.count == 1 else -1))
         self._scalars = {"tick", "time"} | {column.name for column in track.columns if column.size == 0}
         self._dtype = np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": self.length})
         self._fixed = self._constant_bytes()

@@ -47,7 +47,7 @@ def number(field: int, value: int) -> bytes:
 
 
 @dataclass(frozen=True, slots=True)
-class Slot:
+class FieldLayout:
     """Where a number, or a run of numbers, stands in a message."""
 
     column: str
@@ -57,13 +57,13 @@ class Slot:
     kind: str
 
 
-def template(track: Track) -> tuple[bytes, list[Slot]]:
+def template(track: Track) -> tuple[bytes, list[FieldLayout]]:
     """Return a message of zeros, and where each number stands."""
-    out, slots = bytearray(), []
+    out, layout = bytearray(), []
 
     def one(number: int, column: str, component: int, kind: str) -> None:
         out.extend(tag(number, _FIXED64))
-        slots.append(Slot(column, component, 1, len(out), kind))
+        layout.append(FieldLayout(column, component, 1, len(out), kind))
         out.extend(bytes(8))
 
     one(1, "tick", 0, "i8")
@@ -77,9 +77,9 @@ def template(track: Track) -> tuple[bytes, list[Slot]]:
                 one(component + 1, column.name, component, column.kind)
         else:
             out.extend(tag(number, _LENGTH) + varint(8 * column.size))
-            slots.append(Slot(column.name, 0, column.size, len(out), column.kind))
+            layout.append(FieldLayout(column.name, 0, column.size, len(out), column.kind))
             out.extend(bytes(8 * column.size))
-    return bytes(out), slots
+    return bytes(out), layout
 
 
 def schema_name(track: Track) -> str:

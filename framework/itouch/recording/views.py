@@ -76,7 +76,7 @@ class Force:
 
 
 @dataclass(frozen=True, slots=True)
-class Warmth:
+class TemperatureLabel:
     """A temperature [K] of State, written at a frame."""
 
     name: str
@@ -91,7 +91,8 @@ class View:
     frames: tuple[Frame, ...] = ()
     solids: tuple[Solid, ...] = ()
     forces: tuple[Force, ...] = ()
-    warmths: tuple[Warmth, ...] = ()
+    #: Called so in recordings.
+    warmths: tuple[TemperatureLabel, ...] = ()
 
     @property
     def fields(self) -> list[str]:
@@ -106,7 +107,7 @@ class View:
     @classmethod
     def load(cls, data: Mapping[str, Any]) -> View:
         """Return it from plain data."""
-        parts = {"frames": Frame, "solids": Solid, "forces": Force, "warmths": Warmth}
+        parts = {"frames": Frame, "solids": Solid, "forces": Force, "warmths": TemperatureLabel}
         found: dict[str, Any] = {}
         for key, kind in parts.items():
             plain = ({k: tuple(v) if isinstance(v, list) else v for k, v in item.items()} for item in data[key])

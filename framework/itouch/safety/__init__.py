@@ -1,7 +1,7 @@
 """The supervisor: every reading is checked here, every command is limited here, and nothing else writes to a device."""
 
 from itouch.monitors import LOSSES, DeviceFaultError, Trip, TripError
-from itouch.safety.blind_retreat import Witness
+from itouch.safety.blind_retreat import TrackedFinger
 from itouch.safety.connect import connect
 from itouch.safety.device_monitors import DeviceMonitors
 from itouch.safety.finger import Finger
@@ -22,8 +22,8 @@ __all__ = [
     "SafeSequence",
     "Status",
     "Supervisor",
+    "TrackedFinger",
     "Trip",
     "TripError",
-    "Witness",
     "connect",
 ]

@@ -53,21 +53,21 @@ SURE = 2
 SHORTEST, _NEAR = 0.001, 1e-9
 
 
-class Witness(NamedTuple):
+class TrackedFinger(NamedTuple):
     """What tracks a finger over a surface, and how high [m] that is in the direction in which the surface lifts."""
 
     tracker: Supervisor
     height: Callable[[], float]
 
 
-class Seen(NamedTuple):
+class Observation(NamedTuple):
     """What is known of fingers and force at one time: heights [m] and force [N], NaN: not known."""
 
     heights: tuple[float, ...]
     force: float
 
 
-class Stage(enum.IntEnum):
+class RetreatPhase(enum.IntEnum):
     """What a leg is for."""
 
     DOWN = 0
@@ -103,16 +103,16 @@ def _tells(heights: tuple[float, ...]) -> bool:
 class BlindRetreat:
     """Withdraws one surface whose place is not believed; it must be able to retract.
 
-    ``witnesses``: who knows of the fingers over it.
+    ``fingers``: those over it that something tracks.
     """
 
     def __init__(
-        self, supervisor: Supervisor, tick: NDArray[np.int64], period: float, witnesses: Sequence[Witness]
+        self, supervisor: Supervisor, tick: NDArray[np.int64], period: float, fingers: Sequence[TrackedFinger]
     ) -> None:
         model = supervisor.model
         channel = next(channel for channel in model.commands if channel.safe is RETRACT)
         self._supervisor, self._tick = supervisor, tick
-        self._witnesses = tuple(witnesses)
+        self._fingers = tuple(fingers)
         self._sent = supervisor.sent[channel.name]
         self._ends = (channel.low[2], channel.high[2]) if channel.low else (-math.inf, math.inf)
         self._loads = [one.name for one in model.reads if one.role is Role.CONTACT_FORCE]
@@ -127,23 +127,23 @@ class BlindRetreat:
         """Begin a safe sequence."""
         #: Whether its place is not believed now.
         self.active = False
-        self._stage = Stage.DOWN
+        self._phase = RetreatPhase.DOWN
         #: The ticks in which a leg's last command was asked for, and was known to have left; -1: not yet.
         self._reached = self._left = -1
         #: How many legs in a row have moved a finger, and how many were felt.
         self._pushed = self._harder = 0
         self._asked = self._goal = 0.0
-        self._before = Seen((), math.nan)
-        self._middle: Seen | None = None
+        self._before = Observation((), math.nan)
+        self._middle: Observation | None = None
 
     def said(self, way: NDArray[np.float64]) -> str:
         """Say what was done, for the report; ``way`` as in ``mind``."""
         if not self.active:
             return ""
         gone = (way[0].item() - self._sent[2].item()) * 1e3
-        if self._stage is Stage.BACK:
+        if self._phase is RetreatPhase.BACK:
             return "; it pushed as it was told to go back, and was sent to where it stood"
-        if self._stage is Stage.OTHER:
+        if self._phase is RetreatPhase.OTHER:
             return f"; it pushed as it was told to go back, and was sent {-gone:.1f} mm the other way"
         return f"; it was told to go back by {gone:.1f} mm"
 
@@ -158,12 +158,12 @@ class BlindRetreat:
         if not self.active:
             self.active = True
             if stopped.item() == BACKWARDS:  # so it was found to be right while its place was believed
-                self._stage = Stage.OTHER
+                self._phase = RetreatPhase.OTHER
             if stopped.item() != HELD:
                 self._go_on(stopped, way)
         if stopped.item() == HELD or abs(self._sent[2].item() - self._goal) > _NEAR:
             return
-        if self._stage is Stage.AWAY:
+        if self._phase is RetreatPhase.AWAY:
             stopped[...] = HELD
             return
         if self._reached < 0:
@@ -190,7 +190,7 @@ class BlindRetreat:
 
     def _heard(self, tick: int) -> bool:
         """Tell whether all that is known of fingers was measured since a tick."""
-        times = [one.tracker.measured_at(Role.TRACKED_POSE) for one in self._witnesses if self._knows(one.tracker)]
+        times = [one.tracker.measured_at(Role.TRACKED_POSE) for one in self._fingers if self._knows(one.tracker)]
         return bool(self._tick.item() >= tick) and all(time >= tick for time in times)
 
     def _knows(self, tracker: Supervisor) -> bool:
@@ -198,13 +198,15 @@ class BlindRetreat:
         age = self._tick.item() - tracker.measured_at(Role.TRACKED_POSE)
         return tracker.trip not in DOUBTS and age <= self._known
 
-    def _look(self) -> Seen:
-        heights = [one.height() if self._knows(one.tracker) else math.nan for one in self._witnesses]
+    def _look(self) -> Observation:
+        heights = [one.height() if self._knows(one.tracker) else math.nan for one in self._fingers]
         loads = [math.hypot(*self._supervisor.reading[name][:3].tolist()) for name in self._loads]
-        return Seen(tuple(heights), max(loads, default=math.nan))
+        return Observation(tuple(heights), max(loads, default=math.nan))
 
-    def _judge(self, middle: Seen, after: Seen, stopped: NDArray[np.int8], way: NDArray[np.float64]) -> None:
-        """Decide what is next after a leg, by what was seen at its end and a while later."""
+    def _judge(
+        self, middle: Observation, after: Observation, stopped: NDArray[np.int8], way: NDArray[np.float64]
+    ) -> None:
+        """Decide what is next after a leg, by what was observed at its end and a while later."""
         asked, before = self._asked, self._before
         ways = list(zip(before.heights, middle.heights, after.heights, strict=True))
         followed = any((last - first) / asked >= FOLLOWS for first, _, last in ways)
@@ -214,33 +216,33 @@ class BlindRetreat:
         moved = any(along(asked, *heights, least) for heights in ways)
         self._harder = self._harder + 1 if harder else 0
         self._pushed = self._pushed + 1 if moved else 0
-        if self._stage is Stage.BACK:
+        if self._phase is RetreatPhase.BACK:
             if not any(_tells(heights) for heights in ways):  # it stands where it stood: no way is better
                 stopped[...] = HELD
                 return
-            self._stage = Stage.OTHER if moved else Stage.AWAY
-        elif self._stage is Stage.OTHER and followed:
-            self._stage = Stage.AWAY
-        elif self._stage is Stage.DOWN and self._pushed >= SURE:
-            self._stage = Stage.BACK
+            self._phase = RetreatPhase.OTHER if moved else RetreatPhase.AWAY
+        elif self._phase is RetreatPhase.OTHER and followed:
+            self._phase = RetreatPhase.AWAY
+        elif self._phase is RetreatPhase.DOWN and self._pushed >= SURE:
+            self._phase = RetreatPhase.BACK
         elif self._harder >= SURE:
             stopped[...] = HELD
             return
         self._go_on(stopped, way)
 
     def _go_on(self, stopped: NDArray[np.int8], way: NDArray[np.float64]) -> None:
-        """Lead the next leg of the stage; hold the surface if there is none."""
+        """Lead the next leg of the phase; hold the surface if there is none."""
         sent, stood = self._sent[2].item(), way[0].item()
-        if self._stage is Stage.BACK:
+        if self._phase is RetreatPhase.BACK:
             goal = stood
-        elif self._stage is Stage.AWAY:
+        elif self._phase is RetreatPhase.AWAY:
             goal = stood - BLIND
-        elif self._stage is Stage.OTHER:
+        elif self._phase is RetreatPhase.OTHER:
             goal = min(sent + LEG, stood + BLIND)
         else:
             goal = max(sent - LEG, stood - BLIND)
         goal = min(max(goal, self._ends[0]), self._ends[1])
-        up = self._stage in (Stage.BACK, Stage.OTHER)
+        up = self._phase in (RetreatPhase.BACK, RetreatPhase.OTHER)
         if (goal - sent if up else sent - goal) < SHORTEST:
             stopped[...] = HELD
             return

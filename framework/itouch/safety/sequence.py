@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from itouch.monitors import DOUBTS, DeviceFaultError, Heat, Trip
 from itouch.plugin import RETRACT, Record, Role
-from itouch.safety.blind_retreat import BlindRetreat, Witness
+from itouch.safety.blind_retreat import BlindRetreat, TrackedFinger
 from itouch.safety.lifecycle import BACKWARDS, HELD, Status
 from itouch.safety.supervisor import Supervisor
 
@@ -69,19 +69,19 @@ class Outcome(NamedTuple):
 class SafeSequence:
     """Carries out the sequence for the devices of one session.
 
-    ``witnesses``, by the names of surfaces: who knows of the fingers over it where its own place is not believed.
+    ``fingers``, by the names of surfaces: those over it that something tracks, for when its own place is not believed.
     """
 
     def __init__(
         self, supervisors: Sequence[Supervisor], state: Record, period: float, move: Callable[[], None],
-        witnesses: Mapping[str, Sequence[Witness]] | None = None,
+        fingers: Mapping[str, Sequence[TrackedFinger]] | None = None,
     ) -> None:  # fmt: skip
         self._supervisors, self._period, self._move = tuple(supervisors), period, move
         self._tick, self._stopping = state["tick"], state["stopping"]
         self._ways = [(s, s.stopped) for s in supervisors if s.stopped is not None and _retracts(s)]
         self._retracting = [s for s, _ in self._ways]
         self._blind = {
-            s.model.name: BlindRetreat(s, self._tick, period, (witnesses or {}).get(s.model.name, ()))
+            s.model.name: BlindRetreat(s, self._tick, period, (fingers or {}).get(s.model.name, ()))
             for s in self._retracting
         }
         self._mute: set[str] = set()

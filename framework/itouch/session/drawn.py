@@ -9,7 +9,7 @@ import numpy as np
 
 from itouch.contact import Box, Capsule, Cylinder, Plane, Sphere
 from itouch.plugin import Record, Role
-from itouch.recording.views import WORLD, Force, Frame, Solid, View, Warmth, packed
+from itouch.recording.views import WORLD, Force, Frame, Solid, TemperatureLabel, View, packed
 from itouch.session.row_layout import recordable
 from itouch.world import Model
 from itouch.world.rig import DeviceModel
@@ -44,7 +44,7 @@ def view_of(model: Model, state: Record) -> View:
         solids.append(Solid(probe.name, f"{probe.name}/proxy", "ball", (radius,), _FINGER))
         solids.append(Solid(f"{probe.name}/centre", f"{probe.name}/hip", "ball", (0.3 * radius,), (0.95, 0.45, 0.2, 1)))
         forces.append(Force(f"{probe.name}/force", f"{probe.name}/proxy", f"{probe.name}.contact_force"))
-    return View(tuple(frames), tuple(solids), tuple(forces), tuple(_warmths(model, state)))
+    return View(tuple(frames), tuple(solids), tuple(forces), tuple(_temperature_labels(model, state)))
 
 
 def _mount(device: str) -> str:
@@ -64,11 +64,11 @@ def _carried(device: str) -> str:
     return f"device/{device}/carried"
 
 
-def _warmths(model: Model, state: Record) -> Iterator[Warmth]:
+def _temperature_labels(model: Model, state: Record) -> Iterator[TemperatureLabel]:
     for device in model.devices.values():
         field = device.field(Role.SKIN_CONTACT_TEMPERATURE)
         if field and field in state and np.size(state[field]) == 1:
-            yield Warmth(f"{device.name}/temperature", _mount(device.name), field)
+            yield TemperatureLabel(f"{device.name}/temperature", _mount(device.name), field)
 
 
 def _object(model: Model, index: int, frame: str, pose: tuple[float, ...]) -> Iterator[Solid]:
