@@ -18,13 +18,22 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, TextIO
 
-from itouch.schema.palette import coloured
-
 #: Control characters but for the ends of lines and tabs, marks that turn the direction of writing, what can't be seen,
 #: and halves of characters.
 _UNSAFE = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb\ud800-\udfff"
     "\U000e0000-\U000e007f]"
+)
+_RED, _GREEN, _YELLOW, _BLUE, _CYAN = "1;31", "32", "1;33", "34", "1;36"
+#: How lines look -> the group that is coloured, and how.
+_RULES: tuple[tuple[re.Pattern[str], str], ...] = (
+    (re.compile(r"^((?:error|fault)(?:\[[^\]\n]*\])?:|.*: error:)", re.MULTILINE), _RED),
+    (re.compile(r"^(warning(?:\[[^\]\n]*\])?:)", re.MULTILINE), _YELLOW),
+    (re.compile(r"^((?:note|waiting|preparing)(?:\[[^\]\n]*\])?:)", re.MULTILINE), _CYAN),
+    (re.compile(r"^(  = (?:help|note):)", re.MULTILINE), _CYAN),
+    (re.compile(r"^(  --> |[ \d]{4} \| )", re.MULTILINE), _BLUE),
+    (re.compile(r"^ {5}\| +(\^+.*)$", re.MULTILINE), _RED),
+    (re.compile(r"^.*: (ok)(?= \(|$)", re.MULTILINE), _GREEN),
 )
 
 
@@ -152,3 +161,16 @@ def escaped() -> Iterator[None]:
         yield
     finally:
         sys.stdout, sys.stderr = before
+
+
+def coloured(text: str) -> str:
+    """Return a text, in which nothing acts on a terminal, with the colours of its kinds of lines."""
+    for pattern, code in _RULES:
+        text = pattern.sub(lambda found, code=code: _painted(found, code), text)  # type: ignore[misc]
+    return text
+
+
+def _painted(found: re.Match[str], code: str) -> str:
+    whole, start = found.group(0), found.start(1) - found.start(0)
+    end = found.end(1) - found.start(0)
+    return f"{whole[:start]}\x1b[{code}m{whole[start:end]}\x1b[0m{whole[end:]}"

@@ -6,6 +6,9 @@ import logging
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from itouch.plugin import (
     ROTATIONS,
     Attached,
@@ -13,12 +16,15 @@ from itouch.plugin import (
     DeviceError,
     Emulation,
     FingerTwin,
+    Fit,
+    Fitted,
     ImpedanceArm,
     Mechanics,
     Opening,
     Record,
     Timing,
     Twin,
+    line_through,
     pose,
     schema,
     wrench,
@@ -26,13 +32,37 @@ from itouch.plugin import (
 from itouch_usb_arm.emulator import ArmEmulator
 from itouch_usb_arm.errors import NotHomed
 from itouch_usb_arm.falcon import FORCE_SCALE, Falcon
-from itouch_usb_arm.fits import FORCE_SCALE_FIT
 from itouch_usb_arm.look import look
 from itouch_usb_arm.remote import Remote
 from itouch_usb_arm.wire import Buttons
 
 #: Greatest force [N] and stiffness [N/m] of a Novint Falcon, as CHAI3D 3.3 states them.
 FORCE, STIFFNESS = 8.0, 3000.0
+#: A scale beyond these is a mistake in reading the scale.
+_LOW, _HIGH = 100.0, 20000.0
+
+
+def force_scale(params: Any, samples: NDArray[np.float64]) -> Fitted:
+    """Return the scale at which the arm gives what is asked: the one in use times asked over given."""
+    asked, given = samples.T
+    slope, _, residual = line_through(asked, given)
+    if slope <= 0.0:
+        raise ValueError("the scale shows less when the arm is asked for more: check the signs")
+    scale = params.force_scale / slope
+    if not _LOW <= scale <= _HIGH:
+        raise ValueError(
+            f"a force scale of {scale:.0f} counts/(N m) is beyond {_LOW:.0f} to {_HIGH:.0f}: check the units"
+        )
+    return Fitted({"force_scale": scale}, residual, "N")
+
+
+FORCE_SCALE_FIT = Fit(
+    "force-scale",
+    "put a scale under the grip, ask the arm for some forces along one direction, and write down what it shows",
+    ("asked [N]", "given [N]"),
+    180.0,
+    force_scale,
+)
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,10 +9,9 @@ import pytest
 
 from itouch_thermal.chip.display import REFERENCE, plain
 from itouch_thermal.chip.host import Answer, SimulatedHost
-from itouch_thermal.chip.merits import soak_limit
+from itouch_thermal.chip.merits import soak_limit, soak_peak
 from itouch_thermal.chip.pins import KELVIN, thermistor
 from itouch_thermal.chip.program import Built, built, config
-from itouch_thermal.chip.soak import highest
 from itouch_thermal.drivers.lineport import seal, seal_2
 from itouch_thermal.drivers.promises import Promises, not_kept
 
@@ -203,7 +202,7 @@ def test_the_sinks_limit_keeps_the_plate_below_45_whatever_the_fan_does() -> Non
     low, high = 43.0, 58.0
     for _ in range(8):
         middle = 0.5 * (low + high)
-        hot = highest(dead, NUMBERS["PLATE_HOT_C"] + KELVIN, middle + KELVIN, seconds=60.0)
+        hot = soak_peak(dead, NUMBERS["PLATE_HOT_C"] + KELVIN, middle + KELVIN, seconds=60.0)
         low, high = (middle, high) if hot < 318.15 else (low, middle)
     assert NUMBERS["SINK_HOT_C"] <= min(58.0, low), f"at most {low:.1f} degC"
     assert NUMBERS["PLATE_HOT_C"] <= 43.0

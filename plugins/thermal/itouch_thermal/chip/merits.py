@@ -8,16 +8,22 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
+import numpy as np
+
+from itouch.plugin import Field, Record, TwinInputs
 from itouch_thermal.chip.display import REFERENCE, SimulatedDisplay
 from itouch_thermal.chip.host import SimulatedHost
 from itouch_thermal.chip.pins import KELVIN
 from itouch_thermal.chip.program import built, config
+from itouch_thermal.display.device import DisplayTwin, ThermalDisplay
 from itouch_thermal.display.params import DisplayParams
 
 #: What is promised: step of the mean flux [W/m2], size of program and memory [bytes] of an ATmega328P.
 STEP, FLASH, RAM = 15.0, 32256, 2048
 #: Period of the bridge [s], and what its filter and module are: H, F, its capacitors' series resistance [ohm].
 PERIOD, COIL, CAPACITOR, SERIES = 50e-6, 200e-6, 235e-6, 0.1
+#: Step [s] of the twin that is cut off.
+_SOAK_STEP = 10e-3
 
 
 class Figure(NamedTuple):
@@ -113,11 +119,27 @@ def rise_time(host: SimulatedHost) -> float:
 def soak_limit(numbers: Mapping[str, float], params: DisplayParams = REFERENCE) -> Iterator[tuple[float, float]]:
     """Yield for several sinks [K/W], a dead fan among them, the highest plate [degC] after a cut at both hot limits."""
     from itouch_thermal.chip.display import plain
-    from itouch_thermal.chip.soak import highest
 
     for resistance in (0.3, 0.5, 1.5, 20.0):
         plant = plain(replace(params, sink_resistance=resistance))
-        yield resistance, highest(plant, numbers["PLATE_HOT_C"] + KELVIN, numbers["SINK_HOT_C"] + KELVIN) - KELVIN
+        yield resistance, soak_peak(plant, numbers["PLATE_HOT_C"] + KELVIN, numbers["SINK_HOT_C"] + KELVIN) - KELVIN
+
+
+def soak_peak(
+    params: DisplayParams, plate: float, sink: float, *, room: float = 303.15, seconds: float = 120.0
+) -> float:
+    """Return the highest temperature [K] of a plate after a cut at these temperatures [K] of plate and sink."""
+    twin = DisplayTwin(params)
+    twin.set_environment(room, None)
+    _, commands = ThermalDisplay.channels(params)
+    state, command = Record.of(twin.fields()), Record.of(Field(c.name, "f8", c.size) for c in commands)
+    twin.reset(state, np.random.default_rng(0))
+    twin.warm(state, plate, sink)
+    touch, found = TwinInputs(ambient=room), plate
+    for _ in range(round(seconds / _SOAK_STEP)):
+        twin.step(state, command, touch, _SOAK_STEP)
+        found = max(found, float(state["true_plate"].item()))
+    return found
 
 
 def figures() -> Iterator[Figure]:
