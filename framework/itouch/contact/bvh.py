@@ -32,7 +32,10 @@ NODE_WIDTH = 26
 
 @entry
 def triangle_boxes(vertices: Floats, faces: Ints32) -> Floats32:
-    """Box of each triangle, rounded outwards: (n, 6) lower then upper corner."""
+    """Box of each triangle, rounded outwards: (n, 6) lower then upper corner.
+
+    ``vertices`` (v, 3) [m], ``faces`` (n, 3); the box's corners are in [m].
+    """
     boxes = np.empty((faces.shape[0], 6), np.float32)
     for t in range(faces.shape[0]):
         i, j, k = faces[t, 0], faces[t, 1], faces[t, 2]
@@ -136,7 +139,7 @@ def build(vertices: Floats, faces: Ints32) -> tuple[Floats32, Ints32]:
     Returns
     -------
     tuple
-        Nodes (m, 16), the root first; and the order of the faces in the leaves (n,).
+        Nodes (m, NODE_WIDTH), the root first; and the order of the faces in the leaves (n,).
     """
     n = faces.shape[0]
     boxes = triangle_boxes(vertices, faces)
@@ -226,7 +229,11 @@ def _reach(nodes: Floats32, node: int, side: int, x: float, y: float, z: float, 
 
 @entry
 def add_slabs(vertices: Floats, triangles: Ints32, nodes: Floats32) -> None:
-    """Fill in the slabs, from the leaves up; children have higher rows than their parents."""
+    """Fill in the slabs, from the leaves up; children have higher rows than their parents.
+
+    ``vertices`` (v, 3) [m], ``triangles`` (n, TRIANGLE_WIDTH), ``nodes`` (m, NODE_WIDTH) [m] as `build` leaves
+    them, filled in place.
+    """
     normals = np.zeros((2 * nodes.shape[0], 3))
     for i in range(nodes.shape[0]):
         node = nodes.shape[0] - 1 - i
@@ -262,6 +269,8 @@ def pack(vertices: Floats, faces: Ints32, order: Ints32) -> tuple[Floats, Ints32
 
     Returns (v, 3) vertices that are used, and (n, TRIANGLE_WIDTH): three vertices, the face's number as given, and room
     for the neighbours.
+
+    ``vertices`` (v, 3) [m], ``faces`` (n, 3), ``order`` (n,) the numbers of the faces in the order of the leaves.
     """
     number = np.full(vertices.shape[0], -1, np.int32)
     packed = np.empty_like(vertices)

@@ -12,7 +12,10 @@ from itouch.contact.vectors import Floats, Vector
 
 @inner
 def gather(site: Floats, mesh: Mesh | None, p: Vector, reach: float) -> int:
-    """Fill the planes of all that is within ``reach`` of the probe's surface at ``p``; returns how many."""
+    """Fill the planes of all that is within ``reach`` of the probe's surface at ``p``; returns how many.
+
+    ``site`` (rows, SITE_WIDTH); ``p`` and ``reach`` [m], world frame.
+    """
     count = int(ZERO)
     for k in range(at.FRAME_FIRST, int(site[at.ENDS, at.END_FRAMES])):
         if site[k, at.FRAME_KIND] != at.KIND_MESH:
@@ -35,5 +38,7 @@ def touching(site: Floats, mesh: Mesh | None, p: Vector) -> int:
     """Fill the planes of all that touches a probe at ``p``; returns how many.
 
     A plane that does not touch yet is a safe bound for a move, but it exerts no force.
+
+    ``site`` (rows, SITE_WIDTH); ``p`` [m], world frame.
     """
     return gather(site, mesh, p, site[at.ENDS, at.END_TOUCH])

@@ -82,7 +82,11 @@ def cylinder_distance(q: Vector, radius: float, half: float) -> Answer:
 
 @inner
 def distance(site: Floats, k: int, q: Vector) -> Answer:
-    """Signed distance from the primitive of one of the site's objects."""
+    """Signed distance from the primitive of one of the site's objects.
+
+    ``site`` (rows, SITE_WIDTH), whose row ``k`` is the object's; ``q`` and the distance [m],
+    object's frame.
+    """
     kind = int(site[k, FRAME_KIND])
     x, y, z = site[k, FRAME_SIZE], site[k, FRAME_SIZE + 1], site[k, FRAME_SIZE + 2]
     if kind == KIND_BOX:

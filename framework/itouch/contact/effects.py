@@ -45,7 +45,10 @@ EFFECTS_MEMORY = 7
 
 @inner
 def layered(table: Floats, obj: int, stiffness: float, r: float) -> float:
-    """Force of a deflection through an object's layers [N]."""
+    """Force of a deflection through an object's layers [N].
+
+    ``table`` (objects, EFFECTS_WIDTH); ``stiffness`` beyond the layers [N/m], deflection ``r`` [m].
+    """
     force, rest = 0.0, r
     for i in range(int(table[obj, LAYERS])):
         part = min(rest, table[obj, LAYER_FIRST + 2 * i])

@@ -7,7 +7,10 @@ from itouch.contact.vectors import Floats, Vector
 
 @inner
 def rotate(f: Floats, k: int, v: Vector) -> Vector:
-    """Object's direction to world, by the present pose."""
+    """Object's direction to world, by the present pose.
+
+    ``f``: a site, (rows, SITE_WIDTH), whose row ``k`` is the object's; ``v`` in whatever unit.
+    """
     c = FRAME_NOW
     return (
         f[k, c + 3] * v[0] + f[k, c + 4] * v[1] + f[k, c + 5] * v[2],
@@ -18,7 +21,10 @@ def rotate(f: Floats, k: int, v: Vector) -> Vector:
 
 @inner
 def unrotate(f: Floats, k: int, v: Vector) -> Vector:
-    """World direction to object's, by the present pose."""
+    """World direction to object's, by the present pose.
+
+    ``f``: a site, (rows, SITE_WIDTH), whose row ``k`` is the object's; ``v`` in whatever unit.
+    """
     c = FRAME_NOW
     return (
         f[k, c + 3] * v[0] + f[k, c + 6] * v[1] + f[k, c + 9] * v[2],
@@ -29,7 +35,10 @@ def unrotate(f: Floats, k: int, v: Vector) -> Vector:
 
 @inner
 def to_world(f: Floats, k: int, q: Vector) -> Vector:
-    """Object's point to the world, by the present pose."""
+    """Object's point to the world, by the present pose.
+
+    ``f``: a site, (rows, SITE_WIDTH), whose row ``k`` is the object's; ``q`` [m].
+    """
     v = rotate(f, k, q)
     c = FRAME_NOW
     return (f[k, c] + v[0], f[k, c + 1] + v[1], f[k, c + 2] + v[2])
@@ -37,7 +46,10 @@ def to_world(f: Floats, k: int, q: Vector) -> Vector:
 
 @inner
 def to_local(f: Floats, k: int, p: Vector) -> Vector:
-    """World point to the object's frame, by the present pose."""
+    """World point to the object's frame, by the present pose.
+
+    ``f``: a site, (rows, SITE_WIDTH), whose row ``k`` is the object's; ``p`` [m].
+    """
     c = FRAME_NOW
     x, y, z = p[0] - f[k, c], p[1] - f[k, c + 1], p[2] - f[k, c + 2]
     return (
@@ -49,7 +61,10 @@ def to_local(f: Floats, k: int, p: Vector) -> Vector:
 
 @inner
 def to_local_then(f: Floats, k: int, p: Vector) -> Vector:
-    """World point to the object's frame, by the pose of the last step."""
+    """World point to the object's frame, by the pose of the last step.
+
+    ``f``: a site, (rows, SITE_WIDTH), whose row ``k`` is the object's; ``p`` [m].
+    """
     c = FRAME_NOW + FRAME_POSE
     x, y, z = p[0] - f[k, c], p[1] - f[k, c + 1], p[2] - f[k, c + 2]
     return (
@@ -61,7 +76,10 @@ def to_local_then(f: Floats, k: int, p: Vector) -> Vector:
 
 @inner
 def set_frame(f: Floats, k: int, then: int, poses: Floats, obj: int) -> None:
-    """Write one pose (x, y, z, quaternion w, x, y, z of any length but zero) as present (0) or last (1)."""
+    """Write one pose (x, y, z, quaternion w, x, y, z of any length but zero) as present (0) or last (1).
+
+    ``f``: a site, (rows, SITE_WIDTH), written in row ``k``; ``poses`` (objects, 7), positions in [m].
+    """
     c = FRAME_NOW + then * FRAME_POSE
     w, x, y, z = poses[obj, 3], poses[obj, 4], poses[obj, 5], poses[obj, 6]
     s = 2.0 / (w * w + x * x + y * y + z * z)

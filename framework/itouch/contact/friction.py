@@ -22,7 +22,10 @@ _MARGIN_SLIDING = 1e-3  # likewise after a slide over a curved surface, whose no
 
 @flat
 def coefficients(site: Floats, count: int, goal: Vector, solution: Solution) -> tuple[float, float]:
-    """Return static and dynamic friction, means over the active planes weighted by load; writes the loads."""
+    """Return static and dynamic friction, means over the active planes weighted by load; writes the loads.
+
+    ``site`` (rows, SITE_WIDTH), of which the first ``count`` rows are planes; ``goal`` relative to the anchor [m].
+    """
     total = set_loads(site, count, goal, solution)
     static, dynamic = 0.0, 0.0
     for k in range(count):
@@ -35,7 +38,10 @@ def coefficients(site: Floats, count: int, goal: Vector, solution: Solution) -> 
 
 @inner
 def press(site: Floats, mesh: Mesh | None, p: Vector, hip: Vector) -> Pressed:
-    """Find what holds a proxy at ``p`` back from the HIP: planes with loads, their solution, and the friction."""
+    """Find what holds a proxy at ``p`` back from the HIP: planes with loads, their solution, and the friction.
+
+    ``site`` (rows, SITE_WIDTH); ``p`` and ``hip`` [m], world frame.
+    """
     to_hip = sub(hip, p)
     count = touching(site, mesh, p)
     solution = nearest_allowed(site, count, to_hip)
@@ -45,7 +51,10 @@ def press(site: Floats, mesh: Mesh | None, p: Vector, hip: Vector) -> Pressed:
 
 @inner
 def drag(site: Floats, mesh: Mesh | None, start: Vector, hip: Vector, slip: int) -> tuple[Vector, int, Pressed]:
-    """Move a proxy with friction from ``start``, where it touches; returns place, slip state and what holds it."""
+    """Move a proxy with friction from ``start``, where it touches; returns place, slip state and what holds it.
+
+    ``site`` (rows, SITE_WIDTH); ``start`` and ``hip`` [m], world frame.
+    """
     p, state, margin = start, slip, _MARGIN
     pressed = press(site, mesh, p, hip)
     for _ in range(MAX_SLIPS):
@@ -73,7 +82,10 @@ def drag(site: Floats, mesh: Mesh | None, start: Vector, hip: Vector, slip: int)
 
 @inner
 def first_touch(site: Floats, mesh: Mesh | None, start: Vector, goal: Vector) -> Vector:
-    """Where a free probe on its straight way to the goal first meets a surface (the goal itself if it meets none)."""
+    """Where a free probe on its straight way to the goal first meets a surface (the goal itself if it meets none).
+
+    ``site`` (rows, SITE_WIDTH); ``start`` and ``goal`` [m], world frame.
+    """
     p = start
     for _ in range(32):
         way = sub(goal, p)

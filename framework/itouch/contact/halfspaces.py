@@ -18,7 +18,10 @@ _PARALLEL = 1e-20  # squared sine below which two planes count as parallel
 
 @inner
 def normal_of(planes: Floats, k: int) -> Vector:
-    """Return the normal of one plane."""
+    """Return the normal of one plane.
+
+    ``planes`` (rows, SITE_WIDTH) as in layout.PLANE_*; the normal is a unit vector, without a unit [1].
+    """
     return (planes[k, PLANE_NORMAL], planes[k, PLANE_NORMAL + 1], planes[k, PLANE_NORMAL + 2])
 
 
@@ -64,7 +67,7 @@ def nearest_inside(planes: Floats, count: int, goal: Vector) -> Solution:
     Parameters
     ----------
     planes
-        Rows as in layout.PLANE_*; gap is the anchor's distance from the plane [m].
+        (rows, SITE_WIDTH) as in layout.PLANE_*; gap is the anchor's distance from the plane [m].
     count
         Number of rows in use.
     goal
@@ -93,7 +96,10 @@ def nearest_inside(planes: Floats, count: int, goal: Vector) -> Solution:
 
 @inner
 def nearest_allowed(planes: Floats, count: int, goal: Vector) -> Solution:
-    """Like ``nearest_inside``; an anchor that violates some planes and cannot get out of all of them may stay."""
+    """Like ``nearest_inside``; an anchor that violates some planes and cannot get out of all of them may stay.
+
+    ``planes`` (rows, SITE_WIDTH); ``goal`` relative to the anchor [m].
+    """
     solution = nearest_inside(planes, count, goal)
     if not solution[4]:
         for k in range(count):
@@ -104,7 +110,10 @@ def nearest_allowed(planes: Floats, count: int, goal: Vector) -> Solution:
 
 @flat
 def set_loads(planes: Floats, count: int, goal: Vector, solution: Solution) -> float:
-    """Write each active plane's multiplier: solution - goal = sum of load x normal. Returns the sum of the loads."""
+    """Write each active plane's multiplier: solution - goal = sum of load x normal. Returns the sum of the loads.
+
+    ``planes`` (rows, SITE_WIDTH); ``goal`` relative to the anchor, and the loads, in [m].
+    """
     for k in range(count):
         planes[k, PLANE_LOAD] = 0.0
     d = sub(solution[0], goal)

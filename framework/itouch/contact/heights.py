@@ -32,6 +32,8 @@ def carved(table: Floats, obj: int, samples: Floats, q: Vector, n: Vector) -> tu
     """Depth that the map carves out of the surface at ``q`` [m], and its gradient, both in the object's frame.
 
     ``n`` is the surface's unit normal there.  See ``itouch.contact.effects`` for the table.
+
+    ``table`` (objects, EFFECTS_WIDTH); ``samples`` (n,), the values of all maps, 0 to 1, row by row.
     """
     first, rows, columns = int(table[obj, 0]), int(table[obj, 1]), int(table[obj, 2])
     pitch, depth, axis = table[obj, 3], table[obj, 4], int(table[obj, 5])

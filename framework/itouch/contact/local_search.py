@@ -157,7 +157,10 @@ def _primitives_allow(site: Floats, x: Vector) -> bool:
 
 @inner
 def search_locally(site: Floats, mesh: Mesh, p: Vector, goal: Vector) -> tuple[bool, Vector, Solution]:
-    """Try the short way; returns whether it led anywhere, the place, and the solution there."""
+    """Try the short way; returns whether it led anywhere, the place, and the solution there.
+
+    ``site`` (rows, SITE_WIDTH); ``p`` and ``goal`` [m], world frame.
+    """
     solution: Solution = ((0.0, 0.0, 0.0), -1, -1, -1, True)
     smallest, slack = 1e300, 0.0
     for k in range(at.FRAME_FIRST, int(site[at.ENDS, at.END_FRAMES])):

@@ -16,7 +16,10 @@ Hit = tuple[float, int, Vector, float]
 
 @inner
 def off_triangle(vertices: Floats, triangles: Ints32, t: int, q: Vector) -> tuple[float, Vector]:
-    """Distance from a triangle and the direction away from it."""
+    """Distance from a triangle and the direction away from it.
+
+    ``vertices`` (v, 3) [m], ``triangles`` (n, TRIANGLE_WIDTH); ``q`` and the distance [m], mesh's frame.
+    """
     away = sub(q, nearest_of(vertices, triangles, t, q))
     distance = norm(away)
     if distance == 0.0:
@@ -26,7 +29,10 @@ def off_triangle(vertices: Floats, triangles: Ints32, t: int, q: Vector) -> tupl
 
 @inner
 def place_then(site: Floats, k: int) -> Vector:
-    """Return the proxy's place at the end of the last step, in the frame that the object had then."""
+    """Return the proxy's place at the end of the last step, in the frame that the object had then.
+
+    ``site`` (rows, SITE_WIDTH), whose row ``k`` is the object's; the place in [m].
+    """
     c = at.END_OLD
     old = (site[at.ENDS, c], site[at.ENDS, c + 1], site[at.ENDS, c + 2])
     if site[k, at.FRAME_MOVED] > 0.0:
@@ -40,6 +46,8 @@ def counts(site: Floats, mesh: Mesh, k: int, t: int, q: Vector) -> bool:
 
     One-sided surfaces let through what comes from behind: a probe behind the triangle, and one that has sunk into an
     open surface on its way from behind. A probe that rolls over the rim of an open surface goes on touching it.
+
+    ``site`` (rows, SITE_WIDTH), whose row ``k`` is the mesh's; ``q`` [m], mesh's frame.
     """
     if site[k, at.FRAME_SIDES] == at.TWO_SIDED:
         return True
@@ -69,6 +77,9 @@ def triangle_cast(
     Newton's iteration on the convex function "distance along the way"; every iterate's plane leaves the whole triangle
     behind it, so that stopping early is safe. A triangle that is only grazed, less than ``slack`` deep, is no touch:
     a probe that slides from one triangle on to the next grazes the edge between them.
+
+    ``vertices`` (v, 3) [m], ``triangles`` (n, TRIANGLE_WIDTH); ``start``, ``length``, ``radius`` and ``slack`` [m],
+    ``way`` a unit vector.
     """
     gone, gap, rate = 0.0, 0.0, 0.0
     normal = (0.0, 0.0, 0.0)
@@ -105,7 +116,10 @@ def _entry(nodes: Floats32, node: int, side: int, start: Vector, way: Vector, le
 
 @inner
 def mesh_cast(site: Floats, mesh: Mesh, k: int, start: Vector, way: Vector, length: float) -> Hit:
-    """First touch of a mesh by the probe, in the mesh's frame; only triangles that count for the start."""
+    """First touch of a mesh by the probe, in the mesh's frame; only triangles that count for the start.
+
+    ``site`` (rows, SITE_WIDTH), whose row ``k`` is the mesh's; ``start`` and ``length`` [m], ``way`` a unit vector.
+    """
     vertices, triangles, nodes = mesh
     radius, slack = site[k, at.FRAME_REACH], site[k, at.FRAME_SLACK]
     best: Hit = (np.inf, -1, way, 0.0)

@@ -66,6 +66,9 @@ def move_scripted(scripts: Floats, pieces: Floats, time: float, poses: Floats, t
 
     Places follow minimum jerk (Flash and Hogan 1985) or straight lines at even speed, orientations the rotation vector
     of each piece; the twist is the exact derivative.
+
+    ``scripts`` (scripted, SCRIPT_WIDTH), ``pieces`` (all, PIECE_WIDTH); ``poses`` (objects, 7) [m; quaternion],
+    ``twists`` (objects, 6) [m/s, rad/s].
     """
     for s in range(scripts.shape[0]):
         obj, span = int(scripts[s, SCRIPT_OBJECT]), scripts[s, SCRIPT_TIME]

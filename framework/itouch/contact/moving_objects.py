@@ -18,6 +18,8 @@ def pushed(site: Floats, mesh: Mesh | None, p: Vector) -> Vector:
     """Place of the proxy after the objects have moved: out of the way of those that came, not through the others.
 
     In each object's own frame the proxy was at the old place; the plane that held it back there moves with the object.
+
+    ``site`` (rows, SITE_WIDTH); ``p``, the place before, in [m], world frame.
     """
     count = int(ZERO)
     for k in range(at.FRAME_FIRST, int(site[at.ENDS, at.END_FRAMES])):

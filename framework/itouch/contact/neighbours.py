@@ -10,7 +10,10 @@ NEIGHBOUR = 4  # first of the three columns of the triangles table: across the e
 
 @entry
 def add_neighbours(vertex_count: int, triangles: Ints32) -> None:
-    """Fill in the neighbours. At an edge of more than two triangles they are paired as they come."""
+    """Fill in the neighbours. At an edge of more than two triangles they are paired as they come.
+
+    ``triangles`` (n, TRIANGLE_WIDTH), filled in place: numbers of triangles, -1 for none.
+    """
     count = triangles.shape[0]
     start = np.zeros(vertex_count + 1, np.int32)
     for t in range(count):

@@ -19,7 +19,10 @@ _PRESSED = 1e-12  # a touching plane that the HIP lies deeper behind than this i
 
 @inner
 def report_near(site: Floats, mesh: Mesh | None, p: Vector, radius: float, near: float, result: Floats) -> None:
-    """Write the nearest object within ``near`` of the probe's surface at ``p``; in contact the one that is touched."""
+    """Write the nearest object within ``near`` of the probe's surface at ``p``; in contact the one that is touched.
+
+    ``site`` (rows, SITE_WIDTH), ``result`` (RESULT_SIZE,); ``p``, ``radius`` and ``near`` [m].
+    """
     best = np.inf
     if result[at.RESULT_COUNT] > 0.0:
         best = 0.0
@@ -65,7 +68,11 @@ def _reported(site: Floats, k: int, filled: int, result: Floats) -> bool:
 
 @inner
 def report_contacts(site: Floats, count: int, p: Vector, hip: Vector, total: float, result: Floats) -> int:
-    """Write up to four contacts, largest share first; returns how many."""
+    """Write up to four contacts, largest share first; returns how many.
+
+    ``site`` (rows, SITE_WIDTH), of which the first ``count`` rows are planes, ``result`` (RESULT_SIZE,); ``p``,
+    ``hip`` and the loads' ``total`` [m].
+    """
     filled = int(at.ZERO)
     for _ in range(count):
         best, load = int(at.ZERO) - 1, -1.0
@@ -94,7 +101,11 @@ def report_contacts(site: Floats, count: int, p: Vector, hip: Vector, total: flo
 
 @inner
 def surface_velocity(poses: Floats, twists: Floats, obj: int, point: Vector) -> Vector:
-    """Velocity of an object's material point; a twist is (v of the frame's origin, w), world frame."""
+    """Velocity of an object's material point; a twist is (v of the frame's origin, w), world frame.
+
+    ``poses`` (objects, 7) [m; quaternion w, x, y, z], ``twists`` (objects, 6) [m/s, rad/s]; ``point`` [m], the
+    velocity [m/s].
+    """
     spin = (twists[obj, 3], twists[obj, 4], twists[obj, 5])
     return add(place_of(twists, obj), cross(spin, sub(point, place_of(poses, obj))))
 
@@ -111,7 +122,11 @@ def report(
     pressed: Pressed,
     result: Floats,
 ) -> bool:
-    """Write force, normal, contacts and velocity of the surface for a proxy at ``p``; returns whether it touches."""
+    """Write force, normal, contacts and velocity of the surface for a proxy at ``p``; returns whether it touches.
+
+    ``site`` (rows, SITE_WIDTH), ``poses`` (objects, 7) [m; quaternion w, x, y, z], ``twists`` (objects, 6) [m/s,
+    rad/s], ``stiffness`` (objects,) [N/m], ``result`` (RESULT_SIZE,); ``p`` and ``hip`` [m].
+    """
     count, solution, static, _ = pressed
     to_hip = sub(hip, p)
     lift = sub(solution[0], to_hip)
@@ -145,7 +160,10 @@ def report(
 
 @inner
 def clear(result: Floats) -> None:
-    """Write what a probe far from everything feels."""
+    """Write what a probe far from everything feels.
+
+    ``result`` (RESULT_SIZE,): forces [N], lengths [m], velocities [m/s].
+    """
     for i in range(at.RESULT_SIZE):
         result[i] = 0.0
     result[at.RESULT_PRIMARY] = -1.0

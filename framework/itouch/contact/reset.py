@@ -23,6 +23,8 @@ def mesh_overlap(site: Floats, mesh: Mesh, k: int, q: Vector) -> tuple[float, Ve
     """Gap (negative: overlap), direction out and triangle of a mesh at ``q``, its frame; inf where nothing is wrong.
 
     Inside a solid the way out leads through the nearest surface. Behind an open one-sided surface nothing is wrong.
+
+    ``site`` (rows, SITE_WIDTH), whose row ``k`` is the mesh's; ``q`` and the gap [m].
     """
     root = int(site[k, at.FRAME_ROOT])
     solid = site[k, at.FRAME_SIDES] == at.SOLID
@@ -41,7 +43,10 @@ def mesh_overlap(site: Floats, mesh: Mesh, k: int, q: Vector) -> tuple[float, Ve
 
 @inner
 def overlaps(site: Floats, mesh: Mesh | None, p: Vector) -> int:
-    """Planes of all objects that a probe at ``p`` overlaps; returns how many."""
+    """Planes of all objects that a probe at ``p`` overlaps; returns how many.
+
+    ``site`` (rows, SITE_WIDTH); ``p`` [m], world frame.
+    """
     count = int(ZERO)
     for k in range(at.FRAME_FIRST, int(site[at.ENDS, at.END_FRAMES])):
         if site[k, at.FRAME_KIND] != at.KIND_MESH:
@@ -59,7 +64,10 @@ def overlaps(site: Floats, mesh: Mesh | None, p: Vector) -> int:
 
 @inner
 def nearest_free(site: Floats, mesh: Mesh | None, hip: Vector) -> Vector:
-    """Nearest place to ``hip`` where the probe overlaps no solid and no front of a surface."""
+    """Nearest place to ``hip`` where the probe overlaps no solid and no front of a surface.
+
+    ``site`` (rows, SITE_WIDTH); ``hip`` [m], world frame.
+    """
     p, anchor, count = hip, hip, int(ZERO)
     kept = site[site.shape[0] - at.MAX_PLANES :]
     for _ in range(_ROUNDS):

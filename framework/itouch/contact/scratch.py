@@ -22,14 +22,21 @@ def site_rows(objects: int) -> int:
 
 @inner
 def empty_site(site: Floats) -> None:
-    """Begin with nothing in the table."""
+    """Begin with nothing in the table.
+
+    ``site`` (rows, SITE_WIDTH), its lengths in [m].
+    """
     site[at.ENDS, at.END_SEEDS] = at.SEED_FIRST
     site[at.ENDS, at.END_FRAMES] = at.FRAME_FIRST
 
 
 @inner
 def put_object(site: Floats, k: int, world: Floats, poses: Floats, last: Floats, obj: int, radius: float) -> bool:
-    """Write one object's row with its poses of this step and of the last one; returns whether they differ."""
+    """Write one object's row with its poses of this step and of the last one; returns whether they differ.
+
+    ``site`` (rows, SITE_WIDTH), written in row ``k``; ``world`` (objects, WORLD_WIDTH), ``poses`` (objects, 7) [m;
+    quaternion w, x, y, z] and ``last`` alike; ``radius`` [m].
+    """
     site[k, at.FRAME_OBJECT] = obj
     site[k, at.FRAME_KIND] = world[obj, at.WORLD_KIND]
     for c in range(3):
@@ -57,7 +64,11 @@ def put_object(site: Floats, k: int, world: Floats, poses: Floats, last: Floats,
 def put_near_objects(
     site: Floats, world: Floats, poses: Floats, last: Floats, p: Vector, radius: float, reach: float
 ) -> None:
-    """Write the rows of all objects that a probe at ``p`` may meet within ``reach`` of its surface."""
+    """Write the rows of all objects that a probe at ``p`` may meet within ``reach`` of its surface.
+
+    ``site`` (rows, SITE_WIDTH); ``world`` (objects, WORLD_WIDTH), ``poses`` (objects, 7) [m; quaternion w, x, y, z]
+    and ``last`` alike; ``p``, ``radius`` and ``reach`` [m].
+    """
     end, slack = int(at.FRAME_FIRST + at.ZERO), 0.0
     for obj in range(world.shape[0]):
         place, old = place_of(poses, obj), place_of(last, obj)
@@ -71,7 +82,10 @@ def put_near_objects(
 
 @inner
 def put_plane(site: Floats, count: int, frame: int, feature: int, normal: Vector, gap: float) -> int:
-    """Add a plane; in a full table it takes the place of the farthest one if it is nearer. Returns the count."""
+    """Add a plane; in a full table it takes the place of the farthest one if it is nearer. Returns the count.
+
+    ``site`` (rows, SITE_WIDTH); ``gap``, the anchor's distance from the plane, in [m].
+    """
     row = count
     if count >= at.MAX_PLANES:
         row = 0
@@ -93,7 +107,10 @@ def put_plane(site: Floats, count: int, frame: int, feature: int, normal: Vector
 
 @inner
 def add_seed(site: Floats, frame: int, triangle: int, began: float) -> None:
-    """Keep a triangle in view; in a full table the last one has to go."""
+    """Keep a triangle in view; in a full table the last one has to go.
+
+    ``site`` (rows, SITE_WIDTH); ``frame`` is the row of the mesh, ``triangle`` its index.
+    """
     end = int(site[at.ENDS, at.END_SEEDS])
     for s in range(at.SEED_FIRST, end):
         if site[s, at.SEED_FRAME] == frame and site[s, at.SEED_TRIANGLE] == triangle:

@@ -28,7 +28,7 @@ def nearest(
     Parameters
     ----------
     vertices, triangles, nodes, root
-        The mesh, and the row of its root.
+        The mesh: (v, 3) [m], (n, TRIANGLE_WIDTH), (m, NODE_WIDTH), and the row of its root.
     p
         The point, in the mesh's frame [m].
     bound
@@ -111,6 +111,9 @@ def intruder(
 
     With the plane that touches the sphere from below, what lies under it cannot be within the radius; on a smooth
     surface that leaves next to nothing to look at. ``n`` = 0 and level -1 looks at everything.
+
+    ``vertices`` (v, 3) [m], ``triangles`` (n, TRIANGLE_WIDTH), ``nodes`` (m, NODE_WIDTH) [m], ``stack`` (rows,
+    SITE_WIDTH) scratch; ``p``, ``radius`` and ``level`` [m].
     """
     best, found = radius * radius, -1
     node, top = root, 0
@@ -159,6 +162,9 @@ def steepest(
     """Of all triangles at the least ``distance``, the one that ``p`` lies most squarely above or below.
 
     Where the nearest point is on an edge or a vertex, this one alone tells the inside from the outside.
+
+    ``vertices`` (v, 3) [m], ``triangles`` (n, TRIANGLE_WIDTH), ``nodes`` (m, NODE_WIDTH) [m], ``stack`` (rows,
+    SITE_WIDTH) scratch; ``p`` and ``distance`` [m].
     """
     limit = distance * (1.0 + 1e-9) + 1e-15
     limit *= limit
@@ -195,7 +201,11 @@ def nearest_many(
     out_distances: Floats,
     out_faces: Ints32,
 ) -> None:
-    """Nearest point, distance and face (as given) for each row of ``points``."""
+    """Nearest point, distance and face (as given) for each row of ``points``.
+
+    ``vertices`` (v, 3) [m], ``triangles`` (n, TRIANGLE_WIDTH), ``nodes`` (m, NODE_WIDTH) [m]; ``points`` and
+    ``out_points`` (k, 3) [m], ``out_distances`` (k,) [m], ``out_faces`` (k,).
+    """
     stack = np.empty((STACK_ROWS, SITE_WIDTH))
     for i in range(points.shape[0]):
         p = (points[i, 0], points[i, 1], points[i, 2])

@@ -73,7 +73,10 @@ def _blended(vertices: Floats, triangles: Ints32, t: int, q: Vector) -> Vector:
 
 @inner
 def shaded(site: Floats, mesh: Mesh, count: int, p: Vector, direction: Vector) -> Vector:
-    """Direction of the normal force: the blended normals of the planes that bear load, weighted by it."""
+    """Direction of the normal force: the blended normals of the planes that bear load, weighted by it.
+
+    ``site`` (rows, SITE_WIDTH), of which the first ``count`` rows are planes; ``p`` [m], world frame.
+    """
     total, turned = (0.0, 0.0, 0.0), False
     for k in range(count):
         load = site[k, at.PLANE_LOAD]

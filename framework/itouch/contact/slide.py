@@ -49,7 +49,10 @@ def _onto_surface(site: Floats, count: int, active: int, p: Vector, goal: Vector
 
 @inner
 def cut(site: Floats, mesh: Mesh, p: Vector, y: Vector, count: int) -> tuple[int, float]:
-    """Add the plane of the first triangle on the way from ``p`` by ``y``; returns the count and the free share of y."""
+    """Add the plane of the first triangle on the way from ``p`` by ``y``; returns the count and the free share of y.
+
+    ``site`` (rows, SITE_WIDTH), of which the first ``count`` rows are planes; ``p`` and ``y`` [m], world frame.
+    """
     length = norm(y)
     if length == 0.0:
         return count, 1.0
@@ -69,7 +72,10 @@ def cut(site: Floats, mesh: Mesh, p: Vector, y: Vector, count: int) -> tuple[int
 
 @inner
 def creep(site: Floats, mesh: Mesh | None, start: Vector, goal: Vector) -> Slid:
-    """Slide by safe straight moves, each as far as the planes allow."""
+    """Slide by safe straight moves, each as far as the planes allow.
+
+    ``site`` (rows, SITE_WIDTH); ``start`` and ``goal`` [m], world frame.
+    """
     p = start
     count = int(ZERO)
     solution: Solution = ((0.0, 0.0, 0.0), -1, -1, -1, True)
@@ -115,7 +121,10 @@ def creep(site: Floats, mesh: Mesh | None, start: Vector, goal: Vector) -> Slid:
 
 @inner
 def is_small(site: Floats, length: float) -> bool:
-    """Whether the probe is small against the way to its goal, so that guessing a place nearby is of no use."""
+    """Whether the probe is small against the way to its goal, so that guessing a place nearby is of no use.
+
+    ``site`` (rows, SITE_WIDTH); ``length`` of the way [m].
+    """
     for k in range(at.FRAME_FIRST, int(site[at.ENDS, at.END_FRAMES])):
         if site[k, at.FRAME_REACH] > SMALL * length:
             return False
@@ -124,7 +133,10 @@ def is_small(site: Floats, length: float) -> bool:
 
 @inner
 def slide(site: Floats, mesh: Mesh | None, start: Vector, goal: Vector) -> Slid:
-    """Slide from ``start`` towards ``goal``; returns the place and the solution there."""
+    """Slide from ``start`` towards ``goal``; returns the place and the solution there.
+
+    ``site`` (rows, SITE_WIDTH); ``start`` and ``goal`` [m], world frame.
+    """
     if mesh is not None:
         small = is_small(site, norm(sub(goal, start)))
         if not small:

@@ -26,6 +26,8 @@ def encloses(vertices: Floats, triangles: Ints32) -> bool:
 
     Edges are compared by a 64-bit sum of words made from their ends' coordinates, so that vertices given twice count
     as one; a wrong answer has a chance of about 1e-19.
+
+    ``vertices`` (v, 3) [m], ``triangles`` (n, TRIANGLE_WIDTH).
     """
     words = np.empty(vertices.shape[0], np.uint64)
     bits = vertices.view(np.uint64)

@@ -20,7 +20,11 @@ from itouch.contact.vectors import Floats, Vector, norm, put, sub, vector
 
 @flat
 def last_poses(memory: Floats, poses: Floats, last: Floats) -> None:
-    """Unpack the poses of the last step; for a probe without a past, the present ones."""
+    """Unpack the poses of the last step; for a probe without a past, the present ones.
+
+    ``memory`` as `Geometry.new_memory` gives it, (MEMORY_POSES + 7 objects,); ``poses`` and ``last`` (objects, 7)
+    [m; quaternion].
+    """
     ready = memory[at.MEMORY_READY] > 0.0
     for obj in range(poses.shape[0]):
         for c in range(7):
@@ -29,7 +33,10 @@ def last_poses(memory: Floats, poses: Floats, last: Floats) -> None:
 
 @flat
 def recall(site: Floats, mesh: Mesh | None, memory: Floats) -> None:
-    """Take the triangles that were touched in the last step into view."""
+    """Take the triangles that were touched in the last step into view.
+
+    ``site`` (rows, SITE_WIDTH); ``memory`` (MEMORY_POSES + 7 objects,) [m].
+    """
     for c in range(3):
         site[at.ENDS, at.END_OLD + c] = memory[at.MEMORY_PROXY + c]
     if mesh is not None:
@@ -46,6 +53,8 @@ def is_covered(site: Floats, mesh: Mesh | None, p: Vector, hip: Vector) -> bool:
     """Whether the HIP is plainly not free, for a proxy at ``p``.
 
     It is inside a primitive, nearer than the radius to a triangle in view, or straight behind it.
+
+    ``site`` (rows, SITE_WIDTH); ``p`` and ``hip`` [m], world frame.
     """
     for k in range(at.FRAME_FIRST, int(site[at.ENDS, at.END_FRAMES])):
         if site[k, at.FRAME_KIND] != at.KIND_MESH:
@@ -76,7 +85,10 @@ def follow(
     radius: float,
     near: float,
 ) -> tuple[Vector, int, Pressed]:
-    """Place of the proxy, its slip state and what holds it, from the memory of the last step."""
+    """Place of the proxy, its slip state and what holds it, from the memory of the last step.
+
+    ``site`` (rows, SITE_WIDTH); other arrays as in `step`; ``hip``, ``radius`` and ``near`` [m].
+    """
     if memory[at.MEMORY_READY] == 0.0:
         put_near_objects(site, world, poses, last, hip, radius, np.inf)
         place, _ = slide(site, mesh, nearest_free(site, mesh, hip), hip)
@@ -110,7 +122,11 @@ def follow(
 
 @flat
 def remember(poses: Floats, memory: Floats, result: Floats) -> None:
-    """Keep what the next step starts from."""
+    """Keep what the next step starts from.
+
+    ``poses`` (objects, 7) [m; quaternion w, x, y, z]; ``memory`` (MEMORY_POSES + 7 objects,) is written, ``result``
+    (RESULT_SIZE,) read.
+    """
     memory[at.MEMORY_READY] = 1.0
     put(memory, at.MEMORY_PROXY, vector(result, at.RESULT_PROXY))
     memory[at.MEMORY_SLIP] = result[at.RESULT_SLIP]
@@ -126,7 +142,10 @@ def remember(poses: Floats, memory: Floats, result: Floats) -> None:
 
 @inner
 def name_faces(world: Floats, mesh: Mesh | None, result: Floats) -> None:
-    """Turn the triangles of mesh contacts into the numbers of the faces as they were given."""
+    """Turn the triangles of mesh contacts into the numbers of the faces as they were given.
+
+    ``world`` (objects, WORLD_WIDTH), ``result`` (RESULT_SIZE,): the index of a triangle becomes that of its face.
+    """
     if mesh is not None:
         for c in range(int(result[at.RESULT_COUNT])):
             row = at.RESULT_CONTACTS + c * at.CONTACT_WIDTH
@@ -150,7 +169,11 @@ def advance(
     memory: Floats,
     result: Floats,
 ) -> None:
-    """Move one probe by one step; like ``step``, with scratch of its caller's: a site and room for the last poses."""
+    """Move one probe by one step; like ``step``, with scratch of its caller's: a site and room for the last poses.
+
+    ``site`` (rows, SITE_WIDTH), ``last`` (objects, 7) scratch; other arrays as in `step`; ``hip``, ``radius`` and
+    ``near`` [m].
+    """
     clear(result)
     put(result, at.RESULT_PROXY, vector(memory, at.MEMORY_PROXY))
     if not (np.isfinite(hip[0]) and np.isfinite(hip[1]) and np.isfinite(hip[2])):
@@ -234,7 +257,10 @@ def follow_path(
     result: Floats,
     forces: Floats,
 ) -> None:
-    """Step along the rows of ``hips`` (n, 3), objects standing still, and write the forces (n, 3)."""
+    """Step along the rows of ``hips`` (n, 3), objects standing still, and write the forces (n, 3).
+
+    Places and ``radius`` [m], forces [N]; other arrays as in `step`.
+    """
     own_site, own_last = np.empty((site_rows(world.shape[0]), at.SITE_WIDTH)), np.empty(poses.shape)
     site, last, meshes, objects = borrowed(own_site), borrowed(own_last), borrowed(mesh), borrowed(world)
     now, turns, springs, past = borrowed(poses), borrowed(twists), borrowed(stiffness), borrowed(memory)

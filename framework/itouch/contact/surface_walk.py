@@ -58,6 +58,8 @@ def walk_surface(site: Floats, mesh: Mesh, lead: int, start: Vector, goal_at: Ve
     """Walk from ``start`` towards a goal behind the surface; returns whether that ended well, and where.
 
     ``lead`` is the row of the triangle in view that is touched; where the walk ends is taken into view.
+
+    ``site`` (rows, SITE_WIDTH); ``start`` and ``goal_at`` [m], world frame.
     """
     vertices, triangles = mesh[0], mesh[1]
     k, t = int(site[lead, at.SEED_FRAME]), int(site[lead, at.SEED_TRIANGLE])

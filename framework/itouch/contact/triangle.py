@@ -7,7 +7,10 @@ from itouch.contact.vectors import Floats, Vector, along, cross, dot, norm, sub
 
 @inner
 def corner(vertices: Floats, v: int) -> Vector:
-    """Return one vertex."""
+    """Return one vertex.
+
+    ``vertices`` (v, 3) [m].
+    """
     return (vertices[v, 0], vertices[v, 1], vertices[v, 2])
 
 
@@ -41,7 +44,10 @@ def nearest_on_triangle(p: Vector, a: Vector, b: Vector, c: Vector) -> Vector:
 
 @inner
 def nearest_of(vertices: Floats, triangles: Ints32, t: int, p: Vector) -> Vector:
-    """Nearest point of triangle ``t`` of a mesh."""
+    """Nearest point of triangle ``t`` of a mesh.
+
+    ``vertices`` (v, 3) [m], ``triangles`` (n, TRIANGLE_WIDTH); ``p`` [m], mesh's frame.
+    """
     return nearest_on_triangle(
         p,
         corner(vertices, triangles[t, 0]),
@@ -52,7 +58,10 @@ def nearest_of(vertices: Floats, triangles: Ints32, t: int, p: Vector) -> Vector
 
 @inner
 def plane_distance2(vertices: Floats, triangles: Ints32, t: int, p: Vector) -> float:
-    """Squared distance from the triangle's plane: a bound that costs a quarter of the distance; 0 without area."""
+    """Squared distance from the triangle's plane: a bound that costs a quarter of the distance; 0 without area.
+
+    ``vertices`` (v, 3) [m], ``triangles`` (n, TRIANGLE_WIDTH); ``p`` [m], what is returned [m2].
+    """
     a = corner(vertices, triangles[t, 0])
     n = cross(sub(corner(vertices, triangles[t, 1]), a), sub(corner(vertices, triangles[t, 2]), a))
     size, away = dot(n, n), dot(n, sub(p, a))
@@ -61,7 +70,10 @@ def plane_distance2(vertices: Floats, triangles: Ints32, t: int, p: Vector) -> f
 
 @inner
 def face_normal(vertices: Floats, triangles: Ints32, t: int) -> Vector:
-    """Return the unit normal of the front by the winding; zero for a triangle without area."""
+    """Return the unit normal of the front by the winding; zero for a triangle without area.
+
+    ``vertices`` (v, 3) [m], ``triangles`` (n, TRIANGLE_WIDTH).
+    """
     a = corner(vertices, triangles[t, 0])
     n = cross(sub(corner(vertices, triangles[t, 1]), a), sub(corner(vertices, triangles[t, 2]), a))
     size = norm(n)
@@ -72,13 +84,19 @@ def face_normal(vertices: Floats, triangles: Ints32, t: int) -> Vector:
 
 @inner
 def height(vertices: Floats, triangles: Ints32, t: int, p: Vector) -> float:
-    """Signed distance of ``p`` from the triangle's plane, positive in front."""
+    """Signed distance of ``p`` from the triangle's plane, positive in front.
+
+    ``vertices`` (v, 3) [m], ``triangles`` (n, TRIANGLE_WIDTH); ``p`` and the distance [m].
+    """
     return float(dot(face_normal(vertices, triangles, t), sub(p, corner(vertices, triangles[t, 0]))))
 
 
 @inner
 def pierced(vertices: Floats, triangles: Ints32, t: int, p: Vector, q: Vector) -> bool:
-    """Whether the way from ``p`` in front of a triangle to ``q`` leads through it to its back."""
+    """Whether the way from ``p`` in front of a triangle to ``q`` leads through it to its back.
+
+    ``vertices`` (v, 3) [m], ``triangles`` (n, TRIANGLE_WIDTH); ``p`` and ``q`` [m], mesh's frame.
+    """
     a, b, c = (corner(vertices, triangles[t, 0]), corner(vertices, triangles[t, 1]), corner(vertices, triangles[t, 2]))
     n = cross(sub(b, a), sub(c, a))
     above, below = dot(n, sub(p, a)), dot(n, sub(q, a))

@@ -11,13 +11,13 @@ Floats = NDArray[np.float64]
 
 @inner
 def vector(array: Floats, at: int) -> Vector:
-    """Three numbers of a flat array as a vector."""
+    """Three numbers of a flat array (n,), in whatever unit, as a vector."""
     return (array[at], array[at + 1], array[at + 2])
 
 
 @inner
 def put(array: Floats, at: int, v: Vector) -> None:
-    """Write a vector into a flat array."""
+    """Write a vector, in whatever unit, into a flat array (n,)."""
     array[at] = v[0]
     array[at + 1] = v[1]
     array[at + 2] = v[2]
@@ -25,7 +25,7 @@ def put(array: Floats, at: int, v: Vector) -> None:
 
 @inner
 def place_of(poses: Floats, obj: int) -> Vector:
-    """Position of one pose."""
+    """Position [m] of one of the poses (objects, 7)."""
     return (poses[obj, 0], poses[obj, 1], poses[obj, 2])
 
 

@@ -23,6 +23,9 @@ def push_bodies(force_at: Floats, result: Floats, poses: Floats, forces: Floats)
     """Add what one probe does to the objects: the opposite of its force (3,), at its contacts, by their shares.
 
     Without a contact the force is an attraction by the nearest object.
+
+    ``force_at`` (3,) [N], ``result`` (RESULT_SIZE,) of the contact, ``poses`` (objects, 7) [m; quaternion],
+    ``forces`` (objects, 6) [N, N m].
     """
     force = vector(force_at, 0)
     count = int(result[at.RESULT_COUNT])
@@ -74,7 +77,11 @@ def apply_forces(
 
 @entry
 def read_back(free: Any, places: Floats, rates: Floats, poses: Floats, twists: Floats) -> None:
-    """Write poses and twists of the free objects from MuJoCo's coordinates (k, 7) and rates (k, 6)."""
+    """Write poses and twists of the free objects from MuJoCo's coordinates (k, 7) and rates (k, 6).
+
+    ``free`` (k,) numbers of the objects; positions [m], velocities [m/s, rad/s]; ``poses`` (n, 7) and ``twists``
+    (n, 6) of all objects.
+    """
     for i in range(free.shape[0]):
         obj = int(free[i])
         for c in range(7):

@@ -35,7 +35,10 @@ def placed(fixed: Any) -> int:
 
 @kernel
 def follow(c: Floats, tracker: Floats, figures: Floats, afresh: Any, tick: Any) -> int:
-    """Take the tracker's place as the HIP; ``afresh`` (1,): without a velocity, once."""
+    """Take the tracker's place as the HIP; ``afresh`` (1,): without a velocity, once.
+
+    ``c`` (CONSTANTS,) and ``figures`` (FIGURES,) of `render`; ``tracker`` (7,) [m; quaternion]; ``tick`` (1,).
+    """
     render.follow(c, tracker, figures, tick[0] == 0 or afresh[0] != 0)
     afresh[0] = 0
     return 0
@@ -46,7 +49,11 @@ def touch(
     c: Floats, poses: Floats, twists: Floats, damping: Floats, figures: Floats, result: Floats, primary: Any,
     nearest: Any,
 ) -> int:  # fmt: skip
-    """Make the contact force of what was found; ``primary`` and ``nearest`` have shape (1,), written."""
+    """Make the contact force of what was found; ``primary`` and ``nearest`` have shape (1,), written.
+
+    ``c`` (CONSTANTS,) and ``figures`` (FIGURES,) of `render`; ``poses`` (objects, 7) [m; quaternion], ``twists``
+    (objects, 6) [m/s, rad/s], ``damping`` (objects,) [N s/m], ``result`` (RESULT_SIZE,) of the contact.
+    """
     primary[0], nearest[0] = render.touch(c, poses, twists, damping, figures, result)
     return 0
 
@@ -67,7 +74,10 @@ def look_beside(
 
 @kernel
 def only_virtual(figures: Floats, felt: Floats) -> int:
-    """Say with what force (1,) the contact is felt where nothing but the virtual one can be."""
+    """Say with what force (1,) the contact is felt where nothing but the virtual one can be.
+
+    ``figures`` (FIGURES,) of `render`; ``felt`` [N].
+    """
     felt[0] = figures[render.NORMAL_FORCE]
     return 0
 
@@ -103,7 +113,11 @@ def carry(
 def look_below(
     c: Floats, world: Floats, mesh: Any, poses: Floats, figures: Floats, kept: Floats, below: Any
 ) -> int:  # fmt: skip
-    """Find the virtual surface below the finger, for who carries one to it; ``below`` (1,) is written: whose it is."""
+    """Find the virtual surface below the finger, for who carries one to it; ``below`` (1,) is written: whose it is.
+
+    ``c`` (CONSTANTS,) and ``figures`` (FIGURES,) of `render`, ``kept`` (MEMORY,) of the surface; ``world``
+    (objects, WORLD_WIDTH), ``poses`` (objects, 7) [m; quaternion].
+    """
     below[0] = ground.find(c, world, mesh, poses, figures, kept)
     return 0
 
@@ -140,7 +154,11 @@ def close_in(
     figures: Floats, radius: float, tracking: float, near: float, close: float, far: float, closing: Floats,
     clamped: Any,
 ) -> int:  # fmt: skip
-    """Choose how fast the surface may approach the finger [m/s]; where it may not, that is counted as a limit."""
+    """Choose how fast the surface may approach the finger [m/s]; where it may not, that is counted as a limit.
+
+    ``figures`` (FIGURES,) of `render`, ``closing`` (1,) and ``clamped`` (1,) are written; ``radius`` [m], the other
+    numbers as in `carried.pace`.
+    """
     gap = figures[render.HIP + 2] - radius - figures[render.PLATE_TOP]
     closing[0] = pace(gap, figures[render.TRACKING], tracking, near, close, far)
     if closing[0] == 0.0:

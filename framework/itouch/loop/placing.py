@@ -68,7 +68,10 @@ class Carried(NamedTuple):
 def arm(
     post: Post, pushing: Pushing, wrench: Floats, velocity: Floats, figure: Floats, tick: Any, enabled: int
 ) -> int:  # fmt: skip
-    """Watch an arm: the wrench sent last (6,), and the velocity of the finger (3,)."""
+    """Watch an arm: the wrench sent last (6,), and the velocity of the finger (3,).
+
+    The wrench is in [N, N m], the velocity in [m/s]; ``figure`` (1,) is written.
+    """
     if post.status[0] != enabled:
         return SKIP
     if check(pushing, wrench, size(velocity), figure) != post.share[0]:
@@ -128,7 +131,10 @@ def together(
 
 @kernel
 def shown(status: Any, enabled: int, touched: Any, force: Floats, its_touched: Any, its_force: Floats) -> int:
-    """Tell what a device carries whether it is touched, and with what force, each of shape (1,)."""
+    """Tell what a device carries whether it is touched, and with what force, each of shape (1,).
+
+    Forces in [N]; ``its_touched`` and ``its_force`` are written.
+    """
     if status[0] == enabled:
         its_touched[0], its_force[0] = touched[0], force[0]
     return 0

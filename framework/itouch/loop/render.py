@@ -41,7 +41,11 @@ CONSTANTS = 54
 
 @kernel
 def follow(c: Floats, tracker: Floats, figures: Floats, first: bool) -> None:
-    """Take the tracker's position as the HIP, and filter its velocity."""
+    """Take the tracker's position as the HIP, and filter its velocity.
+
+    ``c`` (CONSTANTS,) and ``figures`` (FIGURES,) as above; ``tracker`` (7,) [m; quaternion], of which only the
+    position is read.
+    """
     x, y, z = turned_out(c, TRACKER, tracker[0], tracker[1], tracker[2])
     place = (x + c[TRACKER], y + c[TRACKER + 1], z + c[TRACKER + 2])
     for i in range(3):

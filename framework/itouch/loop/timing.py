@@ -56,7 +56,10 @@ def merged(histograms: Iterable[object]) -> list[list[float]]:
 
 
 def percentile(counts: NDArray[Any], percent: float, greatest: float = math.inf) -> float | None:
-    """Return a percentile [s] of binned durations to within 2 %, or None if there are none."""
+    """Return a percentile [s] of binned durations to within 2 %, or None if there are none.
+
+    ``counts`` (bins,): how many durations each bin has; ``percent`` 0 to 100, ``greatest`` [s].
+    """
     total = int(counts.sum())
     if total == 0:
         return None

@@ -59,7 +59,10 @@ def _found(able: Any, memory: Any, values: Floats) -> float:
 
 @kernel
 def doubt(able: Any, memory: Any, values: Floats, seconds: float) -> float:
-    """Return 1, or minus the trip of a reading (n,) that cannot be believed, so many seconds after the one before."""
+    """Return 1, or minus the trip of a reading (n,) that cannot be believed, so many seconds after the one before.
+
+    ``values`` are in the channel's unit, as are the limits in ``able``; ``seconds`` [s].
+    """
     total = 0.0
     for i in range(len(values)):
         total += float(values[i])
@@ -85,7 +88,10 @@ def doubt(able: Any, memory: Any, values: Floats, seconds: float) -> float:
 
 @kernel
 def check(able: Any, memory: Any, values: Floats, seconds: float) -> float:
-    """Do what ``doubt`` does, and remember a reading that is believed."""
+    """Do what ``doubt`` does, and remember a reading that is believed.
+
+    ``values`` (n,) are in the channel's unit; ``seconds`` [s].
+    """
     found = float(doubt(able, memory, values, seconds))
     if found == 1.0:
         for i in range(len(values)):

@@ -83,7 +83,7 @@ class SurfaceObservation(NamedTuple):
 
 @kernel
 def size(vector: Floats) -> float:
-    """Return the length of a vector (3,)."""
+    """Return the length of a vector (3,), in its unit."""
     return float(math.sqrt(vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2]))
 
 
@@ -198,7 +198,10 @@ def _astray(memory: Any, seen: Any) -> bool:
 
 @kernel
 def moves(allowed: Any, memory: Any, pose: Floats, finger: Any, seen: Any, touched: bool) -> float:
-    """Return minus the trip of a speed, a mean over 50 ms, that no command can have asked for (K5), or 0."""
+    """Return minus the trip of a speed, a mean over 50 ms, that no command can have asked for (K5), or 0.
+
+    ``pose`` (7,), or (0,) if nothing tells where it is; ``finger`` three numbers, in the device's frame [m].
+    """
     if not seen.gap < NEAR:
         memory.near_since[0] = math.nan
     elif math.isnan(memory.near_since[0]):

@@ -126,7 +126,10 @@ def left(beyond: float, room: float) -> float:
 
 @kernel
 def drive(plate: Any, sent: Floats, temperature: float) -> float:
-    """Return how strongly the plate is driven: -1 (heats) to 1 (cools), as a part of the limit in force."""
+    """Return how strongly the plate is driven: -1 (heats) to 1 (cools), as a part of the limit in force.
+
+    ``sent`` (n,): all numbers that the device was sent; ``temperature`` of the plate [K].
+    """
     if plate.switch >= 0 and sent[plate.switch] < 0.5:
         return 0.0
     found = 0.0

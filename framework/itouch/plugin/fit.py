@@ -56,7 +56,9 @@ class Fit:
 
 
 def line_through(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[float, float, float]:
-    """Return slope, value at 0 and rms residual of the straight line y(x), least squares.
+    """Return slope, value at 0 and rms residual of the straight line y(x), both (n,), least squares.
+
+    The slope is in the unit of y over that of x, the others are in that of y.
 
     Raises
     ------

@@ -42,7 +42,7 @@ def normalized(quaternion: Sequence[float]) -> tuple[float, float, float, float]
 
 
 def multiply(a: Array, b: Array) -> Array:
-    """Return the quaternion product, shape (4,)."""
+    """Return the product, shape (4,), of two quaternions (4,): w, x, y, z, without a unit."""
     aw, ax, ay, az = a
     bw, bx, by, bz = b
     return np.array(
@@ -56,7 +56,7 @@ def multiply(a: Array, b: Array) -> Array:
 
 
 def rotate(quaternion: Array, vector: Array) -> Array:
-    """Rotate a vector, shape (3,)."""
+    """Rotate a vector, shape (3,), in whatever unit, by a quaternion (4,)."""
     w, u = quaternion[0], quaternion[1:]
     t = 2.0 * np.cross(u, vector)
     rotated: Array = vector + w * t + np.cross(u, t)
@@ -64,24 +64,27 @@ def rotate(quaternion: Array, vector: Array) -> Array:
 
 
 def conjugate(quaternion: Array) -> Array:
-    """Return the inverse rotation, shape (4,)."""
+    """Return the inverse of a rotation, a quaternion (4,) of length 1; shape (4,)."""
     inverse_rotation: Array = quaternion * np.array([1.0, -1.0, -1.0, -1.0])
     return inverse_rotation
 
 
 def compose(a: Array, b: Array) -> Array:
-    """Return the pose a * b: ``compose(world_from_a, a_from_b)`` is ``world_from_b``."""
+    """Return the pose a * b: ``compose(world_from_a, a_from_b)`` is ``world_from_b``.
+
+    All are poses (7,): position [m], quaternion w, x, y, z.
+    """
     return np.concatenate([a[:3] + rotate(a[3:], b[:3]), multiply(a[3:], b[3:])])
 
 
 def inverse(pose: Array) -> Array:
-    """Return the pose that undoes this one."""
+    """Return the pose that undoes this one; both (7,): position [m], quaternion w, x, y, z."""
     back = conjugate(pose[3:])
     return np.concatenate([-rotate(back, pose[:3]), back])
 
 
 def transform(pose: Array, point: Array) -> Array:
-    """Take a point (3,) through a pose."""
+    """Take a point (3,) [m] through a pose (7,): position [m], quaternion w, x, y, z."""
     return pose[:3] + rotate(pose[3:], point)
 
 

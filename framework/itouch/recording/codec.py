@@ -46,7 +46,10 @@ class Codec:
         return mask
 
     def encode(self, rows: NDArray[Any], sequence: int, log: NDArray[np.uint64]) -> bytes:
-        """Return the message records of rows of the track's dtype; ``log`` has their times [ns]."""
+        """Return the message records of rows of the track's dtype; ``log`` has their times [ns].
+
+        ``rows`` and ``log`` (n,); numbers in the units of the track's columns.
+        """
         out = np.tile(self._template, len(rows)).view(self._dtype)
         out["sequence"] = (sequence + np.arange(len(rows))) & 0xFFFFFFFF
         out["log"] = out["publish"] = log

@@ -137,7 +137,7 @@ class BlindRetreat:
         self._middle: Observation | None = None
 
     def said(self, way: NDArray[np.float64]) -> str:
-        """Say what was done, for the report; ``way`` as in ``mind``."""
+        """Say what was done, for the report; ``way`` (3,) [m] as in ``mind``."""
         if not self.active:
             return ""
         gone = (way[0].item() - self._sent[2].item()) * 1e3
@@ -179,7 +179,10 @@ class BlindRetreat:
             self._judge(self._middle, self._look(), stopped, way)
 
     def drop(self, stopped: NDArray[np.int8], way: NDArray[np.float64]) -> None:
-        """Let the surface retract as others do: its place is believed again."""
+        """Let the surface retract as others do: its place is believed again.
+
+        ``stopped`` and ``way`` (3,) [m] as in ``mind``.
+        """
         self.begin()
         stopped[...], way[1:] = 0, math.nan
 

@@ -44,7 +44,7 @@ class Guard:
         Parameters
         ----------
         wanted, sent
-            The command asked for, and the one sent last, which is overwritten.
+            The command asked for, and the one sent last, which is overwritten: (n,) each, in the channel's unit.
         share
             0 to 1: the part of force, current or speed that is let through (the ramp, or a limit that is near).
         period
@@ -81,7 +81,7 @@ class Guard:
         return Bound(limiting.limit, self.bounds, moving, wanted, sent, clamped, dropped, period, growth)
 
     def refusal(self, wanted: Floats) -> TripError:
-        """Return the trip of a command that is not a number."""
+        """Return the trip of a command (n,), in the channel's unit, that is not a number."""
         return TripError(Trip.NOT_A_NUMBER, f"was commanded with {not_finite(wanted.tolist())} ({self.channel.name})")
 
     def safe(
@@ -89,8 +89,8 @@ class Guard:
     ) -> None:
         """Write the safe command: its value, or hold, or retract along -z as fast as is allowed.
 
-        ``backwards`` retracts along +z instead, for a drive that has been seen to go the wrong way.  ``ends``: how far
-        down and up [m] that leads at most, NaN: as far as the travel does.
+        ``backwards`` retracts along +z instead, for a drive that has been seen to go the wrong way.  ``sent`` (n,) is
+        in the channel's unit.  ``ends``: how far down and up [m] that leads at most, NaN: as far as the travel does.
         """
         channel = self.channel
         safe, step = channel.safe, (self._limits.speed or 0.0) * period

@@ -163,7 +163,7 @@ def _temperature(bounds: Any, values: Floats, last: Floats, share: float, period
 
 @kernel
 def finite(values: Floats) -> bool:
-    """Tell whether numbers, and their sum, are finite."""
+    """Tell whether numbers (n,), in whatever unit, and their sum are finite."""
     total = 0.0
     for i in range(len(values)):
         total += float(values[i])

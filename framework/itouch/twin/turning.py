@@ -12,7 +12,7 @@ Floats = NDArray[np.float64]
 
 @kernel
 def turned_out(frames: Floats, at: int, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Turn a direction out of the frame that begins at index ``at``."""
+    """Turn a direction out of the frame that begins at index ``at`` of ``frames`` (n,); in whatever unit."""
     r = at + 3
     return (
         frames[r] * x + frames[r + 1] * y + frames[r + 2] * z,
@@ -23,7 +23,7 @@ def turned_out(frames: Floats, at: int, x: float, y: float, z: float) -> tuple[f
 
 @kernel
 def turned_in(frames: Floats, at: int, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Turn a direction into the frame that begins at index ``at``."""
+    """Turn a direction into the frame that begins at index ``at`` of ``frames`` (n,); in whatever unit."""
     r = at + 3
     return (
         frames[r] * x + frames[r + 3] * y + frames[r + 6] * z,

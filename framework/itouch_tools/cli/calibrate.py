@@ -271,7 +271,7 @@ def _mount_fit(options: argparse.Namespace, device: Any) -> calibration.Calibrat
 
 
 def rigid(here: NDArray[np.float64], there: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """Return the pose that takes points to their partners, and the rms distance left (Kabsch 1976).
+    """Return the pose that takes points (n, 3) [m] to their partners, and the rms distance left [m] (Kabsch 1976).
 
     Raises
     ------

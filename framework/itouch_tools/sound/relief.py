@@ -105,6 +105,9 @@ def reliefs(model: Model) -> dict[str, Relief]:
 
 
 def turned(pose: NDArray[np.float64], vector: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a vector of the world in the frame of an object at this pose."""
+    """Return a vector of the world in the frame of an object at this pose.
+
+    ``pose`` (7,): position [m], quaternion; ``vector`` (3,) in whatever unit.
+    """
     made: NDArray[np.float64] = poses.rotate(poses.conjugate(pose[3:]), vector)
     return made

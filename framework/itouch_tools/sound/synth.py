@@ -128,7 +128,10 @@ class Synth:
 
 
 def limited(samples: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Bend what is above the knee smoothly below 1; the rest stays as it is."""
+    """Bend what is above the knee smoothly below 1; the rest stays as it is.
+
+    ``samples`` of any shape (n, ...), which the result has, too; 1 is full scale, without a unit.
+    """
     size = np.abs(samples)
     over = size > _KNEE
     if over.any():

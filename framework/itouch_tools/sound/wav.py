@@ -18,7 +18,7 @@ _BLOCK = 4800
 
 
 def write_wav(path: str | os.PathLike[str], samples: NDArray[np.float64]) -> None:
-    """Write samples between -1 and 1, shape (n,).
+    """Write samples between -1 and 1 (full scale, without a unit), shape (n,).
 
     Raises
     ------

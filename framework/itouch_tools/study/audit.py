@@ -212,7 +212,10 @@ def _coarse(value: float) -> float:
 
 
 def judged(labels: Sequence[str], table: Floats, *, seed: int = 1) -> list[Guess]:
-    """Return what is guessed from all features, and from each group alone."""
+    """Return what is guessed from all features, and from each group alone.
+
+    ``table`` (trials, features), the columns in the order of `GROUPS`; each in a unit of its own.
+    """
     found, at = [guess(labels, table, seed=seed)], 0
     for name, features in GROUPS.items():
         found.append(guess(labels, table[:, at : at + len(features)], name=name, seed=seed))

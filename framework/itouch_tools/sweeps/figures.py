@@ -50,7 +50,7 @@ def confusion(features: NDArray[np.float64], labels: NDArray[np.intp], count: in
 
 
 def bits(matrix: NDArray[np.float64]) -> float:
-    """Return the information that the answers carry of what was touched [bit]."""
+    """Return the information that the answers (touched, answered) carry of what was touched [bit]."""
     joint = matrix / matrix.sum()
     independent = joint.sum(1, keepdims=True) * joint.sum(0, keepdims=True)
     known = joint > 0.0

@@ -98,7 +98,10 @@ class Camera:
         self.azimuth, self.elevation = VIEWS[view]
 
     def frame(self, low: NDArray[np.float64], high: NDArray[np.float64], aspect: float = 16 / 9) -> None:
-        """Put the whole of a box in the middle of a picture of this width over height."""
+        """Put the whole of a box in the middle of a picture of this width over height.
+
+        ``low`` and ``high`` (3,) [m] are its corners.
+        """
         middle = (low + high) / 2
         radius = max(0.01, float(np.linalg.norm(high - low)) / 2)
         corners = np.array([[(low, high)[i >> axis & 1][axis] for axis in range(3)] for i in range(8)])
@@ -120,7 +123,10 @@ class Camera:
         return height / (2.0 * self.distance * math.tan(FIELD_OF_VIEW / 2))
 
     def project(self, point: NDArray[np.float64], width: int, height: int) -> tuple[float, float] | None:
-        """Return where a point appears in a picture [pixels from the lower left], or None behind the eye."""
+        """Return where a point appears in a picture [pixels from the lower left], or None behind the eye.
+
+        ``point`` (3,) [m], ``width`` and ``height`` [pixels].
+        """
         clip = self.projection(width / height) @ self.view() @ np.append(point, 1.0)
         if clip[3] <= 0.0:
             return None

@@ -205,7 +205,10 @@ class _PerProgram:
 
 
 def tinted(points: NDArray[np.float32], colour: tuple[float, float, float, float]) -> NDArray[np.float32]:
-    """Return rows of position and colour, shape (n, 7)."""
+    """Return rows of position and colour, shape (n, 7).
+
+    ``points`` (n, 3) [m] or [pixels], ``colour`` four numbers from 0 to 1.
+    """
     return np.hstack([points, np.tile(np.array(colour, np.float32), (len(points), 1))])
 
 

@@ -111,6 +111,8 @@ def ribbon(x: NDArray[np.float64], y: NDArray[np.float64], colour: Tint, half: f
     """Return triangles of a line of constant width through points, shape (6 m, 7).
 
     ``drawn`` (n - 1,) says which of its pieces are; default: those between two finite points.
+
+    ``x`` and ``y`` (n,) and ``half``, of the width, in [pixels].
     """
     if len(x) < 2:
         return np.empty((0, 7), np.float32)

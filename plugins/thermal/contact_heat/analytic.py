@@ -34,7 +34,10 @@ def contact_temperature(beta_m: float, material: float, beta_s: float, skin: flo
 
 
 def contact_flux(beta_s: float, contact: float, skin: float, times: Array) -> Array:
-    """Equation 2: contact flux [W/m2] at times [s] for a contact temperature [K]; here out of the finger."""
+    """Equation 2: contact flux [W/m2] at times [s] for a contact temperature [K]; here out of the finger.
+
+    ``times`` of any shape (...,), which the flux has, too; ``beta_s`` is the skin's effusivity [W s^0.5/m2K].
+    """
     return np.asarray(beta_s * (skin - contact) / np.sqrt(np.pi * np.asarray(times)))
 
 
@@ -51,6 +54,8 @@ def half_space_temperature(contact: float, initial: float, alpha: float, depth: 
     """Equation 7: temperature [K] at depths [m] of a half-space whose face is held at ``contact`` from t = 0.
 
     Printed with the skin's initial temperature in place of the contact's.
+
+    ``depth`` of any shape (...,), which the temperature has, too; ``alpha`` [m2/s], ``time`` [s].
     """
     return np.asarray(contact + (initial - contact) * _erf(np.asarray(depth) / (2.0 * math.sqrt(alpha * time))))
 
@@ -61,6 +66,9 @@ def constant_flux_temperature(
     """Equation 9: temperature [K] at depths [m] of a half-space that a constant flux enters from t = 0.
 
     The two fluxes of the printed form are one; it enters the body, so that for a finger it is minus the contact's.
+
+    ``depth`` of any shape (...,), which the temperature has, too; ``flux`` [W/m2], ``conductivity`` [W/mK],
+    ``alpha`` [m2/s], ``time`` [s].
     """
     x = np.asarray(depth)
     near = 2.0 * math.sqrt(alpha * time / math.pi) * np.exp(-(x**2) / (4.0 * alpha * time))
@@ -71,13 +79,19 @@ def resistance_flux(beta_s: float, beta_m: float, difference: float, resistance:
     """Contact flux [W/m2] of two half-spaces ``difference`` kelvin apart through a constant resistance [K m2/W].
 
     ``difference / R * exp(z**2) erfc(z)`` with ``z = (1/beta_s + 1/beta_m) sqrt(t) / R``.
+
+    ``times`` [s] of any shape (...,), which the flux has, too; ``beta_s`` and ``beta_m`` are effusivities [W
+    s^0.5/m2K].
     """
     z = (1.0 / beta_s + 1.0 / beta_m) * np.sqrt(np.asarray(times)) / resistance
     return np.asarray(difference / resistance * scaled_erfc(z))
 
 
 def scaled_erfc(z: Array) -> Array:
-    """``exp(z**2) erfc(z)`` for z >= 0, from its continued fraction where exp would overflow."""
+    """``exp(z**2) erfc(z)`` for z >= 0, from its continued fraction where exp would overflow.
+
+    ``z`` of any shape (...,), which the result has, too; both without a unit [1].
+    """
     z = np.asarray(z, dtype=np.float64)
     small = np.minimum(z, 5.0)
     tail = np.maximum(z, 5.0)

@@ -78,7 +78,7 @@ def case_of(data: Any) -> Contact:
 
 
 def check_times(times: Sequence[float] | np.ndarray[Any, np.dtype[np.float64]]) -> None:
-    """Refuse times [s] that are not finite, not positive or not ascending.
+    """Refuse times (n,) [s] that are not finite, not positive or not ascending.
 
     Raises
     ------

@@ -44,12 +44,15 @@ def quadrature() -> Array:
 
 
 def memory(decay: Array) -> Array:
-    """Return ``exp(-decay c)`` at every stage c, shape (STAGES, modes); ``decay`` is rate times step."""
+    """Return ``exp(-decay c)`` at every stage c, shape (STAGES, modes); ``decay`` (modes,) is rate times step [1]."""
     return np.exp(-points()[:, None] * decay)
 
 
 def response(decay: Array) -> Array:
-    """Return what each stage flux adds to a mode by each stage, shape (STAGES at, STAGES flux, modes), per step."""
+    """Return what each stage flux adds to a mode by each stage, shape (STAGES at, STAGES flux, modes), per step.
+
+    ``decay`` (modes,) is rate times step [1].
+    """
     return np.stack([_inverse_basis().T @ _integrals(decay, c) for c in points()])
 
 

@@ -145,7 +145,10 @@ def start_numbers(contact: Contact) -> Array:
 
 
 def side_drive(side: Side, times: Array) -> Complex:
-    """Return what blood and back do to the contact face of a uniform start, shape (times, NODES) or (0, NODES)."""
+    """Return what blood and back do to the contact face of a uniform start, shape (times, NODES) or (0, NODES).
+
+    ``times`` (times,) [s].
+    """
     warmth = imbalance(side)
     return NO_DRIVE if warmth is None else warmed_table(stack_of(side), warmth, times)
 

@@ -161,7 +161,10 @@ def combine(
 
 
 def side_table(stack: Stack, times: Array) -> Complex:
-    """Return the impedance table of a side, shape (times, NODES)."""
+    """Return the impedance table of a side, shape (times, NODES).
+
+    ``times`` (times,) [s]; the impedance in [m2K/W].
+    """
     table = np.empty((len(times), NODES), dtype=np.complex128)
     resistance = stack.thickness / stack.conductivity
     impedance_table(resistance, stack.conductivity, stack.capacity, stack.perfusion, stack.back, times, table)

@@ -76,14 +76,20 @@ _SQUARE = STAGES * STAGES
 
 @kernel
 def surface_temperature(model: Array, state: Array) -> float:
-    """Return the contact temperature [K] of a side."""
+    """Return the contact temperature [K] of a side.
+
+    ``model`` (n,) and ``state`` (size,) as `packing` lays them out; see there for units.
+    """
     n = int(model[SIZE])
     return float(model[REST] + dot(model, HEAD + PORT * n, state, 0, n))
 
 
 @kernel
 def shift_surface(model: Array, state: Array, change: float) -> None:
-    """Add the stationary field that belongs to a change [K] of the contact temperature."""
+    """Add the stationary field that belongs to a change [K] of the contact temperature.
+
+    ``model`` (n,) and ``state`` (size,) as `packing` lays them out, which is changed in place.
+    """
     n = int(model[SIZE])
     for i in range(n):
         state[i] += change * model[HEAD + RISE * n + i]
@@ -96,7 +102,7 @@ def contact_step(finger: Array, finger_state: Array, body: Array, body_state: Ar
     Parameters
     ----------
     finger, body
-        Packed models of both sides, for the same period.
+        Packed models of both sides, (n,) as `packing` lays them out, for the same period.
     finger_state, body_state
         Their states, changed in place.
     resistance
@@ -123,13 +129,21 @@ def contact_step(finger: Array, finger_state: Array, body: Array, body_state: Ar
 
 @kernel
 def air_step(model: Array, state: Array) -> None:
-    """Advance a side by one step under its film, or insulated if it has none."""
+    """Advance a side by one step under its film, or insulated if it has none.
+
+    ``model`` (n,) and ``state`` (size,) as `packing` lays them out, which is changed in place; ``model``
+    has the film [W/m2K] and the ambient [K].
+    """
     advance_air(model, state, np.empty(SCRATCH))
 
 
 @kernel
 def advance_air(model: Array, state: Array, work: Any) -> None:
-    """Do `air_step` with the caller's scratch, shape (SCRATCH,)."""
+    """Do `air_step` with the caller's scratch, shape (SCRATCH,).
+
+    ``model`` (n,) and ``state`` (size,) as `packing` lays them out, which is changed in place; ``model``
+    has the film [W/m2K] and the ambient [K].
+    """
     tail = int(model[TAIL])
     if state[tail] > 0.0:
         state[tail] = 0.0
@@ -145,7 +159,11 @@ def advance_air(model: Array, state: Array, work: Any) -> None:
 
 @kernel
 def contour(model: Array, state: Array, resistance: float, work: Any) -> tuple[float, float]:
-    """Step one model exactly, its port joined to the ambient by a resistance; return flux in and heat brought."""
+    """Step one model exactly, its port joined to the ambient by a resistance; return flux in and heat brought.
+
+    ``model`` (n,) and ``state`` (size,) as `packing` lays them out, ``work`` (SCRATCH,); ``resistance`` [K
+    m2/W], flux [W/m2] and heat [J/m2].
+    """
     n = int(model[SIZE])
     z = HEAD + ROWS * n + _SQUARE
     _open(model, state, work)
@@ -159,7 +177,11 @@ def contour(model: Array, state: Array, resistance: float, work: Any) -> tuple[f
 
 @kernel
 def collocate(model: Array, state: Array, before: float, after: float, work: Any) -> tuple[float, float]:
-    """Step one model whose port is joined to the ambient; the resistance goes linearly from before to after."""
+    """Step one model whose port is joined to the ambient; the resistance goes linearly from before to after.
+
+    ``model`` (n,) and ``state`` (size,) as `packing` lays them out, ``work`` (SCRATCH,); resistances [K
+    m2/W], flux [W/m2] and heat [J/m2].
+    """
     n = int(model[SIZE])
     square = model[HEAD + ROWS * n : HEAD + ROWS * n + _SQUARE]
     level = model[AMBIENT] - model[REST]

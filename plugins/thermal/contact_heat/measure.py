@@ -59,7 +59,10 @@ def best_of(work: Callable[[], object], passes: int = 5) -> float:
 
 
 def second_opinion(contact: Contact, times: Array) -> Array:
-    """Return the contact flux [W/m2] by other formulas on another contour: `fields` with 34 nodes."""
+    """Return the contact flux [W/m2] by other formulas on another contour: `fields` with 34 nodes.
+
+    ``times`` (times,) [s], as is the flux.
+    """
     z, weights = talbot(34)
     points = (z / times[:, None]).ravel()
     finger, body = side_waves(contact.finger, points), side_waves(contact.object, points)
@@ -70,7 +73,10 @@ def second_opinion(contact: Contact, times: Array) -> Array:
 
 
 def relative_error(flux: Array, reference: Array) -> Array:
-    """Return errors relative to max(|j|, 1 W/m2)."""
+    """Return errors relative to max(|j|, 1 W/m2).
+
+    ``flux`` and ``reference`` [W/m2] of one shape (...,), which the errors have, too [1].
+    """
     return np.abs(flux - reference) / np.maximum(np.abs(reference), 1.0)
 
 
@@ -141,7 +147,10 @@ def changing(resistance: float, steps: int) -> Array:
 
 
 def fine(contact: Contact, resistances: Array, parts: int) -> Array:
-    """Step a history in parts of a step and return the flux at the ends of whole steps, shape (steps,)."""
+    """Step a history in parts of a step and return the flux at the ends of whole steps, shape (steps,).
+
+    ``resistances`` (steps,) [K m2/W]; the flux in [W/m2].
+    """
     before = np.concatenate((resistances[:1], resistances[:-1]))
     shares = np.arange(1, parts + 1) / parts
     history = before[:, None] + (resistances - before)[:, None] * shares

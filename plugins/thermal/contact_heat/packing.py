@@ -154,7 +154,10 @@ def _pair_rows(finger: Modes, body: Modes, period: float) -> tuple[Array, Array,
 
 
 def state_size(model: Array) -> int:
-    """Return how many numbers the state of a model has."""
+    """Return how many numbers the state of a model has.
+
+    ``model`` (n,) as laid out above; it stands in its head.
+    """
     return int(model[SIZE])
 
 

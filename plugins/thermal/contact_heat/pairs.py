@@ -24,7 +24,11 @@ MEMORY = 8
 
 @kernel
 def enter_loop(state: Array, vectors: Array, rest: Array, size: int) -> None:
-    """Put the amplitudes of the closed loop behind the pair."""
+    """Put the amplitudes of the closed loop behind the pair.
+
+    ``state`` (size + MEMORY + modes,); ``vectors`` (modes, size) and ``rest`` (size,) of `ClosedLoop`; coordinates
+    as in `packing`.
+    """
     for k in range(len(vectors)):
         total = 0.0
         for i in range(size):
@@ -37,7 +41,11 @@ def enter_loop(state: Array, vectors: Array, rest: Array, size: int) -> None:
 def leave_loop(
     state: Array, vectors: Array, rest: Array, flux: float, heat: Array, size: int, f: int, b: int, period: float
 ) -> None:
-    """Put the coordinates of the pair, phases and heat in order again."""
+    """Put the coordinates of the pair, phases and heat in order again.
+
+    ``state`` (size + MEMORY + modes,); ``vectors`` (modes, size), ``rest`` (size,), ``flux`` [W/m2] and ``heat``
+    (modes,) [J/m2] of `ClosedLoop`; ``f`` and ``b`` are where the tails of finger and object begin; ``period`` [s].
+    """
     count = state[size + COUNT]
     tails = np.empty(6)
     for n in range(3):
@@ -76,7 +84,12 @@ def advance_pair(
     steady: float,
     heat_of: Array,
 ) -> int:
-    """Step until the end, or until the loop must be closed; return how far it came."""
+    """Step until the end, or until the loop must be closed; return how far it came.
+
+    ``pair``, ``finger`` and ``body`` are models (n,), ``state`` (size + MEMORY + modes,); ``resistances``
+    (steps,) [K m2/W] and ``flux`` (steps,) [W/m2], written from step ``first`` on.  ``decay``, ``gain``,
+    ``vectors``, ``rest``, ``steady`` [W/m2] and ``heat_of`` are those of `ClosedLoop`.
+    """
     work = np.empty(live.SCRATCH)
     split, size = int(finger[SIZE]), int(pair[SIZE])
     f, b = int(finger[TAIL]), split + int(body[TAIL])

@@ -47,7 +47,10 @@ def first_problem(beta_s: float, beta_m: float, skin: float, material: float, re
 
 
 def first_flux(problem: Array, times: Array) -> tuple[Array, Array]:
-    """Return flux [W/m2] and heat [J/m2] of problem 1 at times [s]."""
+    """Return flux [W/m2] and heat [J/m2] of problem 1 at times [s].
+
+    ``problem`` (6,) of `first_problem`; ``times``, flux and heat (times,).
+    """
     skin, material, _, _, rate, beta = problem
     difference = skin - material
     if rate == 0.0:
@@ -118,7 +121,11 @@ def _explicit(nodes: Array, numbers: Array, now: Any, after: Any, field: Any, ti
 def march(
     finger: Chain, body: Chain, problem: Array, resistance: float, times: Array, step: float, *, split: bool
 ) -> tuple[Array, Array, Array, Array, tuple[Array, Array]]:
-    """Return flux, face temperatures of finger and object, heat, shape (times,), and the fields of both sides."""
+    """Return flux, face temperatures of finger and object, heat, shape (times,), and the fields of both sides.
+
+    ``problem`` (6,) of `first_problem`; ``resistance`` [K m2/W], ``times`` and ``step`` [s]; flux [W/m2],
+    temperatures [K], heat [J/m2]; the fields [K] (times, nodes of the side).
+    """
     rise = (problem[1] - problem[0]) * problem[2], (problem[0] - problem[1]) * problem[3]
     level = (problem[0], problem[1]) if split else (0.0, 0.0)
     rises = rise if split else (0.0, 0.0)

@@ -42,7 +42,7 @@ class Profile:
         return float(self.fluxes[0])
 
     def temperature(self, depths: Array) -> Array:
-        """Temperature [K] at depths [m], in one row."""
+        """Temperature [K] at depths (n,) or of any shape [m], in one row (n,)."""
         depths = np.ravel(depths).astype(np.float64)
         index, found = self.stack.layers_at(depths), np.empty(depths.size)
         faces, thickness = self.stack.faces, self.stack.thickness

@@ -34,11 +34,17 @@ class Span:
         return Span(*(np.concatenate(pair, axis=-1) for pair in pairs))
 
     def scaled(self, norms: Array) -> Span:
-        """Divide each function by its norm."""
+        """Divide each function by its norm.
+
+        ``norms`` (functions,), in the unit of the functions.
+        """
         return Span(*(part / norms for part in self._all()))
 
     def times(self, matrix: Array) -> Span:
-        """Return combinations of the functions, one per column of the matrix."""
+        """Return combinations of the functions, one per column of the matrix.
+
+        ``matrix`` (functions, combinations), without a unit [1].
+        """
         return Span(*(part @ matrix for part in self._all()))
 
     def _all(self) -> tuple[Array, Array, Array, Array]:
@@ -55,7 +61,7 @@ def trial_span(
     stack
         The side.
     shifts
-        Rates at which the response to a contact flux is exact [1/s].
+        (rates,) at which the response to a contact flux is exact [1/s].
     points
         Depths within each layer [m].
     back_port
@@ -116,6 +122,8 @@ def quadrature(stack: Stack, shifts: Array, *, back: bool, faces: bool) -> tuple
     """Return Gauss points and weights per layer and the panels' edges [m].
 
     Panels grow with diffusion time from the contact, from a driven ``back`` and, if asked, from all ``faces``.
+
+    ``shifts`` (rates,) [1/s], ascending.
     """
     nodes, weights = np.polynomial.legendre.leggauss(PANEL_POINTS)
     slowness = np.sqrt(stack.capacity / stack.conductivity)

@@ -47,7 +47,7 @@ class Exchange:
         Parameters
         ----------
         finger, objects
-            States of the finger and of the objects, one row each; changed.
+            States of the finger (size,) and of the objects (objects, widest), one row each; changed.
         index, resistance
             What is touched (-1: nothing of which anything is known), and the contact resistance [K m2/W].
         count

@@ -35,6 +35,8 @@ def flux_step(model: Array, state: Array, before: float, after: float) -> None:
     """Advance a side by one step in which a given flux [W/m2] leaves it, linear from ``before`` to ``after``.
 
     ``model`` and ``state`` are those of `solver.live`; what follows, touch or air, begins anew after it.
+
+    ``model`` (n,) and ``state`` (size,) as `contact_heat.packing` lays them out.
     """
     n, tail = int(model[SIZE]), int(model[TAIL])
     rows = model[HEAD : HEAD + (DRIVE + STAGES) * n].reshape(-1, n)

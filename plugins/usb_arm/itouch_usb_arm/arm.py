@@ -43,7 +43,10 @@ _LOW, _HIGH = 100.0, 20000.0
 
 
 def force_scale(params: Any, samples: NDArray[np.float64]) -> Fitted:
-    """Return the scale at which the arm gives what is asked: the one in use times asked over given."""
+    """Return the scale at which the arm gives what is asked: the one in use times asked over given.
+
+    ``samples`` (n, 2): forces asked and given [N].
+    """
     asked, given = samples.T
     slope, _, residual = line_through(asked, given)
     if slope <= 0.0:

@@ -90,7 +90,7 @@ def move(
 
 @kernel
 def sense(sensed: Floats, pose: Floats, wrench: Floats) -> int:
-    """Show pose (7,) and wrench (6,) of what the sensors read, shape (6,); return 0."""
+    """Show pose (7,) [m; quaternion] and wrench (6,) [N, N m] of what the sensors read, (6,) [m, N]; return 0."""
     for i in range(3):
         pose[i], wrench[i] = sensed[i], sensed[3 + i]
         pose[4 + i] = wrench[3 + i] = 0.0

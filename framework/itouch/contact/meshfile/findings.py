@@ -17,7 +17,7 @@ TOO_SMALL, TOO_LARGE = 1e-5, 100.0
 
 
 def check_size(low: NDArray[np.float64], high: NDArray[np.float64], shown: str) -> None:
-    """Refuse a mesh that can't be meant in metres, by the corners of the box that holds it.
+    """Refuse a mesh that can't be meant in metres, by the corners (3,) [m] of the box that holds it.
 
     Raises
     ------

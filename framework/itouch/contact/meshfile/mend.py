@@ -72,7 +72,7 @@ class MeshFacts:
 
 
 def check_finite(vertices: Floats, faces: Ints, shown: str) -> None:
-    """Refuse a mesh of which a triangle has a corner that is no finite number.
+    """Refuse a mesh, vertices (v, 3) [m] and faces (n, 3), of which a triangle has a corner that is no finite number.
 
     Raises
     ------

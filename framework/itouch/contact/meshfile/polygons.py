@@ -16,7 +16,7 @@ def fans(sizes: Ints, corners: Ints) -> Ints:
     sizes
         (n,) how many corners each polygon has.
     corners
-        The corners of all, one polygon after the other.
+        (sum of sizes,) the indices of the corners of all, one polygon after the other.
 
     Returns
     -------

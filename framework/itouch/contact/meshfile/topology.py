@@ -37,7 +37,7 @@ class Edges:
 
     @classmethod
     def of(cls, faces: Ints, vertex_count: int) -> Edges:
-        """Find them."""
+        """Find the edges of triangles (n, 3), whose corners are the indices of vertices below ``vertex_count``."""
         ends = np.roll(faces, -1, axis=1)
         keys = (np.minimum(faces, ends) * vertex_count + np.maximum(faces, ends)).ravel()
         order = np.argsort(keys, kind="stable")

@@ -18,7 +18,10 @@ _MIX = (np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F), np.uint64(
 
 
 def joined_vertices(vertices: Floats, faces: Ints) -> tuple[Floats, Ints, int]:
-    """Make vertices with equal coordinates one, and leave out those that no face uses."""
+    """Make vertices with equal coordinates one, and leave out those that no face uses.
+
+    ``vertices`` (v, 3) [m], ``faces`` (n, 3); returns both, and how many vertices were given up.
+    """
     used = np.zeros(len(vertices), np.bool_)
     used[faces.ravel()] = True
     number = np.cumsum(used) - 1
@@ -41,6 +44,8 @@ def joined_seams(vertices: Floats, faces: Ints, edges: Edges) -> tuple[Ints, Edg
 
     Vertices stay where they are: faces use one of those that are close. Returns the faces, their edges, and how many
     vertices were given up.
+
+    ``vertices`` (v, 3) [m], ``faces`` (n, 3).
     """
     if edges.open == 0:
         return faces, edges, 0

@@ -15,7 +15,10 @@ _SAMPLES = 12
 
 
 def signed_volumes(vertices: Floats, faces: Ints, parts: Ints) -> Floats:
-    """Return six times the volume of each part, negative if its front is inside; of use for closed parts."""
+    """Return six times the volume of each part, negative if its front is inside; of use for closed parts.
+
+    ``vertices`` (v, 3) [m], ``faces`` (n, 3), ``parts`` (n,) the part of each face; the volumes (parts,) in [m3].
+    """
     middle = vertices.mean(axis=0)
     a, b, c = (vertices[faces[:, k]] - middle for k in range(3))
     return np.asarray(np.bincount(parts, np.einsum("ij,ij->i", a, np.cross(b, c))), np.float64)
@@ -25,6 +28,9 @@ def parts_to_turn(vertices: Floats, faces: Ints, parts: Ints, closed: Flags, vol
     """Mark closed parts that are inside out, except the walls of cavities in other parts.
 
     With very many inverted parts (a foam) the smaller ones count as cavities as soon as their box is in another's.
+
+    ``vertices`` (v, 3) [m], ``faces`` (n, 3), ``parts`` (n,) the part of each face; ``closed``, ``volumes`` [m3]
+    and what is returned (parts,).
     """
     inverted = closed & (volumes < 0.0)
     if not inverted.any():
@@ -40,7 +46,10 @@ def parts_to_turn(vertices: Floats, faces: Ints, parts: Ints, closed: Flags, vol
 
 
 def overlapping_pairs(vertices: Floats, faces: Ints, parts: Ints, solid: Flags) -> int:
-    """Count pairs of solid parts of which one has a vertex inside the other; with very many parts, of the largest."""
+    """Count pairs of solid parts of which one has a vertex inside the other; with very many parts, of the largest.
+
+    ``vertices`` (v, 3) [m], ``faces`` (n, 3), ``parts`` (n,) the part of each face, ``solid`` (parts,).
+    """
     if solid.sum() < 2:
         return 0
     shells = _Shells(vertices, faces, parts, solid)

@@ -43,6 +43,8 @@ def choose(c: Floats, memory: Floats, upright: float, touching: bool) -> None:
     """Say whose the contact is; one that has begun changes over only when it is well on the other side.
 
     ``upright`` is the cosine of the angle between the surface and the plate.
+
+    ``c`` (CONSTANTS,), ``memory`` (MEMORY,) of the surface; ``upright`` has no unit [1].
     """
     before = memory[RENDERS]
     if touching:

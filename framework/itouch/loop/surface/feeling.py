@@ -22,6 +22,9 @@ def feel(c: Floats, figures: Floats, memory: Floats, load: float, touching: bool
     """Say with what force [N] the finger feels the contact: the plate's where the plate renders, else the virtual one.
 
     At first it is the virtual one, until the plate is felt, and then it is blended into the other.
+
+    ``c`` (CONSTANTS,) and ``figures`` (FIGURES,), ``memory`` (MEMORY,) of the surface; ``load``: the force that the
+    plate reads [N].
     """
     if not touching:
         memory[PRESSED] = memory[FELT] = memory[FELT_WEIGHT] = memory[FELT_FORCE] = 0.0

@@ -55,7 +55,10 @@ def find(c: Floats, world: Floats, mesh: Any, poses: Floats, figures: Floats, me
 
 @kernel
 def along_plate(c: Floats, normal: Floats) -> float:
-    """Return the cosine of the angle between a normal (3,) in the world and the plate's."""
+    """Return the cosine of the angle between a normal (3,) in the world and the plate's.
+
+    ``c`` (CONSTANTS,); normal and cosine have no unit [1].
+    """
     cosine = 0.0
     for i in range(3):
         cosine += normal[i] * c[TABLE + 3 + 3 * i + 2]

@@ -228,7 +228,10 @@ def _command(c: Floats, figures: Floats, sent: Floats, goal: Floats, height: flo
 
 @kernel
 def stray(figures: Floats, sent: Floats, table: Floats) -> None:
-    """Write how far what carries a surface is from where it was sent; poses (7,)."""
+    """Write how far what carries a surface is from where it was sent; poses (7,).
+
+    ``figures`` (FIGURES,); ``sent`` and ``table`` (7,) [m; quaternion].
+    """
     square = 0.0
     for i in range(3):
         square += (sent[i] - table[i]) ** 2
@@ -248,7 +251,10 @@ def spare(c: Floats, figures: Floats, memory: Floats, goal: Floats, pressed: flo
 
 @kernel
 def take_over(memory: Floats, renders: bool, present: bool, away: float, touching: bool) -> None:
-    """Remember who renders a contact as somebody else says it who carries the surface, ``away`` from the finger [m]."""
+    """Remember who renders a contact as somebody else says it who carries the surface, ``away`` from the finger [m].
+
+    ``memory`` (MEMORY,) of the surface.
+    """
     if touching and memory[PRESSED] > 0.0 and renders != (memory[RENDERS] > 0.0):
         memory[CHANGING] = LED
     memory[RENDERS] = 1.0 if renders else 0.0

@@ -94,7 +94,10 @@ _cached_column = lru_cache(maxsize=32)(_column)
 
 
 def ramp_weights(rates: Array, period: float) -> tuple[Array, Array]:
-    """Return what a flux that is linear over a step leaves in modes, per unit at its begin and at its end [s]."""
+    """Return what a flux that is linear over a step leaves in modes, per unit at its begin and at its end [s].
+
+    ``rates`` (modes,) [1/s], ``period`` [s]; both results (modes,).
+    """
     x = np.maximum(rates * period, 1e-12)
     small = x < 1e-3
     safe = np.where(small, 1.0, x)

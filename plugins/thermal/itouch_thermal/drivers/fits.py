@@ -30,7 +30,10 @@ def without_sensor(params: Any) -> str:
 
 
 def flux_gain(params: Any, samples: Array) -> Fitted:
-    """Return sensitivity and offset of the flux sensor from fluxes of a reference and what the display read then."""
+    """Return sensitivity and offset of the flux sensor from fluxes of a reference and what the display read then.
+
+    ``samples`` (n, 2): reference [W/m2] and what the display read [W/m2].
+    """
     if lack := without_sensor(params):
         raise ValueError(lack)
     sensor = params.labjack.flux_sensor
@@ -49,6 +52,8 @@ def step_response(params: Any, samples: Array) -> Fitted:
     """Return the module's parameters at which the plant answers a current as was measured (Gauss-Newton).
 
     The plant is the display's twin without a finger; plate and sink begin at the temperature of the first sample.
+
+    ``samples`` (n, 4): time [s], current [A], plate and sink [K].
     """
     times, currents, plate, sink = samples.T
     if len(times) < 20 or np.ptp(currents) < 0.1 or np.any(np.diff(times) <= 0.0):

@@ -296,7 +296,10 @@ def neutral(
 
 @kernel
 def aim_at(start: Floats, limited: Any, wanted: float, low: float, high: float) -> None:
-    """Take a start temperature [K], as far as the plate's band goes."""
+    """Take a start temperature [K], as far as the plate's band goes.
+
+    ``start`` (1,) and ``limited`` (1,) are written; ``wanted``, ``low`` and ``high`` [K].
+    """
     start[0] = min(high - MARGIN, max(low + MARGIN, wanted))
     limited[0] = int(not low <= wanted <= high)
 
@@ -360,6 +363,8 @@ def press_on(before: Floats, now: float, part: float) -> float:
     """Return how much the finger is being pressed on, by how fast the logarithm of the resistance changes.
 
     ``before`` (1,) is that logarithm, filtered; ``part`` of the way to what it is now is gone in a tick.
+
+    The resistance is in [K m2/W], its logarithm without a unit.
     """
     followed = before[0] + part * (now - before[0])
     before[0] = followed

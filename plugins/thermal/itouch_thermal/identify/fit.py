@@ -279,7 +279,10 @@ class Problem:
 
 
 def edges_for(times: Array, *, bins: int = 30, first: float = 0.05) -> Array:
-    """Return bounds of bins that grow with the time and hold samples, from 0.05 s to the end."""
+    """Return bounds of bins that grow with the time and hold samples, from 0.05 s to the end.
+
+    ``times`` (n,) [s], evenly spaced; the bounds (bins + 1,) or fewer [s].
+    """
     period = float(times[1] - times[0])
     wanted = np.geomspace(max(first, float(times[0])), float(times[-1]) + period, bins + 1)
     # Bounds lie half a period before samples, so that a bin's samples are evenly around its middle.

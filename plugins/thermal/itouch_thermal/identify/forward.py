@@ -153,7 +153,10 @@ def _through(s: Complex, layer: Layer, below: Complex) -> tuple[Complex, Complex
 
 
 def binned(times: Array, rows: Array, edges: Array) -> tuple[Array, Array]:
-    """Return means of rows (touches, samples) between edges (bins + 1,) and how many samples each has."""
+    """Return means of rows (touches, samples) between edges (bins + 1,) and how many samples each has.
+
+    ``times`` (samples,) and ``edges`` [s]; means in the unit of the rows.
+    """
     index = np.searchsorted(edges, times, side="right") - 1
     count = np.array([(index == k).sum() for k in range(len(edges) - 1)], dtype=np.float64)
     found: Array = np.array([rows[:, index == k].mean(axis=1) for k in range(len(edges) - 1)]).T
@@ -161,7 +164,10 @@ def binned(times: Array, rows: Array, edges: Array) -> tuple[Array, Array]:
 
 
 def inside(edges: Array) -> tuple[Array, Any]:
-    """Return two times in each bin whose mean is the mean over the bin, and a function that takes those means."""
+    """Return two times in each bin whose mean is the mean over the bin, and a function that takes those means.
+
+    ``edges`` (bins + 1,) [s], the times (2 bins,) [s].
+    """
     middle, half = 0.5 * (edges[1:] + edges[:-1]), 0.5 * np.diff(edges)
     points = np.stack((middle - half / np.sqrt(3.0), middle + half / np.sqrt(3.0)), axis=1).ravel()
     return points, lambda rows: rows.reshape(len(rows), -1, 2).mean(axis=2)

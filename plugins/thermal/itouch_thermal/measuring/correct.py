@@ -51,7 +51,10 @@ def output_times(last: float, every: float = 0.01) -> Array:
 
 
 def correct(touch: Touched, sensors: Sensors, times: Array) -> Corrected:
-    """Return what left the finger at times [s] since the begin of the touch."""
+    """Return what left the finger at times [s] since the begin of the touch.
+
+    ``times`` (rows,); see `Corrected` for what is returned.
+    """
     found, gains = np.empty(len(times)), np.empty((2, len(times)))
     period = float(np.median(np.diff(touch.times)))  # a reading may have been held
     half = 0.5 * sensors.capacity

@@ -59,7 +59,10 @@ class Touched:
 
 
 def pressed(times: Array, force: Array) -> float:
-    """Return the mean force [N] of a touch once it is up; times [s] from its begin on."""
+    """Return the mean force [N] of a touch once it is up; times [s] from its begin on.
+
+    ``times`` and ``force`` [N] of shape (n,).
+    """
     return float(force[times > min(0.2, 0.5 * float(times[-1]))].mean())
 
 

@@ -23,7 +23,10 @@ TIGHT = 1e-4
 
 
 def at(flux: Array, time: float, period: float = PERIOD) -> float:
-    """Return the flux at a time [s]."""
+    """Return the flux at a time [s].
+
+    ``flux`` (steps,) [W/m2], the first one at the end of the first ``period`` [s].
+    """
     return float(flux[round(time / period) - 1])
 
 

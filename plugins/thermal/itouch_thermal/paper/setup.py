@@ -111,7 +111,10 @@ def measure(name: str, setup: Setup, *, films: float = 1.0) -> Measured:
 
 
 def lagged(flux: Array, lag: float, period: float = PERIOD) -> Array:
-    """Return what a sensor with a time constant [s] shows."""
+    """Return what a sensor with a time constant [s] shows.
+
+    ``flux`` and what is returned (steps,) [W/m2], ``period`` [s].
+    """
     if lag <= 0.0:
         return flux.copy()
     keep, found, value = math.exp(-period / lag), np.empty_like(flux), 0.0
@@ -122,7 +125,10 @@ def lagged(flux: Array, lag: float, period: float = PERIOD) -> Array:
 
 
 def halfspaces(times: Array, resistance: float, ours: float, other: float) -> Array:
-    """Return the flux [W/m2] of two half-spaces with these effusivities, for resistance 0 that of equation 2."""
+    """Return the flux [W/m2] of two half-spaces with these effusivities, for resistance 0 that of equation 2.
+
+    ``times`` (n,) [s], ``resistance`` [K m2/W], effusivities [W s^0.5/m2K].
+    """
     from contact_heat.splitting import first_flux, first_problem
 
     return first_flux(first_problem(ours, other, SKIN, AMBIENT, resistance), np.asarray(times))[0]

@@ -248,7 +248,10 @@ class _Book:
 
 
 def flux_of_twin(touched: Touched, times: Array) -> Array:
-    """Return what `flux` does of the display's twin under a finger that presses with 1 N, shape (n,)."""
+    """Return what `flux` does of the display's twin under a finger that presses with 1 N, shape (n,).
+
+    ``times`` (n,) [s], the flux in [W/m2].
+    """
     display = replace(
         touched.display, contact_area=touched.contact_area, area_exponent=0.0, contact_resistance=touched.resistance
     )
@@ -268,6 +271,8 @@ def error(touched: Touched, times: Array, *, even: bool = True) -> Array:
 
     It is that of one dimension, in which the plate is ``even`` at once, or that of the display's twin, in which heat
     spreads in the plate, and not in the finger.
+
+    ``times`` (n,) [s]; the part has no unit.
     """
     if even:
         return np.asarray(flux(one_dimensional(touched), times) / flux(touched, times) - 1.0)
@@ -283,6 +288,9 @@ def resting_loss(display: DisplayParams) -> float:
 
 
 def passed(times: Array, off: Array, bound: float) -> float | None:
-    """Return from when on [s] an error is beyond a bound for the first time; None: it never is."""
+    """Return from when on [s] an error is beyond a bound for the first time; None: it never is.
+
+    ``times`` (n,) [s], ``off`` (n,) in the unit of the bound.
+    """
     beyond = np.flatnonzero(np.abs(off) > bound)
     return float(times[beyond[0]]) if len(beyond) else None
