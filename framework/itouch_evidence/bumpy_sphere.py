@@ -31,7 +31,10 @@ def bumpy_sphere(triangles: int) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, 
 
 
 def write_stl(path: Path, vertices: NDArray[np.float64], faces: NDArray[np.integer]) -> None:
-    """Write a mesh as a binary STL file, in millimetres."""
+    """Write a mesh as a binary STL file, in millimetres.
+
+    ``vertices`` (v, 3) [m], ``faces`` (n, 3).
+    """
     rows = np.zeros(len(faces), [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
     rows["corners"] = 1e3 * vertices[faces]
     path.write_bytes(bytes(80) + len(faces).to_bytes(4, "little") + rows.tobytes())

@@ -56,7 +56,7 @@ def apply_forces(
     free, ids
         (k,) numbers of the free objects, and their rows in ``push``.
     centres, masses, inertias, damping
-        (k, 3) centres of mass in the object's frame, (k,), (k, 3) and (k,).
+        (k, 3) centres of mass in the object's frame [m], (k,) [kg], (k, 3) [kg m2] and (k,) [1/s].
     poses, rates
         (n, 7) of all objects; (k, 6) of the free ones: velocity in the world's, angular velocity in the body's frame.
     forces, push

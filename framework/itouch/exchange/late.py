@@ -124,7 +124,10 @@ class LateTwin(Twin, Stamped):
         return self._delay, self._every
 
     def measured(self, state: Record, tick: int, ticks: NDArray[np.int64]) -> None:
-        """Say when the exchange began whose reading has come."""
+        """Say when the exchange began whose reading has come.
+
+        ``ticks`` (channels,): the number of a tick for each reading, written.
+        """
         ticks[...] = (
             tick - state["line.took"].item() - (state["line.since"].item() if state["line.begun"].item() else 0)
         )

@@ -58,7 +58,10 @@ class EveryNth(Device, Stamped):
         self._command = command.tobytes()
 
     def measured(self, state: Record, tick: int, ticks: NDArray[np.int64]) -> None:
-        """Say when the reading was measured: in this tick, less what the device had it for by itself."""
+        """Say when the reading was measured: in this tick, less what the device had it for by itself.
+
+        ``ticks`` (channels,): the number of a tick for each reading, written.
+        """
         for index, inside in enumerate(self._stamps.inside()):
             ticks[index] = tick - ticks_of(inside, self._period)
 

@@ -93,7 +93,10 @@ class ThreadedDevice(Device, Stamped):
         return True
 
     def measured(self, state: Record, tick: int, ticks: NDArray[np.int64]) -> None:
-        """Say when the reading was measured that was taken last."""
+        """Say when the reading was measured that was taken last.
+
+        ``ticks`` (channels,): the number of a tick for each reading, written.
+        """
         if self._taken is None:
             ticks[...] = tick
             return

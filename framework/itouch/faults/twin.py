@@ -153,7 +153,10 @@ class FaultyTwin(Twin, Stamped):
         return new
 
     def measured(self, state: Record, tick: int, ticks: NDArray[np.int64]) -> None:
-        """Say what the twin says."""
+        """Say what the twin says.
+
+        ``ticks`` (channels,): the number of a tick for each reading, written.
+        """
         if isinstance(self.twin, Stamped):
             self.twin.measured(state, tick, ticks)
         else:

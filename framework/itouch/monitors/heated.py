@@ -88,7 +88,7 @@ def check(
     plate, allowed, trust, memory
         Of the plate: `Plate`, `Allowed`, `driven.Trust`, `Memory`.
     reading, sent
-        All numbers of the device's reading and of what it was sent.
+        All numbers of the device's reading and of what it was sent, (n,) each, in their channels' units.
     look, fresh
         A `driven.Look`, and whether a reading has come since the last.
 

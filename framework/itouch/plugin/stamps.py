@@ -68,7 +68,10 @@ class Stamped:
     """
 
     def measured(self, state: Record, tick: int, ticks: NDArray[np.int64]) -> None:
-        """Fill in, channel by channel, the ticks at which the reading was measured that came in this tick."""
+        """Fill in, channel by channel, the ticks at which the reading was measured that came in this tick.
+
+        ``ticks`` (channels,): the number of a tick for each reading, written.
+        """
         ticks[...] = tick
 
     def departed(self, state: Record, tick: int, command: Record) -> int | None:

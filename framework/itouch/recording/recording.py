@@ -184,7 +184,10 @@ class Recording(Shown, Mapping[str, NDArray[Any]]):
 
 
 def flat(rows: NDArray[Any], track: Track) -> dict[str, NDArray[Any]]:
-    """Return a track's numbers as columns of shape (n,), by label."""
+    """Return a track's numbers as columns of shape (n,), by label.
+
+    ``rows`` (n,) of the track's dtype; numbers keep the units of its columns.
+    """
     table: dict[str, NDArray[Any]] = {"time": rows["time"], "tick": rows["tick"]}
     for column in track.columns:
         values = rows[column.name]

@@ -15,7 +15,7 @@ class RowBuffer:
         self._rows, self._count = np.empty(1024, dtype), 0
 
     def add(self, table: NDArray[Any]) -> None:
-        """Copy rows to the end."""
+        """Copy rows (n,) of the buffer's dtype to the end."""
         needed = self._count + len(table)
         if needed > len(self._rows):
             grown = np.empty(max(needed, 2 * len(self._rows)), self._rows.dtype)

@@ -76,6 +76,9 @@ class Guard:
         """Return ``limit`` on these views as one compiled call, which counts what it did.
 
         It returns 0, or another number if the command is not a number: then `refusal` says so.
+
+        ``wanted`` and ``sent`` (n,) are in the channel's unit, ``clamped`` and ``dropped`` (1,) counts;
+        ``period`` [s].
         """
         growth = default.FORCE_SLEW * period
         return Bound(limiting.limit, self.bounds, moving, wanted, sent, clamped, dropped, period, growth)

@@ -170,6 +170,8 @@ def ask(
     """Let the monitor of a plate look if it is its turn; ``number``: which of the device's it is.
 
     Returns 0, or TOLD and its number: what it says, in ``one.said``, is not what it left before.
+
+    ``seen`` and ``sent`` (n,): all numbers that the device read and was sent, in their channels' units.
     """
     if status[0] == closed or clocks.heard[0] < 0:
         return 0

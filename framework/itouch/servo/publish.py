@@ -69,7 +69,10 @@ class Publisher:
 
 
 def total(body: np.typing.NDArray[np.uint8]) -> int:
-    """Return a number that a copy of two States mixed has only by chance."""
+    """Return a number that a copy of two States mixed has only by chance.
+
+    ``body`` (n,) are its bytes.
+    """
     whole = len(body) // 8 * 8
     weights = np.arange(1, whole // 8 + 1, dtype=np.uint64)
     return int((body[:whole].view(np.uint64) * weights).sum(dtype=np.uint64).view(np.int64))

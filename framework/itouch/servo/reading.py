@@ -50,7 +50,10 @@ class Ring:
         return int(self._words[at.HEAD])
 
     def copy(self, sequence: int, into: NDArray[np.uint8]) -> tuple[int, int, int, int] | None:
-        """Copy one State; return its tick, host time, lateness and duration [ns], or None if it is gone."""
+        """Copy one State; return its tick, host time, lateness and duration [ns], or None if it is gone.
+
+        ``into`` (n,): room for the bytes of a State.
+        """
         row = self._ring[sequence % self.slots]
         marks = row[:16].view(np.int64)
         if int(marks[1]) != sequence:
@@ -62,7 +65,7 @@ class Ring:
         return told if int(marks[0]) == sequence else None
 
     def newest(self, into: NDArray[np.uint8]) -> tuple[int, int, int, int] | None:
-        """Copy the newest State; None before the first.
+        """Copy the bytes of the newest State into an array (n,); None before the first.
 
         Raises
         ------
@@ -112,7 +115,7 @@ class Follower:
 
 
 def copy_timing(segment: SharedMemory, into: NDArray[np.uint8]) -> bool:
-    """Copy Timing; false if the servo process died while it was writing it."""
+    """Copy the bytes of Timing into an array (n,); false if the servo process died while it was writing it."""
     words = segment.words
     area = segment.part(int(words[at.TIMING_AT]), int(words[at.TIMING_SIZE]))
     for attempt in range(_ATTEMPTS):

@@ -44,7 +44,10 @@ class PlaybackTwin(Twin, Stamped):
         return self._feed.give(self._name, reading) or (answered and uncounted)
 
     def measured(self, state: Record, tick: int, ticks: NDArray[np.int64]) -> None:
-        """Give the ticks that were recorded."""
+        """Give the ticks that were recorded.
+
+        ``ticks`` (channels,): the number of a tick for each reading, written.
+        """
         self._feed.measured(self._name, tick, ticks)
 
     def departed(self, state: Record, tick: int, command: Record) -> int | None:
@@ -76,7 +79,10 @@ class PlaybackDevice(Device, Stamped):
         return self._feed.give(self._name, reading)
 
     def measured(self, state: Record, tick: int, ticks: NDArray[np.int64]) -> None:
-        """Give the ticks that were recorded."""
+        """Give the ticks that were recorded.
+
+        ``ticks`` (channels,): the number of a tick for each reading, written.
+        """
         self._feed.measured(self._name, tick, ticks)
 
     def departed(self, state: Record, tick: int, command: Record) -> int | None:
@@ -144,7 +150,10 @@ class Feed:
         return bool(same)
 
     def measured(self, device: str, tick: int, ticks: NDArray[np.int64]) -> None:
-        """Fill in when the present reading was measured; in a recording that does not say, in this tick."""
+        """Fill in when the present reading was measured; in a recording that does not say, in this tick.
+
+        ``ticks`` (channels,): the number of a tick for each reading, written.
+        """
         table, at = self._tables.get(device), self.at
         known = table is not None and at < len(table) and "measured" in (table.dtype.names or ())
         ticks[...] = table["measured"][at] if table is not None and known else tick

@@ -199,7 +199,11 @@ def step_finger(
 
 @kernel
 def tell_arm(constants: Floats, hand: Floats, end: Floats, pace: Floats) -> None:
-    """Write the finger's position and velocity in the arm's frame."""
+    """Write the finger's position and velocity in the arm's frame.
+
+    ``constants`` as above, with the arm's frame; ``hand`` (6,) place [m] and velocity [m/s] in the world; ``end``
+    and ``pace`` (3,) are written.
+    """
     end[0], end[1], end[2] = turned_in(
         constants, ARM, hand[0] - constants[ARM], hand[1] - constants[ARM + 1], hand[2] - constants[ARM + 2]
     )

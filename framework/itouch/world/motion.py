@@ -79,7 +79,7 @@ def build_motions(
     reader: SceneFiles,
     problems: list[Problem],
 ) -> Motions:
-    """Return how the objects move; ``rows`` are their poses at start (n, 7)."""
+    """Return how the objects move; ``rows`` are their poses at start (n, 7) [m; quaternion]."""
     scripts: list[tuple[float, ...]] = []
     pieces: list[tuple[float, ...]] = []
     carried: list[Carried] = []

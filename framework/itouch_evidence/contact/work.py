@@ -113,6 +113,8 @@ def around(name: str, vertices: Floats, faces: Faces, steps: int, speed: float) 
     """Path over any surface: what is nearest to a point that circles about it; lengths in proportion to its size.
 
     A surface that is no solid is touched from both sides, because the path goes round it.
+
+    ``vertices`` (v, 3) [m], ``faces`` (n, 3).
     """
     middle = (vertices.max(axis=0) + vertices.min(axis=0)) / 2
     size = float(np.linalg.norm(vertices.max(axis=0) - vertices.min(axis=0)))

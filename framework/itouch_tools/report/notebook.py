@@ -60,7 +60,7 @@ def curve(times: NDArray[np.float64], values: NDArray[np.float64], title: str) -
     Parameters
     ----------
     times, values
-        Both of shape (n,); what is not finite is a gap.
+        Both of shape (n,), times [s]; what is not finite is a gap.
     title
         What it is, with its unit.
     """

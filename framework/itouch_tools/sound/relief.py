@@ -34,7 +34,10 @@ class Relief:
     axis: int
 
     def rates(self, velocity: NDArray[np.float64], normal: NDArray[np.float64]) -> tuple[float, float]:
-        """Return how fast the map goes by [samples/s] along columns and rows; vectors in the object's frame."""
+        """Return how fast the map goes by [samples/s] along columns and rows; vectors in the object's frame.
+
+        ``velocity`` (3,) [m/s], ``normal`` (3,) of length 1.
+        """
         axis = self.axis if self.axis >= 0 else int(np.argmax(np.abs(normal)))
         u, v = (float(velocity[k]) / self.pitch for k in _PLANES[axis])
         return (u, -v) if math.isfinite(u) and math.isfinite(v) else (0.0, 0.0)

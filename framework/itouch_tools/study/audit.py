@@ -63,7 +63,7 @@ def guess(labels: Sequence[str], table: Floats, *, name: str = "all", seed: int 
     labels
         Condition of each trial.
     table
-        Features, shape (trials, features).
+        Features, shape (trials, features), each in a unit of its own.
     name
         Of the features.
     seed

@@ -188,7 +188,7 @@ def solid_of(shape: Any) -> Solid:
 
 
 def arrow(start: NDArray[np.float64], force: NDArray[np.float64], factor: float = 1.0) -> Iterator[Draw]:
-    """Yield the arrow of a force [N] that begins at a point [m]; nothing below 10 mN.
+    """Yield the arrow of a force (3,) [N] that begins at a point (3,) [m]; nothing below 10 mN.
 
     ``factor`` makes it smaller for small scenes.
     """
@@ -205,7 +205,7 @@ def arrow(start: NDArray[np.float64], force: NDArray[np.float64], factor: float 
 
 
 def from_pose(pose: NDArray[np.float64]) -> Matrix:
-    """Return the matrix (4, 4) of a pose (7,)."""
+    """Return the matrix (4, 4) of a pose (7,): position [m], quaternion w, x, y, z."""
     matrix = np.eye(4)
     matrix[:3, :3] = poses.matrix(pose[3:].tolist())
     matrix[:3, 3] = pose[:3]
@@ -225,7 +225,7 @@ def scale(factors: tuple[float, float, float]) -> Matrix:
 
 
 def along(direction: NDArray[np.float64], origin: NDArray[np.float64]) -> Matrix:
-    """Return a frame (4, 4) at ``origin`` whose z axis points along a unit vector."""
+    """Return a frame (4, 4) at ``origin`` (3,) [m] whose z axis points along a unit vector (3,)."""
     helper = np.array([1.0, 0.0, 0.0]) if abs(direction[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
     x = np.cross(helper, direction)
     size = float(np.linalg.norm(x))

@@ -248,7 +248,10 @@ class Ring:
 
 
 def spans(times: NDArray[np.float64], ready: NDArray[np.bool_]) -> list[tuple[float, float]]:
-    """Return from when to when [s] something was not so, in the last seconds; what is shorter than a glance not."""
+    """Return from when to when [s] something was not so, in the last seconds; what is shorter than a glance not.
+
+    ``times`` (n,) [s], ``ready`` (n,).
+    """
     edges = np.flatnonzero(np.diff(np.concatenate([[1], ready.astype(np.int8), [1]])))
     found = []
     for first, end in edges.reshape(-1, 2):
@@ -265,7 +268,7 @@ def recent(times: NDArray[np.float64], values: NDArray[np.float64]) -> tuple[NDA
     Parameters
     ----------
     times, values
-        As ``Curves.curves`` returns them.
+        As ``Curves.curves`` returns them: (n,) [s] and (signals, n), each signal in its unit.
     """
     if not len(times) or times[0] >= times[-1] - WINDOW:
         return times, values

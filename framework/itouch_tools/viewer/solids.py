@@ -108,6 +108,8 @@ def from_mesh(vertices: NDArray[np.float64], faces: NDArray[np.integer]) -> Soli
     """Return a mesh to draw: vertices are shared where its surface is smooth, and parted at sharp edges.
 
     A corner's normal is the mean of the faces about its vertex that lie within 40 degrees of its own face.
+
+    ``vertices`` (v, 3) [m], ``faces`` (n, 3).
     """
     corners = np.asarray(vertices, np.float64)[faces]
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -49,7 +49,7 @@ class Timeline:
 
 
 def timeline(recording: Recording, ticks: NDArray[np.int64], period: float) -> Timeline:
-    """Return the time line of a recording."""
+    """Return the time line of a recording, of its ticks (n,) and the loop's period [s]."""
     first, last = float(ticks[0]) * period, float(ticks[-1]) * period
     marks = tuple((float(mark["time"]), str(mark["name"])) for mark in recording.marks)
     faults = tuple((float(f["time"]), str(f.get("trip") or f.get("kind"))) for f in recording.faults if f.get("trip"))

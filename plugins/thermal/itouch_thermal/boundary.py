@@ -76,7 +76,7 @@ class Exchange:
         Parameters
         ----------
         finger, objects, resistance
-            As in ``step``.
+            As in ``step``: (size,), (objects, widest) and [K m2/W].
         indices, counts
             What is touched and which step of the touch it is, of the one object and of the other.
         part

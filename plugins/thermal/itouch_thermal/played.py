@@ -58,7 +58,10 @@ class Playing:
         return index >= 0 and self.curves[index] is not None
 
     def step(self, finger: Array, state: Array, index: int, count: int) -> float:
-        """Advance the finger by step ``count`` of a touch, the first is 1; return the flux at its end [W/m2]."""
+        """Advance the finger by step ``count`` of a touch, the first is 1; return the flux at its end [W/m2].
+
+        ``finger`` (n,) is its model, ``state`` (size,) its state, changed in place.
+        """
         curve = self.curves[index]
         if curve is None:
             raise ValueError(f"no curve is played for object {index}")

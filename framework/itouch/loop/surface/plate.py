@@ -240,7 +240,11 @@ def stray(figures: Floats, sent: Floats, table: Floats) -> None:
 
 @kernel
 def spare(c: Floats, figures: Floats, memory: Floats, goal: Floats, pressed: float) -> None:
-    """Lower the goal (7,) of a surface that somebody else carries to where it presses no harder than it may (K4)."""
+    """Lower the goal (7,) of a surface that somebody else carries to where it presses no harder than it may (K4).
+
+    ``c`` (CONSTANTS,), ``figures`` (FIGURES,), ``memory`` (MEMORY,) of the surface; ``goal`` [m; quaternion],
+    ``pressed``: the force on it now [N].
+    """
     _smooth(c, memory, figures[HIP + 2] - c[RADIUS])
     if c[HAS_LOAD] > 0.0:
         wanted = top(c, goal)

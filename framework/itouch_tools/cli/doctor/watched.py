@@ -60,7 +60,10 @@ class Watched:
             self._rows.add(numbers.tobytes())
 
     def at(self, role: Role, numbers: NDArray[Any]) -> tuple[str, list[float]] | None:
-        """Return the name of the reading with a role, and its part of ``mean``, ``newest`` or ``most``."""
+        """Return the name of the reading with a role, and its part of ``mean``, ``newest`` or ``most``.
+
+        ``numbers`` (n,): those of all readings, one after the other, in their channels' units.
+        """
         begin = 0
         for channel in self.model.reads:
             if channel.role is role:

@@ -38,7 +38,10 @@ class Sideways(NamedTuple):
 
 
 def bessel(order: int, places: Array) -> Array:
-    """Return the Bessel function of an order at places from 0 to 100, shape (n,), by its integral over angles."""
+    """Return the Bessel function of an order at places from 0 to 100, shape (n,), by its integral over angles.
+
+    Places and values have no unit [1].
+    """
     angles = (np.arange(_ANGLES) + 0.5) * math.pi / _ANGLES
     found: Array = np.cos(order * angles - np.asarray(places)[:, None] * np.sin(angles)).mean(axis=1)
     return found

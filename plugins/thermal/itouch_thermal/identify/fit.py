@@ -127,7 +127,10 @@ class Problem:
         return f"{UNITS[name]} at {self.force:.3g} N" if name == "resistance" else UNITS[name]
 
     def values(self, point: Array) -> Values:
-        """Return the values at a point of the space of the fit, which counts deviations from what is assumed."""
+        """Return the values at a point of the space of the fit, which counts deviations from what is assumed.
+
+        ``point`` (n,), one coordinate for each name, in standard deviations [1].
+        """
         changed = {}
         for name, u in zip(self.names, point.tolist(), strict=True):
             middle, deviation, log = self.assumed[name]
@@ -144,12 +147,18 @@ class Problem:
         return np.array(found)
 
     def residual(self, point: Array) -> Array:
-        """Return what the data are off, in standard deviations, shape (data,)."""
+        """Return what the data are off, in standard deviations, shape (data,).
+
+        ``point`` (n,) as in `values`, in standard deviations [1].
+        """
         shown = self._mean(self.forward(self.values(point)))
         return np.asarray(((shown - self.data) / self.deviation).ravel())
 
     def slopes(self, point: Array, free: Sequence[int]) -> Array:
-        """Return the change of the residual with each free coordinate, shape (data, free)."""
+        """Return the change of the residual with each free coordinate, shape (data, free).
+
+        ``point`` (n,) as in `values`, in standard deviations [1].
+        """
         columns = []
         for k in free:
             step = np.zeros(len(point))
@@ -158,7 +167,10 @@ class Problem:
         return np.stack(columns, axis=1)
 
     def solve(self, start: Array | None = None, fixed: dict[int, float] | None = None) -> tuple[Array, float]:
-        """Return the least point and its cost: squares of data and assumptions; some coordinates may be fixed."""
+        """Return the least point and its cost: squares of data and assumptions; some coordinates may be fixed.
+
+        ``start`` and the point (n,) as in `values`, in standard deviations [1].
+        """
         point = np.zeros(len(self.names)) if start is None else start.copy()
         for k, value in (fixed or {}).items():
             point[k] = value
