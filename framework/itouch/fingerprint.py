@@ -88,7 +88,7 @@ def _parts(value: Any) -> Iterator[Any]:
 def _used(function: FunctionType) -> Iterator[Any]:
     """Yield the code of a function, and what its names stand for in its module and in the modules that it names."""
     names: set[str] = set()
-    yield from _code(function.__code__, names)
+    yield from _code(function.__code__, names, function.__doc__)
     for cell in function.__closure__ or ():
         yield from _held(cell.cell_contents)
     outer = function.__globals__
@@ -120,12 +120,14 @@ def _held(value: Any) -> Iterator[Any]:
         yield from _parts(value)
 
 
-def _code(code: CodeType, names: set[str]) -> Iterator[bytes]:
-    """Yield the bytes of some code, and of the code inside it; collect the names that it uses."""
+def _code(code: CodeType, names: set[str], doc: str | None = None) -> Iterator[bytes]:
+    """Yield the bytes of some code, and of the code inside it, not its docstring; collect the names that it uses."""
     yield code.co_code
     yield f"{code.co_argcount} {code.co_kwonlyargcount} {code.co_varnames}".encode()  # a caller may name its arguments
     names.update(code.co_names)
-    for constant in code.co_consts:
+    for place, constant in enumerate(code.co_consts):
+        if place == 0 and doc is not None and constant == doc:
+            continue
         if isinstance(constant, CodeType):
             yield from _code(constant, names)
         elif isinstance(constant, frozenset):

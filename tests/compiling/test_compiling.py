@@ -136,6 +136,7 @@ def test_what_one_copy_of_the_sources_compiled_serves_another(tmp_path: Path) ->
 
 NAMED = {
     "constant": "0.0", "member": "0", "arguments": "x, y", "body": "y - x", "default": "1", "alpha": "0.0", "type": "f8",
+    "words": '"""A docstring."""',
 }  # fmt: skip
 NAMING = """
 import enum
@@ -147,6 +148,7 @@ CONSTANT, ROW, KIND = {constant}, np.dtype([("a", "{type}")]), types.float64 if 
 def inner({arguments}, *, more={default}):
     return ({body}) * more
 def outer(x):
+    {words}
     return inner(x=x, y=Kind.LOW) + CONSTANT + package.module.ALPHA + np.zeros(1, ROW)[0].a + KIND(1.0)
 """
 
@@ -167,6 +169,7 @@ def test_whatever_a_function_names_is_in_its_fingerprint(change: dict[str, str])
         return fingerprint(space["outer"])
 
     assert found(NAMED) == found(NAMED)
+    assert found(NAMED | {"words": '"""Another docstring."""'}) == found(NAMED)
     assert found(NAMED | change) != found(NAMED)
 
 

@@ -338,7 +338,7 @@ def test_a_broken_raw_file_is_one_message(old, new, said, raw, tmp_path, capsys)
 def test_touches_of_two_people_are_not_taken_for_one(raw, tmp_path, capsys):
     text = (raw / "touch0.csv").read_text(encoding="utf-8")
     (tmp_path / "b.csv").write_text(text.replace("# who: P07", "# who: P08"), encoding="utf-8")
-    assert command.main([str(raw), str(tmp_path / "b.csv")]) == 2
+    assert estimate.main([str(raw), str(tmp_path / "b.csv")]) == 2
     assert "of several people (P07, P08)" in capsys.readouterr().err
 
 
