@@ -264,6 +264,18 @@ def test_a_finger_that_nothing_moves_is_pressed_no_harder_than_its_pad_by_the_le
         assert max(world.forces) < PLATE_FORCE_ABSOLUTE
 
 
+@pytest.mark.parametrize("wire", [5, 20])
+@pytest.mark.parametrize("stiffness", [1500.0, 2500.0])
+def test_a_stiff_hand_moves_by_a_part_of_each_leg_and_its_force_tells_which_way(stiffness: float, wire: int) -> None:
+    """Pressed harder as the surface comes, and softer as it is called back: else it would be told to come for good."""
+    world = World(still(), way=-1.0, wire=wire, stiffness=stiffness, feels=True)
+    world.stop()
+    assert BACKWARDS in world.ways
+    assert world.forces[-1] < world.forces[0]
+    assert world.top < STOOD
+    assert max(world.forces) < PLATE_FORCE_ABSOLUTE
+
+
 def test_a_tracker_that_is_not_believed_or_has_fallen_silent_is_no_witness() -> None:
     for silent in (False, True):
         world = World(still(), way=-1.0, behind=2)
