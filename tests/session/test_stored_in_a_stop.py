@@ -8,12 +8,15 @@ import pytest
 from shipped import SCENES
 
 import itouch
+from itouch.faults import Kind
 from itouch.loop import DeviceFaultError
+from itouch.plugin import DeviceError
 from itouch.safety import Status
 from itouch.safety.lifecycle import BACKWARDS, HELD
 from itouch.session import Session
 from itouch_evidence.faults import phases, prepared
-from itouch_evidence.faults.wired import Pair
+from itouch_evidence.faults.wired import Pair, run
+from itouch_evidence.faults.wired import stored as stored_pair
 
 #: Ticks of the safe sequence of a table that is wired backwards in which it is held, and in which it is driven back.
 IN_A_HOLD, ON_ITS_WAY = 40, 90
@@ -110,4 +113,38 @@ def test_hardware_starts_open_and_is_not_in_a_stop() -> None:
     pair.host.state["stopping"][...] = 1
     pair.host.adopt(pair.host.state.tobytes())
     assert pair.host.state["stopping"].item() == 0
+    pair.close()
+
+
+def test_hardware_that_is_restored_in_the_middle_of_a_blind_retreat_stays_stopped() -> None:
+    """Reversed and lying, behind exchanges: stored as it is led by legs, the trip stays, and nothing moves or presses."""
+    pair = Pair(SCENES / "four_materials.xml", 20, threads=False, slots=2)
+    phases = stored_pair(pair)
+    table = next(one for one in pair.host.runners if one.model.name == "table")
+    kept: list[tuple[bytes, bytes]] = []
+    ticks: list[int] = []
+
+    def keep(tick: int) -> None:
+        if pair.host.state["stopping"].item() and table.trip:
+            ticks.append(tick)
+            if len(ticks) % 120 == 30:
+                kept.append((pair.world.state.tobytes(), pair.host.state.tobytes()))
+
+    pair.host.taps.append(keep)
+    run(pair, "contact", phases["contact"], [("table", Kind.SPIKE, 0), ("table", Kind.REVERSED_SIGN, 1)])
+    pair.host.taps.remove(keep)
+    assert len(kept) >= 3
+    place = next(one.true_position() for one in pair.world.runners if one.model.name == "table")
+    assert place is not None
+    for states in kept:
+        pair.adopt(states)
+        assert {one.status for one in pair.host.runners} == {Status.CLOSED}
+        begin, pressed = float(place[2]), pair.world.state["finger.plate_force"].item()
+        for _ in range(500):
+            pair._exchange()
+        assert float(place[2]) < begin + 0.001  # what it was about to do when it was let go of
+        assert pair.world.state["finger.plate_force"].item() < pressed + 0.5
+        with pytest.raises(DeviceError, match="device 'table' was stopped by sensor-jump"):
+            pair.enable()
+        assert Status.ENABLED not in {one.status for one in pair.host.runners}
     pair.close()
