@@ -55,7 +55,7 @@ def _felt(session: Session) -> list[float]:
 
 
 def stopped(
-    pressed: tuple[Path, bytes], faults: dict[str, tuple[str, ...]], late: dict[str, float]
+    pressed: tuple[Path, bytes], faults: dict[str, tuple[str, ...]], late: dict[str, float], after: float = 0.5
 ) -> tuple[str, float, float]:
     """Run into faults ``late`` [s] after the first; return what stopped it, and the greatest press, then and at the end [N]."""
     path, state = pressed
@@ -75,7 +75,7 @@ def stopped(
             session.run(1.0)
         except DeviceFaultError as fault:
             cause = str(fault)
-        session.run(0.5)
+        session.run(after)
         return cause, most, max(_felt(session))
 
 
@@ -99,4 +99,19 @@ def test_a_drive_that_fails_on_the_way_back_is_still_minded(pressed: tuple[Path,
     cause, most, end = stopped(pressed, {"arm-left": ("nan",), "table-left": ("reversed-sign",)}, {"table-left": late})
     assert "arm-left" in cause
     assert most < 5.0
+    assert end < 0.1
+
+
+def test_a_slow_surface_is_minded_as_long_as_it_goes(pressed: tuple[Path, bytes], tmp_path: Path) -> None:
+    """At 20 mm/s it takes more than a second to go back: a drive that turns round then would not have been noticed."""
+    path = tmp_path / "slow.xml"
+    path.write_text(pressed[0].read_text(encoding="utf-8").replace("0.25 m/s", "20 mm/s"), encoding="utf-8")
+    with itouch.build(path) as session:
+        session.enable()
+        session.run(6.0)
+        assert min(_felt(session)) > 0.8
+        slow = path, session.state.tobytes()
+    cause, most, end = stopped(slow, {"arm-left": ("nan",), "table-left": ("reversed-sign",)}, {"table-left": 0.7}, 4.0)
+    assert "arm-left" in cause
+    assert most < 2.0
     assert end < 0.1

@@ -26,8 +26,9 @@ from itouch.safety.supervisor import Supervisor
 
 #: Force [N] under which a finger has left the plate, and how long [s] that is waited for.
 LEFT, LEAVE_TIME = 0.1, 0.3
-#: How long [s] the whole sequence may take before what is not safe is told.
-SAFE_TIME = 0.5
+#: How long [s] the whole sequence may take before what is not safe is told; how long what is safe is watched until it
+#: stands: a slow surface goes for seconds.
+SAFE_TIME, WATCH_TIME = 0.5, 5.0
 #: How far [m] a surface must have gone back, or how near the end of its travel it must be.
 RETREAT, AT_END = 0.003, 0.001
 #: How much nearer [m] a surface may come while it is told to retract, than where it was furthest back.
@@ -125,8 +126,9 @@ class SafeSequence:
         self._passed = self._skipped = 0
         self._moved = {name: (height, self._since) for name, height in heights.items()}
         safe: tuple[float, dict[str, tuple[str, bool]], list[int]] | None = None
+        left = round(SAFE_TIME / self._period)
         try:
-            for _ in range(round(SAFE_TIME / self._period)):
+            for _ in range(round(WATCH_TIME / self._period)):
                 self._step()
                 after_tick()
                 self._mind_direction(heights)
@@ -138,7 +140,13 @@ class SafeSequence:
                     ends = not self._busy() and not any(bad for _, bad in seen.values())
                     safe = (self._seconds, seen, ways) if ends else None
                 arrived = [self._arrived(s) for s in self._retracting]
-                if safe is not None and all(arrived):
+                if safe is not None:
+                    left = round(SAFE_TIME / self._period)  # if it goes wrong from here on
+                    if all(arrived):
+                        break
+                    continue
+                left -= 1
+                if left <= 0:
                     break
         finally:
             self._release()
