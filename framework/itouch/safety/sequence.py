@@ -128,7 +128,7 @@ class SafeSequence:
         safe: tuple[float, dict[str, tuple[str, bool]], list[int]] | None = None
         left = round(SAFE_TIME / self._period)
         try:
-            for _ in range(round(WATCH_TIME / self._period)):
+            while left > 0 and self._passed * self._period < WATCH_TIME:
                 self._step()
                 after_tick()
                 self._mind_direction(heights)
@@ -146,8 +146,6 @@ class SafeSequence:
                         break
                     continue
                 left -= 1
-                if left <= 0:
-                    break
         finally:
             self._release()
             self._hold_still()
