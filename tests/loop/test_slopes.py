@@ -129,6 +129,18 @@ def test_no_stroke_over_a_ball_breaks_the_law(
     hold(follow(Slope(world, motion, stiffness=stiffness, friction=friction, force=force, seed=seed).build(folder)))
 
 
+@pytest.mark.xfail(
+    reason="the plate's force is 8.5 % off what a rigid surface would give, 2 % are promised", strict=True
+)
+def test_short_quick_strokes_over_a_large_ball(folder: Path) -> None:
+    """Found by chance: a defect that is known, and not repaired."""
+    angles, radius = [11.269709516082145, 34.08813692861966, 11.608022855588686, 1.9, 8.682500781701194], 45.0
+    longest = np.radians(np.abs(np.diff([0.0, *angles])).max()) * (radius + RADIUS)
+    world, motion = ball(angles, max(0.32840858326098477, 1.875 * longest / FASTEST), radius)
+    slope = Slope(world, motion, stiffness=1.2679233512035195, friction=0.3, force=1.5689173501810627, seed=42)
+    hold(follow(slope.build(folder)))
+
+
 @settings(max_examples=8, derandomize=True, **LAW)
 @given(
     kind=st.sampled_from(KINDS), shape=st.integers(0, 10**6), speed=st.floats(20.0, 60.0),
