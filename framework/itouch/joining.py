@@ -211,7 +211,7 @@ class Chain:
         return _repeat(self._entries, self._blocks, self.ends, tick, rounds)
 
     def run_timed(self, stamps: NDArray[np.float64], first: int, begin: int = 0) -> int:
-        """Do what ``run`` does, and write the host time [s] after step i to ``stamps[first + i]``."""
+        """Do what ``run`` does; ``stamps`` (n,): the host time [s] after step i is written to ``stamps[first + i]``."""
         return _run_timed(self.place, begin, stamps, first)
 
 

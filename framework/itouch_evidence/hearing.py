@@ -107,7 +107,7 @@ class Row:
 def modes(samples: Samples, count: int) -> list[tuple[float, float, float]]:
     """Return frequency [Hz], loss factor and amplitude of the damped modes of a sound, lowest first.
 
-    ``samples`` begin at the stroke or later; ``count`` is how many modes there are.
+    ``samples`` (n,), of full scale 1, begin at the stroke or later; ``count`` is how many modes there are.
     """
     rows = len(samples) // 2
     hankel = np.lib.stride_tricks.sliding_window_view(samples, len(samples) - rows)
@@ -220,13 +220,13 @@ def slope(x: list[float], y: list[float]) -> float:
 
 
 def centroid(samples: Samples) -> float:
-    """Return the middle of a spectrum's power [Hz]."""
+    """Return the middle of the power [Hz] in the spectrum of samples (n,)."""
     power = np.abs(np.fft.rfft(samples * np.hanning(len(samples)))) ** 2
     return float((power * np.fft.rfftfreq(len(samples), 1.0 / RATE)).sum() / power.sum())
 
 
 def ridges(samples: Samples, about: float) -> float:
-    """Return the frequency [Hz] of the line in a spectrum, within a factor of two of ``about``."""
+    """Return the frequency [Hz] of the line in the spectrum of samples (n,), within a factor of two of ``about``."""
     size = np.abs(np.fft.rfft(samples * np.hanning(len(samples)), 1 << 18))
     frequency = np.fft.rfftfreq(1 << 18, 1.0 / RATE)
     size[(frequency < about / 2) | (frequency > about * 2)] = 0.0

@@ -206,7 +206,7 @@ def _analysed(
 
 
 def peaks(samples: NDArray[np.float64], count: int) -> list[float]:
-    """Return the frequencies [Hz] of the highest separate peaks of a spectrum, in order."""
+    """Return the frequencies [Hz] of the highest separate peaks in the spectrum of samples (n,), in order."""
     size = np.abs(np.fft.rfft(samples * np.hanning(len(samples)), 1 << 18))
     frequency = np.fft.rfftfreq(1 << 18, 1 / 48_000)
     found = []

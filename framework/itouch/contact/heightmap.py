@@ -103,6 +103,13 @@ def gentle(values: Heights, depth: float, pitch: float) -> tuple[Heights, int]:
 
     A map that repeats has to fit at its edges too.  Steeper flanks are beyond what a loop at 1 kHz can render.
 
+    Parameters
+    ----------
+    values
+        Heights as parts of the depth, 0 to 1, shape (rows, columns).
+    depth, pitch
+        What a height of 1 means [m], and the distance of neighbours [m].
+
     Returns
     -------
     tuple

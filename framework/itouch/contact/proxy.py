@@ -102,7 +102,7 @@ class Proxy:
         return self._result[:3].copy()
 
     def follow(self, hips: ArrayLike) -> Floats:
-        """Step along a path (n, 3) in compiled code, from the present state; returns the forces (n, 3)."""
+        """Step along a path (n, 3) [m] in compiled code, from the present state; returns the forces (n, 3) [N]."""
         path = checked_numbers("hips", hips)
         if path.ndim != 2 or path.shape[1] != 3:
             raise ValueError(f"hips has shape {path.shape}; it must be (n, 3)")
@@ -111,7 +111,10 @@ class Proxy:
         return forces
 
     def reset(self, hip: ArrayLike) -> Floats:
-        """Forget the past: the proxy starts at the HIP, or at the nearest free point inside a solid."""
+        """Forget the past: the proxy starts at the HIP (3,) [m], or, inside a solid, at the nearest free point.
+
+        Returns the force on the operator (3,) [N].
+        """
         self._memory[:] = 0.0
         return self.step(hip)
 

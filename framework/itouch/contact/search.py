@@ -11,7 +11,7 @@ from itouch.contact.vectors import Floats, Vector, dot, sub
 
 @inner
 def box_distance2(nodes: Floats32, node: int, side: int, p: Vector) -> float:
-    """Squared distance of a point from a child's box."""
+    """Squared distance [m2] of a point (3,) [m] from the box of a child of a node; ``nodes`` (m, NODE_WIDTH)."""
     c = CHILD_WIDTH * side
     x = max(max(nodes[node, c] - p[0], p[0] - nodes[node, c + 3]), 0.0)
     y = max(max(nodes[node, c + 1] - p[1], p[1] - nodes[node, c + 4]), 0.0)
@@ -89,7 +89,10 @@ def nearest(
 
 @inner
 def slab_distance(nodes: Floats32, node: int, side: int, p: Vector) -> float:
-    """Distance of a point from a child's slab, a bound from below for its distance from the triangles."""
+    """Distance [m] of a point (3,) [m] from a child's slab, a bound from below for its distance from the triangles.
+
+    ``nodes`` (m, NODE_WIDTH): the hierarchy; ``node``, ``side``: the row of the parent, and which of its two children.
+    """
     c = CHILD_WIDTH * side
     level = nodes[node, c + 6] * p[0] + nodes[node, c + 7] * p[1] + nodes[node, c + 8] * p[2]
     return float(max(level - nodes[node, c + CHILD_HIGH], nodes[node, c + CHILD_LOW] - level))

@@ -15,7 +15,7 @@ _SKIN_FAR = 1e-8  # of the greatest coordinate: rounding must stay far below the
 
 
 def checked_vertices(vertices: ArrayLike) -> Floats:
-    """Vertices as a contiguous (n, 3) float array; raises ValueError when they are not."""
+    """Vertices as a contiguous (n, 3) float array [m]; raises ValueError when they are not."""
     array = checked_numbers("vertices", vertices)
     if array.ndim != 2 or array.shape[1] != 3:
         raise ValueError(f"vertices has shape {array.shape}; it must be (n, 3)")
@@ -28,7 +28,7 @@ def checked_vertices(vertices: ArrayLike) -> Floats:
 
 
 def checked_numbers(name: str, values: ArrayLike) -> Floats:
-    """Values as a contiguous float array; raises ValueError when they are not numbers."""
+    """Values as a contiguous float array of their shape and unit; raises ValueError when they are not numbers."""
     try:
         if np.iscomplexobj(values):
             raise TypeError("they are complex")

@@ -176,7 +176,7 @@ class Physics:
         self._push = self._data.xfrc_applied
 
     def start(self, state: Floats) -> None:
-        """Write the state at the beginning."""
+        """Write the state at the beginning: MuJoCo's integration state (size,) [SI], as ``mj_getState`` lays it out."""
         self._mujoco.mj_resetData(self._model, self._data)
         self._mujoco.mj_getState(self._model, self._data, state, self._kind)
 

@@ -84,7 +84,11 @@ def only_virtual(figures: Floats, felt: Floats) -> int:
 
 @kernel
 def led(stage: Any, done: int, status: Any, enabled: int, withdrawn: Any, kept: Floats) -> int:
-    """Ask for Python while something else leads the surface: a touch-off that is not done, or T4."""
+    """Ask for Python while something else leads the surface: a touch-off that is not done, or T4.
+
+    ``stage``, ``status`` and ``withdrawn`` have shape (1,) and hold codes; ``kept`` (MEMORY,) is what the tick
+    remembers of the surface, with the units of `itouch.loop.surface.memory`.
+    """
     if withdrawn[0] != 0 or kept[memory.MISSED] == memory.WITHDRAWN:
         return PYTHON
     return PYTHON if stage[0] != done and status[0] == enabled else 0
@@ -129,6 +133,9 @@ def carried(
 ) -> int:  # fmt: skip
     """Take over how somebody else carries a surface to the finger; all but arrays of the probe have shape (1,).
 
+    ``distance`` and ``gap`` [m] and ``renders`` and ``present`` (0 or 1) are what that modality says; the arrays of the
+    probe are those of ``carry``; ``period`` [s].
+
     ``there`` and ``rising`` are written as by ``carry``, and ``goal`` is lowered where the surface would press harder
     than it may.  How near it is, is what is said or what the device's own pose says, whichever is nearer: a limit of
     speed near a finger hangs on it.  What is not a number is left to Python.
@@ -168,7 +175,11 @@ def close_in(
 
 @kernel
 def push(c: Floats, figures: Floats, kept: Floats, sent: Floats, wrench: Floats, load: Floats, primary: Any) -> int:
-    """Command the arm's part of the force."""
+    """Command the arm's part of the force; the arrays are those of `force.push`.
+
+    ``load`` (6,): the plate's wrench [N, N m], of which the third entry counts; ``primary`` (1,): index of the touched
+    object, -1: none.
+    """
     force.push(c, figures, kept, sent, wrench, load[2], primary[0] >= 0)
     return 0
 

@@ -87,7 +87,9 @@ def surface(
 ) -> int:  # fmt: skip
     """Watch a carried surface, and count how far it is from its command once scripts go on.
 
-    ``calibrates``: a touch-off finds its height; ``radius``: of the finger [m].  What is told to Python is in ``said``.
+    ``calibrates``: a touch-off finds its height; ``radius``: of the finger [m].  ``said`` (1,) is written for Python:
+    the share of the drive that is allowed, 0 to 1, or the code of a trip; ``tick`` and ``ready`` have shape (1,), and
+    ``tracking`` (bins,) counts distances.
     """
     if post.status[0] != enabled:
         return SKIP

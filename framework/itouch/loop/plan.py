@@ -75,7 +75,7 @@ class Plan:
             work(tick, ready)
 
     def run_timed(self, tick: int, ready: bool, stamps: Stamps) -> None:
-        """Run all steps of a tick, and write the host time [s] after step i to ``stamps[1 + i]``."""
+        """Run all steps of a tick; ``stamps`` (n,): the host time [s] after step i is written to ``stamps[1 + i]``."""
         for piece in self._pieces:
             piece.run_timed(tick, ready, stamps)
 

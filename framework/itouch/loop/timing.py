@@ -165,14 +165,17 @@ class Timing:
         _count_one(self._counted, self._most, 1, seconds)
 
     def add(self, stamps: Stamps) -> None:
-        """Note one tick; ``stamps`` [s] are taken at its begin, after each part (or none) and at its end."""
+        """Note one tick; ``stamps`` (n,) [s] are taken at its start, after each part (or none) and at its end."""
         self._told[0] += 1
         used = len(stamps)
         self._stamps[:used] = stamps
         _count_tick(self._counts, self._greatest, self._stamps, used)
 
     def pace(self, late: float, period: float, stamps: Stamps, tick: int = 0) -> str | None:
-        """Note how late [s] a tick began in real time; return the culprit if it overran."""
+        """Note how late [s] a tick began in real time; return the culprit if it overran.
+
+        ``stamps`` (n,) [s] are those of ``add``, ``period`` [s] is that of the loop.
+        """
         self._add(0, max(late, 0.0))
         work = float(stamps[-1] - stamps[0])
         if late + work <= period:

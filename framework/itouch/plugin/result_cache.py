@@ -108,7 +108,7 @@ def read(name: str) -> Arrays | None:
 
 
 def write(name: str, arrays: Arrays) -> None:
-    """Keep an entry; a folder that can't be written is no fault."""
+    """Keep arrays of any shape, in the units of who reads them again; a folder that can't be written is no fault."""
     place = folder()
     if place is not None:
         blocks = list(_blocks(name, arrays))

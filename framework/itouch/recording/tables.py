@@ -74,7 +74,7 @@ def left_out(recording: Recording) -> list[str]:
 
 
 def lines(columns: Columns, separator: str) -> Iterator[str]:
-    """Yield the rows of a table as text."""
+    """Yield the rows of a table as text; each column (n,) is in its own unit, and the shortest one ends the table."""
     arrays = [values for _, values in columns.values()]
     count = min((len(values) for values in arrays), default=0)
     for begin in range(0, count, _BLOCK):
@@ -84,7 +84,7 @@ def lines(columns: Columns, separator: str) -> Iterator[str]:
 
 
 def write_csv(stream: TextIO, columns: Columns) -> None:
-    """Write a table with a header of names and units."""
+    """Write a table with a header of names and units; columns have the shape (n,)."""
     stream.write(",".join(f"{name} [{unit}]" if unit else name for name, (unit, _) in columns.items()) + "\n")
     stream.writelines(lines(columns, ","))
 

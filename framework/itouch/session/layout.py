@@ -100,7 +100,7 @@ def adopt(stored: NDArray[Any], state: Record, versions: Mapping[str, str]) -> t
     Parameters
     ----------
     stored
-        One record, shape (1,).
+        One record of State, shape (1,), with the dtype and the units that it was written in.
     state
         The State of a fresh engine: where fields take their defaults from.  It is not changed.
     versions

@@ -14,7 +14,10 @@ _QUIET = struct.pack("<d", math.nan)
 
 
 def to_text(values: NDArray[Any]) -> str:
-    """Return numbers of any shape (n, ...) separated by blanks: the shortest text that reads back to the same bits."""
+    """Return numbers of any shape (n, ...) and unit separated by blanks.
+
+    It is the shortest text that reads back to the same bits.
+    """
     if values.dtype.kind in "iub":
         return " ".join(str(int(value)) for value in values.ravel())
     if values.dtype.kind == "f":

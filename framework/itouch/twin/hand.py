@@ -138,7 +138,10 @@ class Hand:
         return True
 
     def bound(self, moving: NDArray[np.int64]) -> Bound | None:
-        """Return the usual way along the path as one compiled call, which asks for ``advance`` if it is another."""
+        """Return the usual way along the path as one compiled call, which asks for ``advance`` if it is another.
+
+        ``moving`` (1,), 0 or 1: whether scripts go on.
+        """
         if self._recorded is not None:
             return None
         if self.waits is not None:

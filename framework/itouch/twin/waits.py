@@ -102,7 +102,8 @@ def follow_waiting_path(
 ) -> int:  # fmt: skip
     """Move on along a hand's path by one tick, or wait; return 1, and leave it to Python, if it rests or is led.
 
-    The first five are those of ``mechanics.follow_path``, the others those of ``look`` and ``stay``.
+    The first five are those of ``mechanics.follow_path``, the others those of ``look`` and ``stay``, with their shapes,
+    such as ``time`` (1,) [s].
     """
     if moving[0] == 0 or steered[0] != 0:
         return 1
@@ -151,7 +152,10 @@ class Waits:
         self.stay.warm_up()
 
     def bound(self, moving: Any, steered: Any, ticks: Any, time: Floats, period: float) -> Bound:
-        """Return the way along the path with its waits as one compiled call."""
+        """Return the way along the path with its waits as one compiled call.
+
+        The arguments are those of ``mechanics.follow_path``, such as ``time`` (1,) [s].
+        """
         return Bound(
             follow_waiting_path, moving, steered, ticks, time, period, *self._seen, *self._rules, *self._memory,
             *self._table,

@@ -36,7 +36,7 @@ class Program:
         return int(gl.glGetAttribLocation(self.id, ctypes.create_string_buffer(name.encode())))
 
     def matrix(self, name: str, value: NDArray[np.float64]) -> None:
-        """Set a matrix, (3, 3) or (4, 4), given row by row."""
+        """Set a matrix, (3, 3) or (4, 4), given row by row: dimensionless, but for a displacement [m] or [pixels]."""
         flat = np.ascontiguousarray(value, np.float32)
         pointer = flat.ctypes.data_as(ctypes.POINTER(ctypes.c_float))
         set_matrix = gl.glUniformMatrix4fv if len(value) == 4 else gl.glUniformMatrix3fv
@@ -88,7 +88,11 @@ class Paint:
         gl.glBindVertexArray(0)
 
     def draw(self, kind: int, vertices: NDArray[np.float32], seen: NDArray[np.float64]) -> None:
-        """Draw rows of position (3) and colour (4) as GL_LINES, GL_LINE_STRIP or GL_TRIANGLES."""
+        """Draw vertices (n, 7) as GL_LINES, GL_LINE_STRIP or GL_TRIANGLES.
+
+        A row has a position, in the unit that ``seen`` takes ([m] or [pixels]), and a colour: red, green, blue and
+        opacity, 0 to 1.  ``seen`` (4, 4) brings positions to the clip space of OpenGL.
+        """
         if not len(vertices):
             return
         self._program.use()

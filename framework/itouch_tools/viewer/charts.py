@@ -30,8 +30,8 @@ def draw(
 ) -> None:  # fmt: skip
     """Draw all charts into an area [pixels], one under the other, or side by side if it is wide.
 
-    All have one time axis; where the mouse points into one, a line stands at that time in all, and their keys tell the
-    values of then.
+    All have one time axis; where the mouse points into one, a line stands at that time in all, and their keys show the
+    values of then.  ``seen`` (4, 4) brings pixels to the clip space of OpenGL.
     """
     places = docking.arranged(len(ring.charts), area, size)
     times = (docking.pointed_time(place, foot, pointed, size) for place, foot in places)
@@ -156,7 +156,7 @@ def _silent(row: Values, signal: Signal, index: int) -> bool:
 
 
 def span(values: Values, least: float) -> tuple[float, float]:
-    """Return the ends of an axis that holds all values, at least ``least`` high."""
+    """Return the ends of an axis that holds all values (n,), at least ``least`` high; all in the unit of the chart."""
     known = values[np.isfinite(values)]
     low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, least or 1.0)
     if low > 0.0 and low < 0.5 * high:

@@ -22,7 +22,7 @@ def config() -> Any:
 
 
 def write_png(path: str | os.PathLike[str], pixels: NDArray[np.uint8]) -> None:
-    """Write a picture of shape (height, width, 3).
+    """Write a picture of shape (height, width, 3): red, green and blue of the pixels, 0 to 255.
 
     Raises
     ------

@@ -54,7 +54,10 @@ def pointed_time(area: Rectangle, foot: float, pointed: tuple[float, float], siz
 
 
 def sample(times: Values, cursor: float | None) -> int:
-    """Return which sample the keys tell: the one at the cursor, or the newest; where there is none, -1 past the end."""
+    """Return the index of the sample that the keys show: the one at the cursor [s before the newest], or the newest.
+
+    ``times`` (n,) [s] ascend.  Where there is no sample at the cursor, the index is n; where there is none at all, -1.
+    """
     if cursor is None or not len(times):
         return len(times) - 1
     found = int(np.searchsorted(times, times[-1] + cursor))
@@ -62,5 +65,5 @@ def sample(times: Values, cursor: float | None) -> int:
 
 
 def told(row: Values, digits: str, index: int) -> str:
-    """Write a sample of a curve; -- where there is none."""
+    """Write the sample of a curve (n,) that has this index, in the curve's unit; -- where there is none."""
     return format(row[index], digits) if 0 <= index < len(row) and math.isfinite(row[index]) else "--"

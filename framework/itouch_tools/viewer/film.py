@@ -40,7 +40,7 @@ class Sink(Protocol):
     rate: float
 
     def add(self, pixels: Pixels) -> None:
-        """Take the next frame, shape (height, width, 3)."""
+        """Take the next frame, shape (height, width, 3): red, green and blue of the pixels, 0 to 255."""
 
     def close(self) -> None:
         """Finish the file."""
@@ -61,7 +61,7 @@ class Mp4:
         self._stream: Any = None
 
     def add(self, pixels: Pixels) -> None:
-        """Take the next frame."""
+        """Take the next frame, shape (height, width, 3): red, green and blue of the pixels, 0 to 255."""
         if self._stream is None:
             self._stream = self._file.add_stream("libx264", rate=round(self.rate), options={"crf": "21"})
             self._stream.height, self._stream.width = pixels.shape[:2]
@@ -91,7 +91,7 @@ class Gif:
         self._palette: Any = None
 
     def add(self, pixels: Pixels) -> None:
-        """Take the next frame."""
+        """Take the next frame, shape (height, width, 3): red, green and blue of the pixels, 0 to 255."""
         picture = self._image.fromarray(pixels)
         if not self._frames:
             self._palette = self._image.new("P", (1, 1))

@@ -27,6 +27,10 @@ def draw(
 
     Parameters
     ----------
+    place
+        Left and bottom of the legend [pixels].
+    seen
+        What brings pixels to the clip space of OpenGL, shape (4, 4).
     title
         Of the scale of temperatures; empty: there is none.
     marks

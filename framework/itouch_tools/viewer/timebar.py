@@ -29,7 +29,10 @@ def time_at(line: Timeline, place: Rectangle, x: float) -> float:
 
 
 def draw(line: Timeline, paint: Paint, text: Text, area: Rectangle, seen: NDArray[np.float64], size: float) -> None:
-    """Draw a time line into an area: left, bottom, width, height [pixels]."""
+    """Draw a time line into an area: left, bottom, width, height [pixels].
+
+    ``seen`` (4, 4) brings pixels to the clip space of OpenGL; ``size`` [pixels] is that of letters.
+    """
     paint.draw(gl.GL_TRIANGLES, rectangle(area, look().panel), seen)
     left, bottom, width, height = place = bar(area, size)
     upper = area[1] + area[3] - 1.9 * size

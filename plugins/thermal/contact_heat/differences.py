@@ -67,7 +67,7 @@ def solve_differences(
     contact
         The problem; constant resistance.
     times
-        Ascending, more than 0 [s].
+        Ascending, more than 0 [s], shape (n,).
     spacing
         Greatest distance of nodes [m]; every layer gets at least one cell.
     step

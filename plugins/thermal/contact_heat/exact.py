@@ -126,7 +126,7 @@ def solve(
 
 
 def solve_exactly(contact: Contact, times: ArrayLike) -> ContactSolution:
-    """Evaluate a contact without stepping; see `solve`."""
+    """Evaluate a contact without stepping at times (n,) [s]; see `solve`."""
     moments = np.atleast_1d(np.array(times, dtype=np.float64))
     check_times(moments)
     finger, body = (side_table(stack_of(side), moments) for side in (contact.finger, contact.object))
@@ -154,6 +154,6 @@ def side_drive(side: Side, times: Array) -> Complex:
 
 
 def side_waves(side: Side, points: Complex) -> Waves:
-    """Return the propagation of the deviation from the initial field, as transforms times s."""
+    """Return the propagation of the deviation from the initial field at points s (n,) [1/s], as transforms times s."""
     arterial, back = imbalance(side) or (0.0, 0.0)
     return waves(stack_of(side), points, arterial=arterial, back=back)

@@ -114,9 +114,10 @@ class Waves:
 
 
 def waves(stack: Stack, s: Values, *, arterial: Values | float = 0.0, back: Values | float = 0.0) -> Waves:
-    """Work out the propagation at the points s, shape (points,).
+    """Work out the propagation at the points s [1/s], shape (points,).
 
-    ``arterial`` and ``back`` are the transforms of the arterial and the back (held or ambient) temperature.
+    ``arterial`` and ``back`` are the transforms of the arterial and the back (held or ambient) temperature [K s];
+    given times s [K], what is returned is times s, too.
     """
     k, c, w = (np.asarray(a)[:, None] for a in (stack.conductivity, stack.capacity, stack.perfusion))
     growth = np.sqrt((s * c + w) / k)

@@ -156,7 +156,7 @@ def _pair_rows(finger: Modes, body: Modes, period: float) -> tuple[Array, Array,
 def state_size(model: Array) -> int:
     """Return how many numbers the state of a model has.
 
-    ``model`` (n,) as laid out above; it stands in its head.
+    ``model`` (n,) as laid out, with its units, above; it stands in its head.
     """
     return int(model[SIZE])
 

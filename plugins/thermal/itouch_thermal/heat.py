@@ -365,7 +365,10 @@ def _views(model: HeatModel, state: Record, period: float) -> tuple[Given, Kept,
 
 
 def table_of(bodies: Sequence[Array | None]) -> Array:
-    """Return packed models as rows of one table, shape (n, widest); one that is missing is a row of zeros."""
+    """Return packed models as rows of one table, shape (n, widest); one that is missing is a row of zeros.
+
+    Each (size,) is laid out, with its units, as `contact_heat.packing` says.
+    """
     table = np.zeros((max(1, len(bodies)), max((len(body) for body in bodies if body is not None), default=1)))
     for row, body in zip(table, bodies, strict=False):
         if body is not None:

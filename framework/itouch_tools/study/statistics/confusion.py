@@ -50,13 +50,16 @@ def _counts(counts: ArrayLike) -> Counts:
 
 
 def proportion_correct(counts: ArrayLike) -> float:
-    """Return the part of all answers that lie on the diagonal; NaN of an empty table."""
+    """Return the part of all answers that lie on the diagonal of counts (stimuli, answers); NaN of an empty table."""
     table = _counts(counts)
     return float(np.trace(table) / table.sum()) if table.sum() else math.nan
 
 
 def kappa(counts: ArrayLike) -> float:
-    """Return Cohen's kappa: agreement beyond chance; NaN where chance alone would always agree."""
+    """Return Cohen's kappa of counts (stimuli, answers): agreement beyond chance.
+
+    It is NaN where chance alone would always agree.
+    """
     table = _counts(counts)
     total = table.sum()
     if not total:
@@ -81,7 +84,8 @@ class Information:
 def information_transfer(counts: ArrayLike) -> Information:
     """Return the mutual information of stimulus and answer [bit] with the bias of Miller (1955) and Madow.
 
-    The bias is (K_xy - K_x - K_y + 1) / (2 N ln 2) with the numbers of occupied cells, rows and columns.
+    The bias is (K_xy - K_x - K_y + 1) / (2 N ln 2) with the numbers of occupied cells, rows and columns of ``counts``,
+    shape (stimuli, answers).
     """
     table = _counts(counts)
     total = table.sum()
@@ -113,6 +117,13 @@ def choice_model(counts: ArrayLike, *, rounds: int = 20000, tolerance: float = 1
     """Fit p_ij = b_j eta_ij / sum_k b_k eta_ik (Luce 1963), by fitting quasi-symmetry with iterative scaling.
 
     The maximum-likelihood fit keeps the row sums, the column sums and the sums of mirrored cells (Smith 1982).
+
+    Parameters
+    ----------
+    counts
+        How often each stimulus got each answer, shape (stimuli, stimuli).
+    rounds, tolerance
+        The greatest number of rounds of scaling, and the relative change at which they end.
 
     Raises
     ------

@@ -139,7 +139,8 @@ def clustered_tost(first: ArrayLike, second: ArrayLike, *, margin: float, alpha:
     Parameters
     ----------
     first, second
-        Proportion of each participant in the two conditions, shape (participants,); a NaN leaves a participant out.
+        Proportion of each participant in the two conditions, 0 to 1, shape (participants,); a NaN leaves a participant
+        out.
     margin
         Difference of proportions that would matter, more than 0.
     """

@@ -101,7 +101,7 @@ def fit_psychometric(
     Parameters
     ----------
     levels, right, trials
-        Stimulus levels, numbers of right answers and of trials at each, shape (levels,).
+        Stimulus levels in the stimulus's unit, and counts of right answers and of trials at each, shape (levels,).
     guess
         Proportion right without any stimulus: 1/2 for two intervals.
     lapse
@@ -155,6 +155,20 @@ def profile_interval(
     """Return the profile-likelihood interval of the threshold (infinite where the data do not bound it).
 
     The lapse rate stays where it was fitted; the spread is fitted anew at every threshold.
+
+    Parameters
+    ----------
+    levels, right, trials
+        Stimulus levels in the stimulus's unit, and counts of right answers and of trials at each, shape (levels,).
+    fitted
+        What `fit_psychometric` found of the same data.
+    level
+        Confidence level, 0 to 1.
+
+    Returns
+    -------
+    tuple
+        The ends of the interval, in the unit of the levels.
     """
     x, r, n = _data(levels, right, trials, fitted.shape)
     allowed = fitted.loss + 0.5 * float(stats.chi2.ppf(level, 1))

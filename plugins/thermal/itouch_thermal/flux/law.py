@@ -417,7 +417,7 @@ class ModelLaw:
         state[self.prefix + "memory"][at.M_QUIET] = at.QUIET
 
     def place(self, state: Record, finger: Array) -> None:
-        """Say what finger is about to touch, by its coordinates."""
+        """Say what finger is about to touch, by its coordinates (modes,) [K], the modes of ``fine``."""
         state[self.prefix + "x"][0, : len(finger)] = finger
 
     def begin(self, state: Record, flux: float, scale: float = 1.0) -> None:

@@ -134,7 +134,8 @@ class Trial:
     def cost(self, start: float, finger: Array, touched: Touched, best: float = math.inf) -> float:
         """Return how near the worst of what may be off comes to what is allowed: below 1 all is well.
 
-        What is more than ``best`` already on the first plants is not tried on the others.
+        ``start`` is a temperature [K], ``finger`` (modes,) are coordinates of the tissue [K].  What is more than
+        ``best`` already on the first plants is not tried on the others.
         """
         steps = self.steps
         times = np.arange(1, steps + 1) * self.law.period

@@ -41,7 +41,7 @@ class Mixture:
         places, level
             Nodes, ascending, and the logarithm of what the distribution holds at each, shape (nodes,).
         middle, deviation
-            Of all coordinates at the nodes, shape (nodes, n).
+            Of all coordinates at the nodes, in their units, shape (nodes, n).
         """
         fine = np.concatenate(
             [np.linspace(a, b, _FINE, endpoint=False) for a, b in zip(places[:-1], places[1:], strict=True)]
