@@ -14,6 +14,7 @@ import pytest
 from forms import (  # noqa: F401  - hooks
     pytest_addoption,
     pytest_configure,
+    pytest_configure_node,
     pytest_runtest_logreport,
     pytest_runtest_makereport,
     pytest_sessionfinish,
@@ -41,9 +42,9 @@ LONGEST = (
 
 
 @pytest.hookimpl(tryfirst=True)  # before the groups are read
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Begin with the files that take longest; a file's tests share a worker (pyproject.toml), as they share fixtures."""
-    _choose(items)
+    _choose(config, items)
     longest = {name: place for place, name in enumerate(LONGEST)}
     items.sort(key=lambda item: longest.get(item.path.stem, len(longest)))
 

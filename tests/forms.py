@@ -15,6 +15,11 @@ import campaign
 import pytest
 
 HERE = Path(__file__).parent
+#: Tests that a whole run of the short form leaves out though they are not marked ``long``: one a line, a test of some
+#: parameters, a test of any, or a file.  Chosen by ``python tests/reach.py``, by what each reaches, costs and notices.
+LIST = HERE / "long_form.txt"
+#: Tests that stay in the short form whatever they cost, each behind the comment that says why.
+KEPT = HERE / "short_form.txt"
 
 _BEGAN = time.monotonic()
 #: Of this run: how many tests are left to the long form, and what its campaigns told.
@@ -32,10 +37,56 @@ def pytest_configure(config: pytest.Config) -> None:
     campaign.FULL = campaign.chosen(config.option.markexpr)
 
 
+def is_whole(config: pytest.Config) -> bool:
+    """Tell whether all tests run, and not only files or tests that were named."""
+    found = getattr(config, "workerinput", {}).get("whole")
+    return config.args_source is config.ArgsSource.TESTPATHS if found is None else bool(found)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_configure_node(node: Any) -> None:
+    """Tell a worker, which is always given names, whether the run is a whole one."""
+    node.workerinput["whole"] = is_whole(node.config)
+
+
+def stands_in(test: str, listed: frozenset[str]) -> bool:
+    """Tell whether a list of tests, or of files, holds a test."""
+    return not listed.isdisjoint((test, test.partition("[")[0], test.partition("::")[0]))
+
+
+def read_list(path: Path) -> frozenset[str]:
+    """Return the tests that stand in a list."""
+    lines = path.read_text(encoding="utf-8").splitlines()
+    return frozenset(line for line in lines if line and not line.startswith("#"))
+
+
 @pytest.hookimpl(tryfirst=True)  # before marks are selected and groups are read
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Let the long form run the campaigns, too; count what the short form leaves out."""
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Let the long form run the campaigns, too; count what the short form leaves out.
+
+    A run of the short form that names files or tests runs all of them that are not marked: who works on a room wants
+    all of its tests.
+
+    Raises
+    ------
+    pytest.UsageError
+        If the list names what is not there, so that a test that was renamed comes back into the short form.
+
+    """
+    listed, kept = read_list(LIST), read_list(KEPT)
+    whole = is_whole(config)
+    if whole:
+        there = {
+            name
+            for item in items
+            for name in (item.nodeid, item.nodeid.partition("[")[0], item.nodeid.partition("::")[0])
+        }
+        for path, names in ((LIST, listed), (KEPT, kept)):
+            if gone := sorted(names - there):
+                raise pytest.UsageError(f"{path.name} names tests that are not there (any more): {', '.join(gone)}")
     for item in items:
+        if (whole or campaign.FULL) and stands_in(item.nodeid, listed) and not stands_in(item.nodeid, kept):
+            item.add_marker("long")
         if campaign.FULL and item.get_closest_marker("campaign"):
             item.add_marker("long")
         elif not campaign.FULL:

@@ -5,7 +5,11 @@
 cosmic-ray makes the mutants, drawn over all rooms alike.  First the tests of a room run as they are, under coverage, to
 learn which test reaches which line.  Then each mutant meets only the tests that reach its line, quickest first, in a
 process forked from one that has imported all else.  A mutant that none of them notices has survived.  Compiled kernels are not
-seen by coverage: their mutants meet all tests of the room, and are compiled into a cache of their own.
+seen by coverage: their mutants meet all tests of the room.  What is compiled is kept by its fingerprint in a folder that
+goes with the campaign, so that of a changed kernel only it and its callers are compiled anew.
+
+Tests that a whole run of the short form leaves out (``long_form.txt``) meet what the others have let live: two scores, and
+the test that alone notices is named, which is a reason to put it into ``short_form.txt``.
 
 What has survived is told by the line as it was and as it was changed.  Changes that were read and found to change nothing
 stand in ``equivalent_mutants.toml``; the score is printed raw, which is the one that counts, and without these.
@@ -33,6 +37,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
 from typing import Any
+
+from forms import KEPT, LIST, read_list, stands_in
 
 HERE = Path(__file__).resolve().parent
 TREE = HERE.parent
@@ -301,33 +307,45 @@ def _tests(room: str) -> list[str]:
     return [str(HERE / name) for name in ROOMS[room][1]]
 
 
-def survives(mutant: Mutant, tests: Sequence[str], patience: float) -> bool:
-    """Tell whether tests pass with a mutant, in a process of its own."""
+def notices(mutant: Mutant, reach: Reach, tests: Sequence[str], work: Path) -> str:
+    """Return the test that fails with a mutant in a process of its own, or what else ends it; "" if all pass."""
+    if not tests:
+        return ""
+    patience = PATIENCE + 3.0 * sum(reach.took.get(test, 0.0) for test in tests)
+    first = work / "first"
+    first.unlink(missing_ok=True)
     child = os.fork()
     if child == 0:
         os.setsid()
-        os._exit(_guarded(lambda: _meet(mutant, tests)))
+        os._exit(_guarded(lambda: _meet(mutant, tests, first)))
     deadline = time.monotonic() + patience
     while time.monotonic() < deadline:
         ended, status = os.waitpid(child, os.WNOHANG)
         if ended:
-            return os.waitstatus_to_exitcode(status) == 0
+            code = os.waitstatus_to_exitcode(status)
+            return "" if code == 0 else first.read_text(encoding="utf-8") if first.exists() else f"exit code {code}"
         time.sleep(0.01)
     os.killpg(child, signal.SIGKILL)
     os.waitpid(child, 0)
-    return False
+    return "a test that hangs"
 
 
-def _meet(mutant: Mutant, tests: Sequence[str]) -> int:
+def _meet(mutant: Mutant, tests: Sequence[str], noticed: Path) -> int:
     import pytest
 
     sys.meta_path.insert(0, Changed(mutant))
-    if _compiled(mutant.path):
-        import numba
+    return int(pytest.main(["-x", *_OPTIONS, *tests], plugins=[_First(noticed)]))
 
-        os.environ["NUMBA_CACHE_DIR"] = tempfile.mkdtemp(prefix="itouch-mutant-")
-        numba.config.reload_config()
-    return int(pytest.main(["-x", *_OPTIONS, *tests]))
+
+class _First:
+    """Writes which test failed first."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def pytest_runtest_logreport(self, report: Any) -> None:
+        if report.failed:
+            self.path.write_text(report.nodeid, encoding="utf-8")
 
 
 def _guarded(work: Any) -> int:
@@ -340,38 +358,53 @@ def _guarded(work: Any) -> int:
         return 99
 
 
-def prepare() -> None:
-    """Import all that is slow to import, but nothing that is mutated; keep no results of mutants."""
+def prepare(work: Path) -> None:
+    """Import all that is slow to import, but nothing that is mutated; keep no results of mutants, and no kernels of theirs."""
     import scipy.linalg  # noqa: F401
 
-    os.environ["ITOUCH_KEPT"] = "off"
+    os.environ |= {"ITOUCH_KEPT": "off", "ITOUCH_KERNELS": str(work / "kernels")}
+    os.environ.pop("NUMBA_CACHE_DIR", None)
     os.chdir(TREE)
     assert not any(name.startswith("itouch") for name in sys.modules)
 
 
-def campaign(rooms: Sequence[str], count: int, seed: int, module: str = "") -> dict[str, tuple[int, list[Mutant]]]:
-    """Draw mutants of some rooms, let the tests meet them, and return per room how many there were, and which lived."""
-    drawn, found = draw(rooms, count, seed, module), dict[str, tuple[int, list[Mutant]]]()
-    work = Path(tempfile.mkdtemp(prefix="itouch-mutation-"))
-    try:
-        for room in rooms:
-            chosen = [mutant for mutant in drawn if mutant.room == room]
-            reach = learn(room, work)
-            if not reach.passed:
-                print(f"{room}: its tests fail as it is: left out", flush=True)
+@dataclass(slots=True)
+class Met:
+    """What became of the mutants of a room: how many there were, which lived, and which only the long form noticed."""
+
+    count: int = 0
+    alive: list[Mutant] = field(default_factory=list)
+    late: list[Mutant] = field(default_factory=list)
+
+
+def campaign(rooms: Sequence[str], count: int, seed: int, work: Path, module: str = "") -> dict[str, Met]:
+    """Draw mutants of some rooms, let the tests meet them, and return what became of them, by room."""
+    drawn, found, listed, kept = draw(rooms, count, seed, module), dict[str, Met](), read_list(LIST), read_list(KEPT)
+    for room in rooms:
+        chosen = [mutant for mutant in drawn if mutant.room == room]
+        reach = learn(room, work)
+        if not reach.passed:
+            print(f"{room}: its tests fail as it is: left out", flush=True)
+            continue
+        met = found[room] = Met(len(chosen))
+        for mutant in chosen:
+            tests = reach.of(mutant)
+            later = [test for test in tests if stands_in(test, listed) and not stands_in(test, kept)]
+            if notices(mutant, reach, [test for test in tests if test not in later], work):
                 continue
-            alive = []
-            for mutant in chosen:
-                tests = reach.of(mutant)
-                usual = sum(reach.took.get(test, 0.0) for test in tests)
-                if survives(mutant, tests, PATIENCE + 3.0 * usual):
-                    alive.append(mutant)
-                    _, before, after = mutant.change
-                    print(f"survived: {mutant.name}: {before} -> {after}", flush=True)
-            found[room] = len(chosen), alive
-            print(f"{room}: {len(chosen) - len(alive)} of {len(chosen)} noticed", flush=True)
-    finally:
-        shutil.rmtree(work, ignore_errors=True)
+            by = notices(mutant, reach, later, work)
+            _, before, after = mutant.change
+            change = f"{mutant.name}: {before} -> {after}"
+            if by:
+                met.late.append(mutant)
+                print(f"noticed by the long form alone, {by}: {change}", flush=True)
+            else:
+                met.alive.append(mutant)
+                print(f"survived: {change}", flush=True)
+        print(
+            f"{room}: {met.count - len(met.alive)} of {met.count} noticed, {len(met.late)} by the long form alone",
+            flush=True,
+        )
     return found
 
 
@@ -384,20 +417,26 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--module", default="", metavar="NAME", help="of the modules of this name alone")
     options = parser.parse_args(argv)
     rooms = options.rooms or list(ROOMS)
-    prepare()
-    found = campaign(rooms, options.sample, options.seed, options.module)
-    count, alive = sum(size for size, _ in found.values()), sum(len(lived) for _, lived in found.values())
+    work = Path(tempfile.mkdtemp(prefix="itouch-mutation-"))
+    try:
+        prepare(work)
+        found = campaign(rooms, options.sample, options.seed, work, options.module)
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
+    count, alive = sum(met.count for met in found.values()), sum(len(met.alive) for met in found.values())
+    late = sum(len(met.late) for met in found.values())
     if not count:
         return 2
-    score = 1.0 - alive / count
-    print(f"{count} mutants, {count - alive} noticed, {alive} survived: {100 * score:.1f} %")
+    score = 1.0 - (alive + late) / count
+    print(f"{count} mutants, {count - alive} noticed, {alive} survived: {100 - 100 * alive / count:.1f} %")
+    print(f"by a whole run of the short form: {count - alive - late}: {100 * score:.1f} %")
     known = equivalents()
-    same = [known[mutant.change] for _, lived in found.values() for mutant in lived if mutant.change in known]
-    if same and count > len(same):
-        part = (count - alive) / (count - len(same))
-        print(f"without {len(same)} that change nothing (equivalent_mutants.toml): {100 * part:.1f} %")
-    size, lived = found.get("safety", (0, []))
-    return 0 if score >= 0.8 and len(lived) <= 0.1 * size else 1
+    same = sum(mutant.change in known for met in found.values() for mutant in met.alive)
+    if same and count > same:
+        part = (count - alive) / (count - same)
+        print(f"without {same} that change nothing (equivalent_mutants.toml): {100 * part:.1f} %")
+    safety = found.get("safety", Met())
+    return 0 if score >= 0.8 and len(safety.alive) + len(safety.late) <= 0.1 * safety.count else 1
 
 
 if __name__ == "__main__":

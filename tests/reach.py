@@ -1,22 +1,28 @@
-"""What each test reaches and costs: ``python -m pytest -n 2 -p reach --reach FOLDER``, then ``python tests/reach.py FOLDER``.
+"""What each test reaches and costs: ``python -m pytest tests -n 2 -p reach --reach FOLDER``, then ``tests/reach.py FOLDER``.
 
-A line of the program that only one test reaches keeps that test in the short form.  The second command walks through
-all tests, dearest first, and names those of which every line is reached by others that stay: they can be moved to the long
-form, if what they compare is compared elsewhere, too; that is for a reader to judge and for mutants to prove
-(``tests/mutation.py``).  Costs are processor time, children that have ended included.
+The second command chooses what a whole run of the short form leaves out, and writes ``tests/long_form.txt``.  It stays:
+
+* every test that costs next to nothing, or stands in ``tests/short_form.txt`` with the reason: it alone notices a mutant
+  (``tests/mutation.py``), or nothing else looks at what it promises;
+* of each test function the cheapest case, where that costs less than its room allows: most in safety;
+* of the rest, by what each second buys, what reaches lines of the program that nothing else there reaches.
+
+Everything else waits for the long form.  Costs are processor time, children that have ended included; lines that are
+reached in another process are not seen, so that a test of processes stays by its cost or by that list, or not at all.
 """
 
 from __future__ import annotations
 
+import heapq
 import json
 import os
 import sys
-from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
+from forms import KEPT, LIST, read_list, stands_in
 
 ROOTS = ("framework", "plugins")
 TREE = Path(__file__).resolve().parent.parent
@@ -74,28 +80,73 @@ def read(folder: Path) -> tuple[dict[str, float], dict[str, frozenset[str]]]:
     return cost, reached
 
 
-def spare(cost: dict[str, float], reached: dict[str, frozenset[str]]) -> list[str]:
-    """Return the tests, dearest first, without which the rest still reaches every line."""
-    count = Counter(line for lines in reached.values() for line in lines)
-    found = []
-    for test in sorted(cost, key=lambda test: -cost[test]):
-        lines = reached.get(test, frozenset())
-        if all(count[line] > 1 for line in lines):
-            found.append(test)
-            count.subtract(lines)
-    return found
+#: What the cheapest case of a test function may cost [s] to stay, by the folder of the test; else the last.
+ALLOWED = {
+    "safety": 3.1, "servo": 1.6, "loop": 0.9, "integration": 0.9, "meaning": 0.7, "session": 0.7, "contact": 0.6,
+    "plugins/thermal": 0.6, "": 0.5,
+}  # fmt: skip
+#: What costs less [s] stays, whatever it is; how many lines that nothing else reaches a second has to buy.
+NOTHING, GAIN = 0.04, 10.0
+
+
+def allowed(test: str) -> float:
+    """Return what the cheapest case of a test's function may cost [s]."""
+    return next(cost for room, cost in ALLOWED.items() if test.removeprefix("tests/").startswith(room))
+
+
+def choose(cost: Mapping[str, float], reached: Mapping[str, frozenset[str]], always: Iterable[str] = ()) -> set[str]:
+    """Return the tests that stay in the short form, of all that have a cost [s], by the lines that each reaches."""
+    cheapest = dict[str, str]()
+    for test in sorted(cost, key=lambda test: (cost[test], test)):
+        cheapest.setdefault(test.partition("[")[0], test)
+    stay = {test for test, took in cost.items() if took < NOTHING}
+    stay |= {test for test in cheapest.values() if cost[test] < allowed(test)} | set(always)
+    lines = set[str]().union(*(reached.get(test, frozenset()) for test in stay))
+
+    def gain(test: str) -> float:
+        return len(reached[test] - lines) / max(cost[test], 0.01)
+
+    # what a test would add only shrinks while others are added: the best of before, if it is still as good, is the best
+    heap = [(-gain(test), test) for test in reached if test in cost and test not in stay]
+    heapq.heapify(heap)
+    while heap:
+        _, test = heapq.heappop(heap)
+        now = gain(test)
+        if now < GAIN:
+            continue
+        if heap and -now > heap[0][0]:
+            heapq.heappush(heap, (-now, test))
+        else:
+            stay.add(test)
+            lines |= reached[test]
+    return stay
+
+
+def shortest(gone: Iterable[str], every: Iterable[str]) -> list[str]:
+    """Return a list of tests in the fewest lines: a file or a function of which all go is one line."""
+    going, found = set(gone), set[str]()
+    of = dict[str, set[str]]()
+    for test in every:
+        for name in (test.partition("::")[0], test.partition("[")[0]):
+            of.setdefault(name, set()).add(test)
+    for test in going:
+        names = (test.partition("::")[0], test.partition("[")[0])
+        found.add(next((name for name in names if of[name] <= going), test))
+    return sorted(found)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Print what the tests cost, by file, and which of them reach nothing of their own."""
+    """Choose, write the list, and print what the two forms cost and reach."""
     (folder,) = map(Path, sys.argv[1:] if argv is None else argv)
     cost, reached = read(folder)
-    can_go = spare(cost, reached)
-    print(
-        f"{len(cost)} tests, {sum(cost.values()):.0f} s; {len(can_go)} of them, {sum(cost[t] for t in can_go):.0f} s, reach no line alone"
-    )
-    for test in can_go:
-        print(f"{cost[test]:8.2f}  {test}")
+    kept = read_list(KEPT)
+    stay = choose(cost, reached, {test for test in cost if stands_in(test, kept)})
+    names = shortest(set(cost) - stay, cost)
+    head = "# What a whole run of the short form leaves out: python tests/reach.py FOLDER\n"
+    LIST.write_text(head + "".join(f"{name}\n" for name in names), encoding="utf-8")
+    every, left = (set[str]().union(*(reached.get(test, frozenset()) for test in tests)) for tests in (cost, stay))
+    print(f"all   {len(cost):5d} tests {sum(cost.values()):6.0f} s {len(every)} lines")
+    print(f"short {len(stay):5d} tests {sum(map(cost.__getitem__, stay)):6.0f} s {len(left)} lines")
     return 0
 
 
