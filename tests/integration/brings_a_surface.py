@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from itouch.plugin import Carries, Field, Modality, Record, Role, World, schema
 
 #: Cosine of the steepest slope that the prop renders.
@@ -24,13 +26,14 @@ class Brings:
 
 
 class Plan(NamedTuple):
-    """The read-only model: names of what it works with, and lengths [m]."""
+    """The read-only model: names of what it works with, and lengths [m]; ``face`` (3,): the top, as the robot has it."""
 
     name: str
     probe: str
     robot: str
     channel: str
     prop: str
+    face: tuple[float, float, float]
     radius: float
     stands_off: float
 
@@ -47,7 +50,8 @@ class Hover(Modality):
         if goal is None:
             raise ValueError(f"device '{params.robot}' brings no surface")
         prop = robot.read_field(Role.TRACKED_POSE)
-        return Plan(name, params.probe, params.robot, goal.name, prop, world.probes[params.probe], params.stands_off)
+        face, radius = world.surfaces[params.probe].face, world.probes[params.probe]
+        return Plan(name, params.probe, params.robot, goal.name, prop, face, radius, params.stands_off)
 
     def fields(self, model: Plan) -> tuple[Field, ...]:
         """Declare the four numbers by which it says how the prop stands."""
@@ -69,7 +73,8 @@ class Hover(Modality):
     def reads(self, model: Plan) -> tuple[str, ...]:
         """Name what it reads of State."""
         probe = model.probe
-        return f"{probe}.hip", f"{probe}.surface_height", f"{probe}.surface.upright", model.prop
+        figures = f"{probe}.hip", f"{probe}.surface_height", f"{probe}.surface.upright"
+        return (*figures, model.prop, f"{model.robot}.frame")
 
     def reset(self, model: Plan, state: Record) -> None:
         """Begin out of reach."""
@@ -82,9 +87,12 @@ class Hover(Modality):
         height, lowest = state[f"{model.probe}.surface_height"].item(), z - model.radius
         level = state[f"{model.probe}.surface.upright"].item() > LEVEL
         away = lowest - model.stands_off
+        frame = state[f"{model.robot}.frame"]  # of the robot in the world, wherever it stands and however it is turned
+        origin, turn = frame[:3], frame[3:].reshape(3, 3)
+        place = np.array((x, y, max(height, away) if level else away))
         goal = state[f"{model.robot}.command.{model.channel}"]
-        goal[:] = (x, y, max(height, away) if level else away, 1.0, 0.0, 0.0, 0.0)
-        top = state[model.prop][2].item()
+        goal[:3], goal[3:] = (place - origin) @ turn - model.face, (1.0, 0.0, 0.0, 0.0)
+        top = (turn @ (state[model.prop][:3] + model.face) + origin)[2].item()
         state[f"{own}.renders"] = level
         state[f"{own}.there"] = level and lowest - top < THERE
         state[f"{own}.away"] = lowest - top

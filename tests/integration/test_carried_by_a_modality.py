@@ -65,8 +65,9 @@ def scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Path
     )
     monkeypatch.syspath_prepend(str(info.parent))
 
-    def written(attributes: str = "") -> Path:
+    def written(attributes: str = "", mount: str = "") -> Path:
         text = SCENE.replace("<operator", ASKED.format(attributes), 1)
+        text = text.replace('plugin="robo">', f'plugin="robo">{mount}', 1)
         text = text.replace('xmlns:usb-arm="', 'xmlns:robo="urn:itouch:plugin:robo" xmlns:usb-arm="', 1)
         path = tmp_path / f"{next(NUMBERS)}.xml"
         path.write_text(text)
@@ -75,18 +76,30 @@ def scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Path
     return written
 
 
-def run(path: Path) -> tuple[Any, list[float]]:
-    """Run a scene; return the session, and how far below the finger's pad the prop was, at each tick."""
+def run(path: Path, base: float = 0.0) -> tuple[Any, list[float]]:
+    """Run a scene; return the session, and how far below the finger's pad the prop was, at each tick.
+
+    ``base`` is the height of the robot's frame [m].
+    """
     session = itouch.build(path)
     away: list[float] = []
     state = session.state
-    session.taps.append(lambda tick: away.append(float(state["tip.hip"][2] - 0.008 - state["presenter.prop"][2])))
+    session.taps.append(
+        lambda tick: away.append(float(state["tip.hip"][2] - 0.008 - state["presenter.prop"][2] - base))
+    )
     session.run()
     return session, away
 
 
-def test_it_is_what_is_felt_and_waits_where_its_author_says(scene: Callable[..., Path]) -> None:
-    session, away = run(scene())
+@pytest.mark.parametrize(
+    ("mount", "base"),
+    [("", 0.0), ('<mount pos="10 -20 -12 mm" rpy="0 0 70 deg"/>', -0.012)],
+    ids=["level at the origin", "turned and moved"],
+)
+def test_it_is_what_is_felt_and_waits_where_its_author_says(
+    scene: Callable[..., Path], mount: str, base: float
+) -> None:
+    session, away = run(scene("", mount), base)
     report = session.report()
     (contact,) = report["contacts"]
     assert report["faults"] == []

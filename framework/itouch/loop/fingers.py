@@ -44,17 +44,11 @@ def _carriers(runners: Mapping[str, Runner], name: str) -> Iterator[str]:
 def join_fingers(rigs: Sequence[ProbeRig]) -> None:
     """Let all probes that one device tracks touch one finger: the twin's, where one of them has an operator.
 
-    Surfaces that are brought to one finger share what may press on it, and its pad is that of the finger's operator,
-    whichever probe has one.  A probe with an operator of its own follows
-    nobody.
+    A probe with an operator of its own follows nobody.
     """
     led: list[Runner] = []
     for rig in rigs:
         mine = [other for other in rigs if other.tracker is rig.tracker]
-        persons = (other.probe.operator for other in mine if other.probe.operator is not None)
-        rig.toucher.know(rig.probe.operator or next(persons, None))
-        force = min((one.model.limits.finger_force for one in (rig.arm, rig.table) if one is not None), default=0.0)
-        rig.toucher.share(len({one.table.model.name for one in mine if one.table is not None}), force)
         if rig.coupling.hand is not None and rig.tracker not in led:
             led.append(rig.tracker)
             others = [other for other in mine if other.probe.operator is None]

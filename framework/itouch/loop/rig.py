@@ -38,8 +38,8 @@ class ProbeRig:
         self.arm = runners.get(probe.scene.force_to)
         self.table = runners.get(probe.scene.surface_to)
         self.face = runners.get(probe.face)
-        offset = self._plate_offset()
-        self.toucher = Toucher(model, probe, state, self.tracker, self.arm, self.table, offset)
+        offset = model.surfaces[probe.name].face if probe.name in model.surfaces else (0.0, 0.0, 0.0)
+        self.toucher = Toucher(model, probe, state, self.tracker, self.arm, self.table)
         self.coupling = self._coupling(state, offset)
         #: The skin under what is worn on the finger, if anything is.
         self.skin = self._under_worn(state)
@@ -60,13 +60,6 @@ class ProbeRig:
         #: 1 while frames stay where they are, shape (1,).
         self._fixed = np.zeros(1, np.int64)
         self._moves = any(runner.model.carrier for _, runner in self._stands)
-
-    def _plate_offset(self) -> Vector:
-        """Return where the plate's top is in the frame of what the table carries."""
-        if self.face is None or self.face is self.table:
-            return (0.0, 0.0, 0.0)
-        x, y, z = self.face.model.mount[:3]
-        return (x, y, z)
 
     def _touch_off(self, state: Record, offset: Vector) -> TouchOff | None:
         table = self.table

@@ -99,6 +99,8 @@ def contact(rig: ProbeRig, model: Model) -> Step:
         "beside_distance",
     )  # fmt: skip
     figures += _of(name, "felt_force") if rig.table is None else ()
+    stand = (rig.tracker, rig.arm, rig.table)
+    figures += tuple(f"{runner.model.name}.frame" for runner in stand if runner is not None)
     tracked = _roles(rig.tracker, Role.TRACKED_POSE)
     reads = (*tracked, "*.calibration", "objects.pose", "objects.twist", *figures)
     return joinable(

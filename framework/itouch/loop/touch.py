@@ -21,13 +21,10 @@ from itouch.loop import carrying, render
 from itouch.loop.frames import Frame
 from itouch.loop.runner import Runner
 from itouch.loop.surface import memory
-from itouch.loop.surface.plate import ROOM
 from itouch.monitors.carried import Nearing
 from itouch.monitors.thresholds import DOUBT_GAP, DOUBT_GAP_UNCALIBRATED
 from itouch.plugin import Bound, Contact, ContactEvent, Record, Role
-from itouch.scene.elements import Operator
 from itouch.world import Model, ProbeModel
-from itouch.world import limits as default
 
 #: A contact has ended when the probe was this far away [m], for this long [s].
 SEPARATION, SEPARATION_TIME = 1e-4, 0.020
@@ -35,8 +32,6 @@ SEPARATION, SEPARATION_TIME = 1e-4, 0.020
 VELOCITY_FILTER = 0.002
 #: A contact that the plate has left because of its tilt is the plate's again when it is less by this [rad].
 TILT_BACK = math.radians(2.0)
-#: Stiffness [N/m] and damping [N s/m] of the pad of a finger of which nothing is known.
-PAD_STIFFNESS, PAD_DAMPING = 1e3, 2.0
 
 Listener = Callable[[ContactEvent], None]
 Vector = tuple[float, float, float]
@@ -55,7 +50,6 @@ class Toucher:
 
     def __init__(
         self, model: Model, probe: ProbeModel, state: Record, tracker: Runner, arm: Runner | None, table: Runner | None,
-        offset: Vector,
     ) -> None:  # fmt: skip
         self.model, self.probe = model, probe
         name = probe.name
@@ -72,10 +66,13 @@ class Toucher:
         #: How fast the surface rises [m/s], shape (1,); found anew in each tick.
         self._rising = np.zeros(1)
         self._patience = round(SEPARATION_TIME / model.period)
-        self._constants = _constants(model, probe, arm, table, offset)
-        #: Stiffness [N/m] and damping [N s/m] of the finger's pad.
-        self._pad = PAD_STIFFNESS, PAD_DAMPING
-        self.know(probe.operator)
+        self._constants = _constants(model, probe, arm, table)
+        #: Where State has the frames of tracker, arm and table.
+        self._frames = {
+            which: state[f"{runner.model.name}.frame"]
+            for which, runner in ((render.TRACKER, tracker), (render.ARM, arm), (render.TABLE, table))
+            if runner is not None
+        }
         self._bind(model, probe, state, tracker, arm, table)
         self._found, self._carried = runner(self.finds), runner(self.carries)
         self._pushed = runner((self.pushes,))
@@ -177,29 +174,14 @@ class Toucher:
         self.finds[0].run()
         self.figures[render.VELOCITY : render.VELOCITY + 3] = 0.0
 
-    def share(self, surfaces: int, force: float) -> None:
-        """Let each of so many surfaces on one finger press with its part of what one alone might.
-
-        ``force`` [N] is that of all together; what is kept free of it is kept once.
-        """
-        if surfaces > 1:
-            alone = min(self._constants[render.PLATE_LIMIT], max(0.0, force - ROOM))
-            self._constants[render.PLATE_LIMIT] = alone / surfaces
-
-    def know(self, operator: Operator | None) -> None:
-        """Take the pad of the finger from the operator whose it is; None: nothing is known of it."""
-        if operator is not None:
-            self._pad = operator.pad_stiffness, operator.pad_damping
-            self._constants[render.PAD_STIFFNESS] = operator.pad_stiffness
-
     @property
     def nearing(self) -> Nearing:
         """Where the finger is over the surface."""
-        figures = self.figures
+        figures, surface = self.figures, self.model.surfaces[self.probe.name]
         return Nearing(
             figures[render.HIP : render.HIP + 3], figures[render.VELOCITY : render.VELOCITY + 3],
             figures[render.PLATE_TOP : render.PLATE_TOP + 1], self._rising,
-            np.array([self.probe.scene.radius, *self._pad, self.model.period]),
+            np.array([self.probe.scene.radius, surface.pad_stiffness, surface.pad_damping, self.model.period]),
         )  # fmt: skip
 
     @property
@@ -212,7 +194,7 @@ class Toucher:
 
     def place(self, which: int, frame: Frame) -> None:
         """Tell where tracker, arm or table stands in the world."""
-        self._constants[which : which + 12] = (frame.x, frame.y, frame.z, *frame.r)
+        self._frames[which][:] = self._constants[which : which + 12] = (frame.x, frame.y, frame.z, *frame.r)
 
     def settle(self) -> None:
         """Take the tracker's next place without a velocity: hardware may have moved while nothing ran."""
@@ -302,11 +284,12 @@ class Toucher:
         return (vx + wy * z - wz * y, vy + wz * x - wx * z, vz + wx * y - wy * x)
 
 
-def _constants(
-    model: Model, probe: ProbeModel, arm: Runner | None, table: Runner | None, offset: Vector
-) -> render.Floats:
+def _constants(model: Model, probe: ProbeModel, arm: Runner | None, table: Runner | None) -> render.Floats:
     constants = np.zeros(render.CONSTANTS)
-    constants[render.OFFSET : render.OFFSET + 3] = offset
+    surface = model.surfaces.get(probe.name)
+    if surface is not None:
+        constants[render.OFFSET : render.OFFSET + 3] = surface.face
+        constants[render.PLATE_LIMIT], constants[render.PAD_STIFFNESS] = surface.greatest_force, surface.pad_stiffness
     force = (arm.model.limits.force if arm is not None else None) or math.inf
     values = {
         render.RADIUS: probe.scene.radius,
@@ -316,9 +299,7 @@ def _constants(
         render.PERIOD: model.period,
         render.SMOOTH: 1.0 - math.exp(-model.period / VELOCITY_FILTER),
         render.BACK: math.cos(max(0.0, probe.scene.plate_angle - TILT_BACK)),
-        render.PLATE_LIMIT: min((table.model.limits.plate_force if table else None) or default.PLATE_FORCE, force),
         render.FORCE_LIMIT: force,
-        render.PAD_STIFFNESS: PAD_STIFFNESS,
         render.HAS_LOAD: float(table is not None and table.model.reading(Role.CONTACT_FORCE) is not None),
         render.HAS_TABLE: float(table is not None),
         render.TABLE_SPEED: (table.model.limits.speed if table is not None else None) or math.inf,

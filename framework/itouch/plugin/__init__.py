@@ -43,6 +43,7 @@ from itouch.plugin.modality import (
     World,
     WorldDevice,
     WorldObject,
+    WorldSurface,
 )
 from itouch.plugin.monitor import Moment, Monitor, Rule, Watched
 from itouch.plugin.noise import gaussian
@@ -103,6 +104,7 @@ __all__ = [
     "World",
     "WorldDevice",
     "WorldObject",
+    "WorldSurface",
     "building",
     "current",
     "deadman",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple
 
 from itouch.plugin.bound import Bound
@@ -99,6 +99,36 @@ class WorldDevice:
         return next((field.name for field in self.twin_fields() if field.role is role), "")
 
 
+@dataclass(frozen=True, slots=True)
+class WorldSurface:
+    """The surface that a device brings to a probe's finger, as a modality sees it.
+
+    Where the device's frame is in the world changes with a touch-off and with what carries it: State has it as
+    ``DEVICE.frame``, origin [m] and rotation matrix row by row, shape (12,); that of the arm likewise.
+
+    Attributes
+    ----------
+    device, arm
+        What brings the surface, and what else pushes the finger; empty: nothing does.
+    face
+        Where the flat top is that the finger meets, in the frame of what the device's pose is the pose of [m].
+    pad_stiffness, pad_damping
+        Of the finger's pad [N/m], [N s/m].
+    touch_off
+        Whether a touch-off finds the height at the start; before it is done, ``ready`` in State is 0.
+    greatest_force
+        With how much the surface may press [N]: its part, where several surfaces meet one finger.
+    """
+
+    device: str
+    arm: str
+    face: Vector
+    pad_stiffness: float
+    pad_damping: float
+    touch_off: bool
+    greatest_force: float
+
+
 def no_file(file: str, most: int) -> bytes:
     """Refuse a file: the reader of a world without a scene.
 
@@ -117,7 +147,8 @@ class World:
     ``ambient`` is the room's temperature [K], ``skin_temperature`` [K] the operator twin's, if there is one;
     ``period`` [s] is that of the modality's own updates, ``servo_period`` [s] that of a tick; ``read``
     returns the content of a file that the scene names, relative to its folder, of at most so many bytes (or raises a
-    ValueError); the file is kept with sessions.
+    ValueError); the file is kept with sessions.  ``probes`` has the radius [m] of each finger, ``surfaces`` what is
+    brought to those of them that are met by a surface.
     """
 
     objects: tuple[WorldObject, ...]
@@ -129,6 +160,7 @@ class World:
     skin_temperature: float
     servo_period: float = 1e-3
     read: Callable[[str, int], bytes] = no_file
+    surfaces: Mapping[str, WorldSurface] = field(default_factory=dict)
 
 
 class ParameterError(ValueError):

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from itouch.plugin import Carries, Modality, ParameterError, World, WorldDevice, WorldObject
+from itouch.plugin import Carries, Modality, ParameterError, World, WorldDevice, WorldObject, WorldSurface
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
 from itouch.scene.elements import Operator, PluginPart
@@ -39,12 +39,13 @@ def build_modalities(
     scene: Scene,
     catalog: Catalog,
     devices: Mapping[str, DeviceModel],
+    surfaces: Mapping[str, WorldSurface],
     reader: SceneFiles,
     period: float,
     problems: list[Problem],
 ) -> list[ModalityModel]:
     """Return the modalities in the order of their updates; what is wrong becomes problems, and those are left out."""
-    world = _world(scene, devices, reader, period)
+    world = _world(scene, devices, surfaces, reader, period)
     rates = dict(scene.rates.modalities)
     found = []
     for part in _ordered(scene, problems):
@@ -117,7 +118,10 @@ def _visit(
     found.append(part)
 
 
-def _world(scene: Scene, devices: Mapping[str, DeviceModel], reader: SceneFiles, period: float) -> World:
+def _world(
+    scene: Scene, devices: Mapping[str, DeviceModel], surfaces: Mapping[str, WorldSurface], reader: SceneFiles,
+    period: float,
+) -> World:  # fmt: skip
     skin = next((operator.skin_temperature for operator in scene.operators), Operator(probe="x").skin_temperature)
     return World(
         objects=(),
@@ -134,6 +138,7 @@ def _world(scene: Scene, devices: Mapping[str, DeviceModel], reader: SceneFiles,
         skin_temperature=skin,
         servo_period=period,
         read=reader.read,
+        surfaces=surfaces,
     )
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from itouch.contact import Geometry, Shape, layout
 from itouch.contact.surfaces import Effects
-from itouch.plugin import Role
+from itouch.plugin import Role, WorldSurface
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
 from itouch.scene.elements import Operator, Probe
@@ -26,6 +26,7 @@ from itouch.world.limits import check_safety
 from itouch.world.modalities import ModalityModel, build_modalities, notices_of
 from itouch.world.motion import NO_MOTIONS, Motions, build_motions
 from itouch.world.overlap import overlaps
+from itouch.world.presented_surfaces import face_of, surfaces_of
 from itouch.world.recorded import RecordedMotion, recorded_motion
 from itouch.world.replaced_limits import differences, fitted
 from itouch.world.rig import DeviceModel, build_devices, orientation
@@ -69,6 +70,8 @@ class Model:
     files: tuple[SceneFile, ...] = ()
     effects: tuple[Effects, ...] = ()
     motions: Motions = NO_MOTIONS
+    #: What is brought to each probe that is met by a surface.
+    surfaces: Mapping[str, WorldSurface] = field(default_factory=dict)
     #: Devices and modalities by their names, once they were asked for.
     _parts: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
     #: What State declares, once it was asked for.
@@ -77,6 +80,12 @@ class Model:
     def carrier_to(self, probe: str) -> ModalityModel | None:
         """Return the modality that brings a surface to a probe in the place of the framework's way, or None."""
         return next((one for one in self.modalities if one.carries and one.carries.probe == probe), None)
+
+    @property
+    def framed(self) -> frozenset[str]:
+        """The devices whose frame in the world State has: those that track, push or meet a finger."""
+        bound = ((one.scene.pose_from, one.scene.force_to, one.scene.surface_to) for one in self.probes)
+        return frozenset(name for names in bound for name in names if name in self.devices)
 
     @property
     def moving(self) -> bool:
@@ -142,7 +151,8 @@ def compile_scene(scene: Scene, catalog: Catalog) -> tuple[Model | None, list[Pr
     motions = build_motions(scene, poses, shapes, devices, reader, problems)
     probes = _probes(scene, devices, effects, notices, reader, problems)
     period = 1.0 / scene.rates.servo
-    modalities = build_modalities(scene, catalog, devices, reader, period, problems)
+    presented = surfaces_of(scene, devices, {probe.name: probe.operator for probe in probes})
+    modalities = build_modalities(scene, catalog, devices, presented, reader, period, problems)
     notices += notices_of(modalities)
     problems += check_writers(scene, _writers(scene, devices, modalities))
     if any(problem.severity == "error" for problem in problems):
@@ -151,7 +161,7 @@ def compile_scene(scene: Scene, catalog: Catalog) -> tuple[Model | None, list[Pr
     model = Model(
         scene, period, tuple(o.name for o in scene.objects), poses, tuple(shapes), Geometry.build(shapes, surfaces),
         devices, tuple(probes), tuple(modalities), tuple(notices), layout.MEMORY_POSES + 7 * len(shapes),
-        layout.RESULT_SIZE, reader.all(), effects, motions,
+        layout.RESULT_SIZE, reader.all(), effects, motions, presented,
     )  # fmt: skip
     problems += unfelt(model)
     return (None if any(problem.severity == "error" for problem in problems) else model), problems
@@ -221,18 +231,11 @@ def _probes(
         names = [element.material for element in scene.objects]
         coupling = couplings(probe, arm, materials, names, 1.0 / scene.rates.servo, notices)
         coupling = on_bodies(coupling, scene.objects, 1.0 / scene.rates.servo, notices)
-        face = _face(probe.surface_to, devices)
+        face = face_of(probe.surface_to, devices)
         own = stable_effects(probe, arm, effects, coupling, names, 1.0 / scene.rates.servo, notices)
         recorded = recorded_motion(scene, operator, reader, problems)
         found.append(ProbeModel(probe.name, index, probe, operator, coupling, face, own, recorded, start))
     return found
-
-
-def _face(table: str, devices: Mapping[str, DeviceModel]) -> str:
-    """Return what of all that a table carries the finger touches: what reads the temperature of it, else the first."""
-    carried = [device for device in devices.values() if device.carrier and device.carrier == table]
-    touched = [d for d in carried if any(c.role is Role.SKIN_CONTACT_TEMPERATURE for c in d.reads)]
-    return next((device.name for device in (*touched, *carried)), table)
 
 
 def _writers(

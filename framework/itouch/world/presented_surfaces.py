@@ -1,19 +1,62 @@
-"""Surfaces that a modality brings to a finger in the place of the framework's way: is what it says of them so."""
+"""Surfaces that are brought to fingers: what is known of each, and whether what a modality says of its own is so."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 
-from itouch.plugin import Carries, Role
+from itouch.plugin import Carries, Role, WorldSurface
 from itouch.scene import Scene
-from itouch.scene.elements import PluginPart
+from itouch.scene.elements import Operator, PluginPart
 from itouch.schema import Problem
+from itouch.world.limits import PLATE_FORCE
 from itouch.world.rig import DeviceModel
 
 #: Attributes of a probe that say how the framework itself carries a surface.
 _OWN = ("clearance", "plate_angle")
 #: Kind and size of a field that holds one number.
 _ONE = (("f8", 0), ("f8", 1), ("i8", 0), ("i8", 1))
+#: Stiffness [N/m] and damping [N s/m] of the pad of a finger of which nothing is known.
+PAD_STIFFNESS, PAD_DAMPING = 1e3, 2.0
+#: What a plate's force stays below the scene's limit [N].
+ROOM = 0.15
+
+
+def face_of(table: str, devices: Mapping[str, DeviceModel]) -> str:
+    """Return what of all that a table carries the finger touches: what reads the temperature of it, else the first."""
+    carried = [device for device in devices.values() if device.carrier and device.carrier == table]
+    touched = [d for d in carried if any(c.role is Role.SKIN_CONTACT_TEMPERATURE for c in d.reads)]
+    return next((device.name for device in (*touched, *carried)), table)
+
+
+def surfaces_of(
+    scene: Scene, devices: Mapping[str, DeviceModel], operators: Mapping[str, Operator | None]
+) -> dict[str, WorldSurface]:
+    """Return what is brought to each probe that is met by a surface; ``operators``: of each probe, if it has one.
+
+    A finger is what one device tracks, whatever probes it has: its pad is that of the operator of any of them, and the
+    surfaces that are brought to it share what may press on it.
+    """
+    found = {}
+    for probe in scene.probes:
+        table, arm = devices.get(probe.surface_to), devices.get(probe.force_to)
+        if table is None:
+            continue
+        same = [other for other in scene.probes if other.pose_from == probe.pose_from]
+        people = [operators.get(one.name) for one in (probe, *same)]
+        pads = ((person.pad_stiffness, person.pad_damping) for person in people if person is not None)
+        stiffness, damping = next(pads, (PAD_STIFFNESS, PAD_DAMPING))
+        most = min(table.limits.plate_force or PLATE_FORCE, (arm.limits.force if arm is not None else None) or math.inf)
+        count = len({other.surface_to for other in same if other.surface_to in devices})
+        if count > 1:
+            together = min(one.limits.finger_force for one in (arm, table) if one is not None)
+            most = min(most, max(0.0, together - ROOM)) / count
+        face = devices[face_of(table.name, devices)]
+        x, y, z = face.mount[:3] if face is not table else (0.0, 0.0, 0.0)
+        found[probe.name] = WorldSurface(
+            table.name, arm.name if arm is not None else "", (x, y, z), stiffness, damping, bool(table.touch_off), most
+        )
+    return found
 
 
 def check_carried(

@@ -38,6 +38,12 @@ EVENT_DTYPE = [
     ("area", "f8"),
 ]
 
+_FRAME = Field(
+    "frame", "f8", 12, unit="mixed",
+    doc="where the device's frame is in the world, after touch-off and on its carrier: origin [m], rotation matrix row "
+    "by row",
+)  # fmt: skip
+
 _EVENTS = (
     f"the last {EVENTS}: kind (0 near, 1 begin, 2 move, 3 end), tick, probe, object, point [m], normal, distance [m], "
     "speed [m/s], tangential_velocity [m/s], penetration [m], force [N], time_to_contact [s], area [m2]"
@@ -82,7 +88,7 @@ def layout(model: Model) -> tuple[Field, ...]:
         )
     for device in model.devices.values():
         with failing(f"device '{device.name}'", "its twin's fields", model.place_of(device.name)):
-            fields += _device(device)
+            fields += _device(device, device.name in model.framed)
     for probe in model.probes:
         fields += _own(probe.name, probe_fields(count))
         low, high = model.geometry.memory_range()
@@ -180,7 +186,7 @@ def _own(prefix: str, fields: Iterable[Field]) -> list[Field]:
     return [replace(field, show=field.show or "no") for field in _prefixed(prefix, fields)]
 
 
-def _device(device: DeviceModel) -> list[Field]:
+def _device(device: DeviceModel, framed: bool) -> list[Field]:
     name = device.name
     fields = [Field.of(channel, f"{name}.{channel.name}") for channel in device.reads]
     for channel in device.commands:
@@ -191,6 +197,8 @@ def _device(device: DeviceModel) -> list[Field]:
         fields.append(sent)
     fields += _own(name, supervision(device.monitors))
     fields += _own(name, _stamps(device))
+    if framed:
+        fields += _own(name, (_FRAME,))
     if device.touch_off:
         fields += _own(
             f"{name}.touch_off",

@@ -58,6 +58,7 @@ from itouch.loop.surface.memory import (
     UPRIGHT,
 )
 from itouch.twin.turning import turned_in, turned_out
+from itouch.world.presented_surfaces import ROOM
 
 Floats = NDArray[np.float64]
 
@@ -71,8 +72,8 @@ BEHIND = 2e-4
 SLACK = 3e-5
 #: How fast the plate yields above its greatest force [m/s per N], and how fast it comes back [m/s].
 YIELD_RATE, YIELD_RETURN = 0.02, 0.005
-#: What a plate's force stays below the scene's limit [N], and how far ahead it is seen, for a table needs time [s].
-ROOM, AHEAD = 0.15, 0.008
+#: How far ahead a plate's force is seen, for a table needs time [s].
+AHEAD = 0.008
 #: Time constant [s] with which it is seen that a plate is felt sooner or later than its height says.
 SETTLE = 0.02
 #: How fast it is learned how far the table gives way [1/s], the most that is made good [m/N], and what is another error
