@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -148,3 +151,76 @@ def test_hardware_that_is_restored_in_the_middle_of_a_blind_retreat_stays_stoppe
             pair.enable()
         assert Status.ENABLED not in {one.status for one in pair.host.runners}
     pair.close()
+
+
+#: What a new process finds, with the threads that real devices have, of each stop that was stored: one line of JSON each.
+_IN_THREADS = """
+import contextlib, json, sys, time
+from pathlib import Path
+from itouch import EngineError
+from itouch.plugin import DeviceError
+from itouch_evidence.faults.wired import Pair
+
+scene, *stops = sys.argv[1:]
+for stop in stops:
+    world = Path(stop).with_suffix(".world").read_bytes()
+    pair = Pair(scene, 20, threads=True, slots=2, stored=(world, Path(stop)))
+    table = next(one for one in pair.host.runners if one.model.name == "table")
+    place = next(one.true_position() for one in pair.world.runners if one.model.name == "table")
+    before, pressed, said = float(place[2]), pair.world.state["finger.plate_force"].item(), []
+    statuses, highest = {one.status.name for one in pair.host.runners}, 0.0
+    for act in (pair.host.tick, pair.enable, pair.host.rearm, pair.enable, pair.host.tick):
+        try:
+            act()
+            said.append("")
+        except (DeviceError, EngineError) as error:
+            said.append(str(error))
+        for _ in range(100):
+            pair._exchange()
+            time.sleep(1e-3)
+            highest = max(highest, float(place[2]))
+        statuses |= {one.status.name for one in pair.host.runners}
+    found = dict(rose=highest - before, harder=pair.truth.plate_force - pressed, said=said, statuses=sorted(statuses),
+                 trip=table.trip.label, threads=[type(one.device).__name__ for one in pair.host.runners])
+    print(json.dumps(found), flush=True)
+    with contextlib.suppress(DeviceError):
+        pair.close()
+"""
+
+
+def test_hardware_behind_threads_that_is_restored_in_the_middle_of_a_blind_retreat_stays_stopped(
+    tmp_path: Path,
+) -> None:
+    """The same in a new process: nothing asks for less than that a table that lies is neither enabled nor driven."""
+    pair = Pair(SCENES / "four_materials.xml", 20, threads=False, slots=2)
+    phases = stored_pair(pair)
+    table = next(one for one in pair.host.runners if one.model.name == "table")
+    stops: list[Path] = []
+    ticks: list[int] = []
+
+    def keep(tick: int) -> None:
+        if pair.host.state["stopping"].item() and table.trip:
+            ticks.append(tick)
+            if len(ticks) % 120 == 30:
+                stops.append(tmp_path / f"{tick}.session")
+                pair.host.save(stops[-1])
+                stops[-1].with_suffix(".world").write_bytes(pair.world.state.tobytes())
+
+    pair.host.taps.append(keep)
+    run(pair, "contact", phases["contact"], [("table", Kind.NAN, 0), ("table", Kind.REVERSED_SIGN, 1)])
+    pair.close()
+    assert len(stops) >= 3
+    words = [sys.executable, "-c", _IN_THREADS, str(SCENES / "four_materials.xml"), *map(str, stops)]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    found = [json.loads(line) for line in done.stdout.splitlines()]
+    assert len(found) == len(stops)
+    for one in found:
+        assert one["threads"] == ["ThreadedDevice"] * 3
+        assert (one["trip"], one["statuses"]) == ("not-a-number", ["FAULT", "OPEN"])
+        ticked, enabled, rearmed, again, at_last = one["said"]
+        assert ticked == at_last and ticked.startswith("call engine.enable() first: ")
+        assert enabled == again and enabled.startswith("device 'table' was stopped by not-a-number at tick ")
+        assert rearmed.startswith("device 'table' can't be re-armed: it reads NaN (pose) ")
+        assert one["rose"] < 0.001  # what it was about to do when it was let go of
+        assert one["harder"] < 0.5

@@ -11,6 +11,7 @@ import os
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations, product
+from pathlib import Path
 from typing import Any, ClassVar
 
 from itouch.exchange import EveryNth, ThreadedDevice
@@ -20,7 +21,7 @@ from itouch.loop.runner import Runner
 from itouch.plugin import Device, DeviceError, Record, Role
 from itouch.plugin.discovery import Catalog, Found, find
 from itouch.safety.sequence import AT_END, RETREAT
-from itouch.session import Session, build, choose_twins, load_scene
+from itouch.session import Session, build, choose_twins, load_scene, restore
 from itouch_evidence.faults.matrix import DELAY, KINDS, LASTS, RUN, Cell
 from itouch_evidence.faults.phases import PHASES, moments, prepared
 from itouch_evidence.faults.truth import Truth
@@ -108,13 +109,19 @@ def _lined(cls: type[Device], ticks: int, period: float, threads: bool) -> type[
 
 
 class Pair:
-    """A host and the world behind it, tick by tick together."""
+    """A host and the world behind it, tick by tick together.
 
-    def __init__(self, scene: str | os.PathLike[str], ticks: int, *, threads: bool, slots: int = 1) -> None:
+    ``stored``: the State of such a world, and a session of its host, from which both go on; else they begin.
+    """
+
+    def __init__(
+        self, scene: str | os.PathLike[str], ticks: int, *, threads: bool, slots: int = 1,
+        stored: tuple[bytes, Path] | None = None,
+    ) -> None:  # fmt: skip
         self.world = prepared(scene, slots=slots)
         self.ticks, self.threads = ticks, threads
         loaded, catalog = load_scene(scene), Catalog()
-        found = dict(find("itouch.devices"))
+        found, boxes = dict(find("itouch.devices")), dict[str, Box]()
         period = self.world.model.period
         for device in loaded.devices:
             cls = catalog.device(device.plugin)
@@ -122,11 +129,17 @@ class Pair:
                 takes = self._takes(device.name)
                 lined = _lined(cls, takes, period, threads)
                 found[device.plugin] = Found(device.plugin, "bench", "1", _Entry(lined))  # type: ignore[arg-type]
+                boxes[device.name] = lined.box  # type: ignore[attr-defined]
         lines = Catalog(lambda group: found if group == "itouch.devices" else find(group))
         clock = WallClock() if threads else None
-        self.host = build(choose_twins(loaded, "none"), catalog=lines, clock=clock)
         self.truth = Truth(self.world)
-        self._boxes = [(runner, self._box(runner.model.name)) for runner in self.world.runners]
+        self._boxes = [(runner, boxes[runner.model.name]) for runner in self.world.runners]
+        if stored is None:
+            self.host = build(choose_twins(loaded, "none"), catalog=lines, clock=clock)
+        else:
+            self.world.adopt(stored[0])
+            self.measure()
+            self.host = restore(stored[1], catalog=lines, clock=clock)
         if not threads:
             self._take_into_step()
         self._heats = [post for runner in self.host.runners for post in runner.heats]
@@ -143,12 +156,6 @@ class Pair:
         if device.reading(Role.SKIN_CONTACT_TEMPERATURE) is not None:
             return self.ticks
         return _SURFACE_TICKS if device.command(Role.SURFACE_POSE) is not None else _OTHER_TICKS
-
-    def _box(self, name: str) -> Box:
-        device = next(runner for runner in self.host.runners if runner.model.name == name).device
-        inner = device.device if isinstance(device, ThreadedDevice) else device
-        box: Box = inner.box  # type: ignore[union-attr]
-        return box
 
     def _take_into_step(self) -> None:
         """Let each device exchange in the tick itself."""
