@@ -76,7 +76,9 @@ class Module:
         return lines - docs
 
     def imported(self, names: Iterable[str], deferred: bool = True) -> set[str]:
-        """Return the modules that this one imports.
+        """Return the modules that this one imports, with the packages that Python runs on the way to them.
+
+        The packages that the module itself lies in are left out: they have begun before it.
 
         Parameters
         ----------
@@ -96,7 +98,9 @@ class Module:
             elif isinstance(node, ast.ImportFrom):
                 base = self._absolute(node)
                 found |= {_longest(f"{base}.{alias.name}", known) for alias in node.names}
-        return found - {"", self.name}
+        own = {self.name, *_packages(self.name)}
+        on_the_way = {above for name in found for above in _packages(name) if above in known}
+        return (found | (on_the_way - own)) - {"", self.name}
 
     def _statements(self) -> Iterator[tuple[int, str]]:
         """Yield line and text of each import: a whole syntax tree of every file would take ten times as long."""
@@ -115,6 +119,12 @@ class Module:
         parts = self.name.split(".") if self.is_package else self.name.split(".")[:-1]
         up = parts[: len(parts) - (node.level - 1)] if node.level else []
         return ".".join([*up, *([node.module] if node.module else [])])
+
+
+def _packages(name: str) -> list[str]:
+    """Return the packages that a module lies in, by their dotted names."""
+    parts = name.split(".")
+    return [".".join(parts[:count]) for count in range(1, len(parts))]
 
 
 def _longest(name: str, known: set[str]) -> str:

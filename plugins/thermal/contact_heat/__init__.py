@@ -11,15 +11,16 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from contact_heat.batch import BatchSolution, LockStep, solve_many
+    from contact_heat.contact import Contact
     from contact_heat.exact import ContactSolution, solve
-    from contact_heat.layers import Back, Contact, Film, Initial, Layer, Probe, Side
+    from contact_heat.layers import Back, Film, Initial, Layer, Probe, Side
     from contact_heat.stepper import Stepper
 
 #: Public name -> its module, imported when it is first used: most compile.
 _HOMES = {
     "Back": "layers",
     "BatchSolution": "batch",
-    "Contact": "layers",
+    "Contact": "contact",
     "ContactSolution": "exact",
     "Film": "layers",
     "Initial": "layers",

@@ -18,11 +18,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from contact_heat.casefile import check_times
+from contact_heat.contact import Contact
 from contact_heat.contour import Complex
 from contact_heat.exact import NO_DRIVE, start_numbers
 from contact_heat.hosting import nogil_kernel
 from contact_heat.laplace import NODES, combine, side_table, warmed_table
-from contact_heat.layers import Contact, Side
+from contact_heat.layers import Side
 from contact_heat.stack import Array, imbalance, stack_of
 from contact_heat.stepper import Stepper
 

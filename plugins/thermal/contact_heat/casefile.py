@@ -1,6 +1,7 @@
 """Case files: a contact problem as JSON with closed keys, temperatures in degC, everything else SI.
 
-Short keys (``L, k, rho, c, w, T, h``) stand for the fields of the classes in `layers`; an unknown key is an error.
+Short keys (``L, k, rho, c, w, T, h``) stand for the fields of the classes in `layers` and `contact`; an
+unknown key is an error.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from contact_heat.layers import Back, Contact, Film, Initial, Layer, Probe, Side
+from contact_heat.layers import Back, Film, Initial, Layer, Probe, Side
 
 #: 0 degC in kelvin.
 CELSIUS = 273.15
@@ -35,28 +36,24 @@ _TIMES = ("from", "to", "per_decade", "at")
 _PROBE = ("name", "side", "depth", "what")
 
 
-def read_case(path: str | Path) -> Contact:
-    """Read a case file.
+def read_file(path: str | Path) -> Any:
+    """Return what a JSON file holds.
 
     Raises
     ------
     ValueError
-        Naming the file, the field, what was given and what is allowed.
+        If it holds no JSON; the message names the file.
     OSError
         If the file can't be read.
     """
     try:
-        data = json.loads(Path(path).read_text(encoding="utf-8"))
+        return json.loads(Path(path).read_text(encoding="utf-8"))
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
         raise ValueError(f"{path}: not JSON: {error}") from None
-    try:
-        return case_of(data)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
 
 
-def case_of(data: Any) -> Contact:
-    """Turn the content of a case file into a contact.
+def fields_of(data: Any) -> dict[str, Any]:
+    """Return the content of a case file as the fields of a contact.
 
     Raises
     ------
@@ -67,14 +64,16 @@ def case_of(data: Any) -> Contact:
     note = case.get("note", "")
     if not isinstance(note, str):
         raise ValueError(f"note = {note!r} is not text")
-    return Contact(
-        _side("finger", case["finger"]),
-        _side("object", case["object"]),
-        _number("Rth", case["Rth"]),
-        tuple(_probe(f"probes[{n}]", probe) for n, probe in enumerate(_list("probes", case.get("probes", [])))),
-        _times(case["times"]) if "times" in case else (),
-        note,
-    )
+    return {
+        "finger": _side("finger", case["finger"]),
+        "object": _side("object", case["object"]),
+        "resistance": _number("Rth", case["Rth"]),
+        "probes": tuple(
+            _probe(f"probes[{n}]", probe) for n, probe in enumerate(_list("probes", case.get("probes", [])))
+        ),
+        "times": _times(case["times"]) if "times" in case else (),
+        "note": note,
+    }
 
 
 def check_times(times: Sequence[float] | np.ndarray[Any, np.dtype[np.float64]]) -> None:
@@ -92,18 +91,6 @@ def check_times(times: Sequence[float] | np.ndarray[Any, np.dtype[np.float64]]) 
         if time <= before:
             raise ValueError(f"times[{n}] = {float(time)!r} is not above the one before: times must ascend")
         before = time
-
-
-def case_data(contact: Contact) -> dict[str, Any]:
-    """Return what a case file of a contact holds; reading it gives the contact again to rounding of degC."""
-    data: dict[str, Any] = {"note": contact.note} if contact.note else {}
-    data["finger"], data["object"] = _side_data(contact.finger), _side_data(contact.object)
-    data["Rth"] = contact.resistance
-    if contact.probes:
-        data["probes"] = [{key: getattr(probe, key) for key in _PROBE} for probe in contact.probes]
-    if contact.times:
-        data["times"] = {"at": list(contact.times)}
-    return data
 
 
 def _side(where: str, data: Any) -> Side:
@@ -201,7 +188,8 @@ def _number(where: str, data: Any) -> float:
     return float(data)
 
 
-def _side_data(side: Side) -> dict[str, Any]:
+def side_data(side: Side) -> dict[str, Any]:
+    """Return what a case file holds of a side."""
     data: dict[str, Any] = {"layers": [_value_data(layer, _LAYER) for layer in side.layers]}
     if side.arterial is not None:
         data["T_art"] = side.arterial - CELSIUS
@@ -210,6 +198,11 @@ def _side_data(side: Side) -> dict[str, Any]:
         if value is not None:
             data[key] = _value_data(value, keys)
     return data
+
+
+def probe_data(probe: Probe) -> dict[str, Any]:
+    """Return what a case file holds of a probe."""
+    return {key: getattr(probe, key) for key in _PROBE}
 
 
 def _value_data(value: object, keys: Mapping[str, str]) -> dict[str, Any]:

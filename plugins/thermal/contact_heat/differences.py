@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from contact_heat.casefile import check_times
-from contact_heat.layers import Contact, Side, SideName
+from contact_heat.contact import Contact
+from contact_heat.layers import Side, SideName
 from contact_heat.splitting import Chain, first_problem, march
 from contact_heat.stack import Array, stack_of
 from contact_heat.steady import initial_profile

@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from contact_heat.casefile import check_times
+from contact_heat.contact import Contact
 from contact_heat.contour import Complex, Z
 from contact_heat.fields import Waves, waves
 from contact_heat.laplace import NODES, STEP, combine, side_table, warmed_table
-from contact_heat.layers import Contact, Side, SideName
+from contact_heat.layers import Side, SideName
 from contact_heat.stack import Array, imbalance, stack_of
 from contact_heat.steady import initial_profile
 

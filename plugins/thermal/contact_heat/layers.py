@@ -1,4 +1,4 @@
-"""The contact problem as frozen values: layers, back, initial state, film, the two sides, the contact.
+"""The sides of a contact as frozen values: layers, back, initial state, film, and what is asked of them.
 
 The same classes are the XML grammar, the Python interface and the case file.
 """
@@ -6,7 +6,6 @@ The same classes are the XML grammar, the Python interface and the case file.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import ClassVar, Literal
 
 from contact_heat import declared
@@ -69,7 +68,7 @@ class Back:
     def __post_init__(self) -> None:
         declared.validate(self)
         wanted = {"temperature": ("temperature",), "convection": ("temperature", "coefficient"), "insulated": ()}
-        _check_choice("back", self.kind, tuple(wanted))
+        check_choice("back", self.kind, tuple(wanted))
         _check_given(self, "back", self.kind, wanted[self.kind], ("temperature", "coefficient"))
 
 
@@ -91,7 +90,7 @@ class Initial:
 
     def __post_init__(self) -> None:
         declared.validate(self)
-        _check_choice("initial", self.kind, ("uniform", "steady"))
+        check_choice("initial", self.kind, ("uniform", "steady"))
         if self.kind == "uniform":
             _check_given(self, "initial", "uniform", ("temperature",), ("coefficient", "ambient", "surface"))
         elif self.temperature is not None:
@@ -159,58 +158,20 @@ class Probe:
     what: Literal["T", "j"] = "T"
 
     def __post_init__(self) -> None:
-        _check_choice("probes.side", self.side, ("finger", "object"))
-        _check_choice("probes.what", self.what, ("T", "j"))
+        check_choice("probes.side", self.side, ("finger", "object"))
+        check_choice("probes.what", self.what, ("T", "j"))
         if not (isinstance(self.depth, (int, float)) and 0.0 <= self.depth < float("inf")):
             raise ValueError(f"probes.depth = {self.depth!r} is out of range: 0 m to the depth of the side")
 
 
-@dataclass(frozen=True, slots=True)
-class Contact:
-    """A finger side set on an object side at t = 0 through a contact resistance [K m2/W]."""
-
-    finger: Side
-    object: Side
-    resistance: float = 2e-3
-    probes: tuple[Probe, ...] = ()
-    times: tuple[float, ...] = ()
-    note: str = ""
-
-    def __post_init__(self) -> None:
-        check_resistance(self.resistance)
-        for probe in self.probes:
-            if probe.depth > self.side(probe.side).depth:
-                raise ValueError(
-                    f"probes.depth = {probe.depth!r} is out of range: 0 to {self.side(probe.side).depth:g} m "
-                    f"on the {probe.side}"
-                )
-
-    def side(self, name: SideName) -> Side:
-        """Return the side called ``finger`` or ``object``."""
-        _check_choice("side", name, ("finger", "object"))
-        return self.finger if name == "finger" else self.object
-
-    @staticmethod
-    def from_json(path: str | Path) -> Contact:
-        """Read a case file; see `contact_heat.casefile`."""
-        from contact_heat.casefile import read_case
-
-        return read_case(path)
-
-
-def check_resistance(resistance: float) -> None:
-    """Refuse a contact resistance outside 0 to 1e6 K m2/W.
+def check_choice(field: str, given: str, allowed: tuple[str, ...]) -> None:
+    """Refuse a word that is not among those allowed.
 
     Raises
     ------
     ValueError
-        Naming the range.
+        Naming the field and the words.
     """
-    if not (isinstance(resistance, (int, float)) and 0.0 <= resistance <= 1e6):
-        raise ValueError(f"resistance (Rth) = {resistance!r} is out of range: 0 to 1e+06 K m2/W")
-
-
-def _check_choice(field: str, given: str, allowed: tuple[str, ...]) -> None:
     if given not in allowed:
         raise ValueError(f"{field} = {given!r} is unknown; allowed: {', '.join(allowed)}")
 

@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 
 from contact_heat.batch import LockStep, solve_many
+from contact_heat.contact import Contact
 from contact_heat.contour import talbot
 from contact_heat.differences import solve_differences
 from contact_heat.energy import energy_balance
 from contact_heat.exact import side_waves, solve_exactly, start_numbers
-from contact_heat.layers import Contact, Initial, Layer
+from contact_heat.layers import Initial, Layer
 from contact_heat.modes import solved_modes
 from contact_heat.packing import cached_side_model, pair_of
 from contact_heat.peers import method_of_lines

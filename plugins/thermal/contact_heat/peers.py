@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from contact_heat.contact import Contact
 from contact_heat.differences import chain_of
-from contact_heat.layers import Contact
 from contact_heat.splitting import Chain
 from contact_heat.stack import Array
 

@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from contact_heat.layers import check_resistance
+from contact_heat.contact import check_resistance
 
 #: Contact resistance of a light touch [K m2/W].
 DEFAULT_RESISTANCE = 2e-3

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from contact_heat.layers import Back, Contact, Initial, Layer, Side
+from contact_heat.contact import Contact
+from contact_heat.layers import Back, Initial, Layer, Side
 
 _ROOM, _BLOOD = 296.15, 310.15
 

@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 from contact_heat import live
 from contact_heat.blas import one_thread
 from contact_heat.closed import ClosedLoop, close_loop
-from contact_heat.layers import Contact, Side, SideName
+from contact_heat.contact import Contact
+from contact_heat.layers import Side, SideName
 from contact_heat.modes import Modes, side_modes
 from contact_heat.packing import HEAT, PHASE, RESISTANCE, TAIL, pair_of
 from contact_heat.pairs import BASE, CLOSED, COUNT, MEMORY, advance_pair, enter_loop, leave_loop

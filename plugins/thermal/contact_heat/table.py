@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from contact_heat.casefile import CELSIUS
-from contact_heat.layers import Contact
+from contact_heat.contact import Contact
 from contact_heat.stack import Array
 
 if TYPE_CHECKING:

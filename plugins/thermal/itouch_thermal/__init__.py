@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Any
 import itouch_thermal.hosting  # noqa: F401  - before the solver is imported
 
 # isort: split
-from contact_heat.layers import Back, Contact, Film, Initial, Layer, Probe, Side
-from itouch_thermal.display import ThermalDisplay
-from itouch_thermal.flux import FluxControl
+from contact_heat.contact import Contact
+from contact_heat.layers import Back, Film, Initial, Layer, Probe, Side
+from itouch_thermal.display.device import ThermalDisplay
+from itouch_thermal.flux.modality import FluxControl
 from itouch_thermal.heat import Heat
 
 if TYPE_CHECKING:

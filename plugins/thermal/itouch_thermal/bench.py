@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from contact_heat.layers import Contact
+    from contact_heat.contact import Contact
     from contact_heat.measure import Row
 
 
@@ -66,10 +66,10 @@ def _rows(options: argparse.Namespace, *, peers: bool) -> Iterator[Row]:
 
 def _cases(path: str | None) -> dict[str, Contact]:
     """Return the stated cases: the finger in air at 23 degC that touches 20 mm blocks."""
-    from contact_heat.casefile import read_case
+    from contact_heat.contact import Contact
     from contact_heat.stated import stated_cases
 
-    return stated_cases() if path is None else {Path(path).stem: read_case(path)}
+    return stated_cases() if path is None else {Path(path).stem: Contact.from_json(path)}
 
 
 def _line(row: Row) -> str:

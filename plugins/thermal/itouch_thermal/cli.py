@@ -17,7 +17,7 @@ from itouch_thermal.cli_line import add_display
 _UNITS = {"": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0, "h": 3600.0}
 
 if TYPE_CHECKING:
-    from contact_heat.layers import Contact
+    from contact_heat.contact import Contact
     from contact_heat.table import Table
 
 
@@ -69,13 +69,13 @@ def _parser() -> argparse.ArgumentParser:
 def _solve(options: argparse.Namespace) -> None:
     """Solve a contact case; columns t, j, T_skin, T_object, Q and the probes; s, W/m2, degC, J/m2."""
     from contact_heat import table
-    from contact_heat.casefile import read_case
+    from contact_heat.contact import Contact
 
     if options.live and options.method == "paper":
         raise ValueError("--live steps the exact model; it does not go with --method paper")
     if options.output is not None and Path(options.output).suffix not in (".csv", ".png"):
         raise ValueError(f"output '{options.output}': the name must end in .csv or .png")
-    contact = read_case(options.case)
+    contact = Contact.from_json(options.case)
     times = _times(options, contact)
     if options.live:
         found = table.live_table(contact, times, _seconds(options.period))

@@ -93,7 +93,7 @@ def _record_flux(options: argparse.Namespace) -> None:
 
 def _switching(options: argparse.Namespace) -> None:
     """Print the least time of a switch between any two materials of a scene, the driver's delay included."""
-    from itouch_thermal.flux import FluxControl
+    from itouch_thermal.flux.modality import FluxControl
     from itouch_thermal.flux.telling import switches
 
     session = import_module("itouch").build(options.scene, rig=options.rig)

@@ -19,8 +19,9 @@ from contact_heat.resistance import SPREAD, ResistanceLaw, contact_area
 from itouch.plugin import Bound, ContactEvent, Field, Modality, Record, Role, World, schema
 from itouch.plugin import Contact as ContactKind
 from itouch_thermal.boundary import Exchange, beyond
+from itouch_thermal.flux.object_curves import played_curves
 from itouch_thermal.laws import KINDS, ForceLaw, check_laws, law_of, press_factor
-from itouch_thermal.played import Playing, played_curves
+from itouch_thermal.played import Playing
 
 if TYPE_CHECKING:
     from itouch_thermal.exchange import Contact, Given, Kept, Skin

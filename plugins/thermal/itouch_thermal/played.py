@@ -2,33 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
 from contact_heat.collocation import STAGES, points, quadrature
 from contact_heat.packing import DECAY, DRIVE, HEAD, HEAT, PERIOD, PHASE, SIZE, TAIL
-from itouch.plugin import World
-
-if TYPE_CHECKING:
-    from itouch_thermal.flux.curve import Curve
+from itouch_thermal.flux.curve import Curve
 
 Array = NDArray[np.float64]
-
-
-def played_curves(name: str, world: World) -> tuple[Curve | None, ...]:
-    """Return the recorded curve that is played for each object in place of what modality ``name`` computes, or None."""
-    from itouch_thermal.flux.desire import curves_of  # the controller knows of the heat, not the heat of it
-    from itouch_thermal.flux.flux_control_params import FluxControlParams
-
-    for params in world.modalities.values():
-        if isinstance(params, FluxControlParams) and params.desired_from == name and params.target == "file":
-            try:
-                return curves_of(params, world)
-            except ValueError:
-                break  # the controller itself says so, at its place
-    return (None,) * len(world.objects)
 
 
 def flux_step(model: Array, state: Array, before: float, after: float) -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
-from itouch_thermal.flux import FluxControl
+from itouch_thermal.flux.modality import FluxControl
 from itouch_thermal.heat import Heat
 
 #: What can be recorded: the flux out of the finger, the reading of the display's sensor, or the flux that is desired.

@@ -5,7 +5,7 @@ import json
 import heat_cases
 import pytest
 
-from contact_heat.casefile import case_data, case_of
+from contact_heat.contact import case_data, case_of
 from contact_heat.resistance import (
     DEFAULT_RESISTANCE,
     ConstantResistance,

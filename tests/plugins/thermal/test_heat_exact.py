@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contact_heat import analytic
-from contact_heat.casefile import CELSIUS, case_of
+from contact_heat.casefile import CELSIUS
+from contact_heat.contact import case_of
 from contact_heat.energy import energy_balance
 from contact_heat.exact import imbalance
 from contact_heat.steady import initial_profile

@@ -6,8 +6,9 @@ import pytest
 from campaign import seeds
 
 from contact_heat import live
-from contact_heat.casefile import CELSIUS, case_of
+from contact_heat.casefile import CELSIUS
 from contact_heat.closed import close_loop
+from contact_heat.contact import case_of
 from contact_heat.fields import waves
 from contact_heat.measure import changing, fine, relative_error
 from contact_heat.modes import side_modes

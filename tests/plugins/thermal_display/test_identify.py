@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import itouch
+from contact_heat.contact import Contact
 from contact_heat.exact import solve
-from contact_heat.layers import Contact
 from itouch_thermal import bench_identify
 from itouch_thermal.film.film_params import FilmParams
 from itouch_thermal.heat import finger_side

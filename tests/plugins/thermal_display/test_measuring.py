@@ -7,7 +7,7 @@ import pytest
 from shipped import SCENES
 
 import itouch
-from contact_heat.layers import Contact
+from contact_heat.contact import Contact
 from contact_heat.stepper import Stepper
 from itouch_thermal.display.column import Array
 from itouch_thermal.film.film_params import FilmParams

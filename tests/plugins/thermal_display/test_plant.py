@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
-from contact_heat.layers import Back, Contact, Initial, Side
+from contact_heat.contact import Contact
+from contact_heat.layers import Back, Initial, Side
 from contact_heat.stepper import Stepper
 from itouch.plugin import Field, Record, TwinInputs
 from itouch_thermal.display import DisplayParams, Mismatch
 from itouch_thermal.display import plant as at
 from itouch_thermal.display.column import plate_capacity, tissue_side
-from itouch_thermal.display.device import DisplayTwin
+from itouch_thermal.display.display_twin import DisplayTwin
 from itouch_thermal.display.peltier import Module, current_for, dew_point, pumped_heat
 from itouch_thermal.flux.law import ModelLaw
 from itouch_thermal.flux.observer import M_PART

@@ -12,7 +12,8 @@ from itouch.plugin import Field, Record, TwinInputs
 from itouch_thermal.chip.pins import INPUTS, at_pins
 from itouch_thermal.chip.program import Built, built, config
 from itouch_thermal.chip.simulated import Chip, Run
-from itouch_thermal.display.device import DisplayTwin, ThermalDisplay
+from itouch_thermal.display.device import ThermalDisplay
+from itouch_thermal.display.display_twin import DisplayTwin
 from itouch_thermal.display.params import DisplayParams
 from itouch_thermal.display.plant import PUMP, SINK
 

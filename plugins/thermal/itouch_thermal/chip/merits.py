@@ -15,7 +15,8 @@ from itouch_thermal.chip.display import REFERENCE, SimulatedDisplay
 from itouch_thermal.chip.host import SimulatedHost
 from itouch_thermal.chip.pins import KELVIN
 from itouch_thermal.chip.program import built, config
-from itouch_thermal.display.device import DisplayTwin, ThermalDisplay
+from itouch_thermal.display.device import ThermalDisplay
+from itouch_thermal.display.display_twin import DisplayTwin
 from itouch_thermal.display.params import DisplayParams
 
 #: What is promised: step of the mean flux [W/m2], size of program and memory [bytes] of an ATmega328P.

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.plugin import Field, Fit, Fitted, Record, TwinInputs, line_through
+from itouch_thermal.display.channels import channels
+from itouch_thermal.display.display_twin import DisplayTwin
 
 Array = NDArray[np.float64]
 #: Parameters of the module that a step shows, the part by which they are varied, and how often the fit is improved.
@@ -96,12 +98,10 @@ def _doubts(params: Any, values: Mapping[str, float], residual: float, swing: fl
 
 def _simulate(params: Any, times: Array, currents: Array, begin: float) -> Array:
     """Return the plate's and the sink's readings of the twin at these times [K], shape (2 n,)."""
-    from itouch_thermal.display.device import DisplayTwin, ThermalDisplay
-
     quiet = replace(params, plate_noise=0.0, sink_noise=0.0, flux_noise=0.0, skin_noise=0.0)
     twin = DisplayTwin(quiet)
     twin.set_environment(begin, None)
-    reads, commands = ThermalDisplay.channels(quiet)
+    reads, commands = channels(quiet)
     state = Record.of(twin.fields())
     reading, command = (Record.of(Field.of(c) for c in side) for side in (reads, commands))
     twin.reset(state, np.random.default_rng(0))

@@ -1,4 +1,4 @@
-"""What flux is desired, now and in the time to come: computed by another modality, or played from a recorded curve."""
+"""What a recorded curve asks of the skin, and the start temperature from which the display can follow it."""
 
 from __future__ import annotations
 
@@ -6,50 +6,13 @@ import math
 
 import numpy as np
 
-from itouch.plugin import ParameterError, World
 from itouch_thermal.display.column import F_BEGIN, F_DECAY, F_END, F_PORT, Array, Column
-from itouch_thermal.flux.curve import LARGEST_FILE, Curve, decode_curve
-from itouch_thermal.flux.flux_control_params import FluxControlParams
+from itouch_thermal.flux.curve import Curve
 from itouch_thermal.flux.law import ModelLaw
 from itouch_thermal.flux.preview import rising
 from itouch_thermal.flux.start import Touched, Trial, start_temperature
 from itouch_thermal.heat import HeatParams
 from itouch_thermal.laws import press_factor
-
-
-def curves_of(params: FluxControlParams, world: World) -> tuple[Curve | None, ...]:
-    """Return the recorded curve of each object, None for those that have none.
-
-    Raises
-    ------
-    ValueError
-        If a file can't be read, or an object has neither a curve nor a modality that computes its flux.
-    """
-    if params.target != "file":
-        return (None,) * len(world.objects)
-    read: dict[str, Curve] = {}
-    files = {curve.material: curve.file for curve in params.curves}
-    for curve in params.curves:
-        read[curve.file] = _read(world, curve.file, f"curve of '{curve.material}': ")
-    if params.file:
-        read[params.file] = _read(world, params.file, "")
-    found: list[Curve | None] = []
-    for element in world.objects:
-        name = files.get(element.material_name, params.file)
-        if not name and not params.desired_from:
-            raise ValueError(
-                f"object '{element.name}' of '{element.material_name}' has no flux curve: give 'file', a <curve>, or "
-                "'desired-from'"
-            )
-        found.append(read[name] if name else None)
-    return tuple(found)
-
-
-def _read(world: World, name: str, what: str) -> Curve:
-    try:
-        return decode_curve(world.read(name, LARGEST_FILE), name)
-    except ValueError as error:
-        raise ParameterError("file", f"{what}{error}") from error
 
 
 def skin_under(column: Column, finger: Array, flux: Array) -> Array:

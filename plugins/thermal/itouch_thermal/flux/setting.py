@@ -15,10 +15,11 @@ from itouch_thermal.display.column import REACH, Array, Column, column
 from itouch_thermal.display.params import DisplayParams
 from itouch_thermal.flux.condensation import dew_of, driest
 from itouch_thermal.flux.curve import Curve
-from itouch_thermal.flux.desire import curves_of, start_for_curve
+from itouch_thermal.flux.desire import start_for_curve
 from itouch_thermal.flux.flux_control_params import FluxControlParams
 from itouch_thermal.flux.law import DEADBEAT, Coming, ModelLaw
 from itouch_thermal.flux.names import Names, driven
+from itouch_thermal.flux.object_curves import curves_of
 from itouch_thermal.flux.preview import SKIN_STEP, Preview, preview
 from itouch_thermal.flux.start import equation_three, outer_effusivity, within
 from itouch_thermal.heat import FINGER, HeatParams, ThermalMaterial

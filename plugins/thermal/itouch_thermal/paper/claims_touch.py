@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from contact_heat.layers import Contact
+from contact_heat.contact import Contact
 from itouch_thermal.display.column import Array
 from itouch_thermal.heat import FINGER
 from itouch_thermal.paper.claim import Check, Claim, Maker, over

@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contact_heat.layers import Back, Contact, Initial, Side
+from contact_heat.contact import Contact
+from contact_heat.layers import Back, Initial, Side
 from itouch_thermal.display.column import Array
 from itouch_thermal.display.params import ALUMINA, FILM, DisplayParams
 from itouch_thermal.flux.start import equation_three, within

@@ -8,10 +8,11 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 
-from contact_heat.layers import Contact
+from contact_heat.contact import Contact
 from itouch.plugin import Field, Record, TwinInputs
 from itouch_thermal.display.column import Array
-from itouch_thermal.display.device import DisplayTwin, ThermalDisplay
+from itouch_thermal.display.device import ThermalDisplay
+from itouch_thermal.display.display_twin import DisplayTwin
 from itouch_thermal.flux.curve import Curve
 from itouch_thermal.paper.setup import Measured, Setup, lagged, measure, sample, touch
 from itouch_thermal.paper.setup import finger as nominal_finger

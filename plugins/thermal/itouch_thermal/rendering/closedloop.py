@@ -9,7 +9,8 @@ import numpy as np
 
 from itouch.plugin import Field, Record, TwinInputs
 from itouch_thermal.display.column import Array, plate_capacity
-from itouch_thermal.display.device import DisplayTwin, ThermalDisplay
+from itouch_thermal.display.device import ThermalDisplay
+from itouch_thermal.display.display_twin import DisplayTwin
 from itouch_thermal.display.params import DisplayParams, Mismatch
 from itouch_thermal.display.peltier import current_for
 from itouch_thermal.flux.law import Coming, ModelLaw

@@ -18,7 +18,7 @@ from contact_heat.layers import Layer
 from contact_heat.steady import initial_profile
 from itouch.plugin import Field, Record, TwinInputs
 from itouch_thermal.display.column import Array, tissue_side
-from itouch_thermal.display.device import DisplayTwin
+from itouch_thermal.display.display_twin import DisplayTwin
 from itouch_thermal.display.params import ALUMINA, FILM, DisplayParams
 from itouch_thermal.heat import FINGER
 

@@ -19,7 +19,8 @@ from itouch_thermal.display.column import (
     column,
     plate_capacity,
 )
-from itouch_thermal.display.device import DisplayTwin, ThermalDisplay
+from itouch_thermal.display.device import ThermalDisplay
+from itouch_thermal.display.display_twin import DisplayTwin
 from itouch_thermal.display.params import DisplayParams, Mismatch
 from itouch_thermal.display.peltier import current_for, pumped_heat
 from itouch_thermal.display.switching import CLOSE

@@ -1,0 +1,88 @@
+"""The contact problem: two sides, the resistance between them and what is asked of it, built or read from a file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from contact_heat import casefile
+from contact_heat.layers import Probe, Side, SideName, check_choice
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """A finger side set on an object side at t = 0 through a contact resistance [K m2/W]."""
+
+    finger: Side
+    object: Side
+    resistance: float = 2e-3
+    probes: tuple[Probe, ...] = ()
+    times: tuple[float, ...] = ()
+    note: str = ""
+
+    def __post_init__(self) -> None:
+        check_resistance(self.resistance)
+        for probe in self.probes:
+            if probe.depth > self.side(probe.side).depth:
+                raise ValueError(
+                    f"probes.depth = {probe.depth!r} is out of range: 0 to {self.side(probe.side).depth:g} m "
+                    f"on the {probe.side}"
+                )
+
+    def side(self, name: SideName) -> Side:
+        """Return the side called ``finger`` or ``object``."""
+        check_choice("side", name, ("finger", "object"))
+        return self.finger if name == "finger" else self.object
+
+    @staticmethod
+    def from_json(path: str | Path) -> Contact:
+        """Read a case file; see `contact_heat.casefile`.
+
+        Raises
+        ------
+        ValueError
+            Naming the file, the field, what was given and what is allowed.
+        OSError
+            If the file can't be read.
+        """
+        data = casefile.read_file(path)
+        try:
+            return case_of(data)
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from None
+
+
+def case_of(data: Any) -> Contact:
+    """Turn the content of a case file into a contact.
+
+    Raises
+    ------
+    ValueError
+        Naming the field, what was given and what is allowed.
+    """
+    return Contact(**casefile.fields_of(data))
+
+
+def case_data(contact: Contact) -> dict[str, Any]:
+    """Return what a case file of a contact holds; reading it gives the contact again to rounding of degC."""
+    data: dict[str, Any] = {"note": contact.note} if contact.note else {}
+    data["finger"], data["object"] = casefile.side_data(contact.finger), casefile.side_data(contact.object)
+    data["Rth"] = contact.resistance
+    if contact.probes:
+        data["probes"] = [casefile.probe_data(probe) for probe in contact.probes]
+    if contact.times:
+        data["times"] = {"at": list(contact.times)}
+    return data
+
+
+def check_resistance(resistance: float) -> None:
+    """Refuse a contact resistance outside 0 to 1e6 K m2/W.
+
+    Raises
+    ------
+    ValueError
+        Naming the range.
+    """
+    if not (isinstance(resistance, (int, float)) and 0.0 <= resistance <= 1e6):
+        raise ValueError(f"resistance (Rth) = {resistance!r} is out of range: 0 to 1e+06 K m2/W")
