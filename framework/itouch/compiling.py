@@ -29,6 +29,7 @@ from itouch import caches, shipped
 from itouch.fingerprint import fingerprint
 
 shipped.choose_processor()
+shipped.confirm_processor()
 
 from numba import njit  # noqa: E402  - it reads the kind of processor when it is imported
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, _CacheLocator  # noqa: E402

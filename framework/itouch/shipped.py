@@ -20,15 +20,39 @@ FOLDER = Path(__file__).parent / "compiled"
 MANIFEST = "manifest.json"
 #: While kernels are compiled to be shipped: the folder that they are written to.
 MAKING = "ITOUCH_SHIP_KERNELS"
-#: What a processor must have for what is compiled for x86-64-v3, by the names of /proc/cpuinfo.
-V3 = frozenset(("avx", "avx2", "bmi1", "bmi2", "f16c", "fma", "abm", "movbe", "xsave"))
+#: What a processor must have for what is compiled for x86-64-v3, by the names of /proc/cpuinfo, and by those of LLVM.
+NAMES = {
+    "avx": "avx", "avx2": "avx2", "bmi1": "bmi", "bmi2": "bmi2", "f16c": "f16c", "fma": "fma", "abm": "lzcnt",
+    "movbe": "movbe", "xsave": "xsave",
+}  # fmt: skip
+V3 = frozenset(NAMES)
 BASELINE = "x86-64-v3"
+#: What the processor itself says that it lacks, though the system says otherwise.
+_lacking: frozenset[str] = frozenset()
 
 
 def choose_processor() -> None:
     """Let Numba compile for the kind of processor of the shipped kernels, if they fit; before Numba is imported."""
     if fits() and "NUMBA_CPU_NAME" not in os.environ and "NUMBA_CPU_FEATURES" not in os.environ:
         os.environ["NUMBA_CPU_NAME"], os.environ["NUMBA_CPU_FEATURES"] = BASELINE, ""
+
+
+def confirm_processor() -> None:
+    """Ask the processor itself, too, and take the choice back if it lacks something; before kernels are compiled.
+
+    An emulator passes on what the system tells of the machine below it.  LLVM asks the processor, but is slow to load:
+    where kernels are made it has to be there anyway.
+    """
+    if not fits() or not (lacks := V3 - asked_flags()):
+        return
+    global _lacking
+    _lacking = lacks
+    fits.cache_clear()
+    why_not.cache_clear()
+    if os.environ.get("NUMBA_CPU_NAME") == BASELINE:
+        del os.environ["NUMBA_CPU_NAME"], os.environ["NUMBA_CPU_FEATURES"]
+    if "numba" in sys.modules:  # a plugin may have been first
+        sys.modules["numba"].config.reload_config()
 
 
 @cache
@@ -53,7 +77,7 @@ def why_not() -> str:
         return f"they were made with {'; '.join(differs)}"
     if sys.platform != "win32" and (status.st_uid not in (0, os.geteuid()) or status.st_mode & 0o022):
         return f"others can write '{FOLDER}'"
-    lacks = sorted(V3 - processor_flags())
+    lacks = sorted(_lacking or V3 - processor_flags())
     return f"this processor has no {', '.join(lacks)}" if lacks else ""
 
 
@@ -74,6 +98,17 @@ def processor_flags() -> frozenset[str]:
         return frozenset()
     return next((frozenset(line.split(":")[1].split()) for line in text.splitlines() if line.startswith("flags")),
                 frozenset())  # fmt: skip
+
+
+def asked_flags() -> frozenset[str]:
+    """Return what the processor itself says it can do of what is needed, by the names of /proc/cpuinfo."""
+    from llvmlite.binding import get_host_cpu_features
+
+    try:
+        found = get_host_cpu_features()
+    except RuntimeError:  # LLVM does not know it
+        return frozenset()
+    return frozenset(name for name, of_llvm in NAMES.items() if found.get(of_llvm))
 
 
 def sound(path: Path) -> bool:

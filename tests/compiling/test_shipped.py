@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -21,12 +22,16 @@ def outer(x):
     return {factor} * x + 1.0
 """
 RUN = """
+import os
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from itouch import shipped
 if sys.argv[1] != "make":
     shipped.FOLDER = Path(sys.argv[2])
-    shipped.processor_flags = lambda: shipped.V3 - frozenset(sys.argv[3:])
+    shipped.processor_flags = lambda: shipped.V3 - {os.environ.get("SYSTEM_LACKS")}
+    if os.environ.get("PROCESSOR_LACKS") != "what it says":
+        shipped.asked_flags = lambda: shipped.V3 - {os.environ.get("PROCESSOR_LACKS")}
 import kernels
 print(kernels.outer(2.0), sum(kernels.outer.stats.cache_hits.values()))
 if sys.argv[1] == "make":
@@ -34,13 +39,18 @@ if sys.argv[1] == "make":
 """
 
 
-def run(folder: Path, *words: str, kept: str = "kept", **more: str) -> tuple[float, int]:
+def run(folder: Path, *words: str, kept: str = "kept", command: Sequence[str] = (), **more: str) -> tuple[float, int]:
     """Return what the kernel gives, and how often it was loaded instead of compiled."""
     plain = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")}
     environment = {**plain, "NUMBA_CACHE_DIR": str(folder / kept), "PYTHONDONTWRITEBYTECODE": "1", **more}
     words = (words[0], str(folder / "compiled"), *words[1:])
     done = subprocess.run(
-        [sys.executable, "-c", RUN, *words], cwd=folder, env=environment, capture_output=True, text=True, check=False
+        [*command, sys.executable, "-c", RUN, *words],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
     value, hits = done.stdout.split()
@@ -92,7 +102,28 @@ def test_a_file_that_is_not_the_one_that_was_shipped_is_not_read(program: Path, 
 
 
 def test_a_processor_that_lacks_something_compiles_for_itself(program: Path) -> None:
-    assert run(program, "use", "avx2") == (5.0, 0)
+    assert run(program, "use", SYSTEM_LACKS="avx2") == (5.0, 0)
+
+
+def test_a_processor_that_lacks_what_the_system_says_it_has_compiles_for_itself(program: Path) -> None:
+    """An emulator passes on what the system says of the machine below it."""
+    assert run(program, "use", PROCESSOR_LACKS="fma", kept="another") == (5.0, 0)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("model", "hits"),
+    [("Haswell", 1), ("Skylake-Client", 1), ("EPYC-Rome", 1), ("SandyBridge", 0), ("IvyBridge", 0), ("Opteron_G5", 0)],
+)
+def test_on_emulated_processors(program: Path, model: str, hits: int) -> None:
+    """What was compiled on this machine is loaded on another model, or compiled there if that one is too old for it."""
+    emulator = shutil.which("qemu-x86_64")
+    if emulator is None:
+        pytest.skip("apt install qemu-user")
+    assert run(program, "use", PROCESSOR_LACKS="what it says", kept=model, command=(emulator, "-cpu", model)) == (
+        5.0,
+        hits,
+    )
 
 
 def test_a_folder_that_others_can_write_is_not_used(program: Path) -> None:
