@@ -16,6 +16,7 @@ import itouch
 Floats = NDArray[np.float64]
 
 RADIUS = 8.0  # of the finger [mm]
+HIGHEST = 45.0  # up to which the table brings its plate, and a little more [mm]
 PAD, PAD_DAMPING = 1e3, 2.0  # of the operator twin's pad [N/m], [N s/m]
 PLATE_FORCE = 2.0  # above which a plate yields (K4) [N]
 
@@ -102,16 +103,17 @@ def ramp(degrees: float, deep: float = 5.0) -> tuple[str, str]:
 
 
 def ball(degrees: list[float], each: float, radius: float = 30.0, deep: float = 4.0) -> tuple[str, str]:
-    """Return a ball and a stroke over it from angle to angle, each in so many seconds."""
-    world = f'<sphere name="ball" pos="0 0 0 mm" radius="{radius} mm" material="stuff"/>'
+    """Return a ball and a stroke over it from angle to angle, each in so many seconds; the table reaches its top."""
+    middle = min(0.0, HIGHEST - radius)
+    world = f'<sphere name="ball" pos="0 0 {middle:g} mm" radius="{radius} mm" material="stuff"/>'
     reach = radius + RADIUS - deep
 
     def on(angle: float) -> str:
         there = math.radians(angle)
-        return f"{reach * math.sin(there):.3f} 0 {reach * math.cos(there):.3f} mm"
+        return f"{reach * math.sin(there):.3f} 0 {middle + reach * math.cos(there):.3f} mm"
 
     strokes = "".join(f'<to pos="{on(angle)}" in="{each} s"/>' for angle in degrees)
-    above = f"0 0 {radius + RADIUS + 12.0} mm"
+    above = f"0 0 {middle + radius + RADIUS + 12.0} mm"
     return world, (
         f'<to pos="{above}" in="0.1 s" hold="0.1 s"/><to pos="{on(0.0)}" in="0.5 s" hold="0.3 s"/>{strokes}'
         f'<to pos="{above}" in="0.4 s"/>'
@@ -167,6 +169,13 @@ class Course:
     def changing(self) -> NDArray[np.bool_]:
         """Return the ticks of a contact in and after a change, without first impacts."""
         return self.touching & self.after(self.changes(), 0.3) & ~self.after(self.begins(), 0.05)
+
+    def late(self) -> int:
+        """Return the longest time [ticks] that a plate which could be at the surface is on its way there."""
+        rigid, _, _ = self.rigid()
+        waits = self.touching & self.renders & ~self.settled & (rigid < min(PLATE_FORCE, self.force - 0.15) - 0.1)
+        edges = np.flatnonzero(np.diff(np.r_[0, waits.astype(int), 0]))
+        return int((edges[1::2] - edges[::2]).max(initial=0))
 
     def rigid(self) -> tuple[Floats, Floats, NDArray[np.bool_]]:
         """Return what a rigid plate at the virtual height would give, what the plate gives, and where that counts.

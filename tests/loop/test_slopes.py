@@ -40,6 +40,7 @@ def hold(course: Course) -> None:
     rigid, pad, there = course.rigid()
     off = np.abs(pad - rigid)[there] / np.maximum(rigid[there], 0.5)
     assert off.size < 100 or np.percentile(off, 95) <= 0.02
+    assert course.late() <= 500
     aside = course.virtual - _along(course.virtual, course.normal)  # what the arm adds, as far as the limit allows
     there &= np.linalg.norm(aside, axis=1) + course.pad < course.force - 0.15
     extra = np.linalg.norm(course.arm - aside, axis=1)[there] / np.maximum(size[there], 0.5)
@@ -129,16 +130,32 @@ def test_no_stroke_over_a_ball_breaks_the_law(
     hold(follow(Slope(world, motion, stiffness=stiffness, friction=friction, force=force, seed=seed).build(folder)))
 
 
-@pytest.mark.xfail(
-    reason="the plate's force is 8.5 % off what a rigid surface would give, 2 % are promised", strict=True
-)
 def test_short_quick_strokes_over_a_large_ball(folder: Path) -> None:
-    """Found by chance: a defect that is known, and not repaired."""
+    """A plate that goes down a slope goes with the finger: no limit may stop it there; and coming back, it arrives."""
     angles, radius = [11.269709516082145, 34.08813692861966, 11.608022855588686, 1.9, 8.682500781701194], 45.0
     longest = np.radians(np.abs(np.diff([0.0, *angles])).max()) * (radius + RADIUS)
     world, motion = ball(angles, max(0.32840858326098477, 1.875 * longest / FASTEST), radius)
     slope = Slope(world, motion, stiffness=1.2679233512035195, friction=0.3, force=1.5689173501810627, seed=42)
     hold(follow(slope.build(folder)))
+
+
+@pytest.mark.long
+@settings(max_examples=60, **LAW)
+@given(
+    steps=st.lists(st.floats(-35.0, 35.0), min_size=3, max_size=6), deep=st.floats(2.0, 6.0),
+    speed=st.floats(10.0, 120.0), radius=st.floats(5.0, 100.0), friction=st.sampled_from([0.0, 0.3, 0.8]),
+    stiffness=st.floats(0.4, 1.5), force=st.floats(1.0, 3.0), seed=st.integers(0, 99),
+)  # fmt: skip
+def test_no_ball_however_large_and_no_speed_breaks_the_law(
+    folder: Path, steps: list[float], deep: float, speed: float, radius: float, friction: float, stiffness: float,
+    force: float, seed: int,
+) -> None:  # fmt: skip
+    angles = np.clip(np.cumsum(steps), -70.0, 70.0).tolist()
+    longest = np.radians(np.abs(np.diff([0.0, *angles])).max()) * (radius + RADIUS)
+    each = min(max(0.1, 1.875 * longest / speed), 16.0 / len(angles))  # no plate may be touched for longer (T4)
+    each = max(each, 1.875 * longest / FASTEST)
+    world, motion = ball(angles, each, radius, deep)
+    hold(follow(Slope(world, motion, stiffness=stiffness, friction=friction, force=force, seed=seed).build(folder)))
 
 
 @settings(max_examples=8, derandomize=True, **LAW)

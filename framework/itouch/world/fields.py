@@ -81,6 +81,7 @@ _SURFACE = (
     Field("surface.level", unit="m", doc="height of the finger's lowest point, smoothed"),
     Field("surface.sink", unit="m/s", doc="how fast that rises, smoothed"),
     Field("surface.off", unit="m", doc="how much deeper it seems to be in the plate than the force explains, smoothed"),
+    Field("surface.lag", unit="s", doc="how late the table is where it goes up or down, as learned"),
 )
 
 

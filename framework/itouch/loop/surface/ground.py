@@ -9,13 +9,15 @@ from numpy.typing import NDArray
 
 from itouch.compiling import kernel
 from itouch.contact.cast import sphere_cast
-from itouch.loop.render import HIP, RADIUS, SURFACE_HEIGHT, TABLE, VELOCITY
+from itouch.loop.render import HIP, PERIOD, RADIUS, SURFACE_HEIGHT, TABLE, VELOCITY
 from itouch.loop.surface.memory import CLIMB, UPRIGHT
 
 Floats = NDArray[np.float64]
 
 #: How far below the finger a surface is looked for [m].
 REACH = 0.2
+#: Time constant with which the speed of its height is smoothed, as the finger's height is: an arm reads in steps [s].
+SMOOTHLY = 0.005
 #: Cosine of the steepest slope whose change of height is reckoned with: no plate renders a steeper one.
 STEEPEST = 0.3
 
@@ -38,6 +40,7 @@ def find(c: Floats, world: Floats, mesh: Any, poses: Floats, figures: Floats, me
     int
         Whose surface it is, -1 for nobody's.
     """
+    before = memory[CLIMB]
     figures[SURFACE_HEIGHT], memory[UPRIGHT], memory[CLIMB] = -np.inf, 1.0, 0.0
     if world.shape[0] == 0:
         return -1
@@ -49,7 +52,8 @@ def find(c: Floats, world: Floats, mesh: Any, poses: Floats, figures: Floats, me
     figures[SURFACE_HEIGHT] = figures[HIP + 2] - c[RADIUS] - distance
     memory[UPRIGHT] = along_plate(c, normal)
     if normal[2] > STEEPEST:
-        memory[CLIMB] = -(normal[0] * figures[VELOCITY] + normal[1] * figures[VELOCITY + 1]) / normal[2]
+        climb = -(normal[0] * figures[VELOCITY] + normal[1] * figures[VELOCITY + 1]) / normal[2]
+        memory[CLIMB] = before + c[PERIOD] / (SMOOTHLY + c[PERIOD]) * (climb - before)
     return int(hit)
 
 

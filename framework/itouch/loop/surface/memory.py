@@ -18,7 +18,8 @@ CHANGING = 20  # for how long the force is still led over from one to the other 
 LOAD = 21  # the plate's force a tick ago [N]
 LEVEL, SINK = 22, 23  # height of the lowest point of the finger, and its speed, smoothed [m], [m/s]
 OFF = 24  # how much deeper the finger seems to be in the plate than the force explains, smoothed [m]
-MEMORY = 25
+LAG = 25  # how late the table is where it goes up or down, as learned [s]
+MEMORY = 26
 
 #: What `MISSED` says: the plate is lower than its height says, or higher; or it was told to stay away (T4).
 LOW, HIGH, WITHDRAWN = 1.0, 2.0, 3.0

@@ -44,6 +44,7 @@ from itouch.loop.surface.memory import (
     GIVE,
     HAND_OVER,
     HIGH,
+    LAG,
     LEFT,
     LEVEL,
     MISSED,
@@ -76,9 +77,11 @@ YIELD_RATE, YIELD_RETURN = 0.02, 0.005
 AHEAD = 0.008
 #: Time constant [s] with which it is seen that a plate is felt sooner or later than its height says.
 SETTLE = 0.02
-#: How fast it is learned how far the table gives way [1/s], the most that is made good [m/N], and what is another error
-#: than that [m].
-LEARNS, MOST_GIVE, ASTRAY = 40.0, 1e-4, 1e-4
+#: How fast it is learned how far the table gives way and how late it is [1/s], the most that is made good [m/N], [s],
+#: and what is another error than that [m].
+LEARNS, MOST_GIVE, MOST_LAG, ASTRAY = 80.0, 1e-4, 0.005, 1e-4
+#: Speed up or down [m/s] well below which what a table misses is by the force on it, and well above by its lag.
+STILL = 0.01
 #: Gains of the filter on the finger's height, a g-h filter that forgets in about 5 ms (Benedict and Bordner 1962);
 #: and the difference from which on it begins anew [m].
 G, H, LOST = 0.3, 0.3**2 / (2.0 - 0.3), 2e-3
@@ -109,6 +112,12 @@ def _yield(c: Floats, figures: Floats, pressed: float) -> float:
 
 
 @kernel
+def _goes(memory: Floats) -> float:
+    """Return how fast the plate goes down by itself [m/s], at most 0, as the surface does that it stands for."""
+    return float(min(0.0, memory[CLIMB])) if memory[RENDERS] > 0.0 and memory[SETTLED] > 0.0 else 0.0
+
+
+@kernel
 def _bearable(c: Floats, figures: Floats, memory: Floats, pressed: float) -> float:
     """Return the greatest height [m] to which the plate may go, so that it presses no harder than it may.
 
@@ -120,7 +129,7 @@ def _bearable(c: Floats, figures: Floats, memory: Floats, pressed: float) -> flo
         memory[OFF] += c[PERIOD] / SETTLE * (off - memory[OFF])
     elif pressed < LEFT:
         memory[OFF] = 0.0
-    soon = memory[LEVEL] + min(0.0, memory[SINK]) * AHEAD
+    soon = memory[LEVEL] + min(0.0, memory[SINK] - _goes(memory)) * AHEAD
     most = min(c[PLATE_LIMIT], c[FORCE_LIMIT] - ROOM)
     return float(soon + memory[OFF] + max(0.0, most) / stiffness)
 
@@ -164,13 +173,23 @@ def _go(c: Floats, memory: Floats, last: float, pressed: float, touching: bool) 
 
 
 @kernel
-def _learn(c: Floats, figures: Floats, memory: Floats, pressed: float, touching: bool) -> None:
-    """Learn how far the table gives way under the finger's force, where nothing else moves it."""
-    error = figures[PLATE_GAP]
-    if not touching or pressed < TOUCH or figures[PLATE_YIELD] > 0.0 or abs(error) > ASTRAY:
+def _learn(c: Floats, figures: Floats, memory: Floats, last: float, pressed: float, touching: bool) -> None:
+    """Learn by how much the table misses its command, where nothing but the surface moves it.
+
+    It misses it by so much for each newton on it, and by so much for each m/s up or down.
+    """
+    if not touching or pressed < TOUCH or figures[PLATE_YIELD] > 0.0:
         return
-    give = memory[GIVE] + LEARNS * c[PERIOD] * error * pressed / (pressed * pressed + 0.01)
+    speed = memory[CLIMB]
+    off = last - figures[PLATE_TOP] - memory[GIVE] * pressed - memory[LAG] * speed
+    if abs(off) > ASTRAY:
+        return
+    moves = speed * speed / (speed * speed + STILL * STILL)  # 1: what is seen is the lag, 0: it is the force
+    step = LEARNS * c[PERIOD] * off
+    give = memory[GIVE] + (1.0 - moves) * step * pressed / (pressed * pressed + 0.01)
     memory[GIVE] = min(MOST_GIVE, max(0.0, give))
+    lag = memory[LAG] + moves * step * speed / (speed * speed + STILL * STILL)
+    memory[LAG] = min(MOST_LAG, max(-MOST_LAG, lag))
 
 
 @kernel
@@ -179,18 +198,17 @@ def _height(
 ) -> float:
     """Return the height [m] at which the plate is wanted; ``last``: that to which it was sent last."""
     away, height, depth = lowest - c[CLEARANCE], figures[SURFACE_HEIGHT], figures[PLATE_TOP] - lowest
-    goal = height + memory[CLIMB] * c[PERIOD] + (memory[GIVE] * pressed if touching else 0.0)
+    goal = height + memory[CLIMB] * (c[PERIOD] + memory[LAG]) + (memory[GIVE] * pressed if touching else 0.0)
     if memory[RENDERS] > 0.0:
         _come(c, memory, goal, last, depth, pressed, touching)
     else:
         _go(c, memory, last - memory[LEVEL], pressed, touching)
     if memory[SETTLED] > 0.0:
-        _learn(c, figures, memory, pressed, touching)
         return float(max(goal - _yield(c, figures, pressed), away))
     figures[PLATE_YIELD] = 0.0  # what it yielded is in how far it is in the finger
     wanted = memory[LEVEL] + memory[PRESS]
-    if height > -np.inf and wanted > height:
-        wanted = max(height, away)
+    if height > -np.inf and wanted > goal:
+        wanted = max(goal, away)
     return float(wanted)
 
 
@@ -298,7 +316,10 @@ def carry(
         doubt(c, figures, memory, pressed, touching, time)
     _smooth(c, memory, lowest)
     wanted = _height(c, figures, memory, lowest, last, pressed, touching)
-    wanted = min(wanted, _bearable(c, figures, memory, pressed))
+    most = _bearable(c, figures, memory, pressed)
+    if memory[RENDERS] > 0.0 and memory[SETTLED] > 0.0 and wanted <= most:
+        _learn(c, figures, memory, last, pressed, touching)
+    wanted = min(wanted, most)
     _command(c, figures, sent, goal, wanted, touching)
     memory[PRESENT] = 1.0 if touching and _there(memory, here - lowest, pressed) else 0.0
     stray(figures, sent, table)
