@@ -45,7 +45,7 @@ TREE = HERE.parent
 #: Tests of the supervisor that need no scene and no compiler; those that do.
 SAFETY = (
     "guard", "readings", "heat", "carrier", "finger", "monitors", "supervisor", "hold_connect", "sequence", "blind_retreat",
-    "joined_steps", "edges", "check_warm_up", "at_the_limits",
+    "joined_steps", "edges", "check_warm_up", "at_the_limits", "blind_legs",
 )  # fmt: skip
 SCENES = (
     "two_on_one_finger", "laws", "phases", "strangers", "what_attackers_found", "exchanged", "late_in_a_stop",

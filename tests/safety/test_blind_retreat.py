@@ -23,7 +23,7 @@ from itouch.plugin.stamps import Stamped
 from itouch.safety import DeviceFaultError, Outcome, SafeSequence, Supervisor, TrackedFinger, Trip
 from itouch.safety.blind_retreat import BLIND, HARDER, LEG, along
 from itouch.safety.lifecycle import BACKWARDS, HELD
-from itouch.safety.sequence import RETREAT
+from itouch.safety.sequence import RETREAT, SAFE_TIME, WATCH_TIME
 
 #: Where a plate stands when all stop [m], how stiff a finger's pad is [N/m].
 STOOD, PAD = 0.03, 1000.0
@@ -501,3 +501,23 @@ def test_a_leg_is_judged_when_its_last_command_is_known_to_have_left() -> None:
     second = [next(tick for tick, top in enumerate(one.tops) if top < STOOD - 1.5 * LEG) for one in (known, late)]
     assert second[1] >= second[0] + 40
     assert late.ways == known.ways
+
+
+@pytest.mark.parametrize("speed", [0.1, 0.05, 0.02, 0.01])
+@pytest.mark.parametrize("wire", [1, 20, 29])
+def test_a_slow_one_has_the_time_that_its_legs_take(wire: int, speed: float) -> None:
+    """A stop was over after half a second: a tighter limit of speed left a surface up to 4 mm nearer, and 1.6 N."""
+    for way in (1.0, -1.0):
+        world = World(still(), way=way, wire=wire, speed=speed)
+        world.stop()
+        assert world.top == pytest.approx(STOOD - BLIND, abs=3e-4)
+        assert world.forces[-1] == 0.0
+        assert world.stopped == HELD
+        assert world.ticks <= WATCH_TIME / PERIOD
+
+
+def test_a_wire_that_takes_no_command_any_more_is_not_waited_for() -> None:
+    world = World(still(), leaves=10**6)
+    world.stop()
+    assert world.ticks < 2.0 * SAFE_TIME / PERIOD
+    assert world.stopped == HELD

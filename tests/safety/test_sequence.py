@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from parts import ARM, PERIOD, PLATE, TABLE, Fake, FakeTwin, model, state
+from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, Fake, FakeTwin, model, state
 
 from itouch.plugin import HOLD, RETRACT, Channel, DeviceError, Record
 from itouch.plugin.stamps import Stamped
 from itouch.safety import DeviceFaultError, Outcome, SafeSequence, Status, Supervisor, Trip
 from itouch.safety.lifecycle import BACKWARDS
-from itouch.safety.sequence import LEAVE_TIME, SAFE_TIME
+from itouch.safety.sequence import LEAVE_TIME, SAFE_TIME, WATCH_TIME
 
 
 class Line(Fake, Stamped):
@@ -31,9 +31,10 @@ class Line(Fake, Stamped):
 class Rig:
     """An arm, a table that carries a plate, and a display on it; the table obeys, and the finger follows for a while."""
 
-    def __init__(self, *, twin: bool = False, table: object = TABLE) -> None:
+    def __init__(self, *, twin: bool = False, table: object = TABLE, speed: float = 0.25) -> None:
+        slow = dataclasses.replace(LIMITS, speed=speed)
         models = [
-            model(ARM, name="arm"), model(table, name="table", twin=twin),  # type: ignore[arg-type]
+            model(ARM, name="arm"), model(table, name="table", twin=twin, limits=slow),  # type: ignore[arg-type]
             model(PLATE, name="plate", carrier="table"),
         ]  # fmt: skip
         self.state = state(*models)
@@ -803,3 +804,31 @@ def test_a_twin_that_lies_and_goes_the_wrong_way_is_driven_back(trip: Trip) -> N
     assert outcome.safe
     assert outcome.devices["table"] == "goes the wrong way: held 8.0 mm further back"
     assert rig.height == pytest.approx(0.022, abs=3e-4)
+
+
+@pytest.mark.parametrize("reversed_drive", [False, True])
+@pytest.mark.parametrize("speed", [0.02, 0.01, 0.005])
+def test_a_slow_surface_that_still_presses_goes_on_until_it_stands(speed: float, reversed_drive: bool) -> None:
+    """The stop was over after half a second: one that was driven back was held 1.5 mm further back, and pressed on."""
+    rig = Rig(speed=speed)
+
+    def obey(goal: float) -> None:
+        rig.height = 0.06 - goal if reversed_drive else goal
+        rig.load = max(0.0, 200.0 * (rig.height - 0.025))
+
+    rig.obey = obey
+    outcome = rig.stop("table")
+    assert outcome.safe
+    assert rig.load == 0.0
+    assert len(rig.sent) * PERIOD <= WATCH_TIME
+    told = "goes the wrong way: held 8.0 mm further back" if reversed_drive else "retracted 4."
+    assert outcome.devices["table"].startswith(told)
+
+
+def test_a_surface_that_presses_and_stands_is_told_after_half_a_second() -> None:
+    """Wherever it stands: it is not waited for as long as for one that goes."""
+    rig = Rig()
+    rig.obey = lambda goal: setattr(rig, "height", max(goal, 0.015))
+    outcome = rig.stop("arm")
+    assert outcome.seconds == pytest.approx(SAFE_TIME)
+    assert outcome.devices["table"].endswith(" mm, still touched")

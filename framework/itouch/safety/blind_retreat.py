@@ -49,6 +49,8 @@ FOLLOWS = 0.5
 HARDER = 0.3
 #: After so many legs in a row that have pushed a surface is turned round, or stopped.
 SURE = 2
+#: How long [s] a command that has not left is waited for before the retreat is no longer said to be under way.
+PATIENCE = 0.5
 #: Shortest leg [m], and how near its goal a surface is there [m].
 SHORTEST, _NEAR = 0.001, 1e-9
 
@@ -120,7 +122,7 @@ class BlindRetreat:
         #: How many ticks a leg takes after its last command was asked for, and after that one has left.
         self._acts, self._rests = (round((trips * exchange + SETTLING) / period) for trips in (2.0, 1.0))
         self._watched = round(WATCHED / period)
-        self._known = round(KNOWN / period)
+        self._known, self._patience = round(KNOWN / period), round(PATIENCE / period)
         self.begin()
 
     def begin(self) -> None:
@@ -177,6 +179,14 @@ class BlindRetreat:
             self._middle = self._look()
         if self._middle is not None and self._heard(over + self._watched):
             self._judge(self._middle, self._look(), stopped, way)
+
+    def under_way(self, stopped: NDArray[np.int8]) -> bool:
+        """Tell whether one that is ``active`` has legs to go; ``stopped`` as in ``mind``.
+
+        One whose wire takes no command any more, and says so, is not waited for.
+        """
+        waits = 0 <= self._reached < self._tick.item() - self._patience
+        return stopped.item() != HELD and not waits
 
     def drop(self, stopped: NDArray[np.int8], way: NDArray[np.float64]) -> None:
         """Let the surface retract as others do: its place is believed again.

@@ -5,8 +5,8 @@
    whose drive is cut under a finger takes on the temperature of its heat sink.
 3. Its drive is cut.
 4. Verified: what the devices measure, or their twins truly do, says that each is safe.
-5. Minded on: a surface that is safe already goes on to its end, and a drive may fail on the way; the sequence is over
-   when each stands.
+5. Minded on: a surface that is safe already goes on to its end, and a drive may fail on the way; a slow one is not safe
+   for long.  The sequence is over when each stands.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from itouch.safety.supervisor import Supervisor
 
 #: Force [N] under which a finger has left the plate, and how long [s] that is waited for.
 LEFT, LEAVE_TIME = 0.1, 0.3
-#: How long [s] the whole sequence may take before what is not safe is told; how long what is safe is watched until it
-#: stands: a slow surface goes for seconds.
+#: How long [s] the whole sequence may take before what is not safe and stands is told; how long surfaces are watched
+#: that do not stand yet, or are led by legs: a slow one goes for seconds.
 SAFE_TIME, WATCH_TIME = 0.5, 5.0
 #: How far [m] a surface must have gone back, or how near the end of its travel it must be.
 RETREAT, AT_END = 0.003, 0.001
@@ -48,7 +48,7 @@ TURNS, TURNING = 2, 0.025
 UNHEARD = 0.03
 #: A surface that is held so much nearer [m] than it was is not safe, whatever its force sensor says.
 NEARER = 0.003
-#: A surface that has not moved by more than this [m] for so long [s] stands, wherever that is.
+#: A surface that has not moved by more than this [m] for so long [s], and was not told to, stands, wherever that is.
 STANDS, STOOD = 0.0003, 0.05
 
 
@@ -97,8 +97,8 @@ class SafeSequence:
         self._turned: dict[str, int] = {}
         #: How many ticks it has taken, and how many were left out because the machine was late.
         self._since = self._passed = self._skipped = 0
-        #: When each surface last moved: its height [m] then, and the tick.
-        self._moved: dict[str, tuple[float, int]] = {}
+        #: When each surface last moved, or was told to: its height [m] then, where it was sent [m], and the tick.
+        self._moved: dict[str, tuple[float, float, int]] = {}
         names = {s.model.name for s in self._retracting}
         self._carried = [s for s in supervisors if s.model.carrier in names and not _retracts(s)]
 
@@ -124,7 +124,7 @@ class SafeSequence:
         for supervisor in self._carried:
             supervisor.keeping = supervisor.model.name != fault.device
         self._passed = self._skipped = 0
-        self._moved = {name: (height, self._since) for name, height in heights.items()}
+        self._moved = {name: (height, math.nan, self._since) for name, height in heights.items()}
         safe: tuple[float, dict[str, tuple[str, bool]], list[int]] | None = None
         left = round(SAFE_TIME / self._period)
         try:
@@ -145,7 +145,7 @@ class SafeSequence:
                     if all(arrived):
                         break
                     continue
-                left -= 1
+                left = max(left - 1, int(self._going(arrived)))
         finally:
             self._release()
             self._hold_still()
@@ -187,6 +187,14 @@ class SafeSequence:
         """Tell whether a drive is still kept, or a surface driven back."""
         return any(s.keeping for s in self._carried) or any(way.item() == BACKWARDS for _, way in self._ways)
 
+    def _going(self, arrived: Sequence[bool]) -> bool:
+        """Tell whether a surface has not ``arrived``, or has legs to go: a slow one, or a slow wire, takes its time."""
+        for (supervisor, stopped), stands in zip(self._ways, arrived, strict=True):
+            blind = self._blind[supervisor.model.name]
+            if blind.under_way(stopped) if blind.active else not stands:
+                return True
+        return False
+
     def _hold_still(self) -> None:
         """Hold what was driven back, or whose place is not believed: nobody minds its direction after the sequence."""
         for supervisor, stopped in self._ways:
@@ -214,9 +222,9 @@ class SafeSequence:
     def _arrived(self, supervisor: Supervisor) -> bool:
         """Tell whether a surface that may still move stands: at the end of its travel, or wherever it got to."""
         name, height = supervisor.model.name, _height(supervisor)
-        before, tick = self._moved[name]
-        if not abs(height - before) <= STANDS:
-            self._moved[name] = height, self._tick.item()
+        sent, (before, asked, tick) = _sent_to(supervisor), self._moved[name]
+        if sent != asked or not abs(height - before) <= STANDS:
+            self._moved[name] = height, sent, self._tick.item()
             return height <= _end(supervisor) + AT_END
         stood = (self._tick.item() - tick) * self._period >= STOOD
         return stood or height <= _end(supervisor) + AT_END
@@ -378,6 +386,12 @@ def _height(supervisor: Supervisor) -> float:
     """Return where a surface is [m]: the twin's true place, else what the device measures."""
     true = supervisor.twin.position(supervisor.twin_state) if supervisor.twin is not None else None
     return float(true[2]) if true is not None else _read_height(supervisor)
+
+
+def _sent_to(supervisor: Supervisor) -> float:
+    """Return where a surface that retracts was sent [m]."""
+    channel = next(channel for channel in supervisor.model.commands if channel.safe is RETRACT)
+    return float(supervisor.sent[channel.name][2])
 
 
 def _differs(sent: NDArray[np.float64], safe: object) -> bool:
