@@ -54,12 +54,13 @@ class Hover(Modality):
         return Plan(name, params.probe, params.robot, goal.name, prop, face, radius, params.stands_off)
 
     def fields(self, model: Plan) -> tuple[Field, ...]:
-        """Declare the four numbers by which it says how the prop stands."""
+        """Declare the numbers by which it says how the prop stands."""
         return (
             Field("renders", unit="1", doc="1: the contact is the prop's to render"),
             Field("there", unit="1", doc="1: the prop is at the finger"),
             Field("away", unit="m", doc="distance of the finger's pad from the prop"),
             Field("short", unit="m", doc="height of the virtual surface above the prop"),
+            Field("coming", unit="m", doc="how far the prop still is from where it is wanted"),
         )
 
     def commands(self, model: Plan) -> tuple[str, ...]:
@@ -68,7 +69,7 @@ class Hover(Modality):
 
     def carries(self, model: Plan) -> Carries | None:
         """Say that it brings the robot's surface, and in which fields it tells how that stands."""
-        return Carries(model.probe, model.robot, "renders", "there", "away", "short")
+        return Carries(model.probe, model.robot, "renders", "there", "away", "short", "coming")
 
     def reads(self, model: Plan) -> tuple[str, ...]:
         """Name what it reads of State."""
@@ -89,7 +90,8 @@ class Hover(Modality):
         away = lowest - model.stands_off
         frame = state[f"{model.robot}.frame"]  # of the robot in the world, wherever it stands and however it is turned
         origin, turn = frame[:3], frame[3:].reshape(3, 3)
-        place = np.array((x, y, max(height, away) if level else away))
+        wanted = max(height, away) if level else away
+        place = np.array((x, y, wanted))
         goal = state[f"{model.robot}.command.{model.channel}"]
         goal[:3], goal[3:] = (place - origin) @ turn - model.face, (1.0, 0.0, 0.0, 0.0)
         top = (turn @ (state[model.prop][:3] + model.face) + origin)[2].item()
@@ -97,3 +99,4 @@ class Hover(Modality):
         state[f"{own}.there"] = level and lowest - top < THERE
         state[f"{own}.away"] = lowest - top
         state[f"{own}.short"] = height - top if math.isfinite(height) else math.inf
+        state[f"{own}.coming"] = abs(wanted - top) if abs(wanted - top) > THERE else 0.0

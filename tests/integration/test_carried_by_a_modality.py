@@ -13,6 +13,9 @@ import pytest
 from test_outside_surface import PLUGIN, SCENE
 
 import itouch
+from itouch.plugin.discovery import Catalog
+from itouch.testing.carried import carries
+from itouch.testing.scenario import ModalitySubject
 from itouch_tools.cli.__main__ import main
 
 EXAMPLE = (
@@ -39,12 +42,27 @@ class Wrong(Hover):
 
     def carries(self, model):
         carries = super().carries(model)
-        return carries._replace(distance="nothing") if self.error == "nameless" else carries
+        if self.error == "nameless":
+            return carries._replace(distance="nothing")
+        return carries._replace(missed="missed") if self.error in ("missed", "coming", "both") else carries
+
+    def fields(self, model):
+        return (*super().fields(model), Field("missed", unit="1", doc="why the prop renders no more"))
 
     def update(self, model, state, period):
         super().update(model, state, period)
         if self.error == "nan" and state["tick"].item() > 500:
             state[f"{model.name}.away"] = float("nan")
+        if self.error == "both":
+            state[f"{model.name}.missed"] = 1.0
+        if self.error in ("missed", "coming") and state["tick"].item() >= 1200:
+            state[f"{model.name}.missed"], state[f"{model.name}.renders"] = 1.0, 0.0
+        if self.error == "coming":
+            state[f"{model.name}.coming"] = 5e-3
+        if self.error == "endless":
+            state[f"{model.name}.coming"] = math.inf
+        if self.error == "half":
+            state[f"{model.name}.there"] = 0.5
         if self.error == "far":
             state[f"{model.robot}.command.{model.channel}"][2] = 5.0
 """
@@ -179,6 +197,44 @@ def test_restored_in_the_middle_of_a_touch_it_goes_on_as_it_was(scene: Callable[
     other.adopt(kept)
     other.run(0.4)
     assert other.state.tobytes() == whole.state.tobytes()
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [("", ""), ("both", "brings.renders is 1"), ("endless", "brings.coming is inf"), ("half", "brings.there is 0.5")],
+)
+def test_the_suite_finds_what_it_says_of_its_surface_and_cannot_be(
+    scene: Callable[..., Path], error: str, said: str
+) -> None:
+    path = scene(f' error="{error}"')
+    cls = Catalog().modality("robo", "brings")
+    assert cls is not None
+    finding = carries.examine(ModalitySubject(cls, path))
+    assert finding.outcome == ("failed" if error else "passed"), finding.note
+    assert said in finding.note
+
+
+def test_a_surface_that_is_missed_is_told_with_its_first_place(scene: Callable[..., Path]) -> None:
+    """Its author finds that the prop is not felt: the contact becomes the arm's, and the report says where and when."""
+    session, _ = run(scene(' error="missed"'))
+    state = session.state
+    (told,) = (line for line in session.report()["notices"] if "should have been felt" in line)
+    assert "1.200 s" in told
+    assert state["tip.surface.missed"] == 1.0
+    assert state["tip.surface.misses"] == 1.0
+    assert session.report()["contacts"][0]["plate_missed"] is True
+
+
+def test_the_force_is_led_over_as_long_as_the_surface_is_coming(scene: Callable[..., Path]) -> None:
+    """It is led over for 0.3 s at least, and as long as its author says that the prop is still to go."""
+    left: dict[str, float] = {}
+    for error in ("missed", "coming"):
+        session = itouch.build(scene(f' error="{error}"'))
+        state = session.state
+        session.enable()
+        session.run(1.6)
+        left[error] = float(state["tip.surface.changing"])
+    assert left == {"missed": 0.0, "coming": pytest.approx(0.05)}
 
 
 @pytest.mark.parametrize(

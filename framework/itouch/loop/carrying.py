@@ -15,7 +15,7 @@ from itouch.compiling import kernel
 from itouch.contact.adjacent_objects import beside
 from itouch.joining import SKIP
 from itouch.loop import render
-from itouch.loop.surface import force, ground, memory, plate
+from itouch.loop.surface import choice, force, ground, memory, plate
 from itouch.loop.surface.feeling import feel
 from itouch.monitors.carried import pace
 
@@ -129,7 +129,8 @@ def look_below(
 @kernel
 def carried(
     c: Floats, table: Floats, sent: Floats, figures: Floats, kept: Floats, goal: Floats, load: Floats, renders: Any,
-    present: Any, distance: Any, gap: Any, primary: Any, there: Any, rising: Floats, period: float,
+    present: Any, distance: Any, gap: Any, coming: Any, missed: Any, primary: Any, there: Any, rising: Floats,
+    tick: Any, period: float,
 ) -> int:  # fmt: skip
     """Take over how somebody else carries a surface to the finger; all but arrays of the probe have shape (1,).
 
@@ -142,15 +143,18 @@ def carried(
     """
     if math.isnan(distance[0]) or math.isnan(gap[0]) or math.isnan(renders[0]) or math.isnan(present[0]):
         return PYTHON
-    before = figures[render.PLATE_TOP]
+    if math.isnan(coming[0]) or math.isnan(missed[0]):
+        return PYTHON
+    before, pressed, touching = figures[render.PLATE_TOP], max(0.0, -load[2]), primary[0] >= 0
     away = min(max(distance[0], -FURTHEST), FURTHEST)
-    said = figures[render.HIP + 2] - c[render.RADIUS] - away
-    figures[render.PLATE_TOP] = max(said, plate.top(c, table))
+    said, top = figures[render.HIP + 2] - c[render.RADIUS] - away, plate.top(c, table)
+    figures[render.PLATE_TOP] = said if said > top + plate.ROUNDING else top
     figures[render.PLATE_GAP] = gap[0]
-    plate.take_over(kept, renders[0] != 0, present[0] != 0, away, primary[0] >= 0)
+    choice.take_over_missed(c, figures, kept, missed[0], pressed, touching, tick[0] * period)
+    plate.take_over(c, kept, renders[0] != 0, present[0] != 0, away, coming[0], touching)
     plate.stray(figures, sent, table)
-    plate.spare(c, figures, kept, goal, max(0.0, -load[2]))
-    feel(c, figures, kept, load[2], primary[0] >= 0)
+    plate.spare(c, figures, kept, goal, pressed)
+    feel(c, figures, kept, load[2], touching)
     there[0] = int(kept[memory.PRESENT])
     rising[0] = (figures[render.PLATE_TOP] - before) / period
     return 0

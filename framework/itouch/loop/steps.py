@@ -118,7 +118,7 @@ def look_below(rig: ProbeRig) -> Step:
 def carried(rig: ProbeRig, one: ModalityModel, state: Record, model: Model) -> Step:
     """Take over what a modality says of the surface that it carries; touch-off and T4 have the last word on it."""
     reads, writes, goal = _surface_fields(rig)
-    said = () if one.carries is None else _of(one.name, *one.carries[2:])
+    said = () if one.carries is None else _of(one.name, *one.carries.said)
 
     def answer(code: int, tick: int, ready: bool) -> None:
         for field in said:

@@ -138,11 +138,15 @@ class Toucher:
         if one is not None and one.carries is not None and table is not None:
             here = (self._constants, world, mesh, poses, self.figures, self.surface, self.below)
             self.looks = (Bound(carrying.look_below, *here),)
-            said = [state[f"{one.name}.{field}"].reshape(1) for field in one.carries[2:]]
+            without = {"coming": np.full(1, -1.0), "missed": np.zeros(1)}
+            said = [
+                state[f"{one.name}.{field}"].reshape(1) if field else without[kind]
+                for kind, field in zip(one.carries._fields[2:], one.carries[2:], strict=True)
+            ]
             taken = Bound(
                 carrying.carried, self._constants, table.read_as(Role.TRACKED_POSE),
                 table.sent_as(Role.SURFACE_POSE), self.figures, self.surface, table.commanded(Role.SURFACE_POSE),
-                load, *said, self.object, self.plate, self._rising, model.period,
+                load, *said, self.object, self.plate, self._rising, tick, model.period,
             )  # fmt: skip
             self.carries = (taken,)
 

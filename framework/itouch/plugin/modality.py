@@ -189,6 +189,12 @@ class Carries(NamedTuple):
     gap
         Field: by how much the surface is short of the virtual one [m]; below 0 where it stands out, infinite where
         there is no virtual one.  Over the first millimetre the arm takes over the normal force.
+    coming
+        Field: how far the surface still has to come, or where the contact is the arm's to go [m]; 0 where it is where
+        it is wanted, below 0 if that can't be said.  So long the change of force between surface and arm is led over.
+    missed
+        Field: why the surface renders no more: 1, it was not felt where it should be; 2, it was felt below that; 0,
+        nothing is wrong.  The contact then is the arm's, and report and log tell of the first place.
     """
 
     probe: str
@@ -197,6 +203,13 @@ class Carries(NamedTuple):
     present: str
     distance: str
     gap: str
+    coming: str = ""
+    missed: str = ""
+
+    @property
+    def said(self) -> tuple[str, ...]:
+        """The fields that are named."""
+        return tuple(name for name in self[2:] if name)
 
 
 class Modality(ABC):

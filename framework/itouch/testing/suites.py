@@ -10,6 +10,7 @@ import pytest
 
 from itouch.plugin import Device, Modality
 from itouch.testing import (
+    carried,
     continuation,
     contract,
     declared,
@@ -106,6 +107,7 @@ MODALITY_CHECKS: tuple[Check, ...] = (
     *CONDUCT,
     hygiene.opens_nothing,
     modalities.runs,
+    carried.carries,
     joined.modality,
     modalities.state_declared,
     modalities.determinism,

@@ -77,7 +77,7 @@ def check_carried(
     if channel is not None and f"{carries.device}.{channel.name}" not in commands:
         sentence = f"{who} carries the surface of '{carries.device}', but does not command '{channel.name}'"
         yield Problem("modality", sentence, place, f"its commands must have {carries.device}.{channel.name}")
-    for name in carries[2:]:
+    for name in carries.said:
         if fields.get(name) not in _ONE:
             sentence = (
                 f"{who} says how its surface stands in field '{name}', which it does not declare as one number (f8)"

@@ -21,6 +21,7 @@ from itouch.loop.surface.memory import (
     RENDERS,
     SETTLED,
     UNFELT,
+    WITHDRAWN,
 )
 
 Floats = NDArray[np.float64]
@@ -95,16 +96,48 @@ def doubt(c: Floats, figures: Floats, memory: Floats, pressed: float, touching: 
 
 
 @kernel
-def _count(
-    c: Floats, memory: Floats, what: float, patience: float, depth: float, pressed: float, touching: bool, time: float
-) -> None:
-    """Wait whether a plate stays where it should not be; then its force is the arm's."""
-    memory[UNFELT] += c[PERIOD]
-    if memory[UNFELT] < patience:
-        return
+def _miss(memory: Floats, what: float, depth: float, pressed: float, touching: bool, time: float) -> None:
+    """Leave the contact to the arm: the surface is not where its height says."""
     if memory[MISSES] == 0.0:
         memory[MISSED_AT], memory[MISSED_DEPTH], memory[MISSED_LOAD] = time, depth, pressed
     memory[MISSES] += 1.0
     memory[MISSED], memory[RENDERS], memory[UNFELT] = what, 0.0, 0.0
     if touching:
         memory[CHANGING] = LED
+
+
+@kernel
+def _count(
+    c: Floats, memory: Floats, what: float, patience: float, depth: float, pressed: float, touching: bool, time: float
+) -> None:
+    """Wait whether a plate stays where it should not be; then its force is the arm's."""
+    memory[UNFELT] += c[PERIOD]
+    if memory[UNFELT] >= patience:
+        _miss(memory, what, depth, pressed, touching, time)
+
+
+@kernel
+def take_over_missed(
+    c: Floats, figures: Floats, memory: Floats, said: float, pressed: float, touching: bool, time: float
+) -> None:
+    """Remember why a surface that somebody else carries renders no more, as that says it; T4 has the last word.
+
+    Parameters
+    ----------
+    c
+        Constants of the probe, shape (CONSTANTS,).
+    figures, memory
+        The probe's part of State, and that of the carried surface.
+    said
+        LOW, HIGH, or 0: nothing is wrong.
+    pressed
+        What the table reads of the force on it [N].
+    touching, time
+        Whether there is a virtual contact, and the time of the tick [s].
+    """
+    if memory[MISSED] == WITHDRAWN:
+        return
+    why = HIGH if said >= HIGH else LOW if said > 0.0 else 0.0
+    if why > 0.0 and memory[MISSED] == 0.0:
+        _miss(memory, why, figures[PLATE_TOP] - (figures[HIP + 2] - c[RADIUS]), pressed, touching, time)
+    memory[MISSED] = why

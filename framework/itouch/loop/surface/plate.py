@@ -73,6 +73,8 @@ BEHIND = 2e-4
 SLACK = 3e-5
 #: How fast the plate yields above its greatest force [m/s per N], and how fast it comes back [m/s].
 YIELD_RATE, YIELD_RETURN = 0.02, 0.005
+#: What two ways of reckoning one height may differ by [m].
+ROUNDING = 1e-12
 #: How far ahead a plate's force is seen, for a table needs time [s].
 AHEAD = 0.008
 #: Time constant [s] with which it is seen that a plate is felt sooner or later than its height says.
@@ -268,21 +270,30 @@ def spare(c: Floats, figures: Floats, memory: Floats, goal: Floats, pressed: flo
     if c[HAS_LOAD] > 0.0:
         wanted = top(c, goal)
         allowed = min(wanted, _bearable(c, figures, memory, pressed)) - _yield(c, figures, pressed)
-        x, y, z = turned_in(c, TABLE, 0.0, 0.0, min(0.0, allowed - wanted))
-        goal[0], goal[1], goal[2] = goal[0] + x, goal[1] + y, goal[2] + z
+        if wanted - allowed > ROUNDING:
+            x, y, z = turned_in(c, TABLE, 0.0, 0.0, allowed - wanted)
+            goal[0], goal[1], goal[2] = goal[0] + x, goal[1] + y, goal[2] + z
 
 
 @kernel
-def take_over(memory: Floats, renders: bool, present: bool, away: float, touching: bool) -> None:
+def take_over(
+    c: Floats, memory: Floats, renders: bool, present: bool, away: float, coming: float, touching: bool
+) -> None:  # fmt: skip
     """Remember who renders a contact as somebody else says it who carries the surface, ``away`` from the finger [m].
 
-    ``memory`` (MEMORY,) of the surface.
+    ``c`` (CONSTANTS,), ``memory`` (MEMORY,) of the surface; ``coming``: how far it is still to come or to go [m], below
+    0: not said.  What is missed, or withdrawn, renders nothing.
     """
+    renders = renders and memory[MISSED] == 0.0
     if touching and memory[PRESSED] > 0.0 and renders != (memory[RENDERS] > 0.0):
         memory[CHANGING] = LED
     memory[RENDERS] = 1.0 if renders else 0.0
     memory[PRESENT] = 1.0 if touching and present else 0.0
     memory[SETTLED], memory[PRESS] = 1.0, -away
+    if coming >= 0.0:
+        memory[SETTLED] = 1.0 if renders and coming == 0.0 else 0.0
+        if not renders:
+            memory[PRESS] = coming - c[CLEARANCE]  # so that it is away when it says so, wherever that is
 
 
 @kernel

@@ -1,0 +1,369 @@
+"""The framework's own way of carrying a surface as a stranger writes it, from what the contract tells and nothing else.
+
+With s the height at which the finger would rest on the highest virtual surface below it, f the lowest point of the
+finger and c the clearance, the top goes to max(s, f - c).  Everything is compiled, and joins the tick.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from itouch.plugin import Bound, Carries, Field, Modality, Record, Role, World, schema
+from itouch.plugin.kernels import kernel
+
+#: How fast it leaves a finger or comes to it, while it may be felt and while it is clear [m/s].
+SOFTLY, QUICKLY = 0.015, 0.1
+#: How near below the finger it may be felt soon, what it may be behind and ahead of its command, what is there [m].
+SOON, BEHIND, SLACK, ABOUT, HAND_OVER = 1.5e-3, 2e-4, 3e-5, 3e-4, 1e-3
+#: What its force stays below the scene's limit [N], how far ahead that is seen, and how fast it is learned [s].
+ROOM, AHEAD, SETTLE = 0.15, 0.008, 0.02
+#: How fast it is learned how far the device gives way [1/s], the most of it [m/N], what is another error [m].
+LEARNS, MOST_GIVE, ASTRAY = 40.0, 1e-4, 1e-4
+#: The filter on the finger's height, and from what difference on it begins anew [m].
+G, H, LOST = 0.3, 0.3**2 / (2.0 - 0.3), 2e-3
+#: Forces from which on it is felt, and below which it is left [N].
+TOUCH, LEFT = 0.05, 0.02
+#: When it is missed: depth [m], part of the force, time; after what time it is tried again [s].
+MISS_DEPTH, MISS_PART, MISS_TIME, TRY_AGAIN = 1e-3, 0.4, 0.04, 0.02
+#: When it is too high: force [N], gap [m], time [s]; the same where it hovers.
+EARLY_FORCE, EARLY_GAP, EARLY_TIME = 0.1, 1e-3, 0.010
+HOVER_GAP, HOVER_FORCE, HOVER_TIME = 4e-3, 0.5, 0.05
+#: How far below the finger it may be, by its height, and still be too high [m].
+FAR, FAR_UNCALIBRATED = 0.004, 0.015
+#: Why it renders no more.
+LOW, HIGH = 1.0, 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Parameters:
+    """Its element: ``<PLUGIN:carries-as-ours probe="..."/>``."""
+
+    probe: str = schema.ref("probe", doc="the finger")
+    keeps_away: float = schema.quantity("m", low=1e-3, high=0.05, default=5e-3, doc="clearance of the waiting surface")
+    steepest: float = schema.quantity("rad", low=0.0, high=1.0, default=math.radians(25.0), doc="tilt that it renders")
+
+
+class Numbers(NamedTuple):
+    """What never changes; lengths [m], forces [N]."""
+
+    radius: float
+    clearance: float
+    cosine: float
+    back: float
+    period: float
+    most: float
+    stiffness: float
+    has_load: bool
+    reach: float
+    early: float
+    x: float
+    y: float
+    z: float
+
+
+class Seen(NamedTuple):
+    """What it reads of State: arrays, of one number where no shape is told."""
+
+    #: Frame of the device (12,), its pose and what was sent to it (7,), its force (6,).
+    frame: Any
+    pose: Any
+    sent: Any
+    load: Any
+    #: Finger and touched normal (3,); the surface below.
+    hip: Any
+    normal: Any
+    height: Any
+    upright: Any
+    climb: Any
+    #: What the framework makes of what it says: for how long there is a contact, is it there, how far it yields.
+    pressed: Any
+    present: Any
+    yielded: Any
+    object: Any
+    withdrawn: Any
+    ready: Any
+
+
+class Own(NamedTuple):
+    """Its own fields, of one number each; the command (7,)."""
+
+    goal: Any
+    renders: Any
+    present: Any
+    distance: Any
+    gap: Any
+    coming: Any
+    missed: Any
+    settled: Any
+    press: Any
+    free: Any
+    unfelt: Any
+    give: Any
+    level: Any
+    sink: Any
+    off: Any
+
+
+FIELDS = {
+    "renders": "1", "present": "1", "distance": "m", "gap": "m", "coming": "m", "missed": "1", "settled": "1",
+    "press": "m", "free": "s", "unfelt": "s", "give": "m/N", "level": "m", "sink": "m/s", "off": "m",
+}  # fmt: skip
+
+
+@kernel
+def along(seen: Any, normal: Any) -> float:
+    """Return the cosine between a normal (3,) and the surface's."""
+    cosine = 0.0
+    for i in range(3):
+        cosine += normal[i] * seen.frame[5 + 3 * i]
+    return cosine
+
+
+@kernel
+def top(c: Any, frame: Any, pose: Any) -> float:
+    """Return the height of the face [m] in the world, for a pose (7,) of the device."""
+    x, y, z = pose[0] + c.x, pose[1] + c.y, pose[2] + c.z
+    return float(frame[9] * x + frame[10] * y + frame[11] * z + frame[2])
+
+
+@kernel
+def choose(c: Any, seen: Any, own: Any, upright: float, touching: bool) -> None:
+    """Say whose the contact is."""
+    if touching:
+        own.free[0] = 0.0
+        if upright < c.cosine:
+            own.renders[0] = 0.0
+        elif upright >= c.back:
+            own.renders[0] = 1.0
+    else:
+        own.renders[0] = 1.0 if upright >= c.cosine else 0.0
+        own.free[0] += c.period
+        if own.free[0] > TRY_AGAIN and own.missed[0] == LOW:
+            own.missed[0] = 0.0
+    if own.missed[0] > 0.0 or seen.withdrawn[0] != 0:
+        own.renders[0] = 0.0
+
+
+@kernel
+def doubt(c: Any, own: Any, depth: float, pressed: float, touching: bool) -> None:
+    """Find that it is not where its height says."""
+    hovers = depth < -HOVER_GAP
+    what, patience = 0.0, MISS_TIME
+    if pressed > (HOVER_FORCE if hovers else EARLY_FORCE) and -c.early < depth < -EARLY_GAP:
+        what, patience = HIGH, HOVER_TIME if hovers else EARLY_TIME
+    elif (
+        touching and own.renders[0] > 0.0 and own.settled[0] > 0.0
+        and depth - pressed / c.stiffness > MISS_DEPTH and pressed < MISS_PART * c.stiffness * depth
+    ):  # fmt: skip
+        what = LOW
+    if what == 0.0:
+        own.unfelt[0] = 0.0
+        return
+    own.unfelt[0] += c.period
+    if own.unfelt[0] >= patience:
+        own.missed[0], own.renders[0], own.unfelt[0] = what, 0.0, 0.0
+
+
+@kernel
+def smooth(c: Any, own: Any, lowest: float) -> None:
+    """Follow the finger's lowest point."""
+    ahead = own.level[0] + own.sink[0] * c.period
+    off = lowest - ahead
+    if abs(off) > LOST:
+        own.level[0], own.sink[0] = lowest, 0.0
+        return
+    own.level[0] = ahead + G * off
+    own.sink[0] += H * off / c.period
+
+
+@kernel
+def come(
+    c: Any, seen: Any, own: Any, goal: float, last: float, depth: float, pressed: float, touching: bool
+) -> None:  # fmt: skip
+    """Bring it to the finger, until it is at its goal [m]."""
+    felt = pressed > LEFT
+    if not touching and not felt:
+        own.settled[0] = 1.0
+        return
+    if own.settled[0] > 0.0 and touching and seen.pressed[0] == 0.0 and depth < -ABOUT:
+        own.settled[0], own.press[0] = 0.0, depth
+    if own.settled[0] > 0.0:
+        return
+    own.press[0] = min(own.press[0], last - own.level[0] + own.sink[0] * c.period + SLACK)
+    if own.press[0] < depth + BEHIND:
+        own.press[0] += (SOFTLY if felt or own.press[0] > -SOON else QUICKLY) * c.period
+    if own.level[0] + own.press[0] >= goal:
+        own.settled[0] = 1.0
+
+
+@kernel
+def go(c: Any, own: Any, last: float, pressed: float, touching: bool) -> None:
+    """Take it away from the finger."""
+    full, felt, high = -c.clearance, pressed > LEFT, own.missed[0] == HIGH
+    if own.settled[0] > 0.0:
+        own.settled[0], own.press[0] = 0.0, last if high else max(last, full)
+    if not touching and not felt:
+        own.press[0] = min(own.press[0], full) if high else full
+        return
+    way = (SOFTLY if not high and (felt or own.press[0] > -SOON) else QUICKLY) * c.period
+    own.press[0] = own.press[0] - way if felt and high else min(own.press[0], max(full, own.press[0] - way))
+
+
+@kernel
+def learn(c: Any, seen: Any, own: Any, pressed: float, touching: bool) -> None:
+    """Learn how far the device gives way."""
+    error = own.gap[0]
+    if not touching or pressed < TOUCH or seen.yielded[0] > 0.0 or abs(error) > ASTRAY:
+        return
+    give = own.give[0] + LEARNS * c.period * error * pressed / (pressed * pressed + 0.01)
+    own.give[0] = min(MOST_GIVE, max(0.0, give))
+
+
+@kernel
+def wanted(c: Any, seen: Any, own: Any, lowest: float, here: float, pressed: float, touching: bool) -> float:
+    """Return the height [m] at which it is wanted, and say how far it is still to come or to go."""
+    away, height, last = lowest - c.clearance, seen.height[0], top(c, seen.frame, seen.sent)
+    goal = height + seen.climb[0] * c.period + (own.give[0] * pressed if touching else 0.0)
+    if own.renders[0] > 0.0:
+        come(c, seen, own, goal, last, here - lowest, pressed, touching)
+        own.coming[0] = 0.0 if own.settled[0] > 0.0 else max(1e-6, goal - own.level[0] - own.press[0])
+    else:
+        go(c, own, last - own.level[0], pressed, touching)
+        own.coming[0] = max(0.0, own.press[0] + c.clearance)
+    if own.settled[0] > 0.0:
+        learn(c, seen, own, pressed, touching)
+        return float(max(goal, away))
+    found = own.level[0] + own.press[0]
+    return float(max(height, away) if height > -np.inf and found > height else found)
+
+
+@kernel
+def bearable(c: Any, own: Any, here: float, pressed: float) -> float:
+    """Return the greatest height [m] at which it presses no harder than it may."""
+    if pressed > TOUCH:
+        off = here - own.level[0] - pressed / c.stiffness
+        own.off[0] += c.period / SETTLE * (off - own.off[0])
+    elif pressed < LEFT:
+        own.off[0] = 0.0
+    soon = own.level[0] + min(0.0, own.sink[0]) * AHEAD
+    return float(soon + own.off[0] + c.most / c.stiffness)
+
+
+@kernel
+def command(c: Any, seen: Any, goal: Any, height: float, touching: bool) -> None:
+    """Write the command: the face under the finger at a height [m]; in touch it gives way first."""
+    frame, sent = seen.frame, seen.sent
+    x, y, z = seen.hip[0] - frame[0], seen.hip[1] - frame[1], height - frame[2]
+    goal[0] = frame[3] * x + frame[6] * y + frame[9] * z - c.x
+    goal[1] = frame[4] * x + frame[7] * y + frame[10] * z - c.y
+    goal[2] = frame[5] * x + frame[8] * y + frame[11] * z - c.z
+    goal[3], goal[4], goal[5], goal[6] = 1.0, 0.0, 0.0, 0.0
+    down = sent[2] - goal[2]
+    aside = math.sqrt((goal[0] - sent[0]) ** 2 + (goal[1] - sent[1]) ** 2)
+    left = math.sqrt(max(0.0, c.reach * c.reach - down * down))
+    if touching and down > 0.0 and aside > left:
+        for i in range(2):
+            goal[i] = sent[i] + (goal[i] - sent[i]) * left / aside
+
+
+@kernel
+def there(seen: Any, own: Any, depth: float, pressed: float) -> bool:
+    """Tell whether it is at the finger, or about to be."""
+    if depth > -ABOUT or (own.renders[0] > 0.0 and (own.settled[0] > 0.0 or own.press[0] > -HAND_OVER)):
+        return True
+    return bool(pressed > (LEFT if seen.present[0] > 0.0 else TOUCH))
+
+
+@kernel
+def carry(c: Any, seen: Any, own: Any) -> int:
+    """Say who renders the surface below the finger, and command the device; `Numbers`, `Seen` and `Own`."""
+    lowest, here = seen.hip[2] - c.radius, top(c, seen.frame, seen.pose)
+    pressed, touching = max(0.0, -seen.load[2]), seen.object[0] >= 0
+    own.gap[0] = seen.height[0] - here if seen.height[0] > -np.inf else np.inf
+    own.distance[0] = lowest - here
+    if seen.withdrawn[0] != 0:
+        own.missed[0] = 0.0
+    choose(c, seen, own, along(seen, seen.normal) if touching else seen.upright[0], touching)
+    if seen.ready[0] != 0 and c.has_load and own.missed[0] == 0.0 and seen.withdrawn[0] == 0:
+        doubt(c, own, here - lowest, pressed, touching)
+    smooth(c, own, lowest)
+    height = wanted(c, seen, own, lowest, here, pressed, touching)
+    command(c, seen, own.goal, min(height, bearable(c, own, here, pressed)), touching)
+    own.present[0] = 1.0 if touching and there(seen, own, here - lowest, pressed) else 0.0
+    return 0
+
+
+class Plan(NamedTuple):
+    """The read-only model."""
+
+    name: str
+    probe: str
+    device: str
+    channel: str
+    pose: str
+    load: str
+    numbers: Numbers
+
+
+class CarriesAsOurs(Modality):
+    """Keeps the surface where the virtual one is, as the framework would."""
+
+    Params = Parameters
+
+    def compile(self, name: str, params: Any, world: World) -> Plan:
+        """Take the facts of the probe's surface."""
+        surface, radius = world.surfaces[params.probe], world.probes[params.probe]
+        device = world.devices[surface.device]
+        goal = device.command(Role.SURFACE_POSE)
+        if goal is None:
+            raise ValueError(f"device '{device.name}' brings no surface")
+        load = device.read_field(Role.CONTACT_FORCE)
+        force = world.devices[surface.arm].limits.get("force", math.inf) if surface.arm else math.inf
+        numbers = Numbers(
+            radius, params.keeps_away, math.cos(params.steepest),
+            math.cos(max(0.0, params.steepest - math.radians(2.0))), world.servo_period,
+            max(0.0, min(surface.greatest_force, force - ROOM)), surface.pad_stiffness, bool(load),
+            device.limits.get("speed", math.inf) * world.servo_period, FAR if surface.touch_off else FAR_UNCALIBRATED,
+            *surface.face,
+        )  # fmt: skip
+        return Plan(name, params.probe, device.name, goal.name, device.read_field(Role.TRACKED_POSE), load, numbers)
+
+    def fields(self, model: Plan) -> tuple[Field, ...]:
+        """Declare what it says of the surface, and what it remembers."""
+        return tuple(Field(name, unit=unit, doc=f"{name} of the surface") for name, unit in FIELDS.items())
+
+    def commands(self, model: Plan) -> tuple[str, ...]:
+        """Command the device."""
+        return (f"{model.device}.{model.channel}",)
+
+    def carries(self, model: Plan) -> Carries:
+        """Say that it brings the device's surface."""
+        return Carries(model.probe, model.device, "renders", "present", "distance", "gap", "coming", "missed")
+
+    def reset(self, model: Plan, state: Record) -> None:
+        """Begin as the framework does."""
+        state[f"{model.name}.renders"] = state[f"{model.name}.settled"] = 1.0
+
+    def update(self, model: Plan, state: Record, period: float) -> None:
+        """Do what joins, alone."""
+        self.bound_update(model, state, period)()
+
+    def bound_update(self, model: Plan, state: Record, period: float) -> Bound:
+        """Return the whole way as one compiled call."""
+        probe, device, nothing = model.probe, model.device, np.zeros(6)
+        seen = Seen(
+            state[f"{device}.frame"], state[model.pose], state[f"{device}.sent.{model.channel}"],
+            state[model.load] if model.load else nothing,
+            *(state[f"{probe}.{name}"] for name in ("hip", "normal", "surface_height")),
+            *(state[f"{probe}.surface.{name}"] for name in ("upright", "climb", "pressed", "present")),
+            state[f"{probe}.plate_yield"], state[f"{probe}.object"], state[f"{device}.surface.withdrawn"],
+            state["ready"],
+        )  # fmt: skip
+        own = Own(
+            state[f"{device}.command.{model.channel}"], *(state[f"{model.name}.{field}"] for field in FIELDS)
+        )  # fmt: skip
+        return Bound(carry, model.numbers, seen, own)
