@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 from test_failing_plugins import Hum, engine
 
 import itouch
+from itouch.loop.fence import Fence
 from itouch.plugin import Field, Record
 from itouch.plugin.write_protection import WriteProtectedRecord
 
@@ -118,6 +120,27 @@ def test_a_fenced_record_is_the_same_memory() -> None:
         fenced.flat("a", "b")[:] = 0.0
     assert fenced.flat("b", "b").flags.writeable
     assert fenced.copy().flat("a", "b").flags.writeable
+
+
+@pytest.mark.parametrize("odd", [False, True], ids=["words", "bytes"])
+def test_a_fence_sees_each_byte_that_is_not_a_modalitys_own(odd: bool) -> None:
+    """It looks at the whole of State, for compiled code may write anywhere; and it leaves alone what is its own."""
+    fields = [Field("a", "f8", 5), Field("hum.x"), Field("b", "i8", 7), Field("c"), Field("hum.y", "f8", 2), Field("d")]
+    state = Record.of([*fields, *([Field("e", "u1", 3)] if odd else [])])
+    around = Fence([SimpleNamespace(name="hum", commands=())], state)
+    own = [(state.dtype.fields[name][1], state[name].nbytes) for name in ("hum.x", "hum.y")]
+    state.raw.view(np.uint8)[:] = np.random.default_rng(3).integers(0, 256, state.nbytes)
+    around.take()
+    whole = state.tobytes()
+    for at in range(state.nbytes):
+        state.raw.view(np.uint8)[at] ^= 1 << (at % 8)
+        name = next(name for name, (kind, begin) in state.dtype.fields.items() if begin <= at < begin + kind.itemsize)
+        if any(begin <= at < begin + size for begin, size in own):
+            assert around.mend() == ""
+            state.raw.view(np.uint8)[at] ^= 1 << (at % 8)
+        else:
+            assert around.mend() == name
+        assert state.tobytes() == whole
 
 
 @pytest.mark.parametrize("ends", [SystemExit, KeyboardInterrupt, GeneratorExit])

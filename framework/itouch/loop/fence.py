@@ -31,7 +31,7 @@ def view_for(one: ModalityModel, state: Record) -> WriteProtectedRecord:
 class Fence:
     """Sees whether modalities have written what is not theirs, and puts it back.
 
-    ``take`` before they work, ``mend`` after; both cost a few microseconds for a State of some 20 kB.
+    ``take`` before they work, ``mend`` after: the whole of State is looked at, for compiled code may write anywhere.
     """
 
     def __init__(self, modalities: Sequence[ModalityModel], state: Record) -> None:
@@ -78,15 +78,20 @@ def _spans(state: Record, names: Iterable[str]) -> Iterable[tuple[int, int]]:
         yield begin, last
 
 
+# Each span is taken as an array of its own: an index into the whole might be negative for all that the compiler knows,
+# and it then compares and copies word by word, many times slower.
+
+
 @kernel
 def keep(memory: Any, spans: Any, kept: Any) -> int:
     """Copy the spans of memory, begins and ends (n, 2), one after the other; return 0."""
     at = 0
     for k in range(spans.shape[0]):
-        begin, size = spans[k, 0], spans[k, 1] - spans[k, 0]
-        for i in range(size):
-            kept[at + i] = memory[begin + i]
-        at += size
+        source = memory[spans[k, 0] : spans[k, 1]]
+        target = kept[at : at + source.shape[0]]
+        for i in range(source.shape[0]):
+            target[i] = source[i]
+        at += source.shape[0]
     return 0
 
 
@@ -95,13 +100,14 @@ def differ(memory: Any, spans: Any, kept: Any) -> int:
     """Return 1 if the spans of memory are not what was kept, else 0."""
     at = 0
     for k in range(spans.shape[0]):
-        begin, size = spans[k, 0], spans[k, 1] - spans[k, 0]
+        one = memory[spans[k, 0] : spans[k, 1]]
+        other = kept[at : at + one.shape[0]]
         changed = 0
-        for i in range(size):
-            changed |= kept[at + i] ^ memory[begin + i]
+        for i in range(one.shape[0]):
+            changed |= one[i] ^ other[i]
         if changed != 0:
             return 1
-        at += size
+        at += one.shape[0]
     return 0
 
 
@@ -110,8 +116,8 @@ def put_back(memory: Any, spans: Any, kept: Any) -> int:
     """Make the spans of memory what was kept; return 0."""
     at = 0
     for k in range(spans.shape[0]):
-        begin, size = spans[k, 0], spans[k, 1] - spans[k, 0]
-        for i in range(size):
-            memory[begin + i] = kept[at + i]
-        at += size
+        target = memory[spans[k, 0] : spans[k, 1]]
+        for i in range(target.shape[0]):
+            target[i] = kept[at + i]
+        at += target.shape[0]
     return 0
