@@ -21,8 +21,9 @@ SOFTLY, QUICKLY = 0.015, 0.1
 SOON, BEHIND, SLACK, ABOUT, HAND_OVER = 1.5e-3, 2e-4, 3e-5, 3e-4, 1e-3
 #: What its force stays below the scene's limit [N], how far ahead that is seen, and how fast it is learned [s].
 ROOM, AHEAD, SETTLE = 0.15, 0.008, 0.02
-#: How fast it is learned how far the device gives way [1/s], the most of it [m/N], what is another error [m].
-LEARNS, MOST_GIVE, ASTRAY = 40.0, 1e-4, 1e-4
+#: How fast it is learned how far the device gives way and how late it is [1/s], the most of it [m/N], [s], what is
+#: another error [m], and the speed up or down well below which it is no lag [m/s].
+LEARNS, MOST_GIVE, MOST_LAG, ASTRAY, STILL = 80.0, 1e-4, 0.005, 1e-4, 0.01
 #: The filter on the finger's height, and from what difference on it begins anew [m].
 G, H, LOST = 0.3, 0.3**2 / (2.0 - 0.3), 2e-3
 #: Forces from which on it is felt, and below which it is left [N].
@@ -103,6 +104,7 @@ class Own(NamedTuple):
     free: Any
     unfelt: Any
     give: Any
+    lag: Any
     level: Any
     sink: Any
     off: Any
@@ -110,7 +112,7 @@ class Own(NamedTuple):
 
 FIELDS = {
     "renders": "1", "present": "1", "distance": "m", "gap": "m", "coming": "m", "missed": "1", "settled": "1",
-    "press": "m", "free": "s", "unfelt": "s", "give": "m/N", "level": "m", "sink": "m/s", "off": "m",
+    "press": "m", "free": "s", "unfelt": "s", "give": "m/N", "lag": "s", "level": "m", "sink": "m/s", "off": "m",
 }  # fmt: skip
 
 
@@ -214,20 +216,27 @@ def go(c: Any, own: Any, last: float, pressed: float, touching: bool) -> None:
 
 
 @kernel
-def learn(c: Any, seen: Any, own: Any, pressed: float, touching: bool) -> None:
-    """Learn how far the device gives way."""
-    error = own.gap[0]
-    if not touching or pressed < TOUCH or seen.yielded[0] > 0.0 or abs(error) > ASTRAY:
+def learn(c: Any, seen: Any, own: Any, here: float, pressed: float, touching: bool) -> None:
+    """Learn how far the device gives way, and how late it is."""
+    if not touching or pressed < TOUCH or seen.yielded[0] > 0.0:
         return
-    give = own.give[0] + LEARNS * c.period * error * pressed / (pressed * pressed + 0.01)
+    speed = seen.climb[0]
+    off = top(c, seen.frame, seen.sent) - here - own.give[0] * pressed - own.lag[0] * speed
+    if abs(off) > ASTRAY:
+        return
+    moves = speed * speed / (speed * speed + STILL * STILL)
+    step = LEARNS * c.period * off
+    give = own.give[0] + (1.0 - moves) * step * pressed / (pressed * pressed + 0.01)
     own.give[0] = min(MOST_GIVE, max(0.0, give))
+    lag = own.lag[0] + moves * step * speed / (speed * speed + STILL * STILL)
+    own.lag[0] = min(MOST_LAG, max(-MOST_LAG, lag))
 
 
 @kernel
 def wanted(c: Any, seen: Any, own: Any, lowest: float, here: float, pressed: float, touching: bool) -> float:
     """Return the height [m] at which it is wanted, and say how far it is still to come or to go."""
     away, height, last = lowest - c.clearance, seen.height[0], top(c, seen.frame, seen.sent)
-    goal = height + seen.climb[0] * c.period + (own.give[0] * pressed if touching else 0.0)
+    goal = height + seen.climb[0] * (c.period + own.lag[0]) + (own.give[0] * pressed if touching else 0.0)
     if own.renders[0] > 0.0:
         come(c, seen, own, goal, last, here - lowest, pressed, touching)
         own.coming[0] = 0.0 if own.settled[0] > 0.0 else max(1e-6, goal - own.level[0] - own.press[0])
@@ -235,21 +244,21 @@ def wanted(c: Any, seen: Any, own: Any, lowest: float, here: float, pressed: flo
         go(c, own, last - own.level[0], pressed, touching)
         own.coming[0] = max(0.0, own.press[0] + c.clearance)
     if own.settled[0] > 0.0:
-        learn(c, seen, own, pressed, touching)
         return float(max(goal, away))
     found = own.level[0] + own.press[0]
-    return float(max(height, away) if height > -np.inf and found > height else found)
+    return float(max(goal, away) if height > -np.inf and found > goal else found)
 
 
 @kernel
-def bearable(c: Any, own: Any, here: float, pressed: float) -> float:
+def bearable(c: Any, seen: Any, own: Any, here: float, pressed: float) -> float:
     """Return the greatest height [m] at which it presses no harder than it may."""
     if pressed > TOUCH:
         off = here - own.level[0] - pressed / c.stiffness
         own.off[0] += c.period / SETTLE * (off - own.off[0])
     elif pressed < LEFT:
         own.off[0] = 0.0
-    soon = own.level[0] + min(0.0, own.sink[0]) * AHEAD
+    goes = min(0.0, seen.climb[0]) if own.renders[0] > 0.0 and own.settled[0] > 0.0 else 0.0
+    soon = own.level[0] + min(0.0, own.sink[0] - goes) * AHEAD
     return float(soon + own.off[0] + c.most / c.stiffness)
 
 
@@ -292,7 +301,10 @@ def carry(c: Any, seen: Any, own: Any) -> int:
         doubt(c, own, here - lowest, pressed, touching)
     smooth(c, own, lowest)
     height = wanted(c, seen, own, lowest, here, pressed, touching)
-    command(c, seen, own.goal, min(height, bearable(c, own, here, pressed)), touching)
+    most = bearable(c, seen, own, here, pressed)
+    if own.renders[0] > 0.0 and own.settled[0] > 0.0 and height <= most:
+        learn(c, seen, own, here, pressed, touching)
+    command(c, seen, own.goal, min(height, most), touching)
     own.present[0] = 1.0 if touching and there(seen, own, here - lowest, pressed) else 0.0
     return 0
 
