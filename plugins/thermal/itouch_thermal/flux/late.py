@@ -13,10 +13,17 @@ from typing import Any
 from itouch.plugin.kernels import kernel
 from itouch_thermal.flux import observer as at
 
-#: A row of the past: what the flux sensor would have read and its derivatives, the film's, and the parameters then.
-FILM, PARAMETERS, ROW = 1 + at.COUNT, 2 * (1 + at.COUNT), 2 * (1 + at.COUNT) + at.COUNT
 #: What is kept beside it: the next row, how many hold what still counts, and whether the plate is disturbed.
 NEXT, VALID, DISTURBED, KEPT = 0, 1, 2, 3
+
+
+@kernel
+def width(count: int) -> int:
+    """Return how many numbers a row of the past has, with so many parameters.
+
+    They are what the flux sensor would have read and its derivatives, the film's, and the parameters then.
+    """
+    return 2 * (1 + count) + count
 
 
 @kernel
@@ -25,11 +32,11 @@ def remember(x: Any, theta: Any, memory: Any, past: Any, kept: Any, column: int)
 
     A plate that begins to be disturbed, or is so no longer, begins anew: what was expected before says nothing now.
     """
-    row = past[int(kept[NEXT])]
-    for k in range(1 + at.COUNT):
+    row, film = past[int(kept[NEXT])], x.shape[0]
+    for k in range(film):
         row[k] = x[k, column + at.X_SEEN]
-        row[FILM + k] = x[k, column + at.X_FILM]
-    row[PARAMETERS:] = theta
+        row[film + k] = x[k, column + at.X_FILM]
+    row[2 * film :] = theta
     kept[NEXT] = (kept[NEXT] + 1.0) % past.shape[0]
     disturbed = 1.0 if memory[at.M_TOUCHING] == 0.0 and memory[at.M_QUIET] > 0.0 else 0.0
     kept[VALID] = min(kept[VALID] + 1.0, past.shape[0]) if disturbed == kept[DISTURBED] else 1.0
@@ -41,8 +48,9 @@ def expected(theta: Any, past: Any, kept: Any, back: int, first: int) -> Any:
     """Return the row of ``back`` periods ago and what it makes expected with the parameters of now."""
     row = past[(int(kept[NEXT]) - 1 - back) % past.shape[0]]
     found = row[first]
-    for a in range(at.COUNT):
-        found += row[first + 1 + a] * (theta[a] - row[PARAMETERS + a])
+    parameters = 2 * (1 + theta.shape[0])
+    for a in range(theta.shape[0]):
+        found += row[first + 1 + a] * (theta[a] - row[parameters + a])
     return row, found
 
 
@@ -82,10 +90,10 @@ def recall(
         doubt = at.DOUBT * math.sqrt(min(1.0, press)) * abs(x[0, column + at.X_FLUX])
         way = c[at.O_LAGS] * (x[0, column + at.X_FLUX] - seen) if memory[at.M_TOUCHING] > 0.0 else 0.0
         noise = math.sqrt(c[at.O_FLUX_NOISE] ** 2 + doubt * doubt + way * way)
-        at.correct(x, theta, cover, gain, row[1:FILM], -1, flux - seen, noise)
+        at.correct(x, theta, cover, gain, row[1 : x.shape[0]], -1, flux - seen, noise)
     if film == film and film_back < kept[VALID]:
-        row, seen = expected(theta, past, kept, film_back, FILM)
-        slopes = row[FILM + 1 : PARAMETERS]
+        row, seen = expected(theta, past, kept, film_back, x.shape[0])
+        slopes = row[x.shape[0] + 1 : 2 * x.shape[0]]
         at.correct(x, theta, cover, gain, slopes, at.OFFSET, film - seen - theta[at.OFFSET], c[at.O_PLATE_NOISE])
 
 
@@ -97,9 +105,10 @@ def _follow(
     if not (film == film and kept[DISTURBED] > 0.0 and back < kept[VALID]):
         return
     row = past[(int(kept[NEXT]) - 1 - back) % past.shape[0]]
-    for k in range(1 + at.COUNT):
-        miss = at.missed(k, film, theta, row[FILM + k])
-        past[:, FILM + k] += at.follow(c, plate, x[k], memory[at.M_UNSEEN], miss, column)
+    first = x.shape[0]
+    for k in range(first):
+        miss = at.missed(k, film, theta, row[first + k])
+        past[:, first + k] += at.follow(c, plate, x[k], memory[at.M_UNSEEN], miss, column)
     memory[at.M_UNSEEN] = 0.0
 
 
@@ -107,7 +116,7 @@ def _follow(
 def estimate(x: Any, cover: Any, column: int) -> Any:
     """Return the contact flux [W/m2] that is believed in, and its standard deviation by the parameters' covariance."""
     total = 0.0
-    for a in range(at.COUNT):
-        for b in range(at.COUNT):
+    for a in range(cover.shape[0]):
+        for b in range(cover.shape[0]):
             total += x[1 + a, column + at.X_FLUX] * cover[a, b] * x[1 + b, column + at.X_FLUX]
     return x[0, column + at.X_FLUX], math.sqrt(max(0.0, total))

@@ -37,6 +37,8 @@ AT_ONCE = Coming()
 COARSE = 5e-3
 #: What is thought possible before anything is measured: one standard deviation of each parameter.
 PRIOR = (0.25, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.05, 20.0, 0.7)
+#: And of the delay behind a wire [s].
+PRIOR_DELAY = 4e-3
 #: Random walk of the unexplained flux [W/m2 per root second] and of the plate sensor's offset [K per root second].
 DRIFT_FLUX, DRIFT_OFFSET = 3.0, 1e-3
 #: Part by which the flux sensor of a rig that somebody has built may lag otherwise than its data say: what filters and
@@ -164,7 +166,10 @@ def _approach(
     gp = 1.0 / (1.0 + theta[at.PLATE])
     seebeck, legs = c[at.O_SEEBECK] * (1.0 + theta[at.SEEBECK]), c[at.O_CONDUCTANCE] * (1.0 + theta[at.LEGS])
     ohmic = c[at.O_RESISTANCE] * (1.0 + theta[at.OHMIC])
-    delay = int(slots[1])
+    delay, before = int(slots[1]), 0.0
+    shift = planner.later(theta) / c[at.O_PERIOD]
+    if shift != 0.0:
+        before = memory[at.M_BEFORE]
     # Where an earlier touch has left the plate warmer or colder under the finger than beside it, that fades by itself.
     mean, excess, soon = c[at.O_REFERENCE], 0.0, delay + wait + within / c[at.O_PERIOD]
     for i in range(m):
@@ -175,14 +180,25 @@ def _approach(
     heat = capacity / gp
     air = c[at.O_AIR] * (c[at.O_AMBIENT] - mean)
     for i in range(delay + wait):
-        current = _coming(line, int(slots[0]), delay, out, i)
-        pump = (seebeck * back * current - 0.5 * current * current * ohmic - legs * (hot - back)) / c[at.O_AREA]
+        coming = _coming(line, int(slots[0]), delay, out, i)
+        current, square = at.shifted(coming, before, shift)
+        before = coming
+        pump = (seebeck * back * current - 0.5 * square * ohmic - legs * (hot - back)) / c[at.O_AREA]
         change = c[at.O_PERIOD] * (air - pump - theta[at.FLUX]) / heat
         mean += change
     error = mean + excess - target
     flux = min(limit, max(-limit, heat * error / within + air))
     current = current_for(seebeck, ohmic, legs, (flux - theta[at.FLUX]) * c[at.O_AREA], mean, hot)
     return min(ceiling, max(-ceiling, current)), flux, error
+
+
+@kernel
+def _pumped(c: Any, theta: Any, current: float, back: float, hot: float) -> float:
+    """Return the flux [W/m2] that is believed to be pumped under a current [A]."""
+    seebeck, legs = c[at.O_SEEBECK] * (1.0 + theta[at.SEEBECK]), c[at.O_CONDUCTANCE] * (1.0 + theta[at.LEGS])
+    ohmic = c[at.O_RESISTANCE] * (1.0 + theta[at.OHMIC])
+    pumped = seebeck * back * current - 0.5 * current * current * ohmic - legs * (hot - back)
+    return float(pumped / c[at.O_AREA] + theta[at.FLUX])
 
 
 @kernel
@@ -202,28 +218,25 @@ def _follow(
     theta[at.RESISTANCE] = found * max(0.0, 1.0 - noise / max(found * found, 1e-12))
     ticks = memory[at.M_TICKS]
     if ticks % max(1.0, round(REFRESH / period)) < every:
-        planner.respond(c, tissue, plate, theta, scale, hats, above, below, response)
+        planner.respond(c, tissue, plate, theta, scale, hats, above, below, response, size * period)
     memory[at.M_TICKS] = ticks + every
     _queue(line, int(slots[0]), int(slots[1]), out, size, single, queue)
     above[:] = x[0, :n]
     below[:] = x[0, n:o]
     hot = memory[at.M_SINK]
     spill = (1.0 - c[at.O_COVER]) * c[at.O_AIR] * (c[at.O_AMBIENT] - x[0, o + at.X_FACE])
+    before = memory[at.M_BEFORE] if theta.shape[0] > at.DELAY else 0.0
     flux, back = planner.arrive(
-        c,
-        fine,
-        below_fine,
-        theta,
-        hot,
-        scale,
-        single,
-        above,
-        below,
-        x[0, o + at.X_FLUX],
-        x[0, o + at.X_BACK],
-        spill,
+        c, fine, below_fine, theta, hot, scale, single, above, below, x[0, o + at.X_FLUX], x[0, o + at.X_BACK], spill,
+        before, period,
+    )  # fmt: skip
+    if single.shape[0] > 0:
+        before = single[-1]
+    flux, back = planner.arrive(
+        c, tissue, plate, theta, hot, scale, queue, above, below, flux, back, spill, before, size * period
     )
-    flux, back = planner.arrive(c, tissue, plate, theta, hot, scale, queue, above, below, flux, back, spill)
+    if queue.shape[0] > 0:
+        before = queue[-1]
     face = c[at.O_REFERENCE]
     coming, step = flux + spill, size * period
     for i in range(m):
@@ -235,6 +248,7 @@ def _follow(
     planner.plan(
         c, tissue, plate, theta, scale, wanted, span, response, hats, last, above, below, rest, flux, SMOOTH, limit,
         (ticks + slots[1] + wait) * period, step, spill,
+        _pumped(c, theta, before, back, hot),
     )  # fmt: skip
     # A current that is held for long carries the plan's mean over that time.
     flux = last[0] + 0.5 * min(1.0, hold * period / planner.KNOTS[1]) * (last[1] - last[0])
@@ -295,7 +309,8 @@ class ModelLaw:
         self.pad = np.array((*display.pad, display.area, display.sensor_area))
         self.band = np.array(band)
         self.constants = _constants(display, self.fine.rest, resistance, ambient, period)
-        self.prior = np.array(PRIOR)
+        #: Behind a wire nobody knows to some milliseconds when a command acts: then the delay is a parameter.
+        self.prior = np.array((*PRIOR, PRIOR_DELAY) if longest > 0 else PRIOR)
         #: Where in the future, counted in periods from the last end of a step, the plan looks.
         self.offsets = self.delay + np.arange(1, self.steps + 1) * self.coarse_ticks - 1
 
@@ -310,15 +325,15 @@ class ModelLaw:
     def fields(self) -> tuple[Field, ...]:
         """Return its State."""
         n, m = self.fine.tissue.shape[1], self.fine.plate.shape[1]
-        wide = n + m + at.X_TAIL
+        wide, count = n + m + at.X_TAIL, len(self.prior)
         size: dict[str, int | tuple[int, ...]] = {
-            "x": (1 + at.COUNT, wide), "theta": at.COUNT, "cover": (at.COUNT, at.COUNT), "gain": at.COUNT,
-            "memory": at.M_TAIL, "line": max(1, self.delay), "slots": 2, "single": self.coarse_ticks,
-            "queue": 1 + (self.delay + self.wait) // self.coarse_ticks, "wanted": self.steps,
-            "response": (planner.HATS, self.steps), "knots": planner.HATS,
+            "x": (1 + count, wide), "theta": count, "cover": (count, count), "gain": count,
+            "memory": at.M_TAIL + (count > at.COUNT), "line": max(1, self.delay), "slots": 2,
+            "single": self.coarse_ticks, "queue": 1 + (self.delay + self.wait) // self.coarse_ticks,
+            "wanted": self.steps, "response": (planner.HATS, self.steps), "knots": planner.HATS,
             "work": wide + planner.HATS * (planner.HATS + 1), "future": self.ahead + 1,
-            "trace": round(RATE_OVER / self.step), "span": (2, self.steps), "past": (1 + self.longest, late.ROW),
-            "kept": late.KEPT,
+            "trace": round(RATE_OVER / self.step), "span": (2, self.steps),
+            "past": (1 + self.longest, late.width(count)), "kept": late.KEPT,
         }  # fmt: skip
         low = {"slots": (0.0, float(self.delay)), "kept": (0.0, 0.0, 0.0)}
         high = {

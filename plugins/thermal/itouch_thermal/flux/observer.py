@@ -33,8 +33,10 @@ from itouch_thermal.display.column import (
 
 #: Parameters: logarithms of contact resistance, sensor lag and press, relative changes, offset [K], flux [W/m2].
 RESISTANCE, SEEBECK, LEGS, OHMIC, PLATE, TISSUE, LAG, OFFSET, FLUX, PRESS, COUNT = range(11)
+#: Behind a wire one more: by how much later than the data sheets say a command acts [s].
+DELAY = COUNT
 #: How far each parameter may be moved: what is beyond is no tolerance but a fault.
-AUTHORITY = (1.2, 0.3, 0.4, 0.4, 0.3, 0.5, 0.6, 0.3, 300.0, 1.5)
+AUTHORITY = (1.2, 0.3, 0.4, 0.4, 0.3, 0.5, 0.6, 0.3, 300.0, 1.5, 0.015)
 #: Part of the flux by which the press may be misjudged.
 DOUBT = 0.3
 #: Random walk of the logarithm of the resistance during a press [per root second].
@@ -49,6 +51,8 @@ X_FLUX, X_BACK, X_FACE, X_SEEN, X_FILM, X_DRIFT, X_TAIL = range(7)
 ) = range(23)  # fmt: skip
 #: Numbers of the scalar memory; M_PART: of the flux out of the finger, what crosses the sensor under it.
 M_TOUCHING, M_SINK, M_SINK_SEEN, M_CONTACT, M_TICKS, M_QUIET, M_AGE, M_UNSEEN, M_PART, M_TAIL = range(10)
+#: Where the delay is a parameter one more: the current [A] of the period before.
+M_BEFORE = M_TAIL
 #: Seconds without corrections after a flux that air cannot explain: something touches the plate that should not.
 QUIET = 0.2
 #: Rates [1/s] at which the sink follows its sensor, and a disturbed plate its own.
@@ -67,6 +71,17 @@ def seen(pad: Any, force: float) -> float:
 
 
 @kernel
+def shifted(current: float, before: float, periods: float) -> Any:
+    """Return the mean current [A] and its mean square of a period, if both act so many periods later than is thought.
+
+    All of what is late of a change of the current counts in the period of the change: heat is what tells after some
+    milliseconds, and its sum is right.
+    """
+    square = current * current
+    return current - periods * (current - before), square - periods * (square - before * before)
+
+
+@kernel
 def advance(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, current: float, scale: float) -> None:
     """Advance column and derivatives by one period.
 
@@ -77,9 +92,9 @@ def advance(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, cu
     tissue, plate
         Packed column, shapes (4, n) and (P_ROWS, m); the plate's is that of a finger that covers O_COVER of it.
     x
-        Row 0 the column, row 1 + k its derivative with respect to parameter k; shape (1 + COUNT, n + m + X_TAIL).
+        Row 0 the column, row 1 + k its derivative with respect to parameter k; shape (1 + p, n + m + X_TAIL).
     theta, memory
-        Parameters (COUNT,) and scalar memory (M_TAIL,).
+        Parameters (p,), COUNT or with the delay one more, and scalar memory (M_TAIL,), with the delay one more.
     current
         Current [A] that flowed in this period.
     scale
@@ -97,10 +112,15 @@ def advance(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, cu
     cover = c[O_COVER] if touching else 0.0
     covered = memory[M_PART] if touching else 0.0
     cold, hot, face = x[0, o + X_BACK], memory[M_SINK], x[0, o + X_FACE]
-    pumped = seebeck * cold * current - 0.5 * current * current * ohmic - legs * (hot - cold)
+    acting, square, rise, rise_square = current, current * current, 0.0, 0.0
+    if theta.shape[0] > DELAY:
+        acting, square = shifted(current, memory[M_BEFORE], theta[DELAY] / dt)
+        rise, rise_square = (current - memory[M_BEFORE]) / dt, (current**2 - memory[M_BEFORE] ** 2) / dt
+        memory[M_BEFORE] = current
+    pumped = seebeck * cold * acting - 0.5 * square * ohmic - legs * (hot - cold)
     pump = pumped / c[O_AREA] + theta[FLUX] + x[0, o + X_DRIFT]
-    slope = (seebeck * current + legs) / c[O_AREA]
-    electric = seebeck * (hot - cold) * current + current * current * ohmic
+    slope = (seebeck * acting + legs) / c[O_AREA]
+    electric = seebeck * (hot - cold) * acting + square * ohmic
     heat = pumped + electric - (hot - c[O_AMBIENT]) / c[O_SINK_RESISTANCE]
     memory[M_SINK] += dt / c[O_SINK_CAPACITY] * heat
     memory[M_SINK_SEEN] += dt / (c[O_SINK_LAG] + dt) * (memory[M_SINK] - memory[M_SINK_SEEN])
@@ -119,7 +139,7 @@ def advance(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, cu
 
     j0 = x[0, o + X_FLUX]
     j1 = middle = film = base_seen = memory_seen = memory_film = 0.0
-    for k in range(COUNT + 1):
+    for k in range(theta.shape[0] + 1):
         base = k == 0
         r = x[k]
         dj0 = r[o + X_FLUX]
@@ -130,13 +150,15 @@ def advance(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, cu
             air = -c[O_AIR] * r[o + X_FACE]
             du = slope * r[o + X_BACK] + r[o + X_DRIFT]
             if k - 1 == SEEBECK:
-                du += c[O_SEEBECK] * cold * current / c[O_AREA]
+                du += c[O_SEEBECK] * cold * acting / c[O_AREA]
             elif k - 1 == LEGS:
                 du -= c[O_CONDUCTANCE] * (hot - cold) / c[O_AREA]
             elif k - 1 == OHMIC:
-                du -= 0.5 * current * current * c[O_RESISTANCE] / c[O_AREA]
+                du -= 0.5 * square * c[O_RESISTANCE] / c[O_AREA]
             elif k - 1 == FLUX:
                 du += 1.0
+            elif k - 1 == DELAY:
+                du -= (seebeck * cold * rise - 0.5 * ohmic * rise_square) / c[O_AREA]
         # A gain's derivative acts on what the base took in: its begin and end fluxes and the pumped one.
         of_tissue = -gf * gf if k - 1 == TISSUE else 0.0
         of_plate = -gp * gp if k - 1 == PLATE else 0.0
@@ -203,27 +225,28 @@ def advance(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, cu
 def correct(
     x: Any, theta: Any, cover: Any, gain: Any, slopes: Any, explicit: int, innovation: float, noise: float
 ) -> None:
-    """Take in one reading: move parameters and column; ``cover`` is the parameters' covariance (COUNT, COUNT).
+    """Take in one reading: move parameters and column; ``cover`` is the parameters' covariance (p, p).
 
-    ``slopes`` (COUNT,) are the reading's derivatives with respect to the parameters, as of when it was measured.
+    ``slopes`` (p,) are the reading's derivatives with respect to the parameters, as of when it was measured.
     """
     total = noise * noise
-    for a in range(COUNT):
+    count = theta.shape[0]
+    for a in range(count):
         gain[a] = 0.0
-        for b in range(COUNT):
+        for b in range(count):
             slope = slopes[b] + (1.0 if b == explicit else 0.0)
             gain[a] += cover[a, b] * slope
-    for a in range(COUNT):
+    for a in range(count):
         total += (slopes[a] + (1.0 if a == explicit else 0.0)) * gain[a]
     # What is beyond three deviations is the model's fault: it moves less and makes nothing more certain.
     total = max(total, innovation * innovation / 9.0)
-    for a in range(COUNT):
+    for a in range(count):
         step = gain[a] * innovation / total
         step = min(AUTHORITY[a] - theta[a], max(-AUTHORITY[a] - theta[a], step))
         theta[a] += step
         for i in range(x.shape[1]):
             x[0, i] += x[1 + a, i] * step
-        for b in range(COUNT):
+        for b in range(count):
             cover[a, b] -= gain[a] * gain[b] / total
 
 
@@ -278,7 +301,7 @@ def _resume(c: Any, plate: Any, x: Any, theta: Any, memory: Any, film: float, o:
     """
     memory[M_UNSEEN] += 1.0
     if film == film:
-        for k in range(COUNT + 1):
+        for k in range(theta.shape[0] + 1):
             follow(c, plate, x[k], memory[M_UNSEEN], missed(k, film, theta, x[k, o + X_FILM]), o)
         memory[M_UNSEEN] = 0.0
 
@@ -322,7 +345,7 @@ def begin_touch(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, cover: Any,
     memory[M_TOUCHING] = 1.0
     memory[M_QUIET] = 0.0
     for which in (RESISTANCE, TISSUE, PRESS):
-        for b in range(COUNT):
+        for b in range(theta.shape[0]):
             cover[which, b] = cover[b, which] = 0.0
         cover[which, which] = prior[which] * prior[which]
         theta[which] = 0.0
@@ -331,12 +354,12 @@ def begin_touch(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, cover: Any,
     s = c[O_REST]
     for i in range(n):
         s += tissue[F_PORT, i] * x[0, i]
-        for k in range(COUNT):
+        for k in range(theta.shape[0]):
             x[1 + k, i] = 0.0
     contact = c[O_CONTACT] * memory[M_CONTACT]
     flux = (s - x[0, o + X_FACE]) / contact
     x[0, o + X_FLUX] = flux
-    for k in range(COUNT):
+    for k in range(theta.shape[0]):
         x[1 + k, o + X_FLUX] = -x[1 + k, o + X_FACE] / contact
     x[1 + RESISTANCE, o + X_FLUX] = -flux
     x[1 + PRESS, o + X_FLUX] = -flux * max(0.0, memory[M_CONTACT] - 1.0) / memory[M_CONTACT]
@@ -347,5 +370,5 @@ def end_touch(tissue: Any, plate: Any, x: Any, memory: Any) -> None:
     """Take the finger off."""
     memory[M_TOUCHING] = 0.0
     o = tissue.shape[1] + plate.shape[1]
-    for k in range(COUNT + 1):
+    for k in range(x.shape[0]):
         x[k, o + X_FLUX] = 0.0

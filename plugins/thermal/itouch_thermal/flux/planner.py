@@ -86,21 +86,29 @@ def resistance(c: Any, theta: Any, scale: float) -> float:
 
 
 @kernel
+def later(theta: Any) -> float:
+    """Return by how much later a command is believed to act than the data sheets say [s]."""
+    return float(theta[at.DELAY]) if theta.shape[0] > at.DELAY else 0.0
+
+
+@kernel
 def respond(
-    c: Any, tissue: Any, plate: Any, theta: Any, scale: float, hats: Any, above: Any, below: Any, response: Any
-) -> None:
+    c: Any, tissue: Any, plate: Any, theta: Any, scale: float, hats: Any, above: Any, below: Any, response: Any,
+    step_time: float,
+) -> None:  # fmt: skip
     """Fill ``response`` (HATS, steps): the contact flux that each hat of the pumped flux would add."""
     contact = resistance(c, theta, scale)
     gp, gf = 1.0 / (1.0 + theta[at.PLATE]), 1.0 / (1.0 + theta[at.TISSUE])
     tissue_self, plate_self = selves(tissue, plate)
+    shift = later(theta) / step_time
     for hat in range(HATS):
         above[:] = 0.0
         below[:] = 0.0
-        flux = 0.0
+        flux = before = 0.0
         for i in range(hats.shape[1]):
-            flux = ahead(
-                tissue, plate, above, below, flux, hats[hat, i], 0.0, contact, gf, gp, tissue_self, plate_self, 0.0
-            )
+            pump = hats[hat, i] - shift * (hats[hat, i] - before)
+            before = hats[hat, i]
+            flux = ahead(tissue, plate, above, below, flux, pump, 0.0, contact, gf, gp, tissue_self, plate_self, 0.0)
             response[hat, i] = flux
 
 
@@ -118,11 +126,11 @@ def selves(tissue: Any, plate: Any) -> Any:
 @kernel
 def arrive(
     c: Any, tissue: Any, plate: Any, theta: Any, hot: float, scale: float, currents: Any, above: Any, below: Any,
-    flux: float, back: float, spill: float,
+    flux: float, back: float, spill: float, before: float, step_time: float,
 ) -> Any:  # fmt: skip
     """Run the column ahead over the ``currents`` [A] on their way, one a step; return contact flux and base [K].
 
-    ``spill`` is what air gives to the plate beside the finger [W/m2 of the plate].
+    ``spill`` is what air gives to the plate beside the finger [W/m2 of the plate], ``before`` the current before.
     """
     contact = resistance(c, theta, scale)
     gp, gf = 1.0 / (1.0 + theta[at.PLATE]), 1.0 / (1.0 + theta[at.TISSUE])
@@ -130,9 +138,11 @@ def arrive(
     ohmic = c[at.O_RESISTANCE] * (1.0 + theta[at.OHMIC])
     tissue_self, plate_self = selves(tissue, plate)
     rest = c[at.O_REST] - c[at.O_REFERENCE]
+    shift = later(theta) / step_time
     for step in range(currents.shape[0]):
-        current = currents[step]
-        pump = (seebeck * back * current - 0.5 * current * current * ohmic - legs * (hot - back)) / c[at.O_AREA]
+        current, square = at.shifted(currents[step], before, shift)
+        before = currents[step]
+        pump = (seebeck * back * current - 0.5 * square * ohmic - legs * (hot - back)) / c[at.O_AREA]
         pump += theta[at.FLUX]
         flux = ahead(tissue, plate, above, below, flux, pump, spill, contact, gf, gp, tissue_self, plate_self, rest)
         back = c[at.O_REFERENCE]
@@ -145,7 +155,7 @@ def arrive(
 def plan(
     c: Any, tissue: Any, plate: Any, theta: Any, scale: float, wanted: Any, band: Any, response: Any, hats: Any,
     last: Any, above: Any, below: Any, work: Any, flux: float, smooth: float, limit: float, age: float,
-    step_time: float, spill: float,
+    step_time: float, spill: float, before: float,
 ) -> None:  # fmt: skip
     """Improve the plan's knots of the pumped flux [W/m2].
 
@@ -162,12 +172,14 @@ def plan(
         The column and its contact flux where the plan begins; the column is run on.
     spill
         What air gives to the plate beside the finger [W/m2 of the plate].
+    before
+        The flux that is pumped where the plan begins [W/m2].
     """
     contact = resistance(c, theta, scale)
     gp, gf = 1.0 / (1.0 + theta[at.PLATE]), 1.0 / (1.0 + theta[at.TISSUE])
     tissue_self, plate_self = selves(tissue, plate)
     rest = c[at.O_REST] - c[at.O_REFERENCE]
-    steps, v = wanted.shape[0], HATS * HATS
+    steps, v, shift = wanted.shape[0], HATS * HATS, later(theta) / step_time
     for a in range(v + HATS):
         work[a] = 0.0
     # Errors that the last plan would leave; then the best change of it.
@@ -175,7 +187,8 @@ def plan(
         pump = 0.0
         for hat in range(HATS):
             pump += last[hat] * hats[hat, i]
-        flux = ahead(tissue, plate, above, below, flux, pump, spill, contact, gf, gp, tissue_self, plate_self, rest)
+        acting, before = pump - shift * (pump - before), pump
+        flux = ahead(tissue, plate, above, below, flux, acting, spill, contact, gf, gp, tissue_self, plate_self, rest)
         skin = c[at.O_REST]
         for k in range(tissue.shape[1]):
             skin += tissue[F_PORT, k] * above[k]

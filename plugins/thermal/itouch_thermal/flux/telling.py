@@ -6,6 +6,7 @@ from typing import Any
 
 from itouch.plugin import Record
 from itouch_thermal.display.switching import least_time, strongest
+from itouch_thermal.flux.observer import DELAY
 from itouch_thermal.flux.setting import FluxModel
 from itouch_thermal.flux.start import within
 
@@ -39,8 +40,16 @@ def report(model: FluxModel, state: Record) -> dict[str, Any]:
         "condensation_s": state[names.condensation_time].item(),
         "preset_s": model.preset_time or None,
         "contacts_before_ready": state[names.unready].item(),
+        "delay_found_s": _delay(model, state),
         "switching": switches(model),
     }
+
+
+def _delay(model: FluxModel, state: Record) -> float | None:
+    """Return after what time commands act, as it is believed [s]; None where the delay is not looked for."""
+    if not model.wire:
+        return None
+    return model.display.delay + float(state[model.names.theta][DELAY])
 
 
 def switches(model: FluxModel) -> list[dict[str, Any]]:
