@@ -25,12 +25,12 @@ WIDE = {"contact-resistance": 0.2, "seebeck": 0.1, "delay": 5e-3, "sensor-lag": 
 #: The program that is installed with this one.
 PROGRAM = "from itouch_tools.cli import main; raise SystemExit(main())"
 #: Wires that are better than the scene's: attributes of elements inside a display's hardware, and of it (empty).
-#: What an averaging input leaves of the noise of 20 samples is set as the twin's: 20 W/m2 over the root of 20.
-_RAISED, _AVERAGED = ("mecom", "session-baud", "460800"), ("", "flux-noise", "4.5 W/m^2")
+_RAISED = ("mecom", "session-baud", "460800")
 FASTER = {
     "460800 baud for the session": (_RAISED,),
-    "flux averaged for 20 ms": (_AVERAGED,),
-    "460800 baud, flux averaged for 20 ms": (_RAISED, _AVERAGED),
+    "flux averaged for 20 ms": (("labjack", "averaging", "20 ms"),),
+    "460800 baud, flux averaged for 4 ms": (_RAISED, ("labjack", "averaging", "4 ms")),
+    "460800 baud, flux averaged for 20 ms": (_RAISED, ("labjack", "averaging", "20 ms")),
 }
 #: A plant that differs much, and for long.
 DIFFERS = {"contact-resistance": 0.2, "seebeck": -0.1}

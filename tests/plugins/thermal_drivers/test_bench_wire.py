@@ -82,10 +82,11 @@ def test_one_plant_is_chosen_by_words_of_its_name(
 
 
 def test_better_wires_are_written_into_the_rig(scenes: Path) -> None:
-    assert sum(bench_wire.rewire(scenes / "rigs" / "wire.xml", wires) for wires in bench_wire.FASTER.values()) == 3
+    assert sum(bench_wire.rewire(scenes / "rigs" / "wire.xml", wires) for wires in bench_wire.FASTER.values()) == 4
     scene = load_scene(scenes / "four_materials_wire.xml", twin="all")
     (device,) = [device for device in scene.devices if device.name == "peltier"]
     (part,) = device.parts
     assert part.params.mecom.session_baud == 460800
-    assert part.params.flux_noise == 4.5
+    assert part.params.labjack.averaging == 20e-3
+    assert part.params.flux_noise == 20.0  # of one sample, as before
     assert bench_wire.rewire(scenes / "rigs" / "diy.xml", bench_wire.FASTER["460800 baud for the session"]) == 0

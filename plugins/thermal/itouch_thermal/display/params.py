@@ -205,6 +205,11 @@ class DisplayParams:
         return min(1.0, min(self.area, contact_area(force, *self.pad)) / self.sensor_area)
 
     @property
+    def flux_samples(self) -> int:
+        """How many samples are one reading of the flux over a wire: an input may average them."""
+        return 1 if self.labjack is None else self.labjack.samples
+
+    @property
     def plate(self) -> tuple[Layer, Layer]:
         """The layers from the finger to the module."""
         return FILM, ALUMINA

@@ -9,6 +9,10 @@ from itouch.plugin import schema
 
 #: The slowest speed of a serial port [baud].
 SLOWEST = 9600
+#: Samples a second of an input that is averaged.
+SAMPLING = 1000.0
+#: The greatest resolution index of an input that is averaged: the converter for the others knows no burst of samples.
+_FINEST_BURST = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,8 +99,25 @@ class LabJack:
 
     host: str = schema.text(doc="address of the T7, HOST or HOST:PORT")
     resolution: int = schema.integer(low=0, high=12, default=0, doc="resolution index of the inputs; 0: its own choice")
+    averaging: float = schema.quantity(
+        "s",
+        low=0.0,
+        high=0.18,
+        default=0.0,
+        doc="for how long the T7 averages the flux sensor's input, a sample a millisecond; 0: single samples",
+    )
     flux_sensor: FluxSensor | None = schema.child(FluxSensor, default=None, doc="the sensor under the finger")
     infrared: Infrared | None = schema.child(Infrared, default=None, doc="the thermometer that looks at the finger")
+
+    def __post_init__(self) -> None:
+        schema.validate(self)
+        if self.averaging and self.resolution > _FINEST_BURST:
+            raise ValueError(f"resolution = {self.resolution} must be at most {_FINEST_BURST} with averaging")
+
+    @property
+    def samples(self) -> int:
+        """How many samples of the flux sensor's input are one reading."""
+        return max(1, round(self.averaging * SAMPLING)) if self.flux_sensor is not None else 1
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import socket
 import struct
 import tempfile
+import time
+from collections import deque
 from dataclasses import replace
 from typing import Any
 
@@ -26,16 +29,20 @@ def _has_chip(params: Any) -> bool:
 
 
 class ModbusServer:
-    """A Modbus-TCP server that never waits; one thing answers all its connections."""
+    """A Modbus-TCP server that never waits; one thing answers all its connections, one request after the other.
 
-    def __init__(self, host: str, port: int, device: VirtualT7) -> None:
+    What takes the device its time is answered after it, which passes ``speed`` times as fast as the host's.
+    """
+
+    def __init__(self, host: str, port: int, device: VirtualT7, speed: float = 1.0) -> None:
         try:
             self._listener = Emulator.listener((host, port))
         except OSError as error:
             raise DeviceError(f"no virtual T7 can listen on {host}:{port}: {error.strerror or error}") from error
         self._listener.setblocking(False)
-        self._device = device
+        self._device, self._speed = device, speed
         self._lines: dict[socket.socket, bytes] = {}
+        self._waiting: deque[tuple[float, socket.socket, bytes, bytes]] = deque()
 
     @property
     def port(self) -> int:
@@ -61,11 +68,16 @@ class ModbusServer:
                 continue
             except OSError:
                 data = b""
-            if not data or not self._answer(line, data):
+            if not data or not self._hear(line, data):
                 del self._lines[line]
                 line.close()
+        self._answer()
 
-    def _answer(self, line: socket.socket, data: bytes) -> bool:
+    def patience(self) -> float:
+        """Return how long it is until the next answer is due [s]."""
+        return max(0.0, self._waiting[0][0] - time.monotonic()) if self._waiting else math.inf
+
+    def _hear(self, line: socket.socket, data: bytes) -> bool:
         waiting = self._lines[line] + data
         while len(waiting) >= 8:
             number, protocol, length = struct.unpack(">HHH", waiting[:6])
@@ -74,12 +86,20 @@ class ModbusServer:
             if len(waiting) < 6 + length:
                 break
             unit, request, waiting = waiting[6:7], waiting[7 : 6 + length], waiting[6 + length :]
-            answer = self._device.answer(request)
-            if answer is not None:
-                with contextlib.suppress(OSError):
-                    line.sendall(struct.pack(">HHH", number, 0, len(answer) + 1) + unit + answer)
+            begin = max(time.monotonic(), self._waiting[-1][0] if self._waiting else 0.0)
+            due = begin + self._device.takes(request) / self._speed
+            self._waiting.append((due, line, struct.pack(">H", number) + unit, request))
         self._lines[line] = waiting
         return True
+
+    def _answer(self) -> None:
+        """Answer what is due."""
+        while self._waiting and self._waiting[0][0] <= time.monotonic():
+            _, line, head, request = self._waiting.popleft()
+            answer = self._device.answer(request)
+            if answer is not None and line in self._lines:
+                with contextlib.suppress(OSError):
+                    line.sendall(head[:2] + struct.pack(">HH", 0, len(answer) + 1) + head[2:] + answer)
 
     def close(self) -> None:
         """Hang up."""
@@ -97,8 +117,9 @@ class DisplayEmulator(Emulator):
         self.tec = VirtualMecom(self.plate, address=params.mecom.address) if params.mecom is not None else None
         self.chip = SimulatedLine(params, self.plate) if _has_chip(params) else None
         self.line = VirtualLine(self.plate) if params.line is not None and self.chip is None else None
-        self.lives = self.chip is not None
         self.t7 = VirtualT7() if params.labjack is not None else None
+        #: In step, what a T7 averages must be seen in every period.
+        self.lives = self.chip is not None or (params.labjack is not None and params.labjack.samples > 1)
         self._terminal: Terminal | None = None
         self._server: ModbusServer | None = None
 
@@ -134,7 +155,7 @@ class DisplayEmulator(Emulator):
             words.append("the reference display's program in a simulated chip")
         if self.t7 is not None:
             host, _, port = self.params.labjack.host.partition(":")
-            self._server = ModbusServer(host, int(port or 502), self.t7)
+            self._server = ModbusServer(host, int(port or 502), self.t7, self.speed)
             words.append(f"LabJack on {host}:{self._server.port}")
         return ", ".join(words) or "nothing: no hardware is named"
 
@@ -148,9 +169,10 @@ class DisplayEmulator(Emulator):
             self.chip.close()
 
     def patience(self) -> float:
-        """Return when the serial line has the next message over, and at most how long the twin may go unseen."""
+        """Return when serial line or server have something to say, and at most how long the twin may go unseen."""
         longest = _UNSEEN_BY_CHIP if self.lives else _UNSEEN
-        return min(longest, self._terminal.due()) if self._terminal is not None else longest
+        served = self._server.patience() if self._server is not None else math.inf
+        return min(longest, served, self._terminal.due() if self._terminal is not None else math.inf)
 
     def handles(self) -> list[int]:
         """Return the descriptors of serial port and server."""
@@ -165,6 +187,8 @@ class DisplayEmulator(Emulator):
         valid = reading["skin_valid"].item() > 0.5
         p.skin = reading["skin_temperature"].item() if valid else float("nan")
         self._volts(valid)
+        if self.t7 is not None:
+            self.t7.see(now)
         data = self._terminal.receive() if self._terminal is not None else b""
         driven, current = False, 0.0
         if self.tec is not None:

@@ -14,6 +14,8 @@ from itouch_thermal.drivers.rig import Rig, rig_of
 _LINE_BYTES, _LINE_REST = 75, 5e-3
 #: Bytes of setting a current and reading three values of a controller, and what it takes besides [s], estimated.
 _MECOM_BYTES, _MECOM_REST = 111, 4e-3
+#: What an averaging T7 takes besides its samples [s], estimated.
+_MEAN_REST = 2e-3
 #: What stands in a reading of the skin as long as no thermometer has seen it [K]; it is marked as not valid.
 _UNSEEN = 306.15
 
@@ -30,12 +32,14 @@ class HardwareDisplay(Device):
 
     @classmethod
     def takes(cls, params: Any) -> float:
-        """Return the seconds of one exchange: 75 bytes on a line, or what a controller takes."""
+        """Return the seconds of one exchange: 75 bytes on a line, what a controller takes, or a T7 to average."""
         seconds: float = cls.exchange_time
         if params.line is not None:
             seconds = round(_LINE_BYTES * 10.0 / params.line.baud + _LINE_REST, 3)
         elif params.mecom is not None and params.mecom.raises:
             seconds = round(_MECOM_BYTES * 10.0 / params.mecom.session_baud + _MECOM_REST, 3)
+        if params.labjack is not None and params.labjack.samples > 1:
+            seconds = max(seconds, round(params.labjack.averaging + _MEAN_REST, 3))
         return seconds
 
     def __init__(self, params: Any) -> None:

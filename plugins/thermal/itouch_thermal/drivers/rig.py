@@ -55,6 +55,8 @@ class Rig:
         DeviceError
             If a part fails; its message says which.
         """
+        if self._labjack is not None:
+            self._labjack.begin()
         if isinstance(self._source, TecDriver):
             read: TecReading | LineReading = self._source.exchange(current, stamps)
         else:
@@ -65,7 +67,7 @@ class Rig:
         if self._labjack is not None:
             sensors = self._labjack.exchange(read.plate)
             if stamps is not None:
-                stamps.measured("heat_flux", "skin_temperature", "skin_valid", ago=self._labjack.half)
+                self._labjack.stamp(stamps)
             flux = sensors.flux if math.isfinite(sensors.flux) else flux
             skin = sensors.skin if math.isfinite(sensors.skin) else skin
         return Measured(read.plate, read.sink, flux, skin, read.current)

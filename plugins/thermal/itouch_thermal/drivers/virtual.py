@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import struct
+from collections import deque
 from dataclasses import dataclass, field
 
 from itouch_thermal.drivers import labjack, lineport, tec
@@ -228,14 +229,43 @@ class VirtualLine:
         return "R " + " ".join(f"{value:.4f}" for value in values)
 
 
+#: For how long [s] what an input has seen is remembered: the longest burst of samples.
+_REMEMBERED = 0.18
+
+
 @dataclass(slots=True)
 class VirtualT7:
-    """A LabJack T7: Modbus-TCP requests in, answers out; ``volts`` are what its inputs measure."""
+    """A LabJack T7: Modbus-TCP requests in, answers out; ``volts`` are what its inputs measure.
+
+    ``averages``: whether it knows the extended feature that averages a burst of samples of an input.  What an input has
+    seen until now is told with `see`.
+    """
 
     volts: dict[int, float] = field(default_factory=dict)
     product: float = 7.0
     lapses: Lapses = field(default_factory=Lapses)
     words: dict[int, int] = field(default_factory=dict)
+    averages: bool = True
+    _seen: dict[int, deque[tuple[float, float]]] = field(default_factory=dict)
+
+    def see(self, now: float) -> None:
+        """Take the voltages of now [s] as what the inputs see from now on."""
+        for channel, volts in self.volts.items():
+            seen = self._seen.setdefault(channel, deque())
+            if not seen or now > seen[-1][0]:
+                seen.append((now, volts))
+            while seen[0][0] < now - _REMEMBERED - 1e-9:
+                seen.popleft()
+
+    def restart(self) -> None:
+        """Start anew, as after a loss of its supply: nothing that was set is kept."""
+        self.words.clear()
+
+    def takes(self, request: bytes) -> float:
+        """Return how long it samples for the answer to a request [s]."""
+        channel = self._averaged(request)
+        count, rate = self._burst(channel) if channel is not None else (0, 1.0)
+        return count / rate if rate > 0.0 and count / rate <= _REMEMBERED else 0.0
 
     def answer(self, request: bytes) -> bytes | None:
         """Answer one Modbus message without its header (function code and data); None: not at all."""
@@ -248,13 +278,57 @@ class VirtualT7:
                 return bytes((function | 0x80, 3))
             if self.lapses.take("busy"):
                 return bytes((function | 0x80, 6))
+            if not self.averages and self._is_feature(address):
+                return bytes((function | 0x80, 2))
+            channel = self._averaged(request)
+            if channel is not None:
+                mean = self._mean(channel)
+                return bytes((function | 0x80, 4)) if mean is None else bytes((function, 4)) + struct.pack(">f", mean)
             return bytes((function, 2 * count)) + struct.pack(f">{count}H", *self._read(address, count))
         if function == 16 and len(request) >= 6:
             address, count, size = struct.unpack(">HHB", request[1:6])
+            if not self.averages and self._is_feature(address):
+                return bytes((function | 0x80, 2))
             values = struct.unpack(f">{size // 2}H", request[6 : 6 + size])
             self.words.update(zip(range(address, address + count), values, strict=False))
             return request[:5]
         return bytes((function | 0x80, 1))
+
+    @staticmethod
+    def _is_feature(address: int) -> bool:
+        return labjack.EF_RESULT <= address < labjack.EF_RATE + 2 * 150
+
+    def _averaged(self, request: bytes) -> int | None:
+        """Return the channel whose average a request asks for, None: it asks for something else."""
+        if not self.averages or len(request) != 5 or request[0] not in (3, 4):
+            return None
+        address, count = (int(number) for number in struct.unpack(">HH", request[1:5]))
+        channel, odd = divmod(address - labjack.EF_RESULT, 2)
+        if count != 2 or odd or not 0 <= channel < 150 or self._word(labjack.EF_INDEX + 2 * channel) != labjack.AVERAGE:
+            return None
+        return channel
+
+    def _word(self, address: int) -> int:
+        return self.words.get(address, 0) << 16 | self.words.get(address + 1, 0)
+
+    def _burst(self, channel: int) -> tuple[int, float]:
+        """Return how many samples a burst has, and how many a second."""
+        count = self._word(labjack.EF_SAMPLES + 2 * channel) or 200
+        rate: float = struct.unpack(">f", struct.pack(">I", self._word(labjack.EF_RATE + 2 * channel)))[0]
+        return count, rate
+
+    def _mean(self, channel: int) -> float | None:
+        """Return the mean of the burst of samples that ends now [V]; None: there is no such burst."""
+        count, rate = self._burst(channel)
+        if not rate > 0.0 or count / rate > _REMEMBERED or channel not in self._seen:
+            return None
+        seen = self._seen[channel]
+        now, at, samples = seen[-1][0], len(seen) - 1, []
+        for number in range(count):
+            while at > 0 and seen[at][0] > now - number / rate + 1e-9:
+                at -= 1
+            samples.append(seen[at][1])
+        return sum(samples) / count
 
     def _read(self, address: int, count: int) -> list[int]:
         shown = dict(self.words)

@@ -49,6 +49,11 @@ class T7:
     force_sensor: ForceSensor | None = schema.child(ForceSensor, default=None, doc="the sensor under the sample")
     infrared: Infrared | None = schema.child(Infrared, default=None, doc="the thermometer that looks at the finger")
 
+    @property
+    def averaging(self) -> float:
+        """How long the film's input is averaged [s]: not at all, since a touch is recorded sample by sample."""
+        return 0.0
+
 
 @dataclass(frozen=True, slots=True)
 class FilmParams:

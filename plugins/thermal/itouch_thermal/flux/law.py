@@ -15,6 +15,7 @@ from itouch_thermal.display.column import P_DECAY, P_EXCESS, P_MEAN, P_PORT, REA
 from itouch_thermal.display.params import DisplayParams
 from itouch_thermal.display.peltier import current_for
 from itouch_thermal.display.sideways import Sideways
+from itouch_thermal.drivers.driver_params import SAMPLING
 from itouch_thermal.flux import late, planner
 from itouch_thermal.flux import observer as at
 
@@ -473,6 +474,18 @@ class ModelLaw:
         return found
 
 
+def _of_mean(p: DisplayParams, period: float) -> float:
+    """Return by what part of its way to the flux a mean may differ from a sample in its middle.
+
+    That is known to a period.  Of what falls off with the sensor's lag a mean is more than the middle, by the square of
+    its length over 24 of that of the lag.
+    """
+    if p.flux_samples == 1:
+        return 0.0
+    lag, window = max(p.flux_lag, period), p.flux_samples / SAMPLING
+    return period / lag + (window / lag) ** 2 / 24.0
+
+
 def _constants(p: DisplayParams, rest: float, resistance: float, ambient: float, period: float) -> Array:
     c = np.zeros(at.O_CONSTANTS)
     c[at.O_PERIOD], c[at.O_REST], c[at.O_REFERENCE], c[at.O_CONTACT] = period, rest, REFERENCE, resistance
@@ -480,12 +493,12 @@ def _constants(p: DisplayParams, rest: float, resistance: float, ambient: float,
         p.seebeck, p.resistance, p.conductance, p.area,
     )  # fmt: skip
     c[at.O_FLUX_LAG], c[at.O_PLATE_LAG] = max(p.flux_lag, 1e-6), max(p.plate_lag, 1e-6)
-    c[at.O_FLUX_NOISE] = math.hypot(p.flux_noise, p.flux_resolution) + 1e-3
+    c[at.O_FLUX_NOISE] = math.hypot(p.flux_noise / math.sqrt(p.flux_samples), p.flux_resolution) + 1e-3
     c[at.O_PLATE_NOISE] = math.hypot(p.plate_noise, p.plate_resolution) + 1e-6
     c[at.O_SINK_CAPACITY], c[at.O_SINK_RESISTANCE], c[at.O_SINK_LAG] = p.sink_capacity, p.sink_resistance, p.sink_lag
     c[at.O_AIR], c[at.O_COVER], c[at.O_AMBIENT] = p.film_coefficient, p.cover, ambient
     c[at.O_DRIFT_FLUX], c[at.O_DRIFT_OFFSET] = DRIFT_FLUX**2 * period, DRIFT_OFFSET**2 * period
     c[at.O_CEILING] = 0.98 * p.full_scale
-    c[at.O_LAGS] = LAGS if p.line is not None else 0.0
+    c[at.O_LAGS] = LAGS if p.line is not None else _of_mean(p, period)
     c.setflags(write=False)
     return c

@@ -166,7 +166,9 @@ def setting(name: str, params: FluxControlParams, world: World) -> FluxModel:
     curves = curves_of(params, world)
     law, course = None, None
     if params.controller == "model":
-        law, course = _model(name, display, heat, world, band, ceiling, _wire(device, display))
+        # A twin without its wire reads single samples.
+        read = replace(display, labjack=None) if device.twin and display.flux_samples > 1 else display
+        law, course = _model(name, read, heat, world, band, ceiling, _wire(device, display))
     starts = _starts(params, heat, display, world, curves, law, course)
     reads = [channel.role for channel in device.reads]
     wire = law is not None and _wire(device, display)

@@ -1,0 +1,159 @@
+"""Numbers at the registers of a Modbus-TCP device, some of them asked for now and fetched later."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from typing import Any
+
+from itouch.plugin import DeviceError, Trace
+
+PORT = 502
+#: How long [s] an answer may take.
+PATIENCE = 0.2
+#: Modbus exceptions that pass (5 acknowledge, 6 busy), and how often a request is made then.
+_BUSY, _TRIES = (5, 6), 3
+_READ, _REFUSED = 3, 0x80
+#: Bytes of an answer before its data: number, protocol, length, unit, function, count or exception.
+_HEAD = 9
+
+
+class ModbusRefusal(DeviceError):  # noqa: N818
+    """The device has answered that it does not do what it was asked for."""
+
+
+class ModbusLine:
+    """A connection to a device of which all numbers are 32 bits wide, high word first.
+
+    Raises
+    ------
+    DeviceError
+        If nothing answers.
+    """
+
+    def __init__(self, name: str, host: str, trace: Trace | None = None, *, patience: float = 1.0) -> None:
+        try:
+            from pymodbus.client import ModbusTcpClient
+            from pymodbus.exceptions import ModbusException
+        except ImportError as error:
+            raise DeviceError(f"a {name} needs a package more: pip install 'itouch-py[thermal-hardware]'") from error
+        address, _, port = host.partition(":")
+        if port and not port.isdigit():
+            raise DeviceError(f"host = '{host}' must be HOST or HOST:PORT")
+        self._name, self._host, self._trace, self._failure = name, host, trace, ModbusException
+        client: Any = ModbusTcpClient
+        self._client: Any = client(address, port=int(port or PORT), timeout=PATIENCE * patience, retries=1)
+        self._number, self._asked_for = 0, -1
+        if not self._client.connect():
+            self._client.close()
+            raise DeviceError(f"no {name} answers at {host}: check its address and power")
+
+    def close(self) -> None:
+        """Hang up."""
+        self._client.close()
+
+    def floats(self, address: int, count: int = 1) -> list[float]:
+        """Return numbers at a register and the next ones.
+
+        Raises
+        ------
+        DeviceError
+            If it does not answer, or refuses.
+        """
+        return list(struct.unpack(f">{count}f", self._read(address, count)))
+
+    def whole(self, address: int) -> int:
+        """Return the whole number at a register; raises as `floats` does."""
+        found: int = struct.unpack(">I", self._read(address, 1))[0]
+        return found
+
+    def write(self, address: int, data: bytes) -> None:
+        """Write words to a register and the next ones; raises as `floats` does."""
+        words = list(struct.unpack(f">{len(data) // 2}H", data))
+        if self._trace:
+            self._trace.sent(b"write %d " % address + data.hex().encode())
+        self._asked(address, lambda: self._client.write_registers(address, words))
+
+    def ask(self, address: int) -> None:
+        """Ask for one number whose answer takes its time; `answer` fetches it, and nothing else is asked before.
+
+        Raises
+        ------
+        DeviceError
+            If there is no connection.
+        """
+        if self._asked_for >= 0:  # nobody has fetched the last answer: it must not be taken for this one
+            self._client.close()
+        self._number, self._asked_for = (self._number + 1) % 0x10000, address
+        if self._trace:
+            self._trace.sent(b"read %d x 1" % address)
+        try:
+            if not self._client.connect():
+                raise self._failure("no connection")
+            self._client.send(struct.pack(">HHHBBHH", self._number, 0, 6, 1, _READ, address, 2))
+        except (self._failure, OSError) as error:
+            raise self._silent(error) from error
+
+    def answer(self) -> tuple[float, bool]:
+        """Return the number that was asked for, and whether that first request has brought it.
+
+        After a silence, or an answer that says that the device is busy, it is asked for anew.
+
+        Raises
+        ------
+        DeviceError
+            If it does not come then either, or is refused.
+        """
+        address, self._asked_for = self._asked_for, -1
+        try:
+            data = self._fetched()
+        except (self._failure, OSError):
+            data = b""
+        if len(data) == 1 and data[0] not in _BUSY:
+            raise ModbusRefusal(f"the {self._name} at {self._host} refuses register {address}: exception {data[0]}")
+        if len(data) != 4:
+            if len(data) != 1:
+                self._client.close()  # what was asked for may still come: on another connection it does not
+            return self.floats(address)[0], False
+        if self._trace:
+            self._trace.received(data)
+        return float(struct.unpack(">f", data)[0]), True
+
+    def _fetched(self) -> bytes:
+        """Return the data of the answer to the last request: four bytes, an exception's one, or what came of it."""
+        while True:
+            head = self._client.recv(_HEAD)
+            if len(head) != _HEAD:
+                return b""
+            number, protocol, length, _, function, size = struct.unpack(">HHHBBB", head)
+            if protocol or not 3 <= length <= 260:
+                return b""
+            rest: bytes = self._client.recv(length - 3) if length > 3 else b""
+            if number == self._number:
+                return bytes((size,)) if function == _READ | _REFUSED else rest if function == _READ else b""
+
+    def _read(self, address: int, count: int) -> bytes:
+        answer = self._asked(address, lambda: self._client.read_holding_registers(address, count=2 * count))
+        if len(answer.registers) != 2 * count:
+            raise DeviceError(f"the {self._name} at {self._host} answers register {address} with too little: {answer}")
+        raw = struct.pack(f">{2 * count}H", *answer.registers)
+        if self._trace:
+            self._trace.sent(b"read %d x %d" % (address, count))
+            self._trace.received(raw)
+        return raw
+
+    def _asked(self, address: int, ask: Callable[[], Any]) -> Any:
+        """Return the answer to a request; a device that says that it is busy is asked again."""
+        for _ in range(_TRIES):
+            try:
+                answer = ask()
+            except (self._failure, OSError) as error:
+                raise self._silent(error) from error
+            if not answer.isError():
+                return answer
+            if getattr(answer, "exception_code", 0) not in _BUSY:
+                break
+        raise ModbusRefusal(f"the {self._name} at {self._host} refuses register {address}: {answer}")
+
+    def _silent(self, error: Exception) -> DeviceError:
+        return DeviceError(f"the {self._name} at {self._host} does not answer: {error}")
