@@ -88,8 +88,8 @@ def study() -> None:
     faces = {"question": asked, "contact": pressed, "break": resting, "hold": waits, "instructions": asked}
     for (width, height), size in SIZES.items():
         shown = open_context(width, height)
-        from itouch_tools.viewer.asking import DARK, LIGHT, Board  # the context comes first
         from itouch_tools.viewer.buffers import Frame
+        from itouch_tools.viewer.study_screens import DARK, LIGHT, Board  # the context comes first
 
         for ground, look in {"dark": DARK, "light": LIGHT}.items():
             board, frame = Board(look), Frame(width, height)

@@ -64,7 +64,7 @@ ROOMS: dict[str, tuple[str, tuple[str, ...]]] = {
     "cli": ("framework/itouch_tools/cli", ("cli", "scene/test_problems.py")),
     "plugin": ("framework/itouch/plugin", ("plugins/test_result_cache.py", "world", "loop/test_engine.py")),
     "twin": ("framework/itouch/twin", ("loop/test_engine.py", "world/test_coupling.py")),
-    "viewer": ("framework/itouch_tools/viewer", ("viewer/test_pure.py", "viewer/test_recording_seek.py")),
+    "viewer": ("framework/itouch_tools/viewer", ("viewer/test_picture_content.py", "viewer/test_recording_seek.py")),
     "contact": ("framework/itouch/contact", ("contact",)),
     "thermal": ("plugins/thermal/contact_heat", ("plugins/thermal",)),
     "thermal-display": ("plugins/thermal/itouch_thermal/display", ("plugins/thermal_display",)),

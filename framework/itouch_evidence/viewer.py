@@ -66,7 +66,7 @@ def _beside_the_loop(options: argparse.Namespace) -> int:
 
         rows = viewer_servo.measure(options.seconds, options.rounds, browsers=Browsers)
     elif options.rerun or options.ros2:
-        from itouch_evidence.viewer_told import Listeners, Reruns
+        from itouch_evidence.viewer_bridges import Listeners, Reruns
 
         other = Reruns if options.rerun else Listeners
         rows = viewer_servo.measure(options.seconds, options.rounds, browsers=other)

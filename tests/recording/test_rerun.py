@@ -209,7 +209,7 @@ def test_rerun_has_it_all_where_it_is(session: Any, tmp_path: Path) -> None:
 @pytest.mark.long
 def test_what_is_told_of_a_running_session_is_where_it_is() -> None:
     """Moment by moment: each place and each curve's number as State has it, and contacts as they come."""
-    from itouch_tools.viewer.live.moments import Moment
+    from itouch_tools.viewer.live.published_states import Moment
     from itouch_tools.viewer.live.rerun import Shown
 
     engine, states, spy = itouch.build(SCENES / "first_touch.xml"), {}, Spy()

@@ -14,9 +14,9 @@ import itouch
 from itouch_tools.cli import main
 from itouch_tools.sound import Bank, SoundTrack, Synth
 from itouch_tools.sound.modal import RATE
-from itouch_tools.sound.relief import Relief, Way, reliefs
 from itouch_tools.sound.sliding import Sliding
 from itouch_tools.sound.synth import STANDS, TONE_AGAIN, TONE_EVERY, TONE_FIRST, limited
+from itouch_tools.sound.texture_profile import Relief, Way, reliefs
 
 SCENE = """<itouch version="1.0">
   <materials>{materials}</materials>

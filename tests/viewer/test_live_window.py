@@ -198,7 +198,7 @@ def test_run_opens_a_window_that_sigterm_ends_safely(screen, tmp_path: Path):
 def test_curves_are_those_of_the_loop_at_any_rate_of_pictures() -> None:
     """One picture in a second shows the samples that sixty show: those of the loop, none twice, none out of order."""
     from itouch.servo import launch
-    from itouch_tools.viewer.attached import Attached
+    from itouch_tools.viewer.servo_source import Attached
     from itouch_tools.viewer.signals import Ring
 
     with launch(SCENES / "first_touch.xml", twin="all", seconds=600.0) as handle:

@@ -15,9 +15,9 @@ from run_scene import write_study
 PREPARE = """
 from types import SimpleNamespace
 from pyglet.window import key
-from itouch_tools.viewer.asking import LIGHT
-from itouch_tools.viewer.askingwindow import AskingWindow
-from itouch_tools.viewer.operatorwindow import OperatorWindow
+from itouch_tools.viewer.study_screens import LIGHT
+from itouch_tools.viewer.participant_window import AskingWindow
+from itouch_tools.viewer.operator_window import OperatorWindow
 face = SimpleNamespace(cue="contact", question="", choices=(), left=2.0, force=None, window=None, trial=3, trials=9, void=1, message="")
 window = OperatorWindow(look=LIGHT)
 lines = [("arm: enabled", True), ("table: fault", False)]

@@ -23,7 +23,7 @@ if not os.environ.get("CI"):
     pytest.importorskip("zenoh_ros2_sdk")
 
 from itouch_evidence.ros2 import listening, measure
-from itouch_tools.viewer.live.moments import Moment
+from itouch_tools.viewer.live.published_states import Moment
 from itouch_tools.viewer.live.ros2 import Place, Topics
 
 START = 1_700_000_000_123_456_789

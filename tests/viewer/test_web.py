@@ -26,9 +26,9 @@ import itouch
 from itouch.plugin import poses
 from itouch_tools.viewer.colours import of_temperature
 from itouch_tools.viewer.scene_graph import SceneGraph
-from itouch_tools.viewer.warmth import plate_temperature
+from itouch_tools.viewer.temperatures import plate_temperature
 from itouch_tools.viewer.web import Access
-from itouch_tools.viewer.web.gate import COOKIE, Gate, Request
+from itouch_tools.viewer.web.access import COOKIE, Gate, Request
 
 viser = pytest.importorskip("viser")
 import msgspec  # noqa: E402
@@ -148,7 +148,7 @@ def served(server: Any) -> Iterator[Served]:
     ("scene", "steps"), [("four_materials_hurried.xml", 3), ("first_touch.xml", 4), ("moving.xml", 2)]
 )
 def test_what_is_sent_is_where_the_state_says(scene: str, steps: int, server: Any, served: Served) -> None:
-    from itouch_tools.viewer.web.scenery import Scenery
+    from itouch_tools.viewer.web.browser_scene import Scenery
 
     server.scene.reset()
     server.gui.reset()
@@ -197,7 +197,7 @@ def test_what_is_sent_is_where_the_state_says(scene: str, steps: int, server: An
 def test_a_browser_that_comes_later_sees_the_same_and_a_still_session_sends_nothing(
     server: Any, served: Served
 ) -> None:
-    from itouch_tools.viewer.web.scenery import Scenery
+    from itouch_tools.viewer.web.browser_scene import Scenery
 
     server.scene.reset()
     server.gui.reset()

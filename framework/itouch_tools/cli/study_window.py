@@ -35,8 +35,8 @@ class WindowAnswers:
         from itouch_tools.viewer.offscreen import ADVICE, GraphicsError
 
         try:
-            from itouch_tools.viewer.asking import DARK, LIGHT
-            from itouch_tools.viewer.askingwindow import AskingWindow
+            from itouch_tools.viewer.participant_window import AskingWindow
+            from itouch_tools.viewer.study_screens import DARK, LIGHT
 
             self.window = AskingWindow(look=LIGHT if light else DARK, page=page, fullscreen=fullscreen)
         except Exception as error:  # pyglet raises many kinds, one a platform
@@ -80,8 +80,8 @@ def operators_window(*, light: bool = False) -> Operator:
     from itouch_tools.viewer.offscreen import ADVICE, GraphicsError
 
     try:
-        from itouch_tools.viewer.asking import DARK, LIGHT
-        from itouch_tools.viewer.operatorwindow import OperatorWindow
+        from itouch_tools.viewer.operator_window import OperatorWindow
+        from itouch_tools.viewer.study_screens import DARK, LIGHT
 
         return OperatorWindow(look=LIGHT if light else DARK)
     except Exception as error:  # pyglet raises many kinds, one a platform

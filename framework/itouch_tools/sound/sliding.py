@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch_tools.sound.modal import RATE
-from itouch_tools.sound.relief import Needle, Way
+from itouch_tools.sound.texture_profile import Needle, Way
 
 #: Places on the surface that are remembered, and how many of them make a grain.
 _PLACES, _PER_GRAIN = 1 << 15, 8.0

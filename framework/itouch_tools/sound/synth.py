@@ -14,8 +14,8 @@ from itouch.plugin import Contact, Record
 from itouch.scene.elements.sound import Sound
 from itouch.world import Model
 from itouch_tools.sound.modal import RATE, Bank
-from itouch_tools.sound.relief import Relief, Way, reliefs, turned
 from itouch_tools.sound.sliding import Sliding
+from itouch_tools.sound.texture_profile import Relief, Way, reliefs, turned
 
 #: The warning tone: two pitches [Hz], how long [s] each lasts, its level, and how fast [s] it comes and goes.
 TONES, TONE_TIME, TONE_LEVEL, TONE_RISE = (880.0, 660.0), 0.25, 0.2, 0.01

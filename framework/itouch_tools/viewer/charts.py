@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pyglet import gl
 
-from itouch_tools.viewer import docking
+from itouch_tools.viewer import chart_layout
 from itouch_tools.viewer.buffers import Paint
-from itouch_tools.viewer.drawing import Rectangle, line, look, rectangle, ribbon
+from itouch_tools.viewer.flat_shapes import Rectangle, line, look, rectangle, ribbon
 from itouch_tools.viewer.scales import titled
 from itouch_tools.viewer.signals import WINDOW, Chart, Curves, Signal
 from itouch_tools.viewer.text import Text
@@ -33,8 +33,8 @@ def draw(
     All have one time axis; where the mouse points into one, a line stands at that time in all, and their keys show the
     values of then.  ``seen`` (4, 4) brings pixels to the clip space of OpenGL.
     """
-    places = docking.arranged(len(ring.charts), area, size)
-    times = (docking.pointed_time(place, foot, pointed, size) for place, foot in places)
+    places = chart_layout.arranged(len(ring.charts), area, size)
+    times = (chart_layout.pointed_time(place, foot, pointed, size) for place, foot in places)
     cursor = next((time for time in times if time is not None), None)
     preparing = ring.preparing()
     for (place, foot), chart in zip(places, ring.charts, strict=False):
@@ -49,12 +49,12 @@ def _chart(
     paint.draw(gl.GL_TRIANGLES, rectangle(area, look().panel), seen)
     title = titled(chart.title, chart.unit, int((width - 1.8 * size) / text.width(size)))
     text.put(title, left + 0.9 * size, bottom + height - 1.8 * size, look().words, size=size)
-    x0, y0, w, h = docking.inner(area, foot, size)
+    x0, y0, w, h = chart_layout.inner(area, foot, size)
     if h < 3.0 * size:
         return
     times, values = ring.curves(chart)
     keys = (left + 0.9 * size, bottom + height - 3.5 * size, width - 1.8 * size, size)
-    _keys(chart, values, docking.sample(times, cursor), paint, text, keys, seen)
+    _keys(chart, values, chart_layout.sample(times, cursor), paint, text, keys, seen)
     low, high = span(values, chart.least)
     lines = []
     for value in ticks(low, high, round(h / (2.0 * size))):
@@ -137,7 +137,7 @@ def _keys(
     letter = text.width(small)
     shown = [(row, s) for row, s in zip(values, chart.signals, strict=True) if not _silent(row, s, index)]
     signals = [signal for _, signal in shown]
-    said = [f"{signal.label} {docking.told(row, chart.digits, index)}" for row, signal in shown]
+    said = [f"{signal.label} {chart_layout.told(row, chart.digits, index)}" for row, signal in shown]
     if sum(2.3 * size + (len(words) + 1.6) * letter for words in said) > width:
         said = [signal.label for signal in signals]
     for words, signal in zip(said, signals, strict=True):

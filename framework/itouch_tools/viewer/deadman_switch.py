@@ -1,4 +1,4 @@
-"""DeadMansSwitch the dead-man's switch for a person at a window that may draw slowly."""
+"""The dead-man's switch for a person at a window that may draw slowly."""
 
 from __future__ import annotations
 

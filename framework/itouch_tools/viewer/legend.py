@@ -10,10 +10,10 @@ from pyglet import gl
 
 from itouch_tools.viewer import colours
 from itouch_tools.viewer.buffers import Paint
-from itouch_tools.viewer.drawing import Rectangle, look, rectangle, triangle
+from itouch_tools.viewer.flat_shapes import Rectangle, look, rectangle, triangle
 from itouch_tools.viewer.scales import length
+from itouch_tools.viewer.temperatures import Range, degrees
 from itouch_tools.viewer.text import Text
-from itouch_tools.viewer.warmth import Range, degrees
 
 #: Width of the legend, in letters' sizes; parts of the scale of temperatures.
 WIDE, _PARTS = 27.0, 64

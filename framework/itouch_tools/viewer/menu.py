@@ -8,7 +8,7 @@ from __future__ import annotations
 import textwrap
 from dataclasses import dataclass
 
-from itouch_tools.viewer.drawing import Rectangle
+from itouch_tools.viewer.flat_shapes import Rectangle
 from itouch_tools.viewer.overlay import KEYS, PLAYBACK_KEYS
 
 #: Words of a row of keys -> what pressing them presses, by pyglet's names.  Rows of the mouse press nothing.

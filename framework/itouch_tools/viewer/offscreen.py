@@ -102,7 +102,7 @@ def open_window(link: Link, now: Callable[[], float], *, handle: Handle | None =
 
     pyglet.options.audio = ("silent",) if mute else ("openal", "pulse", "silent")
     try:
-        from itouch_tools.viewer.attached import Attached
+        from itouch_tools.viewer.servo_source import Attached
         from itouch_tools.viewer.window import Window
 
         return Window(Attached(link, handle=handle), now, mute=mute)

@@ -14,7 +14,7 @@ from itouch.plugin import Channel, Record, Role
 from itouch.plugin.quantity import PLAIN
 from itouch.world import Model, declared
 from itouch_tools.viewer.scales import scale_of
-from itouch_tools.viewer.warmth import plate_temperature
+from itouch_tools.viewer.temperatures import plate_temperature
 
 if TYPE_CHECKING:
     from itouch_tools.viewer.timeline import Timeline

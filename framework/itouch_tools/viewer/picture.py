@@ -10,16 +10,16 @@ from pyglet import gl
 
 from itouch.plugin import Record
 from itouch.world import Model
-from itouch_tools.viewer import charts, colours, legend, menu, overlay, timebar
+from itouch_tools.viewer import charts, colours, legend, menu, overlay, timeline_drawing
 from itouch_tools.viewer.buffers import Frame
 from itouch_tools.viewer.camera import Camera
 from itouch_tools.viewer.canvas import Canvas
-from itouch_tools.viewer.drawing import DARK, LIGHT, Rectangle, Tint, border, draw_in, look, pixels, rectangle
+from itouch_tools.viewer.flat_shapes import DARK, LIGHT, Rectangle, Tint, border, draw_in, look, pixels, rectangle
 from itouch_tools.viewer.overlay import Situation, Words
 from itouch_tools.viewer.scene_graph import SceneGraph
 from itouch_tools.viewer.signals import Curves, Ring
+from itouch_tools.viewer.temperatures import plate_temperature, skin_named, skin_temperature
 from itouch_tools.viewer.text import Text
-from itouch_tools.viewer.warmth import plate_temperature, skin_named, skin_temperature
 
 _ALARM_EDGE: Tint = (1.00, 0.45, 0.30, 1.0)
 #: Most objects whose names are written.
@@ -118,8 +118,8 @@ class Picture:
         self.bar = None
         if now.timeline is not None:
             area = (size, foot, width, 5.6 * size)
-            timebar.draw(now.timeline, self.canvas.paint, self.text, area, seen, size)
-            self.bar = timebar.bar(area, size)
+            timeline_drawing.draw(now.timeline, self.canvas.paint, self.text, area, seen, size)
+            self.bar = timeline_drawing.bar(area, size)
             foot += area[3] + size
         large = 1.15 * size
         words = overlay.alarm(now, int((width - 5 * size) / self.text.width(large)))

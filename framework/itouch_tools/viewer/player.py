@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pyglet.window import key, mouse
 
 from itouch_tools.viewer.playback import Playback
-from itouch_tools.viewer.timebar import time_at
+from itouch_tools.viewer.timeline_drawing import time_at
 from itouch_tools.viewer.window import Window
 
 #: Keys that are repeated while they are held, and what a press does: ticks, and ticks with Shift.

@@ -17,7 +17,7 @@ from itouch_tools.viewer import colours, solids
 from itouch_tools.viewer.colours import Colour
 from itouch_tools.viewer.finishes import UNPAINTED, Carved, Finish, finishes
 from itouch_tools.viewer.solids import Solid
-from itouch_tools.viewer.warmth import Range, plate_temperature, skin_temperature
+from itouch_tools.viewer.temperatures import Range, plate_temperature, skin_temperature
 
 Matrix = NDArray[np.float64]
 

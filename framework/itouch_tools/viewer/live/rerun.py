@@ -21,7 +21,7 @@ from itouch.servo import Link
 from itouch.session.drawn import view_of
 from itouch.session.row_layout import replay_tracks
 from itouch.world import Model
-from itouch_tools.viewer.live.moments import Moment, Moments, News
+from itouch_tools.viewer.live.published_states import Moment, Moments, News
 
 #: Rows a second of the curves; the scene is told as often as in recordings. How long [s] of rows are sent together.
 RATE: Final = 250.0

@@ -25,7 +25,7 @@ from itouch.servo import Link
 from itouch.session.drawn import view_of
 from itouch.session.row_layout import replay_tracks
 from itouch.world import Model
-from itouch_tools.viewer.live.moments import Moment, Moments, News
+from itouch_tools.viewer.live.published_states import Moment, Moments, News
 
 #: How often a second each topic is told if nothing else is asked for.
 RATE: Final = 100.0

@@ -17,8 +17,8 @@ from itouch.plugin.discovery import Catalog
 from itouch.schema import ItouchError
 from itouch.servo import Link
 from itouch.world import Model
-from itouch_tools.viewer.web.gate import Access, Gate
-from itouch_tools.viewer.web.scenery import Scenery
+from itouch_tools.viewer.web.access import Access, Gate
+from itouch_tools.viewer.web.browser_scene import Scenery
 
 #: Pictures a second, of which every so manieth brings the words, and how far this process steps back for others.
 RATE, WORDS, NICE = 30.0, 6, 10

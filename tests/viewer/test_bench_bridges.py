@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from itouch.schema import ItouchError
-from itouch_evidence import viewer_told
+from itouch_evidence import viewer_bridges
 from itouch_evidence.viewer_servo import Viewers
 
 #: As Rerun's own command does: the program that listens and draws is a child.
@@ -27,7 +27,7 @@ with socket.create_server(("127.0.0.1", int(sys.argv[2]))):
 """
 
 
-class Parents(viewer_told.Told):
+class Parents(viewer_bridges.Told):
     extra = "rerun"
 
     def told(self, port: int) -> list[str]:
@@ -36,7 +36,7 @@ class Parents(viewer_told.Told):
 
 @pytest.fixture(autouse=True)
 def bare(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(viewer_told, "need", lambda *_: None)
+    monkeypatch.setattr(viewer_bridges, "need", lambda *_: None)
     monkeypatch.setattr(Viewers, "open", lambda *_: None)
 
 

@@ -8,9 +8,9 @@ from typing import Any
 import pyglet.window
 from pyglet.window import key
 
-from itouch_tools.viewer.asking import DARK, Board, Face, Look
 from itouch_tools.viewer.buffers import Frame
 from itouch_tools.viewer.context import config
+from itouch_tools.viewer.study_screens import DARK, Board, Face, Look
 
 
 class AskingWindow(pyglet.window.Window):

@@ -22,7 +22,7 @@ from itouch_tools.viewer.overlay import Words
 from itouch_tools.viewer.scales import grid_step, length, titled
 from itouch_tools.viewer.scene_graph import SceneGraph
 from itouch_tools.viewer.signals import charts
-from itouch_tools.viewer.warmth import Range, degrees
+from itouch_tools.viewer.temperatures import Range, degrees
 
 BLOCKS = """<itouch version="1.0">
   <materials>{materials}</materials>

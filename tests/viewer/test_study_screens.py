@@ -18,7 +18,7 @@ from types import SimpleNamespace
 from itouch_tools.viewer.offscreen import open_context
 width, height = int(sys.argv[1]), int(sys.argv[2])
 window = open_context(width, height)
-from itouch_tools.viewer.asking import DARK, LIGHT, Board
+from itouch_tools.viewer.study_screens import DARK, LIGHT, Board
 from itouch_tools.viewer.buffers import Frame
 frame = Frame(width, height)
 def face(cue, **more):

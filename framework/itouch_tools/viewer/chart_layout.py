@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch_tools.viewer.drawing import Rectangle
+from itouch_tools.viewer.flat_shapes import Rectangle
 from itouch_tools.viewer.signals import WINDOW
 
 Values = NDArray[np.float64]

@@ -16,7 +16,7 @@ from itouch.session.drawn import view_of
 from itouch.world import Model
 from itouch_tools.viewer import colours
 from itouch_tools.viewer.scene_graph import SceneGraph
-from itouch_tools.viewer.warmth import plate_temperature, skin_temperature
+from itouch_tools.viewer.temperatures import plate_temperature, skin_temperature
 
 #: Most objects whose names are written, and least change of a temperature [K] that changes a colour.
 NAMED, STEP = 16, 0.1

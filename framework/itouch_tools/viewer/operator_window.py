@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import pyglet.window
 from pyglet.window import key
 
-from itouch_tools.viewer.asking import DARK, Board, Face, Look
 from itouch_tools.viewer.buffers import Frame
 from itouch_tools.viewer.context import config
+from itouch_tools.viewer.study_screens import DARK, Board, Face, Look
 
 #: Longest note [letters].
 LONGEST = 200
