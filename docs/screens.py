@@ -71,7 +71,7 @@ def window() -> None:
 
 def study() -> None:
     """Draw the screens of a study: what the participant sees at each cue, and what the operator sees of a rig."""
-    from itouch_tools.study.shown import Shown
+    from itouch_tools.study.session_display import Shown
     from itouch_tools.viewer.offscreen import open_context
 
     choices = ("aluminium", "pyrex", "wood", "polystyrene")

@@ -62,7 +62,7 @@ def main(argv: Sequence[str]) -> int:
 
 def _judge(keep: Path | None, path: str | None) -> int:
     """Print each figure beside its bound; 1 if one is outside."""
-    from itouch_evidence.hearing import judged
+    from itouch_evidence.sound_analysis import judged
 
     rows = judged(keep)
     for row in rows:

@@ -11,7 +11,7 @@ import pytest
 from probing import box_mesh, grid
 
 from itouch.contact import Box, Proxy, Sphere, Surface
-from itouch_evidence.contact.work import icosphere
+from itouch_evidence.contact.workload import icosphere
 
 BALL = Surface(*icosphere(3, 0.05))
 

@@ -11,7 +11,7 @@ from itouch.schema import ItouchError
 from itouch_evidence.contact import main
 from itouch_evidence.contact.figures import judged
 from itouch_evidence.contact.measure import Row
-from itouch_evidence.contact.work import HEIGHT_FIELD_CELLS, SPHERE_SUBDIVISIONS, around, height_field, icosphere
+from itouch_evidence.contact.workload import HEIGHT_FIELD_CELLS, SPHERE_SUBDIVISIONS, around, height_field, icosphere
 
 
 def test_a_small_bench(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -6,7 +6,7 @@ from probing import Floats, box_mesh, grid, needle
 
 from itouch.contact import Surface, bvh
 from itouch.contact.neighbours import NEIGHBOUR
-from itouch_evidence.contact.work import height_field, icosphere
+from itouch_evidence.contact.workload import height_field, icosphere
 
 SOUP = np.random.default_rng(5).normal(size=(600, 3))
 MESHES = {

@@ -12,7 +12,7 @@ from probing import grid
 
 from itouch.contact import Proxy
 from itouch.contact.meshfile import LoadedMesh, MeshFile, cache, load_source
-from itouch_evidence.contact.work import icosphere
+from itouch_evidence.contact.workload import icosphere
 
 BALL = MeshFile.of("ball.stl", stl(*icosphere(2, 0.05)))
 

@@ -11,7 +11,7 @@ from probing import Floats, box_mesh, grid, winding
 
 from itouch.contact.meshfile import Finding, LoadedMesh, MeshError, MeshFile, load_source
 from itouch.contact.meshfile.mend import mended
-from itouch_evidence.contact.work import icosphere
+from itouch_evidence.contact.workload import icosphere
 
 BALL = icosphere(2, 0.05)
 

@@ -6,7 +6,7 @@ from probing import box_mesh, mesh, random_pose
 
 from itouch.contact import Proxy, Surface
 from itouch.contact.shading import vertex_normals
-from itouch_evidence.contact.work import icosphere
+from itouch_evidence.contact.workload import icosphere
 
 
 def directions(count: int) -> np.ndarray:

@@ -8,7 +8,7 @@ import pytest
 from itouch.contact import Box, Capsule, Cylinder, Mesh, Plane, Shape, Sphere, Surface
 from itouch.dynamics import Bodies, Body, BodyError, build_bodies
 from itouch.dynamics.bodies import FREE, MOVED
-from itouch_evidence.contact.work import icosphere
+from itouch_evidence.contact.workload import icosphere
 
 T, G = 1e-3, (0.0, 0.0, -9.81)
 UP = (1.0, 0.0, 0.0, 0.0)

@@ -9,8 +9,8 @@ import pytest
 from shipped import SCENES
 
 from itouch.faults import Kind
-from itouch_evidence.faults import KINDS, wired
-from itouch_evidence.faults.wired import Pair, cells, run, stored
+from itouch_evidence.faults import KINDS, behind_wires
+from itouch_evidence.faults.behind_wires import Pair, cells, run, stored
 
 #: The whole matrix has 180 cells; the short form takes one in 30, of every device and every phase.
 EVERY = 31
@@ -95,7 +95,7 @@ def test_a_fault_that_is_there_when_all_is_stopped_lasts_until_the_stop_is_over(
     both = [("table", Kind.SPIKE, 0), ("table", Kind.REVERSED_SIGN, 1)]
     after = run(pair, "contact", phases["contact"], both).after
     assert after is not None
-    monkeypatch.setattr(wired, "LASTS", after + 0.3)
+    monkeypatch.setattr(behind_wires, "LASTS", after + 0.3)
     assert run(pair, "contact", phases["contact"], both).good
     assert all((runner.twin_state["fault.end"] > pair.world.ticks).all() for runner in pair.world.runners)
 

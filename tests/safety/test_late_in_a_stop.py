@@ -13,7 +13,7 @@ from itouch.exchange import EveryNth
 from itouch.faults import Kind
 from itouch.plugin import Record
 from itouch.plugin.stamps import ticks_of
-from itouch_evidence.faults.wired import Pair, run, stored
+from itouch_evidence.faults.behind_wires import Pair, run, stored
 
 PERIOD = 1e-3
 

@@ -14,7 +14,7 @@ import pytest
 
 import itouch
 from itouch.servo import wire
-from itouch_evidence.deaths import starts
+from itouch_evidence.deaths import kills_at_start
 from itouch_evidence.deaths.campaign import cases, strike_again
 from itouch_evidence.deaths.observer import Observer
 from itouch_tools.cli.doctor.touch_scene import scene
@@ -53,7 +53,7 @@ def test_the_devices_end_up_safe_and_nothing_is_left(victim: str, manner: str, w
     ],
 )
 def test_whoever_is_killed_during_the_start_nothing_is_left(victim: str, after: float) -> None:
-    outcome = starts.kill(victim, after)
+    outcome = kills_at_start.kill(victim, after)
     assert outcome.left == ()
     assert outcome.gone_s < 30.0  # a generous bound for a busy machine
     assert outcome.worst < 10.0
@@ -61,14 +61,14 @@ def test_whoever_is_killed_during_the_start_nothing_is_left(victim: str, after: 
 
 @pytest.mark.long
 def test_a_viewer_that_is_there_from_the_start_holds_the_switch_until_it_is_killed() -> None:
-    outcome = starts.kill("viewer", 0.3, running=True)
+    outcome = kills_at_start.kill("viewer", 0.3, running=True)
     assert set(outcome.safe_s) == {"arm", "table", "peltier"}
     assert math.isfinite(outcome.worst) and outcome.left == ()
 
 
 def test_every_process_of_a_session_has_its_turn_from_the_first_millisecond_on() -> None:
-    drawn = list(starts.cases(48, 3))
-    assert {victim for victim, _, _ in drawn} == set(starts.VICTIMS)
+    drawn = list(kills_at_start.cases(48, 3))
+    assert {victim for victim, _, _ in drawn} == set(kills_at_start.VICTIMS)
     assert all(0.001 <= after <= 4.0 for _, after, _ in drawn)
     assert {running for _, _, running in drawn} == {False, True}
 
@@ -78,14 +78,14 @@ def test_kills_in_parts_add_up(
 ) -> None:
     struck = []
 
-    def kill(victim: str, after: float, *, running: bool) -> starts.Kill:
+    def kill(victim: str, after: float, *, running: bool) -> kills_at_start.Kill:
         struck.append(victim)
-        return starts.Kill(victim, after, 1.0, {"arm": 0.01}, ())
+        return kills_at_start.Kill(victim, after, 1.0, {"arm": 0.01}, ())
 
-    monkeypatch.setattr(starts, "kill", kill)
+    monkeypatch.setattr(kills_at_start, "kill", kill)
     for count, seed in ((3, 5), (4, 5), (2, 6)):
-        kills = starts.campaign(count, seed, tell=True, keep=str(tmp_path / "kept.jsonl"))
-    assert struck == [*starts.VICTIMS[:4], *starts.VICTIMS[:2]]
+        kills = kills_at_start.campaign(count, seed, tell=True, keep=str(tmp_path / "kept.jsonl"))
+    assert struck == [*kills_at_start.VICTIMS[:4], *kills_at_start.VICTIMS[:2]]
     assert len(kills) == 6 and all(one.good for one in kills)
     assert "6 kills: 0 safe later than 200 ms" in capsys.readouterr().out
 
@@ -134,8 +134,8 @@ def test_without_a_guardian_nothing_begins_to_obey(tmp_path: Path) -> None:
 def test_what_is_on_its_way_out_holds_its_socket_for_a_while(monkeypatch: pytest.MonkeyPatch) -> None:
     """A process that ends gives its environment back first, and its sockets when its memory is free."""
     held = [["a local socket"], ["a local socket"], []]
-    monkeypatch.setattr(starts, "_left", lambda mark: tuple(held.pop(0)) if held else ())
-    starts._await_nothing("nobody-1", ())
+    monkeypatch.setattr(kills_at_start, "_left", lambda mark: tuple(held.pop(0)) if held else ())
+    kills_at_start._await_nothing("nobody-1", ())
     assert held == []
 
 

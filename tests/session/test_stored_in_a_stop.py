@@ -18,8 +18,8 @@ from itouch.safety import Status
 from itouch.safety.lifecycle import BACKWARDS, HELD
 from itouch.session import Session
 from itouch_evidence.faults import phases, prepared
-from itouch_evidence.faults.wired import Pair, run
-from itouch_evidence.faults.wired import stored as stored_pair
+from itouch_evidence.faults.behind_wires import Pair, run
+from itouch_evidence.faults.behind_wires import stored as stored_pair
 
 #: Ticks of the safe sequence of a table that is wired backwards in which it is held, and in which it is driven back.
 IN_A_HOLD, ON_ITS_WAY = 40, 90

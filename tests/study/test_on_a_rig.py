@@ -22,12 +22,12 @@ from itouch.servo import ServoError, sessions
 from itouch.servo.link import attach
 from itouch.session import Session
 from itouch_tools.cli import main
-from itouch_tools.study import desk
+from itouch_tools.study import rig_windows
 from itouch_tools.study.answers import Script
 from itouch_tools.study.client import connect
 from itouch_tools.study.reading import load_study
-from itouch_tools.study.room import Room, note_stop
-from itouch_tools.study.shown import Shown
+from itouch_tools.study.scene_switching import Room, note_stop
+from itouch_tools.study.session_display import Shown
 from itouch_tools.study.store import Row, Store
 
 pytestmark = pytest.mark.xdist_group("processes")
@@ -67,12 +67,12 @@ def begin(folder: Path, *, record: bool = False) -> Any:
     (folder / "data").mkdir(exist_ok=True)
     with Store.open(folder / "data", create=True):
         pass
-    return desk.launch(file, "P1", folder / "data", record=record, realtime=False)
+    return rig_windows.launch(file, "P1", folder / "data", record=record, realtime=False)
 
 
 def attend(handle: Any, touches: Touches, answers: list[str]) -> list[dict[str, Any]]:
     with handle:
-        return list(desk.Desk(handle, Script(answers), show=touches).attend())
+        return list(rig_windows.Desk(handle, Script(answers), show=touches).attend())
 
 
 def test_a_study_on_a_rig_opens_it_once_and_lets_it_rest_while_the_scene_changes(tmp_path: Path, rig: Person) -> None:
@@ -198,7 +198,7 @@ def test_time_between_two_sessions_counts_for_how_often_one_may_re_arm(
 ) -> None:
     """The servo's clock stands still between two processes: who had waited for a minute was told to wait for ever."""
     file, clock = load_study(tmp_path / "study.xml", Catalog()), [1e9]
-    monkeypatch.setattr("itouch_tools.study.room.time.time", lambda: clock[0])
+    monkeypatch.setattr("itouch_tools.study.scene_switching.time.time", lambda: clock[0])
     room = Room(file, Catalog(), seed=1)
     room.prepare(file.conditions()[0])
     room.session.state["tick"] = 40_000
@@ -260,10 +260,10 @@ def test_the_command_runs_a_study_on_a_rig(tmp_path: Path, rig: Person, capsys: 
 
 def test_what_cannot_be_done_on_hardware_is_said_before_anything_begins(tmp_path: Path, rig: Person) -> None:
     file, catalog = load_study(tmp_path / "study.xml", Catalog()), Catalog()
-    assert desk.hardware_of(file, catalog) == ["stick", "lift", "plate", "room", "lamp"]
+    assert rig_windows.hardware_of(file, catalog) == ["stick", "lift", "plate", "room", "lamp"]
     with pytest.raises(ItouchError, match="real time"):
-        desk.refuse(file, catalog, switch=False, fast=True)
-    desk.refuse(file, catalog, switch=False, fast=False)  # the stick has a switch
+        rig_windows.refuse(file, catalog, switch=False, fast=True)
+    rig_windows.refuse(file, catalog, switch=False, fast=False)  # the stick has a switch
     text = (tmp_path / "study.xml").read_text()
     edited = text.replace("0 0 10 mm;0 0 10.3 mm;0 0 10.6 mm", "no;yes;no").replace("block.pos", "lift.twin")
     (tmp_path / "study.xml").write_text(edited)
@@ -278,7 +278,7 @@ def test_what_cannot_be_done_on_hardware_is_said_before_anything_begins(tmp_path
 
 def test_another_program_leads_a_rig(tmp_path: Path, rig: Person) -> None:
     file = load_study(tmp_path / "study.xml", Catalog())
-    with desk.launch_door(file, tmp_path / "key.json", 0, realtime=False) as handle:
+    with rig_windows.launch_door(file, tmp_path / "key.json", 0, realtime=False) as handle:
         assert handle.others.get(timeout=10.0)["port"] > 0
         handle.enable()
         with connect(tmp_path / "key.json") as touch:

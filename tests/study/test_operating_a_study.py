@@ -12,7 +12,7 @@ from itouch.plugin.discovery import Catalog
 from itouch_tools.study.answers import Script, Stopped
 from itouch_tools.study.reading import load_study
 from itouch_tools.study.run import Run
-from itouch_tools.study.shown import Shown
+from itouch_tools.study.session_display import Shown
 from itouch_tools.study.store import Store
 
 CATALOG = Catalog()

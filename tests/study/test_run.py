@@ -24,11 +24,11 @@ from itouch.plugin.discovery import Catalog
 from itouch_tools.cli import main
 from itouch_tools.study.analysis import analyse
 from itouch_tools.study.answers import AnswerError, Question, Script, Stopped
-from itouch_tools.study.course import Course
 from itouch_tools.study.page import page
+from itouch_tools.study.progression import Course
 from itouch_tools.study.reading import load_study
 from itouch_tools.study.run import Run
-from itouch_tools.study.shown import Shown
+from itouch_tools.study.session_display import Shown
 from itouch_tools.study.store import Row, Store
 from itouch_tools.study.tasks import taken_answer
 

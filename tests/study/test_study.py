@@ -17,9 +17,9 @@ from itouch.plugin.discovery import Catalog
 from itouch_tools.cli import main
 from itouch_tools.study import simulate as simulation
 from itouch_tools.study.analysis import analyse
-from itouch_tools.study.course import Course
 from itouch_tools.study.observers import Felt
 from itouch_tools.study.page import page
+from itouch_tools.study.progression import Course
 from itouch_tools.study.reading import StudyFile, load_study, read_study
 from itouch_tools.study.store import Row, Store
 from itouch_tools.study.touches import Presented, Toucher, TouchError, deep_temperature

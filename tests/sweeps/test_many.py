@@ -9,7 +9,7 @@ import pytest
 from sweeping import COLLECT, VARIED, written
 
 from itouch.plugin.discovery import Catalog
-from itouch_evidence.sweeps.instant import Instant, client_alone
+from itouch_evidence.sweeps.empty_runs import Instant, client_alone
 from itouch_evidence.sweeps.rates import main as bench
 from itouch_tools.sweeps.client import Client
 from itouch_tools.sweeps.reading import load_sweep

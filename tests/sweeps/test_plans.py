@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from sweeping import COLLECT, written
 
 from itouch.plugin.discovery import Catalog
-from itouch_tools.sweeps import draws
-from itouch_tools.sweeps.draws import Points, value_of
+from itouch_tools.sweeps import sampling
 from itouch_tools.sweeps.elements import Draws, Over
 from itouch_tools.sweeps.plan import Axis, Level, Plan, digest_of
 from itouch_tools.sweeps.reading import load_sweep
+from itouch_tools.sweeps.sampling import Points, value_of
 from itouch_tools.sweeps.sweepfile import SweepFile
 
 OVER = (
@@ -51,7 +51,7 @@ def test_whole_latin_hypercubes_stay_and_each_has_every_stratum_once() -> None:
 
 def test_chunks_are_one_sequence(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = drawn("sobol", 64)
-    monkeypatch.setattr(draws, "CHUNK", 16)
+    monkeypatch.setattr(sampling, "CHUNK", 16)
     assert drawn("sobol", 64) == whole
 
 

@@ -12,9 +12,9 @@ from sweeping import COLLECT, OWN, VARIED, written
 import itouch
 from itouch.plugin.discovery import Catalog
 from itouch_tools.sweeps import worker
-from itouch_tools.sweeps.identity import differences
 from itouch_tools.sweeps.paths import advice, values
 from itouch_tools.sweeps.plan import Run
+from itouch_tools.sweeps.provenance import differences
 from itouch_tools.sweeps.reading import load_sweep
 from itouch_tools.sweeps.running import Running
 from itouch_tools.sweeps.work import Work, work_of

@@ -13,11 +13,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from itouch_evidence.sweeps import deaths, disasters
+from itouch_evidence.sweeps import deaths, failures
+from itouch_evidence.sweeps.backends import Measured, Rate, plain, shown, steady
 from itouch_evidence.sweeps.deaths import main as campaign
 from itouch_evidence.sweeps.growth import Client, Grown, Parts, extrapolated, line, process
 from itouch_evidence.sweeps.rates import main as bench
-from itouch_evidence.sweeps.ways import Measured, Rate, plain, shown, steady
 from itouch_tools.sweeps.store import RUNS
 
 
@@ -109,4 +109,4 @@ def test_what_goes_on_working_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.long
 def test_clients_that_are_killed_lose_and_double_nothing(tmp_path: Path) -> None:
-    assert campaign(["--clients", "50", "--keep", str(tmp_path), *(f"--only={name}" for name in disasters.CASES)]) == 0
+    assert campaign(["--clients", "50", "--keep", str(tmp_path), *(f"--only={name}" for name in failures.CASES)]) == 0

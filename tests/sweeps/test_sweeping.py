@@ -22,9 +22,9 @@ import itouch
 from itouch.plugin.discovery import Catalog
 from itouch_tools.cli import main
 from itouch_tools.sweeps.client import Client, SweepError
+from itouch_tools.sweeps.cost_estimate import estimate
 from itouch_tools.sweeps.elements import Enough, Stop
 from itouch_tools.sweeps.engines import Engine, EngineLostError, NoEngineError
-from itouch_tools.sweeps.pilots import estimate
 from itouch_tools.sweeps.progress import Progress
 from itouch_tools.sweeps.reading import load_sweep
 from itouch_tools.sweeps.store import RUNS, paths_of, rows, table

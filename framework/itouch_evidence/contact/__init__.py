@@ -17,7 +17,7 @@ from itouch.schema import ItouchError
 from itouch_evidence.contact.figures import Figure, judged
 from itouch_evidence.contact.measure import CHUNK, Row, building, closest_row, peer_row, proxy_rows
 from itouch_evidence.contact.peers import PACKAGES, PEERS
-from itouch_evidence.contact.work import HEIGHT_FIELD_CELLS, Work, around, standard
+from itouch_evidence.contact.workload import HEIGHT_FIELD_CELLS, Work, around, standard
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]

@@ -25,8 +25,8 @@ from itouch.loop import DeviceFaultError
 from itouch.schema import ItouchError
 from itouch.servo import Handle, launch, sessions, wire
 from itouch.servo.shared_memory import monotonic
-from itouch_evidence.deaths import starts
-from itouch_evidence.deaths.hunger import HUNGER
+from itouch_evidence.deaths import kills_at_start
+from itouch_evidence.deaths.memory_exhaustion import HUNGER
 from itouch_evidence.deaths.observer import Observer
 from itouch_tools.cli.doctor.touch_scene import scene
 
@@ -126,7 +126,7 @@ def _stand_in(what: str, handle: Handle) -> Iterator[subprocess.Popen[str] | Non
 
 
 def _attached(what: str, handle: Handle) -> subprocess.Popen[str]:
-    words = [sys.executable, "-P", "-m", "itouch_evidence.deaths.stand", what, handle.name]
+    words = [sys.executable, "-P", "-m", "itouch_evidence.deaths.simulated_clients", what, handle.name]
     stand = subprocess.Popen(words, stdout=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True)
     if stand.stdout is None or stand.stdout.readline() != "attached\n":
         stand.kill()
@@ -194,7 +194,7 @@ def _belongs(pid: int, name: str) -> bool:
 @contextmanager
 def _hungry_children(folder: str) -> Iterator[None]:
     """Let every Python process started here starve when it is told to."""
-    line = "from itouch_evidence.deaths.hunger import starve_on_signal\nstarve_on_signal()\n"
+    line = "from itouch_evidence.deaths.memory_exhaustion import starve_on_signal\nstarve_on_signal()\n"
     Path(folder, "sitecustomize.py").write_text(line, encoding="utf-8")
     sys.path.insert(0, folder)
     path = os.environ.get("PYTHONPATH")
@@ -231,7 +231,7 @@ def main(argv: Sequence[str]) -> int:
     options = parser.parse_args(argv)
     outcomes: list[Outcome] = []
     whole = True
-    kills = starts.campaign(options.kills, options.seed, tell=not options.json, keep=options.keep)
+    kills = kills_at_start.campaign(options.kills, options.seed, tell=not options.json, keep=options.keep)
     for victim, manner, wait in cases(options.instants, options.seed):
         try:
             outcome = strike_again(victim, manner, wait)

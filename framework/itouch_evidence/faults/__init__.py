@@ -58,7 +58,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _exchanged(options: argparse.Namespace) -> int:
-    from itouch_evidence.faults.wired import Pair, cells, stored
+    from itouch_evidence.faults.behind_wires import Pair, cells, stored
 
     scene = options.scene or shipped_scene()
     pair = Pair(scene, options.exchange, threads=False, slots=1 + options.pairs)

@@ -18,7 +18,7 @@ from itouch.plugin.discovery import Catalog, Found
 from itouch.scene import loads
 from itouch.session import Session, build
 from itouch_evidence.faults.plants import FELT, Evil, PlateKind, arm, plate, table
-from itouch_evidence.kept import Kept
+from itouch_evidence.resumable import Kept
 
 #: Seconds that a case runs at most.
 LONGEST = 14.0

@@ -22,9 +22,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from itouch_evidence.kept import Kept
-from itouch_evidence.sweeps import disasters
-from itouch_evidence.sweeps.disasters import small
+from itouch_evidence.resumable import Kept
+from itouch_evidence.sweeps import failures
+from itouch_evidence.sweeps.failures import small
 from itouch_tools.sweeps.store import INCOMING, paths_of, rows, table
 
 #: Runs for each client that is killed, so that the sweep does not end before.
@@ -165,7 +165,7 @@ def main(argv: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog="itouch-py bench sweep-deaths", description=main.__doc__)
     parser.add_argument("--clients", type=int, default=50, metavar="N", help="how many are killed (default 50)")
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the instants (default 1)")
-    parser.add_argument("--only", choices=sorted(disasters.CASES), action="append", help="these cases besides clients")
+    parser.add_argument("--only", choices=sorted(failures.CASES), action="append", help="these cases besides clients")
     parser.add_argument("--keep", metavar="FOLDER", help="keep outcomes and rows there, and go on with what is there")
     options = parser.parse_args(argv)
     with contextlib.ExitStack() as stack:
@@ -181,10 +181,10 @@ def _campaign(home: Path, options: argparse.Namespace) -> int:
         print(line, flush=True)
 
     clients(options.clients, options.seed, home, kept, tell)
-    for number, name in enumerate(disasters.CASES):
+    for number, name in enumerate(failures.CASES):
         key = (options.seed, 200_000 + number)
         if key not in kept and (not options.only or name in options.only):
-            found = disasters.CASES[name](home / name)
+            found = failures.CASES[name](home / name)
             kept.add(*key, {"case": name, **found})
             tell(told(name, found))
     killed = [row for row in kept.rows.values() if row["case"] == "client"]

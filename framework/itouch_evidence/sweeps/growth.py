@@ -19,8 +19,8 @@ from pathlib import Path
 from itouch.platforms import cores
 from itouch.plugin.discovery import Catalog
 from itouch.schema import ItouchError
-from itouch_evidence.sweeps.instant import Timeless
-from itouch_evidence.sweeps.ways import Cluster, dask_cluster, loops, written
+from itouch_evidence.sweeps.backends import Cluster, dask_cluster, loops, written
+from itouch_evidence.sweeps.empty_runs import Timeless
 from itouch_tools.sweeps.client import Client as Sweeping
 from itouch_tools.sweeps.engines import Engine
 from itouch_tools.sweeps.progress import Progress

@@ -19,8 +19,8 @@ from typing import Any
 from itouch.platforms import cores
 from itouch.plugin.discovery import Catalog
 from itouch.schema import ItouchError
-from itouch_evidence.sweeps import growth, ways
-from itouch_evidence.sweeps.instant import client_alone
+from itouch_evidence.sweeps import backends, growth
+from itouch_evidence.sweeps.empty_runs import client_alone
 from itouch_tools.sweeps.client import TASK
 
 #: The sweep to which the model is stretched: runs, workers.
@@ -84,11 +84,11 @@ def main(argv: Sequence[str]) -> int:
         return _cost(scene, max(2, options.sessions), options.seconds, as_json=options.json)
     if options.grow:
         return _grow(scene, options)
-    found = ways.measure(
+    found = backends.measure(
         scene, max(2, options.sessions), options.seconds, dask=not options.no_dask, rounds=max(1, options.rounds)
     )
-    print(json.dumps(ways.plain(found), indent=1) if options.json else "\n".join(ways.shown(found)))
-    return 0 if all(value >= ways.SHARE for _, value in found.bounds()) else 1
+    print(json.dumps(backends.plain(found), indent=1) if options.json else "\n".join(backends.shown(found)))
+    return 0 if all(value >= backends.SHARE for _, value in found.bounds()) else 1
 
 
 def _grow(scene: Path, options: argparse.Namespace) -> int:
@@ -103,7 +103,7 @@ def _grow(scene: Path, options: argparse.Namespace) -> int:
             print(growth.line(one), flush=True)
     each = 0.0
     if not options.no_dask:
-        with ways.dask_cluster(cores()) as cluster:
+        with backends.dask_cluster(cores()) as cluster:
             each = growth.scheduler_s(cluster)
     largest = max(done, key=lambda one: one.runs)
     far = growth.extrapolated(largest, *FAR, options.run_seconds, TASK, each_s=each)
@@ -117,7 +117,7 @@ def _grow(scene: Path, options: argparse.Namespace) -> int:
 
 def _cost(scene: Path, sessions: int, seconds: float | None, *, as_json: bool) -> int:
     parts = overhead()
-    rate, size = ways.by_sweep(scene, sessions, seconds, workers=1)
+    rate, size = backends.by_sweep(scene, sessions, seconds, workers=1)
     found = {
         "run_s": 1.0 / rate.per_s, "bytes_a_row": size, "engine_task_s": parts["task_s"],
         "engine_begin_s": parts["begin_s"], "sweep_begin_s": max(0.0, rate.whole_s - sessions / rate.per_s),
@@ -127,7 +127,7 @@ def _cost(scene: Path, sessions: int, seconds: float | None, *, as_json: bool) -
 
 def _client(scene: Path, count: int) -> dict[str, float]:
     with tempfile.TemporaryDirectory(prefix="itouch-bench-") as inner:
-        return client_alone(ways.written(Path(inner), scene, count, None))
+        return client_alone(backends.written(Path(inner), scene, count, None))
 
 
 def _printed(found: Mapping[str, Any], *, as_json: bool) -> int:

@@ -112,8 +112,8 @@ def _load(path: str) -> StudyFile | None:
 
 
 def _check(options: argparse.Namespace) -> int:
-    from itouch_tools.study.brought import task_of
     from itouch_tools.study.elements import CATCH, PRACTICE, TASKS, UNCOUNTED
+    from itouch_tools.study.plugin_tasks import task_of
     from itouch_tools.study.tasks import question_of
     from itouch_tools.study.trials import trials_of
 
@@ -245,7 +245,7 @@ def _forget(options: argparse.Namespace) -> int:
 
 def _simulate(options: argparse.Namespace) -> int:
     from itouch.schema import ItouchError
-    from itouch_tools.study.panelists import observer_of
+    from itouch_tools.study.observer_catalog import observer_of
     from itouch_tools.study.simulate import Panel, simulate
 
     if options.observers < 1 or options.processes < 1:

@@ -62,7 +62,7 @@ def power(file: StudyFile, options: argparse.Namespace) -> int:
     from dataclasses import asdict
 
     from itouch.plugin.discovery import Catalog
-    from itouch_tools.study.panelists import observer_of
+    from itouch_tools.study.observer_catalog import observer_of
     from itouch_tools.study.power import library, toucher
     from itouch_tools.study.power import power as powers
 
@@ -112,7 +112,7 @@ def audit(file: StudyFile, options: argparse.Namespace) -> int:
 
 def coverage(options: argparse.Namespace) -> int:
     """Print a line for each promise; 1: one was not kept."""
-    from itouch_tools.study.campaign import campaign
+    from itouch_tools.study.coverage import campaign
 
     if options.studies < 10 or options.null < 40:
         print("--studies is 10 or more, --null 40 or more", file=sys.stderr)

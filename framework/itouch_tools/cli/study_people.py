@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from itouch_tools.study.answers import Answers
     from itouch_tools.study.reading import StudyFile
-    from itouch_tools.study.shown import Shown
+    from itouch_tools.study.session_display import Shown
 
 
 def folder_of(options: argparse.Namespace) -> Path:
@@ -41,7 +41,7 @@ def answers_of(file: StudyFile, options: argparse.Namespace) -> tuple[Answers, C
     """Return who answers, and who is told what to show."""
     from itouch.schema import ItouchError
     from itouch_tools.study.answers import Beside, Script, Typed
-    from itouch_tools.study.brought import device_of
+    from itouch_tools.study.plugin_tasks import device_of
 
     if options.answers and (options.window or options.answers_from):
         raise ItouchError("--answers excludes --window and --answers-from: a script has all answers")

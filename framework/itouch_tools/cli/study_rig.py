@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def needed(file: StudyFile) -> bool:
     """Return whether a device of the study's scene is hardware."""
     from itouch.plugin.discovery import Catalog
-    from itouch_tools.study.desk import hardware_of
+    from itouch_tools.study.rig_windows import hardware_of
 
     return bool(hardware_of(file, Catalog()))
 
@@ -36,13 +36,13 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
     from itouch.servo import ServoError
     from itouch_tools.cli.study_people import answers_of, folder_of, masking
     from itouch_tools.cli.study_window import operators_window
-    from itouch_tools.study import desk
-    from itouch_tools.study.course import Course
+    from itouch_tools.study import rig_windows
     from itouch_tools.study.operating import keep_note
+    from itouch_tools.study.progression import Course
     from itouch_tools.study.store import Store
 
     catalog, folder = Catalog(), folder_of(options)
-    desk.refuse(file, catalog, switch=options.operator, fast=options.pace == "fast")
+    rig_windows.refuse(file, catalog, switch=options.operator, fast=options.pace == "fast")
     with Store.open(folder) as store:
         course = Course(file, options.participant, store.rows(options.participant))
         before, left = len(course.rows), course.left
@@ -58,7 +58,7 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
     with Stopping() as stop, masking(file, options):
         try:
             with waiting(f"starting {options.study}"):
-                handle = desk.launch(file, options.participant, folder, record=record)
+                handle = rig_windows.launch(file, options.participant, folder, record=record)
             stop.bind(handle.request_stop)
             with handle:
 
@@ -68,7 +68,7 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
                     except OSError as error:  # the session goes on; nobody may lose a trial for a note
                         print(f"the note '{words}' can't be kept: {error.strerror or error}", file=sys.stderr)
 
-                session = desk.Desk(handle, answers, show=show, operator=operator, note=note)
+                session = rig_windows.Desk(handle, answers, show=show, operator=operator, note=note)
                 for told in session.attend():
                     if told["kind"] == "trial":
                         made += 1
@@ -104,13 +104,13 @@ def serve(file: StudyFile, key: Path, options: argparse.Namespace) -> int:
     from itouch.schema.terminal import did
     from itouch.schema.wait_notices import waiting
     from itouch.servo import ServoError
-    from itouch_tools.study import desk
+    from itouch_tools.study import rig_windows
 
-    desk.refuse(file, Catalog(), switch=False, fast=options.pace == "fast")
+    rig_windows.refuse(file, Catalog(), switch=False, fast=options.pace == "fast")
     with Stopping() as stop:
         try:
             with waiting(f"starting {options.study}"):
-                handle = desk.launch_door(file, key, options.port)
+                handle = rig_windows.launch_door(file, key, options.port)
             stop.bind(handle.request_stop)
             with handle:
                 port = handle.others.get(timeout=10.0)["port"]

@@ -37,8 +37,8 @@ def serve(file: StudyFile, options: argparse.Namespace) -> int:
     from itouch.schema import ItouchError
     from itouch.schema.terminal import did
     from itouch_tools.cli import study_rig
-    from itouch_tools.study.door import Door
-    from itouch_tools.study.served import Served
+    from itouch_tools.study.external_control import Served
+    from itouch_tools.study.server import Door
 
     if not 0 <= options.port < 1 << 16 or not 0 <= options.seed < 1 << 63:
         raise ItouchError("--port is 0 to 65535, --seed 0 to 2^63 - 1")

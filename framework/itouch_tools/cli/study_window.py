@@ -10,7 +10,7 @@ from itouch_tools.study.answers import Question, Stopped
 
 if TYPE_CHECKING:
     from itouch_tools.study.operating import Operator
-    from itouch_tools.study.shown import Shown
+    from itouch_tools.study.session_display import Shown
 
 
 class WindowAnswers:

@@ -134,7 +134,7 @@ def _check(words: list[str]) -> int:
     from itouch.platforms import cores
     from itouch.plugin.discovery import Catalog
     from itouch.schema.diagnostics import render
-    from itouch_tools.sweeps.pilots import estimate
+    from itouch_tools.sweeps.cost_estimate import estimate
     from itouch_tools.sweeps.progress import shown_time
 
     catalog = Catalog()

@@ -22,7 +22,7 @@ from itouch_tools.study import orders
 from itouch_tools.study import statistics as stats
 from itouch_tools.study.machine import Machine, Phase
 from itouch_tools.study.reading import StudyFile
-from itouch_tools.study.room import Room
+from itouch_tools.study.scene_switching import Room
 from itouch_tools.study.touches import rules_of
 
 #: Folds of the cross-validation, quantile bins of a feature, and ridge of the discriminant.

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from itouch.schema.fields import child, children, choice, flag, integer, name, quantity, text
 from itouch_tools.study.adaptive import Staircase
-from itouch_tools.study.brought import task_of
+from itouch_tools.study.plugin_tasks import task_of
 
 #: Version of the study language that this program reads.
 VERSION = "1.0"

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Protocol
 
 from itouch.loop import Status
-from itouch_tools.study.room import Room
-from itouch_tools.study.shown import Shown
+from itouch_tools.study.scene_switching import Room
+from itouch_tools.study.session_display import Shown
 
 
 class Operator(Protocol):

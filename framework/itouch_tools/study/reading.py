@@ -19,8 +19,8 @@ from itouch.scene.source import Attribute, Node, SourceError, read_root
 from itouch.schema.diagnostics import Place, Problem, SceneError, did_you_mean
 from itouch.world import Model, compile_scene
 from itouch_tools.study.adaptive import Staircase
-from itouch_tools.study.brought import TaskError, offered, task_names, task_of
 from itouch_tools.study.elements import TASKS, UNCOUNTED, VERSION, Adaptive, Factor, Study
+from itouch_tools.study.plugin_tasks import TaskError, offered, task_names, task_of
 
 #: How far [m] the end of a scripted hand's way may be from its begin.
 CLOSED = 1e-3

@@ -14,14 +14,14 @@ from itouch.plugin.discovery import Catalog
 from itouch.world.skin import BASELINE
 from itouch_tools.study import orders
 from itouch_tools.study.answers import Answers, Question, Stopped
-from itouch_tools.study.course import Course, Due
 from itouch_tools.study.elements import PRACTICE
 from itouch_tools.study.figures import FLUX
 from itouch_tools.study.machine import Machine, Phase
 from itouch_tools.study.operating import Operator, keep_note, lines_of
+from itouch_tools.study.progression import Course, Due
 from itouch_tools.study.reading import StudyFile
-from itouch_tools.study.room import Room, note_stop
-from itouch_tools.study.shown import Show, Shown
+from itouch_tools.study.scene_switching import Room, note_stop
+from itouch_tools.study.session_display import Show, Shown
 from itouch_tools.study.store import Row, Standing, Store
 from itouch_tools.study.tasks import choices_of, is_right, question_of, taken_answer
 from itouch_tools.study.touches import Presented, figures, rules_of

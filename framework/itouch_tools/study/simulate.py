@@ -13,11 +13,11 @@ import numpy as np
 from itouch.plugin.discovery import Catalog
 from itouch.schema import SceneError
 from itouch_tools.study import orders
-from itouch_tools.study.brought import TaskError, task_of
-from itouch_tools.study.course import Course, Due
 from itouch_tools.study.elements import TASKS
+from itouch_tools.study.observer_catalog import observer_of
 from itouch_tools.study.observers import Felt, Person
-from itouch_tools.study.panelists import observer_of
+from itouch_tools.study.plugin_tasks import TaskError, task_of
+from itouch_tools.study.progression import Course, Due
 from itouch_tools.study.reading import StudyFile, load_study
 from itouch_tools.study.store import Row, Store, StoreError
 from itouch_tools.study.tasks import is_right, taken_answer

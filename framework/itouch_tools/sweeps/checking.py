@@ -10,10 +10,10 @@ from itouch.plugin.discovery import Catalog
 from itouch.schema.diagnostics import Problem, did_you_mean
 from itouch.world import Model, compile_scene, make_state
 from itouch_tools.sweeps import paths
-from itouch_tools.sweeps.draws import value_of
 from itouch_tools.sweeps.elements import FromCall, FromField, FromReport, Listed, Until
 from itouch_tools.sweeps.functions import FunctionError, check_function
 from itouch_tools.sweeps.plan import Setting, written
+from itouch_tools.sweeps.sampling import value_of
 
 if TYPE_CHECKING:
     from itouch.plugin import Record

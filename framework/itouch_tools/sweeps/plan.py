@@ -7,8 +7,8 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from itouch_tools.sweeps.draws import DIGITS, Points
 from itouch_tools.sweeps.elements import Over
+from itouch_tools.sweeps.sampling import DIGITS, Points
 
 #: What an attribute of the scene takes: (path, text).
 Setting = tuple[str, str]

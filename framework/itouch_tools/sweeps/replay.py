@@ -11,8 +11,8 @@ from typing import Any
 
 from itouch.plugin.discovery import Catalog
 from itouch.session import Session
-from itouch_tools.sweeps.identity import cpu_model, differences, identity
 from itouch_tools.sweeps.plan import Run, digest_of
+from itouch_tools.sweeps.provenance import cpu_model, differences, identity
 from itouch_tools.sweeps.running import Running
 from itouch_tools.sweeps.store import StoreError, paths_of, read_work
 

@@ -45,7 +45,7 @@ def serve(asked: BinaryIO, answers: BinaryIO, folder: Path) -> None:
 
 
 def _prepared(work: Any, folder: Path, answers: BinaryIO) -> Any:
-    from itouch_tools.sweeps.identity import differences, identity
+    from itouch_tools.sweeps.provenance import differences, identity
     from itouch_tools.sweeps.running import Running
 
     try:

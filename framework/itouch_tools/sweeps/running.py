@@ -22,8 +22,8 @@ from itouch.session.batch import Job
 from itouch.session.building import choose_twins
 from itouch.world import Model
 from itouch_tools.sweeps.collecting import Collector, ending
-from itouch_tools.sweeps.identity import cpu_model
 from itouch_tools.sweeps.plan import Run, Setting
+from itouch_tools.sweeps.provenance import cpu_model
 from itouch_tools.sweeps.work import Work
 
 #: Models that are kept: each once a worker and structure, as long as it is in use.
@@ -126,7 +126,7 @@ def _write(folder: Path, files: Mapping[str, bytes]) -> None:
 
 def _offer(work: Work, folder: Path) -> None:
     """Make plugins importable that this environment has not."""
-    from itouch_tools.sweeps.identity import version_of
+    from itouch_tools.sweeps.provenance import version_of
 
     for name, files in work.plugins.items():
         if not version_of(name):

@@ -15,9 +15,9 @@ from itouch.scene.source import Attribute
 from itouch.schema.diagnostics import Place, Problem
 from itouch_tools.study.elements import split_levels
 from itouch_tools.study.reading import StudyFile
-from itouch_tools.sweeps.draws import Points, spaced
 from itouch_tools.sweeps.elements import Grid, Listed, Sweep
 from itouch_tools.sweeps.plan import Axis, Level, Plan, Setting, Value, written
+from itouch_tools.sweeps.sampling import Points, spaced
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from itouch.schema import ItouchError
 from itouch.world import Model
 from itouch_tools.sweeps.elements import FromCall
 from itouch_tools.sweeps.functions import in_file
-from itouch_tools.sweeps.identity import PROGRAM, files_of, identity
+from itouch_tools.sweeps.provenance import PROGRAM, files_of, identity
 from itouch_tools.sweeps.sweepfile import SweepFile
 
 #: Most bytes that travel with a task.
@@ -41,7 +41,7 @@ class Work:
     collect, rule
         Elements of the sweep, as plain words.
     identity
-        What must compute: see ``itouch_tools.sweeps.identity``; ``packages`` is what it is made from.
+        What must compute: see ``itouch_tools.sweeps.provenance``; ``packages`` is what it is made from.
     digest
         Of all of this.
     """

@@ -16,8 +16,8 @@ from dataclasses import dataclass, field
 from typing import Any, BinaryIO, cast
 
 from itouch import platforms
-from itouch_tools.sweeps.identity import cpu_model
 from itouch_tools.sweeps.plan import Run
+from itouch_tools.sweeps.provenance import cpu_model
 from itouch_tools.sweeps.work import Work
 
 #: How often a run is tried where the machine was at fault, and where it ended its process.

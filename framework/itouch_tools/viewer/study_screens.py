@@ -31,7 +31,7 @@ _LETTER, _POINT = 0.73, 96.0 / 72.0
 
 
 class Face(Protocol):
-    """What is shown of a session; see `itouch_tools.study.shown.Shown`."""
+    """What is shown of a session; see `itouch_tools.study.session_display.Shown`."""
 
     @property
     def cue(self) -> str:

@@ -19,7 +19,7 @@ from run_scene import write_study
 
 from itouch_tools.study import client
 from itouch_tools.study.client import ServedError, connect
-from itouch_tools.study.door import Door, DoorError
+from itouch_tools.study.server import Door, DoorError
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="processes are ended by signals")
 

@@ -24,12 +24,12 @@ from itouch.servo.serve import IDLE, Servo
 from itouch.servo.shared_memory import ServoError, SharedMemory, monotonic
 from itouch.session import Session
 from itouch_tools.study.answers import Question, Stopped
-from itouch_tools.study.door import Door
+from itouch_tools.study.external_control import Served
 from itouch_tools.study.reading import each_level_once, load_study
-from itouch_tools.study.room import Room
 from itouch_tools.study.run import Run
-from itouch_tools.study.served import Served
-from itouch_tools.study.shown import Shown
+from itouch_tools.study.scene_switching import Room
+from itouch_tools.study.server import Door
+from itouch_tools.study.session_display import Shown
 from itouch_tools.study.store import Store, StoreError
 
 
@@ -229,7 +229,7 @@ def serve(segment: SharedMemory, outbox: Outbox, config: dict[str, Any]) -> tupl
 def serve_door(
     segment: SharedMemory, outbox: Outbox, config: dict[str, Any]
 ) -> tuple[dict[str, Any], BaseException | None]:
-    """Let another program lead, as ``config["study"]`` says; see `itouch_tools.study.served`.
+    """Let another program lead, as ``config["study"]`` says; see `itouch_tools.study.external_control`.
 
     Raises
     ------

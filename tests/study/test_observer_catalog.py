@@ -11,8 +11,8 @@ from shipped import SCENES
 
 from itouch_tools.cli import main
 from itouch_tools.study import simulate as simulation
+from itouch_tools.study.observer_catalog import ObserverError, names, observer_of
 from itouch_tools.study.observers import Felt, Observer, Person
-from itouch_tools.study.panelists import ObserverError, names, observer_of
 
 MODULE = '''
 class Peak:

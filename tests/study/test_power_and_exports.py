@@ -18,7 +18,7 @@ from itouch.plugin.discovery import Catalog
 from itouch.schema import ItouchError
 from itouch_tools.cli import main
 from itouch_tools.study import statistics as s
-from itouch_tools.study.campaign import coverage, difference_errors, equivalence_errors, regression_errors
+from itouch_tools.study.coverage import coverage, difference_errors, equivalence_errors, regression_errors
 from itouch_tools.study.exports import table_of, write_bids, write_parquet
 from itouch_tools.study.observers import Felt
 from itouch_tools.study.page import _chance

@@ -14,7 +14,7 @@ from typing import Any
 
 from itouch.scene import bundled_scenes
 from itouch.schema import ItouchError
-from itouch_evidence.sweeps.ways import dask_cluster
+from itouch_evidence.sweeps.backends import dask_cluster
 from itouch_tools.sweeps.store import rows, table
 
 #: Runs of the sweep whose function ends its process on one of them, on a cluster, and of the others; which run is hit.

@@ -1,6 +1,7 @@
-"""The desk of a participant's session on a rig with hardware: windows, answers, notes and the dead-man's switch.
+"""What people see and answer in a session on a rig with hardware: windows, answers, notes and the dead-man's switch.
 
-The trials are made in the servo process (`itouch_tools.study.sitting`); here a person is shown what to do, and asked.
+The trials are made in the servo process (`itouch_tools.study.rig_session`); here a person is shown what to do, and
+asked.
 What is drawn here, however slowly, costs the loop nothing.
 """
 
@@ -24,7 +25,7 @@ from itouch.session.outputs import Outputs
 from itouch_tools.study.answers import Answers, Question, Stopped
 from itouch_tools.study.operating import Operator
 from itouch_tools.study.reading import StudyFile
-from itouch_tools.study.shown import Show, Shown
+from itouch_tools.study.session_display import Show, Shown
 from itouch_tools.viewer.deadman_switch import DeadMansSwitch
 
 #: How often [s] windows, keys and messages are looked at.
@@ -65,7 +66,7 @@ def launch(
         If it can't begin.
     """
     asked = {"folder": os.path.abspath(folder), "participant": participant, "record": record}
-    return _start(file, "itouch_tools.study.sitting:serve", f"{file.name}-{participant}", asked, realtime=realtime)
+    return _start(file, "itouch_tools.study.rig_session:serve", f"{file.name}-{participant}", asked, realtime=realtime)
 
 
 def launch_door(file: StudyFile, key: Path, port: int, *, realtime: bool = True) -> Handle:
@@ -77,7 +78,7 @@ def launch_door(file: StudyFile, key: Path, port: int, *, realtime: bool = True)
         If it can't begin.
     """
     asked = {"key": os.path.abspath(key), "port": port}
-    return _start(file, "itouch_tools.study.sitting:serve_door", f"{file.name}-served", asked, realtime=realtime)
+    return _start(file, "itouch_tools.study.rig_session:serve_door", f"{file.name}-served", asked, realtime=realtime)
 
 
 def _start(file: StudyFile, serves: str, name: str, asked: dict[str, Any], *, realtime: bool) -> Handle:

@@ -24,7 +24,7 @@ from typing import Any
 from itouch.servo import wire
 from itouch.servo.shared_memory import monotonic
 from itouch_evidence.deaths.observer import Observer
-from itouch_evidence.kept import Kept
+from itouch_evidence.resumable import Kept
 from itouch_tools.cli.doctor.touch_scene import scene
 
 #: What devices may take to be safe [s], and all processes to end.
@@ -34,9 +34,10 @@ DEVICES = ("arm", "table", "peltier")
 _MARK = "ITOUCH_DEATHS"
 #: What a process is, by a word of its command line.
 _ROLES = {
-    "itouch_evidence.deaths.starter": "launcher", "itouch.servo.process": "servo", "itouch.servo.guardian": "guardian",
+    "itouch_evidence.deaths.recording_launcher": "launcher", "itouch.servo.process": "servo",
+    "itouch.servo.guardian": "guardian",
     "itouch.servo.twin": "twin", "itouch.recording.process": "recorder", "itouch.servo.warm": "companion",
-    "itouch_evidence.deaths.stand": "viewer",
+    "itouch_evidence.deaths.simulated_clients": "viewer",
 }  # fmt: skip
 #: How long [s] a victim may take to come to be; how long after a kill is looked.
 _COMES, _LOOKS = 60.0, 90.0
@@ -78,13 +79,21 @@ def kill(victim: str, after: float, *, running: bool = False) -> Kill:
         path, recording = Path(folder, "deaths.xml"), Path(folder, "r.mcap")
         path.write_text(scene(hold=victim == "viewer"), encoding="utf-8")
         environment = {**os.environ, _MARK: mark}
-        words = [sys.executable, "-P", "-m", "itouch_evidence.deaths.starter", str(path), mark, str(recording)]
+        words = [
+            sys.executable,
+            "-P",
+            "-m",
+            "itouch_evidence.deaths.recording_launcher",
+            str(path),
+            mark,
+            str(recording),
+        ]
         words.append(str(os.getpid()))
         started = [_quiet(words, environment)]
         watched = _Watched(mark)
         try:
             if victim == "viewer":
-                words = [sys.executable, "-P", "-m", "itouch_evidence.deaths.stand", "viewer", mark, "60"]
+                words = [sys.executable, "-P", "-m", "itouch_evidence.deaths.simulated_clients", "viewer", mark, "60"]
                 started.append(_quiet(words, environment))
             found = _come(victim, mark)
             if running:

@@ -17,10 +17,10 @@ from itouch.plugin.discovery import Catalog
 from itouch.schema import ItouchError, SceneError
 from itouch.session import SessionError
 from itouch_tools.study.answers import Stopped
-from itouch_tools.study.door import Door, Request
 from itouch_tools.study.machine import Sensed
 from itouch_tools.study.reading import StudyFile
-from itouch_tools.study.room import Room
+from itouch_tools.study.scene_switching import Room
+from itouch_tools.study.server import Door, Request
 from itouch_tools.study.touches import felt_by, figures
 
 #: Longest time [s] that may be waited for, and how long the door is watched at once while time stands still.

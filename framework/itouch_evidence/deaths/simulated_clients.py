@@ -1,4 +1,6 @@
-"""``python -m itouch_evidence.deaths.stand viewer|recorder NAME``: stand-ins that do to a session what faces do.
+"""A viewer and a recorder without windows, which do to a session what real ones do.
+
+``python -m itouch_evidence.deaths.simulated_clients viewer|recorder NAME``
 
 The viewer copies the newest State sixty times a second and holds the dead-man's switch; the recorder takes every State.
 Told by a signal, a stand-in eats memory until the kernel, or Python, stops it.
@@ -14,7 +16,7 @@ from collections.abc import Sequence
 from itouch.platforms import lives
 from itouch.servo.link import Link, attach
 from itouch.servo.shared_memory import ServoError
-from itouch_evidence.deaths.hunger import starve_on_signal
+from itouch_evidence.deaths.memory_exhaustion import starve_on_signal
 
 
 def _view(link: Link) -> None:

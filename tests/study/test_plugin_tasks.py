@@ -12,8 +12,8 @@ from shipped import SCENES
 
 from itouch.plugin.discovery import Catalog
 from itouch_tools.cli import main
-from itouch_tools.study import brought
-from itouch_tools.study.brought import TaskError, device_of, task_names, task_of
+from itouch_tools.study import plugin_tasks
+from itouch_tools.study.plugin_tasks import TaskError, device_of, task_names, task_of
 from itouch_tools.study.reading import read_study
 from itouch_tools.study.store import Store
 
@@ -63,9 +63,9 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]
     (info / "entry_points.txt").write_text("[itouch.tasks]\n" + "\n".join(lines) + "\n")
     monkeypatch.syspath_prepend(str(site))
     monkeypatch.delitem(sys.modules, "my_tasks", raising=False)
-    brought._task.cache_clear()
+    plugin_tasks._task.cache_clear()
     yield
-    brought._task.cache_clear()
+    plugin_tasks._task.cache_clear()
 
 
 def asking(folder: Path, kind: str, standard: str = "steel") -> Path:

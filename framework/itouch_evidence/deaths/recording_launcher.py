@@ -1,4 +1,7 @@
-"""``python -m itouch_evidence.deaths.starter SCENE NAME RECORDING PARENT``: a launcher that records, as a lab would."""
+"""A launcher that records, as a lab would.
+
+``python -m itouch_evidence.deaths.recording_launcher SCENE NAME RECORDING PARENT``
+"""
 
 from __future__ import annotations
 
