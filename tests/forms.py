@@ -83,7 +83,10 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         }
         for path, names in ((LIST, listed), (KEPT, kept)):
             if gone := sorted(names - there):
-                raise pytest.UsageError(f"{path.name} names tests that are not there (any more): {', '.join(gone)}")
+                raise pytest.UsageError(
+                    f"tests/{path.name} names tests that are not there (any more): take these lines out, or give them the "
+                    f"new names: {', '.join(gone)}"
+                )
     for item in items:
         if (whole or campaign.FULL) and stands_in(item.nodeid, listed) and not stands_in(item.nodeid, kept):
             item.add_marker("long")
