@@ -18,7 +18,7 @@ from sources import Module, modules
 _NUMPY = {"NDArray", "ndarray", "ArrayLike"}
 #: A tuple of sizes: names, numbers, sums and products of them; or the shape of another thing that is named.
 _SHAPE = re.compile(
-    r"\((?:[\w+*/ -]+|\.{3}),(?: ?(?:[\w+*/ -]+|\.{3}),?)*\)|\b(?:same|their|any|its) shape\b|\bshaped like\b"
+    r"\((?:[\w+*/ -]+|\.{3}),(?: ?(?:[\w+*/ -]+|\.{3}),?)*\)|\b(?:same|their|any|its) shape\b|\bshaped like\b|\bshape \(\)"
 )
 #: A unit in brackets, or that the entries are such as have none.
 _UNIT = re.compile(

@@ -181,7 +181,7 @@ class BlindRetreat:
             self._judge(self._middle, self._look(), stopped, way)
 
     def under_way(self, stopped: NDArray[np.int8]) -> bool:
-        """Tell whether one that is ``active`` has legs to go; ``stopped`` () as in ``mind``.
+        """Tell whether one that is ``active`` has legs to go; ``stopped`` as in ``mind``, shape (), dimensionless.
 
         One whose wire takes no command any more, and says so, is not waited for.
         """
