@@ -44,8 +44,6 @@ class Parameters:
     """Its element: ``<PLUGIN:carries-as-ours probe="..."/>``."""
 
     probe: str = schema.ref("probe", doc="the finger")
-    keeps_away: float = schema.quantity("m", low=1e-3, high=0.05, default=5e-3, doc="clearance of the waiting surface")
-    steepest: float = schema.quantity("rad", low=0.0, high=1.0, default=math.radians(25.0), doc="tilt that it renders")
 
 
 class Numbers(NamedTuple):
@@ -325,6 +323,7 @@ class CarriesAsOurs(Modality):
     """Keeps the surface where the virtual one is, as the framework would."""
 
     Params = Parameters
+    keeps_to = frozenset({"clearance", "plate-angle"})
 
     def compile(self, name: str, params: Any, world: World) -> Plan:
         """Take the facts of the probe's surface."""
@@ -336,8 +335,8 @@ class CarriesAsOurs(Modality):
         load = device.read_field(Role.CONTACT_FORCE)
         force = world.devices[surface.arm].limits.get("force", math.inf) if surface.arm else math.inf
         numbers = Numbers(
-            radius, params.keeps_away, math.cos(params.steepest),
-            math.cos(max(0.0, params.steepest - math.radians(2.0))), world.servo_period,
+            radius, surface.clearance, math.cos(surface.plate_angle),
+            math.cos(max(0.0, surface.plate_angle - math.radians(2.0))), world.servo_period,
             max(0.0, min(surface.greatest_force, force - ROOM)), surface.pad_stiffness, bool(load),
             device.limits.get("speed", math.inf) * world.servo_period, FAR if surface.touch_off else FAR_UNCALIBRATED,
             *surface.face,

@@ -69,7 +69,7 @@ SCENE = """<itouch version="1.0" xmlns:xyz-table="urn:itouch:plugin:xyz-table" x
     {devices}
   </devices>
   <interaction>
-    <probe name="finger" radius="8 mm" pose-from="arm" force-to="arm" surface-to="table"/>
+    <probe name="finger" radius="8 mm" pose-from="arm" force-to="arm" surface-to="table"{probe}/>
     <operator probe="finger"><motion>{motion}</motion></operator>
   </interaction><safety force="3 N"{safety}/>
 </itouch>
@@ -86,25 +86,29 @@ LONG = """<to pos="0 0 40 mm" in="0.2 s"/><to pos="0 0 25 mm" in="0.4 s" hold="3
   <to pos="0 0 40 mm" in="0.4 s" hold="2 s"/><to pos="0 0 25 mm" in="0.4 s" hold="0.4 s"/>"""
 TOUCH_OFF = '<calibration method="touch-off"/>'
 CART = '<device name="cart" plugin="ours"/>'
-#: Name -> world, devices, motion, attributes of <safety>, and what must have come about in it.
-WORLDS: dict[str, tuple[str, str, str, str, str]] = {
-    "level": (BLOCK, TABLE.format(mount='pos="0 0 -8 mm"', more=""), STROKE, "", "present"),
+#: Name -> world, devices, motion, attributes of <probe> and <safety>, and what must have come about in it.
+WORLDS: dict[str, tuple[str, str, str, str, str, str]] = {
+    "level": (BLOCK, TABLE.format(mount='pos="0 0 -8 mm"', more=""), STROKE, "", "", "present"),
     "tilted, turned, touched off and carried": (
         BLOCK,
         CART + TABLE.format(mount='on="cart" pos="3 -4 -8 mm" rpy="1 -2 40 deg" mount-error="0 0 2 mm"', more=TOUCH_OFF),
-        STROKE, "", "present",
+        STROKE, "", "", "present",
     ),
-    "over a ball": (BALL, TABLE.format(mount='pos="0 0 -8 mm"', more=""), OVER, "", "changes"),
+    "over a ball": (BALL, TABLE.format(mount='pos="0 0 -8 mm"', more=""), OVER, "", "", "changes"),
+    "from further away, and less steep": (
+        BALL, TABLE.format(mount='pos="0 0 -8 mm"', more=""), OVER,
+        ' clearance="8 mm" plate-angle="14 deg"', "", "changes",
+    ),
     "too low": (
-        BLOCK, TABLE.format(mount='pos="0 0 -8 mm" mount-error="0 0 3 mm"', more=""), STROKE, "",
+        BLOCK, TABLE.format(mount='pos="0 0 -8 mm" mount-error="0 0 3 mm"', more=""), STROKE, "", "",
         "misses",
     ),
     "too high": (
-        BLOCK, TABLE.format(mount='pos="0 0 -8 mm" mount-error="0 0 -4 mm"', more=""), STROKE, "",
+        BLOCK, TABLE.format(mount='pos="0 0 -8 mm" mount-error="0 0 -4 mm"', more=""), STROKE, "", "",
         "misses",
     ),
     "withdrawn": (
-        BLOCK, TABLE.format(mount='pos="0 0 -8 mm"', more=""), LONG, ' contact-time="1.5 s"', "withdrawn",
+        BLOCK, TABLE.format(mount='pos="0 0 -8 mm"', more=""), LONG, "", ' contact-time="1.5 s"', "withdrawn",
     ),
 }  # fmt: skip
 #: What the framework remembers of a surface, whoever carries it.
@@ -172,12 +176,15 @@ def both(path: Path, seconds: float) -> tuple[itouch.Session, itouch.Session, se
 
 @pytest.mark.parametrize("world", WORLDS)
 def test_a_stranger_carries_as_the_framework_does(world: str, tmp_path: Path) -> None:
-    objects, devices, motion, safety, what = WORLDS[world]
+    objects, devices, motion, probe, safety, what = WORLDS[world]
     path = tmp_path / "scene.xml"
-    path.write_text(SCENE.format(world=objects, devices=devices, motion=motion, safety=safety), encoding="utf-8")
+    path.write_text(
+        SCENE.format(world=objects, devices=devices, motion=motion, probe=probe, safety=safety), encoding="utf-8"
+    )
     ours, theirs, come = both(path, 12.0)
     assert what in come
     assert ours.report()["faults"] == theirs.report()["faults"] == []
+    assert not [line for line in theirs.report()["notices"] if "no effect" in line]
     one, other = (session.report()["contacts"] for session in (ours, theirs))
     assert one == other != []
 
@@ -195,8 +202,8 @@ def test_it_joins_the_tick_and_imports_nothing_but_the_contract(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "scene.xml"
-    world, devices, motion, safety, _ = WORLDS["level"]
-    text = SCENE.format(world=world, devices=devices, motion=motion, safety=safety)
+    world, devices, motion, probe, safety, _ = WORLDS["level"]
+    text = SCENE.format(world=world, devices=devices, motion=motion, probe=probe, safety=safety)
     path.write_text(text.replace("</interaction>", ELEMENT, 1), encoding="utf-8")
     assert main(["inspect", str(path), "--plan", "--json"]) == 0
     (mine,) = (row for row in json.loads(capsys.readouterr().out)["steps"] if row["step"] == "carries-as-ours")

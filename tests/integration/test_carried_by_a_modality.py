@@ -251,3 +251,17 @@ def test_what_it_says_wrong_is_a_problem_of_its_element(
     out = capsys.readouterr()
     assert said in out.out + out.err
     assert "[modality]" in out.out + out.err
+
+
+@pytest.mark.parametrize("keeps", [frozenset(), frozenset({"clearance"})], ids=["none", "clearance"])
+def test_attributes_that_it_does_not_keep_to_are_warned_of(
+    scene: Callable[..., Path], keeps: frozenset[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The clearance of a probe is the framework's to keep, unless the modality says that it does."""
+    path = scene()
+    path.write_text(path.read_text().replace('surface-to="presenter"', 'surface-to="presenter" clearance="8 mm"', 1))
+    cls = Catalog().modality("robo", "brings")
+    assert cls is not None
+    monkeypatch.setattr(cls, "keeps_to", keeps)
+    said = [line for line in itouch.build(path).report()["notices"] if "clearance of probe 'tip' has no effect" in line]
+    assert bool(said) is not bool(keeps)

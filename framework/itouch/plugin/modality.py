@@ -118,6 +118,9 @@ class WorldSurface:
         Whether a touch-off finds the height at the start; before it is done, ``ready`` in State is 0.
     greatest_force
         With how much the surface may press [N]: its part, where several surfaces meet one finger.
+    clearance, plate_angle
+        What the probe's attributes say: how far below the finger the surface waits [m], the steepest slope that it
+        renders [rad].  A modality that keeps to one names it in ``Modality.keeps_to``.
     """
 
     device: str
@@ -127,6 +130,8 @@ class WorldSurface:
     pad_damping: float
     touch_off: bool
     greatest_force: float
+    clearance: float
+    plate_angle: float
 
 
 def no_file(file: str, most: int) -> bytes:
@@ -230,6 +235,9 @@ class Modality(ABC):
     #: Those of its fields that are of the person or the devices: they go on when a scene with other objects takes the
     #: place of this one between two touches.  All others begin as after ``reset``.
     goes_on: ClassVar[tuple[str, ...]] = ()
+    #: Where it carries a surface: which attributes of the probe it keeps to, of ``clearance`` and ``plate-angle``.  The
+    #: others have no effect then, and whoever writes them is warned.
+    keeps_to: ClassVar[frozenset[str]] = frozenset()
 
     @abstractmethod
     def compile(self, name: str, params: Any, world: World) -> Any:

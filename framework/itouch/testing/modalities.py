@@ -50,6 +50,9 @@ def declarations(subject: ModalitySubject) -> None:
             )
     if not set(cls.hears) <= set(Contact):
         raise _fail(f"hears = {cls.hears!r}", "not kinds of contact", "a frozenset of itouch.plugin.Contact")
+    if not set(cls.keeps_to) <= {"clearance", "plate-angle"}:
+        advice = 'write frozenset({"clearance", "plate-angle"}), or less'
+        raise _fail(f"keeps_to = {cls.keeps_to!r}", "not attributes of a probe that say how a surface comes", advice)
 
 
 @check("documentation", "class, parameters, module say what they are")

@@ -70,7 +70,7 @@ def build_modalities(
             carries = instance.carries(model)
             if carries is not None:
                 fields = {field.name: (np.dtype(field.dtype).str[1:], field.size) for field in instance.fields(model)}
-                problems += check_carried(scene, part, carries, fields, commands, devices, every)
+                problems += check_carried(scene, part, carries, fields, commands, devices, every, instance.keeps_to)
             found.append(ModalityModel(part.name, part.plugin, instance, model, every, commands, attends, carries))
     return found
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from itouch.plugin import Carries, Role, WorldSurface
 from itouch.scene import Scene
 from itouch.scene.elements import Operator, PluginPart
 from itouch.schema import Problem
+from itouch.schema.fields import xml_name
 from itouch.world.limits import PLATE_FORCE
 from itouch.world.rig import DeviceModel
 
@@ -54,16 +55,20 @@ def surfaces_of(
         face = devices[face_of(table.name, devices)]
         x, y, z = face.mount[:3] if face is not table else (0.0, 0.0, 0.0)
         found[probe.name] = WorldSurface(
-            table.name, arm.name if arm is not None else "", (x, y, z), stiffness, damping, bool(table.touch_off), most
-        )
+            table.name, arm.name if arm is not None else "", (x, y, z), stiffness, damping, bool(table.touch_off), most,
+            probe.clearance, probe.plate_angle,
+        )  # fmt: skip
     return found
 
 
 def check_carried(
     scene: Scene, part: PluginPart, carries: Carries, fields: Mapping[str, object], commands: Sequence[str],
-    devices: Mapping[str, DeviceModel], every: int,
+    devices: Mapping[str, DeviceModel], every: int, keeps_to: Collection[str],
 ) -> Iterator[Problem]:  # fmt: skip
-    """Find what keeps a modality from carrying the surface that it says it carries; ``fields``: kinds and sizes."""
+    """Find what keeps a modality from carrying the surface that it says it carries.
+
+    ``fields``: kinds and sizes; ``keeps_to``: the attributes of the probe that it follows.
+    """
     who, place = f"modality '{part.name}'", scene.places.of(part)
     probe = next((one for one in scene.probes if one.name == carries.probe), None)
     if probe is None or probe.surface_to != carries.device:
@@ -89,6 +94,8 @@ def check_carried(
     for name in _OWN:
         written = scene.places.of(probe, name)
         if written is not None and written != scene.places.of(probe):
-            shown = name.replace("_", "-")
+            shown = xml_name(name)
+            if shown in keeps_to:
+                continue
             sentence = f"{shown} of probe '{probe.name}' has no effect: {who} carries its surface"
             yield Problem("modality", sentence, written, f"remove {shown}", severity="warning")
