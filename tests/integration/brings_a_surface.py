@@ -42,6 +42,7 @@ class Hover(Modality):
     """Keeps the prop where the virtual surface is, or well away from the finger."""
 
     Params = Brings
+    hears = frozenset()  # else each tick of a contact would call it from Python
 
     def compile(self, name: str, params: Any, world: World) -> Plan:
         """Find the robot's command and reading by what they are for."""

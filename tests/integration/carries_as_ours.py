@@ -87,39 +87,20 @@ class Seen(NamedTuple):
     ready: Any
 
 
-class Own(NamedTuple):
-    """Its own fields, of one number each; the command (7,)."""
-
-    goal: Any
-    renders: Any
-    present: Any
-    distance: Any
-    gap: Any
-    coming: Any
-    missed: Any
-    settled: Any
-    press: Any
-    free: Any
-    unfelt: Any
-    give: Any
-    lag: Any
-    level: Any
-    sink: Any
-    off: Any
-
-
+#: Its own fields, of one number each and in this order: what it says of the surface, and what it remembers.
 FIELDS = {
     "renders": "1", "present": "1", "distance": "m", "gap": "m", "coming": "m", "missed": "1", "settled": "1",
     "press": "m", "free": "s", "unfelt": "s", "give": "m/N", "lag": "s", "level": "m", "sink": "m/s", "off": "m",
 }  # fmt: skip
+RENDERS, PRESENT, DISTANCE, GAP, COMING, MISSED, SETTLED, PRESS, FREE, UNFELT, GIVE, LAG, LEVEL, SINK, OFF = range(15)
 
 
 @kernel
-def along(seen: Any, normal: Any) -> float:
+def along(frame: Any, normal: Any) -> float:
     """Return the cosine between a normal (3,) and the surface's."""
     cosine = 0.0
     for i in range(3):
-        cosine += normal[i] * seen.frame[5 + 3 * i]
+        cosine += normal[i] * frame[5 + 3 * i]
     return cosine
 
 
@@ -131,21 +112,21 @@ def top(c: Any, frame: Any, pose: Any) -> float:
 
 
 @kernel
-def choose(c: Any, seen: Any, own: Any, upright: float, touching: bool) -> None:
+def choose(c: Any, own: Any, upright: float, touching: bool, withdrawn: bool) -> None:
     """Say whose the contact is."""
     if touching:
-        own.free[0] = 0.0
+        own[FREE] = 0.0
         if upright < c.cosine:
-            own.renders[0] = 0.0
+            own[RENDERS] = 0.0
         elif upright >= c.back:
-            own.renders[0] = 1.0
+            own[RENDERS] = 1.0
     else:
-        own.renders[0] = 1.0 if upright >= c.cosine else 0.0
-        own.free[0] += c.period
-        if own.free[0] > TRY_AGAIN and own.missed[0] == LOW:
-            own.missed[0] = 0.0
-    if own.missed[0] > 0.0 or seen.withdrawn[0] != 0:
-        own.renders[0] = 0.0
+        own[RENDERS] = 1.0 if upright >= c.cosine else 0.0
+        own[FREE] += c.period
+        if own[FREE] > TRY_AGAIN and own[MISSED] == LOW:
+            own[MISSED] = 0.0
+    if own[MISSED] > 0.0 or withdrawn:
+        own[RENDERS] = 0.0
 
 
 @kernel
@@ -156,115 +137,114 @@ def doubt(c: Any, own: Any, depth: float, pressed: float, touching: bool) -> Non
     if pressed > (HOVER_FORCE if hovers else EARLY_FORCE) and -c.early < depth < -EARLY_GAP:
         what, patience = HIGH, HOVER_TIME if hovers else EARLY_TIME
     elif (
-        touching and own.renders[0] > 0.0 and own.settled[0] > 0.0
+        touching and own[RENDERS] > 0.0 and own[SETTLED] > 0.0
         and depth - pressed / c.stiffness > MISS_DEPTH and pressed < MISS_PART * c.stiffness * depth
     ):  # fmt: skip
         what = LOW
     if what == 0.0:
-        own.unfelt[0] = 0.0
+        own[UNFELT] = 0.0
         return
-    own.unfelt[0] += c.period
-    if own.unfelt[0] >= patience:
-        own.missed[0], own.renders[0], own.unfelt[0] = what, 0.0, 0.0
+    own[UNFELT] += c.period
+    if own[UNFELT] >= patience:
+        own[MISSED], own[RENDERS], own[UNFELT] = what, 0.0, 0.0
 
 
 @kernel
 def smooth(c: Any, own: Any, lowest: float) -> None:
     """Follow the finger's lowest point."""
-    ahead = own.level[0] + own.sink[0] * c.period
+    ahead = own[LEVEL] + own[SINK] * c.period
     off = lowest - ahead
     if abs(off) > LOST:
-        own.level[0], own.sink[0] = lowest, 0.0
+        own[LEVEL], own[SINK] = lowest, 0.0
         return
-    own.level[0] = ahead + G * off
-    own.sink[0] += H * off / c.period
+    own[LEVEL] = ahead + G * off
+    own[SINK] += H * off / c.period
 
 
 @kernel
 def come(
-    c: Any, seen: Any, own: Any, goal: float, last: float, depth: float, pressed: float, touching: bool
+    c: Any, own: Any, goal: float, last: float, depth: float, pressed: float, touching: bool, begins: bool
 ) -> None:  # fmt: skip
     """Bring it to the finger, until it is at its goal [m]."""
     felt = pressed > LEFT
     if not touching and not felt:
-        own.settled[0] = 1.0
+        own[SETTLED] = 1.0
         return
-    if own.settled[0] > 0.0 and touching and seen.pressed[0] == 0.0 and depth < -ABOUT:
-        own.settled[0], own.press[0] = 0.0, depth
-    if own.settled[0] > 0.0:
+    if own[SETTLED] > 0.0 and begins and depth < -ABOUT:
+        own[SETTLED], own[PRESS] = 0.0, depth
+    if own[SETTLED] > 0.0:
         return
-    own.press[0] = min(own.press[0], last - own.level[0] + own.sink[0] * c.period + SLACK)
-    if own.press[0] < depth + BEHIND:
-        own.press[0] += (SOFTLY if felt or own.press[0] > -SOON else QUICKLY) * c.period
-    if own.level[0] + own.press[0] >= goal:
-        own.settled[0] = 1.0
+    own[PRESS] = min(own[PRESS], last - own[LEVEL] + own[SINK] * c.period + SLACK)
+    if own[PRESS] < depth + BEHIND:
+        own[PRESS] += (SOFTLY if felt or own[PRESS] > -SOON else QUICKLY) * c.period
+    if own[LEVEL] + own[PRESS] >= goal:
+        own[SETTLED] = 1.0
 
 
 @kernel
 def go(c: Any, own: Any, last: float, pressed: float, touching: bool) -> None:
     """Take it away from the finger."""
-    full, felt, high = -c.clearance, pressed > LEFT, own.missed[0] == HIGH
-    if own.settled[0] > 0.0:
-        own.settled[0], own.press[0] = 0.0, last if high else max(last, full)
+    full, felt, high = -c.clearance, pressed > LEFT, own[MISSED] == HIGH
+    if own[SETTLED] > 0.0:
+        own[SETTLED], own[PRESS] = 0.0, last if high else max(last, full)
     if not touching and not felt:
-        own.press[0] = min(own.press[0], full) if high else full
+        own[PRESS] = min(own[PRESS], full) if high else full
         return
-    way = (SOFTLY if not high and (felt or own.press[0] > -SOON) else QUICKLY) * c.period
-    own.press[0] = own.press[0] - way if felt and high else min(own.press[0], max(full, own.press[0] - way))
+    way = (SOFTLY if not high and (felt or own[PRESS] > -SOON) else QUICKLY) * c.period
+    own[PRESS] = own[PRESS] - way if felt and high else min(own[PRESS], max(full, own[PRESS] - way))
 
 
 @kernel
-def learn(c: Any, seen: Any, own: Any, here: float, pressed: float, touching: bool) -> None:
+def learn(c: Any, own: Any, speed: float, last: float, here: float, pressed: float) -> None:
     """Learn how far the device gives way, and how late it is."""
-    if not touching or pressed < TOUCH or seen.yielded[0] > 0.0:
-        return
-    speed = seen.climb[0]
-    off = top(c, seen.frame, seen.sent) - here - own.give[0] * pressed - own.lag[0] * speed
+    off = last - here - own[GIVE] * pressed - own[LAG] * speed
     if abs(off) > ASTRAY:
         return
     moves = speed * speed / (speed * speed + STILL * STILL)
     step = LEARNS * c.period * off
-    give = own.give[0] + (1.0 - moves) * step * pressed / (pressed * pressed + 0.01)
-    own.give[0] = min(MOST_GIVE, max(0.0, give))
-    lag = own.lag[0] + moves * step * speed / (speed * speed + STILL * STILL)
-    own.lag[0] = min(MOST_LAG, max(-MOST_LAG, lag))
+    give = own[GIVE] + (1.0 - moves) * step * pressed / (pressed * pressed + 0.01)
+    own[GIVE] = min(MOST_GIVE, max(0.0, give))
+    lag = own[LAG] + moves * step * speed / (speed * speed + STILL * STILL)
+    own[LAG] = min(MOST_LAG, max(-MOST_LAG, lag))
 
 
 @kernel
-def wanted(c: Any, seen: Any, own: Any, lowest: float, here: float, pressed: float, touching: bool) -> float:
+def wanted(
+    c: Any, own: Any, lowest: float, height: float, climb: float, here: float, last: float, pressed: float,
+    touching: bool, begins: bool,
+) -> float:  # fmt: skip
     """Return the height [m] at which it is wanted, and say how far it is still to come or to go."""
-    away, height, last = lowest - c.clearance, seen.height[0], top(c, seen.frame, seen.sent)
-    goal = height + seen.climb[0] * (c.period + own.lag[0]) + (own.give[0] * pressed if touching else 0.0)
-    if own.renders[0] > 0.0:
-        come(c, seen, own, goal, last, here - lowest, pressed, touching)
-        own.coming[0] = 0.0 if own.settled[0] > 0.0 else max(1e-6, goal - own.level[0] - own.press[0])
+    away = lowest - c.clearance
+    goal = height + climb * (c.period + own[LAG]) + (own[GIVE] * pressed if touching else 0.0)
+    if own[RENDERS] > 0.0:
+        come(c, own, goal, last, here - lowest, pressed, touching, begins)
+        own[COMING] = 0.0 if own[SETTLED] > 0.0 else max(1e-6, goal - own[LEVEL] - own[PRESS])
     else:
-        go(c, own, last - own.level[0], pressed, touching)
-        own.coming[0] = max(0.0, own.press[0] + c.clearance)
-    if own.settled[0] > 0.0:
+        go(c, own, last - own[LEVEL], pressed, touching)
+        own[COMING] = max(0.0, own[PRESS] + c.clearance)
+    if own[SETTLED] > 0.0:
         return float(max(goal, away))
-    found = own.level[0] + own.press[0]
+    found = own[LEVEL] + own[PRESS]
     return float(max(goal, away) if height > -np.inf and found > goal else found)
 
 
 @kernel
-def bearable(c: Any, seen: Any, own: Any, here: float, pressed: float) -> float:
+def bearable(c: Any, own: Any, climb: float, here: float, pressed: float) -> float:
     """Return the greatest height [m] at which it presses no harder than it may."""
     if pressed > TOUCH:
-        off = here - own.level[0] - pressed / c.stiffness
-        own.off[0] += c.period / SETTLE * (off - own.off[0])
+        off = here - own[LEVEL] - pressed / c.stiffness
+        own[OFF] += c.period / SETTLE * (off - own[OFF])
     elif pressed < LEFT:
-        own.off[0] = 0.0
-    goes = min(0.0, seen.climb[0]) if own.renders[0] > 0.0 and own.settled[0] > 0.0 else 0.0
-    soon = own.level[0] + min(0.0, own.sink[0] - goes) * AHEAD
-    return float(soon + own.off[0] + c.most / c.stiffness)
+        own[OFF] = 0.0
+    goes = min(0.0, climb) if own[RENDERS] > 0.0 and own[SETTLED] > 0.0 else 0.0
+    soon = own[LEVEL] + min(0.0, own[SINK] - goes) * AHEAD
+    return float(soon + own[OFF] + c.most / c.stiffness)
 
 
 @kernel
-def command(c: Any, seen: Any, goal: Any, height: float, touching: bool) -> None:
+def command(c: Any, frame: Any, sent: Any, hip: Any, goal: Any, height: float, touching: bool) -> None:
     """Write the command: the face under the finger at a height [m]; in touch it gives way first."""
-    frame, sent = seen.frame, seen.sent
-    x, y, z = seen.hip[0] - frame[0], seen.hip[1] - frame[1], height - frame[2]
+    x, y, z = hip[0] - frame[0], hip[1] - frame[1], height - frame[2]
     goal[0] = frame[3] * x + frame[6] * y + frame[9] * z - c.x
     goal[1] = frame[4] * x + frame[7] * y + frame[10] * z - c.y
     goal[2] = frame[5] * x + frame[8] * y + frame[11] * z - c.z
@@ -278,32 +258,40 @@ def command(c: Any, seen: Any, goal: Any, height: float, touching: bool) -> None
 
 
 @kernel
-def there(seen: Any, own: Any, depth: float, pressed: float) -> bool:
+def there(own: Any, before: bool, depth: float, pressed: float) -> bool:
     """Tell whether it is at the finger, or about to be."""
-    if depth > -ABOUT or (own.renders[0] > 0.0 and (own.settled[0] > 0.0 or own.press[0] > -HAND_OVER)):
+    if depth > -ABOUT or (own[RENDERS] > 0.0 and (own[SETTLED] > 0.0 or own[PRESS] > -HAND_OVER)):
         return True
-    return bool(pressed > (LEFT if seen.present[0] > 0.0 else TOUCH))
+    return bool(pressed > (LEFT if before else TOUCH))
 
 
 @kernel
-def carry(c: Any, seen: Any, own: Any) -> int:
-    """Say who renders the surface below the finger, and command the device; `Numbers`, `Seen` and `Own`."""
-    lowest, here = seen.hip[2] - c.radius, top(c, seen.frame, seen.pose)
-    pressed, touching = max(0.0, -seen.load[2]), seen.object[0] >= 0
-    own.gap[0] = seen.height[0] - here if seen.height[0] > -np.inf else np.inf
-    own.distance[0] = lowest - here
-    if seen.withdrawn[0] != 0:
-        own.missed[0] = 0.0
-    choose(c, seen, own, along(seen, seen.normal) if touching else seen.upright[0], touching)
-    if seen.ready[0] != 0 and c.has_load and own.missed[0] == 0.0 and seen.withdrawn[0] == 0:
+def carry(c: Any, seen: Any, goal: Any, own: Any) -> int:
+    """Say who renders the surface below the finger, and command the device.
+
+    ``c``: `Numbers`; ``seen``: `Seen`, taken apart here, for a tuple of many arrays is dear to hand on; ``goal`` (7,):
+    the command; ``own`` (15,): its own fields.
+    """
+    frame, sent, hip = seen.frame, seen.sent, seen.hip
+    height, climb = seen.height[0], seen.climb[0]
+    lowest, here, last = hip[2] - c.radius, top(c, frame, seen.pose), top(c, frame, sent)
+    pressed, touching, withdrawn = max(0.0, -seen.load[2]), seen.object[0] >= 0, seen.withdrawn[0] != 0
+    own[GAP] = height - here if height > -np.inf else np.inf
+    own[DISTANCE] = lowest - here
+    if withdrawn:
+        own[MISSED] = 0.0
+    choose(c, own, along(frame, seen.normal) if touching else seen.upright[0], touching, withdrawn)
+    if seen.ready[0] != 0 and c.has_load and own[MISSED] == 0.0 and not withdrawn:
         doubt(c, own, here - lowest, pressed, touching)
     smooth(c, own, lowest)
-    height = wanted(c, seen, own, lowest, here, pressed, touching)
-    most = bearable(c, seen, own, here, pressed)
-    if own.renders[0] > 0.0 and own.settled[0] > 0.0 and height <= most:
-        learn(c, seen, own, here, pressed, touching)
-    command(c, seen, own.goal, min(height, most), touching)
-    own.present[0] = 1.0 if touching and there(seen, own, here - lowest, pressed) else 0.0
+    begins = touching and seen.pressed[0] == 0.0
+    top_wanted = wanted(c, own, lowest, height, climb, here, last, pressed, touching, begins)
+    most = bearable(c, own, climb, here, pressed)
+    still = own[RENDERS] > 0.0 and own[SETTLED] > 0.0 and top_wanted <= most
+    if still and touching and pressed >= TOUCH and seen.yielded[0] <= 0.0:
+        learn(c, own, climb, last, here, pressed)
+    command(c, frame, sent, hip, goal, min(top_wanted, most), touching)
+    own[PRESENT] = 1.0 if touching and there(own, seen.present[0] > 0.0, here - lowest, pressed) else 0.0
     return 0
 
 
@@ -323,6 +311,7 @@ class CarriesAsOurs(Modality):
     """Keeps the surface where the virtual one is, as the framework would."""
 
     Params = Parameters
+    hears = frozenset()  # else each tick of a contact would call it from Python
     keeps_to = frozenset({"clearance", "plate-angle"})
 
     def compile(self, name: str, params: Any, world: World) -> Plan:
@@ -374,7 +363,6 @@ class CarriesAsOurs(Modality):
             state[f"{probe}.plate_yield"], state[f"{probe}.object"], state[f"{device}.surface.withdrawn"],
             state["ready"],
         )  # fmt: skip
-        own = Own(
-            state[f"{device}.command.{model.channel}"], *(state[f"{model.name}.{field}"] for field in FIELDS)
-        )  # fmt: skip
-        return Bound(carry, model.numbers, seen, own)
+        names = [f"{model.name}.{field}" for field in FIELDS]
+        goal = state[f"{device}.command.{model.channel}"]
+        return Bound(carry, model.numbers, seen, goal, state.flat(names[0], names[-1]))
