@@ -92,3 +92,16 @@ def test_what_an_axis_reads_in_the_air_is_no_finger(gap: float, force: float, to
     for tick in range(1000):
         choice.doubt(constants, figures, memory, force, False, 1e-3 * tick)
     assert memory[surface.MISSED] == (surface.HIGH if told else 0.0)
+
+
+def test_all_that_a_surface_remembers_has_a_place_in_state(folder: Path) -> None:
+    """Compiled code does not look whether it writes beyond the end of a view."""
+    session = Slope(*ramp(10.0)).build(folder)
+    carry = next(step for step in session.plan.steps if step.name == "surface finger")
+    lengths = {
+        len(part)
+        for bound in carry.bounds
+        for part in bound.arguments
+        if np.shares_memory(part, session.state["finger.surface.renders"])
+    }
+    assert lengths == {surface.MEMORY}
