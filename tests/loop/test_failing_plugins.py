@@ -95,19 +95,19 @@ class Entry:
 
 
 def engine(
-    tmp_path: Path, modality: type[Modality] | None = Hum, device: type[Device] | None = None
+    tmp_path: Path, modality: type[Modality] | None = Hum, device: type[Device] | None = None, name: str = "hum"
 ) -> itouch.Session:  # fmt: skip
     def finder(group: str) -> dict[str, Found]:
         found = dict(find(group))
         added: dict[str, tuple[str, type | None]] = {
             "itouch.modalities": ("tone.hum", modality), "itouch.devices": ("rod", device)
         }  # fmt: skip
-        name, cls = added.get(group, ("", None))
-        return found if cls is None else {**found, name: Found(name, "itouch-tone", "1.0", Entry(cls))}  # type: ignore[arg-type]
+        entry, cls = added.get(group, ("", None))
+        return found if cls is None else {**found, entry: Found(entry, "itouch-tone", "1.0", Entry(cls))}  # type: ignore[arg-type]
 
     path = tmp_path / "scene.xml"
     text = SCENE.format(
-        plugin="rod" if device else "usb-arm", modality="<tone:hum/>" if modality else "",
+        plugin="rod" if device else "usb-arm", modality=f'<tone:hum name="{name}"/>' if modality else "",
         force='' if modality else 'force-to="arm"',
     )  # fmt: skip
     path.write_text(text, encoding="utf-8")

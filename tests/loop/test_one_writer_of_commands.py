@@ -106,6 +106,26 @@ def test_its_own_fields_and_commands_can_be_written(tmp_path: Path) -> None:
     assert session.state["arm.sent.wrench"][0] == pytest.approx(0.1)
 
 
+@pytest.mark.parametrize(
+    ("name", "field"),
+    [
+        ("arm.readings", "arm.readings.believed"),
+        ("finger.surface", "finger.surface.missed"),
+    ],
+)
+@pytest.mark.parametrize("how", [lambda state, field: state[field].fill(1.0), poked], ids=["plainly", "by address"])
+def test_a_name_that_others_fields_begin_with_makes_them_no_modalitys_own(
+    tmp_path: Path, name: str, field: str, how: Callable[[Record, str], None]
+) -> None:
+    """What is its own goes by what it declares: the scene may call it as it likes."""
+    bad = type("Bad", (evil(lambda state: how(state, field)),), {"reset": lambda *_: None})
+    session = engine(tmp_path, bad, name=name)
+    session.run(0.05)
+    assert f"{name}.count" in session.state
+    with pytest.raises(itouch.DeviceFaultError, match=f"lost its modality '{name}'"):
+        session.tick()
+
+
 def test_a_fenced_record_is_the_same_memory() -> None:
     whole = Record.of([Field("a", "f8", 2), Field("b"), Field("c", "i8")])
     fenced = WriteProtectedRecord(whole, ["b"])
@@ -127,7 +147,7 @@ def test_a_fence_sees_each_byte_that_is_not_a_modalitys_own(odd: bool) -> None:
     """It looks at the whole of State, for compiled code may write anywhere; and it leaves alone what is its own."""
     fields = [Field("a", "f8", 5), Field("hum.x"), Field("b", "i8", 7), Field("c"), Field("hum.y", "f8", 2), Field("d")]
     state = Record.of([*fields, *([Field("e", "u1", 3)] if odd else [])])
-    around = Fence([SimpleNamespace(name="hum", commands=())], state)
+    around = Fence([SimpleNamespace(name="hum", commands=(), fields=("x", "y"))], state)
     own = [(state.dtype.fields[name][1], state[name].nbytes) for name in ("hum.x", "hum.y")]
     state.raw.view(np.uint8)[:] = np.random.default_rng(3).integers(0, 256, state.nbytes)
     around.take()

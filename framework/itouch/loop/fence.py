@@ -18,9 +18,18 @@ from itouch.world import ModalityModel
 
 
 def own_fields(one: ModalityModel, state: Record) -> list[str]:
-    """Return the fields of State that a modality may write."""
-    commands = {".command.".join(command.split(".", 1)) for command in one.commands}
-    return [name for name in state if name.startswith(f"{one.name}.") or name in commands]
+    """Return the fields of State that a modality may write: those that it declares, and its commands."""
+    own = {".command.".join(command.split(".", 1)) for command in one.commands}
+    own |= {
+        f"{one.name}.{field}" for field in one.fields
+    }  # not all that begin so: the scene may call it "finger.surface"
+    return [name for name in state if name in own]
+
+
+def shown_fields(one: ModalityModel, state: Record) -> tuple[str, ...]:
+    """Return the names of its fields for a plan: short where nobody else has one that begins so."""
+    own = tuple(f"{one.name}.{field}" for field in one.fields)
+    return own if any(name.startswith(f"{one.name}.") and name not in own for name in state) else (f"{one.name}.*",)
 
 
 def view_for(one: ModalityModel, state: Record) -> WriteProtectedRecord:

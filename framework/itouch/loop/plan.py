@@ -217,7 +217,7 @@ def build(
     listed += [steps.force(rig) for rig in rigs]
     listed += _supervision(model, state, runners, rigs, tracking)
     if rigs:
-        listed.append(steps.tell(model, events, rigs))
+        listed.append(steps.tell(model, events, rigs, state))
     listed += _fenced([one for one in model.modalities if one.carries is None], model, state, views)
     if hold.required:
         listed.append(steps.hold(hold, runners.values()))

@@ -15,7 +15,7 @@ from itouch.joining import is_newest
 from itouch.loop import carrying
 from itouch.loop.events import Events
 from itouch.loop.fault_attribution import foreign_write, modality_fault
-from itouch.loop.fence import Fence
+from itouch.loop.fence import Fence, shown_fields
 from itouch.loop.objects import Objects
 from itouch.loop.placing import bound_supervision, bound_together
 from itouch.loop.rig import ProbeRig
@@ -169,11 +169,11 @@ def force(rig: ProbeRig) -> Step:
     return joinable(f"force {name}", rig.toucher.pushes, reads, written)
 
 
-def tell(model: Model, events: Events, rigs: Sequence[ProbeRig]) -> Step:
+def tell(model: Model, events: Events, rigs: Sequence[ProbeRig], state: Record) -> Step:
     """Tell logs and modalities what contacts have begun and ended."""
     probes = [rig.probe.name for rig in rigs]
     noted = tuple(f"{name}.{field}" for name in probes for field in ("near_object", "contact.*"))
-    heard = tuple(f"{one.name}.*" for one in model.modalities if one.instance.hears)
+    heard = tuple(name for one in model.modalities if one.instance.hears for name in shown_fields(one, state))
     reads = tuple(f"{name}.*" for name in probes)
     return joinable(
         "events", [rig.toucher.quiet(events.moves) for rig in rigs], (*reads, *heard, "objects.*"),
@@ -200,7 +200,7 @@ def modality(model: Model, one: ModalityModel, state: Record, around: Fence) -> 
             raise modality_fault(model, one.instance, method, tick, error) from error
 
     commands = tuple(".command.".join(command.split(".", 1)) for command in one.commands)
-    own, reads = (f"{one.name}.*", *commands), one.instance.reads(compiled)
+    own, reads = (*shown_fields(one, state), *commands), one.instance.reads(compiled)
     bound: Bound | tuple[Bound, ...] | None = None
     if (every == 1 or not one.attends) and _joins(one):
         with failing(f"modality '{one.name}'", "bound_update", model.place_of(one.name)):

@@ -33,6 +33,8 @@ class ModalityModel:
     attends: bool = False
     #: The surface that it brings to a finger, if it does.
     carries: Carries | None = None
+    #: The fields that it declares, without its name in front.
+    fields: tuple[str, ...] = ()
 
 
 def build_modalities(
@@ -68,10 +70,13 @@ def build_modalities(
         with failing(f"modality '{part.name}'", "commands", scene.places.of(part)):
             commands, attends = instance.commands(model), every > 1 and instance.attends(model)
             carries = instance.carries(model)
+        with failing(f"modality '{part.name}'", "fields", scene.places.of(part)):
+            fields = {field.name: (np.dtype(field.dtype).str[1:], field.size) for field in instance.fields(model)}
             if carries is not None:
-                fields = {field.name: (np.dtype(field.dtype).str[1:], field.size) for field in instance.fields(model)}
                 problems += check_carried(scene, part, carries, fields, commands, devices, every, instance.keeps_to)
-            found.append(ModalityModel(part.name, part.plugin, instance, model, every, commands, attends, carries))
+            found.append(
+                ModalityModel(part.name, part.plugin, instance, model, every, commands, attends, carries, tuple(fields))
+            )
     return found
 
 
