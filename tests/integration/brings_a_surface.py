@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from itouch.plugin import Carries, Field, Modality, Record, Role, World, schema
+from itouch.plugin import Carries, Field, Modality, ParameterError, Record, Role, World, schema
 
 #: Cosine of the steepest slope that the prop renders.
 LEVEL = 0.95
@@ -50,9 +50,11 @@ class Hover(Modality):
         goal = robot.command(Role.SURFACE_POSE)
         if goal is None:
             raise ValueError(f"device '{params.robot}' brings no surface")
-        prop = robot.read_field(Role.TRACKED_POSE)
-        face, radius = world.surfaces[params.probe].face, world.probes[params.probe]
-        return Plan(name, params.probe, params.robot, goal.name, prop, face, radius, params.stands_off)
+        surface = world.surfaces.get(params.probe)
+        if surface is None:
+            raise ParameterError("probe", f"'{params.probe}' has no surface-to")
+        prop, radius = robot.read_field(Role.TRACKED_POSE), world.probes[params.probe]
+        return Plan(name, params.probe, params.robot, goal.name, prop, surface.face, radius, params.stands_off)
 
     def fields(self, model: Plan) -> tuple[Field, ...]:
         """Declare the numbers by which it says how the prop stands."""

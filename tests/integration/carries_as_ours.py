@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from itouch.plugin import Bound, Carries, Field, Modality, Record, Role, World, schema
+from itouch.plugin import Bound, Carries, Field, Modality, ParameterError, Record, Role, World, schema
 from itouch.plugin.kernels import kernel
 
 #: How fast it leaves a finger or comes to it, while it may be felt and while it is clear [m/s].
@@ -316,7 +316,9 @@ class CarriesAsOurs(Modality):
 
     def compile(self, name: str, params: Any, world: World) -> Plan:
         """Take the facts of the probe's surface."""
-        surface, radius = world.surfaces[params.probe], world.probes[params.probe]
+        surface, radius = world.surfaces.get(params.probe), world.probes[params.probe]
+        if surface is None:
+            raise ParameterError("probe", f"'{params.probe}' has no surface-to")
         device = world.devices[surface.device]
         goal = device.command(Role.SURFACE_POSE)
         if goal is None:

@@ -253,6 +253,17 @@ def test_what_it_says_wrong_is_a_problem_of_its_element(
     assert "[modality]" in out.out + out.err
 
 
+def test_a_probe_that_is_met_by_no_surface_is_a_problem_of_its_attribute(
+    scene: Callable[..., Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = scene()
+    path.write_text(path.read_text().replace(' surface-to="presenter"', "", 1))
+    assert main(["check", str(path)]) == 2
+    out = "".join(capsys.readouterr())
+    assert "modality 'brings': 'tip' has no surface-to" in out
+    assert "KeyError" not in out
+
+
 @pytest.mark.parametrize("keeps", [frozenset(), frozenset({"clearance"})], ids=["none", "clearance"])
 def test_attributes_that_it_does_not_keep_to_are_warned_of(
     scene: Callable[..., Path], keeps: frozenset[str], monkeypatch: pytest.MonkeyPatch
