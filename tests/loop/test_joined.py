@@ -5,13 +5,16 @@ from __future__ import annotations
 import gc
 import importlib.util
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from shipped import SCENES
 from test_failing_plugins import Hum, engine
 
+import itouch
 from itouch.loop import Engine
 from itouch.plugin import Bound, Device, Record, TwinInputs
 from itouch.plugin.kernels import kernel
@@ -124,3 +127,21 @@ def test_a_call_that_is_made_runs_and_is_gone() -> None:
         assert gc.collect() == 0, "what is left refers to itself in a circle"
     finally:
         gc.enable()
+
+
+def test_python_has_nothing_to_do_while_a_touch_off_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither with what carries the plate, nor with where frames are, nor with a hand that rests."""
+    session = itouch.build(SCENES / "four_materials.xml", seed=1)
+    (rig,), called = session._rigs, []
+
+    def counted(name: str) -> Callable[..., None]:
+        method = getattr(rig, name)
+        return lambda *given: (called.append(name), method(*given))[1]
+
+    for name in ("contact", "surface", "lead"):
+        monkeypatch.setattr(rig, name, counted(name))
+    session.tick()  # frames are found once
+    called.clear()
+    session.run(until=lambda: bool(session.state["ready"]))
+    assert session.ticks > 1000
+    assert called in ([], ["contact"])  # the calibration has moved the table's frame

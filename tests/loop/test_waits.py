@@ -214,7 +214,7 @@ def play(skins: list[float], valid: list[bool]) -> tuple[list[int], int, int]:
     for value, good in zip(skins, valid, strict=True):
         skin[0], seen[0] = value, good
         waits.follow_waiting_path(
-            np.ones(1), np.zeros(1), ticks, one(), 1e-3, skin, seen, np.full(1, -1), one(), *rules, *memory, begin,
+            np.ones(1), np.zeros(1), ticks, one(), 1e-3, np.zeros(3), 1e-4, whole() - 1, 3, skin, seen, np.full(1, -1), one(), *rules, *memory, begin,
             waited, end, found,
         )  # fmt: skip
         tick[0] += 1

@@ -83,15 +83,13 @@ def only_virtual(figures: Floats, felt: Floats) -> int:
 
 
 @kernel
-def led(stage: Any, done: int, status: Any, enabled: int, withdrawn: Any, kept: Floats) -> int:
-    """Ask for Python while something else leads the surface: a touch-off that is not done, or T4.
+def led(withdrawn: Any, kept: Floats) -> int:
+    """Ask for Python while something else leads the surface: T4.
 
-    ``stage``, ``status`` and ``withdrawn`` have shape (1,) and hold codes; ``kept`` (MEMORY,) is what the tick
-    remembers of the surface, with the units of `itouch.loop.surface.memory`.
+    ``withdrawn`` (1,) holds a code; ``kept`` (MEMORY,) is what the tick remembers of the surface, with the units of
+    `itouch.loop.surface.memory`.
     """
-    if withdrawn[0] != 0 or kept[memory.MISSED] == memory.WITHDRAWN:
-        return PYTHON
-    return PYTHON if stage[0] != done and status[0] == enabled else 0
+    return PYTHON if withdrawn[0] != 0 or kept[memory.MISSED] == memory.WITHDRAWN else 0
 
 
 @kernel

@@ -13,11 +13,10 @@ from itouch.loop.frames import Frame, Vector
 from itouch.loop.run_statistics import RunStatistics
 from itouch.loop.runner import Runner
 from itouch.loop.touch import Toucher
-from itouch.loop.touchoff import TouchOff, TouchOffPhase
+from itouch.loop.touchoff import UNFELT, TouchOff
 from itouch.monitors import Surface
 from itouch.monitors.carried import size
 from itouch.plugin import Bound, Record, Role, TwinInputs
-from itouch.safety.lifecycle import ENABLED
 from itouch.schema.until import Until
 from itouch.twin.coupling import Coupling
 from itouch.twin.hand import Hand
@@ -43,7 +42,11 @@ class ProbeRig:
         self.coupling = self._coupling(state, offset)
         #: The skin under what is worn on the finger, if anything is.
         self.skin = self._under_worn(state)
+        #: 1 while frames stay where they are, shape (1,).
+        self._fixed = np.zeros(1, np.int64)
         self.touch_off = self._touch_off(state, offset)
+        #: Where the touch-off stands, shape (1,); -1: there is none.
+        self.stage = self.touch_off.stage.reshape(1) if self.touch_off is not None else np.full(1, -1, np.int64)
         self.log = ContactLog(model, self.toucher, self.table, self.coupling, state, statistics)
         self._figures = self.toucher.figures
         self._radius = probe.scene.radius
@@ -57,15 +60,16 @@ class ProbeRig:
         self.feels_for_real = bool(measured)
         self._felt = self.table.read_as(Role.CONTACT_FORCE) if self.table is not None and measured else None
         self._placed: dict[int, Frame] = {}
-        #: 1 while frames stay where they are, shape (1,).
-        self._fixed = np.zeros(1, np.int64)
+        #: Whether no touch-off but its own moves the frames of its devices.
+        self._alone = len(model.probes) == 1
         self._moves = any(runner.model.carrier for _, runner in self._stands)
 
     def _touch_off(self, state: Record, offset: Vector) -> TouchOff | None:
         table = self.table
         if table is None or not table.model.touch_off or table.model.reading(Role.CONTACT_FORCE) is None:
             return None
-        return TouchOff(table, self.toucher, offset, state, self.model.period)
+        hand = self.coupling.hand
+        return TouchOff(table, self.toucher, offset, state, self.model.period, hand, self._fixed)
 
     def _coupling(self, state: Record, offset: Vector) -> Coupling:
         operator, table, face = self.probe.operator, self.table, self.face
@@ -115,6 +119,7 @@ class ProbeRig:
             self.tracker.settle()  # so that its first reading is where the finger is
         if self.touch_off is not None:
             self.touch_off.reset()
+        self._fixed[0] = 0
 
     def rearm(self) -> None:
         """Begin the supervision of the table anew, after a fault; a real arm may have been moved meanwhile."""
@@ -147,7 +152,7 @@ class ProbeRig:
     def contact(self, tick: int, ready: bool) -> None:
         """Find what the finger touches, from this tick's readings."""
         if not self._fixed[0]:  # a calibration, or what carries a device, may move frames
-            self._fixed[0] = ready and not self._moves
+            self._fixed[0] = (ready or self._alone) and not self._moves
             for which, runner in self._stands:
                 frame = self.frame_of(runner)
                 if self._placed.get(which) is not frame:
@@ -161,18 +166,30 @@ class ProbeRig:
         return (Bound(carrying.placed, self._fixed), *self.toucher.finds)
 
     def bound_surface(self) -> tuple[Bound, ...]:
-        """Return ``surface`` as compiled calls, which leave a touch-off and a withdrawal to it; none: it is Python."""
-        table, done = self.table, np.array([int(TouchOffPhase.DONE)])
+        """Return ``surface`` as compiled calls, which leave a withdrawal to it; none: it is Python."""
+        table = self.table
         post = table.device_monitors.surface if table is not None else None
         if table is None or post is None or not isinstance(post.monitor, Surface):
             return ()
-        stage = self.touch_off.stage if self.touch_off is not None else done
-        withdrawn, kept = post.state["withdrawn"], self.toucher.surface
-        led = Bound(carrying.led, stage, int(TouchOffPhase.DONE), table.gate, ENABLED, withdrawn, kept)
+        led = Bound(carrying.led, post.state["withdrawn"], self.toucher.surface)
         closing = Bound(
             carrying.close_in, self._figures, self._radius, *post.monitor.paces, table.moving.closing, table.clamped
         )
-        return (led, *self.toucher.carries, closing)
+        seek = (self.touch_off.bound,) if self.touch_off is not None else ()
+        return (led, *self.toucher.carries, closing, *seek)
+
+    def surface_left(self, code: int, tick: int, ready: bool) -> None:
+        """Do what the compiled calls have left: a touch-off that felt nothing, or the whole step.
+
+        Raises
+        ------
+        DeviceFaultError
+            If the plate was not felt up to the end of its travel.
+        """
+        if code == UNFELT and self.touch_off is not None:
+            self.touch_off.give_up()
+        else:
+            self.surface(tick, ready)
 
     def force(self, tick: int, ready: bool) -> None:
         """Command the arm's part of the force."""
@@ -192,7 +209,6 @@ class ProbeRig:
         strayed = self._figures[render.TRACKING].item()
         table.closing = table.device_monitors.closing(self._gap(), strayed)
         if self.touch_off is not None and not self.touch_off.done and table.enabled:
-            self._lead()
             self.touch_off.update()
         elif table.device_monitors.withdrawn:
             target = table.commanded(Role.SURFACE_POSE)
@@ -204,12 +220,6 @@ class ProbeRig:
         figures = self._figures
         gap: float = figures[2].item() - self._radius - figures[render.PLATE_TOP].item()
         return gap
-
-    def _lead(self) -> None:
-        """Ask the hand down to where the plate can reach it, if its path begins higher."""
-        hand = self.coupling.hand
-        if hand is not None and self.touch_off is not None:
-            hand.lower(min(0.0, self.touch_off.highest_finger() - hand.path.start[2]))
 
     def couple(self, moving: bool) -> None:
         """Step the finger's twin, and tell the twins of devices what touches them."""

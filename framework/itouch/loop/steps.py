@@ -22,6 +22,7 @@ from itouch.loop.rig import ProbeRig
 from itouch.loop.run_statistics import Counts
 from itouch.loop.runner import Runner
 from itouch.loop.step import CALLS_KERNELS, Step, joinable
+from itouch.loop.touchoff import DONE
 from itouch.plugin import Bound, Record, Role
 from itouch.safety import Finger, HoldToRun
 from itouch.safety.monitor_step import LOOK, TOLD
@@ -124,7 +125,7 @@ def carried(rig: ProbeRig, one: ModalityModel, state: Record, model: Model) -> S
         for field in said:
             if np.isnan(state[field]).any():
                 raise modality_fault(model, one.instance, "update", tick, ValueError(f"'{field}' is not a number"))
-        rig.surface(tick, ready)
+        rig.surface_left(code, tick, ready)
 
     name, bounds = f"surface {rig.probe.name}", rig.bound_surface()
     if bounds:
@@ -138,7 +139,7 @@ def surface(rig: ProbeRig) -> Step:
     reads, writes, goal = _surface_fields(rig)
     name, bounds = f"surface {rig.probe.name}", rig.bound_surface()
     if bounds:
-        return joinable(name, bounds, reads, (*writes, *goal), lambda code, tick, ready: rig.surface(tick, ready))
+        return joinable(name, bounds, reads, (*writes, *goal), rig.surface_left)
     return Step(name, rig.surface, reads, (*writes, *goal), 1, CALLS_KERNELS)
 
 
@@ -326,7 +327,7 @@ def finger(rig: ProbeRig, state: Record) -> Iterator[Step]:
     name, coupling = rig.probe.name, rig.coupling
     if coupling.hand is not None:
         moved = _of(name, "hand.ticks", "hand.offset", "hand.steered", "hand.wanted")
-        along = coupling.hand.bound(state["ready"].reshape(1))
+        along = coupling.hand.bound(state["ready"].reshape(1), rig.stage, DONE)
         reads = (*moved, "ready", f"{rig.table.model.name}.touch_off.stage" if rig.table is not None else "")
         if coupling.hand.waits is not None:
             moved += coupling.hand.waits.written

@@ -200,6 +200,11 @@ class Toucher:
         """Tell where tracker, arm or table stands in the world."""
         self._frames[which][:] = self._constants[which : which + 12] = (frame.x, frame.y, frame.z, *frame.r)
 
+    @property
+    def constants(self) -> render.Floats:
+        """What of the probe never changes but the frames of its devices, shape (CONSTANTS,); see `render`."""
+        return self._constants
+
     def settle(self) -> None:
         """Take the tracker's next place without a velocity: hardware may have moved while nothing ran."""
         self.figures[render.VELOCITY : render.VELOCITY + 3] = 0.0

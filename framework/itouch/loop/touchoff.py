@@ -3,19 +3,32 @@
 While the force grows from a touch to 0.3 N, the height of the plate against the finger is fitted over the force; where
 the line meets zero force the plate just touched, however soft the finger pad is.  Only the height can be found with a
 flat plate; the result is the State field ``DEVICE.calibration``.
+
+What it does in a tick is compiled; Python says why it failed.
 """
 
 from __future__ import annotations
 
 import enum
 import math
+from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.compiling import kernel
+from itouch.joining import runner
 from itouch.loop import render
 from itouch.loop.frames import Vector
 from itouch.loop.runner import DeviceFaultError, Runner
 from itouch.loop.touch import Toucher
-from itouch.plugin import Record, Role
+from itouch.plugin import Bound, Record, Role
 from itouch.safety import Trip
+from itouch.safety.lifecycle import ENABLED
+from itouch.twin.hand import LEAD_SPEED, Hand
+from itouch.twin.mechanics import lower
+
+Floats = NDArray[np.float64]
 
 #: Speed of the rising plate [m/s], force that ends it and force from which samples count [N].
 RISE, FORCE, SAMPLE = 0.005, 0.3, 0.05
@@ -27,6 +40,8 @@ SPREAD = 0.006
 #: How far below the end of its travel the plate should meet the finger: mounts are wrong, and hands give way [m].
 ROOM = 0.012
 _ARRIVED = 3e-4
+#: What is left to Python: the plate is at the end of its travel, and was not felt.
+UNFELT = 2
 
 
 class TouchOffPhase(enum.IntEnum):
@@ -38,39 +53,201 @@ class TouchOffPhase(enum.IntEnum):
     DONE = 3
 
 
-class TouchOff:
-    """Finds the height of one table's mount on its part of State."""
+_PLACE, _RISE, _RELEASE, DONE = (int(phase) for phase in TouchOffPhase)
 
-    def __init__(self, table: Runner, toucher: Toucher, offset: Vector, state: Record, period: float) -> None:
-        self._table, self._toucher, self._offset, self._period = table, toucher, offset, period
-        self._radius = toucher.probe.scene.radius
-        name = table.model.name
+
+class Search(NamedTuple):
+    """Where a touch-off stands in State: stage, point and target (1,), sums (5,), offsets (points,), calibration (7,).
+
+    ``hand`` (3,) is how far the hand is led away from its path [m].
+    """
+
+    stage: Any
+    point: Any
+    sums: Floats
+    offsets: Floats
+    target: Floats
+    calibration: Floats
+    hand: Floats
+
+
+class Reach(NamedTuple):
+    """Lengths [m]: ends of the travel, the finger's radius, and where the hand begins (NaN: there is none).
+
+    ``x``, ``y``, ``z``: of the plate's top on what the table carries; ``near``: greatest speed at a finger [m/s].
+    """
+
+    low: float
+    high: float
+    radius: float
+    start: float
+    x: float
+    y: float
+    z: float
+    near: float
+    period: float
+
+
+@kernel
+def _lead(c: Floats, search: Any, reach: Any) -> None:
+    """Ask the hand down to where the plate can reach it, if its path begins higher."""
+    r, z = render.TABLE + 3, reach.z + reach.high
+    top = c[render.TABLE + 2] + c[r + 6] * reach.x + c[r + 7] * reach.y + c[r + 8] * z
+    lower(search.hand, min(0.0, top + reach.radius - ROOM - reach.start), LEAD_SPEED * reach.period)
+
+
+@kernel
+def _at_zero_force(sums: Floats) -> float:
+    """Return the height at zero force of the line through the samples."""
+    n, f, h, fh, ff = sums[0], sums[1], sums[2], sums[3], sums[4]
+    spread = n * ff - f * f
+    if n < 5 or spread <= 1e-9:
+        return float(h / n)
+    slope = (n * fh - f * h) / spread
+    return float((h - slope * f) / n)
+
+
+@kernel
+def _place(search: Any, reach: Any, pose: Floats, x: float, y: float, force: float) -> None:
+    """Bring the plate below the finger."""
+    target = search.target[0]
+    if force > FORCE / 3:  # touched already: the mount is higher than it says
+        search.target[0] = max(reach.low, target - DROP * 50 * reach.period)
+    elif abs(pose[0] - x) < _ARRIVED and abs(pose[1] - y) < _ARRIVED and abs(pose[2] - target) < _ARRIVED:
+        search.sums[:] = 0.0
+        search.stage[0] = _RISE
+
+
+@kernel
+def _rise(search: Any, reach: Any, figures: Floats, force: float) -> int:
+    """Raise the plate until it is felt."""
+    sums = search.sums
+    if force > SAMPLE:
+        height = figures[render.PLATE_TOP] - (figures[render.HIP + 2] - reach.radius)
+        sums[0] += 1
+        sums[1] += force
+        sums[2] += height
+        sums[3] += force * height
+        sums[4] += force * force
+    if force >= FORCE:
+        search.offsets[search.point[0]] = _at_zero_force(sums)
+        search.target[0] -= DROP
+        search.stage[0] = _RELEASE
+        return 0
+    if search.target[0] >= reach.high:
+        return UNFELT
+    search.target[0] = min(reach.high, search.target[0] + RISE * reach.period)
+    return 0
+
+
+@kernel
+def _release(search: Any, pose: Floats, fixed: Any) -> None:
+    """Let the plate drop, then go to the next point, or say how high the table is."""
+    if abs(pose[2] - search.target[0]) > _ARRIVED:
+        return
+    if search.point[0] + 1 < search.offsets.shape[0]:
+        search.point[0] += 1
+        search.stage[0] = _PLACE
+        return
+    total = 0.0
+    for offset in search.offsets:
+        total += offset
+    search.calibration[2] -= total / search.offsets.shape[0]
+    search.stage[0] = DONE
+    fixed[0] = 0
+
+
+@kernel
+def seek(
+    c: Floats, search: Any, reach: Any, points: Floats, pose: Floats, load: Floats, figures: Floats, goal: Floats,
+    closing: Floats, status: Any, fixed: Any,
+) -> int:  # fmt: skip
+    """Command the table for a tick of a touch-off that is not done; return UNFELT at the end of its travel.
+
+    Parameters
+    ----------
+    c, figures
+        Constants (CONSTANTS,) and figures (FIGURES,) of the probe; see `render`.
+    search, reach
+        Where it stands, and how far it may go.
+    points
+        Where the finger is touched, in the plate's plane, shape (points, 2) [m].
+    pose, load
+        Readings of the table: (7,) [m; quaternion] and (6,) [N, N m].
+    goal, closing
+        Written: its command (7,), and how fast it may approach the finger [m/s], shape (1,).
+    status
+        Whether the table is enabled, shape (1,).
+    fixed
+        Set to 0 when the calibration changes, for frames are others then; shape (1,).
+    """
+    if search.stage[0] == DONE or status[0] != ENABLED:
+        return 0
+    if not math.isnan(reach.start):
+        _lead(c, search, reach)
+    force, target = abs(load[2]), search.target
+    r, point = render.TABLE + 3, search.point[0]
+    x, y = figures[render.HIP] - c[render.TABLE], figures[render.HIP + 1] - c[render.TABLE + 1]
+    z = figures[render.HIP + 2] - reach.radius - c[render.TABLE + 2]
+    under_x = c[r] * x + c[r + 3] * y + c[r + 6] * z - reach.x + points[point, 0]
+    under_y = c[r + 1] * x + c[r + 4] * y + c[r + 7] * z - reach.y + points[point, 1]
+    under_z = c[r + 2] * x + c[r + 5] * y + c[r + 8] * z - reach.z
+    if math.isnan(target[0]):
+        target[0] = min(max(reach.low, under_z - MARGIN), reach.high)
+    if search.stage[0] == _PLACE:
+        _place(search, reach, pose, under_x, under_y, force)
+    elif search.stage[0] == _RISE:
+        if _rise(search, reach, figures, force) == UNFELT:
+            return UNFELT
+    else:
+        _release(search, pose, fixed)
+    goal[0], goal[1], goal[2], goal[3] = under_x, under_y, target[0], 1.0
+    goal[4] = goal[5] = goal[6] = 0.0
+    closing[0] = reach.near
+    return 0
+
+
+class TouchOff:
+    """Finds the height of one table's mount on its part of State; ``fixed`` (1,): whether frames stay as they are."""
+
+    def __init__(
+        self, table: Runner, toucher: Toucher, offset: Vector, state: Record, period: float, hand: Hand | None,
+        fixed: NDArray[np.int64],
+    ) -> None:  # fmt: skip
+        self._table = table
+        name, count = table.model.name, table.model.touch_off
         part = f"{name}.touch_off"
-        self.stage, self.point = state[f"{part}.stage"], state[f"{part}.point"]
-        self._sums, self._offsets = state[f"{part}.sums"], state[f"{part}.offsets"]
-        self._target, self._calibration = state[f"{part}.target"], state[f"{name}.calibration"]
+        self.stage, self.point, self._target = (state[f"{part}.{field}"] for field in ("stage", "point", "target"))
         self._tick = state["tick"]
-        self._count = table.model.touch_off
-        self._pose, self._felt = table.read_as(Role.TRACKED_POSE), table.read_as(Role.CONTACT_FORCE)
-        self._goal = table.commanded(Role.SURFACE_POSE)
         channel = table.model.command(Role.SURFACE_POSE)
-        self._low, self._high = (channel.low[2], channel.high[2]) if channel else (0.0, 0.0)
+        low, high = (channel.low[2], channel.high[2]) if channel else (0.0, 0.0)
+        search = Search(
+            self.stage.reshape(1), self.point.reshape(1), state[f"{part}.sums"], state[f"{part}.offsets"],
+            self._target.reshape(1), state[f"{name}.calibration"], hand.offset if hand is not None else np.zeros(3),
+        )  # fmt: skip
+        start = hand.path.start[2] if hand is not None else math.nan
+        near = table.model.limits.speed_near or 0.0
+        reach = Reach(*map(float, (low, high, toucher.probe.scene.radius, start, *offset, near, period)))
+        angles = [math.pi / 2 + 2 * math.pi * point / count for point in range(count)]
+        points = np.array([(SPREAD * math.cos(angle), SPREAD * math.sin(angle)) for angle in angles])
+        #: One tick of it as a compiled call.
+        self.bound = Bound(
+            seek, toucher.constants, search, reach, points, table.read_as(Role.TRACKED_POSE),
+            table.read_as(Role.CONTACT_FORCE), toucher.figures, table.commanded(Role.SURFACE_POSE),
+            table.moving.closing, table.gate, fixed,
+        )  # fmt: skip
+        self._seek = runner((self.bound,))
 
     @property
     def done(self) -> bool:
         """Whether the height is known."""
-        return int(self.stage) == TouchOffPhase.DONE
+        return int(self.stage) == DONE
 
     def reset(self) -> None:
         """Begin anew."""
         self.stage[...] = TouchOffPhase.PLACE
         self.point[...] = 0
         self._target[...] = math.nan
-
-    def highest_finger(self) -> float:
-        """Return the greatest height [m] of the finger's centre at which the plate can still press on it."""
-        x, y, z = self._offset
-        return self._table.base_frame().point((x, y, z + self._high))[2] + self._radius - ROOM
 
     def update(self) -> None:
         """Command the table for this tick.
@@ -80,76 +257,16 @@ class TouchOff:
         DeviceFaultError
             If the plate was not felt up to the end of its travel.
         """
-        position = self._pose.tolist()
-        force = abs(self._felt[2].item())
-        under = self._under()
-        if math.isnan(float(self._target)):
-            self._target[...] = min(max(self._low, under[2] - MARGIN), self._high)
-        stage = TouchOffPhase(int(self.stage))
-        if stage is TouchOffPhase.PLACE:
-            self._place(position, under, force)
-        elif stage is TouchOffPhase.RISE:
-            self._rise(force)
-        else:
-            self._release(position)
-        goal = (under[0], under[1], float(self._target))
-        self._goal[:] = (*goal, 1.0, 0.0, 0.0, 0.0)
-        self._table.closing = self._table.model.limits.speed_near or 0.0
+        if self._seek() >= 0:
+            self.give_up()
 
-    def _under(self) -> tuple[float, float, float]:
-        """Return where the table must go, in its frame, for this point of the plate to touch the finger."""
-        x, y, z = self._toucher.figures[:3].tolist()
-        offset = self._offset
-        there = self._table.base_frame().into((x, y, z - self._radius))
-        angle = math.pi / 2 + 2 * math.pi * int(self.point) / self._count
-        return (
-            there[0] - offset[0] + SPREAD * math.cos(angle),
-            there[1] - offset[1] + SPREAD * math.sin(angle),
-            there[2] - offset[2],
-        )
+    def give_up(self) -> None:
+        """Say that nothing was felt.
 
-    def _place(self, position: list[float], under: tuple[float, float, float], force: float) -> None:
-        if force > FORCE / 3:  # touched already: the mount is higher than it says
-            self._target[...] = max(self._low, float(self._target) - DROP * 50 * self._period)
-            return
-        goal = (under[0], under[1], float(self._target))
-        if all(abs(p - g) < _ARRIVED for p, g in zip(position, goal, strict=False)):
-            self._sums[:] = 0.0
-            self.stage[...] = TouchOffPhase.RISE
-
-    def _rise(self, force: float) -> None:
-        if force > SAMPLE:
-            figures = self._toucher.figures
-            height = figures[render.PLATE_TOP].item() - (figures[2].item() - self._radius)
-            n, f, h, fh, ff = self._sums.tolist()
-            self._sums[:] = (n + 1, f + force, h + height, fh + force * height, ff + force * force)
-        if force >= FORCE:
-            self._offsets[int(self.point)] = _at_zero_force(self._sums.tolist())
-            self._target[...] = float(self._target) - DROP
-            self.stage[...] = TouchOffPhase.RELEASE
-            return
-        if float(self._target) >= self._high:
-            cause = "was raised to the end of its travel and felt no finger (touch-off); begin the motion lower"
-            raise DeviceFaultError(self._table.model.name, int(self._tick), Trip.CALIBRATION, cause)
-        self._target[...] = min(self._high, float(self._target) + RISE * self._period)
-
-    def _release(self, position: list[float]) -> None:
-        if abs(position[2] - float(self._target)) > _ARRIVED:
-            return
-        if int(self.point) + 1 < self._count:
-            self.point += 1
-            self.stage[...] = TouchOffPhase.PLACE
-            return
-        height = float(self._offsets.mean())
-        self._calibration[2] -= height
-        self.stage[...] = TouchOffPhase.DONE
-
-
-def _at_zero_force(sums: list[float]) -> float:
-    """Return the height at zero force of the line through the samples."""
-    n, f, h, fh, ff = sums
-    spread = n * ff - f * f
-    if n < 5 or spread <= 1e-9:
-        return h / n
-    slope = (n * fh - f * h) / spread
-    return (h - slope * f) / n
+        Raises
+        ------
+        DeviceFaultError
+            Always.
+        """
+        cause = "was raised to the end of its travel and felt no finger (touch-off); begin the motion lower"
+        raise DeviceFaultError(self._table.model.name, int(self._tick), Trip.CALIBRATION, cause)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from itouch.plugin import Bound, Record
 from itouch.scene.elements import Operator
-from itouch.twin.mechanics import follow_path
+from itouch.twin.mechanics import follow_path, lower
 from itouch.twin.waits import Waits
 from itouch.world.recorded import RecordedMotion
 from itouch.world.skin import SkinSource
@@ -82,6 +82,7 @@ class Hand:
         self._steered, self._wanted = state[f"{name}.hand.steered"], state[f"{name}.hand.wanted"]
         #: Where on its path the hand is [s], shape (1,); found anew in every step.
         self.time = np.zeros(1)
+        lower(np.zeros(3), 0.0, 0.0)  # so that no tick looks for it on disk
         self.motion: NDArray[np.float64] = state.flat(f"{name}.hand.position", f"{name}.hand.target")
         #: Its waits for the skin, if its path has any.
         self.waits = Waits(operator, name, state, period, skin) if skin is not None else None
@@ -102,10 +103,7 @@ class Hand:
 
     def lower(self, offset: float) -> None:
         """Move the hand's target towards a height above (or below) its path [m], as slowly as a person would."""
-        now = self.offset[2].item()
-        if now != offset:
-            step = LEAD_SPEED * self._period
-            self.offset[2] = now + max(-step, min(step, offset - now))
+        lower(self.offset, offset, LEAD_SPEED * self._period)
 
     @property
     def home(self) -> bool:
@@ -137,16 +135,16 @@ class Hand:
             self._steered[...] = STILL
         return True
 
-    def bound(self, moving: NDArray[np.int64]) -> Bound | None:
+    def bound(self, moving: NDArray[np.int64], stage: NDArray[np.int64], done: int) -> Bound | None:
         """Return the usual way along the path as one compiled call, which asks for ``advance`` if it is another.
 
-        ``moving`` (1,), 0 or 1: whether scripts go on.
+        ``moving`` (1,), 0 or 1: whether scripts go on; ``stage`` (1,), a code: where a touch-off stands that may be done.
         """
         if self._recorded is not None:
             return None
-        if self.waits is not None:
-            return self.waits.bound(moving, self._steered, self.ticks, self.time, self._period)
-        return Bound(follow_path, moving, self._steered, self.ticks, self.time, self._period)
+        back = LEAD_SPEED * self._period
+        path = (moving, self._steered, self.ticks, self.time, self._period, self.offset, back, stage, done)
+        return Bound(follow_path, *path) if self.waits is None else self.waits.bound(*path)
 
     def advance(self, moving: bool) -> None:
         """Find the time on the path for the next step; it moves on if ``moving``."""

@@ -68,15 +68,30 @@ def aim(pieces: Floats, time: float, goal: Floats) -> None:
 
 
 @kernel
-def follow_path(moving: Any, steered: Any, ticks: Any, time: Floats, period: float) -> int:
-    """Move on along a hand's path by one tick; return 1, and leave it to Python, if it rests or is led.
+def lower(offset: Floats, towards: float, step: float) -> None:
+    """Move a hand's target towards a height above or below its path [m], by ``step`` [m] at most; offset (3,) [m]."""
+    now = offset[2]
+    if now != towards:
+        offset[2] = now + max(-step, min(step, towards - now))
 
-    All but ``period`` [s] have shape (1,): whether scripts go on, whether the hand is led, the ticks along the path,
-    and the time on it [s].
+
+@kernel
+def follow_path(
+    moving: Any, steered: Any, ticks: Any, time: Floats, period: float, offset: Floats, back: float, stage: Any,
+    done: int,
+) -> int:  # fmt: skip
+    """Move on along a hand's path by one tick; return 1, and leave it to Python, if it is led.
+
+    All but the numbers have shape (1,): whether scripts go on, whether the hand is led, the ticks along the path, the
+    time on it [s], and the stage of a touch-off.  While scripts wait the hand rests; a touch-off that is ``done`` lets
+    it go back to its path, by ``back`` [m] a tick: ``offset`` (3,) [m], ``period`` [s].
     """
-    if moving[0] == 0 or steered[0] != 0:
+    if steered[0] != 0:
         return 1
-    ticks[0] += 1
+    if moving[0] != 0:
+        ticks[0] += 1
+    elif stage[0] == done:
+        lower(offset, 0.0, back)
     time[0] = ticks[0] * period
     return 0
 

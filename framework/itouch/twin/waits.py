@@ -17,6 +17,7 @@ from itouch.compiling import kernel
 from itouch.plugin import Bound, Record
 from itouch.scene.elements import Operator
 from itouch.schema.until import Until
+from itouch.twin.mechanics import lower
 from itouch.world.fields import wait_fields
 from itouch.world.skin import SkinSource, window_ticks
 
@@ -96,18 +97,23 @@ def stay(
 
 @kernel
 def follow_waiting_path(
-    moving: Any, steered: Any, ticks: Any, time: Floats, period: float, skin: Any, valid: Any, object_: Any,
-    force: Any, tick: Any, at: Any, within: Any, spans: Any, baseline: Any, averaged: Any, now: Any, fresh: Any,
-    begin: Any, waited: Any, end: Any, found: Any,
+    moving: Any, steered: Any, ticks: Any, time: Floats, period: float, offset: Floats, back: float, stage: Any,
+    done: int, skin: Any, valid: Any, object_: Any, force: Any, tick: Any, at: Any, within: Any, spans: Any,
+    baseline: Any, averaged: Any, now: Any, fresh: Any, begin: Any, waited: Any, end: Any, found: Any,
 ) -> int:  # fmt: skip
-    """Move on along a hand's path by one tick, or wait; return 1, and leave it to Python, if it rests or is led.
+    """Move on along a hand's path by one tick, or wait; return 1, and leave it to Python, if it is led.
 
-    The first five are those of ``mechanics.follow_path``, the others those of ``look`` and ``stay``, with their shapes,
+    The first nine are those of ``mechanics.follow_path``, the others those of ``look`` and ``stay``, with their shapes,
     such as ``time`` (1,) [s].
     """
-    if moving[0] == 0 or steered[0] != 0:
+    if steered[0] != 0:
         return 1
+    if moving[0] == 0 and stage[0] == done:
+        lower(offset, 0.0, back)
     look(skin, valid, object_, force, spans, baseline, averaged, now, fresh)
+    if moving[0] == 0:
+        time[0] = ticks[0] * period
+        return 0
     if stay(ticks, tick, at, within, spans, baseline, averaged, now, fresh, begin, waited, end, found) == 0:
         ticks[0] += 1
     time[0] = ticks[0] * period
@@ -151,15 +157,12 @@ class Waits:
         self.look.warm_up()
         self.stay.warm_up()
 
-    def bound(self, moving: Any, steered: Any, ticks: Any, time: Floats, period: float) -> Bound:
+    def bound(self, *path: Any) -> Bound:
         """Return the way along the path with its waits as one compiled call.
 
-        The arguments are those of ``mechanics.follow_path``, such as ``time`` (1,) [s].
+        ``path`` as ``mechanics.follow_path`` takes it, such as the time (1,) [s].
         """
-        return Bound(
-            follow_waiting_path, moving, steered, ticks, time, period, *self._seen, *self._rules, *self._memory,
-            *self._table,
-        )  # fmt: skip
+        return Bound(follow_waiting_path, *path, *self._seen, *self._rules, *self._memory, *self._table)
 
     def reset(self) -> None:
         """Begin without a baseline, and before the first wait."""
