@@ -285,6 +285,7 @@ def test_a_force_that_grows_twice_in_a_row_stops_it() -> None:
     assert Legs(*harder(1.0, 2.0, 3.0)).run() == [-2.0, -4.0]
     assert Legs(*harder(1.0, 2.0, 3.0), stopped=BACKWARDS).run() == [2.0, 4.0]
     assert Legs(*harder(1.0, 2.0, 3.0), fingers=0).run() == [-2.0, -4.0]
+    assert Legs(PUSHED, PUSHED, PUSHED, *harder(1.0, 2.0, 3.0)).run() == [-2.0, -4.0, 0.0, 2.0, 4.0]
 
 
 def test_a_force_that_grows_once_and_once_again_later_or_by_no_more_than_noise_does_not() -> None:

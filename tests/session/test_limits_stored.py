@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import json
 import zipfile
@@ -9,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from shipped import SCENES
 
 import itouch
 
@@ -130,3 +132,18 @@ def test_limits_that_are_missing_or_mean_nothing_are_refused(scene: Path, limits
 def test_an_old_session_says_that_its_limits_are_not_known(scene: Path) -> None:
     session = itouch.restore(edited(stored(scene), format="1.1", limits=None))
     assert any("did not note its limits" in notice for notice in session.notices)
+
+
+def test_a_session_goes_on_under_a_tighter_force_while_its_plate_presses_harder() -> None:
+    """What was left for the arm was less than none then, and its command not a number: the session stopped for that."""
+    session = itouch.build(SCENES / "four_materials.xml")
+    session.enable()
+    session.run(15.0, until=lambda: session.state["finger.felt_force"].item() > 0.8)
+    stored = session.snapshot()
+    assert stored.state["finger.felt_force"].item() > 0.8
+    scene = itouch.load(SCENES / "four_materials.xml")
+    tight = dataclasses.replace(scene, safety=dataclasses.replace(scene.safety, force=0.5))
+    restored = itouch.build(tight)
+    restored.take_up(stored)
+    restored.run(0.5)
+    assert 0.0 < restored.state["finger.felt_force"].item() < 0.5

@@ -130,11 +130,12 @@ class BlindRetreat:
         #: Whether its place is not believed now.
         self.active = False
         self._phase = RetreatPhase.DOWN
-        #: The ticks in which a leg's last command was asked for, and was known to have left; -1: not yet.
-        self._reached = self._left = -1
+        #: The ticks in which a leg's last command was asked for, and was known to have left.
+        self._reached: int | None = None
+        self._left: int | None = None
         #: How many legs in a row have moved a finger, and how many were felt.
         self._pushed = self._harder = 0
-        self._asked = self._goal = 0.0
+        self._asked = self._goal = math.nan
         self._before = Observation((), math.nan)
         self._middle: Observation | None = None
 
@@ -168,11 +169,11 @@ class BlindRetreat:
         if self._phase is RetreatPhase.AWAY:
             stopped[...] = HELD
             return
-        if self._reached < 0:
+        if self._reached is None:
             self._reached = self._tick.item()
-        if self._left < 0 and self._has_left():
+        if self._left is None and self._has_left():
             self._left = self._tick.item()
-        if self._left < 0:
+        if self._left is None:
             return
         over = max(self._reached + self._acts, self._left + self._rests)
         if self._middle is None and self._heard(over):
@@ -185,8 +186,8 @@ class BlindRetreat:
 
         One whose wire takes no command any more, and says so, is not waited for.
         """
-        waits = 0 <= self._reached < self._tick.item() - self._patience
-        return stopped.item() != HELD and not waits
+        waited = 0 if self._reached is None else self._tick.item() - self._reached
+        return stopped.item() != HELD and waited <= self._patience
 
     def drop(self, stopped: NDArray[np.int8], way: NDArray[np.float64]) -> None:
         """Let the surface retract as others do: its place is believed again.
@@ -195,6 +196,11 @@ class BlindRetreat:
         """
         self.begin()
         stopped[...], way[1:] = 0, math.nan
+
+    @property
+    def _up(self) -> bool:
+        """Whether the leg leads up: back to where it stood, or on the other way."""
+        return self._phase in (RetreatPhase.BACK, RetreatPhase.OTHER)
 
     def _has_left(self) -> bool:
         """Tell whether a leg's last command has left, as far as the wire tells: a busy machine may be late with it."""
@@ -223,9 +229,9 @@ class BlindRetreat:
         asked, before = self._asked, self._before
         ways = list(zip(before.heights, middle.heights, after.heights, strict=True))
         followed = any((last - first) / asked >= FOLLOWS for first, _, last in ways)
-        harder = min(middle.force, after.force) - before.force > HARDER and not (asked < 0.0 and followed)
+        harder = min(middle.force, after.force) - before.force > HARDER and (self._up or not followed)
         softer = before.force - max(middle.force, after.force) > HARDER
-        least = FIRM if (softer if asked > 0.0 else harder) else FITS[0]
+        least = FIRM if (softer if self._up else harder) else FITS[0]
         moved = any(along(asked, *heights, least) for heights in ways)
         self._harder = self._harder + 1 if harder else 0
         self._pushed = self._pushed + 1 if moved else 0
@@ -255,12 +261,11 @@ class BlindRetreat:
         else:
             goal = max(sent - LEG, stood - BLIND)
         goal = min(max(goal, self._ends[0]), self._ends[1])
-        up = self._phase in (RetreatPhase.BACK, RetreatPhase.OTHER)
-        if (goal - sent if up else sent - goal) < SHORTEST:
+        if (goal - sent if self._up else sent - goal) < SHORTEST:
             stopped[...] = HELD
             return
-        stopped[...] = BACKWARDS if up else 0
-        way[1:] = (math.nan, goal) if up else (goal, math.nan)
+        stopped[...] = BACKWARDS if self._up else 0
+        way[1:] = (math.nan, goal) if self._up else (goal, math.nan)
         self._goal, self._asked = goal, goal - sent
-        self._reached = self._left = -1
+        self._reached = self._left = None
         self._before, self._middle = self._look(), None

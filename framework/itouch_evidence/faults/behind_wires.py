@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import os
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import combinations, product
 from pathlib import Path
 from typing import Any, ClassVar
@@ -26,6 +26,8 @@ from itouch_evidence.faults.matrix import DELAY, KINDS, LASTS, RUN, Cell
 from itouch_evidence.faults.phases import PHASES, moments, prepared
 from itouch_evidence.faults.truth import Truth
 
+#: What finds the entry points of a group.
+Finder = Callable[[str], dict[str, Found]]
 #: How long a cell runs before its fault [s]: what is enabled anew ramps in.
 BEFORE = 1.2
 #: How long an exchange takes with a device that carries a surface, and with one that heats nothing and moves nothing.
@@ -112,25 +114,26 @@ class Pair:
     """A host and the world behind it, tick by tick together.
 
     ``stored``: the State of such a world, and a session of its host, from which both go on; else they begin.
+    ``catalog`` makes the host's catalog of plugins, which may call all that they have something else.
     """
 
     def __init__(
         self, scene: str | os.PathLike[str], ticks: int, *, threads: bool, slots: int = 1,
-        stored: tuple[bytes, Path] | None = None,
+        stored: tuple[bytes, Path] | None = None, catalog: Callable[[Finder], Catalog] = Catalog,
     ) -> None:  # fmt: skip
         self.world = prepared(scene, slots=slots)
         self.ticks, self.threads = ticks, threads
-        loaded, catalog = load_scene(scene), Catalog()
+        loaded, plugins = load_scene(scene), Catalog()
         found, boxes = dict(find("itouch.devices")), dict[str, Box]()
         period = self.world.model.period
         for device in loaded.devices:
-            cls = catalog.device(device.plugin)
+            cls = plugins.device(device.plugin)
             if cls is not None:
                 takes = self._takes(device.name)
                 lined = _lined(cls, takes, period, threads)
                 found[device.plugin] = Found(device.plugin, "bench", "1", _Entry(lined))  # type: ignore[arg-type]
                 boxes[device.name] = lined.box  # type: ignore[attr-defined]
-        lines = Catalog(lambda group: found if group == "itouch.devices" else find(group))
+        lines = catalog(lambda group: found if group == "itouch.devices" else find(group))
         clock = WallClock() if threads else None
         self.truth = Truth(self.world)
         self._boxes = [(runner, boxes[runner.model.name]) for runner in self.world.runners]

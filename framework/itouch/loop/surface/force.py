@@ -100,11 +100,11 @@ def _within(c: Floats, memory: Floats, force: Floats, most: float) -> None:
 
 @kernel
 def _shorten(force: Floats, most: float) -> None:
-    """Make a force (3,) no larger than so many newtons."""
-    size = math.sqrt(force[0] ** 2 + force[1] ** 2 + force[2] ** 2)
+    """Make a force (3,) no larger than so many newtons; nothing is left where that is less than none."""
+    size, most = math.sqrt(force[0] ** 2 + force[1] ** 2 + force[2] ** 2), max(0.0, most)
     if size > most:
         for i in range(3):
-            force[i] *= max(0.0, most) / size
+            force[i] *= most / size
 
 
 @kernel
