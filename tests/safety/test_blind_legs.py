@@ -357,6 +357,16 @@ def test_a_nanometre_from_its_goal_a_surface_is_there() -> None:
         assert (legs.stopped.item() == HELD) is there
 
 
+def test_a_command_has_left_that_leads_within_a_nanometre_of_the_goal() -> None:
+    for short, left in ((1e-9, True), (1.1e-9, False)):
+        legs = Legs(STAYS, stood=LEG, low=0.0, leaves=0)
+        legs.state["table.goings"] = 1
+        legs.state["table.gone"].reshape(-1, 4)[0, 3] = short
+        for _ in range(2 + OVER + WATCHED):
+            legs.step()
+        assert (legs.stopped.item() == HELD) is left
+
+
 def test_what_was_found_is_dropped_when_its_place_is_believed_again() -> None:
     legs = Legs(PUSHED, PUSHED, STAYS)
     while len(legs.goals) < 3:

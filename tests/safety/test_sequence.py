@@ -480,15 +480,49 @@ def test_a_device_that_only_reads_has_nothing_to_switch_off() -> None:
     assert outcome == Outcome(True, PERIOD, {"tracker": "nothing to switch off"}, {})
 
 
-def test_the_drive_is_released_whatever_happens() -> None:
+@pytest.mark.parametrize(
+    "raised", [(KeyboardInterrupt(),), (OSError("full"), ValueError(), KeyboardInterrupt()), (OSError("full"),)]
+)
+@pytest.mark.parametrize("listens", [True, False])
+def test_the_sequence_is_carried_out_whatever_is_raised_meanwhile(
+    raised: tuple[BaseException, ...], listens: bool
+) -> None:
+    """By who listens, or by Ctrl-C anywhere: the stop was over then, with a finger pressed and a plate driven."""
     rig = Rig()
+    left = list(raised)
+    move = rig.move
 
     def fail() -> None:
-        raise KeyboardInterrupt
+        if left and rig.ticks > 2:
+            raise left.pop(0)
 
-    with pytest.raises(KeyboardInterrupt):
-        rig.sequence.carry_out(DeviceFaultError("arm", 0, Trip.SPEED, "x"), fail)
-    assert not rig.plate.keeping
+    def moves() -> None:
+        move()
+        if not listens:
+            fail()
+
+    rig.sequence._move = moves
+    outcome = rig.sequence.carry_out(DeviceFaultError("arm", 0, Trip.SPEED, "x"), fail if listens else lambda: None)
+    assert rig.sequence.interrupted is (raised[0] if len(raised) == 1 else raised[2])
+    assert outcome.safe
+    assert outcome.devices["table"].startswith("retracted 5.")
+    assert rig.sent[-1] == (0.0, rig.table.sent["pose_target"][2].item(), 0.0)
+    assert rig.stop("arm").safe
+    assert rig.sequence.interrupted is None
+
+
+def test_a_sequence_in_which_each_tick_fails_ends() -> None:
+    rig = Rig()
+    calls = []
+
+    def fail() -> None:
+        calls.append(0)
+        raise OSError("full")
+
+    rig.sequence._move = fail
+    outcome = rig.sequence.carry_out(DeviceFaultError("arm", 0, Trip.SPEED, "x"), lambda: None)
+    assert len(calls) == round(WATCH_TIME / PERIOD)
+    assert not outcome.safe and not rig.plate.keeping
 
 
 def test_the_numbers_of_the_sequence() -> None:

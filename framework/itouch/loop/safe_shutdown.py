@@ -34,28 +34,51 @@ class SafeShutdown:
     def carry_out(
         self, fault: DeviceFaultError, taps: Sequence[Callable[[int], None]], clock: Clock | None = None
     ) -> None:
-        """Make every device safe; ``taps`` hear of each tick that this takes, ``clock`` paces them in real time."""
+        """Make every device safe; ``taps`` hear of each tick that this takes, ``clock`` paces them in real time.
+
+        A tap that fails, or Ctrl-C, waits until that is done: an error is then a note of the fault, all else is raised.
+
+        Raises
+        ------
+        BaseException
+            What was raised meanwhile and is no ``Exception``.
+        """
         entry = self._describe(fault)
         self._statistics.faults.append(entry)
         outcome = self._sequence.carry_out(fault, self._after_tick(taps, clock))
         if outcome.also:
             entry["also"] = outcome.also
         entry["safe"] = {"reached": outcome.safe, "after_s": outcome.seconds, "devices": outcome.devices}
+        error = self._sequence.interrupted
+        if isinstance(error, Exception):
+            fault.add_note(f"while all was made safe: {type(error).__name__}: {error}")
+        elif error is not None:
+            raise error
 
     def wind_down(self, taps: Sequence[Callable[[int], None]], clock: Clock | None = None) -> Outcome:
-        """Make every device safe in the same order, without a fault: a session ends, or rests."""
+        """Make every device safe in the same order, without a fault: a session ends, or rests.
+
+        Raises
+        ------
+        BaseException
+            What a tap, or Ctrl-C, has raised meanwhile; all has been made safe, then.
+        """
         nothing = DeviceFaultError("", self._tick.item(), Trip.NONE, "ends")
-        return self._sequence.carry_out(nothing, self._after_tick(taps, clock))
+        outcome = self._sequence.carry_out(nothing, self._after_tick(taps, clock))
+        if self._sequence.interrupted is not None:
+            raise self._sequence.interrupted
+        return outcome
 
     def _after_tick(self, taps: Sequence[Callable[[int], None]], clock: Clock | None) -> Callable[[], None]:
         if clock is not None:
             clock.start(self._model.period)  # what was late before is no time that this takes
 
         def after_tick() -> None:
-            for tap in taps:
-                tap(self._tick.item() - 1)
-            if clock is not None:
-                self._pace(clock)
+            with contextlib.ExitStack() as stack:  # each is told, and time goes on, whatever one of them raises
+                if clock is not None:
+                    stack.callback(self._pace, clock)
+                for tap in reversed(taps):
+                    stack.callback(tap, self._tick.item() - 1)
 
         return after_tick
 

@@ -99,11 +99,20 @@ class SafeSequence:
         self._since = self._passed = self._skipped = 0
         #: When each surface last moved, or was told to: its height [m] then, where it was sent [m], and the tick.
         self._moved: dict[str, tuple[float, float, int]] = {}
+        #: What was safe when: the time [s], what was seen of each device, and how each surface retracted.
+        self._safe: tuple[float, dict[str, tuple[str, bool]], list[int]] | None = None
+        #: In how many ticks it is over if nothing becomes safe.
+        self._rest = 0
+        #: What was raised meanwhile, by whoever listens or by Ctrl-C; it is for the caller to raise it.
+        self.interrupted: BaseException | None = None
         names = {s.model.name for s in self._retracting}
         self._carried = [s for s in supervisors if s.model.carrier in names and not _retracts(s)]
 
     def carry_out(self, fault: DeviceFaultError, after_tick: Callable[[], None]) -> Outcome:
-        """Make every device safe; ``after_tick`` is called at the end of each tick that this takes."""
+        """Make every device safe; ``after_tick`` is called at the end of each tick that this takes.
+
+        Nothing that is raised meanwhile ends it; the first error, or Ctrl-C, is ``interrupted`` then.
+        """
         self._stopping[...] = 1
         for supervisor, stopped in self._ways:
             self._set_out(supervisor, stopped)
@@ -125,34 +134,23 @@ class SafeSequence:
             supervisor.keeping = supervisor.model.name != fault.device
         self._passed = self._skipped = 0
         self._moved = {name: (height, math.nan, self._since) for name, height in heights.items()}
-        safe: tuple[float, dict[str, tuple[str, bool]], list[int]] | None = None
-        left = round(SAFE_TIME / self._period)
+        self._safe, self._rest, self.interrupted = None, round(SAFE_TIME / self._period), None
         try:
-            while left > 0 and self._passed * self._period < WATCH_TIME:
-                self._step()
-                after_tick()
-                self._mind_direction(heights)
-                if self._seconds >= LEAVE_TIME or all(self._left(s) for s in self._retracting):
-                    self._release()
-                ways = [way.item() for _, way in self._ways]
-                if safe is None or ways != safe[2]:
-                    seen = {s.model.name: self._seen(s, heights) for s in self._supervisors}
-                    ends = not self._busy() and not any(bad for _, bad in seen.values())
-                    safe = (self._seconds, seen, ways) if ends else None
-                arrived = [self._arrived(s) for s in self._retracting]
-                if safe is not None:
-                    left = round(SAFE_TIME / self._period)  # if it goes wrong from here on
-                    if all(arrived):
-                        break
+            for _ in range(round(WATCH_TIME / self._period)):
+                try:
+                    over = self._go_on(heights, after_tick)
+                except BaseException as error:
+                    self._interrupt(error)
                     continue
-                left = max(left - 1, int(self._going(arrived)))
+                if over:
+                    break
         finally:
             self._release()
             self._hold_still()
         self._stopping[...] = 0
-        if safe is None:
-            safe = self._seconds, {s.model.name: self._seen(s, heights) for s in self._supervisors}, []
-        seconds, seen, _ = safe  # as it was when all was safe: a finger may rest on what stands
+        if self._safe is None:
+            self._safe = self._seconds, {s.model.name: self._seen(s, heights) for s in self._supervisors}, []
+        seconds, seen, _ = self._safe  # as it was when all was safe: a finger may rest on what stands
         told = {name: text for name, (text, _) in seen.items()}
         faulty = [s for s in self._supervisors if s.status is Status.FAULT and s.model.name != fault.device]
         also = {s.model.name: s.trip.label for s in faulty}
@@ -160,6 +158,33 @@ class SafeSequence:
         odd |= {s.model.name for s in self._retracting if self._back(s, heights[s.model.name])}
         unsafe = tuple(name for name, (_, bad) in seen.items() if bad and name not in odd)
         return Outcome(not any(bad for _, bad in seen.values()), seconds, told, also, unsafe)
+
+    def _go_on(self, heights: dict[str, float], after_tick: Callable[[], None]) -> bool:
+        """Run one tick of the sequence; return whether it is over."""
+        self._step()
+        try:
+            after_tick()
+        except BaseException as error:
+            self._interrupt(error)
+        self._mind_direction(heights)
+        if self._seconds >= LEAVE_TIME or all(self._left(s) for s in self._retracting):
+            self._release()
+        ways = [way.item() for _, way in self._ways]
+        if self._safe is None or ways != self._safe[2]:
+            seen = {s.model.name: self._seen(s, heights) for s in self._supervisors}
+            ends = not self._busy() and not any(bad for _, bad in seen.values())
+            self._safe = (self._seconds, seen, ways) if ends else None
+        arrived = [self._arrived(s) for s in self._retracting]
+        if self._safe is not None:
+            self._rest = round(SAFE_TIME / self._period)  # if it goes wrong from here on
+            return all(arrived)
+        self._rest = max(self._rest - 1, int(self._going(arrived)))
+        return self._rest == 0
+
+    def _interrupt(self, error: BaseException) -> None:
+        """Keep what somebody who listens raises, or Ctrl-C, until all is safe: no finger is left pressed for it."""
+        if self.interrupted is None or not isinstance(error, Exception):
+            self.interrupted = error
 
     def leave_out(self, ticks: int) -> None:
         """Let time go on for so many ticks that were not run: what is waited for at most is over with them."""

@@ -1,0 +1,82 @@
+"""Whoever listens to a session may fail, and a person may press Ctrl-C twice: what is being made safe is made safe."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+from shipped import SCENES
+
+from itouch.faults import Kind
+from itouch.loop import DeviceFaultError
+from itouch_evidence.faults.wired import Pair, stored
+
+
+@pytest.fixture(scope="module")
+def pressed() -> Iterator[tuple[Pair, tuple[bytes, bytes]]]:
+    """Return a host of hardware behind exchanges, and the States in which a finger is about to be pressed."""
+    pair = Pair(SCENES / "four_materials.xml", 20, threads=False)
+    yield pair, stored(pair)["contact"]
+    pair.host.taps[1:] = []
+    pair.close()
+
+
+class Fails:
+    """Raises in each tick of a stop, or in each tick from now on."""
+
+    def __init__(self, pair: Pair, error: BaseException, *, always: bool = False) -> None:
+        self._stopping, self._error, self._always = pair.host.state["stopping"], error, always
+        self.times = 0
+
+    def __call__(self, tick: int) -> None:
+        if self._always or self._stopping.item():
+            self.times += 1
+            raise self._error
+
+
+def contact(pressed: tuple[Pair, tuple[bytes, bytes]]) -> Pair:
+    pair, states = pressed
+    pair.host.taps[1:] = []
+    pair.adopt(states)
+    pair.enable()
+    pair.host.run(1.0)
+    assert pair.world.state["finger.plate_force"].item() > 0.5
+    return pair
+
+
+def let_go(pair: Pair) -> bool:
+    """Tell whether nothing presses any more, and nothing is driven."""
+    off = all(pair.host.state[name].item() == 0.0 for name in ("peltier.sent.current",))
+    return off and pair.world.state["finger.plate_force"].item() == 0.0 and pair.truly_safe(pair.host.seconds - 0.5)
+
+
+@pytest.mark.parametrize("error", [OSError("no space left"), KeyboardInterrupt(), SystemExit(2)], ids=repr)
+def test_a_stop_is_carried_out_though_a_listener_fails_in_each_of_its_ticks(
+    pressed: tuple[Pair, tuple[bytes, bytes]], error: BaseException
+) -> None:
+    """It was over in its first tick: the table stood under the finger, and the plate was driven on."""
+    pair = contact(pressed)
+    heard: list[int] = []
+    fails = Fails(pair, error)
+    pair.host.taps += [fails, heard.append]
+    pair.world.inject("arm", Kind.NAN.label, at=pair.world.seconds + 0.02)
+    with pytest.raises(DeviceFaultError if isinstance(error, Exception) else type(error)) as caught:
+        pair.host.run(1.0)
+    assert let_go(pair)
+    assert fails.times > 50
+    assert len(heard) > fails.times  # who listens after one that fails is told of each tick, too
+    (fault,) = [entry for entry in pair.host.report()["faults"] if entry["trip"] is not None]
+    assert fault["safe"]["devices"]["table"].startswith("retracted ")
+    notes = getattr(caught.value, "__notes__", [])
+    assert notes == (["while all was made safe: OSError: no space left"] if isinstance(error, Exception) else [])
+
+
+@pytest.mark.parametrize("error", [OSError("no space left"), KeyboardInterrupt()], ids=repr)
+def test_closing_lets_go_of_the_finger_though_a_listener_fails_from_now_on(
+    pressed: tuple[Pair, tuple[bytes, bytes]], error: BaseException
+) -> None:
+    pair = contact(pressed)
+    pair.host.taps.append(Fails(pair, error, always=True))
+    with pytest.raises(type(error)), pair.host:
+        pair.host.run(1.0)
+    assert let_go(pair)
