@@ -84,9 +84,10 @@ def test_a_scene_and_the_command_line_do_not_act_on_the_terminal(
 @pytest.mark.parametrize("words", [
     ["check", "p.xml"], ["check", "i.xml"], ["run", "p.itouch", "--headless"], ["inspect", "p.mcap"],
     ["inspect", "p.xml"], ["replay", "p.mcap"], ["check", "s.xml", "--rig", "p.xml"],
+    ["identify", "p.csv"], ["thermal", "solve", "p.json"],
 ])  # fmt: skip
 def test_a_pipe_is_refused_at_once(tmp_path: Path, words: list[str]) -> None:
-    for name in ("p.xml", "p.itouch", "p.mcap"):
+    for name in ("p.xml", "p.itouch", "p.mcap", "p.csv", "p.json"):
         os.mkfifo(tmp_path / name)
     (tmp_path / "s.xml").write_text(FIRST, encoding="utf-8")
     (tmp_path / "i.xml").write_text('<itouch version="1.0"><include file="p.xml"/></itouch>', encoding="utf-8")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import product
 
 import campaign
 import pytest
@@ -98,6 +99,24 @@ def test_a_fault_that_is_there_when_all_is_stopped_lasts_until_the_stop_is_over(
     monkeypatch.setattr(behind_wires, "LASTS", after + 0.3)
     assert run(pair, "contact", phases["contact"], both).good
     assert all((runner.twin_state["fault.end"] > pair.world.ticks).all() for runner in pair.world.runners)
+
+
+@pytest.mark.parametrize(("table", "display"), campaign.some([(13, 29), (7, 29), (13, 7), (29, 13)], 1))
+def test_devices_with_odd_periods_of_their_own_let_go_of_the_finger(
+    table: int, display: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Table and display are exchanged with at periods [ms] that have nothing in common."""
+    monkeypatch.setattr(wired, "_SURFACE_TICKS", table)
+    pair = Pair(SCENES / "four_materials.xml", display, threads=False, slots=2)
+    state = stored(pair)["contact"]
+    lies = LIES if campaign.FULL else (Kind.NAN, Kind.GARBAGE)
+    plans = [[("table", lie, 0), *more] for lie in lies for more in ((), (("table", Kind.REVERSED_SIGN, 1),))]
+    devices = product(("arm", "table", "peltier"), KINDS) if campaign.FULL else [("table", Kind.REVERSED_SIGN)]
+    plans += [[(device, kind, 0)] for device, kind in devices]
+    done = [run(pair, "contact", state, plan) for plan in plans]
+    pair.close()
+    assert [cell for cell in done if not cell.good] == []
+    campaign.tell(f"{table} and {display} ms: {len(done)} cells")
 
 
 def test_a_cell_through_threads_reaches_its_fault(found: tuple[Pair, dict[str, tuple[bytes, bytes]]]) -> None:

@@ -16,7 +16,7 @@ from itouch.plugin import HOLD, RETRACT, Channel, DeviceError, Record
 from itouch.plugin.stamps import Stamped
 from itouch.safety import DeviceFaultError, Outcome, SafeSequence, Status, Supervisor, Trip
 from itouch.safety.lifecycle import BACKWARDS
-from itouch.safety.sequence import LEAVE_TIME, SAFE_TIME, WATCH_TIME
+from itouch.safety.sequence import LEAVE_TIME, SAFE_TIME, SETTLE, STOOD, WATCH_TIME
 
 
 class Line(Fake, Stamped):
@@ -526,7 +526,7 @@ def test_a_sequence_in_which_each_tick_fails_ends() -> None:
 
 
 def test_the_numbers_of_the_sequence() -> None:
-    assert (LEAVE_TIME, SAFE_TIME) == (0.3, 0.5)
+    assert (LEAVE_TIME, SAFE_TIME, WATCH_TIME) == (0.3, 0.5, 5.0)
     for load, safe in ((0.09, True), (0.11, False)):
         rig = Rig()
 
@@ -866,3 +866,37 @@ def test_a_surface_that_presses_and_stands_is_told_after_half_a_second() -> None
     outcome = rig.stop("arm")
     assert outcome.seconds == pytest.approx(SAFE_TIME)
     assert outcome.devices["table"].endswith(" mm, still touched")
+
+
+def test_a_surface_stands_that_was_told_nothing_and_moved_by_nothing_for_a_twentieth_of_a_second() -> None:
+    rig = Rig()
+    rig.noise = True
+    rig.obey = lambda goal: (setattr(rig, "height", max(goal, 0.0151)), setattr(rig, "load", 0.0))[0]
+    assert rig.stop("arm").safe
+    told = [height for _, height, _ in rig.sent]
+    assert told[-1] == 0.0
+    assert told.count(0.0) - 1 == round(STOOD / PERIOD)
+
+
+def test_a_reading_that_stands_still_is_believed_for_as_long_as_a_surface_needs_to_begin() -> None:
+    rig = Rig()
+    rig.sequence._begun = {"table": rig.table.device_monitors.values}
+    for ticks, believed in ((round(SETTLE / PERIOD) - 1, True), (round(SETTLE / PERIOD), False)):
+        rig.sequence._passed = ticks
+        assert rig.sequence._believed(rig.table) is believed
+
+
+def test_a_torque_is_no_push() -> None:
+    rig = Rig()
+    assert rig.table.device is not None
+    say = rig.say_table
+
+    def turned(reading: Record) -> bool:
+        say(reading)
+        reading["wrench"][3:] = (2.0, 2.0, 2.0)
+        return True
+
+    rig.table.device.read = turned  # type: ignore[method-assign]
+    outcome = rig.stop("arm")
+    assert outcome.safe
+    assert outcome.devices["table"].startswith("retracted 5.")

@@ -46,6 +46,8 @@ def read_file(path: str | Path) -> Any:
     OSError
         If the file can't be read.
     """
+    if not Path(path).is_file() and Path(path).exists():
+        raise ValueError(f"{path}: a folder, a pipe, a device or a socket, not a file")
     try:
         return json.loads(Path(path).read_text(encoding="utf-8"))
     except (json.JSONDecodeError, UnicodeDecodeError) as error:

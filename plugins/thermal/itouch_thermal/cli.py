@@ -113,6 +113,8 @@ def _times(options: argparse.Namespace, contact: Contact) -> list[float]:
 
 def _read_times(path: Path) -> list[float]:
     """Read the first column of a text file; a first line that is no number is a heading."""
+    if not path.is_file() and path.exists():
+        raise ValueError(f"times: '{path}' is a folder, a pipe, a device or a socket, not a file")
     words = [
         line.replace(",", " ").split()[0] for line in path.read_text(encoding="utf-8").splitlines() if line.strip()
     ]

@@ -93,6 +93,8 @@ def load(firmware: str | Path | bytes) -> Image:
         name, data = "the firmware", firmware
     else:
         name = f"firmware file '{firmware}'"
+        if not Path(firmware).is_file() and Path(firmware).exists():
+            raise ValueError(f"{name} cannot be read: it is a folder, a pipe, a device or a socket, not a file")
         try:
             data = Path(firmware).read_bytes()
         except OSError as error:

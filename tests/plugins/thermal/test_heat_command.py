@@ -1,6 +1,7 @@
 """`itouch-py thermal` and `itouch-py bench thermal`."""
 
 import json
+import os
 
 import heat_cases
 import numpy as np
@@ -40,6 +41,12 @@ def test_times_from_a_file(tmp_path, capsys):
     times.write_text("t\n0.001\n0.5\n")
     assert cli.main(["solve", CASE, "--times", str(times)]) == 0
     assert rows(capsys.readouterr().out)[1][:, 0].tolist() == [0.001, 0.5]
+
+
+def test_times_from_a_pipe_are_refused_at_once(tmp_path, capsys):
+    os.mkfifo(tmp_path / "times.csv")
+    assert cli.main(["solve", CASE, "--times", str(tmp_path / "times.csv")]) == 2
+    assert "a folder, a pipe, a device or a socket, not a file" in capsys.readouterr().err
 
 
 def test_a_plot_is_a_picture(tmp_path):

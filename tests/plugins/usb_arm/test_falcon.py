@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from pathlib import Path
 from typing import Any
 
@@ -99,6 +100,12 @@ def test_a_running_arm_is_not_loaded_again(simple: PlainFalcon) -> None:
 def test_a_cold_arm_without_firmware_says_what_is_missing() -> None:
     with pytest.raises(FirmwareError, match="no firmware file was given"):
         Falcon(backend=PlainFalcon()).open()
+
+
+def test_a_pipe_is_no_firmware_and_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.bin")
+    with pytest.raises(FirmwareError, match=r"pipe\.bin.*a pipe, a device or a socket, not a file"):
+        Falcon(backend=PlainFalcon(), firmware=tmp_path / "pipe.bin").open()
 
 
 @pytest.mark.parametrize("content", [b"", b"\x7fELF" + bytes(100), IMAGE[:-3]])

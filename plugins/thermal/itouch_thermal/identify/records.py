@@ -83,6 +83,8 @@ def _mean_of(heads: list[dict[str, str]], key: str) -> float | None:
 
 
 def _one(file: Path) -> tuple[dict[str, str], Array, Array]:
+    if not file.is_file() and file.exists():
+        raise ValueError(f"'{file}' is a pipe, a device or a socket, not a file")
     if file.stat().st_size > LARGEST:
         raise ValueError(f"'{file}' is larger than {LARGEST >> 20} MiB")
     try:
