@@ -69,6 +69,8 @@ DEVICES = (
          "stop it if the servo process died", "its plugin must state one of the two"),
     Code("stale-readings", "warning: what a device reads gets older between two exchanges than it may (W1)",
          "its plugin must exchange more often, or say when in an exchange it measures"),
+    Code("no-plate-force", "warning: hardware carries a surface to a finger and measures no force; an error where it "
+         "shall touch off", "limit its speed, or take drives that measure a force"),
     Code("calibration-stale", "a calibration beside the scene has expired, or does not fit its device any more",
          "`itouch-py calibrate SCENE`, with `--extend` if it still holds"),
     Code("rig", "a rig file with other devices than the scene's, or with more than devices",

@@ -20,7 +20,7 @@ from itouch.world.files import SceneFiles
 from itouch.world.injection import injections
 from itouch.world.limits import DeviceLimits, resolve
 from itouch.world.plugin_errors import failing
-from itouch.world.safevalues import acting_at_rest, stale, too_slow, with_safe_values
+from itouch.world.safevalues import acting_at_rest, stale, too_slow, unfelt, with_safe_values
 from itouch.world.supervision import monitors_of, supervision, supervision_problems, watched
 
 Vector = tuple[float, float, float]
@@ -188,6 +188,7 @@ def _build(
     mount = (*element.mount.pos, *orientation(element.mount, scene, problems))
     calibration = element.calibration
     touch_off = calibration.points if calibration is not None and calibration.method == "touch-off" else 0
+    problems += unfelt(element.name, reads, commands, place, twin=bool(element.twin), touch_off=bool(touch_off))
     return DeviceModel(
         element.name, element.plugin, cls, params, reads, commands, mount, element.mount.mount_error, element.mount.on,
         limits, bool(element.twin), element.optional, touch_off, scene.world.temperature,

@@ -121,3 +121,29 @@ def stale(
     )
     advice = "its plugin must exchange more often, or its driver say that it measures later than in the middle of it"
     yield Problem("stale-readings", sentence, place, advice, severity="warning")
+
+
+def unfelt(
+    name: str,
+    reads: Sequence[Channel],
+    commands: Sequence[Channel],
+    place: Place | None,
+    *,
+    twin: bool,
+    touch_off: bool,
+) -> Iterator[Problem]:
+    """Find a device that carries a surface to a finger and measures no force: nothing watches what it presses with."""
+    carries = any(channel.role is Role.SURFACE_POSE for channel in commands)
+    if not carries or any(channel.role is Role.CONTACT_FORCE for channel in reads):
+        return
+    if touch_off:
+        sentence = f"device '{name}' measures no force, so it cannot feel the plate by touch-off"
+        advice = 'leave <calibration method="touch-off"/> away, and fit its mount: `itouch-py calibrate SCENE`'
+        yield Problem("no-plate-force", sentence, place, advice)
+    elif not twin:
+        sentence = (
+            f"device '{name}' carries a surface and measures no force: with what it presses on the finger is unknown, "
+            "and no limit of force watches it (K4)"
+        )
+        advice = "limit its speed (<limits speed-near/>), or take drives that measure a force"
+        yield Problem("no-plate-force", sentence, place, advice, severity="warning")

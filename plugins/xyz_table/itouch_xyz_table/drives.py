@@ -8,6 +8,7 @@ from typing import Any, Protocol
 from itouch.plugin import Trace
 from itouch_xyz_table.odrive import Odrives
 from itouch_xyz_table.servos import Goal, Servos, ServoState
+from itouch_xyz_table.tmcl import Steppers
 
 
 class Drives(Protocol):
@@ -40,6 +41,13 @@ def opened(params: Any, watchdog: float, patience: float, trace: Trace | None) -
     DeviceError
         If it is not there.
     """
+    if params.tmcl:
+        leads = [lead * sign for lead, sign in zip(params.lead, params.direction, strict=True)]
+        return Steppers(
+            params.tmcl, baud=params.baud, address=params.address, motors=[int(number) for number in params.motors],
+            microsteps=params.microsteps, leads=leads, speed=params.speed, acceleration=params.acceleration,
+            watchdog=watchdog, patience=patience, trace=trace,
+        )  # fmt: skip
     ids = [int(number) for number in params.ids]
     if params.bus:
         constants = params.torque_constant

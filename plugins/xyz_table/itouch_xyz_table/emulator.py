@@ -1,6 +1,6 @@
 """The table's wire: three virtual servos on a pseudo-terminal, with the table's twin as their axes.
 
-An ODrive's bus is simulated as a serial adaptor of python-can (``slcan``).
+An ODrive's bus is simulated as a serial adaptor of python-can (``slcan``), a TMCL module as its serial port.
 """
 
 from __future__ import annotations
@@ -16,9 +16,12 @@ from itouch.plugin import DeviceError, Emulator, Record, Terminal
 from itouch_xyz_table.faults import FAULT, POSITION
 from itouch_xyz_table.virtual import GOAL_SPEED, MOST, VirtualBus, VirtualServo
 from itouch_xyz_table.virtual_odrive import VirtualCan, VirtualOdrive
+from itouch_xyz_table.virtual_tmcl import VirtualStepper, VirtualTmcl
 
 #: Within this time [s] an ODrive has told that its watchdog has ended.
 TOLD = 0.15
+#: So near [m] to its low end an axis presses the end switch of its stepper.
+PRESSED = 1e-4
 
 
 class TableEmulator(Emulator):
@@ -27,9 +30,19 @@ class TableEmulator(Emulator):
     def __init__(self, params: Any) -> None:
         super().__init__(params)
         self._leads = [lead * sign for lead, sign in zip(params.lead, params.direction, strict=True)]
-        self.bus: VirtualBus | VirtualCan
+        self.bus: VirtualBus | VirtualCan | VirtualTmcl
         self._servos: list[VirtualServo]
-        if params.bus:
+        #: In step, a module's ramps must go on in every period.
+        self.lives = bool(params.tmcl)
+        if params.tmcl:
+            self._steppers = [
+                VirtualStepper(int(n), microsteps=m) for n, m in zip(params.motors, params.microsteps, strict=True)
+            ]
+            self.bus = VirtualTmcl({motor.number: motor for motor in self._steppers}, address=params.address)
+            self._servos = [*self._steppers]
+            x, y, _ = params.travel
+            self._lows = dict(zip((motor.number for motor in self._steppers), (-x / 2, -y / 2, 0.0), strict=True))
+        elif params.bus:
             motors = zip(params.ids, params.torque_constant, strict=True)
             drives = [VirtualOdrive(int(number), constant=constant) for number, constant in motors]
             self.bus, self._servos = VirtualCan({drive.number: drive for drive in drives}), [*drives]
@@ -38,23 +51,28 @@ class TableEmulator(Emulator):
             self.bus = VirtualBus({servo.number: servo for servo in self._servos})
         self._terminal: Terminal | None = None
         self._when = self._first = 0.0
-        self._begun, self._ahead, self._stands = 0.0, 0.0, bool(params.bus)
+        self._begun, self._ahead, self._stands = 0.0, 0.0, bool(params.bus or params.tmcl)
         self._ended, self._proven = 0.0, False
 
     @classmethod
     def somewhere(cls, params: Any) -> Any:
         """Name a serial port of our own if none is named."""
-        if params.port or params.bus:
+        if params.port or params.bus or params.tmcl:
             return params
         return replace(params, port=f"{tempfile.gettempdir()}/itouch-table-{os.getpid()}")
 
     @classmethod
     def elsewhere(cls, params: Any, folder: str) -> Any:
         """Name a serial port in a folder."""
+        if params.tmcl:
+            return replace(params, tmcl=f"{folder}/table")
         return replace(params, bus=f"slcan:{folder}/table") if params.bus else replace(params, port=f"{folder}/table")
 
     def open(self) -> str:
         """Make the serial port that the parameters name."""
+        if self.params.tmcl:
+            self._terminal = Terminal(self.params.tmcl, baud=self.params.baud * self.speed)
+            return f"stepper module of the table on {self.params.tmcl}"
         interface, _, place = self.params.bus.rpartition(":")
         if interface not in ("", "slcan"):
             raise DeviceError(f"bus = '{self.params.bus}': a simulated table has its bus at slcan:PATH")
@@ -72,17 +90,24 @@ class TableEmulator(Emulator):
         """Return the serial port's descriptor."""
         return [self._terminal.fileno()] if self._terminal is not None else []
 
+    def patience(self) -> float:
+        """Return when the serial port has the next bytes over."""
+        return min(super().patience(), self._terminal.due()) if self._terminal is not None else super().patience()
+
     def serve(self, now: float, reading: Record, command: Record) -> bool:
         """Show the twin's axes to the servos, answer the host, and tell the twin where to go."""
         if self._terminal is None:
             return False
         now = self._time(now)
-        place, load = reading["pose"].tolist()[:3], reading["wrench"].tolist()[:3]
+        place = reading["pose"].tolist()[:3]
+        load = [0.0] * 3 if self.params.tmcl else reading["wrench"].tolist()[:3]
         load[2] -= self.params.weight
         lapse, self._when = now - self._when, now
         for servo, lead, p, f in zip(self._servos, self._leads, place, load, strict=True):
             servo.place = p / lead
             servo.torque = -f * lead / (math.tau * self.params.efficiency)
+            if isinstance(servo, VirtualStepper):
+                servo.ended = p <= self._lows[servo.number] + PRESSED
             servo.watch(now)
         answer = self.bus.take(self._terminal.receive(), lambda: now)
         if answer:
@@ -105,6 +130,9 @@ class TableEmulator(Emulator):
             if not self._begun:
                 self._begun, self._first = time.monotonic(), now
             self._ahead = time.monotonic() - self._begun
+            if isinstance(self.bus, VirtualTmcl):
+                self._stands = now == self._first
+                return now + self._ahead
             if not all(servo.mode == FAULT for servo in self._servos):
                 self._ended = self._ahead
             self._stands = now == self._first and (not self._proven or self._ahead - self._ended < TOLD)

@@ -1,7 +1,7 @@
 """The XYZ table as a device: three translations presented as six degrees of freedom, rotations locked.
 
-Each axis is a servo (moteus, or ODrive) on a screw or belt.  The travel, speed and friction of the table in the
-literature are not published; the defaults here are ours.
+Each axis is a servo (moteus, or ODrive) or a stepper (of a TMCL module) on a screw or belt.  The travel, speed and
+friction of the table in the literature are not published; the defaults here are ours.
 """
 
 from __future__ import annotations
@@ -32,12 +32,17 @@ from itouch_xyz_table.drives import Drives, opened
 from itouch_xyz_table.emulator import TableEmulator
 from itouch_xyz_table.homing import home
 from itouch_xyz_table.servos import Goal, ServoState, check
+from itouch_xyz_table.tmcl import Steppers
+from itouch_xyz_table.tmclframes import SIZE
 from itouch_xyz_table.twin import XyzTableTwin
 
 #: Seconds without a command after which the servos stop by themselves.
 WATCHDOG = 0.1
 #: Greatest step of a commanded pose that counts as motion when the velocity is fed forward [s].
 _STALE = 0.05
+#: Requests of an exchange with a TMCL module (three places told, three asked for, one look), and what each takes
+#: besides its bytes [s], estimated.
+_REQUESTS, _TURN = 7, 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +63,17 @@ class XyzTableParams:
     bus: str = schema.text(
         default="",
         doc="of ODrive servos: INTERFACE:CHANNEL of python-can, such as socketcan:can0; empty: moteus servos",
+    )
+    tmcl: str = schema.text(
+        default="", doc="of steppers: serial port of a Trinamic module that speaks TMCL; empty: servos"
+    )
+    baud: int = schema.integer(low=9600, high=1_000_000, default=115200, doc="of a TMCL module: speed of its port")
+    address: int = schema.integer(low=1, high=255, default=1, doc="of a TMCL module on its line")
+    motors: tuple[float, float, float] = schema.quantity(
+        "", size=3, low=0, high=5, default=(0.0, 1.0, 2.0), doc="of a TMCL module: numbers of the motors of x, y and z"
+    )
+    microsteps: tuple[float, float, float] = schema.quantity(
+        "", size=3, low=1, high=1e6, default=(51200.0, 51200.0, 51200.0), doc="of a TMCL module: a turn of each motor"
     )
     torque_constant: tuple[float, float, float] = schema.quantity(
         "", size=3, low=1e-4, high=10.0, default=(0.04, 0.04, 0.04), doc="of ODrive servos: N m an ampere of each motor"
@@ -95,8 +111,10 @@ class XyzTableParams:
             raise ValueError(f"direction = {self.direction} must be 1 or -1 for each axis")
         if len({int(number) for number in self.ids}) < 3 or any(number % 1 for number in self.ids):
             raise ValueError(f"ids = {self.ids} must be three different whole numbers")
-        if self.bus and self.port:
-            raise ValueError("port is of moteus servos and bus of ODrive servos: write one of them")
+        if sum(map(bool, (self.bus, self.port, self.tmcl))) > 1:
+            raise ValueError("port is of moteus servos, bus of ODrive servos and tmcl of steppers: write one of them")
+        if len({int(number) for number in self.motors}) < 3 or any(number % 1 for number in self.motors):
+            raise ValueError(f"motors = {self.motors} must be three different whole numbers")
         if self.bus and (":" not in self.bus or max(self.ids) > 63):
             raise ValueError(f"bus = '{self.bus}' must be INTERFACE:CHANNEL, and ids of ODrive servos are 1 to 63")
 
@@ -119,7 +137,16 @@ class XyzTable(Device):
         target = pose_target(
             low=(-x / 2, -y / 2, 0.0), high=(x / 2, y / 2, z), speed=params.speed, safe=RETRACT, locked=ROTATIONS
         )
-        return cls.reads, (target,)
+        # Steppers measure no force: only their places are read.
+        return cls.reads[:1] if params.tmcl else cls.reads, (target,)
+
+    @classmethod
+    def takes(cls, params: Any) -> float:
+        """Return the seconds of one exchange: a TMCL module answers one request after the other."""
+        if not params.tmcl:
+            return super().takes(params)
+        seconds: float = round(_REQUESTS * (2 * SIZE * 10.0 / params.baud + _TURN), 3)
+        return seconds
 
     @classmethod
     def discover(cls) -> tuple[Attached, ...]:
@@ -134,7 +161,9 @@ class XyzTable(Device):
     @classmethod
     def missing(cls, bound: XyzTableParams) -> str:
         """Look whether there is anything at the port."""
-        place = bound.port or bound.bus.partition(":")[2].partition("@")[0]  # behind @: the speed of the port
+        place = (
+            bound.port or bound.tmcl or bound.bus.partition(":")[2].partition("@")[0]
+        )  # behind @: the speed of the port
         absent = place.startswith("/") and not os.path.exists(place)
         return f"there is nothing at '{place}': look at its plug" if absent else ""
 
@@ -162,7 +191,9 @@ class XyzTable(Device):
         try:
             servos.query()
             check(servos.stop(latched=True), driven=False)
-            if p.homing == "stops":
+            if p.homing == "stops" and isinstance(servos, Steppers):
+                servos.search(p.travel, (-x / 2, -y / 2, 0.0))
+            elif p.homing == "stops":
                 home(servos, leads=self._leads, torques=p.max_torque, travel=p.travel, low=(-x / 2, -y / 2, 0.0))
             servos.ready()
         except BaseException:
@@ -237,10 +268,6 @@ class XyzTable(Device):
     def _tell(self, states: tuple[ServoState, ...], reading: Record) -> None:
         """Fill the reading; what presses on the table is what the motors push against, less the weight."""
         p = self.params
-        forces = [
-            -state.torque * math.tau / lead * p.efficiency for state, lead in zip(states, self._leads, strict=True)
-        ]
-        forces[2] += p.weight
         reading["pose"] = (
             *(s.position * lead for s, lead in zip(states, self._leads, strict=True)),
             1.0,
@@ -248,4 +275,10 @@ class XyzTable(Device):
             0.0,
             0.0,
         )
+        if p.tmcl:
+            return
+        forces = [
+            -state.torque * math.tau / lead * p.efficiency for state, lead in zip(states, self._leads, strict=True)
+        ]
+        forces[2] += p.weight
         reading["wrench"] = (*forces, 0.0, 0.0, 0.0)

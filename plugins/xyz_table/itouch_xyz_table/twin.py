@@ -66,7 +66,8 @@ class XyzTableTwin(Twin):
 
     def bound_read(self, state: Record, reading: Record) -> Bound:
         """Return the reading of these views as one compiled call."""
-        return Bound(self._sense, state["sensed"], reading["pose"], reading["wrench"])
+        felt = np.zeros(6) if self.params.tmcl else reading["wrench"]  # steppers measure no force
+        return Bound(self._sense, state["sensed"], reading["pose"], felt)
 
     def read(self, state: Record, reading: Record) -> bool | None:
         """Give the encoders' position and the force sensor's noisy reading."""

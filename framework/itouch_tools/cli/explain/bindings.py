@@ -136,6 +136,12 @@ DEVICES = {
             1,
         ),
     ),
+    "no-plate-force": scene(
+        _devices(
+            '<device name="table" plugin="xyz-table" twin="no"><xyz:hardware tmcl="/dev/ttyACM0"/></device>',
+            ' xmlns:xyz="urn:itouch:plugin:xyz-table"',
+        )
+    ),
     "calibration-stale": scene(_TABLE, _record(), words="run scene.xml --headless --for 1s"),
     "rig": scene(
         ARM,

@@ -1,0 +1,361 @@
+"""Three steppers on a TMCL module: what `servos.Servos` does, in frames of nine bytes over a serial port.
+
+The module's own ramp generator leads each motor to the newest place; the module counts microsteps and measures
+nothing: neither a force, nor whether a motor has lost steps.  Its heartbeat stops all motors when the host is silent;
+that is tried out when the table is opened.
+
+The frames are made here.  Trinamic's own library (PyTrinamic) installs packages called ``tests``, ``docs`` and
+``examples`` beside itself, needs three more, and goes on in the middle of a frame after a byte was lost.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from itouch.plugin import Trace
+from itouch_xyz_table import tmclframes as tm
+from itouch_xyz_table.faults import POSITION
+from itouch_xyz_table.servos import AXES, Goal, ServoError, ServoState
+
+#: Longest wait for an answer [s], and how often it is asked for; a line is quiet after so long without a byte [s].
+PATIENCE, TRIES, QUIET = 0.05, 6, 5e-3
+#: How the heartbeat is tried out: so far at most a motor turns in silence [m], at this speed [m/s].
+TRIED, SLOWLY = 5e-4, 2e-3
+#: How long going back may take [s].
+BACK = 1.0
+#: Speeds of looking for an end and of leaving its switch [m/s], and how much longer than its travel that may take [s].
+SEARCH, LEAVE, GRACE = 0.02, 0.005, 3.0
+#: An axis that is so much further than its greatest speed allows [m] has another zero.
+FURTHER = 2e-3
+_POLL = 2e-3
+
+
+class Steppers:
+    """An open module.
+
+    Parameters
+    ----------
+    port
+        Serial port of the module, or its USB port.
+    baud
+        Speed of the port.
+    address
+        The module's.
+    motors
+        The module's numbers of the motors of x, y and z.
+    microsteps
+        Of a turn of each motor.
+    leads
+        Signed metres a turn.
+    speed, acceleration
+        The greatest of an axis [m/s, m/s2].
+    watchdog
+        Seconds of silence after which the module stops all motors.
+    patience
+        Factor on how long answers are waited for.
+    """
+
+    def __init__(
+        self,
+        port: str,
+        *,
+        baud: int,
+        address: int,
+        motors: Sequence[int],
+        microsteps: Sequence[float],
+        leads: Sequence[float],
+        speed: float,
+        acceleration: float,
+        watchdog: float,
+        patience: float = 1.0,
+        trace: Trace | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._address, self._motors, self._microsteps = address, list(motors), list(microsteps)
+        self._leads, self._speed, self._acceleration = list(leads), speed, acceleration
+        self._watchdog, self._patience, self._trace, self._clock = watchdog, patience, trace, clock
+        #: Exchanges that were made again because a frame was lost or damaged.
+        self.repeated = 0
+        self._driven, self._count = False, 0
+        self._limits: list[int] = [0] * len(self._motors)
+        self._last: list[tuple[float, float]] = []
+        self._serial = _opened(port, baud)
+        try:
+            self._settle()
+            self.stop()
+            self._limit()
+            self._arm()
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Let go of the port; the module stops by its heartbeat."""
+        with contextlib.suppress(Exception):
+            self._serial.close()
+
+    # --- what the table asks of servos ----------------------------------------------------------------------------
+
+    def query(self) -> tuple[ServoState, ...]:
+        """Ask where all motors are.
+
+        Raises
+        ------
+        ServoError
+            If the module does not answer, or has started anew.
+        """
+        return tuple(self._place(axis) for axis in range(len(self._motors)))
+
+    def command(self, goals: Sequence[Goal | None]) -> tuple[ServoState, ...]:
+        """Command motors and ask all; None: only ask that one."""
+        for axis, goal in enumerate(goals):
+            if goal is not None:
+                self._go(axis, goal)
+        self._driven = True
+        self._watch()
+        return self.query()
+
+    def stop(self, *, latched: bool = False) -> tuple[ServoState, ...]:
+        """Stop all motors; they hold where they are."""
+        self._driven, self._last = False, []
+        for axis in range(len(self._motors)):
+            self._ask(axis, tm.STOP)
+        return self.query()
+
+    def set_position(self, axis: int, position: float) -> None:
+        """Tell the module where a motor is [rev]."""
+        self._last = []
+        steps = self._steps(axis, position)
+        for parameter in (tm.TARGET, tm.ACTUAL):  # equal at every moment: else a ramp would begin
+            self._ask(axis, tm.STOP)
+            self._ask(axis, tm.SET_AXIS, parameter, steps)
+
+    def ready(self) -> None:
+        """Try the heartbeat out: a motor that turns in silence must stop.
+
+        Raises
+        ------
+        ServoError
+            If it goes on, or does not come back.
+        """
+        axis, began = 0, self.query()[0].position
+        lead = self._leads[axis]
+        away = self._microsteps[axis] * SLOWLY / abs(lead)
+        # Towards the middle of the travel: the low end is where a homed axis stands.
+        right = (began * lead < 0.0) == (lead > 0.0)
+        self._ask(axis, tm.ROTATE_RIGHT if right else tm.ROTATE_LEFT, value=max(1, round(away)))
+        end = self._clock() + TRIED / SLOWLY * max(1.0, self._patience / 5.0)
+        while self._clock() < end:
+            time.sleep(_POLL)
+        speed = self._ask(axis, tm.GET_AXIS, tm.ACTUAL_SPEED)
+        self.stop()
+        if speed:
+            raise ServoError(
+                f"motor {AXES[axis]} turns on without a request for {TRIED / SLOWLY:g} s: the module's heartbeat "
+                f"(global parameter {tm.HEARTBEAT}) does not stop it, so nothing would if this program died"
+            )
+        self._driven = True
+        for one, state in enumerate(self.query()):  # each holds where it is; the one that has turned goes back
+            self._ask(one, tm.MOVE, tm.ABSOLUTE, self._steps(one, began if one == axis else state.position))
+        end = self._clock() + BACK * max(1.0, self._patience)
+        while self._ask(axis, tm.GET_AXIS, tm.ACTUAL) != self._steps(axis, began):
+            if self._clock() > end:
+                raise ServoError(f"motor {AXES[axis]} does not go where it is told")
+            time.sleep(_POLL)
+        self._last = []
+
+    # --- homing --------------------------------------------------------------------------------------------------
+
+    def search(self, travel: Sequence[float], low: Sequence[float]) -> None:
+        """Look for the low end of z, then of x and y, by the module's own search for its end switch.
+
+        Parameters
+        ----------
+        travel, low
+            Length of each axis, and where its low end is [m].
+
+        Raises
+        ------
+        ServoError
+            If an axis does not find its switch.
+        """
+        for axis in (2, 0, 1):
+            lead = self._leads[axis]
+            turn = self._microsteps[axis] / abs(lead)
+            self._ask(axis, tm.SET_AXIS, tm.SEARCH_MODE, tm.LEFT_SWITCH + (tm.RIGHT_INSTEAD if lead < 0.0 else 0))
+            self._ask(axis, tm.SET_AXIS, tm.SEARCH_SPEED, max(1, round(SEARCH * turn)))
+            self._ask(axis, tm.SET_AXIS, tm.SWITCH_SPEED, max(1, round(LEAVE * turn)))
+            self._ask(axis, tm.SEARCH, tm.SEARCH_START)
+            end = self._clock() + travel[axis] / SEARCH + GRACE
+            while self._ask(axis, tm.SEARCH, tm.SEARCH_STATUS):
+                if self._clock() > end:
+                    self._ask(axis, tm.SEARCH, tm.SEARCH_STOP)
+                    self.stop()
+                    raise ServoError(f"axis {AXES[axis]} found no end switch: check its lead, direction and switch")
+                time.sleep(_POLL)
+            self.set_position(axis, low[axis] / lead)
+
+    # --- the module ----------------------------------------------------------------------------------------------
+
+    def _limit(self) -> None:
+        """Set each motor's greatest speed and acceleration, and see that the module keeps them."""
+        for axis, lead in enumerate(self._leads):
+            turn = self._microsteps[axis] / abs(lead)
+            wanted = {
+                tm.MAX_SPEED: max(1, round(self._speed * turn)),
+                tm.MAX_ACCELERATION: max(1, round(self._acceleration * turn)),
+            }
+            for parameter, value in wanted.items():
+                if value >= 1 << 31:
+                    raise ServoError(
+                        f"motor {AXES[axis]}: {value} microsteps a second (squared) are needed, which no module takes: "
+                        "reduce speed, acceleration or the microsteps"
+                    )
+                try:
+                    self._ask(axis, tm.SET_AXIS, parameter, value)
+                    found = self._ask(axis, tm.GET_AXIS, parameter)
+                except ServoError as error:
+                    raise ServoError(
+                        f"{error}; {value} microsteps a second (squared) are needed: reduce speed, acceleration or "
+                        "the microsteps, or the module counts in other units and cannot be used"
+                    ) from error
+                if abs(found - value) > 0.02 * value:
+                    raise ServoError(
+                        f"motor {AXES[axis]} keeps parameter {parameter} at {found} where {value} was written: reduce "
+                        "speed, acceleration or the microsteps"
+                    )
+            self._limits[axis] = wanted[tm.MAX_SPEED]
+
+    def _arm(self) -> None:
+        """Set the module's heartbeat, and see that it is kept.
+
+        Raises
+        ------
+        ServoError
+            If the module has none.
+        """
+        advice = "a module without it cannot drive the table, since nothing would stop it if this program died"
+        try:
+            self._ask(0, tm.SET_GLOBAL, tm.HEARTBEAT, round(1e3 * self._watchdog), bank=0)
+            found = self._ask(0, tm.GET_GLOBAL, tm.HEARTBEAT, bank=0)
+        except ServoError as error:
+            raise ServoError(f"the module's heartbeat cannot be set: {error}; {advice}") from error
+        if found != round(1e3 * self._watchdog):
+            raise ServoError(f"the module keeps its heartbeat at {found} ms: {advice}")
+
+    def _watch(self) -> None:
+        """Look in turn at what a module forgets that has started anew."""
+        turn = self._count % (1 + len(self._motors))
+        self._count += 1
+        if turn == len(self._motors):
+            if self._ask(0, tm.GET_GLOBAL, tm.HEARTBEAT, bank=0) != round(1e3 * self._watchdog):
+                raise self._anew()
+        elif abs(self._ask(turn, tm.GET_AXIS, tm.MAX_SPEED) - self._limits[turn]) > 0.02 * self._limits[turn]:
+            raise self._anew()
+
+    @staticmethod
+    def _anew() -> ServoError:
+        return ServoError(
+            "the module has started anew: its limits and the places of its motors are gone; check its supply, then "
+            "connect it again"
+        )
+
+    def _go(self, axis: int, goal: Goal) -> None:
+        self._ask(axis, tm.MOVE, tm.ABSOLUTE, self._steps(axis, goal.position))
+
+    def _place(self, axis: int) -> ServoState:
+        steps = self._ask(axis, tm.GET_AXIS, tm.ACTUAL)
+        place, now = steps / self._microsteps[axis], self._clock()
+        if len(self._last) == len(self._motors):
+            before, when = self._last[axis]
+            lead = abs(self._leads[axis])
+            if abs(place - before) * lead > FURTHER + 2.0 * self._speed * (now - when):
+                raise self._anew()
+            self._last[axis] = place, now
+        elif axis == len(self._last):
+            self._last.append((place, now))
+        else:
+            self._last = []
+        return ServoState(POSITION if self._driven else 0, place, math.nan, math.nan, math.nan, math.nan, 0)
+
+    def _steps(self, axis: int, position: float) -> int:
+        if not math.isfinite(position):
+            raise ServoError(f"motor {AXES[axis]} cannot go to {position}")
+        return round(position * self._microsteps[axis])
+
+    def _ask(self, axis: int, command: int, kind: int = 0, value: int = 0, *, bank: int | None = None) -> int:
+        """Ask until the answer comes whole, and return its value.
+
+        Every request may be made twice: it says what shall be, and no more.
+
+        Raises
+        ------
+        ServoError
+            If no answer comes, or the module refuses.
+        """
+        asked = tm.Request(self._address, command, kind, self._motors[axis] if bank is None else bank, value)
+        for turn in range(TRIES):
+            if turn:
+                self.repeated += 1
+                self._settle()
+            said = self._exchange(tm.request(asked))
+            if said is None or said.module != self._address or said.command != command or said.status == tm.WRONG_SUM:
+                continue
+            if said.status not in (tm.OK, tm.LOADED):
+                why = tm.STATUS.get(said.status, f"status {said.status}")
+                what = f"motor {AXES[axis]}" if bank is None else "the module"
+                raise ServoError(f"{what} refuses command {command}, type {kind}, value {value}: {why}")
+            return said.value
+        raise ServoError(
+            f"motor {AXES[axis]} (module {self._address}) does not answer: check its cable, supply and address"
+        )
+
+    def _exchange(self, frame: bytes) -> tm.Answer | None:
+        """Send a request and return the answer that comes whole in time."""
+        if self._trace is not None:
+            self._trace.sent(frame.hex().encode())
+        data = b""
+        try:
+            self._serial.write(frame)
+            end = self._clock() + PATIENCE * self._patience
+            while len(data) < tm.SIZE and self._clock() < end:
+                data += self._serial.read(tm.SIZE - len(data))
+        except OSError as error:
+            raise ServoError(f"the module's port failed: {error}") from error
+        if data and self._trace is not None:
+            self._trace.received(data.hex().encode())
+        return tm.told(data)
+
+    def _settle(self) -> None:
+        """Wait until the line is quiet and drop what has come: no frame has a mark at which it begins."""
+        try:
+            end, quiet = self._clock() + PATIENCE * self._patience, self._clock()
+            while self._clock() - quiet < QUIET and self._clock() < end:
+                if self._serial.read(256):
+                    quiet = self._clock()
+        except OSError as error:
+            raise ServoError(f"the module's port failed: {error}") from error
+
+
+def _opened(port: str, baud: int) -> Any:
+    """Open a serial port.
+
+    Raises
+    ------
+    ServoError
+        If the package is missing, or the port cannot be opened.
+    """
+    try:
+        import serialx
+    except ImportError as error:
+        raise ServoError("a TMCL module needs a package more: pip install 'itouch-py[tmcl]'") from error
+    try:
+        line: Any = serialx.serial_for_url(port, baud, read_timeout=_POLL, write_timeout=0.5, exclusive=False)
+        line.open()
+    except (OSError, ValueError, serialx.SerialException) as error:
+        raise ServoError(f"the module's port {port} cannot be opened: {error}") from error
+    return line
