@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 import itouch
 from itouch.arms import Recorded
+from itouch.arms.pose_table import checked, example, from_csv
 from itouch.arms.recorded import Played, RecordedParams
-from itouch.arms.table import checked, example, from_csv
 from itouch.plugin import ParameterError
 from itouch.recording import read
 from itouch.testing import DeviceTests

@@ -12,7 +12,7 @@ sys.path.insert(0, str(DOCS))
 
 from channels import OWNERS, found, page  # noqa: E402
 
-from itouch.plugin.declared import unit_fault  # noqa: E402
+from itouch.plugin.declaration_rules import unit_fault  # noqa: E402
 from itouch.plugin.discovery import Catalog  # noqa: E402
 
 

@@ -18,7 +18,7 @@ import itouch
 from itouch.plugin.discovery import Catalog
 from itouch.scene.writer import write
 from itouch.scene.xsd import schemas
-from itouch.schema.until import Until
+from itouch.schema.hold_until import Until
 from itouch.twin import waits
 from itouch.world import Model
 from itouch.world.skin import LONGEST, SkinSource, skin_of, window_ticks

@@ -21,7 +21,7 @@ PLUGINS = Path(__file__).parents[2] / "plugins"
 #: where those of limits are, which scenes write: ``temperature`` is one of them.
 OWN = (
     "itouch/arms/", "itouch_tools/scaffold/", "itouch_tools/cli/explain/", "itouch/world/limits.py",
-    "itouch/world/limitcheck.py",
+    "itouch/world/limit_checks.py",
 )  # fmt: skip
 
 
@@ -49,9 +49,9 @@ MEANT = {
     "itouch/plugin/device.py": "what a twin is told", "itouch/plugin/impedance.py": "the twin's own channels",
     "itouch/schema/__init__.py": "what it exports",
     "itouch/scene/loader.py": "an attribute", "itouch/scene/rigs.py": "a kind of attribute", "itouch_tools/viewer/scales.py": "titles of units",
-    "itouch/world/limits.py": "limits", "itouch/world/limitcheck.py": "limits", "itouch/world/limit_texts.py": "limits",
+    "itouch/world/limits.py": "limits", "itouch/world/limit_checks.py": "limits", "itouch/world/limit_texts.py": "limits",
     "itouch/world/replaced_limits.py": "limits", "itouch/recording/tracks.py": "recordings of before",
-    "itouch/loop/contactlog.py": "keys that reports of before have", "itouch/world/lint.py": "an attribute of a scene",
+    "itouch/loop/contact_log.py": "keys that reports of before have", "itouch/world/lint.py": "an attribute of a scene",
     "itouch_tools/sweeps/collecting.py": "a kind of figure", "itouch_tools/sweeps/elements.py": "a kind of figure",
     "itouch/recording/views.py": "keys of a viewer's schema", "itouch/recording/wellknown.py": "keys of a viewer's schema",
     "itouch/recording/rerun.py": "keys of a viewer's schema",

@@ -19,7 +19,7 @@ import itouch
 from itouch.plugin import bases, result_cache
 from itouch.plugin.bases import Bases, keeping, kept
 from itouch_tools.cli import main
-from itouch_tools.cli.doctor.kept import compile_cache, kept_results
+from itouch_tools.cli.doctor.disk_caches import compile_cache, kept_results
 
 Array = bases.Array
 GIVEN = ("content", 1.5)

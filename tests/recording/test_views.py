@@ -147,7 +147,7 @@ def test_a_viewer_that_is_set_to_another_time_still_has_the_solids(session: Any)
 
 
 def test_a_mesh_keeps_its_corners_and_a_huge_one_becomes_a_box() -> None:
-    from itouch.session.drawn import view_of
+    from itouch.session.viewer_geometry import view_of
 
     engine = itouch.build(SCENES / "mesh.xml")
     view = view_of(engine.model, engine.state)

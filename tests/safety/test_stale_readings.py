@@ -14,7 +14,7 @@ from itouch.loop import WallClock
 from itouch.monitors.limits import WATCHDOG
 from itouch.plugin import Device, Record, Role, current, deadman, pose, wrench
 from itouch.safety import DeviceFaultError, Trip
-from itouch.world.safevalues import oldest, stale
+from itouch.world.safe_values import oldest, stale
 
 #: W1 of what pushes a finger [s], and a period of the loop.
 PATIENCE, TICK = WATCHDOG[Role.FORCE_ON_OPERATOR], 1e-3

@@ -37,7 +37,7 @@ from itouch.plugin import (
 from itouch.safety import DeviceFaultError, Finger, Trip
 from itouch.schema import SceneError
 from itouch.session import SessionError
-from itouch.world.safevalues import with_safe_values
+from itouch.world.safe_values import with_safe_values
 
 # --- old news -------------------------------------------------------------------------------------------------------
 

@@ -14,13 +14,13 @@ from itouch.plugin import Field, Record, TwinInputs
 from itouch.plugin.discovery import Catalog
 from itouch.scene import loads
 from itouch.servo import wire
-from itouch.servo.twinserver import TwinServer
+from itouch.servo.twin_server import TwinServer
 from itouch.world.rig import build_devices
 from itouch_tools.cli.doctor.touch_scene import scene
 
 
 @pytest.mark.parametrize(
-    "words", [("itouch.servo.twin", "0", "1"), ("itouch.servo.warm", "no such scene", "--parent", "1")]
+    "words", [("itouch.servo.twin", "0", "1"), ("itouch.servo.compile_ahead", "no such scene", "--parent", "1")]
 )
 def test_a_process_whose_parent_has_gone_does_not_begin(words: tuple[str, ...]) -> None:
     """It neither waits for what it is to do, which never comes here, nor looks at it."""

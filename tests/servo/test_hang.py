@@ -12,7 +12,7 @@ import pytest
 
 import itouch
 from itouch.servo.errors import let_go
-from itouch.servo.lastwords import LastWords, Process
+from itouch.servo.silence_limit import LastWords, Process
 from itouch_evidence.deaths.observer import Observer
 from itouch_tools.cli.doctor.touch_scene import scene
 

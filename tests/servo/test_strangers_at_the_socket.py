@@ -16,8 +16,8 @@ from itouch.plugin import TwinInputs
 from itouch.plugin.discovery import Catalog
 from itouch.scene import loads
 from itouch.servo import wire
-from itouch.servo.parent import EndOf, gone
-from itouch.servo.twinserver import TwinServer
+from itouch.servo.parent_process import EndOf, gone
+from itouch.servo.twin_server import TwinServer
 from itouch.world.rig import build_devices
 
 SCENE = """<itouch version="1.0">

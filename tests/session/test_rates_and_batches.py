@@ -16,8 +16,8 @@ from itouch.world import Model
 from itouch_evidence import batch as bench
 from itouch_tools.cli import main
 from itouch_tools.cli.doctor import rates
-from itouch_tools.cli.doctor.bare import waited
 from itouch_tools.cli.doctor.rates import Held
+from itouch_tools.cli.doctor.timer import waited
 
 FIRST = SCENES / "first_touch.xml"
 GOOD = Held(1000.0, 20_000, 60.0, 90.0, 2, 20, 0)

@@ -19,8 +19,8 @@ import itouch
 from itouch.plugin import Terminal
 from itouch.session.errors import SessionError
 from itouch.session.outputs import Outputs, open_outputs
+from itouch.session.trigger_ports import ParallelWire, wire
 from itouch.session.triggers import CONTACT, LOST, PULSE, Triggers
-from itouch.session.wires import ParallelWire, wire
 
 FIRST = SCENES / "first_touch.xml"
 

@@ -9,7 +9,7 @@ import pytest
 
 from itouch.plugin import Channel, Field, Moment, Monitor, Record, Role, Rule, Watched
 from itouch.testing import CheckError
-from itouch.testing.watched import examine
+from itouch.testing.monitoring import examine
 
 READS = (Channel("flow", 1, "A", (0.0,), (2.0,), doc="what flows", role=Role.DELIVERED_DRIVE),)
 COMMANDS = (Channel("pulse", 1, "A", (0.0,), (2.0,), safe=(0.0,), role=Role.ELECTRODE),)

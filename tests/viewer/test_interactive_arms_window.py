@@ -17,11 +17,11 @@ from types import SimpleNamespace
 from pyglet.window import key
 import pyglet
 pyglet.options.audio = ("silent",)
-from itouch.arms import pad
+from itouch.arms import gamepad
 controller = SimpleNamespace(name="fake", leftx=0.0, lefty=0.0, righty=0.0, device=None, open=lambda: None, close=lambda: None)
 from itouch_tools.viewer import steering
 if sys.argv[-1].endswith("gamepad.xml"):
-    steering.find_pad = lambda: pad.Pad(controller)
+    steering.find_pad = lambda: gamepad.Pad(controller)
 from itouch_tools.viewer.source import Local
 from itouch_tools.viewer.window import Window
 clock = [0.0]

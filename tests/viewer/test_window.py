@@ -194,7 +194,7 @@ SCRIPTS = {
     """,
     "a gamepad moves the finger, and rests near its middle": """
         from types import SimpleNamespace
-        from itouch.arms.pad import Pad
+        from itouch.arms.gamepad import Pad
         controller = SimpleNamespace(leftx=1.0, lefty=0.0, righty=0.5, device=None, open=lambda: None)
         window._steering.pad = Pad(controller)
         before = session.state["finger.hand.target"].copy()

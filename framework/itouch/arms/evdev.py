@@ -60,7 +60,7 @@ def _bits(data: bytes) -> set[int]:
 
 
 class EventPad:
-    """An open gamepad: its sticks, -1 to 1, right and down positive, as `itouch.arms.pad.Controller` has them."""
+    """An open gamepad: its sticks, -1 to 1, right and down positive, as `itouch.arms.gamepad.Controller` has them."""
 
     def __init__(self, descriptor: int, description: Description) -> None:
         self._descriptor = descriptor

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.arms.table import example, from_csv, from_recording
+from itouch.arms.pose_table import example, from_csv, from_recording
 from itouch.plugin import (
     ROTATIONS,
     Attached,

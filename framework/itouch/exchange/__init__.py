@@ -1,9 +1,9 @@
 """Exchanging with a device that makes its caller wait: in a thread, or with the same delays on its twin."""
 
-from itouch.exchange.late import LateTwin
-from itouch.exchange.nth import EveryNth
-from itouch.exchange.served import ServedEmulator
-from itouch.exchange.straight import Straight, StraightEmulator
+from itouch.exchange.delayed_twin import LateTwin
+from itouch.exchange.emulator_thread import ServedEmulator
+from itouch.exchange.every_nth_tick import EveryNth
 from itouch.exchange.thread import ThreadedDevice
+from itouch.exchange.without_wire import Straight, StraightEmulator
 
 __all__ = ["EveryNth", "LateTwin", "ServedEmulator", "Straight", "StraightEmulator", "ThreadedDevice"]

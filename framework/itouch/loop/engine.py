@@ -20,7 +20,6 @@ from itouch.loop.advance import PYTHON, STOPPED, advance
 from itouch.loop.clock import Clock, VirtualClock, now
 from itouch.loop.events import Events
 from itouch.loop.fault_attribution import broken_off, with_writer
-from itouch.loop.fence import view_for
 from itouch.loop.fingers import join_fingers
 from itouch.loop.objects import Objects
 from itouch.loop.operator_commands import LatchedError, OperatorCommands
@@ -33,6 +32,7 @@ from itouch.loop.runner import DeviceFaultError, Runner, Status
 from itouch.loop.safe_shutdown import SafeShutdown
 from itouch.loop.timing import Timing
 from itouch.loop.warm_up import reset_modalities, warm_up
+from itouch.loop.write_access import view_for
 from itouch.plugin import Bound, DeviceError, Record
 from itouch.safety import Outcome
 from itouch.schema import ItouchError

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from itouch.loop.fault_attribution import foreign_write, modality_fault
-from itouch.loop.fence import Fence
 from itouch.loop.rig import ProbeRig
+from itouch.loop.write_access import Fence
 from itouch.plugin import Contact, ContactEvent, Record
 from itouch.world import ModalityModel, Model
 from itouch.world.state import EVENTS

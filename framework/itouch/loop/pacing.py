@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable
 
 from itouch.loop.clock import now
+from itouch.loop.engine_view import Running
 from itouch.loop.runner import DeviceFaultError
-from itouch.loop.running import Running
 from itouch.safety import Trip
 
 #: How many periods late is too late: with servo-overrun="stop" the run ends, else it goes on from now.

@@ -28,7 +28,7 @@ from itouch.plugin import Bound, Record
 from itouch.safety import Finger
 from itouch.safety.lifecycle import ENABLED
 from itouch.safety.monitor_step import TOLD, Clocks, clocked, moment
-from itouch.twin.turning import turned_in
+from itouch.twin.frame_rotation import turned_in
 
 Floats = NDArray[np.float64]
 Numbers = NDArray[np.int64]

@@ -16,13 +16,13 @@ from itouch.joining import Chain, can_join
 from itouch.loop import steps
 from itouch.loop.clock import now
 from itouch.loop.events import Events
-from itouch.loop.fence import Fence
 from itouch.loop.fingers import fingers
 from itouch.loop.objects import Objects
 from itouch.loop.rig import ProbeRig
 from itouch.loop.run_statistics import Counts
 from itouch.loop.runner import Runner
 from itouch.loop.step import Step
+from itouch.loop.write_access import Fence
 from itouch.plugin import Record
 from itouch.safety import HoldToRun
 from itouch.schema import ItouchError

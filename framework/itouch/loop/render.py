@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from itouch.compiling import kernel
 from itouch.contact import layout as at
-from itouch.twin.turning import turned_out
+from itouch.twin.frame_rotation import turned_out
 
 Floats = NDArray[np.float64]
 

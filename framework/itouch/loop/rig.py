@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from itouch.loop import carrying, render
-from itouch.loop.contactlog import ContactLog
+from itouch.loop.contact_log import ContactLog
 from itouch.loop.frames import Frame, Vector
 from itouch.loop.run_statistics import RunStatistics
 from itouch.loop.runner import Runner
@@ -17,7 +17,7 @@ from itouch.loop.touchoff import UNFELT, TouchOff
 from itouch.monitors import Surface
 from itouch.monitors.carried import size
 from itouch.plugin import Bound, Record, Role, TwinInputs
-from itouch.schema.until import Until
+from itouch.schema.hold_until import Until
 from itouch.twin.coupling import Coupling
 from itouch.twin.hand import Hand
 from itouch.twin.skin import Floats, Skin

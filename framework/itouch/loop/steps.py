@@ -15,7 +15,6 @@ from itouch.joining import is_newest
 from itouch.loop import carrying
 from itouch.loop.events import Events
 from itouch.loop.fault_attribution import foreign_write, modality_fault
-from itouch.loop.fence import Fence, shown_fields
 from itouch.loop.objects import Objects
 from itouch.loop.placing import bound_supervision, bound_together
 from itouch.loop.rig import ProbeRig
@@ -23,6 +22,7 @@ from itouch.loop.run_statistics import Counts
 from itouch.loop.runner import Runner
 from itouch.loop.step import CALLS_KERNELS, Step, joinable
 from itouch.loop.touchoff import DONE
+from itouch.loop.write_access import Fence, shown_fields
 from itouch.plugin import Bound, Record, Role
 from itouch.safety import Finger, HoldToRun
 from itouch.safety.monitor_step import LOOK, TOLD

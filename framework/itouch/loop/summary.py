@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from itouch.exchange import ThreadedDevice
-from itouch.loop.missing import missed_plates
-from itouch.loop.running import Running
+from itouch.loop.engine_view import Running
+from itouch.loop.missing_plate import missed_plates
+from itouch.loop.skin_waits import vain_waits, waits_of
 from itouch.loop.timing import Timing
-from itouch.loop.waiting import vain_waits, waits_of
 from itouch.plugin.write_protection import WriteProtectedRecord
 from itouch.world import ModalityModel, limits
 from itouch.world.plugin_errors import said

@@ -47,10 +47,10 @@ from itouch.plugin.modality import (
 )
 from itouch.plugin.monitor import Moment, Monitor, Rule, Watched
 from itouch.plugin.noise import gaussian
+from itouch.plugin.pseudo_terminal import Terminal
 from itouch.plugin.quantity import HURTING, NEVER_HARMLESS, Quantity, Role
 from itouch.plugin.record import Field, Record
 from itouch.plugin.stamps import Stamps
-from itouch.plugin.terminal import Terminal
 from itouch.plugin.trace import Trace, read_trace
 from itouch.schema import ItouchError
 from itouch.schema.extras import need

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from itouch.plugin.bound import Bound
 from itouch.plugin.channel import Channel
-from itouch.plugin.declared import faults_of, unguessable
+from itouch.plugin.declaration_rules import faults_of, unguessable
 from itouch.plugin.groups import Grouped
 from itouch.plugin.record import Field, Record
 from itouch.plugin.stamps import Stamps

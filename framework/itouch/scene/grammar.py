@@ -8,8 +8,8 @@ from typing import Any
 from itouch.scene import elements
 from itouch.scene.extensions import Extensions
 from itouch.schema.fields import REQUIRED, Spec, default_of, specs, tag_of, xml_name
+from itouch.schema.hold_until import SKIN, WORD
 from itouch.schema.quantities import describe, format_quantity
-from itouch.schema.until import SKIN, WORD
 
 _SECTIONS: tuple[tuple[type, str], ...] = (
     (elements.Include, "inside `<itouch>`, any number of times"),

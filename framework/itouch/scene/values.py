@@ -8,9 +8,9 @@ from typing import Any
 
 from itouch.schema.diagnostics import did_you_mean, meant
 from itouch.schema.fields import Spec
+from itouch.schema.hold_until import LEAST, MOST, SKIN, WORD, Until
 from itouch.schema.quantities import QuantityError, describe, parse_quantity
 from itouch.schema.units import CELSIUS_OFFSET
-from itouch.schema.until import LEAST, MOST, SKIN, WORD, Until
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
 _INTEGER = re.compile(r"[+-]?\d{1,18}")

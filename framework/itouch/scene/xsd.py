@@ -15,8 +15,8 @@ from itouch.scene.documents import SECTIONS
 from itouch.scene.extensions import Extensions
 from itouch.scene.loader import DEFAULTABLE
 from itouch.schema.fields import REQUIRED, Spec, default_of, specs, tag_of, xml_name
+from itouch.schema.hold_until import SKIN, WORD
 from itouch.schema.quantities import describe, format_quantity
-from itouch.schema.until import SKIN, WORD
 
 NAMESPACE = "urn:itouch:plugin:"
 _ROOTS: dict[str, type] = {

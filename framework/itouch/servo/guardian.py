@@ -20,8 +20,8 @@ from collections.abc import Callable, Sequence
 
 from itouch.servo import control_block as at
 from itouch.servo import realtime, wire
-from itouch.servo.lastwords import LastWords, Process
 from itouch.servo.shared_memory import SharedMemory, monotonic
+from itouch.servo.silence_limit import LastWords, Process
 
 #: How often [s] the guardian looks, and how long the servo process may be silent: with devices that obey, and without.
 LOOK, SILENCE, SILENCE_ALONE = 0.005, 0.12, 5.0

@@ -13,11 +13,11 @@ from typing import Any
 from itouch.loop.timing import Timing
 from itouch.plugin import Record
 from itouch.servo import control_block as at
-from itouch.servo.guarding import Guarded
+from itouch.servo.guardian_link import Guarded
 from itouch.servo.launcher_pipe import messages
 from itouch.servo.link import Link
 from itouch.servo.shared_memory import ServoError, SharedMemory
-from itouch.servo.within import Unguarded, Within
+from itouch.servo.thread_session import Unguarded, Within
 
 #: How long [s] the end of a session may take before the servo process is killed; its guardian acts long before.
 END_TIME = 10.0

@@ -16,10 +16,10 @@ from typing import Any
 from itouch.platforms import SERVO_PROCESS
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene, write
-from itouch.servo.guarding import Guarded, child_environment
+from itouch.servo.guardian_link import Guarded, child_environment
 from itouch.servo.handle import Handle
 from itouch.servo.shared_memory import ServoError, SharedMemory
-from itouch.servo.within import Unguarded, Within
+from itouch.servo.thread_session import Unguarded, Within
 from itouch.session import choose_twins
 from itouch.session.outputs import Outputs
 from itouch.world.replaced_limits import fitted

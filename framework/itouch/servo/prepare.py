@@ -43,7 +43,7 @@ class _Companion:
         if not MANNER.quiet:
             print("preparing: compiling the kernels that this needs for the first time, later starts load them ...",
                   file=sys.stderr, flush=True)  # fmt: skip
-        command = [sys.executable, "-m", "itouch.servo.warm", *self._words, "--parent", str(os.getpid())]
+        command = [sys.executable, "-m", "itouch.servo.compile_ahead", *self._words, "--parent", str(os.getpid())]
         nothing = subprocess.DEVNULL
         self._process = subprocess.Popen(command, stdin=nothing, stdout=nothing, stderr=nothing)
 

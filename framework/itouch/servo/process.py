@@ -19,7 +19,7 @@ from typing import Any
 from itouch.platforms import lives, signals
 from itouch.servo import control_block as at
 from itouch.servo.launcher_pipe import Outbox, messages
-from itouch.servo.parent import LOOK, end_with
+from itouch.servo.parent_process import LOOK, end_with
 from itouch.servo.shared_memory import SharedMemory, monotonic
 
 

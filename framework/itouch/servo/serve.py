@@ -17,10 +17,10 @@ from itouch.servo import control_block as at
 from itouch.servo import realtime
 from itouch.servo.command_queue import Inbox
 from itouch.servo.commands import Asked, Commands
+from itouch.servo.deadman_holders import Switch
 from itouch.servo.errors import let_go
-from itouch.servo.holders import Switch
 from itouch.servo.launcher_pipe import Outbox
-from itouch.servo.parent import EndOf, gone
+from itouch.servo.parent_process import EndOf, gone
 from itouch.servo.prepare import prepare, prepare_text
 from itouch.servo.publish import ORDERED, TIMING_EVERY, Publisher, slots_for
 from itouch.servo.remote import Remotes

@@ -11,7 +11,7 @@ import socket
 import sys
 from collections.abc import Callable, Sequence
 
-from itouch.servo.parent import end_with
+from itouch.servo.parent_process import end_with
 
 
 def main(argv: Sequence[str]) -> int:
@@ -23,7 +23,7 @@ def main(argv: Sequence[str]) -> int:
     said = sys.stdin.read()
     if not said:  # the servo process has gone before it said what is to be simulated
         return 1
-    from itouch.servo.twinserver import serve
+    from itouch.servo.twin_server import serve
 
     serve(said, socket.socket(fileno=int(argv[0])), begun.append)
     return 0

@@ -19,7 +19,7 @@ from itouch.scene import write
 from itouch.session.arrays import load_bases, pack_bases
 from itouch.session.errors import SessionError
 from itouch.session.manifest import digest
-from itouch.session.numbers import from_text, to_text
+from itouch.session.number_text import from_text, to_text
 from itouch.session.snapshot import Snapshot, check_format, checked_files, read_scene
 
 #: Greatest document that is read [bytes], and greatest State that it may ask for.

@@ -67,8 +67,8 @@ def open_outputs(session: Session, keep: Outputs) -> Iterator[None]:
 
             stack.enter_context(Streams(session))
         if keep.trigger:
+            from itouch.session.trigger_ports import wire
             from itouch.session.triggers import OF, Triggers
-            from itouch.session.wires import wire
 
             objects = session.model.objects
             for name in keep.contacts:

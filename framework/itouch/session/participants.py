@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from itouch.loop.running import Running
+from itouch.loop.engine_view import Running
 from itouch.schema import Problem, SceneError
 from itouch.session.durable import write_whole
 from itouch.session.errors import SessionError

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.loop import DeviceFaultError
-from itouch.loop.running import Running
+from itouch.loop.engine_view import Running
 from itouch.loop.timing import edges, percentile
 from itouch.plugin import Contact
 from itouch.recording import RecordingError
@@ -26,10 +26,10 @@ from itouch.recording.spec import Spec
 from itouch.recording.tracks import Track
 from itouch.scene import write
 from itouch.session.arrays import pack_bases
-from itouch.session.drawn import view_of
 from itouch.session.paths import without_folders
 from itouch.session.row_layout import Rows
 from itouch.session.snapshot import Snapshot
+from itouch.session.viewer_geometry import view_of
 from itouch.world.state import EVENTS
 
 #: Rows that the ring holds, and bytes for letters beside States; at 1 kHz the rows are 8 s.

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Any, Protocol
 
-from itouch.loop.running import Running
+from itouch.loop.engine_view import Running
 from itouch.plugin import Record
 from itouch.session.errors import SessionError
 from itouch.session.snapshot import write_snapshot

@@ -8,7 +8,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Final
 
 from itouch.plugin import Contact
-from itouch.session.wires import Wire
+from itouch.session.trigger_ports import Wire
 from itouch.world.state import EVENTS
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from types import FrameType
 from typing import Any, Literal
 
-from itouch.testing.isolated import described
+from itouch.testing.child_process import described
 from itouch.testing.process_state import Surroundings
 
 #: How long a check may take [s]; what takes longer hangs.

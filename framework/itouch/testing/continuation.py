@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from itouch.testing.checks import CheckError, NotApplicableError, check
+from itouch.testing.child_process import Ending, apart
 from itouch.testing.harness import DeviceSubject, TwinBench
-from itouch.testing.isolated import Ending, apart
 from itouch.testing.reproducibility import other_seed, said, script
 
 #: Ticks before and after a restore.

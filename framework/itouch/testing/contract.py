@@ -11,8 +11,8 @@ import numpy as np
 from itouch.plugin import Channel, Emulator, Twin
 from itouch.plugin.record import dtype_of
 from itouch.testing.checks import CheckError, check
+from itouch.testing.child_process import described
 from itouch.testing.harness import DeviceSubject
-from itouch.testing.isolated import described
 from itouch.testing.scenario import ModalitySubject
 
 

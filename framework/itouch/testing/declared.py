@@ -20,7 +20,7 @@ from itouch.schema.units import parse_unit
 from itouch.testing.checks import CheckError, NotApplicableError, check
 from itouch.testing.harness import DeviceSubject
 from itouch.world.limits import WATCHDOG, WATCHDOG_OTHER
-from itouch.world.safevalues import acting_at_rest, too_slow
+from itouch.world.safe_values import acting_at_rest, too_slow
 
 
 def _fail(seen: str, cause: str, advice: str) -> CheckError:

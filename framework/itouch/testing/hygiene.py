@@ -17,8 +17,8 @@ from typing import Any
 
 from itouch.plugin import DeviceError, Record
 from itouch.testing.checks import CheckError, NotApplicableError, check
+from itouch.testing.child_process import apart, described
 from itouch.testing.harness import DeviceSubject
-from itouch.testing.isolated import apart, described
 from itouch.testing.process_state import Surroundings, children, open_files
 from itouch.testing.scenario import ModalitySubject
 from itouch.testing.workload import Bout, Call, bouts

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.plugin import Channel, Role
-from itouch.plugin.declared import faults_of
+from itouch.plugin.declaration_rules import faults_of
 from itouch.plugin.quantity import SIZES
 from itouch.testing.checks import CheckError, NotApplicableError, check
 from itouch.testing.harness import PERIOD, DeviceSubject, TwinBench

@@ -16,8 +16,8 @@ from itouch.plugin import Contact, Modality
 from itouch.schema import SceneError
 from itouch.schema.fields import Spec, specs, validate, xml_name
 from itouch.testing.checks import CheckError, NotApplicableError, check
+from itouch.testing.child_process import apart
 from itouch.testing.continuation import attributes, scatter
-from itouch.testing.isolated import apart
 from itouch.testing.scenario import ModalitySubject
 from itouch.testing.workload import touch
 from itouch.world.modalities import ModalityModel

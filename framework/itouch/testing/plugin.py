@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from itouch.testing.card import Card
 from itouch.testing.checks import Check, Finding
+from itouch.testing.score_card import Card
 
 _STEP = re.compile(r"next is (step \d+: .*)")
 

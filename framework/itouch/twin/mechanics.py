@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.compiling import kernel
-from itouch.twin.turning import turned_in, turned_out
+from itouch.twin.frame_rotation import turned_in, turned_out
 
 Floats = NDArray[np.float64]
 

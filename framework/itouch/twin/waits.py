@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from itouch.compiling import kernel
 from itouch.plugin import Bound, Record
 from itouch.scene.elements import Operator
-from itouch.schema.until import Until
+from itouch.schema.hold_until import Until
 from itouch.twin.mechanics import lower
 from itouch.world.fields import wait_fields
 from itouch.world.skin import SkinSource, window_ticks

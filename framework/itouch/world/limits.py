@@ -55,7 +55,7 @@ from itouch.plugin import Channel, Role
 from itouch.scene import Scene
 from itouch.scene.elements import DeviceElement
 from itouch.schema import Problem
-from itouch.world import limitcheck
+from itouch.world import limit_checks
 
 __all__ = [
     "ARM_SPEED", "ARM_SPEED_TRIP", "CEILING", "COLD_FROM", "COLD_TIME", "CONTACT_TIME", "CONTACT_TIME_LONGEST",
@@ -129,7 +129,7 @@ def resolve(
         values["speed_near"] = min(SPEED_NEAR, values["speed"])
     values["finger_force"], sources["finger_force"] = _tightened((FORCE, DEFAULT), list(_asked_of_all(scene, "force")))
     values["ramp"], sources["ramp"] = _ramp(scene, device)
-    problems = list(limitcheck.device_problems(scene, device, before, commands))
+    problems = list(limit_checks.device_problems(scene, device, before, commands))
     return DeviceLimits(**values, sources=sources), problems
 
 
@@ -191,7 +191,7 @@ def _ramp(scene: Scene, device: DeviceElement) -> Ceiling:
 
 def check_safety(scene: Scene) -> Iterator[Problem]:
     """Find limits of ``<safety>`` that are looser than the defaults."""
-    yield from limitcheck.safety_problems(
+    yield from limit_checks.safety_problems(
         scene,
         {
             "force": FORCE, "speed": SPEED, "watchdog": WATCHDOG_OTHER, "plate_force": PLATE_FORCE,

@@ -20,7 +20,7 @@ from itouch.world.files import SceneFiles
 from itouch.world.injection import injections
 from itouch.world.limits import DeviceLimits, resolve
 from itouch.world.plugin_errors import failing
-from itouch.world.safevalues import acting_at_rest, stale, too_slow, unfelt, with_safe_values
+from itouch.world.safe_values import acting_at_rest, stale, too_slow, unfelt, with_safe_values
 from itouch.world.supervision import monitors_of, supervision, supervision_problems, watched
 
 Vector = tuple[float, float, float]

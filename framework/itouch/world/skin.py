@@ -13,7 +13,7 @@ from typing import Any, Protocol
 from itouch.plugin import Role
 from itouch.scene.elements import Operator, Probe
 from itouch.schema import Problem
-from itouch.schema.until import SKIN, WORD, Until
+from itouch.schema.hold_until import SKIN, WORD, Until
 from itouch.world.rig import DeviceModel
 
 #: Over what the skin at the session's start is averaged, over what the skin now, and how long a wait may be [s].

@@ -8,8 +8,8 @@ from dataclasses import replace
 
 from itouch.contact.surfaces import EFFECTS_MEMORY
 from itouch.plugin import Field, Record, Role
-from itouch.plugin.declared import faults_of
-from itouch.schema.until import Until
+from itouch.plugin.declaration_rules import faults_of
+from itouch.schema.hold_until import Until
 from itouch.world import marks
 from itouch.world.fields import CELLS, HAND, probe_fields, skin_fields, wait_fields
 from itouch.world.model import Model

@@ -36,7 +36,7 @@ _MARK = "ITOUCH_DEATHS"
 _ROLES = {
     "itouch_evidence.deaths.recording_launcher": "launcher", "itouch.servo.process": "servo",
     "itouch.servo.guardian": "guardian",
-    "itouch.servo.twin": "twin", "itouch.recording.process": "recorder", "itouch.servo.warm": "companion",
+    "itouch.servo.twin": "twin", "itouch.recording.process": "recorder", "itouch.servo.compile_ahead": "companion",
     "itouch_evidence.deaths.simulated_clients": "viewer",
 }  # fmt: skip
 #: How long [s] a victim may take to come to be; how long after a kill is looked.

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 from itouch.schema import ItouchError
 from itouch.servo import launch
-from itouch.servo.parent import gone
+from itouch.servo.parent_process import gone
 from itouch.session.outputs import Outputs
 
 

@@ -68,15 +68,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if argv is None else argv)
     from itouch.schema.diagnostics import ItouchError
     from itouch.schema.terminal import escaped
-    from itouch_tools.cli import manners
+    from itouch_tools.cli import common_options
 
     _need_streams()
     try:
-        words, common = manners.taken(words)
+        words, common = common_options.taken(words)
     except ItouchError as error:
         print(error, file=sys.stderr)
         return 2
-    with manners.speaking(common), escaped():
+    with common_options.speaking(common), escaped():
         return _guarded(words)
 
 
@@ -86,7 +86,7 @@ def _guarded(words: list[str]) -> int:
     from itouch.schema.terminal import detail
     from itouch.schema.wait_notices import shown_by
     from itouch_tools.cli import progress
-    from itouch_tools.cli.ending import stop_writing
+    from itouch_tools.cli.shutdown import stop_writing
 
     begun = time.perf_counter()
     try:
@@ -119,7 +119,7 @@ def _guarded(words: list[str]) -> int:
 
 def _told(error: Exception) -> int:
     """Say what is wrong; a reader that has gone does not hear it."""
-    from itouch_tools.cli.ending import stop_writing
+    from itouch_tools.cli.shutdown import stop_writing
 
     try:
         print(error, *getattr(error, "__notes__", ()), sep="\n", file=sys.stderr, flush=True)
@@ -158,7 +158,7 @@ def _dispatch(words: list[str]) -> int:
 def _help(words: list[str]) -> int:
     if len(words) > 1 and not words[1].startswith("-"):  # `itouch-py help check`
         return _dispatch([words[1], "--help"])
-    from itouch_tools.cli.manners import HELP
+    from itouch_tools.cli.common_options import HELP
 
     print(_USAGE.format(commands=_listed(), common=HELP))
     return 0 if words else 2

@@ -7,12 +7,12 @@ import sys
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from itouch.loop.faultwords import told
+from itouch.loop.fault_messages import told
 from itouch.schema import ItouchError
 from itouch.schema.terminal import did, note
 from itouch.schema.wait_notices import waiting
 from itouch_tools.cli import deprecations, windows
-from itouch_tools.cli.ending import Stopping, write_report
+from itouch_tools.cli.shutdown import Stopping, write_report
 
 if TYPE_CHECKING:
     from itouch.loop.timing import Timing
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from itouch.servo import Handle
     from itouch.session import Session
     from itouch.world import Model
-    from itouch_tools.cli.leading import Leader
+    from itouch_tools.cli.arm_input import Leader
     from itouch_tools.report.screen import Screen
 
 #: How often [s] the terminal is brought up to date.
@@ -37,7 +37,7 @@ def needed(session: Session) -> bool:
 def run(options: argparse.Namespace, stop: Stopping, *, window: bool = False, leader: Leader | None = None) -> int:
     """Run in real time, in a window if that is asked for, or led by a gamepad, and return the exit code."""
     from itouch.servo import ServoError, launch
-    from itouch_tools.cli import leading, outputs
+    from itouch_tools.cli import arm_input, outputs
 
     for option in ("screenshot", "film", "wav"):
         if getattr(options, option, None):
@@ -53,7 +53,7 @@ def run(options: argparse.Namespace, stop: Stopping, *, window: bool = False, le
     with handle:
         try:
             if not window and leader is None:
-                leader = leading.without_window(Shown(handle).model, real=True)
+                leader = arm_input.without_window(Shown(handle).model, real=True)
             code = _follow(handle, stop, window=window, mute=options.mute, leader=leader)
             write_report(options.report, handle.report)
         except ServoError as error:  # it died, and has left no report
@@ -70,7 +70,7 @@ def run(options: argparse.Namespace, stop: Stopping, *, window: bool = False, le
 def _follow(handle: Handle, stop: Stopping, *, window: bool, mute: bool, leader: Leader | None) -> int:
     """Show the session until it ends, on the terminal and in a window if that is asked for; return the exit code."""
     from itouch.loop import DeviceFaultError
-    from itouch_tools.cli.waiting import Waiting
+    from itouch_tools.cli.switch_wait import Waiting
     from itouch_tools.report.screen import Screen
 
     for notice in handle.notices:

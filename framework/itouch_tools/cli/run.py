@@ -12,9 +12,9 @@ from itouch.plugin import trace
 from itouch.schema import ItouchError
 from itouch.schema.terminal import did, note
 from itouch.schema.wait_notices import waiting
-from itouch_tools.cli import deprecations, leading, live, outputs, pictures, sounds, windows
+from itouch_tools.cli import arm_input, deprecations, live, outputs, pictures, sounds, windows
 from itouch_tools.cli.arguments import Parser, output_file, seconds
-from itouch_tools.cli.ending import Interrupted, Stopping, unstarted, write_report
+from itouch_tools.cli.shutdown import Interrupted, Stopping, unstarted, write_report
 
 if TYPE_CHECKING:
     from itouch.session import Session
@@ -48,10 +48,10 @@ def _start(options: argparse.Namespace, stop: Stopping) -> int:
     if options.pace is None and live.needed(session):
         return live.run(options, stop)
     _refuse_hardware(session)
-    leader = leading.without_window(session.model, real=options.pace is None and not _drawn(options))
+    leader = arm_input.without_window(session.model, real=options.pace is None and not _drawn(options))
     if leader is not None:
         return live.run(options, stop, leader=leader)
-    from itouch.loop.faultwords import told
+    from itouch.loop.fault_messages import told
     from itouch_tools.report.screen import Screen
 
     for notice in session.notices:

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from itouch.schema.terminal import did
-from itouch_tools.cli import study_numbers, study_run, study_serve
+from itouch_tools.cli import study_analyses, study_run, study_serve
 from itouch_tools.cli.arguments import output_file, output_folder, parser_of
-from itouch_tools.cli.study_people import folder_of
+from itouch_tools.cli.study_participant import folder_of
 
 if TYPE_CHECKING:
     from itouch_tools.study.reading import StudyFile
@@ -56,7 +56,7 @@ def main(argv: Sequence[str]) -> int:
     freeze.add_argument("folder", metavar="FOLDER")
     study_run.add_parser(commands)
     study_serve.add_parser(commands)
-    study_numbers.add_parsers(commands)
+    study_analyses.add_parsers(commands)
     forget = commands.add_parser("forget", help="delete a participant's personal data for good; the trials stay")
     forget.add_argument("folder", metavar="FOLDER")
     forget.add_argument("--participant", metavar="CODE", required=True)
@@ -81,15 +81,15 @@ def main(argv: Sequence[str]) -> int:
 
 def _numbers(options: argparse.Namespace) -> int:
     if options.command == "coverage":
-        return study_numbers.coverage(options)
+        return study_analyses.coverage(options)
     if options.command == "export":
-        return study_numbers.export(options)
+        return study_analyses.export(options)
     file = _load(options.study)
     if file is None:
         return 2
     if options.command == "serve":
         return study_serve.serve(file, options)
-    return study_numbers.audit(file, options) if options.command == "audit" else study_numbers.power(file, options)
+    return study_analyses.audit(file, options) if options.command == "audit" else study_analyses.power(file, options)
 
 
 def _missing() -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
-from itouch_tools.cli.ending import Interrupted, Stopping
+from itouch_tools.cli.shutdown import Interrupted, Stopping
 
 if TYPE_CHECKING:
     import argparse
@@ -34,7 +34,7 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
     from itouch.plugin.discovery import Catalog
     from itouch.schema.wait_notices import waiting
     from itouch.servo import ServoError
-    from itouch_tools.cli.study_people import answers_of, folder_of, masking
+    from itouch_tools.cli.study_participant import answers_of, folder_of, masking
     from itouch_tools.cli.study_window import operators_window
     from itouch_tools.study import rig_windows
     from itouch_tools.study.operating import keep_note

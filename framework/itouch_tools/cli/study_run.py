@@ -35,7 +35,7 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
     from itouch.loop.clock import WallClock
     from itouch.plugin.discovery import Catalog
     from itouch_tools.cli import study_rig
-    from itouch_tools.cli.study_people import answers_of, folder_of, masking
+    from itouch_tools.cli.study_participant import answers_of, folder_of, masking
     from itouch_tools.cli.study_window import operators_window
     from itouch_tools.study.answers import Stopped
     from itouch_tools.study.run import Run

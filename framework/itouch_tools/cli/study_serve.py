@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from itouch_tools.cli.ending import Interrupted, Stopping
+from itouch_tools.cli.shutdown import Interrupted, Stopping
 
 if TYPE_CHECKING:
     from itouch_tools.study.reading import StudyFile

@@ -35,7 +35,7 @@ def main(argv: Sequence[str]) -> int:
 @contextlib.contextmanager
 def cards(json: bool) -> Iterator[None]:
     """Let score cards be written as they come; with ``json`` their findings at the end, as one document."""
-    from itouch.testing.card import Card
+    from itouch.testing.score_card import Card
 
     if not json:
         yield
@@ -79,9 +79,9 @@ def _scene(path: str | None, catalog: Catalog) -> Scene | None:
 def _device(options: argparse.Namespace, catalog: Catalog, scene: Scene | None) -> bool:
     from dataclasses import replace
 
-    from itouch.testing.card import Card
     from itouch.testing.checks import examine
     from itouch.testing.harness import DeviceSubject
+    from itouch.testing.score_card import Card
     from itouch.testing.suites import DEVICE_CHECKS, EMULATOR_CHECKS
     from itouch.testing.wire import Shared
 
@@ -111,9 +111,9 @@ def _device(options: argparse.Namespace, catalog: Catalog, scene: Scene | None) 
 def _modality(name: str, path: str | None, catalog: Catalog) -> bool:
     from pathlib import Path
 
-    from itouch.testing.card import Card
     from itouch.testing.checks import NotApplicableError, examine
     from itouch.testing.scenario import ModalitySubject
+    from itouch.testing.score_card import Card
     from itouch.testing.suites import MODALITY_CHECKS
 
     plugin, _, local = name.partition(".")

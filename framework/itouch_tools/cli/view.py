@@ -48,11 +48,11 @@ def main(argv: Sequence[str]) -> int:
     options = parser.parse_args(argv)
     _check(options)
     if options.ros2:
-        from itouch_tools.cli.telling import ros2
+        from itouch_tools.cli.bridges import ros2
 
         return ros2(options)
     if options.rerun and not (options.session or "").endswith(".mcap"):
-        from itouch_tools.cli.telling import rerun
+        from itouch_tools.cli.bridges import rerun
 
         return rerun(options)
     if options.rerun:

@@ -7,9 +7,9 @@ import sys
 import time
 from typing import TYPE_CHECKING, Any, Protocol, TextIO
 
-from itouch.loop.faultwords import outcome, what
-from itouch.loop.missing import missed_plates
-from itouch.loop.waiting import vain_waits, waiting_now
+from itouch.loop.fault_messages import outcome, what
+from itouch.loop.missing_plate import missed_plates
+from itouch.loop.skin_waits import vain_waits, waiting_now
 from itouch.schema.terminal import MANNER, colours, control, is_terminal, plain
 from itouch_tools.report import columns
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from itouch.loop import Status
-from itouch.loop.faultwords import is_loss, what
+from itouch.loop.fault_messages import is_loss, what
 from itouch.plugin import Channel, Record, Role
 from itouch.plugin.quantity import PLAIN
 from itouch.world import Model, declared

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from itouch.loop import Status
-from itouch.loop.faultwords import told
+from itouch.loop.fault_messages import told
 from itouch.plugin import Record
 from itouch.plugin.discovery import Catalog
 from itouch.safety import Trip

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 
 from pyglet.window import key
 
-from itouch.arms.pad import Pad, PadError, find_pad
+from itouch.arms.gamepad import Pad, PadError, find_pad
 from itouch.world.model import led
 from itouch_tools.viewer.source import Source
 

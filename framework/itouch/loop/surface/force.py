@@ -42,7 +42,7 @@ from itouch.loop.surface.memory import (
     SHARE,
     TOUCH,
 )
-from itouch.twin.turning import turned_in, turned_out
+from itouch.twin.frame_rotation import turned_in, turned_out
 
 Floats = NDArray[np.float64]
 

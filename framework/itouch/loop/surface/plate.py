@@ -58,7 +58,7 @@ from itouch.loop.surface.memory import (
     TOUCH,
     UPRIGHT,
 )
-from itouch.twin.turning import turned_in, turned_out
+from itouch.twin.frame_rotation import turned_in, turned_out
 from itouch.world.presented_surfaces import ROOM
 
 Floats = NDArray[np.float64]

@@ -7,8 +7,8 @@ from typing import ClassVar
 
 from itouch.scene.elements.document import PluginPart
 from itouch.schema.fields import child, children, file, hold, name, plugin_parts, quantity, ref, temperature, text
+from itouch.schema.hold_until import Until
 from itouch.schema.roles import Role
-from itouch.schema.until import Until
 
 
 @dataclass(frozen=True, slots=True)

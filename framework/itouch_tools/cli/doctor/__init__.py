@@ -32,7 +32,7 @@ def main(argv: Sequence[str]) -> int:
     options = parser.parse_args(argv)
     _check(parser, options)
     if options.clear_kept:
-        from itouch_tools.cli.doctor.kept import clear_kept
+        from itouch_tools.cli.doctor.disk_caches import clear_kept
 
         print(clear_kept())
         return 0

@@ -12,9 +12,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 from itouch.platforms import SERVO_PROCESS, cores, limit
+from itouch_tools.cli.doctor.disk_caches import compile_cache, kept_results
 from itouch_tools.cli.doctor.extras import extras
 from itouch_tools.cli.doctor.finding import Finding
-from itouch_tools.cli.doctor.kept import compile_cache, kept_results
 
 _LIMITS = "as root write '@realtime - rtprio 90' and '@realtime - memlock unlimited' to "
 _ADVICE = _LIMITS + "/etc/security/limits.d/99-realtime.conf, join that group, log in anew"

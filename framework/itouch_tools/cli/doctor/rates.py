@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from itouch.loop.timing import WAKE_UP
 from itouch.scene import Scene
 from itouch.schema import SceneError
-from itouch_tools.cli.doctor.bare import beside_the_loop, busy
 from itouch_tools.cli.doctor.loop import in_process
+from itouch_tools.cli.doctor.timer import beside_the_loop, busy
 
 #: The rates that are tried [Hz], the slowest first.
 RATES = (1000.0, 2000.0, 4000.0)

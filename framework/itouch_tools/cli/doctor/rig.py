@@ -17,8 +17,8 @@ from itouch.monitors.thresholds import TOUCH_FORCE
 from itouch.plugin import DeviceError, Role
 from itouch.safety import HoldToRun, Status, connect
 from itouch.schema import ItouchError
+from itouch_tools.cli.doctor.device_watch import Watched
 from itouch_tools.cli.doctor.finding import Finding
-from itouch_tools.cli.doctor.watched import Watched
 
 #: What a drive may still read when it is off, as a part of its greatest value.
 OFF = 0.02

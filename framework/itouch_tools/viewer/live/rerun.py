@@ -18,8 +18,8 @@ from itouch.recording.tracks import Track
 from itouch.recording.views import TOPICS, Drawing
 from itouch.recording.wellknown import decode
 from itouch.servo import Link
-from itouch.session.drawn import view_of
 from itouch.session.row_layout import replay_tracks
+from itouch.session.viewer_geometry import view_of
 from itouch.world import Model
 from itouch_tools.viewer.live.published_states import Moment, Moments, News
 

@@ -22,8 +22,8 @@ from itouch.recording.tracks import Column
 from itouch.recording.views import WORLD, Drawing
 from itouch.schema import ItouchError
 from itouch.servo import Link
-from itouch.session.drawn import view_of
 from itouch.session.row_layout import replay_tracks
+from itouch.session.viewer_geometry import view_of
 from itouch.world import Model
 from itouch_tools.viewer.live.published_states import Moment, Moments, News
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from itouch.plugin import Record, poses
 from itouch.recording.views import WORLD, Frame, Solid, View, arrow_of
-from itouch.session.drawn import view_of
+from itouch.session.viewer_geometry import view_of
 from itouch.world import Model
 from itouch_tools.viewer import colours
 from itouch_tools.viewer.scene_graph import SceneGraph

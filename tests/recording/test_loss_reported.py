@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 import itouch
-from itouch.loop.faultwords import outcome, told, what
+from itouch.loop.fault_messages import outcome, told, what
 from itouch_tools.report.screen import _fault
 
 SCENE = """<itouch version="1.0">

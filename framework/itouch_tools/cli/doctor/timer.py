@@ -1,7 +1,7 @@
 """A loop that only waits for its next period: what this machine's timer gives by itself, for comparison.
 
-``python -m itouch_tools.cli.doctor.bare RATE SECONDS WORK`` runs it in a process of the servo's priority and prints how
-many of its periods there were, and of how many the wake-up was so late that a tick of WORK seconds would have overrun.
+``python -m itouch_tools.cli.doctor.timer RATE SECONDS WORK`` runs it in a process of the servo's priority and prints
+how many of its periods there were, and of how many the wake-up was so late that a tick of WORK seconds would have overrun.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def waited(clock: Clock, period: float, count: int, work: float) -> int:
 
 def beside_the_loop(rate: float, seconds: float, work: float) -> tuple[int, int]:
     """Run it in a process of its own; return how many periods there were, and after how many it was woken too late."""
-    words = [sys.executable, "-m", "itouch_tools.cli.doctor.bare", str(rate), str(seconds), str(work)]
+    words = [sys.executable, "-m", "itouch_tools.cli.doctor.timer", str(rate), str(seconds), str(work)]
     done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=seconds + 120.0)
     periods, late = done.stdout.split()
     return int(periods), int(late)

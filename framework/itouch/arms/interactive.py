@@ -10,7 +10,7 @@ import os
 from dataclasses import dataclass
 from typing import Any
 
-from itouch.arms.pad import PadError, find_pad
+from itouch.arms.gamepad import PadError, find_pad
 from itouch.plugin import Attached, Device, DeviceError, Mechanics, Opening, OperatorInput, Record, pose, schema, wrench
 
 Vector = tuple[float, float, float]

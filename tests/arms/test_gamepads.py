@@ -15,9 +15,9 @@ from typing import Any
 
 import pytest
 
-from itouch.arms import evdev, pad
+from itouch.arms import evdev, gamepad
 from itouch.arms.evdev import Description
-from itouch.arms.pad import Pad, PadError, find_pad
+from itouch.arms.gamepad import Pad, PadError, find_pad
 
 STICKS = Description("a pad", frozenset({evdev.GAMEPAD, 0x131}), {0: (-32768, 32767), 1: (0, 255), 4: (0, 255)})
 MOUSE = Description("a mouse", frozenset({0x110}), {})
@@ -175,7 +175,7 @@ def test_a_pad_that_cannot_be_opened(monkeypatch: pytest.MonkeyPatch) -> None:
         raise OSError("busy")
 
     made.open = refuse
-    monkeypatch.setattr(pad, "_of_pyglet", lambda: made)
+    monkeypatch.setattr(gamepad, "_of_pyglet", lambda: made)
     monkeypatch.setenv("DISPLAY", ":9")
     with pytest.raises(PadError, match="busy"):
         find_pad()
@@ -183,7 +183,7 @@ def test_a_pad_that_cannot_be_opened(monkeypatch: pytest.MonkeyPatch) -> None:
 
 READ = """
 import json, sys, time
-from itouch.arms.pad import find_pad
+from itouch.arms.gamepad import find_pad
 sticks = find_pad()
 end = time.monotonic() + 20.0
 while sticks.sticks() != (1.0, 0.0, 1.0) and time.monotonic() < end:

@@ -1,4 +1,4 @@
-"""``python -m itouch.servo.warm SCENE``: compile what a scene needs besides its modalities; used by a first start."""
+"""``python -m itouch.servo.compile_ahead SCENE``: compile what a first start needs besides the modalities."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 
-from itouch.servo.parent import end_with
+from itouch.servo.parent_process import end_with
 
 
 def main(argv: Sequence[str]) -> int:
     """Build the scene's engine without modalities; hardware is not opened."""
-    parser = argparse.ArgumentParser(prog="itouch.servo.warm")
+    parser = argparse.ArgumentParser(prog="itouch.servo.compile_ahead")
     parser.add_argument("scene")
     parser.add_argument("--parent", type=int, required=True)
     parser.add_argument("--twin")

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import itouch
 from itouch.servo import control_block as at
-from itouch.servo.holders import HOLD_NS, Holder, Switch
+from itouch.servo.deadman_holders import HOLD_NS, Holder, Switch
 from itouch.servo.link import attach
 from itouch.servo.shared_memory import ServoError, SharedMemory, monotonic
 
@@ -56,7 +56,7 @@ def test_who_lets_go_is_not_covered_by_another(segment: SharedMemory) -> None:
 
 def test_who_falls_silent_is_not_covered_by_another(segment: SharedMemory, monkeypatch: pytest.MonkeyPatch) -> None:
     clock = [monotonic()]
-    monkeypatch.setattr("itouch.servo.holders.monotonic", lambda: clock[0])
+    monkeypatch.setattr("itouch.servo.deadman_holders.monotonic", lambda: clock[0])
     switch, first, second = Switch(segment.words), Holder(segment), Holder(segment)
     first.say(True)
     second.say(True)

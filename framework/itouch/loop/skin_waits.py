@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from itouch.plugin import Record
-from itouch.schema.until import Until
+from itouch.schema.hold_until import Until
 from itouch.twin.waits import BACK, NOT_YET
 from itouch.world import Model, ProbeModel
 

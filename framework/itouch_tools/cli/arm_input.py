@@ -10,7 +10,7 @@ from itouch.schema import ItouchError
 from itouch.schema.terminal import note
 
 if TYPE_CHECKING:
-    from itouch.arms.pad import Pad
+    from itouch.arms.gamepad import Pad
     from itouch.servo import Handle
     from itouch.world import Model
 
@@ -59,7 +59,7 @@ def without_window(model: Model, *, real: bool) -> Leader | None:
     ItouchError
         If nobody would lead it.
     """
-    from itouch.arms.pad import PadError, find_pad
+    from itouch.arms.gamepad import PadError, find_pad
     from itouch.world.model import led
 
     for probe, arm in led(model):

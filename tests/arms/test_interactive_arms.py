@@ -10,13 +10,13 @@ import pytest
 
 import itouch
 from itouch.arms import Gamepad, Keyboard, Mouse
-from itouch.arms import led as arms_led
-from itouch.arms.pad import Pad, PadError
+from itouch.arms import interactive as arms_led
+from itouch.arms.gamepad import Pad, PadError
 from itouch.plugin import DeviceError
 from itouch.servo import ServoError
 from itouch.testing import DeviceTests
 from itouch.world.model import led
-from itouch_tools.cli import leading, main
+from itouch_tools.cli import arm_input, main
 
 SCENE = """<itouch version="1.0">
   <materials><material name="wood"><contact stiffness="0.8 N/mm"/></material></materials>
@@ -86,7 +86,7 @@ def test_without_a_window_it_follows_the_operator_and_says_so(
 def test_with_nobody_to_lead_it_one_sentence_and_exit_2(
     tmp_path: Path, plugin: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("itouch.arms.pad.evdev.find", lambda: (None, []))
+    monkeypatch.setattr("itouch.arms.gamepad.evdev.find", lambda: (None, []))
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     for words in (["--headless"], ["--headless", "--for", "1s", "--pace", "fast"]):
@@ -127,9 +127,9 @@ def test_a_gamepad_leads_without_a_window_as_fast_as_its_arm_says(
             said.append(("closed", None))
 
     session = itouch.build(scene(tmp_path, "gamepad"))
-    monkeypatch.setattr("itouch.arms.pad.find_pad", lambda: Pad(Sticks()))
-    monkeypatch.setattr(leading.time, "monotonic", lambda: clock[0])
-    leader = leading.without_window(session.model, real=True)
+    monkeypatch.setattr("itouch.arms.gamepad.find_pad", lambda: Pad(Sticks()))
+    monkeypatch.setattr(arm_input.time, "monotonic", lambda: clock[0])
+    leader = arm_input.without_window(session.model, real=True)
     assert leader is not None
     for _ in range(3):
         clock[0] += 0.05
@@ -148,7 +148,7 @@ def test_a_session_that_has_ended_meanwhile_is_no_error(tmp_path: Path) -> None:
             raise ServoError("the session has ended")
 
     pad = SimpleNamespace(device=None, leftx=1.0, lefty=0.0, righty=0.0, open=lambda: None, close=lambda: None)
-    leading.Leader(Pad(pad), "finger", 0.06).lead(Ended())  # type: ignore[arg-type]
+    arm_input.Leader(Pad(pad), "finger", 0.06).lead(Ended())  # type: ignore[arg-type]
 
 
 def test_what_is_attached_is_told_with_the_reason_if_it_is_of_no_use(monkeypatch: pytest.MonkeyPatch) -> None:
