@@ -30,7 +30,7 @@ class EnergyMeterParams:
 
 
 class EnergyMeter(Modality):
-    """Adds up a heat flux from the begin of a touch to its end."""
+    """Adds up a heat flux from the start of a touch to its end."""
 
     Params = EnergyMeterParams
     hears = frozenset({Contact.BEGIN})

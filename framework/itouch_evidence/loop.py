@@ -159,5 +159,5 @@ def main(argv: Sequence[str]) -> int:
     if options.json:
         print(json.dumps([asdict(row) for row in rows], indent=1))
     elif PRIORITY not in architectures:
-        print("real-time priority is not given to this user: `itouch-py doctor` tells how to change that")
+        print("real-time priority is not given to this user: `itouch-py doctor` says how to change that")
     return 0

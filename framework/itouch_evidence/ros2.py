@@ -24,7 +24,7 @@ from itouch.scene import bundled_scenes
 from itouch.schema import ItouchError
 from itouch.schema.extras import need
 
-#: How long [s] the topics may take to be there, and what is left out at the begin.
+#: How long [s] the topics may take to be there, and what is left out at the start.
 OPENING, SETTLING = 180.0, 1.0
 
 

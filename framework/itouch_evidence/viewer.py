@@ -28,8 +28,8 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--servo", action="store_true", help=beside)
     parser.add_argument("--web", action="store_true",
                         help="with --servo: a browser instead, on `itouch-py view --web`")  # fmt: skip
-    parser.add_argument("--rerun", action="store_true", help="with --servo: Rerun instead, told by `view --rerun`")
-    parser.add_argument("--ros2", action="store_true", help="with --servo: a listener instead, told by `view --ros2`")
+    parser.add_argument("--rerun", action="store_true", help="with --servo: Rerun instead, fed by `view --rerun`")
+    parser.add_argument("--ros2", action="store_true", help="with --servo: a listener instead, fed by `view --ros2`")
     parser.add_argument("--seconds", type=float, default=10.0, metavar="S",
                         help="with --servo: of each situation in a round (default 10)")  # fmt: skip
     parser.add_argument("--rounds", type=int, default=1, metavar="N", help="with --servo: rounds (default 1)")

@@ -248,9 +248,9 @@ def test_the_first_line_says_what_is_felt(session):
     state["finger.object"] = session.model.objects.index("wood")
     state["finger.total_force"], state["finger.force"] = 0.9, (0.0, 0.0, 1.85)
     state["peltier.heat_flux"], state["flux-control.desired"] = 827.0, 826.0
-    assert overlay.headline(session.model, state) == "finger on wood, 0.9 N felt, 827 W/m2, wanted 826"
+    assert overlay.headline(session.model, state) == "finger on wood, 0.9 N felt, 827 W/m2; desired 826"
     state["peltier.heat_flux"] = 500.0
-    assert overlay.headline(session.model, state).endswith(", 500 W/m2 (61 %), wanted 826")
+    assert overlay.headline(session.model, state).endswith(", 500 W/m2 (61 %); desired 826")
     index, objects = session.model.objects.index("wood"), session.model.scene.objects
     called = SimpleNamespace(objects=["block"] * len(objects), scene=session.model.scene)
     assert overlay._named(called, index) == "block (wood)"

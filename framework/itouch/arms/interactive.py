@@ -21,7 +21,7 @@ _START: Vector = (0.0, 0.0, 0.05)
 
 def _start() -> Any:
     return schema.quantity(
-        "m", size=3, low=-1.0, high=1.0, default=_START, doc="where the finger begins if the scene has no operator"
+        "m", size=3, low=-1.0, high=1.0, default=_START, doc="where the finger starts if the scene has no operator"
     )
 
 

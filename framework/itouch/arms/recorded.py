@@ -48,7 +48,7 @@ class RecordedParams:
         default="", doc="a recording (.mcap) or a table (.csv); empty: an example, a finger that comes down and goes up"
     )
     track: str = schema.text(default="", doc="device or probe of a recording; default: the only one that has a pose")
-    repeat: bool = schema.flag(default=False, doc="whether it begins anew when it is over; else it rests at its end")
+    repeat: bool = schema.flag(default=False, doc="whether it starts again when it is over; else it rests at its end")
     rotations: str = schema.choice(
         "locked", "sensed", default="locked", doc="whether its end cannot turn, or the recorded turning is read"
     )

@@ -27,7 +27,7 @@ def advance(
     sampled
         Every so many ticks are left to Python, which times their parts.
     stamps
-        Host seconds: the first at the begin, the last at the end; written.
+        Host seconds: the first at the start, the last at the end; written.
     told, counts, greatest
         How many ticks there were, their histograms and greatest times.
     left

@@ -101,7 +101,7 @@ class Engine:
         self._pacing = Pacing(self)
         #: Whether a guardian process makes hardware safe if this one dies, as `itouch.launch` has it.
         self.guarded = False
-        #: Host seconds at the begin of the last tick, after its steps if they were timed, and at its end.
+        #: Host seconds at the start of the last tick, after its steps if they were timed, and at its end.
         self.stamps = np.zeros(1 + max(1, len(self.plan.steps)))
         #: Called with the number of a tick when it is over, also in the safe sequence; they must not change the State.
         self.taps: list[Callable[[int], None]] = []

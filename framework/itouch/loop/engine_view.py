@@ -41,7 +41,7 @@ class Running(Protocol):
 
     @property
     def stamps(self) -> NDArray[np.float64]:
-        """Host seconds at the begin of the last tick, after its steps, and at its end."""
+        """Host seconds at the start of the last tick, after its steps, and at its end."""
 
     @property
     def ticks(self) -> int:

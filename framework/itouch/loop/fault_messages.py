@@ -48,9 +48,9 @@ def advice(fault: Mapping[str, Any]) -> str:
     if fault.get("trip") == "saving":
         return "free the disk or its folder: the next save is tried by itself; the snapshot before is untouched"
     if "samples are lost" in what(fault):
-        return "what was written is whole but for a gap; end the session and begin anew, or let it go on with the gap"
+        return "what was written is whole but for a gap; end the session and start again, or let it go on with the gap"
     return (
-        "what was written before is whole, nothing more is recorded: end the session (Ctrl-C, Esc) and begin anew, or "
+        "what was written before is whole, nothing more is recorded: end the session (Ctrl-C, Esc) and start again, or "
         'let it go on without; <record on-failure="stop"> ends a session when this happens'
     )
 

@@ -268,5 +268,5 @@ class TouchOff:
         DeviceFaultError
             Always.
         """
-        cause = "was raised to the end of its travel and felt no finger (touch-off); begin the motion lower"
+        cause = "was raised to the end of its travel and felt no finger (touch-off); start the motion lower"
         raise DeviceFaultError(self._table.model.name, int(self._tick), Trip.CALIBRATION, cause)

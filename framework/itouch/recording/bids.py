@@ -35,9 +35,9 @@ _TASK = {
 }  # fmt: skip
 _README = """# {task}
 
-Touch recorded with itouch-py: positions, forces, temperatures and what devices were told, of scene {scene}.
+Touch recorded with itouch-py: positions, forces, temperatures and commands to devices, of scene {scene}.
 Continuous tables (`_physio`) and their sidecars say of each column its unit and what it is; `_motion` holds the poses
-once more; `_events` holds contacts, marks and faults. Time counts from the begin of the session, in seconds.
+once more; `_events` holds contacts, marks and faults. Time counts from the start of the session, in seconds.
 """
 #: Components of a pose as BIDS names them: kind and unit of each.
 _COMPONENTS = (
@@ -120,7 +120,7 @@ def _continuous(recording: Recording, track: str, stem: str, task: str) -> list[
         "Columns": list(columns),
         "TaskName": task,
         "PhysioType": "generic",
-        "Description": f"what {track} read and was told, and how it stood, in every period that was recorded",
+        "Description": f"what {track} read, which commands it got, and its status, in every period that was recorded",
     }
     for name, (unit, _) in columns.items():
         said = {"Description": meanings[name]} if name in meanings else {}

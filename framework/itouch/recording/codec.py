@@ -59,7 +59,7 @@ class Codec:
         return out.tobytes()
 
     def count(self, data: memoryview) -> int:
-        """Return how many records of this track stand one after the other at the begin of ``data``."""
+        """Return how many records of this track stand one after the other at the start of ``data``."""
         most = len(data) // self.length
         if most == 0:
             return 0

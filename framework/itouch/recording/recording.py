@@ -141,7 +141,7 @@ class Recording(Shown, Mapping[str, NDArray[Any]]):
 
     @property
     def duration(self) -> float:
-        """From the begin of the first to the end of the last recorded tick [s]."""
+        """From the start of the first to the end of the last recorded tick [s]."""
         ticks = self.ticks
         return float(ticks[-1] - ticks[0] + 1) * self.period if len(ticks) else 0.0
 

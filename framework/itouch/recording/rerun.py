@@ -211,7 +211,7 @@ def _marks(stream: Any, path: str, listed: list[tuple[float, dict[str, Any] | No
 
 
 def _vector(arrow: dict[str, Any]) -> list[float]:
-    """Return an arrow from its begin to its end: the schema's arrows point along the x axis of their pose."""
+    """Return an arrow from its start to its end: the schema's arrows point along the x axis of their pose."""
     length = arrow["shaft_length"] + arrow["head_length"]
     pose = np.array(_numbers(arrow["pose"] or {}))
     return np.asarray(poses.transform(pose, np.array([length, 0.0, 0.0])) - pose[:3]).tolist()  # type: ignore[no-any-return]

@@ -1,7 +1,7 @@
 """A recording as a bag of ROS 2: poses, points, wrenches, temperatures and heat fluxes as its standard messages.
 
 A topic for each column that is one of these, ``/TRACK/COLUMN``; ``/tf`` holds the frames of the 3-D scene, ``/events``,
-``/marks`` and ``/faults`` JSON texts.  Times are those of the recording: its begin and the time of the tick.  The
+``/marks`` and ``/faults`` JSON texts.  Times are those of the recording: its start and the time of the tick.  The
 package ``rosbags`` writes it, without ROS; ``itouch-py[ros]`` asks for it.
 """
 

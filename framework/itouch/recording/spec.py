@@ -1,4 +1,4 @@
-"""What the writing process is told at the begin: tracks, where their columns stand in a row, and the session."""
+"""What the writing process is told at the start: tracks, where their columns stand in a row, and the session."""
 
 from __future__ import annotations
 

@@ -199,7 +199,7 @@ def packed(points: NDArray[Any], corners: NDArray[Any]) -> dict[str, str]:
 
 
 def arrow_of(vector: Sequence[float]) -> tuple[float, float, float] | None:
-    """Return the arrow [m] that shows a force [N], from its begin to its end; None if it is too small to be shown."""
+    """Return the arrow [m] that shows a force [N], from its start to its end; None if it is too small to be shown."""
     if not _shown(vector):
         return None
     size = math.hypot(*vector)

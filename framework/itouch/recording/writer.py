@@ -103,7 +103,7 @@ class McapWriter:
             )  # fmt: skip
 
     def time_of(self, tick: int) -> int:
-        """Return the time of a tick [ns since 1970]: the begin of the recording, and session time from there."""
+        """Return the time of a tick [ns since 1970]: the start of the recording, and session time from there."""
         return self.start_ns + max(0, round(tick * self.period * 1e9))
 
     def chunk(self, rows: Mapping[str, NDArray[Any]], letters: Sequence[tuple[str, int, bytes]]) -> None:

@@ -50,7 +50,7 @@ def take_priority(priority: int) -> Effort:
         os.sched_setscheduler(0, policy, os.sched_param(priority))
     except (OSError, AttributeError) as error:
         allowed = limit("RLIMIT_RTPRIO")
-        advice = f"this user may use real-time priority up to {allowed}; `itouch-py doctor` tells how to change that"
+        advice = f"this user may use real-time priority up to {allowed}; `itouch-py doctor` says how to change that"
         return Effort("real-time priority", False, f"not given ({getattr(error, 'strerror', error)}): {advice}")
     return Effort("real-time priority", True, f"SCHED_FIFO {priority}")
 

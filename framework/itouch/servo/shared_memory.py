@@ -140,7 +140,7 @@ class SharedMemory:
             self.handle = -1
 
 
-#: Before each State in the ring: sequence at begin and end, tick, host time, lateness and duration [ns], flags, sum.
+#: Before each State in the ring: sequence at start and end, tick, host time, lateness and duration [ns], flags, sum.
 SLOT_HEAD = 64
 _PAGE = 64
 

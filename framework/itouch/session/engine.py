@@ -315,7 +315,7 @@ class Session(Shown, Engine):
             self.recorder.note_state(reason)
 
     def mark(self, name: str, payload: Any = None) -> None:
-        """Note a mark, such as the begin of a trial, before the next tick: in State, and in the recording.
+        """Note a mark, such as the start of a trial, before the next tick: in State, and in the recording.
 
         Parameters
         ----------
@@ -461,7 +461,7 @@ class Session(Shown, Engine):
             listed = "\n".join(f"  {line}" for line in looser)
             raise SessionError(
                 f"the session would run under looser limits than it was stored with:\n{listed}\n"
-                "it was edited, or another version has other defaults; begin a new session from the scene"
+                "it was edited, or another version has other defaults; start a new session from the scene"
             )
         self._limits = stored
         return [f"limit of {line}" for line in (*looser, *tighter)]

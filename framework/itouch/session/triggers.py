@@ -65,7 +65,7 @@ class Triggers:
         return self._codes.get(name, 0)
 
     def of_contact(self, kind: str, name: str) -> int:
-        """Return the code of the begin or end of a contact with an object, or 0."""
+        """Return the code of the start or end of a contact with an object, or 0."""
         return self._contacts.get(f"{kind}{OF}{name}", self._contacts.get(kind, 0))
 
     def _hear(self, name: str, payload: Any) -> None:

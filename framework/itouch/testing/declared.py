@@ -196,7 +196,7 @@ def _misspelt(subject: DeviceSubject, name: str) -> None:
         return
     if wrong not in _problems(subject, {wrong: "1"}):
         raise _fail(
-            f"the misspelt parameter '{wrong}' is not told",
+            f"the misspelt parameter '{wrong}' is not reported",
             "Params takes anything",
             "declare each parameter as a schema field",
         )

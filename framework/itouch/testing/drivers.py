@@ -272,7 +272,7 @@ def safe_on_exception(subject: DeviceSubject) -> None:
             break
     if "told to fail" not in caught:
         raise _fail(
-            f"a failing read was told as '{caught or 'nothing'}'",
+            f"a failing read was reported as '{caught or 'nothing'}'",
             "the driver swallows errors",
             "let DeviceError through",
         )

@@ -133,7 +133,7 @@ def _arrived(emulator: Served, opened: Opened, name: str) -> float:
     )
 
 
-@check("unplug", "an unplugged device is told; close works")
+@check("unplug", "an unplugged device is reported; close works")
 def unplug(subject: DeviceSubject) -> str:
     """Hang up while the driver reads."""
     with emulated(subject) as (emulator, opened):
@@ -154,12 +154,12 @@ def _unplugged(opened: Opened) -> str:
                 time.sleep(1e-3)
                 continue
         except DeviceError:
-            return f"told after {1e3 * (time.perf_counter() - begin):.0f} ms"
+            return f"reported after {1e3 * (time.perf_counter() - begin):.0f} ms"
         _no_nan(opened)
         if time.perf_counter() - begin > 1.0:
             break
     if time.perf_counter() - begin >= 3.0:
-        return "told as silence: the watchdog stops it"
+        return "reported as silence: the watchdog stops it"
     raise _fail(
         "it goes on reading from a device that is gone",
         "errors of the wire are swallowed",

@@ -308,7 +308,7 @@ def _plain(what: str, told: Any) -> None:
             "return float(x), and None where there is nothing",
         ) from error
     if not isinstance(told, dict):
-        raise _fail(f"{what} returns {told!r}", "no dictionary", "return {} where there is nothing to tell")
+        raise _fail(f"{what} returns {told!r}", "no dictionary", "return {} where there is nothing to report")
 
 
 @check("order", "END comes after BEGIN, before the update")

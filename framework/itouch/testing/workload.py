@@ -151,7 +151,7 @@ class ModalityBout(Bout):
 
 
 def touch(engine: Engine) -> ContactEvent | None:
-    """Return the begin of a contact that could be, if anything can be touched."""
+    """Return the start of a contact that could be, if anything can be touched."""
     model = engine.model
     if not model.objects or not model.probes:
         return None

@@ -57,7 +57,7 @@ class RecordedPath:
         self.pieces = self._row[:]
 
     def lay(self, time: float) -> None:
-        """Lay the piece round a time [s]; before the begin and after the end the hand rests."""
+        """Lay the piece round a time [s]; before the start and after the end the hand rests."""
         at = min(max(time / self._step, 0.0), float(self._last))
         index = min(int(at), max(self._last - 1, 0))
         here, there = self._places[index], self._places[min(index + 1, self._last)]

@@ -21,7 +21,9 @@ def said(error: BaseException) -> str:
 
 def failure(what: str, method: str, error: BaseException, place: Place | None) -> Problem:
     """Return the problem that ``what``, such as "modality 'heat'", has failed in one of its methods."""
-    return Problem("plugin-failed", f"{what} failed in {method}: {said(error)}", place, "tell the plugin's author")
+    return Problem(
+        "plugin-failed", f"{what} failed in {method}: {said(error)}", place, "report it to the plugin's author"
+    )
 
 
 @contextmanager

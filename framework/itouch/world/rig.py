@@ -158,7 +158,7 @@ def _build(
                 f"device '{element.name}': plugin '{element.plugin}' has a channel '{channel.name}' of {channel.size} "
                 f"numbers; a {channel.role.value} has {SIZES[channel.role]}"
             )
-            problems.append(Problem("plugin-failed", sentence, place, "tell the plugin's author"))
+            problems.append(Problem("plugin-failed", sentence, place, "report it to the plugin's author"))
             return None
     if clash := _clash(reads):
         sentence = f"device '{element.name}': plugin '{element.plugin}' {clash}"
@@ -217,7 +217,7 @@ def _monitors(
     seen = watched(element.name, element.plugin, params, channels, limits, twin=bool(element.twin))
     kinds = catalog.monitors()
     for failure in catalog.monitor_failures:
-        advice = "remove the distribution, or tell its author"
+        advice = "remove the distribution, or report it to its author"
         severity = "warning" if element.twin else "error"
         problems.append(Problem("monitor-failed", str(failure), place, advice, severity=severity))
     with failing(f"device '{element.name}'", "its monitors", place):

@@ -54,7 +54,7 @@ def layout(model: Model) -> tuple[Field, ...]:
     """Return all fields of the State of a model, in order."""
     count = len(model.objects)
     fields: list[Field] = [
-        Field("tick", "i8", low=0, unit="tick", doc="ticks since the begin; a tick lasts 1 / `<rates servo>`"),
+        Field("tick", "i8", low=0, unit="tick", doc="ticks since the start; a tick lasts 1 / `<rates servo>`"),
         Field("seed", "u8", unit="1", doc="seed of all noise"),
         Field(
             "ready",
@@ -190,8 +190,8 @@ def _device(device: DeviceModel, framed: bool) -> list[Field]:
     name = device.name
     fields = [Field.of(channel, f"{name}.{channel.name}") for channel in device.reads]
     for channel in device.commands:
-        wanted = f"wanted: {channel.doc}" if channel.doc else ""
-        fields.append(Field.of(channel, f"{name}.command.{channel.name}", doc=wanted, show="no"))
+        requested = f"requested: {channel.doc}" if channel.doc else ""
+        fields.append(Field.of(channel, f"{name}.command.{channel.name}", doc=requested, show="no"))
     for channel in device.commands:
         sent = replace(Field.of(channel, f"{name}.sent.{channel.name}"), low=_FINITE[0], high=_FINITE[1])
         fields.append(sent)

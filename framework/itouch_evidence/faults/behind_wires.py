@@ -246,7 +246,7 @@ class Pair:
         return back and all(self._acts_safely(runner) for runner in self.world.runners)
 
     def _spent(self, since: float) -> float:
-        """Return how long [s] after the begin of the cell a host's time was."""
+        """Return how long [s] after the start of the cell a host's time was."""
         return since - self._began
 
     def _acts_safely(self, runner: Runner) -> bool:

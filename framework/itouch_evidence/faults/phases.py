@@ -15,7 +15,7 @@ from itouch.session import Session, build, load_scene
 
 #: The phases, in order.
 PHASES = ("closed-open", "idle", "approach", "contact", "release")
-#: How long before its begin a contact is approached, how long after it is settled, how long before its end [s].
+#: How long before its start a contact is approached, how long after it is settled, how long before its end [s].
 BEFORE, INTO, UNTIL = 0.25, 1.5, 0.15
 _STEP = 10
 
@@ -31,12 +31,12 @@ def prepared(
 
 
 def phases(session: Session) -> dict[str, bytes]:
-    """Run a session through its first contact, and return the State at the begin of each phase.
+    """Run a session through its first contact, and return the State at the start of each phase.
 
     Raises
     ------
     ValueError
-        If there is no contact from begin to end in the scene's script.
+        If there is no contact from start to end in the scene's script.
     """
     start = session.state.tobytes()
     stored: dict[int, bytes] = {}

@@ -33,7 +33,7 @@ LOOP = 10_000_000
 
 @dataclass(slots=True)
 class Rate:
-    """Sessions and the seconds between the first and the last of them; ``whole_s`` with begin and end."""
+    """Sessions and the seconds between the first and the last of them; ``whole_s`` with start and end."""
 
     sessions: float = 0.0
     seconds: float = 0.0
@@ -216,7 +216,7 @@ def shown(found: Measured) -> list[str]:
     """Return the lines of a measurement: each way, and each promise beside what was measured."""
     lines = [f"{found.scene}, {found.rounds} rounds, sessions a second (between the first row and the last):"]
     for name, rate in found.ways.items():
-        whole = f"; {rate.whole / rate.whole_s:.3f} with begin and end" if rate.whole_s > rate.seconds else ""
+        whole = f"; {rate.whole / rate.whole_s:.3f} with start and end" if rate.whole_s > rate.seconds else ""
         lines.append(f"  {name:<12} {rate.per_s:8.3f}   {rate.sessions:.0f} in {rate.seconds:.1f} s{whole}")
     lines.append(f"  gain of {found.cores} processes {found.gain:.2f}, of {found.cores} plain compute loops "
                  f"{found.plain:.2f}")  # fmt: skip

@@ -32,9 +32,9 @@ COMMANDS = {
     "bench": ("itouch_tools.cli.bench", "measure accuracy and speed"),
     "inspect": ("itouch_tools.cli.inspect", "say what a scene, a session or a recording holds"),
     "export": ("itouch_tools.cli.export", "write a session as XML, or a recording as tables"),
-    "new-plugin": ("itouch_tools.cli.new_plugin", "begin a plugin: a complete distribution with numbered steps"),
-    "new-scene": ("itouch_tools.cli.new_scene", "begin a scene, with completion in editors"),
-    "new-study": ("itouch_tools.cli.new_study", "begin a psychophysical study, with its scene"),
+    "new-plugin": ("itouch_tools.cli.new_plugin", "start a plugin: a complete distribution with numbered steps"),
+    "new-scene": ("itouch_tools.cli.new_scene", "start a scene, with completion in editors"),
+    "new-study": ("itouch_tools.cli.new_study", "start a psychophysical study, with its scene"),
     "schema": ("itouch_tools.cli.schema", "write the scene language as XML Schema, for editors"),
     "test-plugin": (
         "itouch_tools.cli.test_plugin",

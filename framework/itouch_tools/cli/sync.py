@@ -85,7 +85,7 @@ def _parse(argv: Sequence[str]) -> argparse.Namespace:
     add_json(parser)
     options = parser.parse_args(argv)
     if not 10 <= options.marks <= 100_000:
-        raise ItouchError(f"--marks {options.marks}: 10 to 100000 tell a distribution")
+        raise ItouchError(f"--marks {options.marks}: 10 to 100000 give a distribution")
     if options.limit is not None and not options.limit > 0.0:
         raise ItouchError("--limit is a time above 0, in ms")
     if bool(options.port) != options.loopback:

@@ -31,7 +31,7 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--to", metavar="ADDRESS",
                         help="with --rerun: a Rerun that runs, such as rerun+http://127.0.0.1:9876/proxy")  # fmt: skip
     parser.add_argument("--ros2", action="store_true",
-                        help="tell it as topics of ROS 2, by Zenoh and without ROS (extra [ros2])")  # fmt: skip
+                        help="publish it as topics of ROS 2, by Zenoh and without ROS (extra [ros2])")  # fmt: skip
     parser.add_argument("--router", metavar="HOST[:PORT]", help="with --ros2: a Zenoh router (default localhost:7447)")
     parser.add_argument("--domain", type=int, metavar="N", help="with --ros2: ROS_DOMAIN_ID (default: as set, or 0)")
     parser.add_argument("--rate", type=float, metavar="HZ", help="with --ros2: messages a second (default 100)")
@@ -87,9 +87,9 @@ def _check(options: argparse.Namespace) -> None:
     if not options.web and (options.port is not None or options.host or options.token is not None):
         raise ItouchError("--port, --host and --token say how browsers look; they go with --web")
     if not options.ros2 and (options.router or options.domain is not None or options.rate is not None):
-        raise ItouchError("--router, --domain and --rate say how ROS 2 is told; they go with --ros2")
+        raise ItouchError("--router, --domain and --rate say how to publish to ROS 2; they go with --ros2")
     if options.to and not options.rerun:
-        raise ItouchError("--to says which Rerun is told; it goes with --rerun")
+        raise ItouchError("--to says which Rerun viewer to send to; it goes with --rerun")
 
 
 def _web(options: argparse.Namespace) -> int:

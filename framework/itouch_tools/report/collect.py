@@ -104,7 +104,7 @@ def _recording(path: str, progress: Progress | None) -> Findings:
 
 
 class _Shown:
-    """Keeps the State to be pictured: of the first touch, half a second after its begin."""
+    """Keeps the State to be pictured: of the first touch, half a second after its start."""
 
     def __init__(self, model: Model) -> None:
         self.state: Record | None = None

@@ -82,7 +82,7 @@ class Sampler:
         self._seen += 1
 
     def curves(self, spans: list[tuple[float, float | None]]) -> Curves:
-        """Return what was sampled; ``spans`` are the begin and the end [s] (None: open) of each contact."""
+        """Return what was sampled; ``spans`` are the start and the end [s] (None: open) of each contact."""
         times, values = self._times[: self._count], self._values[: self._count]
         step = self._period * self._every
         rows = 1 + len(self._signals)

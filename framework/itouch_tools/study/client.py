@@ -79,7 +79,7 @@ class Touch:
     def set(self, **levels: Any) -> Told:
         """Set what is touched next: levels of factors, numbers of staircases; the others stay as they are.
 
-        The hand waits at the begin of its path after it.
+        The hand waits at the start of its path after it.
         """
         return self._ask("set", {"levels": levels})
 

@@ -115,7 +115,7 @@ class Practice:
 
     TAG: ClassVar[str] = "practice"
     trials: int = integer(low=1, high=1000, doc="how many")
-    feedback: bool = flag(default=True, doc="tell after each whether the answer was right")
+    feedback: bool = flag(default=True, doc="say after each trial whether the answer was right")
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,8 +152,8 @@ class Touching:
     TAG: ClassVar[str] = "contact"
     object_: str = text(doc="the object that is touched")
     duration: float = quantity("s", low=0.1, high=60.0, default=3.0, doc="shortest touch")
-    force: float | None = quantity("N", low=0.05, high=10.0, default=None, doc="wanted greatest force; default: any")
-    tolerance: float = quantity("N", low=0.01, high=10.0, default=0.3, doc="from the wanted force")
+    force: float | None = quantity("N", low=0.05, high=10.0, default=None, doc="desired greatest force; default: any")
+    tolerance: float = quantity("N", low=0.01, high=10.0, default=0.3, doc="from the desired force")
     flux_error: float = quantity("1", low=0.01, high=10.0, default=0.2, doc="largest rms error of the display")
     repeats: int = integer(low=0, high=100, default=3, doc="how often a void trial is tried again at most")
     skin_return: float = quantity("K", low=0.05, high=10.0, default=0.5, doc="how near the baseline the skin must be")

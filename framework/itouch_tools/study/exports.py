@@ -24,7 +24,7 @@ _DESCRIBED = {
     "task": "what was asked", "staircase": "adaptive procedure that the trial belongs to",
     "level": "level that the adaptive procedure asked for", "answer": "what was answered",
     "right": "1: right, 0: wrong", "reaction_s": "from the end of the contact to the answer",
-    "void": "why the trial does not count; n/a: it does", "begun_s": "begin of the trial on the servo's clock",
+    "void": "why the trial does not count; n/a: it does", "begun_s": "start of the trial on the servo's clock",
     "ended_s": "end of the trial on the servo's clock", "session": "session of the participant",
 }  # fmt: skip
 

@@ -25,7 +25,7 @@ DEPTH, STATIC, DYNAMIC = 0.2e-3, 0.72, 50.0
 
 @dataclass(frozen=True, slots=True)
 class Felt:
-    """What a finger felt in one interval, sampled at a fixed rate from the begin of the contact.
+    """What a finger felt in one interval, sampled at a fixed rate from the start of the contact.
 
     ``flux`` [W/m2] out of the finger, ``skin`` [K] at the surface and ``deep`` [K] at the receptors' depth, all of
     shape (samples,), ``period`` [s].

@@ -22,7 +22,7 @@ from itouch_tools.study.adaptive import Staircase
 from itouch_tools.study.elements import TASKS, UNCOUNTED, VERSION, Adaptive, Factor, Study
 from itouch_tools.study.plugin_tasks import TaskError, offered, task_names, task_of
 
-#: How far [m] the end of a scripted hand's way may be from its begin.
+#: How far [m] the end of a scripted hand's way may be from its start.
 CLOSED = 1e-3
 #: What a staircase has that says nothing of itself.
 USUAL = Staircase("quest", 0.0, 1.0, 0.5)
@@ -214,7 +214,7 @@ def _contradictions(file: StudyFile) -> Iterator[Problem]:
     for each in study.factors:
         taken = sorted(UNCOUNTED.intersection(each.names))
         if each.name == study.order.by and study.order.kind == "blocked" and taken:
-            sentence = f"a block can't be called '{taken[0]}': by that name is told which trials do not count"
+            sentence = f"a block can't be called '{taken[0]}': this name marks trials that do not count"
             yield Problem("bad-value", sentence, places.of(each, "levels"), "call the level otherwise")
     yield from _wrong_catch(file, levels)
     if study.factors and not file.conditions():

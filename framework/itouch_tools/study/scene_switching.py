@@ -104,7 +104,7 @@ class Room:
         return self._feeling
 
     def present(self, condition: Mapping[str, str]) -> Feeling:
-        """Put a condition's scene over the devices, the hand at the begin of its path, which waits.
+        """Put a condition's scene over the devices, the hand at the start of its path, which waits.
 
         A twin's hand that is still under way ends its path first: no arm can be at another place at once.  Hardware
         rests, a person who still touches is waited for, and then whoever holds the dead-man's switch.

@@ -181,7 +181,7 @@ class Store:
             raise StoreError(
                 f"'{self.folder}' holds the data of study '{there['name']}' as frozen {there['frozen']}, and this "
                 f"one differs; change the files back, note the deviation with --deviation WORDS in `study run`, or "
-                f"begin in another folder"
+                f"start in another folder"
             )
         self.deviate(f"{deviation} (study {there['digest'][:12]} became {digest})", frozen)
 

@@ -78,7 +78,7 @@ PLAYBACK_KEYS = {
     "Left, Right": "the tick before, the next tick; with Shift 0.1 s",
     "Up, Down": "play faster, slower",
     "Page up, down": "the contact, mark or fault before, the next one",
-    "Home, End": "the begin, the end",
+    "Home, End": "the start, the end",
     **{key: KEYS[key] for key in ("T", "G", "C", "D", "N", "L", "+ -", "1 2 3 4 5", "F")},
     "Time line": "click or drag: wind",
     **{key: KEYS[key] for key in ("Drag", "Wheel", "Click", "Point")},
@@ -116,7 +116,7 @@ def _felt(state: Record, probe: str) -> float:
 
 
 def _flux(model: Model, state: Record) -> list[str]:
-    """Return the heat flux that comes beside the one that is wanted, if a device and a modality say so."""
+    """Return the heat flux that the device obtains, and the desired one, if a device and a modality say so."""
     wanted = [
         name for name, field in declared(model).items()
         if field.unit == "W/m^2" and field.show.startswith("wish") and name in state
@@ -130,7 +130,7 @@ def _flux(model: Model, state: Record) -> list[str]:
         return []
     off = abs(flux - wish) > max(0.15 * abs(wish), 200.0)  # more than the sensor's noise
     short = f" ({100.0 * flux / wish:.0f} %)" if off and abs(wish) > 200.0 else ""
-    return [f"{flux:.0f} W/m2{short}, wanted {wish:.0f}"]
+    return [f"{flux:.0f} W/m2{short}; desired {wish:.0f}"]
 
 
 def status(model: Model, state: Record, now: Situation) -> Words:

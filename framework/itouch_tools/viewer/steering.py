@@ -28,7 +28,7 @@ _WORDS = {
 
 
 class Steering:
-    """Leads the first probe's finger; an arm that a person leads is led from the begin, others when M is pressed.
+    """Leads the first probe's finger; an arm that a person leads is led from the start, others when M is pressed.
 
     Every call returns what to say, if anything.
     """

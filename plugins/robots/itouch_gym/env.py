@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from itouch_gym.plant import EPISODE, MATERIALS, STEP, Plant
 
-#: What a trip costs, and the skin's temperatures at the begin [degC].
+#: What a trip costs, and the skin's temperatures at the start [degC].
 TRIPPED, SKIN = -10.0, (31.0, 34.0)
 
 

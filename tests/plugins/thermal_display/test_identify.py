@@ -272,7 +272,7 @@ def test_the_command_stores_a_participant_and_its_heat(raw, tmp_path, capsys):
              str(tmp_path / "p.xml"), "--profile"]  # fmt: skip
     assert estimate.main(words) == 0
     said = capsys.readouterr().out
-    assert "not told by the data" in said and "perfusion: " in said
+    assert "not determined by the data" in said and "perfusion: " in said
     stored = json.loads((tmp_path / "p.json").read_text())
     assert stored["who"] == "P07" and stored["touches"] == 3
     datetime.strptime(stored["when"], "%Y-%m-%d %H:%M:%S UTC").replace(tzinfo=UTC)  # a calibration has its date

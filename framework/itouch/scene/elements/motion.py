@@ -33,7 +33,7 @@ class ObjectMotion:
 
     TAG: ClassVar[str] = "motion"
     file: str = file(default="", doc="table of t x y z, or t x y z qw qx qy qz, in SI: .csv with a header, or .npy")
-    repeat: bool = flag(default=False, doc="whether it begins anew; it must end where it begins")
+    repeat: bool = flag(default=False, doc="whether it starts again; it must end where it starts")
     keys: tuple[Key, ...] = children(Key, doc="one after the other")
 
 

@@ -149,7 +149,7 @@ def _nobody_there(one: Watched) -> Iterator[Finding]:
             f"T1 {name}",
             NOT if bad else PASS,
             found,
-            "let it come to the room's temperature, and begin again" if bad else "",
+            "let it come to the room's temperature, and start again" if bad else "",
         )
 
 

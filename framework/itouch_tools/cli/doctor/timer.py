@@ -1,7 +1,8 @@
 """A loop that only waits for its next period: what this machine's timer gives by itself, for comparison.
 
 ``python -m itouch_tools.cli.doctor.timer RATE SECONDS WORK`` runs it in a process of the servo's priority and prints
-how many of its periods there were, and of how many the wake-up was so late that a tick of WORK seconds would have overrun.
+how many of its periods there were, and of how many the wake-up was so late that a tick of WORK seconds would have
+overrun.
 """
 
 from __future__ import annotations

@@ -14,9 +14,10 @@ _HEAD = """# Messages and their codes
 Generated from the program: the table of its codes, an input that gives each, and what it prints then.
 
 Every problem of a file has a code, a sentence, a place (`file:line:column`) and advice. All problems of a scene are
-told at once, nothing is started, and the exit code is 2. A *warning* is told too, but does not stop. A device that is
-stopped while it runs is a *fault*: its code is printed, stands in the report under `trip`, and is `fault.trip.label` of
-the `itouch.DeviceFaultError` that is raised; the exit code is 1. `itouch-py explain CODE` prints what stands here.
+reported at once, nothing is started, and the exit code is 2. A *warning* is reported too, but does not stop. A
+device that is stopped while it runs is a *fault*: its code is printed, stands in the report under `trip`, and is
+`fault.trip.label` of the `itouch.DeviceFaultError` that is raised; the exit code is 1. `itouch-py explain CODE` prints
+what stands here.
 """
 
 

@@ -103,7 +103,8 @@ def _conduct(model: Model) -> Iterator[Block]:
             "Forces go to zero and carried surfaces retract, in the same tick.",
             "A carried plate keeps its drive until the finger has left it (under 0.1 N) or 300 ms have passed: cut off "
             "under a finger it would take on the temperature of its heat sink.",
-            "Its drive is cut. It is verified by measurement that each device is safe, within 500 ms, and told if not.",
+            "Then its drive is cut. The supervisor verifies within 500 ms, by measurement, that each device is safe, "
+            "and reports one that is not.",
             "The trip latches. Only an operator's act re-arms, from where the devices stand, with a ramp of "
             f"{default.RAMP:g} s. A thermal dose that is used up is not given back in a session.",
         ),

@@ -24,9 +24,9 @@ Array = NDArray[np.float64]
 
 #: Rates up to this many per step are kept: faster ones are over within the step.
 REACH = 4.0
-#: Rows of the packed tissue: decay, port, weight of the flux at the begin and at the end of a step.
+#: Rows of the packed tissue: decay, port, weight of the flux at the start and at the end of a step.
 F_DECAY, F_PORT, F_BEGIN, F_END = range(4)
-#: Rows of the packed plate: the contact's flux at the begin and at the end of a step, half the film's heat, the film's
+#: Rows of the packed plate: the contact's flux at the start and at the end of a step, half the film's heat, the film's
 #: temperature, the plate's mean, air beside the contact, and what is under the finger more than in the plate's mean.
 P_DECAY, P_PORT, P_BACK, P_BEGIN, P_END, P_PUMP, P_HALF, P_SENSE, P_MEAN, P_SPILL, P_EXCESS, P_ROWS = range(12)
 
@@ -94,7 +94,7 @@ _cached_column = lru_cache(maxsize=32)(_column)
 
 
 def ramp_weights(rates: Array, period: float) -> tuple[Array, Array]:
-    """Return what a flux that is linear over a step leaves in modes, per unit at its begin and at its end [s].
+    """Return what a flux that is linear over a step leaves in modes, per unit at its start and at its end [s].
 
     ``rates`` (modes,) [1/s], ``period`` [s]; both results (modes,).
     """

@@ -15,7 +15,7 @@ from itouch_thermal.heat import FINGER, finger_side
 from itouch_thermal.laws import law_of, press_factor
 
 #: Numbers of ``memory``: time in the phase, whether it touches, touches begun, force wanted, last flux and face, what
-#: the lagging sensors show, and time since the begin.
+#: the lagging sensors show, and time since the start.
 TIME, TOUCHING, COUNT, WANTED, FLUX, FACE, FLUX_LAG, FILM_LAG, CLOCK, FORCE, MEMORY = range(11)
 #: Time constant with which the finger's force comes up [s].
 _RISE = 0.02

@@ -38,8 +38,8 @@ MEASURED: tuple[Measured, ...] = (
     ),
     Measured("peak_flux_W_m2", "W/m^2", "extreme of the obtained flux, of twins the true one: a sensor's curve lags",
              "peak flux", digits=0, show="page"),
-    Measured("skin_begin_degC", "degC", "skin temperature at the begin", "skin at begin", "skin degC"),
-    Measured("skin_drop_K", "K", "skin temperature at the begin minus its extreme, of the twin's finger", "skin drop",
+    Measured("skin_begin_degC", "degC", "skin temperature at the start", "skin at start", "skin degC"),
+    Measured("skin_drop_K", "K", "skin temperature at the start minus its extreme, of the twin's finger", "skin drop",
              "skin K", role=Role.SKIN_TEMPERATURE),
     Measured(
         "flux_error_rms", "1", "rms of the flux error from 0.1 s on, as a share of the desired flux",

@@ -6,7 +6,7 @@ The first row names the columns, ``t`` and ``j`` among them, each with a unit in
     0,2.1
     1,4.0
 
-Times count from the begin of the touch and ascend; fluxes are positive out of the finger.
+Times count from the start of the touch and ascend; fluxes are positive out of the finger.
 """
 
 from __future__ import annotations

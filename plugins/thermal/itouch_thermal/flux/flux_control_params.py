@@ -42,7 +42,8 @@ class FluxControlParams:
         "device", reads=(Role.CONTACT_FORCE,), default="", doc="what measures the force on the plate; default: who can"
     )
     equalise: bool = schema.flag(
-        default=False, doc="whether the plate is ready after the same time for every material, so that none is told"
+        default=False,
+        doc="whether the plate is ready after the same time for every material, so that the wait gives none away",
     )
     preset_time: float = schema.quantity(
         "s", low=0.0, high=60.0, default=0.0, doc="that time; 0: what the longest switch between two objects takes"

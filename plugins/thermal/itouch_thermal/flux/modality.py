@@ -54,7 +54,7 @@ class FluxControl(Modality):
             Field(
                 "desired",
                 unit="W/m^2",
-                doc="flux that is wanted: of `desired-from`, or of a recorded curve",
+                doc="desired flux: of `desired-from`, or of a recorded curve",
                 show="wish: heat flux out of the finger",
             ),
             Field(

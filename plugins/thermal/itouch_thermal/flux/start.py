@@ -99,7 +99,7 @@ class Trial:
         Parameters
         ----------
         finger
-            Coordinates of the finger at the begin, shape (n,).
+            Coordinates of the finger at the start, shape (n,).
         differs
             By how much the plant's parameters differ, as the observer counts them.
         """
@@ -163,7 +163,7 @@ def start_temperature(trial: Trial, finger: Array, touched: Touched, near: float
     Parameters
     ----------
     finger
-        Coordinates of the finger at the begin, shape (n,).
+        Coordinates of the finger at the start, shape (n,).
     touched
         What is to be rendered; shape (trial.needed,) each.
     near

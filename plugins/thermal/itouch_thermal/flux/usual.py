@@ -41,7 +41,7 @@ _NOTHING: Any = np.int64(0)
 _ONE: Any = np.int64(1)
 #: Time constant of a press [s] that is as doubtful as its scale is above 1; filter of its rate [s]; what is noise.
 PRESSING, PRESS_FILTER, STILL = 0.05, 0.02, 0.1
-#: Seconds after the begin from which the flux error counts, and the least flux [W/m2] it is relative to.
+#: Seconds after the start from which the flux error counts, and the least flux [W/m2] it is relative to.
 SCORED_FROM, FLOOR = 0.1, 50.0
 
 _resistance_at, _press_factor = kernel(resistance_at), kernel(press_factor)
@@ -208,7 +208,7 @@ def in_contact(scene: Any, heat: bool) -> bool:
 
 @kernel
 def scale_of(law: Any, force: float, expected: float, time: float, press: float) -> float:
-    """Return the contact resistance at a force [N], so long [s] after the begin, as a multiple of the expected."""
+    """Return the contact resistance at a force [N], so long [s] after the start, as a multiple of the expected."""
     found = _resistance_at(law, force) / expected * _press_factor(time, press)
     return float(min(SCALE[1], max(SCALE[0], found)))
 

@@ -57,7 +57,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--press", type=float, default=0.05, metavar="S", help="time in which the skin flattens (0.05)")
     parser.add_argument("--noise", type=float, default=20.0, metavar="W/M2", help="rms of one sample of the film (20)")
-    parser.add_argument("--profile", action="store_true", help="how flat the likelihood is where a value is not told")
+    parser.add_argument(
+        "--profile", action="store_true", help="how flat the likelihood is where the data do not determine a value"
+    )
     parser.add_argument("-o", "--output", metavar="FILE.json", help="write values and intervals")
     parser.add_argument("--heat", metavar="FILE.xml", help="write a <thermal:heat> of this finger, to be included")
     return parser
@@ -73,7 +75,7 @@ def table(problem: Problem, fit: Fit) -> str:
     for name, found in fit.found.items():
         unit = "degC" if UNITS[name] == "K" else problem.unit(name)
         words = [_shown(name, x).removesuffix(" degC") for x in (found.value, found.low, found.high)]
-        told = "" if found.told else f"  not told by the data: {100 * found.narrowed:.0f} % of what is assumed"
+        told = "" if found.told else f"  not determined by the data: {100 * found.narrowed:.0f} % of what is assumed"
         lines.append(f"{name:<12}{words[0]:>12}{words[1]:>14}{words[2]:>14}  {unit}{told}")
     return "\n".join(lines)
 

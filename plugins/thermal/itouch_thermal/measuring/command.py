@@ -48,7 +48,9 @@ def _arguments(touch: argparse.ArgumentParser) -> None:
     touch.add_argument("--force", default="1 N", metavar="1N", help="force of a touch (default 1 N)")
     touch.add_argument("--tolerance", default="15 %", metavar="PART", help="part by which it may be off (15 %%)")
     touch.add_argument("--duration", default="4 s", metavar="4s", help="how long a touch must last (default 4 s)")
-    touch.add_argument("--repeat", type=int, default=8, metavar="N", help="good touches that are wanted (default 8)")
+    touch.add_argument(
+        "--repeat", type=int, default=8, metavar="N", help="how many good touches to measure (default 8)"
+    )
     touch.add_argument("--for", dest="longest", metavar="10min", help="longest time; default: the scripted motion")
     touch.add_argument("--every", default="10 ms", metavar="10ms", help="time between rows (default 10 ms)")
     touch.add_argument("--lag", metavar="50ms", help="time constant of the film; default: as the scene has it")
@@ -181,7 +183,7 @@ def curve_text(
         f"what: {options.what or 'not said'}", f"who: {options.who or 'not said'}",
         f"when: {datetime.now(UTC):%Y-%m-%d %H:%M:%S} UTC", f"scene: {options.scene}",
         f"touches: {len(good)} averaged, {len(bad)} left out", *bad,
-        f"force: {np.mean([touch.pressed for touch in good]):.3f} N, wanted {wanted.force:g} N",
+        f"force: {np.mean([touch.pressed for touch in good]):.3f} N, desired {wanted.force:g} N",
         f"skin before: {np.mean(skin):.2f} degC ({np.min(skin):.2f} to {np.max(skin):.2f})",
         f"room, {by}: {np.mean([_room(touch, found) for touch in good]) - 273.15:.2f} degC",
         f"film: lag {sensors.lag:g} s, its thermometer {sensors.film_lag:g} s, {sensors.capacity:g} J/m2K; "

@@ -51,7 +51,7 @@ def output_times(last: float, every: float = 0.01) -> Array:
 
 
 def correct(touch: Touched, sensors: Sensors, times: Array) -> Corrected:
-    """Return what left the finger at times [s] since the begin of the touch.
+    """Return what left the finger at times [s] since the start of the touch.
 
     ``times`` (rows,); see `Corrected` for what is returned.
     """

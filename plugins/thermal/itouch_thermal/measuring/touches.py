@@ -34,7 +34,7 @@ class Record:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Touched:
-    """One touch at times from its begin on; flux without what was read at rest.
+    """One touch at times from its start on; flux without what was read at rest.
 
     ``times`` [s], ``flux`` [W/m2], ``film`` [K], ``force`` [N]; ``begin`` [s] in the record, ``skin`` and ``rest`` [K]
     are skin and film before it (NaN: not read), ``offset`` [W/m2] what the film read at rest, ``slope`` [K/s] by how
@@ -59,7 +59,7 @@ class Touched:
 
 
 def pressed(times: Array, force: Array) -> float:
-    """Return the mean force [N] of a touch once it is up; times [s] from its begin on.
+    """Return the mean force [N] of a touch once it is up; times [s] from its start on.
 
     ``times`` and ``force`` [N] of shape (n,).
     """

@@ -121,7 +121,7 @@ def figure3(work: Work) -> Figure:
         sensed = work.free(offset).sensed
         lines.append(Line(f"{offset:+d} K", times(sensed), sensed, shades[k], DASHES[k % len(DASHES)]))
     told = (
-        "The paper's temperatures are not told in its text: ours go from the coldest plate that is allowed, 15 °C.",
+        "The paper's text does not state its temperatures: ours go from the coldest plate that is allowed, 15 °C.",
         "The current is cut when the finger touches; the sensor is read with its lag and noise.",
     )
     panel = Panel("Start temperatures relative to the room", tuple(lines))
@@ -168,7 +168,7 @@ def tracking(number: int, name: str) -> Callable[[Work], Figure]:
             f"on the module reads; start by eq. 3 at {start:.2f} °C, then PI.",
             f"The true flux begins at {run.flux[19] / real.flux[19]:.2f} of the real one (at 20 ms): eq. 3 "
             f"knows no contact resistance, ours is {work.setup.resistance:g} K m²/W.",
-            "The paper's gains are not told: ours are the best pair of `itouch-py bench display --grid`; plate and "
+            "The paper does not state its gains: ours are the best pair of `itouch-py bench display --grid`; plate and "
             "module keep the limits of our safety.",
             "Below, which is ours: desired is the bare object's flux without a film, obtained the true flux.",
         )
@@ -253,8 +253,8 @@ FIGURES: dict[int, Callable[[Work], Figure]] = {
     8: _drawn(
         8,
         "The contact system that is modelled.",
-        "Our finger has dermis and subcutis with blood below the paper's epidermis; the paper tells only the "
-        "epidermis' values.",
+        "Our finger has dermis and subcutis with blood below the paper's epidermis; the paper states those of "
+        "the epidermis only.",
     ),
     9: figure9,
     10: _drawn(

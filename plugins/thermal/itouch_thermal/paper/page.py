@@ -23,26 +23,26 @@ INTRODUCTION = (
 
 #: What the paper had, as far as it says, and what stands for it here.
 DIFFERENCES: tuple[tuple[str, str, str], ...] = (
-    ("finger", "people's; epidermis 0.7 mm, blood; nothing else told", "three layers: epidermis 0.7 mm, dermis 1.5 mm, "
-     "subcutis 4.4 mm; blood 5 kW/m³K below the epidermis; core 37 °C"),
-    ("skin, room", "not told", "33 °C, 23 °C"),
-    ("samples", "aluminium, pyrex, wood, polystyrene; sizes not told", "20 mm of each, air behind"),
+    ("finger", "people's; epidermis 0.7 mm, blood; nothing else stated", "three layers: epidermis 0.7 mm, "
+     "dermis 1.5 mm, subcutis 4.4 mm; blood 5 kW/m³K below the epidermis; core 37 °C"),
+    ("skin, room", "not stated", "33 °C, 23 °C"),
+    ("samples", "aluminium, pyrex, wood, polystyrene; sizes not stated", "20 mm of each, air behind"),
     ("wood", "ρ 2720, c 415: swapped", "ρ 415, c 2720; only their product matters"),
     ("flux film", "15e-6 K m²/W; k 2.5, c 385, ρ 8933", "the same, so 37.5 µm thick"),
-    ("sensor's dynamics", "not told", "first order, 50 ms; 20 W/m² rms of noise on the module, none on the samples"),
-    ("contact resistance", "R_th, not told", "0.002 K m²/W; 1e-4 where a row says so"),
-    ("pressure", "the same for all, by an FSR below the sample; not told", "R falls to its value with a time constant "
-     "of 50 ms, in figure 11 at once"),
-    ("contact area", "a fingertip, size not told", f"on the samples one dimension; on the module "
+    ("sensor's dynamics", "not stated", "first order, 50 ms; 20 W/m² rms of noise on the module, none on the samples"),
+    ("contact resistance", "R_th, not stated", "0.002 K m²/W; 1e-4 where a row says so"),
+    ("pressure", "the same for all, by an FSR below the sample; not stated", "R falls to its value with a time "
+     "constant of 50 ms, in figure 11 at once"),
+    ("contact area", "a fingertip, size not stated", f"on the samples one dimension; on the module "
      f"{1e4 * _MODULE.contact_area:g} cm² at 1 N of its {1e4 * _MODULE.area:g} cm², heat spreads beside it"),
-    ("flux film's area", "not told", f"{1e4 * _MODULE.sensor_area:g} cm² in the middle under the finger"),
+    ("flux film's area", "not stated", f"{1e4 * _MODULE.sensor_area:g} cm² in the middle under the finger"),
     ("module", "Peltier module with ceramic, not named", "40 mm, 127 couples, 6.4 A, 0.8 mm alumina, sink 0.5 K/W"),
-    ("current", "custom card, not told", "16 bit over both signs, 20 ms from command to current"),
+    ("current", "custom card, not stated", "16 bit over both signs, 20 ms from command to current"),
     ("β_p of eq. 3", "of the module", "of its ceramic, 9502 W s½/m²K; the film above it is left out, as in the paper"),
-    ("loop", "closed loop, gains and rate not told", "PI, 40 and 800 1/s, 1 kHz; the integral begins at the flux "
+    ("loop", "closed loop, gains and rate not stated", "PI, 40 and 800 1/s, 1 kHz; the integral begins at the flux "
         "before"),
-    ("limits", "not told", "plate 15 to 40 °C and 10 K/s, 35 kW/m²"),
-    ("length of a touch", "not told in the text", "10 s; `--seconds 4` shows 4 s"),
+    ("limits", "not stated", "plate 15 to 40 °C and 10 K/s, 35 kW/m²"),
+    ("length of a touch", "not stated in the text", "10 s; `--seconds 4` shows 4 s"),
     ("problem 1 with R", "constant flux, eq. 9", "two half-spaces joined by R: exact for longer"),
     ("eq. 10", "without T₁", "with T₁"),
     ("arm", "Phantom Omni", "Novint Falcon's twin; `openhaptics` drives an Omni"),

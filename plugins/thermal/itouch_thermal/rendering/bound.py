@@ -1,4 +1,4 @@
-"""The clairvoyant bound: the best start temperature and pump for a contact that is known from begin to end."""
+"""The clairvoyant bound: the best start temperature and pump for a contact that is known from start to end."""
 
 from __future__ import annotations
 

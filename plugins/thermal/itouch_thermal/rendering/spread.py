@@ -39,7 +39,7 @@ _CELLS, _THICK, _TISSUE = ((1e-4, 2), (1e-3, 6)), (18, 1.4), (26, 1.28)
 class Touched:
     """A touch whose heat spreads: area [m2] and resistance [K m2/W] of the contact, the display and its layers.
 
-    ``air`` [W/m2K] is the film through which skin gives heat to a room that is as warm as the plate at the begin.
+    ``air`` [W/m2K] is the film through which skin gives heat to a room that is as warm as the plate at the start.
     ``along_plate`` and ``along_finger`` are factors on what is conducted sideways: 1 as it is, 0 not at all.
     """
 
@@ -67,7 +67,7 @@ def one_dimensional(touched: Touched) -> Touched:
 
 
 def flux(touched: Touched, times: Array) -> Array:
-    """Return the mean flux through the contact [W/m2] per kelvin that skin and plate differ at the begin.
+    """Return the mean flux through the contact [W/m2] per kelvin that skin and plate differ at the start.
 
     Parameters
     ----------
@@ -169,7 +169,7 @@ def _tissue() -> list[tuple[Layer, float]]:
 
 
 def _system(touched: Touched, grid: _Grid) -> tuple[Array, Array, Array, float]:
-    """Return matrix [1/s] and source [K/s] of the cells, and the contact's mean flux: what makes it, and at the begin.
+    """Return matrix [1/s] and source [K/s] of the cells, and the contact's mean flux: what makes it, and at the start.
 
     Cells are those of the plate ring by ring from the face down, then those of the finger from the skin in.
     """
