@@ -48,13 +48,13 @@ def _pages() -> dict[str, Callable[[], str]]:
 
 def _scene() -> str:
     from itouch.plugin.discovery import Catalog
-    from itouch.scene.grammar import reference
+    from itouch_tools.authoring.grammar import reference
 
     return reference(Catalog())
 
 
 def _sweeps() -> str:
-    from itouch.scene.grammar import elements_of
+    from itouch_tools.authoring.grammar import elements_of
     from itouch_tools.sweeps.elements import Sweep
 
     head = "# Elements of sweeps\n\nGenerated from the classes that read the files, as are those of scenes.\n"

@@ -58,6 +58,8 @@ ROOMS: dict[str, tuple[str, tuple[str, ...]]] = {
         "scene", "exchange", "loop", "recording", "session", "arms", "dynamics", "world",
     )},
     **{name: (f"framework/itouch_tools/{name}", (name,)) for name in ("report", "sound", "study")},
+    "export": ("framework/itouch_tools/export", ("recording",)),
+    "authoring": ("framework/itouch_tools/authoring", ("scene",)),
     "schema": ("framework/itouch/schema", ("schema", "scene")),
     "faults": ("framework/itouch/faults", ("safety/test_faults.py",)),
     "servo": ("framework/itouch/servo", ("servo/test_memory.py", "servo/test_watchdogs.py", "servo/test_launch.py")),

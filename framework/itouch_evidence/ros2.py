@@ -108,7 +108,7 @@ def listening(port: int = 0) -> Iterator[tuple[int, dict[str, Line]]]:
     """Yield the port of a router on this machine, a free one if none is named, and what comes on each topic."""
     import zenoh
 
-    from itouch.recording.rosmessages import store
+    from itouch_tools.export.ros_messages import store
 
     types, lines, lock = store(), dict[str, Line](), threading.Lock()
 

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 from itouch.plugin import Device
 from itouch.plugin.discovery import Catalog
-from itouch.plugin.renamed import RenamedCatalog
 from itouch.scene import loads
 from itouch.session import Session, build
+from itouch_evidence.renamed import RenamedCatalog
 
 OURS = ("arm", "table", "peltier", "thermal")
 QUIET = 'flux-noise="0 W/m^2" plate-noise="0 K" sink-noise="0 K" skin-noise="0 K"'

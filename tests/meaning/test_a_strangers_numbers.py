@@ -15,9 +15,9 @@ import pytest
 import itouch
 from itouch.plugin import Channel, Device, Field, Role, Twin, discovery
 from itouch.recording import read
-from itouch.recording.bids import export_bids
-from itouch.recording.tables import export_csv, export_parquet
 from itouch.world import undeclared
+from itouch_tools.export.bids import export_bids
+from itouch_tools.export.tables import export_csv, export_parquet
 from itouch_tools.report.collect import collect
 from itouch_tools.report.page import page
 from itouch_tools.viewer import overlay

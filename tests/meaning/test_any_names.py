@@ -9,8 +9,8 @@ import pytest
 from renamed import OURS, QUIET, Alias, commanded, scene
 
 from itouch.plugin.device import TwinInputs
-from itouch.plugin.renamed import RenamedCatalog
 from itouch.testing.harness import DeviceSubject
+from itouch_evidence.renamed import RenamedCatalog
 
 STRANGE = ("qua", "wob", "zig", "fulmar")
 KINDS = {

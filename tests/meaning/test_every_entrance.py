@@ -17,10 +17,10 @@ from hypothesis import strategies as st
 from renamed import OURS, scene
 
 from itouch.plugin.discovery import Catalog
-from itouch.plugin.renamed import Words, renamed_device, renamed_modality
 from itouch.recording import read
 from itouch.session import load_scene
 from itouch.world import compile_scene
+from itouch_evidence.renamed import Words, renamed_device, renamed_modality
 from itouch_tools.cli import main
 from itouch_tools.viewer.signals import charts
 

@@ -13,8 +13,8 @@ from mcap.reader import make_reader
 from shipped import SCENES
 
 import itouch
-from itouch.recording import foxglove
 from itouch_tools.cli import main
+from itouch_tools.export import foxglove
 
 
 @pytest.fixture(scope="module")

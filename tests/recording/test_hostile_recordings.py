@@ -15,10 +15,10 @@ from campaign import size, tell
 from made import written
 
 import itouch
-from itouch.recording.bids import export_bids
 from itouch.recording.reader import parse
-from itouch.recording.tables import export_csv
 from itouch.recording.writer import MAGIC
+from itouch_tools.export.bids import export_bids
+from itouch_tools.export.tables import export_csv
 
 DATA, ENDS, _ = written(chunks=6)
 

@@ -20,9 +20,9 @@ from shipped import SCENES
 
 import itouch
 from itouch.recording import RecordingError, read
-from itouch.recording.rerun import messages
 from itouch.recording.wellknown import MESSAGES, decode, descriptor, encode
 from itouch.session.outputs import Outputs, open_outputs
+from itouch_tools.export.rerun_viewer import messages
 
 EVERY = 33
 WHOLE = st.integers(0, 2**31 - 1)
@@ -166,7 +166,7 @@ class Spy:
 @pytest.mark.long
 def test_rerun_has_it_all_where_it_is(session: Any, tmp_path: Path) -> None:
     """Through Rerun's own package and its command: what is there, and each place to 1e-6 m."""
-    from itouch.recording import rerun as ours
+    from itouch_tools.export import rerun_viewer as ours
 
     engine, states, path = session
     target = tmp_path / "a.rrd"

@@ -7,9 +7,9 @@ import pytest
 
 import itouch
 from itouch.plugin.discovery import Catalog
-from itouch.plugin.renamed import RenamedCatalog
 from itouch.scene import loads
 from itouch.session import Session, build
+from itouch_evidence.renamed import RenamedCatalog
 
 SCENE = """<itouch version="1.0" xmlns:xyz-table="urn:itouch:plugin:xyz-table">
   <materials><material name="steel"><contact stiffness="2 N/mm" damping="2 N*s/m" static-friction="0.4"/></material></materials>

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from shipped import SCENES
 
 from itouch.plugin.discovery import Catalog
-from itouch.scene.fixes import mended
 from itouch.scene.loader import read_scene
 from itouch.schema import Problem
 from itouch.schema.diagnostics import meant
+from itouch_tools.authoring.fixes import mended
 from itouch_tools.cli import main
 from itouch_tools.cli.fixing import fixed
 from itouch_tools.cli.fixing import show_and_write as put

@@ -9,8 +9,8 @@ from lxml import etree
 from shipped import SCENE_FILES, SCENES
 
 from itouch.plugin.discovery import Catalog
-from itouch.scene.xsd import schemas
 from itouch.schema.fields import specs
+from itouch_tools.authoring.xsd import schemas
 from itouch_tools.cli import main
 
 SHIPPED = SCENE_FILES

@@ -84,7 +84,7 @@ def test_the_schema_takes_shipped_sweeps_and_refuses_mistakes(tmp_path: Path) ->
 
 
 def test_every_attribute_is_in_the_reference() -> None:
-    from itouch.scene.grammar import elements_of
+    from itouch_tools.authoring.grammar import elements_of
 
     text = elements_of(Sweep, "the outermost element")
     for word in ("half-width", "patience", "## `<over>`", "## `<call>`", "at-least", "Latin hypercube"):

@@ -10,10 +10,10 @@ from dataclasses import fields
 from pathlib import Path
 
 from itouch.plugin.discovery import Catalog
-from itouch.plugin.renamed import RenamedCatalog, Words
 from itouch_evidence.faults.matrix import KINDS, Cell, pairs, run_cell, single
 from itouch_evidence.faults.phases import PHASES, phases, prepared
 from itouch_evidence.faults.random_rigs import campaign
+from itouch_evidence.renamed import RenamedCatalog, Words
 
 __all__ = ["KINDS", "PHASES", "Cell", "differing", "main", "pairs", "phases", "prepared", "run_cell", "single"]
 

@@ -13,9 +13,9 @@ from itouch.schema.terminal import MANNER, did
 from itouch_tools.cli.arguments import Parser, add_json, as_json, output_file
 
 if TYPE_CHECKING:
-    from itouch.scene.fixes import Edit
     from itouch.schema import Problem
     from itouch.world import Model
+    from itouch_tools.authoring.fixes import Edit
 
 
 def main(argv: Sequence[str]) -> int:
@@ -66,7 +66,7 @@ def examined(path: str, rig: str | None, twin: str | None) -> tuple[Model | None
     from itouch.session import choose_twins
     from itouch.session.channel_selection import recording_notes, recording_problems
     from itouch.world import compile_scene, further
-    from itouch.world.lint import odd
+    from itouch_tools.authoring.lint import odd
 
     catalog = Catalog()
     scene, problems = read_scene(path, catalog, rig=rig)
@@ -158,7 +158,7 @@ def _edits(
     """Return what --fix would do about each problem that it would mend."""
     from pathlib import Path
 
-    from itouch.scene.fixes import edits
+    from itouch_tools.authoring.fixes import edits
     from itouch_tools.cli.fixing import fixed
 
     found: dict[Problem, list[Edit]] = {}

@@ -104,7 +104,7 @@ def _session(options: argparse.Namespace) -> list[str]:
 
 def _tell_left_out(recording: Recording, options: argparse.Namespace) -> None:
     """Say which channels are not in a table of one file, and how one gets them."""
-    from itouch.recording.tables import left_out
+    from itouch_tools.export.tables import left_out
 
     for option, ending in (("csv", ".csv"), ("parquet", ".parquet")):
         target = getattr(options, option)
@@ -117,8 +117,8 @@ def _tell_left_out(recording: Recording, options: argparse.Namespace) -> None:
 
 def _recording(options: argparse.Namespace) -> list[str]:
     from itouch.recording import read
-    from itouch.recording.bids import export_bids
-    from itouch.recording.tables import export_csv, export_parquet
+    from itouch_tools.export.bids import export_bids
+    from itouch_tools.export.tables import export_csv, export_parquet
 
     if options.xml or options.itouch:
         raise ItouchError(f"'{options.file}' is not a session; --xml writes one (.itouch) as XML")
@@ -143,15 +143,15 @@ def _recording(options: argparse.Namespace) -> list[str]:
         named = {"subject": options.subject, "task": options.task}
         written += export_bids(recording, options.bids, authors=options.author, **named)
     if options.layout:
-        from itouch.recording.foxglove import export_layout
+        from itouch_tools.export.foxglove import export_layout
 
         written += export_layout(recording, options.layout)
     if options.rrd:
-        from itouch.recording.rerun import export_rrd
+        from itouch_tools.export.rerun_viewer import export_rrd
 
         written += export_rrd(recording, options.rrd)
     if options.rosbag:
-        from itouch.recording.rosbag import export_rosbag
+        from itouch_tools.export.rosbag import export_rosbag
 
         written += export_rosbag(recording, options.rosbag)
     return written

@@ -12,9 +12,9 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from itouch.scene.fixes import mended
 from itouch.schema import ItouchError
 from itouch.schema.diagnostics import Problem
+from itouch_tools.authoring.fixes import mended
 
 #: So many times a text is mended and looked at again: what is inside a misspelt element is seen only then.
 _ROUNDS = 10

@@ -78,7 +78,7 @@ def recording_facts(path: str) -> Facts:
         If it can't be read.
     """
     from itouch.recording import read
-    from itouch.recording.contacts import contacts_of
+    from itouch_tools.export.contacts import contacts_of
 
     found = read(path)
     manifest = found.session.get("manifest", {})

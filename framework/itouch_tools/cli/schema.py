@@ -29,7 +29,7 @@ def write_schemas(folder: str) -> list[str]:
         If they can't be written.
     """
     from itouch.plugin.discovery import Catalog
-    from itouch.scene.xsd import schemas, standalone
+    from itouch_tools.authoring.xsd import schemas, standalone
     from itouch_tools.sweeps.elements import Sweep
 
     written = []

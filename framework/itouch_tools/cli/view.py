@@ -135,9 +135,9 @@ def _free(host: str) -> int:
 def _rerun(file: str) -> int:
     """Show a recording in Rerun's window until that is closed."""
     from itouch.recording import read
-    from itouch.recording.rerun import export_rrd
     from itouch.schema.extras import need
     from itouch.schema.wait_notices import waiting
+    from itouch_tools.export.rerun_viewer import export_rrd
     from itouch_tools.viewer.offscreen import has_display
 
     need("rerun", "--rerun")

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from itouch.scene.fixes import Edit
 from itouch.schema.codes import CODES
 from itouch.schema.diagnostics import Place, Problem
+from itouch_tools.authoring.fixes import Edit
 
 _LEVELS = {"error": "error", "warning": "warning", "note": "note"}
 

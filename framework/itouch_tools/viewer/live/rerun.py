@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from itouch.plugin import Record
 from itouch.plugin.discovery import Catalog
-from itouch.recording.rerun import Scene, blueprint, curves, happened
 from itouch.recording.tracks import Track
 from itouch.recording.views import TOPICS, Drawing
 from itouch.recording.wellknown import decode
@@ -21,6 +20,7 @@ from itouch.servo import Link
 from itouch.session.row_layout import replay_tracks
 from itouch.session.viewer_geometry import view_of
 from itouch.world import Model
+from itouch_tools.export.rerun_viewer import Scene, blueprint, curves, happened
 from itouch_tools.viewer.live.published_states import Moment, Moments, News
 
 #: Rows a second of the curves; the scene is told as often as in recordings. How long [s] of rows are sent together.

@@ -17,7 +17,6 @@ import numpy as np
 
 from itouch.plugin import Record
 from itouch.plugin.discovery import Catalog
-from itouch.recording.rosmessages import FRAMES, TEXT, Messages, store, topic_of, type_of
 from itouch.recording.tracks import Column
 from itouch.recording.views import WORLD, Drawing
 from itouch.schema import ItouchError
@@ -25,6 +24,7 @@ from itouch.servo import Link
 from itouch.session.row_layout import replay_tracks
 from itouch.session.viewer_geometry import view_of
 from itouch.world import Model
+from itouch_tools.export.ros_messages import FRAMES, TEXT, Messages, store, topic_of, type_of
 from itouch_tools.viewer.live.published_states import Moment, Moments, News
 
 #: How often a second each topic is told if nothing else is asked for.

@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from itouch.plugin import poses
 from itouch.recording.errors import RecordingError
 from itouch.recording.recording import Recording
-from itouch.recording.tables import columns_in
 from itouch.recording.tracks import Track
 from itouch.recording.views import TOPICS, WORLD
 from itouch.recording.wellknown import decode
+from itouch_tools.export.tables import columns_in
 
 #: The axis of time, and how many panels of curves there are.
 TIME, PANELS = "time", 6

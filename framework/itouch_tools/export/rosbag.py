@@ -17,10 +17,10 @@ from typing import Any, Final
 import numpy as np
 
 from itouch.recording.recording import Recording
-from itouch.recording.rerun import messages
-from itouch.recording.rosmessages import FRAMES, TEXT, Messages, store, topic_of, type_of
 from itouch.recording.tracks import Column, Track
 from itouch.recording.views import WORLD
+from itouch_tools.export.rerun_viewer import messages
+from itouch_tools.export.ros_messages import FRAMES, TEXT, Messages, store, topic_of, type_of
 
 #: Of the format: that of ROS 2 since Iron; Humble reads 8.
 _VERSION: Final = 9

@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import Any
 
 from itouch.plugin import Role
-from itouch.recording.contacts import contacts_of
 from itouch.recording.recording import Recording
-from itouch.recording.tables import columns_of, lines, meanings_of, safe_name
 from itouch.recording.tracks import Column, Track
+from itouch_tools.export.contacts import contacts_of
+from itouch_tools.export.tables import columns_of, lines, meanings_of, safe_name
 
 #: Of the specification, and of the tags of events that it knows, of which none is used.
 VERSION, HED = "1.10.0", "8.3.0"

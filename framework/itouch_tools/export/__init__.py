@@ -1,0 +1,1 @@
+"""Recordings for other programs: tables, BIDS folders, bags of ROS 2, Rerun and Foxglove."""
