@@ -23,7 +23,7 @@ from shipped import SCENES
 
 import itouch_tools.cli
 from itouch.schema.terminal import MANNER
-from itouch_tools.cli.common_options import taken
+from itouch_tools.cli.command_options import taken
 from itouch_tools.report.screen import fitted
 
 FIRST = str(SCENES / "first_touch.xml")

@@ -68,15 +68,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if argv is None else argv)
     from itouch.schema.diagnostics import ItouchError
     from itouch.schema.terminal import escaped
-    from itouch_tools.cli import common_options
+    from itouch_tools.cli import command_options
 
     _need_streams()
     try:
-        words, common = common_options.taken(words)
+        words, common = command_options.taken(words)
     except ItouchError as error:
         print(error, file=sys.stderr)
         return 2
-    with common_options.speaking(common), escaped():
+    with command_options.speaking(common), escaped():
         return _guarded(words)
 
 
@@ -158,7 +158,7 @@ def _dispatch(words: list[str]) -> int:
 def _help(words: list[str]) -> int:
     if len(words) > 1 and not words[1].startswith("-"):  # `itouch-py help check`
         return _dispatch([words[1], "--help"])
-    from itouch_tools.cli.common_options import HELP
+    from itouch_tools.cli.command_options import HELP
 
     print(_USAGE.format(commands=_listed(), common=HELP))
     return 0 if words else 2

@@ -9,7 +9,7 @@ import tempfile
 from typing import Any
 
 from itouch.schema.quantities import QuantityError, parse_quantity
-from itouch_tools.cli.common_options import HELP
+from itouch_tools.cli.command_options import HELP
 
 
 class Parser(argparse.ArgumentParser):
