@@ -106,7 +106,7 @@ def test_devices_with_odd_periods_of_their_own_let_go_of_the_finger(
     table: int, display: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Table and display are exchanged with at periods [ms] that have nothing in common."""
-    monkeypatch.setattr(wired, "_SURFACE_TICKS", table)
+    monkeypatch.setattr(behind_wires, "_SURFACE_TICKS", table)
     pair = Pair(SCENES / "four_materials.xml", display, threads=False, slots=2)
     state = stored(pair)["contact"]
     lies = LIES if campaign.FULL else (Kind.NAN, Kind.GARBAGE)
