@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
-from itouch_evidence.faults.wired import Pair, stored
 from shipped import SCENES
 
 from itouch.faults import Kind
 from itouch.loop import DeviceFaultError
+from itouch_evidence.faults.behind_wires import Pair, stored
 
 
 @pytest.fixture(scope="module")

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from itouch.loop.fence import Fence
 from test_failing_plugins import Hum, engine
 
 import itouch
+from itouch.loop.write_access import Fence
 from itouch.plugin import Field, Record
 from itouch.plugin.write_protection import WriteProtectedRecord
 

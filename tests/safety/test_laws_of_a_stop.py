@@ -8,13 +8,13 @@ from pathlib import Path
 
 import campaign
 import pytest
-from itouch.plugin.renamed import RenamedCatalog
-from itouch_evidence.faults.wired import Pair, run, stored
 from shipped import SCENES
 
 from itouch.faults import Kind
 from itouch_evidence.faults import differing, wired
+from itouch_evidence.faults.behind_wires import Pair, run, stored
 from itouch_evidence.faults.matrix import DELAY, Cell
+from itouch_evidence.renamed import RenamedCatalog
 
 SCENE = SCENES / "four_materials.xml"
 #: How a table lies about its place from one reading to the next, whatever it was before.

@@ -159,7 +159,7 @@ import contextlib, json, sys, time
 from pathlib import Path
 from itouch import EngineError
 from itouch.plugin import DeviceError
-from itouch_evidence.faults.wired import Pair
+from itouch_evidence.faults.behind_wires import Pair
 
 scene, *stops = sys.argv[1:]
 for stop in stops:

@@ -138,7 +138,7 @@ class Hand:
     def bound(self, moving: NDArray[np.int64], stage: NDArray[np.int64], done: int) -> Bound | None:
         """Return the usual way along the path as one compiled call, which asks for ``advance`` if it is another.
 
-        ``moving`` (1,), 0 or 1: whether scripts go on; ``stage`` (1,), a code: where a touch-off stands, if there is one.
+        ``moving`` (1,), 0 or 1: whether scripts go on; ``stage`` (1,), a code: where a touch-off stands, if any.
         """
         if self._recorded is not None:
             return None
