@@ -21,6 +21,8 @@ SOFTLY, QUICKLY = 0.015, 0.1
 SOON, BEHIND, SLACK, ABOUT, HAND_OVER = 1.5e-3, 2e-4, 3e-5, 3e-4, 1e-3
 #: What its force stays below the scene's limit [N], how far ahead that is seen, and how fast it is learned [s].
 ROOM, AHEAD, SETTLE = 0.15, 0.008, 0.02
+#: How fast it yields above its greatest force [m/s per N], and how fast it comes back [m/s].
+YIELD_RATE, YIELD_RETURN = 0.02, 0.005
 #: How fast it is learned how far the device gives way and how late it is [1/s], the most of it [m/N], [s], what is
 #: another error [m], and the speed up or down well below which it is no lag [m/s].
 LEARNS, MOST_GIVE, MOST_LAG, ASTRAY, STILL = 80.0, 1e-4, 0.005, 1e-4, 0.01
@@ -54,6 +56,7 @@ class Numbers(NamedTuple):
     cosine: float
     back: float
     period: float
+    limit: float
     most: float
     stiffness: float
     has_load: bool
@@ -78,10 +81,9 @@ class Seen(NamedTuple):
     height: Any
     upright: Any
     climb: Any
-    #: What the framework makes of what it says: for how long there is a contact, is it there, how far it yields.
+    #: What the framework makes of what it says: for how long there is a contact, is it there.
     pressed: Any
     present: Any
-    yielded: Any
     object: Any
     withdrawn: Any
     ready: Any
@@ -89,10 +91,11 @@ class Seen(NamedTuple):
 
 #: Its own fields, of one number each and in this order: what it says of the surface, and what it remembers.
 FIELDS = {
-    "renders": "1", "present": "1", "distance": "m", "gap": "m", "coming": "m", "missed": "1", "settled": "1",
+    "renders": "1", "present": "1", "distance": "m", "gap": "m", "coming": "m", "missed": "1", "yields": "m", "settled": "1",
     "press": "m", "free": "s", "unfelt": "s", "give": "m/N", "lag": "s", "level": "m", "sink": "m/s", "off": "m",
 }  # fmt: skip
-RENDERS, PRESENT, DISTANCE, GAP, COMING, MISSED, SETTLED, PRESS, FREE, UNFELT, GIVE, LAG, LEVEL, SINK, OFF = range(15)
+RENDERS, PRESENT, DISTANCE, GAP, COMING, MISSED, YIELDS = range(7)
+SETTLED, PRESS, FREE, UNFELT, GIVE, LAG, LEVEL, SINK, OFF = range(7, 16)
 
 
 @kernel
@@ -209,6 +212,16 @@ def learn(c: Any, own: Any, speed: float, last: float, here: float, pressed: flo
 
 
 @kernel
+def give_way(c: Any, own: Any, pressed: float) -> float:
+    """Give way while it presses harder than it may."""
+    if pressed > c.limit:
+        own[YIELDS] += YIELD_RATE * (pressed - c.limit) * c.period
+    elif pressed < 0.9 * c.limit:
+        own[YIELDS] = max(0.0, own[YIELDS] - YIELD_RETURN * c.period)
+    return float(own[YIELDS])
+
+
+@kernel
 def wanted(
     c: Any, own: Any, lowest: float, height: float, climb: float, here: float, last: float, pressed: float,
     touching: bool, begins: bool,
@@ -223,7 +236,8 @@ def wanted(
         go(c, own, last - own[LEVEL], pressed, touching)
         own[COMING] = max(0.0, own[PRESS] + c.clearance)
     if own[SETTLED] > 0.0:
-        return float(max(goal, away))
+        return float(max(goal - give_way(c, own, pressed), away))
+    own[YIELDS] = 0.0
     found = own[LEVEL] + own[PRESS]
     return float(max(goal, away) if height > -np.inf and found > goal else found)
 
@@ -270,7 +284,7 @@ def carry(c: Any, seen: Any, goal: Any, own: Any) -> int:
     """Say who renders the surface below the finger, and command the device.
 
     ``c``: `Numbers`; ``seen``: `Seen`, taken apart here, for a tuple of many arrays is dear to hand on; ``goal`` (7,):
-    the command; ``own`` (15,): its own fields.
+    the command; ``own`` (16,): its own fields.
     """
     frame, sent, hip = seen.frame, seen.sent, seen.hip
     height, climb = seen.height[0], seen.climb[0]
@@ -288,7 +302,7 @@ def carry(c: Any, seen: Any, goal: Any, own: Any) -> int:
     top_wanted = wanted(c, own, lowest, height, climb, here, last, pressed, touching, begins)
     most = bearable(c, own, climb, here, pressed)
     still = own[RENDERS] > 0.0 and own[SETTLED] > 0.0 and top_wanted <= most
-    if still and touching and pressed >= TOUCH and seen.yielded[0] <= 0.0:
+    if still and touching and pressed >= TOUCH and own[YIELDS] <= 0.0:
         learn(c, own, climb, last, here, pressed)
     command(c, frame, sent, hip, goal, min(top_wanted, most), touching)
     own[PRESENT] = 1.0 if touching and there(own, seen.present[0] > 0.0, here - lowest, pressed) else 0.0
@@ -328,7 +342,7 @@ class CarriesAsOurs(Modality):
         numbers = Numbers(
             radius, surface.clearance, math.cos(surface.plate_angle),
             math.cos(max(0.0, surface.plate_angle - math.radians(2.0))), world.servo_period,
-            max(0.0, min(surface.greatest_force, force - ROOM)), surface.pad_stiffness, bool(load),
+            surface.greatest_force, max(0.0, min(surface.greatest_force, force - ROOM)), surface.pad_stiffness, bool(load),
             device.limits.get("speed", math.inf) * world.servo_period, FAR if surface.touch_off else FAR_UNCALIBRATED,
             *surface.face,
         )  # fmt: skip
@@ -344,7 +358,7 @@ class CarriesAsOurs(Modality):
 
     def carries(self, model: Plan) -> Carries:
         """Say that it brings the device's surface."""
-        return Carries(model.probe, model.device, "renders", "present", "distance", "gap", "coming", "missed")
+        return Carries(model.probe, model.device, "renders", "present", "distance", "gap", "coming", "missed", "yields")
 
     def reset(self, model: Plan, state: Record) -> None:
         """Begin as the framework does."""
@@ -362,7 +376,7 @@ class CarriesAsOurs(Modality):
             state[model.load] if model.load else nothing,
             *(state[f"{probe}.{name}"] for name in ("hip", "normal", "surface_height")),
             *(state[f"{probe}.surface.{name}"] for name in ("upright", "climb", "pressed", "present")),
-            state[f"{probe}.plate_yield"], state[f"{probe}.object"], state[f"{device}.surface.withdrawn"],
+            state[f"{probe}.object"], state[f"{device}.surface.withdrawn"],
             state["ready"],
         )  # fmt: skip
         names = [f"{model.name}.{field}" for field in FIELDS]

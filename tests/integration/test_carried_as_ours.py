@@ -84,6 +84,8 @@ OVER = """<to pos="-40 0 40 mm" in="0.2 s" hold="0.2 s"/><to pos="-35 0 10 mm" i
   <to pos="0 0 25 mm" in="0.6 s" hold="0.2 s"/><to pos="35 3 10 mm" in="0.6 s"/><to pos="35 3 40 mm" in="0.3 s"/>"""
 LONG = """<to pos="0 0 40 mm" in="0.2 s"/><to pos="0 0 25 mm" in="0.4 s" hold="3 s"/>
   <to pos="0 0 40 mm" in="0.4 s" hold="2 s"/><to pos="0 0 25 mm" in="0.4 s" hold="0.4 s"/>"""
+HARD = """<to pos="0 0 40 mm" in="0.2 s"/><to pos="0 0 15 mm" in="0.4 s" hold="0.5 s"/>
+  <to pos="20 0 12 mm" in="0.4 s" hold="0.5 s"/><to pos="20 0 40 mm" in="0.4 s"/>"""
 TOUCH_OFF = '<calibration method="touch-off"/>'
 CART = '<device name="cart" plugin="ours"/>'
 #: Name -> world, devices, motion, attributes of <probe> and <safety>, and what must have come about in it.
@@ -107,6 +109,7 @@ WORLDS: dict[str, tuple[str, str, str, str, str, str]] = {
         BLOCK, TABLE.format(mount='pos="0 0 -8 mm" mount-error="0 0 -4 mm"', more=""), STROKE, "", "",
         "misses",
     ),
+    "pressed harder than it may": (BLOCK, TABLE.format(mount='pos="0 0 -8 mm"', more=""), HARD, "", "", "yields"),
     "withdrawn": (
         BLOCK, TABLE.format(mount='pos="0 0 -8 mm"', more=""), LONG, "", ' contact-time="1.5 s"', "withdrawn",
     ),
@@ -163,6 +166,7 @@ def both(path: Path, seconds: float) -> tuple[itouch.Session, itouch.Session, se
                     ("present", state["finger.surface.present"] > 0), ("misses", state["finger.surface.misses"] > 0),
                     ("changes", state["finger.surface.changing"] > 0),
                     ("withdrawn", state["table.surface.withdrawn"] > 0),
+                    ("yields", state["finger.plate_yield"] > 0),
                 ) if is_so
             )  # fmt: skip
 

@@ -44,6 +44,8 @@ class Wrong(Hover):
         carries = super().carries(model)
         if self.error == "nameless":
             return carries._replace(distance="nothing")
+        if self.error == "unyielding":
+            return carries._replace(yields="missed", coming="")
         return carries._replace(missed="missed") if self.error in ("missed", "coming", "both") else carries
 
     def fields(self, model):
@@ -223,6 +225,28 @@ def test_a_surface_that_is_missed_is_told_with_its_first_place(scene: Callable[.
     assert state["tip.surface.missed"] == 1.0
     assert state["tip.surface.misses"] == 1.0
     assert session.report()["contacts"][0]["plate_missed"] is True
+
+
+def test_one_that_says_that_it_yields_and_does_not_is_lowered_as_others_are(scene: Callable[..., Path]) -> None:
+    """The finger comes down quickly, 18 mm deep: the framework lowers the prop by what its author leaves out (K4)."""
+    most: dict[str, float] = {}
+    for error in ("", "unyielding"):
+        path = scene(f' error="{error}"')
+        path.write_text(path.read_text().replace('pos="0 0 25 mm" in="0.5 s"', 'pos="0 0 10 mm" in="0.15 s"', 1))
+        session = itouch.build(path)
+        loads: list[float] = []
+        gave: list[float] = []
+        state = session.state
+        session.taps.append(
+            lambda tick, loads=loads, gave=gave, state=state: (
+                loads.append(-float(state["presenter.strain"][2])), gave.append(float(state["tip.plate_yield"]))
+            )
+        )  # fmt: skip
+        session.run()
+        assert max(gave) > 0.0
+        most[error] = max(loads)
+    assert most["unyielding"] == pytest.approx(most[""], abs=0.02)
+    assert most["unyielding"] < 2.1
 
 
 def test_the_force_is_led_over_as_long_as_the_surface_is_coming(scene: Callable[..., Path]) -> None:

@@ -127,8 +127,8 @@ def look_below(
 @kernel
 def carried(
     c: Floats, table: Floats, sent: Floats, figures: Floats, kept: Floats, goal: Floats, load: Floats, renders: Any,
-    present: Any, distance: Any, gap: Any, coming: Any, missed: Any, primary: Any, there: Any, rising: Floats,
-    tick: Any, period: float,
+    present: Any, distance: Any, gap: Any, coming: Any, missed: Any, yields: Any, primary: Any, there: Any,
+    rising: Floats, tick: Any, period: float,
 ) -> int:  # fmt: skip
     """Take over how somebody else carries a surface to the finger; all but arrays of the probe have shape (1,).
 
@@ -141,7 +141,7 @@ def carried(
     """
     if math.isnan(distance[0]) or math.isnan(gap[0]) or math.isnan(renders[0]) or math.isnan(present[0]):
         return PYTHON
-    if math.isnan(coming[0]) or math.isnan(missed[0]):
+    if math.isnan(coming[0]) or math.isnan(missed[0]) or math.isnan(yields[0]):
         return PYTHON
     before, pressed, touching = figures[render.PLATE_TOP], max(0.0, -load[2]), primary[0] >= 0
     away = min(max(distance[0], -FURTHEST), FURTHEST)
@@ -151,7 +151,7 @@ def carried(
     choice.take_over_missed(c, figures, kept, missed[0], pressed, touching, tick[0] * period)
     plate.take_over(c, kept, renders[0] != 0, present[0] != 0, away, coming[0], touching)
     plate.stray(figures, sent, table)
-    plate.spare(c, figures, kept, goal, pressed)
+    plate.spare(c, figures, kept, goal, pressed, yields[0])
     feel(c, figures, kept, load[2], touching)
     there[0] = int(kept[memory.PRESENT])
     rising[0] = (figures[render.PLATE_TOP] - before) / period

@@ -138,7 +138,7 @@ class Toucher:
         if one is not None and one.carries is not None and table is not None:
             here = (self._constants, world, mesh, poses, self.figures, self.surface, self.below)
             self.looks = (Bound(carrying.look_below, *here),)
-            without = {"coming": np.full(1, -1.0), "missed": np.zeros(1)}
+            without = {"coming": np.full(1, -1.0), "missed": np.zeros(1), "yields": np.full(1, -1.0)}
             said = [
                 state[f"{one.name}.{field}"].reshape(1) if field else without[kind]
                 for kind, field in zip(one.carries._fields[2:], one.carries[2:], strict=True)

@@ -200,6 +200,9 @@ class Carries(NamedTuple):
     missed
         Field: why the surface renders no more: 1, it was not felt where it should be; 2, it was felt below that; 0,
         nothing is wrong.  The contact then is the arm's, and report and log tell of the first place.
+    yields
+        Field: how far its command gives way already, because the surface presses harder than it may [m].  The framework
+        (K4) then lowers it by what is wanting to its own yielding only, not by all of that once more.
     """
 
     probe: str
@@ -210,6 +213,7 @@ class Carries(NamedTuple):
     gap: str
     coming: str = ""
     missed: str = ""
+    yields: str = ""
 
     @property
     def said(self) -> tuple[str, ...]:

@@ -38,6 +38,7 @@ def _wrong(name: str, said: Carries, state: Record) -> tuple[str, float, str] | 
         return said.missed, value[said.missed], "write 0, 1 (not felt where it should be) or 2 (felt below that)"
     if said.missed and value[said.missed] and value[said.renders]:
         return said.renders, value[said.renders], "write 0 as long as it is missed: the contact is the arm's"
-    if said.coming and not value[said.coming] < math.inf:
-        return said.coming, value[said.coming], "write how far it still has to come, or -1 where that can't be said"
+    for field, what in ((said.coming, "how far it still has to come"), (said.yields, "how far it gives way")):
+        if field and not value[field] < math.inf:
+            return field, value[field], f"write {what}, or -1 where that can't be said"
     return None

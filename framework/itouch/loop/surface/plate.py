@@ -260,16 +260,23 @@ def stray(figures: Floats, sent: Floats, table: Floats) -> None:
 
 
 @kernel
-def spare(c: Floats, figures: Floats, memory: Floats, goal: Floats, pressed: float) -> None:
+def spare(c: Floats, figures: Floats, memory: Floats, goal: Floats, pressed: float, yields: float) -> None:
     """Lower the goal (7,) of a surface that somebody else carries to where it presses no harder than it may (K4).
 
     ``c`` (CONSTANTS,), ``figures`` (FIGURES,), ``memory`` (MEMORY,) of the surface; ``goal`` [m; quaternion],
-    ``pressed``: the force on it now [N].
+    ``pressed``: the force on it now [N]; ``yields``: how far it has given way already [m], below 0: not said.
     """
     _smooth(c, memory, figures[HIP + 2] - c[RADIUS])
     if c[HAS_LOAD] > 0.0:
         wanted = top(c, goal)
-        allowed = min(wanted, _bearable(c, figures, memory, pressed)) - _yield(c, figures, pressed)
+        most = _bearable(c, figures, memory, pressed)
+        if yields < 0.0:
+            allowed = min(wanted, most) - _yield(c, figures, pressed)
+        elif memory[SETTLED] > 0.0:
+            allowed = min(wanted - max(0.0, _yield(c, figures, pressed) - yields), most)
+        else:
+            figures[PLATE_YIELD] = 0.0  # what it yielded is in how far it is in the finger
+            allowed = min(wanted, most)
         if wanted - allowed > ROUNDING:
             x, y, z = turned_in(c, TABLE, 0.0, 0.0, allowed - wanted)
             goal[0], goal[1], goal[2] = goal[0] + x, goal[1] + y, goal[2] + z
