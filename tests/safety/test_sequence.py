@@ -12,11 +12,11 @@ import pytest
 from numpy.typing import NDArray
 from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, Fake, FakeTwin, model, state
 
-from itouch.plugin import HOLD, RETRACT, Channel, DeviceError, Record
+from itouch.plugin import HOLD, RETRACT, Channel, DeviceError, Record, pose_target
 from itouch.plugin.stamps import Stamped
 from itouch.safety import DeviceFaultError, Outcome, SafeSequence, Status, Supervisor, Trip
 from itouch.safety.lifecycle import BACKWARDS
-from itouch.safety.sequence import LEAVE_TIME, SAFE_TIME, SETTLE, STOOD, WATCH_TIME
+from itouch.safety.sequence import LEAVE_TIME, SAFE_TIME, SETTLE, STANDS, STOOD, WATCH_TIME
 
 
 class Line(Fake, Stamped):
@@ -900,3 +900,35 @@ def test_a_torque_is_no_push() -> None:
     outcome = rig.stop("arm")
     assert outcome.safe
     assert outcome.devices["table"].startswith("retracted 5.")
+
+
+def test_where_a_surface_stood_is_that_of_the_first_stop_until_it_was_enabled() -> None:
+    """A surface whose place is not believed in the second one may go no further than 6 mm from there."""
+    rig = Rig()
+    rig.stop("arm")
+    assert rig.table.way is not None and rig.table.way[0] == 0.03
+    rig.stop("arm")
+    assert rig.table.way[0] == 0.03
+
+
+def test_a_surface_of_which_nothing_new_was_measured_is_not_taken_to_have_gone_back() -> None:
+    """What comes late says that it went down before: that it still feels something is no finger that has followed."""
+    rig = Rig()
+    slow_table(rig, 0, 0)
+    assert rig.table.device is not None
+    rig.table.device.behind = 10**4  # type: ignore[attr-defined]
+    rig.leaves_after = math.inf
+    outcome = rig.stop("arm")
+    assert outcome.devices["table"] == "not measured since it was told to retract"
+    assert outcome.unsafe == ("table",)
+
+
+def test_a_surface_that_moves_by_no_more_than_that_stands() -> None:
+    free = pose_target(low=(-0.1, -0.1, -0.1), high=(0.1, 0.1, 0.1), speed=0.3)
+    rig = Rig(table=(TABLE[0], (free,)))
+    sent = rig.table.sent["pose_target"][2].item()
+    rig.state["tick"] = 100
+    for height, stands in ((STANDS, True), (-STANDS, True), (STANDS + 1e-9, False)):
+        rig.sequence._moved = {"table": (0.0, sent, 0)}
+        rig.table.reading["pose"][2] = height
+        assert rig.sequence._arrived(rig.table) is stands
