@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -10,6 +11,7 @@ from test_hardware import Params, catalog
 
 import itouch
 from itouch.plugin import Device, DeviceError, Record, Role, current, deadman, temperature
+from itouch.safety import Trip
 
 SCENE = """<itouch version="1.0">
   <devices><device name="pad" plugin="stick" twin="no"/></devices>
@@ -143,3 +145,25 @@ def test_reconnecting_releases_no_trip_but_that_of_a_lost_device(scene: Path) ->
     session.rearm()
     session.tick()
     session.close()
+
+
+@pytest.mark.parametrize("form", ["itouch", "xml"])
+def test_how_often_a_device_was_re_armed_counts_after_a_restore(scene: Path, form: str) -> None:
+    session = itouch.build(scene, catalog=catalog(pad()))
+    session.enable()
+    for _ in range(5):
+        session.run(0.01)
+        session.runners[0].fault(Trip.FLUX, session.ticks)
+        session.rearm()
+    session.run(0.01)
+    session.runners[0].fault(Trip.FLUX, session.ticks)
+    restored = itouch.restore(stored(session, form, scene.parent), catalog=catalog(pad()))
+    for act in (restored.rearm, lambda: restored.reconnect("pad"), restored.rearm):
+        with contextlib.suppress(DeviceError):
+            act()
+    with pytest.raises(DeviceError, match="was re-armed 5 times within a minute"):
+        restored.rearm()
+    with pytest.raises(DeviceError, match="was stopped by flux"):
+        restored.enable()
+    assert restored.status("pad").name != "ENABLED"
+    restored.close()
