@@ -4,6 +4,8 @@ from typing import ClassVar
 
 from itouch.testing import EmulatorTests
 from itouch_thermal.display.device import ThermalDisplay
+from itouch_thermal.display.params import DisplayParams
+from itouch_thermal.drivers import FluxSensor, Infrared, LabJack, Mecom
 from itouch_usb_arm import UsbArm, UsbArmParams
 from itouch_xyz_table.table import XyzTable, XyzTableParams
 
@@ -18,5 +20,23 @@ class TestTable(EmulatorTests):
     params: ClassVar[XyzTableParams] = XyzTableParams(homing="absolute", direction=(1.0, -1.0, 1.0))
 
 
+class TestTableOnSteppers(EmulatorTests):
+    device, name = XyzTable, "xyz-table"
+    params: ClassVar[XyzTableParams] = XyzTableParams(
+        tmcl="/dev/steppers", homing="absolute", direction=(1.0, -1.0, 1.0)
+    )
+
+
 class TestDisplay(EmulatorTests):
     device, name = ThermalDisplay, "thermal"
+
+
+class TestDisplayThatAverages(EmulatorTests):
+    device, name = ThermalDisplay, "thermal"
+    params: ClassVar[DisplayParams] = DisplayParams(  # a mean is compared with a single sample: there is no noise
+        flux_noise=0.0,
+        mecom=Mecom(port="tec"),
+        labjack=LabJack(
+            host="127.0.0.1:1", averaging=20e-3, flux_sensor=FluxSensor(sensitivity=1e-6), infrared=Infrared()
+        ),
+    )

@@ -18,7 +18,7 @@ from itouch.testing.checks import CheckError, NotApplicableError
 from itouch.testing.harness import PERIOD, DeviceSubject, TwinBench, follows
 
 #: Parameters that say where a device is.
-PLACES = ("port", "path", "device", "serial_port", "tty", "address", "host", "url")
+PLACES = ("port", "path", "device", "serial_port", "tty", "address", "host", "url", "bus", "tmcl")
 #: How much longer than on a machine of its own an emulated device may take to answer.
 _PATIENCE = 5.0
 #: Ticks that a twin which was held up makes at once.
@@ -98,12 +98,11 @@ def _here(params: Any) -> Any:
     """Return parameters that name a place of this machine, if they name one by a usual name."""
     if not is_dataclass(params) or isinstance(params, type):
         return params
-    for name in PLACES:
-        value = getattr(params, name, None)
-        if isinstance(value, str) and re.search(r":\d+$", value) and "://" not in value:
+    for name, value in _places(params):
+        if re.search(r":\d+$", value) and "://" not in value:
             with socket.create_server(("127.0.0.1", 0)) as free:
                 return replace(params, **{name: f"127.0.0.1:{free.getsockname()[1]}"})
-        if isinstance(value, str) and (value.startswith("/dev/") or not value):
+        if value.startswith("/dev/") or not value:
             return replace(params, **{name: f"{tempfile.gettempdir()}/itouch-{os.getpid()}-port"})
     return params
 
@@ -250,10 +249,13 @@ def emulated(subject: DeviceSubject) -> Iterator[tuple[Served, Opened]]:
 
 def elsewhere(params: Any) -> Any:
     """Return parameters that name a place where there is nothing; None if none of them names a place."""
-    for name in PLACES:
-        value = getattr(params, name, None)
-        if isinstance(value, str) and (":" not in value or "://" in value):
-            return replace(params, **{name: "/dev/itouch-nowhere"})
-        if isinstance(value, str):
-            return replace(params, **{name: "127.0.0.1:1"})
+    for name, value in _places(params):
+        nowhere = "/dev/itouch-nowhere" if ":" not in value or "://" in value else "127.0.0.1:1"
+        return replace(params, **{name: nowhere})
     return None
+
+
+def _places(params: Any) -> list[tuple[str, str]]:
+    """Return the parameters that say where a device is: first those that name a place."""
+    found = [(name, getattr(params, name, None)) for name in PLACES]
+    return sorted(((name, value) for name, value in found if isinstance(value, str)), key=lambda one: not one[1])
