@@ -48,7 +48,7 @@ def test_what_is_said_to_change_nothing_is_one_line_that_is_still_there(entry: t
 
 
 def test_a_change_that_is_listed_hides_no_other() -> None:
-    path = REPOSITORY / "framework/itouch/monitors/believing.py"
+    path = REPOSITORY / "framework/itouch/monitors/readings_kernels.py"
     text = path.read_text(encoding="utf-8")
 
     def change(old: str, new: str) -> tuple[str, str, str]:

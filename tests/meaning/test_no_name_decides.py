@@ -44,7 +44,7 @@ NAMES = names()
 
 #: Words that are names of channels or fields, and stand for something else: file, what they are there.
 MEANT = {
-    "itouch/monitors/heat.py": "limits", "itouch/monitors/limits.py": "limits", "itouch/monitors/ordinary.py": "limits",
+    "itouch/monitors/heat.py": "limits", "itouch/monitors/limits.py": "limits", "itouch/monitors/every_device.py": "limits",
     "itouch/plugin/__init__.py": "what it exports", "itouch/plugin/channel.py": "default names of factories",
     "itouch/plugin/device.py": "what a twin is told", "itouch/plugin/impedance.py": "the twin's own channels",
     "itouch/schema/__init__.py": "what it exports",

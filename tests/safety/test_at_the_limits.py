@@ -19,20 +19,20 @@ from itouch.monitors import (
     Readings,
     Surface,
     Trip,
-    carried,
-    driven,
-    heated,
-    lookback,
+    heat_kernels,
+    history_kernels,
     readings,
+    runaway_kernels,
     surface,
+    surface_kernels,
     thresholds,
 )
 from itouch.monitors import limits as default
-from itouch.monitors.carried import Load, Nearing, SurfaceObservation, felt, rise
-from itouch.monitors.driven import Look
 from itouch.monitors.history import History
 from itouch.monitors.limits import DeviceLimits
 from itouch.monitors.runaway import Runaway, drive_of
+from itouch.monitors.runaway_kernels import Look
+from itouch.monitors.surface_kernels import Load, Nearing, SurfaceObservation, felt, rise
 from itouch.monitors.thresholds import COLDEST_TARGET, LAG, PART, PARTS, READINGS, RUNAWAY_TIME, WINDOW
 from itouch.plugin import (
     Channel,
@@ -127,8 +127,8 @@ def test_a_monitor_of_two_plates_reads_the_component_that_is_its_own() -> None:
     reading["skin"], sent["i"] = (290.0, 310.0), (0.5, -1.0)
     one, two = Heat.of(device)
     assert (one.shown(reading), two.shown(reading)) == ("at 16.9 degC", "at 36.9 degC")
-    assert heated.drive(one.stands, sent.numbers, 290.0) == 0.25  # type: ignore[attr-defined]
-    assert heated.drive(two.stands, sent.numbers, 310.0) == -0.5  # type: ignore[attr-defined]
+    assert heat_kernels.drive(one.stands, sent.numbers, 290.0) == 0.25  # type: ignore[attr-defined]
+    assert heat_kernels.drive(two.stands, sent.numbers, 310.0) == -0.5  # type: ignore[attr-defined]
     reading["skin"] = 290.0, math.nan
     assert two.shown(reading) == "not measured"
 
@@ -152,24 +152,24 @@ def test_where_dose_and_cold_begin() -> None:
                                (316.15, 2.0, 0.0), (317.15, 4.0, 0.0), (315.15, 0.5, 0.0), (289.15, 0.0, 0.0),
                                (289.1, 0.0, 2.0), (312.1, 0.0, 0.0)):  # fmt: skip
         memory["dose"] = memory["cold_time"] = 0.0
-        assert heated.count(held, kept, kelvin, touched) == 0.0
+        assert heat_kernels.count(held, kept, kelvin, touched) == 0.0
         assert (memory["dose"].item(), memory["cold_time"].item()) == (pytest.approx(dose), cold)
     memory["dose"], memory["cold_time"] = 119.0, 118.0
-    assert heated.count(held, kept, 317.15 - 1.0, Look(0.0, 0.0, 1.0, True)) == 0.0  # exactly all of it
-    assert heated.count(held, kept, 289.0, touched) == 0.0
-    assert heated.count(held, kept, 316.15, touched) == -Trip.DOSE
-    assert heated.count(held, kept, 289.0, touched) == -Trip.COLD
-    assert heated.count(held, kept, 289.0, Look(0.0, 0.0, 2.0, False)) == 0.0
+    assert heat_kernels.count(held, kept, 317.15 - 1.0, Look(0.0, 0.0, 1.0, True)) == 0.0  # exactly all of it
+    assert heat_kernels.count(held, kept, 289.0, touched) == 0.0
+    assert heat_kernels.count(held, kept, 316.15, touched) == -Trip.DOSE
+    assert heat_kernels.count(held, kept, 289.0, touched) == -Trip.COLD
+    assert heat_kernels.count(held, kept, 289.0, Look(0.0, 0.0, 2.0, False)) == 0.0
 
 
 def test_the_share_that_a_temperature_a_little_ahead_leaves() -> None:
     monitor, memory = made(Heat, PLATE)
     for celsius, share in ((40.0, 1.0), (41.0, 0.5), (42.0, 0.0), (15.0, 1.0), (13.5, 0.5), (12.0, 0.0)):
-        assert heated.near_temperature(monitor.allowed, monitor.memory(memory), K0 + celsius) == pytest.approx(
+        assert heat_kernels.near_temperature(monitor.allowed, monitor.memory(memory), K0 + celsius) == pytest.approx(
             share, abs=1e-9
         )
     for kelvin in (beyond(315.15), 285.15 - 1e-9):
-        assert heated.near_temperature(monitor.allowed, monitor.memory(memory), kelvin) == -Trip.PLATE_TEMPERATURE
+        assert heat_kernels.near_temperature(monitor.allowed, monitor.memory(memory), kelvin) == -Trip.PLATE_TEMPERATURE
         assert memory["figure"].tolist() == [kelvin, kelvin, 0.0]
 
 
@@ -177,15 +177,15 @@ def test_the_share_that_a_temperature_a_little_ahead_leaves() -> None:
 def test_the_share_that_a_flux_leaves(part: float, share: float) -> None:
     monitor, memory = made(Heat, PLATE)
     for step in range(301):
-        lookback.add(monitor.memory(memory).past, 0.005 * step, 300.0, 15e3 * part)
-    assert heated.near_flux(monitor.allowed, monitor.memory(memory)) == pytest.approx(share, abs=1e-3)
+        history_kernels.add(monitor.memory(memory).past, 0.005 * step, 300.0, 15e3 * part)
+    assert heat_kernels.near_flux(monitor.allowed, monitor.memory(memory)) == pytest.approx(share, abs=1e-3)
 
 
 def test_a_sensor_at_the_end_of_its_scale_all_the_time_trips() -> None:
     monitor, memory = made(Heat, PLATE)
     for step in range(301):
-        lookback.add(monitor.memory(memory).past, 0.005 * step, 300.0, 20e3)
-    assert heated.near_flux(monitor.allowed, monitor.memory(memory)) == -Trip.FLUX
+        history_kernels.add(monitor.memory(memory).past, 0.005 * step, 300.0, 20e3)
+    assert heat_kernels.near_flux(monitor.allowed, monitor.memory(memory)) == -Trip.FLUX
     assert memory["figure"][0] == pytest.approx(20e3)
 
 
@@ -203,8 +203,8 @@ def test_a_step_of_five_kelvin_is_let_pass() -> None:
     for top, found in ((305.0, 0.0), (305.1, -float(Trip.SENSOR_JUMP)), (294.9, -float(Trip.SENSOR_JUMP))):
         monitor.forget(memory)
         for step in range(41):
-            lookback.add(monitor.memory(memory).past, 0.005 * step, 300.0 if step < 30 else top, 0.0)
-        assert heated.jump(monitor.allowed, monitor.memory(memory)) == found
+            history_kernels.add(monitor.memory(memory).past, 0.005 * step, 300.0 if step < 30 else top, 0.0)
+        assert heat_kernels.jump(monitor.allowed, monitor.memory(memory)) == found
     assert memory["figure"][0] == pytest.approx(-5.1)
 
 
@@ -214,7 +214,7 @@ def test_a_drive_without_a_greatest_value_is_measured_in_its_unit(low: Any, high
     monitor, _ = made(Heat, (PLATE[0], (drive,)))
     sent = record((drive,))
     sent["w"] = -0.4
-    assert heated.drive(monitor.stands, sent.numbers, 300.0) == -0.4
+    assert heat_kernels.drive(monitor.stands, sent.numbers, 300.0) == -0.4
 
 
 def test_the_stronger_of_two_drives_counts() -> None:
@@ -223,7 +223,7 @@ def test_the_stronger_of_two_drives_counts() -> None:
     sent = record((drive,))
     for both, found in (((0.5, -1.0), -0.5), ((-1.0, 0.5), -0.5), ((1.0, 1.0), 0.5), ((0.0, 0.0), 0.0)):
         sent["i"] = both
-        assert heated.drive(monitor.stands, sent.numbers, 300.0) == found
+        assert heat_kernels.drive(monitor.stands, sent.numbers, 300.0) == found
 
 
 def test_what_acts_is_driven_by_more_than_a_fiftieth() -> None:
@@ -241,7 +241,7 @@ def test_a_switch_that_is_half_on_is_on() -> None:
     sent["goal"] = 295.0
     for word, drive in ((0.0, 0.0), (0.499, 0.0), (0.5, 0.5), (1.0, 0.5)):
         sent["output"] = word
-        assert heated.drive(monitor.stands, sent.numbers, 300.0) == drive
+        assert heat_kernels.drive(monitor.stands, sent.numbers, 300.0) == drive
 
 
 # --- drive and sensor -----------------------------------------------------------------------------------------------
@@ -277,16 +277,21 @@ def drifting() -> tuple[Runaway, Record]:
 def test_what_counts_as_the_wrong_side_of_the_sink(drive: float, kelvin: float, touched: bool, counts: bool) -> None:
     runaway, memory = drifting()
     memory["odd_for"] = 3.0
-    assert driven.odd(runaway.trust, runaway.memory(memory), kelvin, 300.0, drive, Look(0.0, 0.0, 0.5, touched)) == 0.0
+    assert (
+        runaway_kernels.odd(runaway.trust, runaway.memory(memory), kelvin, 300.0, drive, Look(0.0, 0.0, 0.5, touched))
+        == 0.0
+    )
     assert memory["odd_for"].item() == (3.5 if counts else 0.0)
 
 
 def test_ten_seconds_on_the_wrong_side_are_let_pass() -> None:
     runaway, memory = drifting()
     memory["odd_for"] = 9.5
-    assert driven.odd(runaway.trust, runaway.memory(memory), 315.0, 300.0, 0.3, Look(0.0, 0.0, 0.5, False)) == 0.0
     assert (
-        driven.odd(runaway.trust, runaway.memory(memory), 315.0, 300.0, 0.3, Look(0.0, 0.0, 0.5, False))
+        runaway_kernels.odd(runaway.trust, runaway.memory(memory), 315.0, 300.0, 0.3, Look(0.0, 0.0, 0.5, False)) == 0.0
+    )
+    assert (
+        runaway_kernels.odd(runaway.trust, runaway.memory(memory), 315.0, 300.0, 0.3, Look(0.0, 0.0, 0.5, False))
         == -Trip.SENSOR_DISAGREE
     )
     assert memory["figure2"].tolist() == [15.0, 10.5]
@@ -300,7 +305,7 @@ def test_how_long_a_sensor_may_read_the_same() -> None:
         memory["frozen"], memory["frozen_at"] = math.nan, 0.0
         for index, drive in enumerate(drives):
             found.append(
-                driven.still(
+                runaway_kernels.still(
                     runaway.trust, runaway.memory(memory), 300.0, drive, Look(0.0, seconds * (index + 1), 0.0, True)
                 )
             )
@@ -320,10 +325,10 @@ def test_a_sensor_that_is_driven_by_just_a_fiftieth_may_be_still() -> None:
     runaway, memory = drifting()
     memory["frozen"], memory["frozen_at"], memory["frozen_for"] = 300.0, 1.0, 1.5
     memory["frozen_drive"], memory["frozen_from"] = 0.04, 0.3
-    assert driven.still(runaway.trust, runaway.memory(memory), 300.0, 0.3, Look(0.0, 1.5, 0.0, True)) == 0.0
+    assert runaway_kernels.still(runaway.trust, runaway.memory(memory), 300.0, 0.3, Look(0.0, 1.5, 0.0, True)) == 0.0
     memory["frozen_for"], memory["frozen_drive"] = 1.5, beyond(0.04)
     assert (
-        driven.still(runaway.trust, runaway.memory(memory), 300.0, 0.3, Look(0.0, 2.0, 0.0, True))
+        runaway_kernels.still(runaway.trust, runaway.memory(memory), 300.0, 0.3, Look(0.0, 2.0, 0.0, True))
         == -Trip.SENSOR_FROZEN
     )
 
@@ -338,8 +343,8 @@ def test_when_a_moving_plate_seems_to_have_stopped(slope: float, drive: float, s
     runaway, memory = drifting()
     memory["frozen_slope"] = slope
     kept = runaway.memory(memory)
-    assert driven.stopped(runaway.trust, kept, drive, same) is stopped
-    assert not driven.stopped(Runaway(follows=False).trust, kept, drive, same)
+    assert runaway_kernels.stopped(runaway.trust, kept, drive, same) is stopped
+    assert not runaway_kernels.stopped(Runaway(follows=False).trust, kept, drive, same)
 
 
 @pytest.mark.parametrize(
@@ -357,11 +362,11 @@ def test_a_fast_plate_does_not_stop_whatever_drives_it(slope: float, same: float
     watch, memory = drifting()
     memory["frozen_slope"] = slope
     kept = watch.memory(memory)
-    assert driven.stopped(watch.trust, kept, 0.0, same) is stopped
+    assert runaway_kernels.stopped(watch.trust, kept, 0.0, same) is stopped
     holds = Runaway(follows=False).trust  # it may stop at its target, and a kelvin round it
-    assert not driven.stopped(holds, kept, 0.1, same)
-    assert driven.stopped(holds, kept, 0.11, same) is stopped
-    assert driven.stopped(holds, kept, -0.11, same) is stopped
+    assert not runaway_kernels.stopped(holds, kept, 0.1, same)
+    assert runaway_kernels.stopped(holds, kept, 0.11, same) is stopped
+    assert runaway_kernels.stopped(holds, kept, -0.11, same) is stopped
 
 
 def test_a_plate_may_go_against_its_drive_by_two_kelvin() -> None:
@@ -372,7 +377,7 @@ def test_a_plate_may_go_against_its_drive_by_two_kelvin() -> None:
     ):  # fmt: skip
         memory["touched_at"] = now
         look = Look(now, 0.0, 0.5, True)
-        assert driven.against(runaway.trust, runaway.memory(memory), kelvin, drive, look) == found, now
+        assert runaway_kernels.against(runaway.trust, runaway.memory(memory), kelvin, drive, look) == found, now
     assert memory["figure2"].tolist() == [pytest.approx(2.001), 0.0]
 
 
@@ -386,7 +391,7 @@ def test_a_strong_drive_must_show_within_two_seconds(change: float, alone: float
     memory["driven_for"] = RUNAWAY_TIME - 1e-9 - 0.25
     memory["parts"][:] = -math.inf
     memory["parts"][95 % PARTS] = 9.5, 300.0, 300.0 + change
-    found = driven.against(runaway.trust, runaway.memory(memory), 300.0, 0.7, Look(10.0, 0.0, 0.25, True))
+    found = runaway_kernels.against(runaway.trust, runaway.memory(memory), 300.0, 0.7, Look(10.0, 0.0, 0.25, True))
     assert found == (-float(Trip.RUNAWAY) if trips else 0.0)
     assert not trips or memory["figure2"].tolist() == [0.0, pytest.approx(2.0)]
 
@@ -394,26 +399,32 @@ def test_a_strong_drive_must_show_within_two_seconds(change: float, alone: float
 def test_what_drove_one_way_and_turns_round_begins_anew() -> None:
     runaway, memory = drifting()
     memory["driven_for"] = 1.0
-    assert driven.against(runaway.trust, runaway.memory(memory), 300.0, -0.8, Look(5.0, 0.0, 0.25, True)) == 0.0
+    assert (
+        runaway_kernels.against(runaway.trust, runaway.memory(memory), 300.0, -0.8, Look(5.0, 0.0, 0.25, True)) == 0.0
+    )
     assert memory["driven_for"].item() == 0.0
-    assert driven.against(runaway.trust, runaway.memory(memory), 300.0, -0.8, Look(5.25, 0.0, 0.25, True)) == 0.0
+    assert (
+        runaway_kernels.against(runaway.trust, runaway.memory(memory), 300.0, -0.8, Look(5.25, 0.0, 0.25, True)) == 0.0
+    )
     assert memory["driven_for"].item() == -0.25
-    assert driven.against(runaway.trust, runaway.memory(memory), 300.0, -0.5, Look(5.5, 0.0, 0.25, True)) == 0.0
+    assert (
+        runaway_kernels.against(runaway.trust, runaway.memory(memory), 300.0, -0.5, Look(5.5, 0.0, 0.25, True)) == 0.0
+    )
     assert memory["driven_for"].item() == 0.0
 
 
 def test_the_extremes_of_two_seconds() -> None:
     watch, memory = drifting()
     for step in range(40):
-        extremes = driven.extremes(watch.memory(memory), 300.0 + step, 0.05 + 0.1 * step, 0.0)
+        extremes = runaway_kernels.extremes(watch.memory(memory), 300.0 + step, 0.05 + 0.1 * step, 0.0)
     assert extremes == (319.0, 339.0)  # at 3.95 s: from the part on in which 1.95 s is
-    assert driven.extremes(watch.memory(memory), 200.0, 3.9, 3.95) == (200.0, 200.0)
-    assert driven.extremes(watch.memory(memory), 340.0, 4.0, 4.0)[1] == 340.0
-    assert driven.extremes(watch.memory(memory), 340.0, 4.0, 3.0)[0] >= 329.0
+    assert runaway_kernels.extremes(watch.memory(memory), 200.0, 3.9, 3.95) == (200.0, 200.0)
+    assert runaway_kernels.extremes(watch.memory(memory), 340.0, 4.0, 4.0)[1] == 340.0
+    assert runaway_kernels.extremes(watch.memory(memory), 340.0, 4.0, 3.0)[0] >= 329.0
     assert (LAG, PART) == (0.15, 0.1)
     watch, memory = drifting()
-    assert driven.extremes(watch.memory(memory), 300.0, 1.0, 1.0) == (300.0, 300.0)
-    assert driven.extremes(watch.memory(memory), 301.0, 1.05, 1.0) == (
+    assert runaway_kernels.extremes(watch.memory(memory), 300.0, 1.0, 1.0) == (300.0, 300.0)
+    assert runaway_kernels.extremes(watch.memory(memory), 301.0, 1.05, 1.0) == (
         300.0,
         301.0,
     )  # what was read at the begin counts
@@ -437,20 +448,23 @@ def test_means_and_integrals_are_those_of_what_was_read() -> None:
     memory = Record.of(history.fields())
     history.forget(memory)
     past = history.past(memory)
-    assert lookback.newest(past) == 0.0 and not lookback.before(past, 0)[0]
-    assert lookback.value_at(past, 0.0, 0) == 0.0 and lookback.mean_flux(past, 0) == 0.0
+    assert history_kernels.newest(past) == 0.0 and not history_kernels.before(past, 0)[0]
+    assert history_kernels.value_at(past, 0.0, 0) == 0.0 and history_kernels.mean_flux(past, 0) == 0.0
     for step in range(5):
-        assert lookback.add(past, 1.0 + 0.05 * step, 300.0 + step, 100.0 * step)
-        assert not lookback.add(past, 1.0 + 0.05 * step + 0.9e-7, 0.0, 0.0)
-    assert lookback.newest(past) == 1.2
+        assert history_kernels.add(past, 1.0 + 0.05 * step, 300.0 + step, 100.0 * step)
+        assert not history_kernels.add(past, 1.0 + 0.05 * step + 0.9e-7, 0.0, 0.0)
+    assert history_kernels.newest(past) == 1.2
     assert memory["history"][4].tolist() == [1.2, 304.0, pytest.approx(0.05 * (300 + 301 + 302 + 303)),
                                              pytest.approx(0.05 * (50 + 150 + 250 + 350))]  # fmt: skip
-    assert lookback.before(past, 0) == (True, pytest.approx(302.0)) and lookback.before(past, 1) == (True, 300.0)
-    assert lookback.value_at(past, 1.125, 0) == pytest.approx(302.5)
-    assert lookback.value_at(past, 0.5, 1) == 300.0
-    assert lookback.mean_flux(past, 0) == pytest.approx(300.0)
-    assert lookback.step(past, 0, 1) == pytest.approx(2.0)
-    assert lookback.add(past, 1.2 + 1.1e-7, 304.0, 0.0)
+    assert history_kernels.before(past, 0) == (True, pytest.approx(302.0)) and history_kernels.before(past, 1) == (
+        True,
+        300.0,
+    )
+    assert history_kernels.value_at(past, 1.125, 0) == pytest.approx(302.5)
+    assert history_kernels.value_at(past, 0.5, 1) == 300.0
+    assert history_kernels.mean_flux(past, 0) == pytest.approx(300.0)
+    assert history_kernels.step(past, 0, 1) == pytest.approx(2.0)
+    assert history_kernels.add(past, 1.2 + 1.1e-7, 304.0, 0.0)
 
 
 def test_times_that_differ_by_a_rounding_are_one() -> None:
@@ -459,14 +473,14 @@ def test_times_that_differ_by_a_rounding_are_one() -> None:
     history.forget(memory)
     past = history.past(memory)
     for time, kelvin in ((0.0, 300.0), (0.5 + 1e-7, 310.0), (1.0, 320.0)):
-        lookback.add(past, time, kelvin, 0.0)
-    assert lookback.value_at(past, 0.5, 0) == 310.0
+        history_kernels.add(past, time, kelvin, 0.0)
+    assert history_kernels.value_at(past, 0.5, 0) == 310.0
 
 
 def test_a_place_of_just_fifty_milliseconds_ago_is_known() -> None:
     monitor, memory = made(Surface, TABLE)
     memory["places"], memory["track"][0] = 1, (1.0 - WINDOW, *np.zeros(6))
-    assert carried._before(monitor.memory(memory), np.zeros(7), (0.0,) * 3, 1.0) == 0
+    assert surface_kernels._before(monitor.memory(memory), np.zeros(7), (0.0,) * 3, 1.0) == 0
 
 
 def test_a_full_ring_forgets_the_oldest() -> None:
@@ -475,10 +489,10 @@ def test_a_full_ring_forgets_the_oldest() -> None:
     history.forget(memory)
     past = history.past(memory)
     for step in range(READINGS + 5):
-        lookback.add(past, 0.01 * step, float(step), 0.0)
-    assert not lookback.before(past, 0)[0]
-    assert lookback.value_at(past, 0.0, 0) == 5.0
-    assert lookback.before(past, 1) == (True, pytest.approx(READINGS + 3.0))
+        history_kernels.add(past, 0.01 * step, float(step), 0.0)
+    assert not history_kernels.before(past, 0)[0]
+    assert history_kernels.value_at(past, 0.0, 0) == 5.0
+    assert history_kernels.before(past, 1) == (True, pytest.approx(READINGS + 3.0))
 
 
 # --- surfaces, arms, pressure, silence ------------------------------------------------------------------------------
@@ -515,12 +529,12 @@ def looked(
 def test_a_surface_may_be_astray_for_a_tenth_of_a_second() -> None:
     monitor, memory = made(Surface, TABLE)
     kept = monitor.memory(memory)
-    assert not carried._astray(kept, looked(strayed=0.005, seconds=9.0))
+    assert not surface_kernels._astray(kept, looked(strayed=0.005, seconds=9.0))
     for _ in range(10):
-        assert not carried._astray(kept, looked(strayed=0.0051, seconds=0.01))
+        assert not surface_kernels._astray(kept, looked(strayed=0.0051, seconds=0.01))
     assert memory["strayed_for"].item() == pytest.approx(0.1)
-    assert carried._astray(kept, looked(strayed=0.0051, seconds=0.0001))
-    assert not carried._astray(kept, looked(strayed=math.nan, seconds=9.0))
+    assert surface_kernels._astray(kept, looked(strayed=0.0051, seconds=0.0001))
+    assert not surface_kernels._astray(kept, looked(strayed=math.nan, seconds=9.0))
     assert memory["strayed_for"].item() == 0.0
 
 
@@ -593,7 +607,7 @@ def test_speeds_that_no_command_can_have_asked_for(
     memory["places"], memory["track"][0] = 1, (0.95, *np.zeros(6))
     reading["pose"][:3] = way
     kept, finger = monitor.memory(memory), (slid, 0.0, 0.0)
-    assert carried.moves(monitor.allowed, kept, reading["pose"], finger, looked(gap=gap), touched) == found
+    assert surface_kernels.moves(monitor.allowed, kept, reading["pose"], finger, looked(gap=gap), touched) == found
     assert memory["figure"][1] == kind
     assert (memory["near_since"].item() == near) is (gap < 0.02)
 
@@ -606,10 +620,12 @@ def test_when_a_force_without_a_finger_is_doubted(load: float, gap: float, calib
     monitor, memory = made(Surface, TABLE)
     seen, kept = looked(gap=gap, calibrated=calibrated), monitor.memory(memory)
     memory["doubted"] = 0.05
-    assert carried.doubt(monitor.allowed, kept, load, 0.05, seen) == 0.0
+    assert surface_kernels.doubt(monitor.allowed, kept, load, 0.05, seen) == 0.0
     assert memory["doubted"].item() == (pytest.approx(0.1) if doubts else 0.0)
     memory["doubted"] = 0.1
-    assert carried.doubt(monitor.allowed, kept, load, 0.01, seen) == (-float(Trip.SENSOR_DISAGREE) if doubts else 0.0)
+    assert surface_kernels.doubt(monitor.allowed, kept, load, 0.01, seen) == (
+        -float(Trip.SENSOR_DISAGREE) if doubts else 0.0
+    )
 
 
 def test_an_arm_at_its_limits() -> None:
@@ -1013,7 +1029,7 @@ def test_a_drive_that_changes_forgets_how_fast_the_plate_went() -> None:
     watch.forget(memory)
     for step, drive in enumerate((0.8, 0.8, 0.8, 0.8, 0.2)):
         look = Look(0.1 * step, 0.1 * step, 0.1, True)
-        driven.check(watch.trust, watch.memory(memory), 300.0 + 0.1 * step, 300.0, drive, look, True)
+        runaway_kernels.check(watch.trust, watch.memory(memory), 300.0 + 0.1 * step, 300.0, drive, look, True)
         assert (memory["frozen_slope"].item() > 0.0) is (1 < step < 4 or step == 1)
 
 
@@ -1054,4 +1070,4 @@ def test_the_flux_at_which_it_trips_is_printed_as_a_third_more_than_the_limit() 
 
 @pytest.mark.parametrize("beyond", [-5.0, -0.5, -1e-9, 0.0])
 def test_within_a_limit_all_of_the_drive_is_left(beyond: float) -> None:
-    assert heated.left(beyond, 2.0) == 1.0
+    assert heat_kernels.left(beyond, 2.0) == 1.0

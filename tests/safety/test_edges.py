@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, FakeTwin, model, record, state
 
-from itouch.monitors import Heat, Readings, Surface, carried, heated, lookback, own_monitors
-from itouch.monitors.carried import SurfaceObservation, pace
+from itouch.monitors import Heat, Readings, Surface, heat_kernels, history_kernels, own_monitors, surface_kernels
 from itouch.monitors.history import History
+from itouch.monitors.surface_kernels import SurfaceObservation, pace
 from itouch.monitors.thresholds import READINGS
 from itouch.plugin import Channel, Record
 from itouch.safety import Finger, Supervisor
@@ -65,14 +65,16 @@ def test_exactly_at_its_trip_a_rate_is_let_pass() -> None:
     memory = Record.of(heat.fields())
     heat.reset(memory)
     for step in range(201):  # 16 K/s for a second: 8 K in each half
-        lookback.add(heat.memory(memory).past, 0.005 * step, 296.0 + 0.08 * step, 0.0)
+        history_kernels.add(heat.memory(memory).past, 0.005 * step, 296.0 + 0.08 * step, 0.0)
     memory["since"] = 0.0
     kelvin, kept = 296.0 + 0.08 * 200, heat.memory(memory)
-    rate = abs(kelvin - lookback.value_at(kept.past, 0.5, 2)) / 0.5
+    rate = abs(kelvin - history_kernels.value_at(kept.past, 0.5, 2)) / 0.5
     allowed = heat.allowed._replace(rate=rate / 2.0)
-    assert heated.near_rate(allowed, kept, kelvin, True) == 0.0  # nothing is left of the drive, and it does not trip
+    assert (
+        heat_kernels.near_rate(allowed, kept, kelvin, True) == 0.0
+    )  # nothing is left of the drive, and it does not trip
     allowed = heat.allowed._replace(rate=rate / 2.0 * (1.0 - 1e-9))
-    assert heated.near_rate(allowed, kept, kelvin, True) < 0.0
+    assert heat_kernels.near_rate(allowed, kept, kelvin, True) < 0.0
 
 
 def memory_of(monitor: Surface | Readings | Heat) -> Record:
@@ -102,7 +104,7 @@ def test_a_force_that_is_doubted_for_a_moment_leaves_no_doubt() -> None:
     memory = memory_of(surface)
     memory["doubted"] = 0.07
     near = SurfaceObservation(0.0, 0.0, 0.0, 0.0, 0.001, True)
-    assert carried.doubt(surface.allowed, surface.memory(memory), 2.0, 0.01, near) == 0.0
+    assert surface_kernels.doubt(surface.allowed, surface.memory(memory), 2.0, 0.01, near) == 0.0
     assert memory["doubted"].item() == 0.0
 
 
@@ -111,7 +113,7 @@ def test_places_from_before_a_pause_are_forgotten(pause: float, places: int) -> 
     surface = of(Surface, TABLE)
     memory = memory_of(surface)
     for time in (0.0, 0.02, 0.04, 0.04 + pause):
-        carried._before(surface.memory(memory), np.zeros(7), (0.0,) * 3, time)
+        surface_kernels._before(surface.memory(memory), np.zeros(7), (0.0,) * 3, time)
     assert memory["places"].item() == places
 
 
@@ -120,7 +122,7 @@ def test_where_a_surface_was_is_known_after_its_ring_is_full() -> None:
     memory = memory_of(surface)
     for step in range(60):
         pose = np.array([0.001 * step, *(0.0,) * 6])
-        row = carried._before(surface.memory(memory), pose, (0.0,) * 3, 0.02 * step)
+        row = surface_kernels._before(surface.memory(memory), pose, (0.0,) * 3, 0.02 * step)
     assert row >= 0
     assert memory["track"][row, :2].tolist() == pytest.approx([0.02 * 56, 0.056])
 
@@ -136,12 +138,12 @@ def test_a_history_knows_nothing_at_first() -> None:
     memory = Record.of(history.fields())
     history.forget(memory)
     past = history.past(memory)
-    assert lookback.newest(past) == 0.0
-    assert lookback.step(past, 0, 1) == 0.0
-    assert lookback.mean_flux(past, 3) == 0.0
-    assert not lookback.before(past, 0)[0]
-    lookback.add(past, 0.0, 300.0, 0.0)
-    assert lookback.step(past, 0, 1) == 0.0
+    assert history_kernels.newest(past) == 0.0
+    assert history_kernels.step(past, 0, 1) == 0.0
+    assert history_kernels.mean_flux(past, 3) == 0.0
+    assert not history_kernels.before(past, 0)[0]
+    history_kernels.add(past, 0.0, 300.0, 0.0)
+    assert history_kernels.step(past, 0, 1) == 0.0
 
 
 def test_a_history_looks_back_through_a_full_ring() -> None:
@@ -150,10 +152,10 @@ def test_a_history_looks_back_through_a_full_ring() -> None:
     history.forget(memory)
     past = history.past(memory)
     for step in range(2 * READINGS + 7):
-        lookback.add(past, 0.005 * step, 300.0 + 0.01 * step, 100.0)
-    assert lookback.before(past, 0) == (True, pytest.approx(300.0 + 0.01 * (2 * READINGS + 6 - 10)))
-    assert lookback.mean_flux(past, 3) == pytest.approx(100.0)
-    assert lookback.step(past, 0, 1) == pytest.approx(0.1)
+        history_kernels.add(past, 0.005 * step, 300.0 + 0.01 * step, 100.0)
+    assert history_kernels.before(past, 0) == (True, pytest.approx(300.0 + 0.01 * (2 * READINGS + 6 - 10)))
+    assert history_kernels.mean_flux(past, 3) == pytest.approx(100.0)
+    assert history_kernels.step(past, 0, 1) == pytest.approx(0.1)
 
 
 def test_a_reading_at_the_edge_of_sense_can_be_worked_with() -> None:

@@ -9,7 +9,7 @@ import pytest
 from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, Channels, Fake, model, state
 
 from itouch.monitors import DeviceFaultError, Trip
-from itouch.monitors.carried import Nearing
+from itouch.monitors.surface_kernels import Nearing
 from itouch.plugin import Channel, DeviceError, Record, Role, measured_wrench, plate_temperature, temperature_target
 from itouch.safety import Finger, Supervisor
 from itouch.world.limits import DeviceLimits

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from parts import LIMITS, PLATE, Asked
 
-from itouch.monitors import Heat, Trip, TripError, heated
-from itouch.monitors.driven import Look
+from itouch.monitors import Heat, Trip, TripError, heat_kernels
+from itouch.monitors.runaway_kernels import Look
 from itouch.monitors.thresholds import FROZEN_DRIVE
 from itouch.plugin import Channel, Role, current, plate_temperature, temperature_target
 from itouch.world.limits import DeviceLimits
@@ -200,7 +200,7 @@ def test_above_43_degrees_a_degree_doubles() -> None:
     heat = plate.monitor
     assert isinstance(heat, Heat)
     for kelvin, dose in ((K0 + 44.0, 2.0), (K0 + 43.0, 3.0), (K0 + 42.0, 3.25)):
-        assert heated.count(heat.allowed, heat.memory(plate.state), kelvin, Look(0.0, 0.0, STEP, True)) == 0.0
+        assert heat_kernels.count(heat.allowed, heat.memory(plate.state), kelvin, Look(0.0, 0.0, STEP, True)) == 0.0
         assert plate.state["dose"].item() == pytest.approx(dose * STEP)
 
 

@@ -17,7 +17,7 @@ from itouch.joining import SKIP
 from itouch.loop import render
 from itouch.loop.surface import choice, force, ground, memory, plate
 from itouch.loop.surface.feeling import feel
-from itouch.monitors.carried import pace
+from itouch.monitors.surface_kernels import pace
 
 Floats = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from functools import partial
 
 from itouch.loop.rig import ProbeRig
 from itouch.loop.runner import Runner
-from itouch.monitors.carried import Nearing, rise
+from itouch.monitors.surface_kernels import Nearing, rise
 from itouch.safety import Finger
 
 

@@ -20,9 +20,9 @@ from itouch.loop.rig import ProbeRig
 from itouch.loop.run_statistics import Counts, counted
 from itouch.loop.runner import Runner
 from itouch.monitors import Arm, Surface
-from itouch.monitors.carried import Allowed, Load, Memory, Nearing, SurfaceObservation, count, felt, rise, size
-from itouch.monitors.carried import check as watch
-from itouch.monitors.pushed import Pushing, check
+from itouch.monitors.arm_kernels import Pushing, check
+from itouch.monitors.surface_kernels import Allowed, Load, Memory, Nearing, SurfaceObservation, count, felt, rise, size
+from itouch.monitors.surface_kernels import check as watch
 from itouch.monitors.thresholds import TOUCH_FORCE
 from itouch.plugin import Bound, Record
 from itouch.safety import Finger

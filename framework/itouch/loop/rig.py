@@ -15,7 +15,7 @@ from itouch.loop.runner import Runner
 from itouch.loop.touch import Toucher
 from itouch.loop.touchoff import UNFELT, TouchOff
 from itouch.monitors import Surface
-from itouch.monitors.carried import size
+from itouch.monitors.surface_kernels import size
 from itouch.plugin import Bound, Record, Role, TwinInputs
 from itouch.schema.hold_until import Until
 from itouch.twin.coupling import Coupling

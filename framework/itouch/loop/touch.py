@@ -21,7 +21,7 @@ from itouch.loop import carrying, render
 from itouch.loop.frames import Frame
 from itouch.loop.runner import Runner
 from itouch.loop.surface import memory
-from itouch.monitors.carried import Nearing
+from itouch.monitors.surface_kernels import Nearing
 from itouch.monitors.thresholds import DOUBT_GAP, DOUBT_GAP_UNCALIBRATED
 from itouch.plugin import Bound, Contact, ContactEvent, Record, Role
 from itouch.world import Model, ProbeModel

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from itouch.monitors.arm import Arm
+from itouch.monitors.every_device import Ordinary
+from itouch.monitors.fluid_pressure import Push
 from itouch.monitors.heat import Heat
-from itouch.monitors.ordinary import Ordinary
-from itouch.monitors.push import Push
 from itouch.monitors.readings import Readings
 from itouch.monitors.surface import Surface
 from itouch.monitors.trips import DOUBTS, LOSSES, DeviceFaultError, Trip, TripError

@@ -14,7 +14,7 @@ from itouch.monitors.trips import Trip
 from itouch.plugin import Field, Moment, Monitor, Record, Role, Rule, Watched
 
 if TYPE_CHECKING:
-    from itouch.monitors import pushed
+    from itouch.monitors import arm_kernels
 
 #: Room for rounding in a force that was limited.
 _ROUNDING = 1e-9
@@ -50,14 +50,14 @@ class Arm(Monitor):
 
     def check(self, state: Record, reading: Record, sent: Record, moment: Moment) -> float:
         """Return the part of the force that the finger's speed leaves: all of it up to 0.8 m/s, none at 1.2 m/s."""
-        from itouch.monitors.pushed import check  # the compiler is loaded when a device runs
+        from itouch.monitors.arm_kernels import check  # the compiler is loaded when a device runs
 
         return check(self.pushing, self.sent_of(sent), float(moment.speed), state["figure"].reshape(1))
 
     @cached_property
-    def pushing(self) -> pushed.Pushing:
+    def pushing(self) -> arm_kernels.Pushing:
         """Its limits as compiled code takes them."""
-        from itouch.monitors.pushed import Pushing
+        from itouch.monitors.arm_kernels import Pushing
 
         slow, fast = default.ARM_SPEED, default.ARM_SPEED_TRIP
         return Pushing(self._force * (1.0 + _ROUNDING), slow, fast, int(Trip.FINGER_FORCE), int(Trip.SPEED))

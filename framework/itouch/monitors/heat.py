@@ -24,7 +24,7 @@ from itouch.monitors.trips import Trip
 from itouch.plugin import Channel, Field, Moment, Monitor, Record, Role, Rule, Watched
 
 if TYPE_CHECKING:
-    from itouch.monitors import driven, heated
+    from itouch.monitors import heat_kernels, runaway_kernels
 
 _TRIPS = (
     Trip.PLATE_TEMPERATURE, Trip.PLATE_RATE, Trip.FLUX, Trip.DOSE, Trip.COLD, Trip.SENSOR_JUMP, Trip.SENSOR_FROZEN,
@@ -127,12 +127,14 @@ class Heat(Monitor):
 
     def check(self, state: Record, reading: Record, sent: Record, moment: Moment) -> float:
         """Check the newest readings; budgets and clocks run on without news, with what was read last."""
-        from itouch.monitors import driven, heated  # the compiler is loaded when a device runs
+        from itouch.monitors import heat_kernels, runaway_kernels  # the compiler is loaded when a device runs
 
-        look = driven.Look(float(moment.now), float(moment.time), float(moment.seconds), bool(moment.touched))
+        look = runaway_kernels.Look(float(moment.now), float(moment.time), float(moment.seconds), bool(moment.touched))
         numbers, commands = self.numbers(reading), self.numbers(sent)
         fresh = bool(moment.fresh)
-        return heated.check(self.stands, self.allowed, self.trust, self.memory(state), numbers, commands, look, fresh)
+        return heat_kernels.check(
+            self.stands, self.allowed, self.trust, self.memory(state), numbers, commands, look, fresh
+        )
 
     @staticmethod
     def numbers(record: Record) -> NDArray[np.float64]:
@@ -140,9 +142,9 @@ class Heat(Monitor):
         return record.numbers if record.nbytes else np.zeros(0)
 
     @cached_property
-    def stands(self) -> heated.Plate:
+    def stands(self) -> heat_kernels.Plate:
         """Where its numbers stand, as compiled code takes it."""
-        from itouch.monitors.heated import Plate
+        from itouch.monitors.heat_kernels import Plate
 
         reads, commands = _places(self.device.reads), _places(self.device.commands)
         listed = [(*one, most) for one, most in zip(self._drives, self._ceilings, strict=True)]
@@ -155,9 +157,9 @@ class Heat(Monitor):
         )  # fmt: skip
 
     @cached_property
-    def allowed(self) -> heated.Allowed:
+    def allowed(self) -> heat_kernels.Allowed:
         """What it holds the plate to, as compiled code takes it."""
-        from itouch.monitors.heated import Allowed
+        from itouch.monitors.heat_kernels import Allowed
 
         (low, high), (least, most) = self._limits, self._trip
         temperature, rate, flux, dose, cold, jump = (int(trip) for trip in _TRIPS[:6])
@@ -167,13 +169,13 @@ class Heat(Monitor):
         )  # fmt: skip
 
     @property
-    def trust(self) -> driven.Trust:
+    def trust(self) -> runaway_kernels.Trust:
         """What is known of its drive, as compiled code takes it."""
         return self._runaway.trust
 
-    def memory(self, state: Record) -> heated.Memory:
+    def memory(self, state: Record) -> heat_kernels.Memory:
         """Return what it remembers as compiled code takes it."""
-        from itouch.monitors.heated import Memory
+        from itouch.monitors.heat_kernels import Memory
 
         dose, cold, since = (state[name].reshape(1) for name in ("dose", "cold_time", "since"))
         return Memory(self._history.past(state), dose, cold, since, state["figure"], self._runaway.memory(state))

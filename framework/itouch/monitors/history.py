@@ -11,13 +11,13 @@ from itouch.monitors.thresholds import READINGS
 from itouch.plugin import Field, Record
 
 if TYPE_CHECKING:
-    from itouch.monitors import lookback
+    from itouch.monitors import history_kernels
 
 
 class History:
     """Keeps what can be looked back at: rows of time, temperature, and the integrals of temperature and |flux| so far.
 
-    The arithmetic is in ``lookback``.
+    The arithmetic is in ``history_kernels``.
 
     Parameters
     ----------
@@ -48,9 +48,9 @@ class History:
         state["samples"][...] = 0
         state["tails"][:] = 0
 
-    def past(self, state: Record) -> lookback.Past:
+    def past(self, state: Record) -> history_kernels.Past:
         """Return what was read, as compiled code takes it."""
-        from itouch.monitors.lookback import Past  # the compiler is loaded when a device runs
+        from itouch.monitors.history_kernels import Past  # the compiler is loaded when a device runs
 
         samples, flux = state["samples"].reshape(1), state["flux"].reshape(1)
         return Past(samples, state["history"], flux, state["tails"], np.array(self._windows))

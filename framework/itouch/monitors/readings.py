@@ -17,7 +17,7 @@ from itouch.monitors.trips import Trip
 from itouch.plugin import Channel, Field, Moment, Monitor, Record, Role, Rule, Watched
 
 if TYPE_CHECKING:
-    from itouch.monitors import believing
+    from itouch.monitors import readings_kernels
 
 #: T8: greatest change of a temperature between two readings [K], and range of any temperature [K].
 TEMPERATURE_JUMP, TEMPERATURE_RANGE = 20.0, (263.15, 353.15)
@@ -110,16 +110,16 @@ class Readings(Monitor):
         values: Floats = reading.numbers.tolist()
         return all(low <= value <= high for value, (low, high) in zip(values, self._sane, strict=True))
 
-    def memory(self, state: Record) -> believing.Memory:
+    def memory(self, state: Record) -> readings_kernels.Memory:
         """Return what it remembers as compiled code takes it."""
-        from itouch.monitors.believing import Memory
+        from itouch.monitors.readings_kernels import Memory
 
         return Memory(state["believed"], state["known"].reshape(1), state["figure"])
 
     @cached_property
-    def able(self) -> believing.Believable:
+    def able(self) -> readings_kernels.Believable:
         """What readings can be, as compiled code takes it."""
-        from itouch.monitors.believing import Believable
+        from itouch.monitors.readings_kernels import Believable
 
         checked = [
             index
@@ -138,7 +138,7 @@ class Readings(Monitor):
 
     def check(self, state: Record, reading: Record, sent: Record, moment: Moment) -> float:
         """Check the newest reading; ``moment.seconds`` is the time since the reading before."""
-        from itouch.monitors.believing import check  # the compiler is loaded when a device runs
+        from itouch.monitors.readings_kernels import check  # the compiler is loaded when a device runs
 
         return check(self.able, self.memory(state), reading.numbers, float(moment.seconds))
 

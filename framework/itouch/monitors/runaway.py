@@ -11,7 +11,7 @@ from itouch.monitors.trips import Trip
 from itouch.plugin import Channel, Field, Record, Role, Rule
 
 if TYPE_CHECKING:
-    from itouch.monitors import driven
+    from itouch.monitors import runaway_kernels
 
 
 def drive_of(channel: Channel, sent: float, temperature: float, ceiling: float) -> float:
@@ -19,10 +19,10 @@ def drive_of(channel: Channel, sent: float, temperature: float, ceiling: float) 
 
     A drive that goes both ways cools when it is positive; one that goes one way only is a heater.
     """
-    from itouch.monitors import driven  # the compiler is loaded when a device runs
+    from itouch.monitors import runaway_kernels  # the compiler is loaded when a device runs
 
     target, most = channel.role is Role.TEMPERATURE_TARGET, signed(channel, ceiling)
-    return driven.drive_of(target, float(sent), float(temperature), most)
+    return runaway_kernels.drive_of(target, float(sent), float(temperature), most)
 
 
 def signed(channel: Channel, ceiling: float) -> float:
@@ -32,7 +32,7 @@ def signed(channel: Channel, ceiling: float) -> float:
 
 
 class Runaway:
-    """Compares what a plate reads with how it is driven; the arithmetic is in ``driven``.
+    """Compares what a plate reads with how it is driven; the arithmetic is in ``runaway_kernels``.
 
     ``follows``: a strong drive must show; that of a device which controls its temperature itself is not known.
     ``part``: of the hardware's drive, what the limit in force leaves; a tighter one makes no drive less steady.
@@ -72,17 +72,17 @@ class Runaway:
         state["touched_at"][...] = -math.inf
 
     @property
-    def trust(self) -> driven.Trust:
+    def trust(self) -> runaway_kernels.Trust:
         """What is known of the drive, as compiled code takes it."""
-        from itouch.monitors.driven import Trust
+        from itouch.monitors.runaway_kernels import Trust
 
         trips = (int(trip) for trip in (Trip.SENSOR_FROZEN, Trip.SENSOR_DISAGREE, Trip.RUNAWAY))
         return Trust(bool(self._follows), float(self._part), *trips)
 
     @staticmethod
-    def memory(state: Record) -> driven.Memory:
+    def memory(state: Record) -> runaway_kernels.Memory:
         """Return what is remembered, as compiled code takes it."""
-        from itouch.monitors.driven import Memory
+        from itouch.monitors.runaway_kernels import Memory
 
         return Memory(*(state[name].reshape(-1) if name != "parts" else state[name] for name in Memory._fields))
 

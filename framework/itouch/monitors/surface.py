@@ -16,7 +16,7 @@ from itouch.monitors.trips import Trip
 from itouch.plugin import Field, Moment, Monitor, Record, Role, Rule, Watched
 
 if TYPE_CHECKING:
-    from itouch.monitors import carried
+    from itouch.monitors import surface_kernels
 
 #: Arm [m] with which a torque counts as a force (K4).
 LEVER = 0.1
@@ -95,7 +95,7 @@ class Surface(Monitor):
 
     def closing(self, gap: float, strayed: float) -> float:
         """Return how fast [m/s] the surface may approach the finger now (K5); not while it is astray (K6)."""
-        from itouch.monitors.carried import pace  # the compiler is loaded when a device runs
+        from itouch.monitors.surface_kernels import pace  # the compiler is loaded when a device runs
 
         return pace(gap, strayed, *self.paces)
 
@@ -113,15 +113,15 @@ class Surface(Monitor):
 
     def check(self, state: Record, reading: Record, sent: Record, moment: Moment) -> float:
         """Check one tick."""
-        from itouch.monitors import carried
+        from itouch.monitors import surface_kernels
 
-        seen = carried.SurfaceObservation(
+        seen = surface_kernels.SurfaceObservation(
             float(moment.now), float(moment.time), float(moment.seconds), float(moment.strayed), float(moment.gap),
             bool(moment.calibrated),
         )  # fmt: skip
         finger, touch = tuple(float(one) for one in moment.finger), np.array([math.nan, math.nan])
         memory, pose = self.memory(state), self.pose(reading)
-        found = carried.check(self.allowed, memory, self.load(reading), pose, finger, seen, touch)
+        found = surface_kernels.check(self.allowed, memory, self.load(reading), pose, finger, seen, touch)
         if touch[0] == touch[0]:
             moment.touched, moment.force = bool(touch[0]), touch[1].item()
         return found
@@ -143,23 +143,23 @@ class Surface(Monitor):
         float
             1, or minus the code of a trip.
         """
-        from itouch.monitors.carried import count
+        from itouch.monitors.surface_kernels import count
 
         return count(self.allowed, self.memory(state), float(now), bool(touched))
 
     @cached_property
-    def allowed(self) -> carried.Allowed:
+    def allowed(self) -> surface_kernels.Allowed:
         """What it may do, as compiled code takes it."""
-        from itouch.monitors.carried import Allowed
+        from itouch.monitors.surface_kernels import Allowed
 
         return Allowed(
             float(self._force_trip), float(self._clamp), float(self._longest), *(int(trip) for trip in _TRIPS)
         )
 
     @staticmethod
-    def memory(state: Record) -> carried.Memory:
+    def memory(state: Record) -> surface_kernels.Memory:
         """Return what it remembers as compiled code takes it."""
-        from itouch.monitors.carried import Memory
+        from itouch.monitors.surface_kernels import Memory
 
         return Memory(*(state[name].reshape(-1) if name != "track" else state[name] for name in Memory._fields))
 
@@ -167,16 +167,16 @@ class Surface(Monitor):
         """Return the view of where it reads to be, shape (7,), or (0,)."""
         return reading[self._pose] if self._pose else np.zeros(0)
 
-    def load(self, reading: Record) -> carried.Load:
+    def load(self, reading: Record) -> surface_kernels.Load:
         """Return what its sensor reads of the force on it, as compiled code takes it."""
-        from itouch.monitors.carried import Load
+        from itouch.monitors.surface_kernels import Load
 
         sensed = reading[self._load] if self._load else np.zeros(0)
         return Load(sensed, np.array(self._torques if self._load else (), np.int64), np.array([LEVER]))
 
     def felt(self, reading: Record) -> float:
         """Return the force [N] on the surface in whatever direction; a torque counts as a force, too."""
-        from itouch.monitors.carried import felt
+        from itouch.monitors.surface_kernels import felt
 
         return felt(self.load(reading))
 

@@ -22,7 +22,7 @@ from itouch.safety.device_monitors import InstalledMonitor
 from itouch.safety.supervisor import Supervisor
 
 if TYPE_CHECKING:
-    from itouch.monitors.carried import Nearing
+    from itouch.monitors.surface_kernels import Nearing
 
 
 class Finger:
@@ -88,7 +88,7 @@ class Finger:
         """Return the force [N] that arms must leave to surfaces: what they press with, and what that may rise by."""
         if not self.nearing:
             return self.pressed()
-        from itouch.monitors.carried import rise  # the compiler is loaded when a device runs
+        from itouch.monitors.surface_kernels import rise  # the compiler is loaded when a device runs
 
         total = self.pressed()
         for table in self.tables:

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from itouch.compiling import kernel
 from itouch.joining import SKIP
-from itouch.monitors import heated
-from itouch.monitors.believing import Believable, Memory, check
-from itouch.monitors.driven import Look, Trust
+from itouch.monitors import heat_kernels
+from itouch.monitors.readings_kernels import Believable, Memory, check
+from itouch.monitors.runaway_kernels import Look, Trust
 
 Floats = NDArray[np.float64]
 Numbers = NDArray[np.int64]
@@ -164,8 +164,9 @@ def watch(
 
 @kernel
 def ask(
-    one: Asked, clocks: Clocks, rhythm: CheckSchedule, status: Any, tick: Any, plate: heated.Plate,
-    allowed: heated.Allowed, trust: Trust, memory: heated.Memory, seen: Floats, sent: Floats, number: int, closed: int,
+    one: Asked, clocks: Clocks, rhythm: CheckSchedule, status: Any, tick: Any, plate: heat_kernels.Plate,
+    allowed: heat_kernels.Allowed, trust: Trust, memory: heat_kernels.Memory, seen: Floats, sent: Floats, number: int,
+    closed: int,
 ) -> int:  # fmt: skip
     """Let the monitor of a plate look if it is its turn; ``number``: which of the device's it is.
 
@@ -181,5 +182,5 @@ def ask(
     at, time, seconds = moment(clocks, checked, tick[0], rhythm.period)
     one.checked[0] = now
     look, fresh = Look(at, time, seconds, one.touched[0] != 0), clocks.heard[0] > checked
-    one.said[0] = heated.check(plate, allowed, trust, memory, seen, sent, look, fresh)
+    one.said[0] = heat_kernels.check(plate, allowed, trust, memory, seen, sent, look, fresh)
     return 0 if one.said[0] == one.share[0] else TOLD + number

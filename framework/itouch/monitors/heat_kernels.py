@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.compiling import kernel
-from itouch.monitors import driven, lookback
+from itouch.monitors import history_kernels, runaway_kernels
 from itouch.monitors.limits import COLD_FROM, SINK, SINK_TRIP
 from itouch.monitors.thresholds import (
     AHEAD,
@@ -69,12 +69,12 @@ class Allowed(NamedTuple):
 class Memory(NamedTuple):
     """What is remembered of a plate, as State has it; of what was spent, and since when it is touched, shape (1,)."""
 
-    past: lookback.Past
+    past: history_kernels.Past
     dose: Floats
     cold_time: Floats
     since: Floats
     figure: Floats
-    runaway: driven.Memory
+    runaway: runaway_kernels.Memory
 
 
 @kernel
@@ -86,11 +86,11 @@ def check(
     Parameters
     ----------
     plate, allowed, trust, memory
-        Of the plate: `Plate`, `Allowed`, `driven.Trust`, `Memory`.
+        Of the plate: `Plate`, `Allowed`, `runaway_kernels.Trust`, `Memory`.
     reading, sent
         All numbers of the device's reading and of what it was sent, (n,) each, in their channels' units.
     look, fresh
-        A `driven.Look`, and whether a reading has come since the last.
+        A `runaway_kernels.Look`, and whether a reading has come since the last.
 
     Returns
     -------
@@ -99,7 +99,7 @@ def check(
     """
     temperature = reading[plate.plate]
     flux = abs(reading[plate.flux]) if plate.flux >= 0 else 0.0
-    news = fresh and lookback.add(memory.past, look.time, temperature, flux)
+    news = fresh and history_kernels.add(memory.past, look.time, temperature, flux)
     share = near_temperature(allowed, memory, temperature)
     share = min(share, near_rate(allowed, memory, temperature, look.touched))
     if plate.flux >= 0:
@@ -114,7 +114,7 @@ def check(
         spent = jump(allowed, memory)
     if spent != 0.0:
         return float(spent)
-    found = driven.check(trust, memory.runaway, temperature, sink, drive(plate, sent, temperature), look, news)
+    found = runaway_kernels.check(trust, memory.runaway, temperature, sink, drive(plate, sent, temperature), look, news)
     return float(found if found != 0.0 else share)
 
 
@@ -134,7 +134,7 @@ def drive(plate: Any, sent: Floats, temperature: float) -> float:
         return 0.0
     found = 0.0
     for k in range(len(plate.drives)):
-        one = driven.drive_of(plate.targets[k] != 0, sent[plate.drives[k]], temperature, plate.ceilings[k])
+        one = runaway_kernels.drive_of(plate.targets[k] != 0, sent[plate.drives[k]], temperature, plate.ceilings[k])
         if abs(one) > abs(found):
             found = one
     return found
@@ -144,7 +144,7 @@ def drive(plate: Any, sent: Floats, temperature: float) -> float:
 def near_temperature(allowed: Any, memory: Any, temperature: float) -> float:
     """Return the share of the drive that the plate's temperature, a little ahead, leaves (T1, T2)."""
     ahead = temperature
-    known, before = lookback.before(memory.past, SHORT)
+    known, before = history_kernels.before(memory.past, SHORT)
     if known:
         ahead += (temperature - before) / RATE_TIME * AHEAD
     if not allowed.least <= ahead <= allowed.most:
@@ -161,10 +161,10 @@ def near_rate(allowed: Any, memory: Any, temperature: float, touched: bool) -> f
     if not touched:
         memory.since[0] = math.nan
         return 1.0
-    newest = lookback.newest(memory.past)
+    newest = history_kernels.newest(memory.past)
     if math.isnan(memory.since[0]):
         memory.since[0] = newest
-    before = lookback.value_at(memory.past, max(memory.since[0], newest - CONTACT_RATE_TIME), LONG)
+    before = history_kernels.value_at(memory.past, max(memory.since[0], newest - CONTACT_RATE_TIME), LONG)
     rate = abs(temperature - before) / CONTACT_RATE_TIME
     if rate > 2.0 * allowed.rate:
         memory.figure[0] = rate
@@ -175,7 +175,7 @@ def near_rate(allowed: Any, memory: Any, temperature: float, touched: bool) -> f
 @kernel
 def near_flux(allowed: Any, memory: Any) -> float:
     """Return the share that the mean of the flux, whatever its sign, over a second leaves (T6)."""
-    mean, limit = lookback.mean_flux(memory.past, MEAN), allowed.flux
+    mean, limit = history_kernels.mean_flux(memory.past, MEAN), allowed.flux
     if mean * 3.0 > limit * 3.99:  # 4/3, or a sensor that has been at the end of its scale all the time
         memory.figure[0] = mean
         return -float(allowed.trip_flux)
@@ -202,7 +202,7 @@ def count(allowed: Any, memory: Any, temperature: float, look: Any) -> float:
 @kernel
 def jump(allowed: Any, memory: Any) -> float:
     """Trip on a step of the plate's sensor that no plate can do (T8)."""
-    step = lookback.step(memory.past, SHORT, DOUBLE)
+    step = history_kernels.step(memory.past, SHORT, DOUBLE)
     if abs(step) <= STEP:
         return 0.0
     memory.figure[0] = step
