@@ -11,7 +11,7 @@ import pytest
 from shipped import SCENES
 
 from itouch.faults import Kind
-from itouch_evidence.faults import differing, wired
+from itouch_evidence.faults import behind_wires, differing
 from itouch_evidence.faults.behind_wires import Pair, run, stored
 from itouch_evidence.faults.matrix import DELAY, Cell
 from itouch_evidence.renamed import RenamedCatalog
@@ -81,7 +81,7 @@ def test_names_change_nothing_about_a_blind_retreat(found: tuple[Phases, dict[tu
     _, cells = found
     other: list[RenamedCatalog] = []
 
-    def catalog(finder: wired.Finder) -> RenamedCatalog:
+    def catalog(finder: behind_wires.Finder) -> RenamedCatalog:
         other.append(RenamedCatalog(1, finder))
         return other[0]
 
@@ -99,7 +99,7 @@ def test_another_phase_of_the_exchanges_changes_no_time_by_more_than_their_inter
 ) -> None:
     """A table that is exchanged with every 5 ms; the display, every 20."""
     phases, cells = found
-    monkeypatch.setattr(wired, "DELAY", DELAY + shift * 1e-3)
+    monkeypatch.setattr(behind_wires, "DELAY", DELAY + shift * 1e-3)
     pair = Pair(SCENE, 20, threads=False, slots=2)
     for (lie, *more), one in cells.items():
         shifted = cell(pair, phases, Kind.of(lie), *more)
