@@ -14,7 +14,7 @@ from shipped import SCENES
 import itouch
 from itouch.plugin import Field, Modality, Record
 from itouch.plugin.discovery import Catalog, Found, find
-from itouch.session.layout import compare
+from itouch.session.layout import adopt, compare
 
 SCENE = """<itouch version="1.0" xmlns:tone="urn:itouch:plugin:tone">
   <materials><material name="wood"><contact stiffness="1 N/mm"/></material></materials>
@@ -140,3 +140,11 @@ def test_only_the_order_differs() -> None:
     assert compare(one, two).fits
     assert compare(one, two).moved
     assert SCENES.is_dir()
+
+
+def test_the_hands_target_is_found_under_its_former_name() -> None:
+    state = Record.of((Field("finger.hand.target_offset", "f8", 3, unit="m", doc="where the hand is steered to"),))
+    stored = np.zeros(1, np.dtype([("finger.hand.wanted", "f8", 3)]))
+    stored["finger.hand.wanted"] = (0.01, -0.02, 0.0)
+    content, said = adopt(stored, state, {})
+    assert np.frombuffer(content, "f8")[:3].tolist() == [0.01, -0.02, 0.0] and said == []

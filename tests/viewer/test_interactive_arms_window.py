@@ -68,28 +68,28 @@ MOUSE = {
 KEYBOARD = {
     "held keys lead it at the arm's speed": """
         assert "arrow keys lead" in said, said
-        before = state["finger.hand.wanted"].copy()
+        before = state["finger.hand.target_offset"].copy()
         tell("on_key_press", key.UP, 0); tell("on_key_press", key.PAGEDOWN, 0)
         turn(30)
         tell("on_key_release", key.UP, 0); tell("on_key_release", key.PAGEDOWN, 0)
         turn(3)
-        np.testing.assert_allclose(state["finger.hand.wanted"] - before, (0, 0.025, -0.025), atol=1e-9)
+        np.testing.assert_allclose(state["finger.hand.target_offset"] - before, (0, 0.025, -0.025), atol=1e-9)
     """,
     "the mouse does not": """
-        before = state["finger.hand.wanted"].copy()
+        before = state["finger.hand.target_offset"].copy()
         tell("on_mouse_motion", 10, 10, 100, 100); turn(5)
-        assert (state["finger.hand.wanted"] == before).all()
+        assert (state["finger.hand.target_offset"] == before).all()
     """,
 }
 GAMEPAD = {
     "its sticks lead it at the arm's speed": """
         assert "stick leads" in said, said
-        before = state["finger.hand.wanted"].copy()
+        before = state["finger.hand.target_offset"].copy()
         controller.leftx, controller.lefty, controller.righty = 0.5, -1.0, 1.0
         turn(30)
         controller.leftx = controller.lefty = controller.righty = 0.0
         turn(3)
-        np.testing.assert_allclose(state["finger.hand.wanted"] - before, (0.0125, 0.025, -0.025), atol=1e-9)
+        np.testing.assert_allclose(state["finger.hand.target_offset"] - before, (0.0125, 0.025, -0.025), atol=1e-9)
     """,
 }
 

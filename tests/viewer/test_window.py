@@ -201,11 +201,11 @@ SCRIPTS = {
         turn(5)
         assert not session.state["finger.hand.offset"].any()
         press(key.M); turn(10)
-        moved = session.state["finger.hand.wanted"]
+        moved = session.state["finger.hand.target_offset"]
         assert moved[0] > 8e-3 and moved[2] < -3e-3  # a stick that is pulled is positive
         controller.leftx = controller.righty = 0.05
         still = moved.copy(); turn(5)
-        assert (session.state["finger.hand.wanted"] == still).all()
+        assert (session.state["finger.hand.target_offset"] == still).all()
     """,
     "resizing keeps everything in place": """
         for size in ((900, 500), (320, 200), (1, 1), (640, 400)):

@@ -326,7 +326,7 @@ def finger(rig: ProbeRig, state: Record) -> Iterator[Step]:
     """Move the operator's hand and finger on by a period, and tell the twins of devices what touches them."""
     name, coupling = rig.probe.name, rig.coupling
     if coupling.hand is not None:
-        moved = _of(name, "hand.ticks", "hand.offset", "hand.steered", "hand.wanted")
+        moved = _of(name, "hand.ticks", "hand.offset", "hand.steered", "hand.target_offset")
         along = coupling.hand.bound(state["ready"].reshape(1), rig.stage, DONE)
         reads = (*moved, "ready", f"{rig.table.model.name}.touch_off.stage" if rig.table is not None else "")
         if coupling.hand.waits is not None:

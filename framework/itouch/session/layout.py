@@ -66,22 +66,23 @@ def _maps(old: np.dtype[Any], new: np.dtype[Any]) -> bool:
     return same and plain and np.can_cast(old.base, new.base, "safe")
 
 
-#: What monitors had under other names before version 1.2: moved, or begun anew (None) because it was counted in checks.
-_MONITORS: dict[str, str | None] = {
+#: What had other names: of monitors before version 1.2, moved or started again (None) because it was counted in checks;
+#: and of the operator's hand.
+_FORMER: dict[str, str | None] = {
     "contact_time": "surface.contact_time", "withdrawn": "surface.withdrawn", "strayed": None, "doubted": None,
     "near_since": None, "compared": None, "tracked": None, "track": None, "heat.touched": None, "heat.samples": None,
-    "heat.temperatures": None, "heat.fluxes": None, "heat.driven_from": None,
+    "heat.temperatures": None, "heat.fluxes": None, "heat.driven_from": None, "hand.wanted": "hand.target_offset",
 }  # fmt: skip
 
 
 def _renamed(stored: NDArray[Any], state: Record) -> NDArray[Any]:
-    """Return a stored State with the monitors' fields named as they are now."""
+    """Return a stored State with its fields named as they are now."""
     fields: Mapping[str, Any] = stored.dtype.fields or {}
     names: dict[str, str | None] = {}
     for name in fields:
         device, _, rest = name.partition(".")
-        if rest in _MONITORS and f"{device}.{rest}" not in state:
-            moved = _MONITORS[rest]
+        if rest in _FORMER and f"{device}.{rest}" not in state:
+            moved = _FORMER[rest]
             names[name] = f"{device}.{moved}" if moved is not None else None
         elif rest == "heat.samples" and f"{device}.heat.temperatures" in fields:
             names[name] = None

@@ -79,7 +79,7 @@ class Hand:
         self.path: Path | RecordedPath = self._recorded or Path(operator, start)
         self._end = math.ceil(self.path.duration / period - 1e-9)
         self.ticks, self.offset = state[f"{name}.hand.ticks"], state[f"{name}.hand.offset"]
-        self._steered, self._wanted = state[f"{name}.hand.steered"], state[f"{name}.hand.wanted"]
+        self._steered, self._target_offset = state[f"{name}.hand.steered"], state[f"{name}.hand.target_offset"]
         #: Where on its path the hand is [s], shape (1,); found anew in every step.
         self.time = np.zeros(1)
         lower(np.zeros(3), 0.0, 0.0)  # so that no tick looks for it on disk
@@ -90,7 +90,7 @@ class Hand:
     def reset(self) -> None:
         """Rest at the first target."""
         self.motion[:] = (*self.path.start, 0.0, 0.0, 0.0, *self.path.start)
-        self.offset[:] = self._wanted[:] = 0.0
+        self.offset[:] = self._target_offset[:] = 0.0
         self.ticks[...] = self._steered[...] = 0
         if self.waits is not None:
             self.waits.reset()
@@ -121,16 +121,16 @@ class Hand:
         if step is not None and not all(math.isfinite(part) for part in step):
             raise ValueError(f"step = {step!r} must be three finite numbers of metres")
         self._steered[...] = LED if step is not None else STILL if self.home else HOMING
-        self._wanted[:] = 0.0 if step is None else self._wanted + np.asarray(step)
+        self._target_offset[:] = 0.0 if step is None else self._target_offset + np.asarray(step)
 
     def _follow(self) -> bool:
         """Lead the target towards where it is steered, as fast as a hand may; return whether the path waits."""
         if not self._steered.item():
             return False
-        away = self._wanted - self.offset
+        away = self._target_offset - self.offset
         distance = math.sqrt(float(away @ away))
         reach = STEER_SPEED * self._period
-        self.offset[:] = self._wanted if distance <= reach else self.offset + away * (reach / distance)
+        self.offset[:] = self._target_offset if distance <= reach else self.offset + away * (reach / distance)
         if distance <= reach and self._steered.item() == HOMING:
             self._steered[...] = STILL
         return True

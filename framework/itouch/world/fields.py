@@ -175,7 +175,7 @@ HAND = (
     Field("ticks", "i8", low=0, unit="tick", doc="how long the motion has run"),
     Field("offset", "f8", 3, unit="m", doc="what the operator has added to the motion by hand"),
     Field("steered", "i8", unit="1", doc="1 while somebody steers the finger"),
-    Field("wanted", "f8", 3, unit="m/s", doc="where somebody steers the finger to"),
+    Field("target_offset", "f8", 3, unit="m", doc="where somebody steers `offset` to"),
 )
 
 
