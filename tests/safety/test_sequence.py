@@ -106,6 +106,7 @@ class Rig:
             DeviceFaultError(device, 0, trip, "has failed"), lambda: after.append(self.state["tick"].item())
         )
         assert after == list(range(begin + 1, begin + len(after) + 1))
+        assert self.state["stopping"].item() == 0
         assert 0.0 < outcome.seconds <= len(after) * PERIOD * (1.0 + 1e-9)  # safe by then; minded until all stands
         return outcome
 
@@ -932,3 +933,14 @@ def test_a_surface_that_moves_by_no_more_than_that_stands() -> None:
         rig.sequence._moved = {"table": (0.0, sent, 0)}
         rig.table.reading["pose"][2] = height
         assert rig.sequence._arrived(rig.table) is stands
+
+
+def test_one_that_was_held_because_it_went_the_wrong_way_is_held_in_the_next_stop_too() -> None:
+    """Until it was enabled: each stop would bring it nearer by as much as it takes to notice that."""
+    rig = Rig()
+    rig.obey = lambda goal: (setattr(rig, "height", 0.06 - goal), setattr(rig, "load", 0.0))[0]
+    rig.stop("arm")
+    held = rig.height
+    assert held > 0.031
+    rig.stop("arm")
+    assert rig.height == held
