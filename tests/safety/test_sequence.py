@@ -16,7 +16,7 @@ from itouch.plugin import HOLD, RETRACT, Channel, DeviceError, Record, pose_targ
 from itouch.plugin.stamps import Stamped
 from itouch.safety import DeviceFaultError, Outcome, SafeSequence, Status, Supervisor, Trip
 from itouch.safety.lifecycle import BACKWARDS
-from itouch.safety.sequence import LEAVE_TIME, SAFE_TIME, SETTLE, STANDS, STOOD, WATCH_TIME
+from itouch.safety.sequence import LEAVE_TIME, NEARER, SAFE_TIME, SETTLE, STANDS, STOOD, WATCH_TIME
 
 
 class Line(Fake, Stamped):
@@ -536,7 +536,7 @@ def test_the_numbers_of_the_sequence() -> None:
 
         rig.obey = pressed
         assert rig.stop("arm").safe is safe
-    for height, safe in ((0.0009, True), (0.0015, False)):
+    for height, safe in ((0.0009, True), (0.001, True), (0.0015, False)):
         rig = Rig()
         rig.height, rig.load = height, 0.0
         rig.table.device_monitors.forget()
@@ -944,3 +944,12 @@ def test_one_that_was_held_because_it_went_the_wrong_way_is_held_in_the_next_sto
     assert held > 0.031
     rig.stop("arm")
     assert rig.height == held
+
+
+def test_one_that_is_held_stands_nearer_by_more_than_it_may_or_at_all_if_it_is_not_believed() -> None:
+    rig = Rig()
+    for gone, nearer in ((0.001, False), (0.0, False), (-NEARER, False), (-NEARER - 1e-9, True)):
+        assert rig.sequence._nearer(rig.table, gone) is nearer
+    rig.table.fault(Trip.NOT_A_NUMBER, 0)
+    for gone, nearer in ((0.001, False), (0.0, False), (-1e-9, True)):
+        assert rig.sequence._nearer(rig.table, gone) is nearer
