@@ -136,3 +136,12 @@ def _recorder_of(launcher: int) -> int:
                 return int(folder.name)
         time.sleep(0.02)
     raise AssertionError("nothing is recorded")
+
+
+def test_a_pipe_is_no_file_to_record_into(scene: Path) -> None:
+    """Its recorder waited for somebody who reads, for ever, whoever else had ended."""
+    os.mkfifo(scene.parent / "r.mcap")
+    with itouch.build(scene) as session:
+        with pytest.raises(itouch.ItouchError, match=r"cannot write '.*r\.mcap': it is a pipe, not a file"):
+            session.record(scene.parent / "r.mcap")
+        assert session.recorder is None

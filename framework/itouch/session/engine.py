@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pathlib
 from collections import deque
 from collections.abc import Callable
 from typing import Any
@@ -185,6 +186,8 @@ class Session(Shown, Engine):
             os.makedirs(os.path.dirname(target) or ".", exist_ok=True)
         except OSError as error:
             raise RecordingError(f"cannot write '{target}': {error.strerror or error}") from error
+        if pathlib.Path(target).is_fifo():  # a recorder that opens it waits for a reader, and outlives everybody
+            raise RecordingError(f"cannot write '{target}': it is a pipe, not a file")
         recorder = Recorder(self, self._asked, target, tracks)
         self._record_by(recorder)
         return recorder
