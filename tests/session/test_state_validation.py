@@ -35,7 +35,7 @@ def test_a_state_that_has_run_is_plausible(session: Session) -> None:
         ("tick", None, -1), ("ready", None, 2), ("arm.status", None, 4), ("arm.status", None, -1),
         ("arm.ramp", None, 1.5), ("arm.ramp", None, -math.inf), ("arm.sent.wrench", 2, math.nan),
         ("table.sent.pose_target", 0, math.inf), ("table.surface.places", None, np.iinfo(np.int64).max),
-        ("table.touch_off.stage", None, 9), ("table.touch_off.point", None, 900),
+        ("table.touch_off.stage", None, 9), ("table.touch_off.point", None, 3), ("table.touch_off.point", None, 900),
         ("finger.object", None, 99), ("finger.contact.object", None, -2), ("finger.near_object", None, 1 << 40),
         ("finger.memory", 5, math.nan), ("finger.memory", 5, 1e18), ("finger.memory", 6, 99.0), ("finger.memory", 12, -2.0),
         ("peltier.heat.samples", None, -5), ("peltier.heat.dose", None, -1e9), ("peltier.heat.share", None, 7.0),

@@ -131,7 +131,7 @@ def _rise(search: Any, reach: Any, figures: Floats, force: float) -> int:
         sums[4] += force * force
     if force >= FORCE:
         search.offsets[search.point[0]] = _at_zero_force(sums)
-        search.target[0] -= DROP
+        search.target[0] = max(reach.low, search.target[0] - DROP)  # where its travel ends, that is as far as it goes
         search.stage[0] = _RELEASE
         return 0
     if search.target[0] >= reach.high:

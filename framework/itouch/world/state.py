@@ -204,7 +204,7 @@ def _device(device: DeviceModel, framed: bool) -> list[Field]:
             f"{name}.touch_off",
             (
                 Field("stage", "i8", low=0, high=3, unit="1", doc="0 place, 1 rise, 2 release, 3 done"),
-                Field("point", "i8", low=0, high=device.touch_off, unit="1", doc="which of the points is being felt"),
+                Field("point", "i8", low=0, high=device.touch_off - 1, unit="1", doc="which point is being felt"),
                 Field("sums", "f8", 5, unit="mixed", doc="sums of the readings at the point that is being felt"),
                 Field("offsets", "f8", device.touch_off, unit="m", doc="what was found at each point"),
                 Field("target", unit="m", doc="height that the surface is driven to"),
