@@ -22,7 +22,7 @@ from itouch_xyz_table.faults import POSITION
 from itouch_xyz_table.servos import AXES, Goal, ServoError, ServoState
 
 #: Longest wait for an answer [s], and how often it is asked for; a line is quiet after so long without a byte [s].
-PATIENCE, TRIES, QUIET = 0.05, 6, 5e-3
+PATIENCE, TRIES, QUIET = 0.05, 8, 5e-3
 #: How the heartbeat is tried out: so far at most a motor turns in silence [m], at this speed [m/s].
 TRIED, SLOWLY = 5e-4, 2e-3
 #: How long going back may take [s].
@@ -80,6 +80,8 @@ class Steppers:
         self._watchdog, self._patience, self._trace, self._clock = watchdog, patience, trace, clock
         #: Exchanges that were made again because a frame was lost or damaged.
         self.repeated = 0
+        #: Whether an answer may still be on its way for which nobody waits any more.
+        self._owing = False
         self._driven, self._count = False, 0
         self._limits: list[int] = [0] * len(self._motors)
         self._last: list[tuple[float, float]] = []
@@ -302,8 +304,13 @@ class Steppers:
             if turn:
                 self.repeated += 1
                 self._settle()
+            if self._owing and not self._catch_up():
+                continue
             said = self._exchange(tm.request(asked))
-            if said is None or said.module != self._address or said.command != command or said.status == tm.WRONG_SUM:
+            if said is None or said.module != self._address or said.status == tm.WRONG_SUM:
+                continue
+            if said.command != command:
+                self._owing = True
                 continue
             if said.status not in (tm.OK, tm.LOADED):
                 why = tm.STATUS.get(said.status, f"status {said.status}")
@@ -316,19 +323,46 @@ class Steppers:
 
     def _exchange(self, frame: bytes) -> tm.Answer | None:
         """Send a request and return the answer that comes whole in time."""
+        self._send(frame)
+        data = self._receive(self._clock() + PATIENCE * self._patience)
+        self._owing = self._owing or not data
+        return tm.told(data)
+
+    def _catch_up(self) -> bool:
+        """Drop answers that come late, and return whether that is done.
+
+        An answer does not say which parameter or motor it is of, so one that came late would be taken for that of the
+        next request: the place of one axis for that of another.  The module answers one request after the other; when
+        it has answered another kind of request, nothing older is on its way.
+        """
+        self._send(tm.request(tm.Request(self._address, tm.GET_GLOBAL, tm.HEARTBEAT, 0, 0)))
+        end = self._clock() + PATIENCE * self._patience
+        while data := self._receive(end):
+            said = tm.told(data)
+            if said is not None and said.module == self._address and said.command == tm.GET_GLOBAL:
+                self._owing = False
+                return True
+        return False
+
+    def _send(self, frame: bytes) -> None:
         if self._trace is not None:
             self._trace.sent(frame.hex().encode())
-        data = b""
         try:
             self._serial.write(frame)
-            end = self._clock() + PATIENCE * self._patience
+        except OSError as error:
+            raise ServoError(f"the module's port failed: {error}") from error
+
+    def _receive(self, end: float) -> bytes:
+        """Return the bytes of a frame, or what has come of it until a time [s]."""
+        data = b""
+        try:
             while len(data) < tm.SIZE and self._clock() < end:
                 data += self._serial.read(tm.SIZE - len(data))
         except OSError as error:
             raise ServoError(f"the module's port failed: {error}") from error
         if data and self._trace is not None:
             self._trace.received(data.hex().encode())
-        return tm.told(data)
+        return data
 
     def _settle(self) -> None:
         """Wait until the line is quiet and drop what has come: no frame has a mark at which it begins."""

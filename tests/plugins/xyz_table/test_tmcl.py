@@ -21,6 +21,7 @@ from itouch_tools.cli.lockstep import Lockstep
 from itouch_xyz_table import XyzTable, XyzTableParams
 from itouch_xyz_table import tmclframes as tm
 from itouch_xyz_table.servos import ServoError
+from itouch_xyz_table.tmcl import PATIENCE
 from itouch_xyz_table.virtual_tmcl import VirtualStepper, VirtualTmcl
 
 LEADS, SIGNS, TRAVEL = (0.01, 0.02, 0.005), (1.0, -1.0, 1.0), (0.012, 0.01, 0.008)
@@ -282,6 +283,33 @@ def test_late_answers_are_lived_through(bench: Bench, late: float) -> None:
     device.open()
     reading = arrive(bench, device, [place + 1e-4 for place in bench.truth()])
     assert reading["pose"][:3] == pytest.approx(bench.truth(), abs=1e-5)
+    device.close()
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_an_answer_that_comes_too_late_is_no_answer_to_the_next_request(bench: Bench, count: int) -> None:
+    """Each axis reads its own place: an answer says neither which parameter nor which motor it is of."""
+    patience, waiting, late = 4.0, list[tuple[float, bytes]](), [0]
+
+    def hold(data: bytes) -> bytes:
+        now = time.monotonic()
+        if data:
+            longer = 1.1 * patience * PATIENCE if late[0] > 0 else 0.0
+            late[0] -= 1
+            waiting.append((max([now + longer, *(when for when, _ in waiting[-1:])]), data))
+        out = b""
+        while waiting and waiting[0][0] <= now:
+            out += waiting.pop(0)[1]
+        return out
+
+    bench.hold = hold
+    device = bench.table(patience=patience)
+    device.open()
+    reading, _ = records()
+    late[0] = count
+    for _ in range(4):
+        device.read(reading)
+        assert reading["pose"][:3] == pytest.approx(bench.truth(), abs=1e-5)
     device.close()
 
 
