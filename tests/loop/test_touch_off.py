@@ -1,4 +1,4 @@
-"""A touch-off at the end of the travel."""
+"""A touch-off at the end of the travel, and one that is interrupted."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 
 import itouch
+from itouch.loop import DeviceFaultError
+from itouch.loop.touchoff import TouchOffPhase
 
 
 def test_a_plate_that_can_drop_no_further_between_points_is_felt_at_all_of_them(scenes: Path) -> None:
@@ -20,3 +22,26 @@ def test_a_plate_that_can_drop_no_further_between_points_is_felt_at_all_of_them(
         assert session.state["ready"].item() == 1
         assert session.state["table.touch_off.target"].item() == 0.0
         assert session.state["table.calibration"][2] == pytest.approx(-3e-3, abs=2e-4)
+
+
+def test_a_touch_off_that_was_stopped_near_the_finger_rises_as_slowly_as_before(scenes: Path) -> None:
+    """Not from where the stop has brought the plate straight to where it was, which is felt later than it should be."""
+    path = scenes / "four_materials.xml"
+    fault = '<fault device="table" kind="disconnect" at="2 s" for="0.2 s"/>'
+    path.write_text(path.read_text().replace("<safety ", f"{fault}<safety "))
+    greatest = 0.0
+
+    def ready() -> bool:
+        nonlocal greatest
+        greatest = max(greatest, abs(session.state["table.wrench"][2].item()))
+        return bool(session.state["ready"]) or session.ticks >= 9000
+
+    with itouch.build(path, seed=1) as session:
+        with pytest.raises(DeviceFaultError, match="disconnected"):
+            session.run(until=ready)
+        assert session.state["table.touch_off.stage"].item() == TouchOffPhase.RISE
+        session.rearm()
+        session.run(until=ready)
+        assert session.state["ready"].item() == 1
+        assert session.state["table.touch_off.offsets"] == pytest.approx(3e-3, abs=2e-5)
+        assert greatest < 0.35

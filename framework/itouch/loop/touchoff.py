@@ -39,7 +39,8 @@ MARGIN, DROP = 0.0079, 0.003
 SPREAD = 0.006
 #: How far below the end of its travel the plate should meet the finger: mounts are wrong, and hands give way [m].
 ROOM = 0.012
-_ARRIVED = 3e-4
+#: How near its goal a plate is there, and how far behind it one does not rise: it has been stopped meanwhile [m].
+_ARRIVED, _BEHIND = 3e-4, 1.5e-3
 #: What is left to Python: the plate is at the end of its travel, and was not felt.
 UNFELT = 2
 
@@ -119,9 +120,13 @@ def _place(search: Any, reach: Any, pose: Floats, x: float, y: float, force: flo
 
 
 @kernel
-def _rise(search: Any, reach: Any, figures: Floats, force: float) -> int:
-    """Raise the plate until it is felt."""
+def _rise(search: Any, reach: Any, pose: Floats, figures: Floats, force: float) -> int:
+    """Raise the plate until it is felt; one that was stopped meanwhile comes back below, and rises as slowly again."""
     sums = search.sums
+    if search.target[0] - pose[2] > _BEHIND:
+        search.target[0] = max(reach.low, search.target[0] - DROP)
+        search.stage[0] = _PLACE
+        return 0
     if force > SAMPLE:
         height = figures[render.PLATE_TOP] - (figures[render.HIP + 2] - reach.radius)
         sums[0] += 1
@@ -197,7 +202,7 @@ def seek(
     if search.stage[0] == _PLACE:
         _place(search, reach, pose, under_x, under_y, force)
     elif search.stage[0] == _RISE:
-        if _rise(search, reach, figures, force) == UNFELT:
+        if _rise(search, reach, pose, figures, force) == UNFELT:
             return UNFELT
     else:
         _release(search, pose, fixed)
