@@ -80,3 +80,23 @@ def test_closing_lets_go_of_the_finger_though_a_listener_fails_from_now_on(
     with pytest.raises(type(error)), pair.host:
         pair.host.run(1.0)
     assert let_go(pair)
+
+
+@pytest.mark.parametrize("error", [OSError("no space left"), KeyboardInterrupt()], ids=repr)
+def test_a_stop_is_carried_out_though_who_is_told_of_the_fault_first_fails(
+    pressed: tuple[Pair, tuple[bytes, bytes]], error: BaseException
+) -> None:
+    pair, heard = contact(pressed), list[DeviceFaultError]()
+
+    def fails(fault: DeviceFaultError) -> None:
+        raise error
+
+    pair.host.fault_hooks[:] = [fails, heard.append]
+    pair.world.inject("arm", Kind.NAN.label, at=pair.world.seconds + 0.02)
+    with pytest.raises(DeviceFaultError if isinstance(error, Exception) else type(error)) as caught:
+        pair.host.run(1.0)
+    pair.host.fault_hooks[:] = []
+    assert let_go(pair)
+    assert len(heard) == 1
+    notes = getattr(caught.value, "__notes__", [])
+    assert notes == (["when it was told: OSError: no space left"] if isinstance(error, Exception) else [])

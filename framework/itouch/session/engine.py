@@ -273,10 +273,27 @@ class Session(Shown, Engine):
             self.stop()
 
     def make_safe(self, fault: DeviceFaultError) -> None:
-        """Make every device safe; whoever wants to know of the tick that failed is told before that."""
-        for hook in self.fault_hooks:
-            hook(fault)
+        """Make every device safe; whoever wants to know of the tick that failed is told before that.
+
+        One of them that fails, or Ctrl-C, waits until that is done: an error is then a note of the fault, all else is
+        raised.
+
+        Raises
+        ------
+        BaseException
+            What was raised meanwhile and is no ``Exception``.
+        """
+        failed: BaseException | None = None
+        for hook in tuple(self.fault_hooks):  # a recorder that fails takes itself out
+            try:
+                hook(fault)
+            except BaseException as error:
+                failed = error if failed is None or isinstance(failed, Exception) else failed
         super().make_safe(fault)
+        if isinstance(failed, Exception):
+            fault.add_note(f"when it was told: {type(failed).__name__}: {failed}")
+        elif failed is not None:
+            raise failed
 
     def enable(self, *, opens: bool = True) -> None:
         """Enable as ``Engine.enable`` says; a recording notes the State after it, because it came from outside.
