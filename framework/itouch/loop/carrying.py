@@ -151,7 +151,7 @@ def carried(
     choice.take_over_missed(c, figures, kept, missed[0], pressed, touching, tick[0] * period)
     plate.take_over(c, kept, renders[0] != 0, present[0] != 0, away, coming[0], touching)
     plate.stray(figures, sent, table)
-    plate.spare(c, figures, kept, goal, pressed, yields[0])
+    plate.spare(c, table, figures, kept, goal, pressed, yields[0])
     feel(c, figures, kept, load[2], touching)
     there[0] = int(kept[memory.PRESENT])
     rising[0] = (figures[render.PLATE_TOP] - before) / period

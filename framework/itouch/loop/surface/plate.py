@@ -120,14 +120,15 @@ def _goes(memory: Floats) -> float:
 
 
 @kernel
-def _bearable(c: Floats, figures: Floats, memory: Floats, pressed: float) -> float:
+def _bearable(c: Floats, memory: Floats, here: float, pressed: float) -> float:
     """Return the greatest height [m] to which the plate may go, so that it presses no harder than it may.
 
+    ``here`` is where its top is by what its device reads [m], whatever else is said of it.
     A finger that comes down takes the plate with it: the table is told ahead of time where it will be.
     """
     stiffness = c[PAD_STIFFNESS]
     if pressed > TOUCH:
-        off = figures[PLATE_TOP] - memory[LEVEL] - pressed / stiffness
+        off = here - memory[LEVEL] - pressed / stiffness
         memory[OFF] += c[PERIOD] / SETTLE * (off - memory[OFF])
     elif pressed < LEFT:
         memory[OFF] = 0.0
@@ -260,16 +261,19 @@ def stray(figures: Floats, sent: Floats, table: Floats) -> None:
 
 
 @kernel
-def spare(c: Floats, figures: Floats, memory: Floats, goal: Floats, pressed: float, yields: float) -> None:
+def spare(
+    c: Floats, table: Floats, figures: Floats, memory: Floats, goal: Floats, pressed: float, yields: float
+) -> None:  # fmt: skip
     """Lower the goal (7,) of a surface that somebody else carries to where it presses no harder than it may (K4).
 
-    ``c`` (CONSTANTS,), ``figures`` (FIGURES,), ``memory`` (MEMORY,) of the surface; ``goal`` [m; quaternion],
-    ``pressed``: the force on it now [N]; ``yields``: how far it has given way already [m], below 0: not said.
+    ``c`` (CONSTANTS,), ``figures`` (FIGURES,), ``memory`` (MEMORY,) of the surface; ``table``, what its device reads of
+    its pose, and ``goal`` (7,) [m; quaternion]; ``pressed``: the force on it now [N]; ``yields``: how far it has given
+    way already [m], below 0: not said.
     """
     _smooth(c, memory, figures[HIP + 2] - c[RADIUS])
     if c[HAS_LOAD] > 0.0:
         wanted = top(c, goal)
-        most = _bearable(c, figures, memory, pressed)
+        most = _bearable(c, memory, top(c, table), pressed)
         if yields < 0.0:
             allowed = min(wanted, most) - _yield(c, figures, pressed)
         elif memory[SETTLED] > 0.0:
@@ -334,7 +338,7 @@ def carry(
         doubt(c, figures, memory, pressed, touching, time)
     _smooth(c, memory, lowest)
     wanted = _height(c, figures, memory, lowest, last, pressed, touching)
-    most = _bearable(c, figures, memory, pressed)
+    most = _bearable(c, memory, here, pressed)
     if memory[RENDERS] > 0.0 and memory[SETTLED] > 0.0 and wanted <= most:
         _learn(c, figures, memory, last, pressed, touching)
     wanted = min(wanted, most)
