@@ -50,7 +50,8 @@ def confirm_processor() -> None:
     fits.cache_clear()
     why_not.cache_clear()
     if os.environ.get("NUMBA_CPU_NAME") == BASELINE:
-        del os.environ["NUMBA_CPU_NAME"], os.environ["NUMBA_CPU_FEATURES"]
+        for name in ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES"):  # whoever set the first may not have set the second
+            os.environ.pop(name, None)
     if "numba" in sys.modules:  # a plugin may have been first
         sys.modules["numba"].config.reload_config()
 

@@ -108,6 +108,7 @@ def test_a_processor_that_lacks_something_compiles_for_itself(program: Path) -> 
 def test_a_processor_that_lacks_what_the_system_says_it_has_compiles_for_itself(program: Path) -> None:
     """An emulator passes on what the system says of the machine below it."""
     assert run(program, "use", PROCESSOR_LACKS="fma", kept="another") == (5.0, 0)
+    assert run(program, "use", PROCESSOR_LACKS="fma", kept="named", NUMBA_CPU_NAME=shipped.BASELINE) == (5.0, 0)
 
 
 @pytest.mark.long
