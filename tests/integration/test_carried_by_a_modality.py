@@ -256,6 +256,19 @@ def test_one_that_says_that_it_yields_and_does_not_is_lowered_as_others_are(scen
     assert most["lying"] < 2.1
 
 
+def test_a_touch_off_goes_by_what_the_device_reads_of_itself(scene: Callable[..., Path]) -> None:
+    """Its author says that the prop is 50 mm nearer than it is; the mount is 3 mm off."""
+    found: dict[str, float] = {}
+    for error in ("", "lying"):
+        mount = '<mount pos="0 0 0 mm" mount-error="0 0 3 mm"/><calibration method="touch-off"/>'
+        session = itouch.build(scene(f' error="{error}"', mount))
+        session.run(until=lambda session=session: bool(session.state["ready"]) or session.ticks >= 9000)
+        assert session.state["ready"].item() == 1
+        found[error] = session.state["presenter.calibration"][2].item()
+    assert found[""] == pytest.approx(-3e-3, abs=1e-4)
+    assert found["lying"] == pytest.approx(found[""], abs=1e-5)
+
+
 def test_the_force_is_led_over_as_long_as_the_surface_is_coming(scene: Callable[..., Path]) -> None:
     """It is led over for 0.3 s at least, and as long as its author says that the prop is still to go."""
     left: dict[str, float] = {}

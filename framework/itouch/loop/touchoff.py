@@ -21,6 +21,7 @@ from itouch.joining import runner
 from itouch.loop import render
 from itouch.loop.frames import Vector
 from itouch.loop.runner import DeviceFaultError, Runner
+from itouch.loop.surface import plate
 from itouch.loop.touch import Toucher
 from itouch.plugin import Bound, Record, Role
 from itouch.safety import Trip
@@ -120,7 +121,7 @@ def _place(search: Any, reach: Any, pose: Floats, x: float, y: float, force: flo
 
 
 @kernel
-def _rise(search: Any, reach: Any, pose: Floats, figures: Floats, force: float) -> int:
+def _rise(c: Floats, search: Any, reach: Any, pose: Floats, figures: Floats, force: float) -> int:
     """Raise the plate until it is felt; one that was stopped meanwhile comes back below, and rises as slowly again."""
     sums = search.sums
     if search.target[0] - pose[2] > _BEHIND:
@@ -128,7 +129,8 @@ def _rise(search: Any, reach: Any, pose: Floats, figures: Floats, force: float) 
         search.stage[0] = _PLACE
         return 0
     if force > SAMPLE:
-        height = figures[render.PLATE_TOP] - (figures[render.HIP + 2] - reach.radius)
+        # By its own reading, not by what a modality says that carries it: what is calibrated is the device.
+        height = plate.top(c, pose) - (figures[render.HIP + 2] - reach.radius)
         sums[0] += 1
         sums[1] += force
         sums[2] += height
@@ -202,7 +204,7 @@ def seek(
     if search.stage[0] == _PLACE:
         _place(search, reach, pose, under_x, under_y, force)
     elif search.stage[0] == _RISE:
-        if _rise(search, reach, pose, figures, force) == UNFELT:
+        if _rise(c, search, reach, pose, figures, force) == UNFELT:
             return UNFELT
     else:
         _release(search, pose, fixed)
