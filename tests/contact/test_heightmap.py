@@ -3,12 +3,11 @@
 import io
 import struct
 import zlib
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from itouch.contact.heightmap import gentle, read_height_map
+from itouch.contact.heightmap import gentle, height_map
 from itouch.contact.png import grey_of_png
 
 
@@ -25,13 +24,7 @@ def png(
     )  # fmt: skip
 
 
-def written(tmp_path: Path, data: bytes) -> Path:
-    path = tmp_path / "map"
-    path.write_bytes(data)
-    return path
-
-
-def test_png_of_every_kind_as_another_program_reads_it(tmp_path: Path, rng: np.random.Generator) -> None:
+def test_png_of_every_kind_as_another_program_reads_it(rng: np.random.Generator) -> None:
     from PIL import Image  # comes with matplotlib
 
     grey = rng.integers(0, 256, (13, 17), dtype=np.uint8)
@@ -40,7 +33,7 @@ def test_png_of_every_kind_as_another_program_reads_it(tmp_path: Path, rng: np.r
         buffer = io.BytesIO()
         Image.fromarray(array, mode).save(buffer, "PNG")
         wanted = array / 255.0 if array.ndim == 2 else array @ [0.2126, 0.7152, 0.0722] / 255.0
-        np.testing.assert_allclose(read_height_map(written(tmp_path, buffer.getvalue())), wanted, atol=1e-12)
+        np.testing.assert_allclose(height_map(buffer.getvalue()), wanted, atol=1e-12)
 
 
 @pytest.mark.parametrize("kind", range(5))
@@ -64,14 +57,12 @@ def test_png_with_few_or_many_bits_and_with_a_palette() -> None:
     np.testing.assert_allclose(grey_of_png(coloured, 9), [[1, 0]], atol=1e-12)
 
 
-def test_pgm_and_npy(tmp_path: Path) -> None:
-    np.testing.assert_allclose(
-        read_height_map(written(tmp_path, b"P2\n# a comment\n2 2\n4\n0 1\n2 4\n")), [[0, 0.25], [0.5, 1]]
-    )
-    np.testing.assert_allclose(read_height_map(written(tmp_path, b"P5 3 1 255\n\x00\x33\xff")), [[0, 0.2, 1]])
+def test_pgm_and_npy() -> None:
+    np.testing.assert_allclose(height_map(b"P2\n# a comment\n2 2\n4\n0 1\n2 4\n"), [[0, 0.25], [0.5, 1]])
+    np.testing.assert_allclose(height_map(b"P5 3 1 255\n\x00\x33\xff"), [[0, 0.2, 1]])
     buffer = io.BytesIO()
     np.save(buffer, np.array([[0.0, 0.5], [1.0, 0.25]], np.float32))
-    np.testing.assert_array_equal(read_height_map(written(tmp_path, buffer.getvalue())), [[0, 0.5], [1, 0.25]])
+    np.testing.assert_array_equal(height_map(buffer.getvalue()), [[0, 0.5], [1, 0.25]])
 
 
 def npy(array: object) -> bytes:
@@ -103,10 +94,10 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_bad_files_are_refused_with_a_reason(name: str, tmp_path: Path) -> None:
+def test_bad_files_are_refused_with_a_reason(name: str) -> None:
     data, reason = BAD[name]
     with pytest.raises(ValueError, match=reason):
-        read_height_map(written(tmp_path, data))
+        height_map(data)
 
 
 def test_steep_maps_are_smoothed_until_they_can_be_rendered(rng: np.random.Generator) -> None:

@@ -22,7 +22,7 @@ controller = SimpleNamespace(name="fake", leftx=0.0, lefty=0.0, righty=0.0, devi
 from itouch_tools.viewer import steering
 if sys.argv[-1].endswith("gamepad.xml"):
     steering.find_pad = lambda: gamepad.Pad(controller)
-from itouch_tools.viewer.source import Local
+from session_here import Local
 from itouch_tools.viewer.window import Window
 clock = [0.0]
 session = itouch.build(sys.argv[-1])

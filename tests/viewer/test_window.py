@@ -13,7 +13,7 @@ from pathlib import Path
 from pyglet.window import key, mouse
 import pyglet
 pyglet.options.audio = ("silent",)
-from itouch_tools.viewer.source import Local
+from session_here import Local
 from itouch_tools.viewer.window import Window
 clock = [0.0]
 begun = Path(sys.argv[3] + ".begun")

@@ -9,6 +9,8 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+#: Lets scripts import what stands beside this file.
+_FOUND = f"import sys\nsys.path.append({str(Path(__file__).parent)!r})\n"
 RUN = """
 import json, sys, time, traceback
 import pyglet
@@ -57,7 +59,7 @@ def drive(
     task, out = folder / "task.json", folder / "said.json"
     plain = {name: textwrap.dedent(script) for name, script in scripts.items()}
     task.write_text(json.dumps([prepare, plain, str(out)]))
-    done = subprocess.run([sys.executable, "-c", RUN, str(task), *words], capture_output=True, text=True,
+    done = subprocess.run([sys.executable, "-c", _FOUND + RUN, str(task), *words], capture_output=True, text=True,
                           env=dict(environment), timeout=600)  # fmt: skip
     said = json.loads(out.read_text()) if out.exists() else {}
     died = f"the process ended with {done.returncode} before this script had: {done.stderr}"

@@ -2,7 +2,6 @@
 
 import io
 import re
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,22 +14,6 @@ MAX_BYTES = 32 * 2**20
 MAX_SAMPLES = 2048 * 2048
 STEEPEST = 1.0  # slope of the carved surface that is let be
 _PGM = re.compile(rb"P([25])(?:\s+|#[^\n]*\n)+(\d{1,6})(?:\s+|#[^\n]*\n)+(\d{1,6})(?:\s+|#[^\n]*\n)+(\d{1,6})\s")
-
-
-def read_height_map(path: Path) -> Heights:
-    """Read a file as ``height_map`` does.
-
-    Raises
-    ------
-    ValueError
-        If the file is too large, of another kind, damaged, or holds values that are no heights.
-    OSError
-        If it cannot be read.
-    """
-    size = path.stat().st_size
-    if size > MAX_BYTES:
-        raise ValueError(f"it has {size} bytes; at most {MAX_BYTES} are allowed")
-    return height_map(path.read_bytes())
 
 
 def height_map(data: bytes) -> Heights:

@@ -17,7 +17,7 @@ import dataclasses
 import math
 from dataclasses import MISSING, dataclass
 from functools import cache
-from typing import Any, ClassVar, Literal, get_args
+from typing import Any, Literal, get_args
 
 from itouch.schema.roles import Role
 
@@ -216,18 +216,8 @@ def default_of(cls: type, field_name: str) -> Any:
     raise ValueError(f"{cls.__name__} has no field '{field_name}'")
 
 
-class Grammar:
-    """Optional class-level constraints of an element; a dataclass may define any of them without inheriting this."""
-
-    TAG: ClassVar[str]
-    EXCLUSIVE: ClassVar[tuple[tuple[str, ...], ...]] = ()
-    TOGETHER: ClassVar[tuple[tuple[str, ...], ...]] = ()
-    ONE_OF: ClassVar[tuple[tuple[str, ...], ...]] = ()
-    REQUIRES: ClassVar[tuple[tuple[str, str], ...]] = ()
-
-
 def constraint(cls: type, kind: str) -> tuple[tuple[str, ...], ...]:
-    """Return a class-level constraint, empty if the class has none."""
+    """Return a constraint that a class states, empty if it has none: EXCLUSIVE, TOGETHER, ONE_OF or REQUIRES."""
     found: tuple[tuple[str, ...], ...] = getattr(cls, kind, ())
     return found
 

@@ -63,11 +63,6 @@ def lock_memory(*, as_touched: bool = False) -> Effort:
     return Effort("memory lock", False, f"not given ({_reason()}): this user may lock {allowed >> 20} MiB")
 
 
-def unlock_memory() -> None:
-    """Give the lock up."""
-    _libc().munlockall()
-
-
 def sharpen_timer() -> Effort:
     """Let sleeps end on time."""
     nanoseconds = ctypes.c_ulong(round(TIMER_SLACK * 1e9))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import queue
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from types import TracebackType
 from typing import Any, Protocol
 
@@ -36,7 +37,6 @@ class Saving:
         self._ticks = max(1, round(every / session.model.period))
         self._work: queue.Queue[tuple[bytes, dict[str, Any]] | None] = queue.Queue(1)
         self._thread = threading.Thread(target=self._write, name="saving", daemon=True)
-        self.saved = self.left_out = 0
         self.failure = ""
 
     def __enter__(self) -> Saving:
@@ -60,10 +60,8 @@ class Saving:
             return
         ledger = self._session.statistics.dump()
         taken = self._session.state.tobytes(), {**ledger, "contacts": list(ledger["contacts"])}
-        try:
+        with suppress(queue.Full):  # the disk has not taken the one before
             self._work.put(taken, block=self._session.clock.pace != "real")
-        except queue.Full:
-            self.left_out += 1
 
     def _write(self) -> None:
         state = self._session.state.copy()
@@ -71,7 +69,6 @@ class Saving:
             state.raw[:] = memoryview(work[0])
             try:
                 write_snapshot(self._path, self._pack(state, work[1]))
-                self.saved += 1
             except SessionError as error:
                 self.failure = str(error)
 

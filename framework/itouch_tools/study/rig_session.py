@@ -103,7 +103,7 @@ class Sitting(Servo):
         if remote:
             raise ServoError(f"'{remote[0]}' is a remote twin: a study changes its scene; use twin=\"yes\"")
         super().__init__(session, segment, outbox, config)
-        self._work, self._obey, self._resting = work, obey, False
+        self._work, self._obey = work, obey
         #: What is published: what was sent to the devices, for the guardian, and the tick.
         self._told_of = Record(session.state.dtype)
         self._publisher = Publisher(segment, self._told_of, session.times)

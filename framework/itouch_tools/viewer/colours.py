@@ -20,8 +20,6 @@ CURVES: tuple[Colour, ...] = (
     (0.95, 0.45, 0.20), (0.75, 0.75, 0.75),
 )  # fmt: skip
 
-GROUND: Colour = (0.105, 0.118, 0.145)
-SKY: Colour = (0.045, 0.052, 0.068)
 GRID: Colour = (0.27, 0.29, 0.34)
 HIP: Colour = (0.95, 0.45, 0.20)
 PROXY: Colour = (0.34, 0.71, 0.91)

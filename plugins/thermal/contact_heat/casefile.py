@@ -188,25 +188,3 @@ def _number(where: str, data: Any) -> float:
     if isinstance(data, bool) or not isinstance(data, (int, float)) or not math.isfinite(data):
         raise ValueError(f"{where} = {data!r} is not a finite number")
     return float(data)
-
-
-def side_data(side: Side) -> dict[str, Any]:
-    """Return what a case file holds of a side."""
-    data: dict[str, Any] = {"layers": [_value_data(layer, _LAYER) for layer in side.layers]}
-    if side.arterial is not None:
-        data["T_art"] = side.arterial - CELSIUS
-    for key, keys in (("back", _BACK), ("initial", _INITIAL), ("air", _AIR)):
-        value = getattr(side, key)
-        if value is not None:
-            data[key] = _value_data(value, keys)
-    return data
-
-
-def probe_data(probe: Probe) -> dict[str, Any]:
-    """Return what a case file holds of a probe."""
-    return {key: getattr(probe, key) for key in _PROBE}
-
-
-def _value_data(value: object, keys: Mapping[str, str]) -> dict[str, Any]:
-    data = {key: getattr(value, field) for key, field in keys.items() if getattr(value, field) is not None}
-    return {key: item - CELSIUS if key.startswith("T") else item for key, item in data.items()}

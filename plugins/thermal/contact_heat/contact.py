@@ -64,18 +64,6 @@ def case_of(data: Any) -> Contact:
     return Contact(**casefile.fields_of(data))
 
 
-def case_data(contact: Contact) -> dict[str, Any]:
-    """Return what a case file of a contact holds; reading it gives the contact again to rounding of degC."""
-    data: dict[str, Any] = {"note": contact.note} if contact.note else {}
-    data["finger"], data["object"] = casefile.side_data(contact.finger), casefile.side_data(contact.object)
-    data["Rth"] = contact.resistance
-    if contact.probes:
-        data["probes"] = [casefile.probe_data(probe) for probe in contact.probes]
-    if contact.times:
-        data["times"] = {"at": list(contact.times)}
-    return data
-
-
 def check_resistance(resistance: float) -> None:
     """Refuse a contact resistance outside 0 to 1e6 K m2/W.
 

@@ -13,8 +13,8 @@ from itouch_xyz_table.servos import AXES, Goal, ServoError, check
 GENTLE, SLOW = 0.25, 0.02
 #: An axis that moves less than this [m/s] for so long [s], and so many looks, stands at its end.
 _STILL, _STOOD, _LOOKS = 0.002, 0.15, 30
-#: Distance [m] that it backs off, and how much longer than its travel takes it may look [s].
-BACK_OFF, _GRACE = 0.002, 3.0
+#: How much longer than its travel takes it may look [s].
+_GRACE = 3.0
 
 
 def home(

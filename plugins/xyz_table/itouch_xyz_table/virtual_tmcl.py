@@ -149,7 +149,6 @@ class VirtualTmcl:
     tripped: bool = False
     spoil: Callable[[bytes], bytes] = field(default=lambda data: data)
     globals: dict[int, int] = field(default_factory=dict)
-    requests: int = 0
     _fed: float = 0.0
     _data: bytes = b""
     _when: float = 0.0
@@ -193,7 +192,6 @@ class VirtualTmcl:
         if asked is None:
             return tm.answer(tm.Answer(self.address, tm.WRONG_SUM, frame[1], 0))
         self._fed = now
-        self.requests += 1
         status, value = self._obey(asked)
         return tm.answer(tm.Answer(self.address, status, asked.command, value))
 

@@ -5,7 +5,7 @@ import json
 import heat_cases
 import pytest
 
-from contact_heat.contact import case_data, case_of
+from contact_heat.contact import case_of
 from contact_heat.resistance import (
     DEFAULT_RESISTANCE,
     ConstantResistance,
@@ -19,13 +19,19 @@ from itouch_thermal.library import library
 
 
 @pytest.mark.parametrize("name", heat_cases.SOLVED)
-def test_case_files_round_trip(name):
-    contact = Contact.from_json(heat_cases.FOLDER / f"{name}.json")
-    again = case_of(json.loads(json.dumps(case_data(contact))))
-    assert again.finger.layers == contact.finger.layers
-    assert again.times == contact.times
-    assert again.probes == contact.probes
-    assert again.finger.initial.kind == contact.finger.initial.kind
+def test_a_contact_is_what_its_case_file_states(name):
+    path = heat_cases.FOLDER / f"{name}.json"
+    contact, stated = Contact.from_json(path), json.loads(path.read_text())
+    assert contact.resistance == stated["Rth"]
+    for side, told in ((contact.finger, stated["finger"]), (contact.object, stated["object"])):
+        assert [(layer.name, layer.thickness, layer.conductivity, layer.density, layer.specific_heat) for layer in side.layers] == [
+            (layer["name"], layer["L"], layer["k"], layer["rho"], layer["c"]) for layer in told["layers"]
+        ]  # fmt: skip
+        assert side.arterial == (pytest.approx(told["T_art"] + 273.15) if "T_art" in told else None)
+        assert (side.initial.kind, side.back.kind) == (told["initial"]["type"], told["back"]["type"])
+    assert [(probe.name, probe.side, probe.depth, probe.what) for probe in contact.probes] == [
+        (probe["name"], probe["side"], probe["depth"], probe["what"]) for probe in stated.get("probes", ())
+    ]
 
 
 BAD = [
