@@ -35,8 +35,8 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
 
 #: The files that take longest, longest first: a worker that began one of them last would be waited for.
 LONGEST = (
-    "test_matrix", "test_random_meshes", "test_restore", "test_on_a_rig", "test_device_suite", "test_live_window",
-    "test_window", "test_player", "test_emulator_suites", "test_deaths", "test_good_styles", "test_odrive",
+    "test_matrix", "test_random_meshes", "test_restore", "test_study_on_hardware", "test_device_suite", "test_live_window",
+    "test_window", "test_player", "test_emulator_suites", "test_deaths", "test_no_false_alarms", "test_odrive",
     "test_only_path", "test_shipped", "test_wire_rig", "test_command_options", "test_page", "test_haply",
 )  # fmt: skip
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from unheavy import found
+from lerobot_without_torch import found
 
 pytestmark = pytest.mark.long
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from unheavy import ROBOTS, found, lerobot
+from lerobot_without_torch import ROBOTS, found, lerobot
 
 pytestmark = pytest.mark.long
 

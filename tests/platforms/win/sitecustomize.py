@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))
-import elsewhere
+import without_linux
 
 sys.path.pop()
-elsewhere.become("win")
+without_linux.become("win")

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from served import ServedService
+from virtual_service import ServedService
 
 from itouch.exchange import EveryNth
 from itouch.loop import DeviceFaultError

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from played import PlayedFalcon
+from trace_playback import PlayedFalcon
 
 from itouch.plugin import Attached, DeviceError, Field, Record, Trace, read_trace
 from itouch_usb_arm import Buttons, Disconnected, Falcon, HomingTimeout, NotHomed, UsbArm, UsbArmParams, boot

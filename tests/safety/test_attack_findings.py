@@ -10,8 +10,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
-from test_rhythms import K0, Pad
-from test_strangers import Nothing, Plate, catalog, plate, scene
+from test_irregular_timing import K0, Pad
+from test_unknown_devices import Nothing, Plate, catalog, plate, scene
 
 import itouch
 from itouch.loop import WallClock
