@@ -34,7 +34,7 @@ current. `itouch-py inspect SCENE` lists those of a scene. Generated from the sh
 depends on the scene are those of `four_materials.xml`.
 
 Unit and meaning are what program and plugins declare (`itouch.plugin.Quantity`); numbers without a unit are plain ones,
-`tick` counts ticks of the servo, `mixed` has numbers each in a unit of its own, of use to its owner only.
+`tick` counts ticks of the servo, `mixed` holds numbers in different units, which only their owner uses.
 A device's *command* is what the scene wants; `DEV.sent.CHANNEL` is what the supervisor let through, in the same shape.
 Poses and forces of probes are in the world, those of devices in the device's own frame. Temperatures are kelvin in
 State and degrees Celsius in files. Timing (lateness, tick times, overruns) is no State; the report has it.

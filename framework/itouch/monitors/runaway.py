@@ -49,7 +49,7 @@ class Runaway:
             Field("frozen_for", low=0.0, unit="s", doc="for how long it has been the same"),
             Field("frozen_drive", low=0.0, unit="s", doc="how much the drive has changed meanwhile, times time"),
             Field("frozen_held", low=0.0, unit="s", doc="seconds of full drive meanwhile, while the drive was strong"),
-            Field("frozen_slope", unit="K/s", doc="how fast it went before, under a drive that was steady"),
+            Field("frozen_slope", unit="K/s", doc="how fast it changed before, under a steady drive"),
             Field("frozen_from", unit="1", doc="drive when that began, as a part of the limit in force"),
             Field("driven_for", unit="s", doc="how long a strong drive has lasted; > 0 cools, < 0 heats"),
             Field(

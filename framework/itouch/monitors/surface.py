@@ -66,7 +66,7 @@ class Surface(Monitor):
             Field("contact_time", low=0.0, unit="s", doc="how long it has been touched; falls while it is not (T4)"),
             Field("withdrawn", "i8", unit="1", doc="1 while it is withdrawn because of T4"),
             Field("counted", unit="s", doc="when that clock was looked at last"),
-            Field("strayed_for", low=0.0, unit="s", doc="for how long it has been astray (K6)"),
+            Field("strayed_for", low=0.0, unit="s", doc="how long it has been away from its command (K6)"),
             Field("doubted", low=0.0, unit="s", doc="for how long a force without a finger has been felt (T8)"),
             Field("near_since", unit="s", doc="since when the finger has been near; NaN: it is not (K5)"),
             Field("looked", unit="s", doc="when it was looked at last; NaN: after a pause"),

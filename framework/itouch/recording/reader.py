@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from itouch.recording.codec import HEAD, Codec
 from itouch.recording.errors import RecordingError
-from itouch.recording.row_buffer import RowBuffer
 from itouch.recording.tracks import Track, load_track
 from itouch.recording.writer import LETTERS, MAGIC
 from itouch.schema.files import open_regular
@@ -55,6 +54,28 @@ class Content:
     losses: list[str] = field(default_factory=list)
     good: int = 0
     chunks: list[Chunk] = field(default_factory=list)
+
+
+class _RowBuffer:
+    """A table to whose end rows are added; hours of them stand in memory about once, not twice."""
+
+    def __init__(self, dtype: np.dtype[Any]) -> None:
+        self._rows, self._count = np.empty(1024, dtype), 0
+
+    def add(self, table: NDArray[Any]) -> None:
+        """Copy rows (n,) of the buffer's dtype to the end."""
+        needed = self._count + len(table)
+        if needed > len(self._rows):
+            grown = np.empty(max(needed, 2 * len(self._rows)), self._rows.dtype)
+            grown[: self._count] = self._rows[: self._count]
+            self._rows = grown
+        self._rows[self._count : needed] = table
+        self._count = needed
+
+    @property
+    def rows(self) -> NDArray[Any]:
+        """All rows; what was reserved beyond them was never touched and takes no memory."""
+        return self._rows[: self._count]
 
 
 def read_content(path: str, *, chunks: bool = False) -> Content:
@@ -131,7 +152,7 @@ class _Parser:
         self.content, self._keep = content, chunks
         self._codecs: dict[int, Codec] = {}
         self._topics: dict[int, str] = {}
-        self._growing: dict[str, RowBuffer] = {}
+        self._growing: dict[str, _RowBuffer] = {}
         self._next: dict[int, int] = {}
         self._total = 0
 
@@ -246,7 +267,7 @@ class _Parser:
         self.content.session = session
         self.content.tracks = {track.name: track for track in tracks}
         self._codecs = {index: Codec(track, index) for index, track in enumerate(tracks, start=1)}
-        self._growing = {track.name: RowBuffer(track.dtype) for track in tracks}
+        self._growing = {track.name: _RowBuffer(track.dtype) for track in tracks}
 
     def _channel(self, data: bytes) -> None:
         number, _, length = struct.unpack_from("<HHI", data, 0)

@@ -20,7 +20,8 @@ FILES = (
          "paths are relative to the file that names them"),
     Code("outside-folder", "a path leads out of the scene's folder, or to the network",
          "copy the file into the folder of the scene, or below it"),
-    Code("include-cycle", "a file includes itself, on some way", "remove one of the includes; the chain is shown"),
+    Code("include-cycle", "a file includes itself, directly or through others",
+         "remove one of the includes; the chain is shown"),
     Code("duplicate-include", "a file is included twice without different prefixes",
          "remove one, or give it a `prefix`"),
     Code("too-many-includes", "includes are nested more than 16 deep, or there are more than 256 documents",
@@ -47,8 +48,8 @@ NAMES = (
     Code("missing-element", "an element that must be there is not", "which one is said"),
     Code("duplicate-element", "an element stands twice where it may stand once", "keep one; both places are shown"),
     Code("unexpected-text", "text inside an element", "values are attributes"),
-    Code("base-cycle", "a material is its own base, on some way", "remove one of the bases"),
-    Code("mount-cycle", "a device is mounted on itself, on some way", "mount it elsewhere"),
+    Code("base-cycle", "a material is its own base, directly or through others", "remove one of the bases"),
+    Code("mount-cycle", "a device is mounted on itself, directly or through others", "mount it elsewhere"),
 )  # fmt: skip
 VALUES = (
     Code("bad-value", "a value of the wrong kind, unit or count", "what is expected is said"),

@@ -57,13 +57,15 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("scene", metavar="SCENE.xml")
     parser.add_argument("--device", metavar="NAME", help="the device; default: the only one that has this calibration")
     parser.add_argument("--kind", metavar="KIND", help="touch-off, mount-fit, or one that the device offers")
-    parser.add_argument("--samples", metavar="FILE.csv", help="measured numbers, a line a sample; - reads the terminal")
+    parser.add_argument(
+        "--samples", metavar="FILE.csv", help="measured numbers, one sample a line; - reads the terminal"
+    )
     parser.add_argument("--to", metavar="NAME", help="mount-fit: the device whose frame the second points are in")
     parser.add_argument(
         "--twin", metavar="all|none|NAME", help="calibrate twins, or hardware, instead of what the scene says"
     )
     parser.add_argument("--days", type=float, metavar="N", help="how long the result holds")
-    parser.add_argument("--extend", action="store_true", help="say that records that have expired still hold")
+    parser.add_argument("--extend", action="store_true", help="declare that expired records still hold")
     return parser
 
 

@@ -13,7 +13,7 @@ from itouch_tools.cli.shells import WRITERS, Command, Option
 
 
 def main(argv: Sequence[str]) -> int:
-    """Write the script that lets a shell complete the words of itouch-py."""
+    """Write the script with which a shell completes the commands and options of itouch-py."""
     parser = Parser(
         prog="itouch-py completion", description=main.__doc__, formatter_class=argparse.RawDescriptionHelpFormatter,
         epilog='bash: eval "$(itouch-py completion bash)" in ~/.bashrc\n'

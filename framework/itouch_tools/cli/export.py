@@ -67,7 +67,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--xml", type=output_file, metavar="FILE.xml", help="the whole session as one XML document")
     parser.add_argument("--itouch", type=output_file, metavar="FILE.itouch", help="a session's XML as a snapshot again")
     parser.add_argument("--csv", nargs="?", const="", metavar="FILE.csv|DIR",
-                        help="one table at servo rate, or a table a track; default: FILE-csv")  # fmt: skip
+                        help="one table at servo rate, or a table per track; default: FILE-csv")  # fmt: skip
     parser.add_argument("--parquet", nargs="?", const="", metavar="FILE.parquet|DIR", help="the same as Parquet")
     parser.add_argument("--bids", type=output_folder, metavar="DIR", help="a BIDS folder: tables with JSON sidecars")
     parser.add_argument("--subject", default="01", metavar="LABEL", help="subject of --bids (default 01)")
@@ -75,7 +75,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--author", action="append", default=[], metavar="NAME",
                         help="who made the data, for --bids; may be given again")  # fmt: skip
     parser.add_argument("--layout", type=output_file, metavar="FILE.json",
-                        help="panels for Foxglove and Lichtblick: the scene, a plot a unit, the events")  # fmt: skip
+                        help="panels for Foxglove and Lichtblick: the scene, a plot per unit, the events")  # fmt: skip
     parser.add_argument("--rrd", type=output_file, metavar="FILE.rrd",
                         help="for Rerun: the 3-D scene, the curves, the events (extra [rerun])")  # fmt: skip
     parser.add_argument("--rosbag", type=output_folder, metavar="DIR",

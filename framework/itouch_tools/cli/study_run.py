@@ -16,7 +16,9 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     run.add_argument("study", metavar="STUDY.xml")
     run.add_argument("-o", "--output", metavar="FOLDER", help="the study's data; default: NAME.data beside the file")
     run.add_argument("--participant", metavar="CODE", required=True, help="the participant's code, as P07")
-    run.add_argument("--answers", metavar="FILE", help="a script, ANSWER [SECONDS] a line; - reads it from the input")
+    run.add_argument(
+        "--answers", metavar="FILE", help="a script, one ANSWER [SECONDS] a line; - reads it from the input"
+    )
     run.add_argument("--answers-from", metavar="NAME", help="an answer device that a plugin brings (itouch.tasks)")
     run.add_argument("--pace", choices=("real", "fast"), help="default: real for a person, fast for a script")
     run.add_argument("--deviation", metavar="WORDS", help="note what was changed after the study was frozen, and why")

@@ -76,11 +76,11 @@ def _parse(argv: Sequence[str]) -> argparse.Namespace:
     parser.add_argument(
         "scene", nargs="?", metavar="SCENE", help="what runs, on twins; default: the smallest that ships"
     )
-    parser.add_argument("--marks", type=int, default=200, metavar="N", help="marks of each way (default 200)")
+    parser.add_argument("--marks", type=int, default=200, metavar="N", help="marks sent each way (default 200)")
     parser.add_argument("--port", metavar="PORT", help="a serial port; default: an emulated trigger box")
     parser.add_argument("--loopback", action="store_true", help="what --port sends comes back: TX is joined with RX")
     parser.add_argument("--limit", type=float, metavar="MS",
-                        help="exit with 1 if p99 is above this, too, and not only if a code is lost")  # fmt: skip
+                        help="also exit with 1 if p99 is above this, not only if a code is lost")  # fmt: skip
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of when marks are set (default 0)")
     add_json(parser)
     options = parser.parse_args(argv)

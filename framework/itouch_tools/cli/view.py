@@ -29,20 +29,20 @@ def main(argv: Sequence[str]) -> int:
                         help="name or process id; not needed if only one runs; with --rerun a recording")  # fmt: skip
     parser.add_argument("--rerun", action="store_true", help="open Rerun on it, or on a recording (extra [rerun])")
     parser.add_argument("--to", metavar="ADDRESS",
-                        help="with --rerun: a Rerun that runs, such as rerun+http://127.0.0.1:9876/proxy")  # fmt: skip
+                        help="with --rerun: a running Rerun, such as rerun+http://127.0.0.1:9876/proxy")  # fmt: skip
     parser.add_argument("--ros2", action="store_true",
                         help="publish it as topics of ROS 2, by Zenoh and without ROS (extra [ros2])")  # fmt: skip
     parser.add_argument("--router", metavar="HOST[:PORT]", help="with --ros2: a Zenoh router (default localhost:7447)")
     parser.add_argument("--domain", type=int, metavar="N", help="with --ros2: ROS_DOMAIN_ID (default: as set, or 0)")
     parser.add_argument("--rate", type=float, metavar="HZ", help="with --ros2: messages a second (default 100)")
     parser.add_argument("--web", action="store_true",
-                        help="for browsers on this machine, to look at only (extra [web])")  # fmt: skip
+                        help="serve browsers on this machine, for viewing only (extra [web])")  # fmt: skip
     parser.add_argument(
         "--port", type=int, metavar="N", help="with --web: the port (default 8080, or any that is free)"
     )
     parser.add_argument("--host", metavar="ADDRESS",
-                        help="with --web: let other machines look, by this address of ours; needs --token")  # fmt: skip
-    parser.add_argument("--token", metavar="TEXT", help="with --web: what a browser must show, 16 letters or more")
+                        help="with --web: let other machines view, at this address; needs --token")  # fmt: skip
+    parser.add_argument("--token", metavar="TEXT", help="with --web: what a browser must show, at least 16 characters")
     parser.add_argument("--list", action="store_true", help="list the sessions that run, and open nothing")
     parser.add_argument("--mute", action="store_true", help="without sound")
     options = parser.parse_args(argv)

@@ -20,7 +20,7 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("scene", metavar="SCENE", help="a scene file; what it includes is watched, too")
     parser.add_argument("--rig", metavar="FILE", help="check with another rig under the scene")
     parser.add_argument("--twin", metavar="all|none|NAME", help="check with these devices as twins")
-    parser.add_argument("--strict", action="store_true", help="what is legal but odd counts as wrong, too")
+    parser.add_argument("--strict", action="store_true", help="treat what is legal but odd as wrong")
     options = parser.parse_args(argv)
     return follow(
         lambda: say(options.scene, options.rig, options.twin, strict=options.strict),

@@ -10,7 +10,7 @@ from itouch.schema.fields import children, file, flag, quantity
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """Where an object goes next: on a minimum-jerk path in a time, then it stays there."""
+    """Where an object goes next: along a minimum-jerk path in a given time; then it stays there."""
 
     TAG: ClassVar[str] = "to"
     EXCLUSIVE: ClassVar[tuple[tuple[str, ...], ...]] = (("quat", "rpy"),)
@@ -29,7 +29,7 @@ class Key:
 
 @dataclass(frozen=True, slots=True)
 class ObjectMotion:
-    """What an object does from its own place on; the surface's velocity is felt."""
+    """How an object moves from where it stands; the velocity of its surface is felt."""
 
     TAG: ClassVar[str] = "motion"
     file: str = file(default="", doc="table of t x y z, or t x y z qw qx qy qz, in SI: .csv with a header, or .npy")

@@ -32,7 +32,7 @@ class Layer:
 
 @dataclass(frozen=True, slots=True)
 class Softness:
-    """Layers from the outside in over the stiffness of ``<contact>``: a force that grows in pieces with depth."""
+    """Layers from the outside in over the stiffness of ``<contact>``: a force that grows piecewise with depth."""
 
     TAG: ClassVar[str] = "softness"
     layers: tuple[Layer, ...] = children(Layer, doc="from the outside in")

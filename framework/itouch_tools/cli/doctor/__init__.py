@@ -25,9 +25,9 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--for", dest="duration", type=seconds, metavar="3s",
                         help="with --rig: how long to watch the sensors (default 3 s)")  # fmt: skip
     parser.add_argument("--busy", type=int, default=0, metavar="N",
-                        help="with --rates: beside N processes that compute, set beside a bare timer")  # fmt: skip
+                        help="with --rates: while N processes compute, compared with a bare timer")  # fmt: skip
     parser.add_argument("--clear-kept", action="store_true",
-                        help="remove kept kernels, results and meshes; the next start makes them")  # fmt: skip
+                        help="remove cached kernels, results and meshes; the next start makes them again")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print JSON")
     options = parser.parse_args(argv)
     _check(parser, options)

@@ -63,7 +63,7 @@ class FluxControl(Modality):
                 doc="flux out of the finger: the twin's true one, on hardware the sensor's, corrected",
                 show="no",
             ),
-            Field("flux", unit="W/m^2", doc="flux at the plate's face that the controller reckons with", show="no"),
+            Field("flux", unit="W/m^2", doc="flux at the plate's face that the controller assumes", show="no"),
             Field("approached", "i8", unit="1", doc="number of the object that is near, -1: none"),
             Field("calm", unit="K", doc="mean of the skin's readings while the rig is calibrated, 0: none", show="no"),
             Field("looked", unit="s", doc="over how long that mean is", show="no"),

@@ -27,7 +27,7 @@ FIELDS = (
     Field("departed", "i8", unit="tick", doc="when it left"),
     Field("before", unit="A", doc="the current that flows until then, if that is still to come", show="no"),
     Field("waited", low=0.0, unit="tick", doc="how long currents wait until they leave"),
-    Field("interval", low=0.0, unit="tick", doc="how many there are from one current that leaves to the next"),
+    Field("interval", low=0.0, unit="tick", doc="ticks from one current that leaves to the next"),
     Field("sent_log", "f8", LOG, unit="A", doc="currents that were sent in the last ticks"),
 )
 
