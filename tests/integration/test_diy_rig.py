@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from shipped import SCENES
 
+from itouch_thermal.bench_wire import CORNER, OWN_RIG, differ
 from itouch_thermal.chip.program import missing
 from itouch_tools.cli.lockstep import Lockstep
 
@@ -55,6 +56,19 @@ def true_error(rows: np.ndarray, since: float = 0.1) -> float:  # type: ignore[t
     touching = rows[(rows[:, 3] > 0.0) & (rows[:, 2] != 0.0)]
     late = touching[touching[:, 0] >= touching[0, 0] + since]
     return float(np.sqrt(np.mean(((late[:, 2] - late[:, 1]) / np.maximum(np.abs(late[:, 1]), 50.0)) ** 2)))
+
+
+def test_a_corner_of_the_simulated_chip_is_within_its_bound(tmp_path: Path) -> None:
+    """The short form of `bench wire scenes/four_materials_diy.xml --alone --corners`: one corner, one touch.
+
+    What differs most from what the controller is told are the first moments: contact, module, delay and sensors.
+    """
+    path = scene(tmp_path / "one", 6.0, 1.2)
+    assert differ(path.parent / "rigs" / "diy.xml", {"contact-resistance": -0.2, "seebeck": -0.1, "delay": 5e-3}) == 1
+    report = Lockstep(str(path), only=["peltier"]).run()
+    assert report["faults"] == []
+    (contact,) = report["contacts"]
+    assert contact["true_error_rms"] < CORNER * OWN_RIG
 
 
 @pytest.mark.long

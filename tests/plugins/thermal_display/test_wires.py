@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from random import Random
@@ -105,6 +105,9 @@ def run(scenes: Path, monkeypatch: pytest.MonkeyPatch, course: Course, **wanted:
 @pytest.mark.parametrize("phase", campaign.some([0, 19, *range(1, 19)], 2))
 def test_the_phase_of_the_wire_changes_nothing(scenes: Path, monkeypatch: pytest.MonkeyPatch, phase: int) -> None:
     found = run(scenes, monkeypatch, in_phase(phase), left="polystyrene", right="aluminium", hardware=MISMATCH)
+    campaign.tell(
+        f"phase {phase}: {_percent(found.errors)} on polystyrene and aluminium, theta up to {found.theta:.2f}"
+    )
     assert found.theta > 0.1  # it has learnt that the plant differs
     assert found.taken > 300  # nearly every reading
     assert found.errors[0] < 0.03
@@ -143,5 +146,11 @@ def test_jitter_and_loss_add_at_most_one_percentage_point(
         folder = tmp_path / str(seed)
         shutil.copytree(scenes, folder)
         found.append(run(folder, monkeypatch, shaky(seed), left="polystyrene", right="aluminium").errors)
-    for error, steady in zip(np.sqrt(np.mean(np.square(found), axis=0)), calm, strict=True):
+    errors = np.sqrt(np.mean(np.square(found), axis=0))
+    campaign.tell(f"jitter and loss, {len(seeds)} seeds: {_percent(errors)}, without: {_percent(calm)}")
+    for error, steady in zip(errors, calm, strict=True):
         assert error < steady + 0.01
+
+
+def _percent(errors: Iterable[float]) -> str:
+    return " and ".join(f"{100.0 * error:.1f} %" for error in errors)

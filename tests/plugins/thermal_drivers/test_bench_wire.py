@@ -11,22 +11,53 @@ import pytest
 from itouch.session import load_scene
 from itouch_thermal import bench_wire
 from itouch_thermal.bench_wire import WIDE, differ, main, plants
+from itouch_thermal.display.params import DisplayParams
+
+
+def display(scene: Path) -> DisplayParams:
+    """Return what a scene says of its display."""
+    (device,) = [device for device in load_scene(scene, twin="all").devices if device.name == "peltier"]
+    (part,) = device.parts
+    assert isinstance(part.params, DisplayParams)
+    return part.params
 
 
 def mismatch(scene: Path) -> dict[str, float]:
     """Return how the display's plant differs in a scene."""
-    (device,) = [device for device in load_scene(scene, twin="all").devices if device.name == "peltier"]
-    (part,) = device.parts
-    return {key: getattr(part.params.mismatch, key.replace("-", "_")) for key in WIDE}
+    return {key: getattr(display(scene).mismatch, key.replace("-", "_")) for key in WIDE}
 
 
-@pytest.mark.parametrize(("name", "before"), [("wire", 0.0), ("diy", -4e-3)])
+@pytest.mark.parametrize(("name", "before"), [("wire", 0.0), ("diy", -12e-3)])
 def test_a_difference_is_written_beside_what_stands_there(scenes: Path, name: str, before: float) -> None:
     corner = {"contact-resistance": -0.2, "seebeck": 0.1, "delay": 5e-3, "sensor-lag": -0.3}
     assert differ(scenes / "rigs" / f"{name}.xml", corner) == 1
     found = mismatch(scenes / f"four_materials_{name}.xml")
     assert found == pytest.approx(corner | {"delay": before + 5e-3})
     assert differ(scenes / "rigs" / "twin.xml", corner) == 0  # not behind a wire
+
+
+@pytest.mark.parametrize(("name", "told"), [("wire", 20e-3), ("diy", 17e-3)])
+def test_a_plant_cannot_act_before_it_is_told_to(scenes: Path, name: str, told: float) -> None:
+    """Behind the simulated chip the plate has no delay of its own: its controller is told of 5 ms more instead."""
+    before = display(scenes / f"four_materials_{name}.xml")
+    differ(scenes / "rigs" / f"{name}.xml", {"delay": -5e-3})
+    after = display(scenes / f"four_materials_{name}.xml")
+    assert after.mismatch.delay == pytest.approx(before.mismatch.delay - 5e-3)
+    assert after.delay == pytest.approx(told)
+
+
+def test_a_rig_of_ones_own_has_a_bound_of_its_own(
+    scenes: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(bench_wire, "run", lambda scene, mismatch, duration, alone, wires: {"foam": 0.06})
+    words = ["--only", "seebeck +10 %, delay +5 ms, sensor-lag"]
+    bounds = {name: bench_wire.bound_of(scenes / f"four_materials_{name}.xml") for name in ("wire", "diy")}
+    assert bounds == {"wire": bench_wire.BOUND, "diy": bench_wire.OWN_RIG}
+    for name, bound in bounds.items():
+        assert main([str(scenes / f"four_materials_{name}.xml"), *words]) == 0
+        assert f"| {200.0 * bound:g} % |" in capsys.readouterr().out
+        assert main([str(scenes / f"four_materials_{name}.xml"), "--only", "as written"]) == 1
+        assert f"| {100.0 * bound:g} % MISSED |" in capsys.readouterr().out
 
 
 def test_all_corners_are_tried_once() -> None:
