@@ -75,7 +75,7 @@ def scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
 def kept(scene) -> set[str]:
     """Return the names without a dot that State keeps of a device beside its channels."""
     session = itouch.build(scene("it", "level"))
-    fields = {field.name.removeprefix("it.") for field in _device(session.model.devices["it"])}
+    fields = {field.name.removeprefix("it.") for field in _device(session.model.devices["it"], framed=True)}
     session.close()
     return {name for name in fields if "." not in name} - {"level"}
 

@@ -24,6 +24,8 @@ from itouch.world.safe_values import acting_at_rest, stale, too_slow, unfelt, wi
 from itouch.world.supervision import monitors_of, supervision, supervision_problems, watched
 
 Vector = tuple[float, float, float]
+#: What State calls the place of a device's frame in the world.
+FRAME = "frame"
 #: What State has of a device beside channels and supervision: when readings were measured, and when commands left.
 STAMPS = frozenset({"measured", "left", "gone", "goings"})
 #: So many commands that have left are remembered of a surface.
@@ -200,7 +202,7 @@ def _build(
 
 def _clash(reads: tuple[Channel, ...]) -> str:
     """Say which reading has the name of another one, or of what State keeps of every device; empty: none."""
-    kept = {field.name for field in supervision(())} | STAMPS
+    kept = {field.name for field in supervision(())} | STAMPS | {FRAME}
     for index, channel in enumerate(reads):
         if channel.name in kept:
             return f"calls a reading '{channel.name}', as State calls what it keeps of every device"

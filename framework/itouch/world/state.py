@@ -14,7 +14,7 @@ from itouch.world import marks
 from itouch.world.fields import CELLS, HAND, probe_fields, skin_fields, wait_fields
 from itouch.world.model import Model
 from itouch.world.plugin_errors import failing
-from itouch.world.rig import GONE, DeviceModel
+from itouch.world.rig import FRAME, GONE, DeviceModel
 from itouch.world.supervision import supervision
 
 #: The range of what must be a number.
@@ -39,7 +39,7 @@ EVENT_DTYPE = [
 ]
 
 _FRAME = Field(
-    "frame", "f8", 12, unit="mixed",
+    FRAME, "f8", 12, unit="mixed",
     doc="where the device's frame is in the world, after touch-off and on its carrier: origin [m], rotation matrix row "
     "by row",
 )  # fmt: skip
