@@ -1,4 +1,4 @@
-"""``itouch-py bench batch``: how many sessions a second run here, and what the cores bring beside plain computing.
+"""``itouch-py bench batch``: how many sessions per second run here, and what the cores gain over plain computing.
 
 The gain of a batch over one worker is compared with that of plain compute loops, in the same run: on a busy machine, or
 where cores share what they compute with, both are less than the number of cores.

@@ -1,4 +1,4 @@
-"""``itouch-py bench check``: the time of a check an element, in a small file and in one as large as may be."""
+"""``itouch-py bench check``: the time of a check per element, in a small file and in the largest allowed."""
 
 from __future__ import annotations
 

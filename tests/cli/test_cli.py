@@ -216,3 +216,11 @@ def test_a_fault_counts_more_than_a_failure_to_let_go_after_it(
     told = capsys.readouterr().err
     assert "then: device 'arm' could not be released" in told and "NaN" in told
     assert json.loads((tmp_path / "r.json").read_text("utf-8"))["faults"][0]["trip"] == "not-a-number"
+
+
+def test_the_list_of_benches_says_what_each_measures() -> None:
+    done = run("bench", "--help")
+    lines = done.stdout.partition("benches:")[2].strip().splitlines()
+    told = {line.split()[0]: line.split(maxsplit=1)[1] for line in lines}
+    assert "what a tick in contact costs" in told["tick"]
+    assert all(len(words.split()) > 5 and "itouch-py" not in words for words in told.values()), told

@@ -1,4 +1,4 @@
-"""Measure what a step of contact costs beside what a Python user would pick instead."""
+"""``itouch-py bench contact``: what a step of contact costs beside what a Python user would pick instead."""
 
 from __future__ import annotations
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import ast
+import importlib.util
 import sys
 from collections.abc import Sequence
 
-from itouch.plugin.discovery import BENCHES, find
+from itouch.plugin.discovery import BENCHES, Found, find
 from itouch.schema.diagnostics import did_you_mean
 
 
@@ -13,7 +15,7 @@ def main(argv: Sequence[str]) -> int:
     """Measure accuracy and speed."""
     found = find(BENCHES)
     if not argv or argv[0] in ("-h", "--help"):
-        names = "\n".join(f"  {name:<12} {entry.distribution}" for name, entry in found.items())
+        names = "\n".join(f"  {name:<12} {_measures(entry)}" for name, entry in found.items())
         print(f"usage: itouch-py bench NAME [options]\n\nbenches:\n{names}")
         return 0 if argv else 2
     if argv[0] not in found:
@@ -21,3 +23,20 @@ def main(argv: Sequence[str]) -> int:
         print(f"error: there is no bench named '{argv[0]}'\n  = help: {advice}", file=sys.stderr)
         return 2
     return int(found[argv[0]].load()(list(argv[1:])))
+
+
+def _measures(entry: Found) -> str:
+    """Return what a bench measures: the first line of its module's docstring, read without importing the module.
+
+    Of a bench that has none, or that a plugin's error hides, the distribution that brings it is all there is to tell.
+    """
+    try:
+        spec = importlib.util.find_spec(entry.entry.module)
+        with open(spec.origin if spec and spec.origin else "", "rb") as source:
+            told = ast.get_docstring(ast.parse(source.read())) or ""
+    except (
+        Exception,
+        SystemExit,
+    ):  # finding a module imports the package around it, and a stranger's may raise anything
+        told = ""
+    return told.partition("\n")[0].removeprefix(f"``itouch-py bench {entry.name}``: ") or entry.distribution

@@ -17,7 +17,6 @@ def main(argv: Sequence[str]) -> int:
     parser = Parser(prog="itouch-py report", description=main.__doc__)
     parser.add_argument("session", metavar="SESSION.mcap|.itouch", help="a recording or a snapshot")
     parser.add_argument("-o", "--output", type=output_file, required=True, metavar="FILE.html", help="the page")
-    parser.add_argument("--no-picture", action="store_true", help="leave the picture of the scene out")
     options = parser.parse_args(argv)
     given, target = options.session, options.output
     if os.path.exists(given) and os.path.exists(target) and os.path.samefile(given, target):
@@ -29,7 +28,7 @@ def main(argv: Sequence[str]) -> int:
     with waiting(f"reading {given}") as wait:
         findings = collect(given, progress=wait.part)
         wait.part(None, "drawing the page")
-        text = page(findings, picture=None if options.no_picture else scene_picture(findings))
+        text = page(findings, picture=scene_picture(findings))
     try:
         with open(options.output, "w", encoding="utf-8") as stream:
             stream.write(text)

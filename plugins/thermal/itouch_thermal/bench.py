@@ -1,4 +1,4 @@
-"""Measure accuracy and speed of every contact solver, side by side with the installed peers."""
+"""``itouch-py bench thermal``: accuracy and speed of every contact solver, side by side with the installed peers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Measure how close the felt flux comes to the real one, and to what is possible at all."""
+"""``itouch-py bench display``: how close the felt flux comes to the real one, and to what is possible at all."""
 
 from __future__ import annotations
 

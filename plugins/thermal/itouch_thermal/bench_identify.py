@@ -1,4 +1,4 @@
-"""``itouch-py bench identify``: how often the intervals of ``identify`` hold the truth, on random fingers' twins."""
+"""``itouch-py bench identify``: how often the intervals of `identify` hold the truth, on random fingers' twins."""
 
 from __future__ import annotations
 
