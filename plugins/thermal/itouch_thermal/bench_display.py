@@ -50,7 +50,10 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="itouch-py bench display", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="itouch-py bench display",
+        description="Measure how close the felt flux comes to the real one, and to what is possible at all.",
+    )
     add = parser.add_argument
     add("--materials", default="aluminium,pyrex,wood,polystyrene", help="names, or NAME:k:c:rho in SI, with commas")
     add("--random", type=int, default=0, metavar="N", help="add N made-up materials, effusivity 20 to 24000")
