@@ -2,7 +2,8 @@
 
 A room is a folder of the core or of the tools, one of their single files, all of the evidence, or a plugin.  The map has
 the rooms from the top to the bottom, their shelf, what each is for (the first line of its docstring), and on which rooms
-it stands: those that it imports, without those that are reached through another one of them.  ``--write`` puts the map into ``CONTRIBUTING.md``.
+it stands: those that it imports, without those that are reached through another one of them.  ``--write`` puts the map into ``CONTRIBUTING.md``,
+and every module with its constants on a page of the reference.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
+import module_pages
 from sources import ROOT, circles, imports, modules, shelf
 
 PAGE = ROOT / "CONTRIBUTING.md"
@@ -105,5 +107,6 @@ def write(page: Path = PAGE) -> None:
 if __name__ == "__main__":
     if "--write" in sys.argv[1:]:
         write()
+        module_pages.PAGE.write_text(module_pages.page(), encoding="utf-8")
     else:
         print(drawn(), end="")

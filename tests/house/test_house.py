@@ -10,6 +10,7 @@ import sys
 import tomllib
 from pathlib import Path
 
+import module_pages
 import pytest
 import rooms
 from counts import counts, longest
@@ -21,6 +22,12 @@ QUIZ = tomllib.loads((Path(__file__).parent / "quiz.toml").read_text(encoding="u
 
 def test_the_map_is_drawn_from_the_imports() -> None:
     assert rooms.kept() == rooms.drawn(), "python tests/house/rooms.py --write"
+
+
+def test_the_page_of_modules_is_that_of_the_program() -> None:
+    page = module_pages.page()
+    assert module_pages.PAGE.read_text(encoding="utf-8") == page, "python tests/house/rooms.py --write"
+    assert page.count("\n- `") == len(modules())
 
 
 def test_every_room_says_what_it_is() -> None:
