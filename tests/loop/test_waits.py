@@ -54,7 +54,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 
 @pytest.fixture(scope="module")
-def run(scene: Path) -> Ran:
+def run(scene: Path) -> Iterator[Ran]:
     """The session after its script; ticks on the path, sensed and true skin and the hand's height; a half-way save."""
     session, rows, half = itouch.build(scene, seed=4), [], b""
     state = session.state
@@ -68,7 +68,8 @@ def run(scene: Path) -> Ran:
         if not half and int(state["f1.hand.waited"][0]) == 300:
             session.save(scene.parent / "half.itouch")
             half = state.tobytes()
-    return session, rows, half
+    yield session, rows, half
+    session.close()
 
 
 def test_the_hand_stands_until_the_skin_is_back(run: Ran) -> None:

@@ -310,8 +310,9 @@ class ModelLaw:
         self.pad = np.array((*display.pad, display.area, display.sensor_area))
         self.band = np.array(band)
         self.constants = _constants(display, self.fine.rest, resistance, ambient, period)
-        #: Behind a wire nobody knows to some milliseconds when a command acts: then the delay is a parameter.
-        self.prior = np.array((*PRIOR, PRIOR_DELAY) if longest > 0 else PRIOR)
+        #: Behind a wire nobody knows to some milliseconds when a command acts: then the delay is a parameter.  Not on a
+        #: rig that somebody has built: its filters and slow thermistors are no simple lags, and look like a delay.
+        self.prior = np.array((*PRIOR, PRIOR_DELAY) if longest > 0 and display.line is None else PRIOR)
         #: Where in the future, counted in periods from the last end of a step, the plan looks.
         self.offsets = self.delay + np.arange(1, self.steps + 1) * self.coarse_ticks - 1
 

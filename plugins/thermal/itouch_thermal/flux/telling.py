@@ -47,7 +47,7 @@ def report(model: FluxModel, state: Record) -> dict[str, Any]:
 
 def _delay(model: FluxModel, state: Record) -> float | None:
     """Return after what time commands act, as it is believed [s]; None where the delay is not looked for."""
-    if not model.wire:
+    if not model.wire or len(state[model.names.theta]) <= DELAY:
         return None
     return model.display.delay + float(state[model.names.theta][DELAY])
 
