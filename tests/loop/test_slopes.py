@@ -152,7 +152,7 @@ def test_no_ball_however_large_and_no_speed_breaks_the_law(
 ) -> None:  # fmt: skip
     angles = np.clip(np.cumsum(steps), -70.0, 70.0).tolist()
     longest = np.radians(np.abs(np.diff([0.0, *angles])).max()) * (radius + RADIUS)
-    each = min(max(0.1, 1.875 * longest / speed), 16.0 / len(angles))  # no plate may be touched for longer (T4)
+    each = min(max(0.1, 1.875 * longest / speed), 8.0 / len(angles))  # a plate withdraws after 10 s (T4)
     each = max(each, 1.875 * longest / FASTEST)
     world, motion = ball(angles, each, radius, deep)
     hold(follow(Slope(world, motion, stiffness=stiffness, friction=friction, force=force, seed=seed).build(folder)))
