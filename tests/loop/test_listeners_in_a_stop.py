@@ -100,3 +100,17 @@ def test_a_stop_is_carried_out_though_who_is_told_of_the_fault_first_fails(
     assert len(heard) == 1
     notes = getattr(caught.value, "__notes__", [])
     assert notes == (["when it was told: OSError: no space left"] if isinstance(error, Exception) else [])
+
+
+@pytest.mark.parametrize("error", [OSError("no space left"), KeyboardInterrupt()], ids=repr)
+def test_a_listener_that_fails_in_a_tick_of_somebodys_own_loop_lets_go_of_the_finger(
+    pressed: tuple[Pair, tuple[bytes, bytes]], error: BaseException
+) -> None:
+    """Only ``run`` made hardware safe: whoever called ``tick`` and never came back left the plate driven till `close`."""
+    pair = contact(pressed)
+    fails = Fails(pair, error, always=True)
+    pair.host.taps.append(fails)
+    with pytest.raises(type(error)):
+        pair.host.tick()
+    assert let_go(pair)
+    assert fails.times > 50

@@ -251,8 +251,7 @@ class Engine:
         paced = self.clock.pace == "real"  # then every part of every tick is timed
         found = PYTHON if paced or self._advance is None else self._advance()
         if found < 0:
-            for tap in self.taps:
-                tap(int(self._tick) - 1)
+            self._tell(int(self._tick) - 1)
             return
         tick, ready, stamps = self._tick.item(), bool(self._ready), self.stamps
         stopped = found == STOPPED
@@ -282,8 +281,21 @@ class Engine:
         else:
             stamps[-1] = now()
             self.times.add_whole(stamps[-1].item() - stamps[0].item())
-        for tap in self.taps:
-            tap(tick)
+        self._tell(tick)
+
+    def _tell(self, tick: int) -> None:
+        """Call the taps; hardware is made safe if one raises: whoever calls ``tick`` may never come back."""
+        try:
+            for tap in self.taps:
+                tap(tick)
+        except BaseException:
+            self._park_hardware()
+            raise
+
+    def _park_hardware(self) -> None:
+        """Make everything safe if hardware is enabled and no fault has done so already."""
+        if self.fault is None and any(runner.enabled and not runner.model.twin for runner in self._all):
+            self.park()
 
     def _finish_stop(self) -> None:
         """Carry out anew what a State was stored in the middle of: nobody has minded the surfaces since.
@@ -415,9 +427,8 @@ class Engine:
         self._require_enabled()
         try:
             self._pacing.run(seconds, until, each, every)
-        except BaseException:  # nobody paces hardware any more; a fault has made it safe already
-            if self.fault is None and any(runner.enabled and not runner.model.twin for runner in self._all):
-                self.park()
+        except BaseException:  # nobody paces hardware any more
+            self._park_hardware()
             raise
 
     def stop(self) -> None:

@@ -161,11 +161,11 @@ class SafeSequence:
 
     def _go_on(self, heights: dict[str, float], after_tick: Callable[[], None]) -> bool:
         """Run one tick of the sequence; return whether it is over."""
-        self._step()
-        try:
-            after_tick()
-        except BaseException as error:
-            self._interrupt(error)
+        for part in (self._step, after_tick):  # time goes on, and is paced, also where a step itself has failed
+            try:
+                part()
+            except BaseException as error:
+                self._interrupt(error)
         self._mind_direction(heights)
         if self._seconds >= LEAVE_TIME or all(self._left(s) for s in self._retracting):
             self._release()
@@ -228,14 +228,16 @@ class SafeSequence:
 
     def _step(self) -> None:
         tick = self._tick.item()
-        for supervisor in self._supervisors:
-            try:
-                supervisor.write(tick)
-            except DeviceFaultError as second:  # one fault is told; a second one must not stop the rest
-                supervisor.fault(second.trip, tick)
-        self._move()
-        self._tick[...] = tick + 1
-        self._passed += 1
+        try:
+            for supervisor in self._supervisors:
+                try:
+                    supervisor.write(tick)
+                except DeviceFaultError as second:  # one fault is told; a second one must not stop the rest
+                    supervisor.fault(second.trip, tick)
+            self._move()
+        finally:  # Ctrl-C in the middle of it
+            self._tick[...] = tick + 1
+            self._passed += 1
         for supervisor in self._supervisors:
             if supervisor.glance(tick):
                 self._answered[supervisor.model.name] = self._passed
