@@ -45,3 +45,21 @@ def test_a_touch_off_that_was_stopped_near_the_finger_rises_as_slowly_as_before(
         assert session.state["ready"].item() == 1
         assert session.state["table.touch_off.offsets"] == pytest.approx(3e-3, abs=2e-5)
         assert greatest < 0.35
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_a_plate_that_is_felt_where_it_can_go_no_lower_says_so(
+    scenes: Path, compiled: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its force sensor was not tared, or a finger rests on it: it waited for ever, and said nothing."""
+    if not compiled:
+        monkeypatch.setattr("itouch.loop.plan.can_join", lambda: False)
+    path = scenes / "four_materials.xml"
+    fault = '<fault device="table" kind="bias" channel="wrench" amount="0.2 N" at="0 s"/>'
+    path.write_text(path.read_text().replace("<safety ", f"{fault}<safety "))
+    with itouch.build(path, seed=1) as session:
+        with pytest.raises(DeviceFaultError, match="feels 0.2 N though it can go no lower") as caught:
+            session.run(until=lambda: bool(session.state["ready"]) or session.ticks >= 12_000)
+        assert caught.value.trip.label == "calibration"
+        assert session.state["table.touch_off.stage"].item() == TouchOffPhase.PLACE
+        assert 5.0 < session.seconds < 8.0

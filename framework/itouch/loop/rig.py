@@ -13,7 +13,7 @@ from itouch.loop.frames import Frame, Vector
 from itouch.loop.run_statistics import RunStatistics
 from itouch.loop.runner import Runner
 from itouch.loop.touch import Toucher
-from itouch.loop.touchoff import UNFELT, TouchOff
+from itouch.loop.touchoff import TOO_HIGH, UNFELT, TouchOff
 from itouch.monitors import Surface
 from itouch.monitors.surface_kernels import size
 from itouch.plugin import Bound, Record, Role, TwinInputs
@@ -179,15 +179,15 @@ class ProbeRig:
         return (led, *self.toucher.carries, closing, *seek)
 
     def surface_left(self, code: int, tick: int, ready: bool) -> None:
-        """Do what the compiled calls have left: a touch-off that felt nothing, or the whole step.
+        """Do what the compiled calls have left: a touch-off that found no height, or the whole step.
 
         Raises
         ------
         DeviceFaultError
-            If the plate was not felt up to the end of its travel.
+            If the plate was not felt up to the end of its travel, or still is felt where it can go no lower.
         """
-        if code == UNFELT and self.touch_off is not None:
-            self.touch_off.give_up()
+        if code in (UNFELT, TOO_HIGH) and self.touch_off is not None:
+            self.touch_off.give_up(code)
         else:
             self.surface(tick, ready)
 

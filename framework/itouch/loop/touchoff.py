@@ -42,8 +42,10 @@ SPREAD = 0.006
 ROOM = 0.012
 #: How near its goal a plate is there, and how far behind it one does not rise: it has been stopped meanwhile [m].
 _ARRIVED, _BEHIND = 3e-4, 1.5e-3
-#: What is left to Python: the plate is at the end of its travel, and was not felt.
-UNFELT = 2
+#: How long a finger may rest on a plate that can go no lower before the touch-off gives up [s].
+RESTS = 5.0
+#: What is left to Python: the plate is at the upper end of its travel and was not felt, or at the lower and still is.
+UNFELT, TOO_HIGH = 2, 3
 
 
 class TouchOffPhase(enum.IntEnum):
@@ -110,14 +112,19 @@ def _at_zero_force(sums: Floats) -> float:
 
 
 @kernel
-def _place(search: Any, reach: Any, pose: Floats, x: float, y: float, force: float) -> None:
-    """Bring the plate below the finger."""
+def _place(search: Any, reach: Any, pose: Floats, x: float, y: float, force: float) -> int:
+    """Bring the plate below the finger; ``sums[0]`` counts the ticks in which it is felt and can go no lower."""
     target = search.target[0]
     if force > FORCE / 3:  # touched already: the mount is higher than it says
         search.target[0] = max(reach.low, target - DROP * 50 * reach.period)
+        if target <= reach.low and pose[2] - reach.low < _ARRIVED:
+            search.sums[0] += 1
+            if search.sums[0] * reach.period > RESTS:
+                return TOO_HIGH
     elif abs(pose[0] - x) < _ARRIVED and abs(pose[1] - y) < _ARRIVED and abs(pose[2] - target) < _ARRIVED:
         search.sums[:] = 0.0
         search.stage[0] = _RISE
+    return 0
 
 
 @kernel
@@ -126,6 +133,7 @@ def _rise(c: Floats, search: Any, reach: Any, pose: Floats, figures: Floats, for
     sums = search.sums
     if search.target[0] - pose[2] > _BEHIND:
         search.target[0] = max(reach.low, search.target[0] - DROP)
+        sums[:] = 0.0
         search.stage[0] = _PLACE
         return 0
     if force > SAMPLE:
@@ -154,6 +162,7 @@ def _release(search: Any, pose: Floats, fixed: Any) -> None:
         return
     if search.point[0] + 1 < search.offsets.shape[0]:
         search.point[0] += 1
+        search.sums[:] = 0.0
         search.stage[0] = _PLACE
         return
     total = 0.0
@@ -169,7 +178,7 @@ def seek(
     c: Floats, search: Any, reach: Any, points: Floats, pose: Floats, load: Floats, figures: Floats, goal: Floats,
     closing: Floats, status: Any, fixed: Any,
 ) -> int:  # fmt: skip
-    """Command the table for a tick of a touch-off that is not done; return UNFELT at the end of its travel.
+    """Command the table for a tick of a touch-off that is not done; return UNFELT or TOO_HIGH at an end of its travel.
 
     Parameters
     ----------
@@ -202,7 +211,9 @@ def seek(
     if math.isnan(target[0]):
         target[0] = min(max(reach.low, under_z - MARGIN), reach.high)
     if search.stage[0] == _PLACE:
-        _place(search, reach, pose, under_x, under_y, force)
+        if _place(search, reach, pose, under_x, under_y, force) == TOO_HIGH:
+            search.sums[:] = 0.0  # whoever enables it again has as long
+            return TOO_HIGH
     elif search.stage[0] == _RISE:
         if _rise(c, search, reach, pose, figures, force) == UNFELT:
             return UNFELT
@@ -237,10 +248,11 @@ class TouchOff:
         reach = Reach(*map(float, (low, high, toucher.probe.scene.radius, start, *offset, near, period)))
         angles = [math.pi / 2 + 2 * math.pi * point / count for point in range(count)]
         points = np.array([(SPREAD * math.cos(angle), SPREAD * math.sin(angle)) for angle in angles])
+        self._load = table.read_as(Role.CONTACT_FORCE)
         #: One tick of it as a compiled call.
         self.bound = Bound(
             seek, toucher.constants, search, reach, points, table.read_as(Role.TRACKED_POSE),
-            table.read_as(Role.CONTACT_FORCE), toucher.figures, table.commanded(Role.SURFACE_POSE),
+            self._load, toucher.figures, table.commanded(Role.SURFACE_POSE),
             table.moving.closing, table.gate, fixed,
         )  # fmt: skip
         self._seek = runner((self.bound,))
@@ -262,18 +274,25 @@ class TouchOff:
         Raises
         ------
         DeviceFaultError
-            If the plate was not felt up to the end of its travel.
+            If the plate was not felt up to the end of its travel, or still is felt where it can go no lower.
         """
-        if self._seek() >= 0:
-            self.give_up()
+        self.give_up(self._seek())
 
-    def give_up(self) -> None:
-        """Say that nothing was felt.
+    def give_up(self, code: int) -> None:
+        """Say why the height can't be found, if the kernel has left that: UNFELT or TOO_HIGH.
 
         Raises
         ------
         DeviceFaultError
-            Always.
+            With either.
         """
-        cause = "was raised to the end of its travel and felt no finger (touch-off); start the motion lower"
+        if code == UNFELT:
+            cause = "was raised to the end of its travel and felt no finger (touch-off); start the motion lower"
+        elif code == TOO_HIGH:
+            cause = (
+                f"feels {abs(self._load[2]):.1g} N though it can go no lower, for {RESTS:g} s (touch-off); lift the "
+                "finger, tare its force sensor, or mount it lower"
+            )
+        else:
+            return
         raise DeviceFaultError(self._table.model.name, int(self._tick), Trip.CALIBRATION, cause)
