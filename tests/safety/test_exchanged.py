@@ -124,7 +124,7 @@ def test_a_cell_through_threads_reaches_its_fault(found: tuple[Pair, dict[str, t
     _, phases = found
     pair = Pair(SCENES / "four_materials.xml", 20, threads=True, slots=2)
     try:
-        for _ in range(4):  # of a busy machine one is enough
+        for _ in range(12):  # of a busy machine one is enough
             cell = run(pair, "contact", phases["contact"], [("table", Kind.NAN, 0)])
             if not cell.early:
                 break

@@ -484,14 +484,14 @@ def test_a_device_that_only_reads_has_nothing_to_switch_off() -> None:
 @pytest.mark.parametrize(
     "raised", [(KeyboardInterrupt(),), (OSError("full"), ValueError(), KeyboardInterrupt()), (OSError("full"),)]
 )
-@pytest.mark.parametrize("listens", [True, False])
+@pytest.mark.parametrize("where", ["listener", "step", "judgement"])
 def test_the_sequence_is_carried_out_whatever_is_raised_meanwhile(
-    raised: tuple[BaseException, ...], listens: bool
+    raised: tuple[BaseException, ...], where: str
 ) -> None:
     """By who listens, or by Ctrl-C anywhere: the stop was over then, with a finger pressed and a plate driven."""
     rig = Rig()
     left = list(raised)
-    move = rig.move
+    move, mind = rig.move, rig.sequence._mind_direction
 
     def fail() -> None:
         if left and rig.ticks > 2:
@@ -499,11 +499,18 @@ def test_the_sequence_is_carried_out_whatever_is_raised_meanwhile(
 
     def moves() -> None:
         move()
-        if not listens:
+        if where == "step":
             fail()
 
-    rig.sequence._move = moves
-    outcome = rig.sequence.carry_out(DeviceFaultError("arm", 0, Trip.SPEED, "x"), fail if listens else lambda: None)
+    def minds(heights: dict[str, float]) -> None:
+        if where == "judgement":
+            fail()
+        mind(heights)
+
+    rig.sequence._move, rig.sequence._mind_direction = moves, minds  # type: ignore[method-assign]
+    outcome = rig.sequence.carry_out(
+        DeviceFaultError("arm", 0, Trip.SPEED, "x"), fail if where == "listener" else lambda: None
+    )
     assert rig.sequence.interrupted is (raised[0] if len(raised) == 1 else raised[2])
     assert outcome.safe
     assert outcome.devices["table"].startswith("retracted 5.")
