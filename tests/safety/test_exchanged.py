@@ -7,6 +7,7 @@ from itertools import product
 
 import campaign
 import pytest
+from punctuality import skip_unless_punctual
 from shipped import SCENES
 
 from itouch.faults import Kind
@@ -124,12 +125,14 @@ def test_a_cell_through_threads_reaches_its_fault(found: tuple[Pair, dict[str, t
     _, phases = found
     pair = Pair(SCENES / "four_materials.xml", 20, threads=True, slots=2)
     try:
-        for _ in range(12):  # of a busy machine one is enough
+        for _ in range(6):  # of a busy machine one is enough
             cell = run(pair, "contact", phases["contact"], [("table", Kind.NAN, 0)])
             if not cell.early:
                 break
     finally:
         pair.close()
+    if cell.early and cell.trip == "silent":
+        skip_unless_punctual(0.004)  # world, wire, thread and loop wait for one another: 20 ms are soon over
     assert not cell.early and cell.trip == "not-a-number" and cell.good
 
 
