@@ -11,8 +11,9 @@ from typing import ClassVar
 import pytest
 
 import itouch
+from itouch.exchange import EveryNth
 from itouch.loop import Status, WallClock
-from itouch.plugin import Channel, Device, Record, Role, temperature
+from itouch.plugin import Channel, Device, Field, Record, Role, temperature
 from itouch.plugin.discovery import Catalog, Found
 from itouch.scene import loads
 
@@ -119,3 +120,27 @@ def test_the_twin_has_the_same_period_and_delay(catalog: Catalog) -> None:
     assert steps == {5}
     assert fresh[1] - fresh[0] in (4, 5)
     assert "probe.twin.line.left" in engine.state
+
+
+class _Clocked(Device):
+    """Tells when it is read."""
+
+    Params = _Params
+    reads: ClassVar[tuple[Channel, ...]] = (temperature("temperature", Role.OTHER_TEMPERATURE),)
+
+    def open(self) -> None: ...
+
+    def close(self) -> None: ...
+
+    def read(self, reading: Record) -> bool | None:
+        reading["temperature"] = self.clock()
+        return True
+
+
+def test_a_device_in_step_goes_by_the_time_of_the_loop() -> None:
+    device, reading = EveryNth(_Clocked(_Params()), every=3, period=2e-3), Record.of((Field("temperature"),))
+    device.open()
+    found = [reading["temperature"].item() for _ in range(9) if device.read(reading)]
+    assert [b - a for a, b in zip(found, found[1:], strict=False)] == pytest.approx([6e-3, 6e-3])
+    device.close()
+    assert _Clocked(_Params()).clock() == pytest.approx(time.monotonic(), abs=10.0)

@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+import hashlib
+import io
 import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
 from shipped import SCENES
 
+from itouch.plugin import read_trace
 from itouch_thermal.bench_wire import CORNER, OWN_RIG, differ
 from itouch_thermal.chip.program import missing
+from itouch_tools.cli import lockstep
 from itouch_tools.cli.lockstep import Lockstep
 
 from test_wire_rig import free_port  # isort: skip
@@ -33,8 +42,8 @@ def scene(folder: Path, hold: float, touch: float) -> Path:
     return path
 
 
-def run(path: Path, seconds: float | None = None) -> tuple[dict, np.ndarray, bytes]:  # type: ignore[type-arg]
-    """Run in step; return report, rows of (time, desired, true flux, in contact), and the twins' State at the end."""
+def run(path: Path, seconds: float | None = None) -> tuple[dict, np.ndarray]:  # type: ignore[type-arg]
+    """Run in step; return the report, and rows of (time, desired, true flux, in contact)."""
     both = Lockstep(str(path))
     host, world, rows = both.host.state, both.world.state, []
     both.host.taps.append(
@@ -48,7 +57,7 @@ def run(path: Path, seconds: float | None = None) -> tuple[dict, np.ndarray, byt
         )
     )
     report = both.run(seconds)
-    return report, np.array(rows), bytes(world["peltier.twin.memory"].tobytes())
+    return report, np.array(rows)
 
 
 def true_error(rows: np.ndarray, since: float = 0.1) -> float:  # type: ignore[type-arg]
@@ -73,7 +82,7 @@ def test_a_corner_of_the_simulated_chip_is_within_its_bound(tmp_path: Path) -> N
 
 @pytest.mark.long
 def test_a_touch_on_the_simulated_chip_is_felt_as_it_should_be(tmp_path: Path) -> None:
-    report, rows, _ = run(scene(tmp_path / "one", 6.0, 1.2))
+    report, rows = run(scene(tmp_path / "one", 6.0, 1.2))
     assert report["faults"] == []
     (contact,) = report["contacts"]
     assert contact["object"] == "pyrex"
@@ -82,8 +91,58 @@ def test_a_touch_on_the_simulated_chip_is_felt_as_it_should_be(tmp_path: Path) -
     assert true_error(rows) < 0.05
 
 
+def told(
+    path: Path, seconds: float, only: Sequence[str] = (), slow: float = 0.0
+) -> tuple[list[bytes], dict[str, list[bytes]]]:
+    """Run in step; return digests of all State of host and world, a tick each, and what went over each device's wire.
+
+    Of each wire in its own order: devices are opened side by side.  ``slow``: so long [s] a tick takes besides.
+    """
+    states, wires = list[bytes](), io.StringIO()
+    both = Lockstep(str(path), trace=wires, only=only)
+
+    def look(tick: int) -> None:
+        states.append(hashlib.sha256(both.host.state.tobytes() + both.world.state.tobytes()).digest())
+        time.sleep(slow)
+
+    both.host.taps.append(look)
+    assert both.run(seconds)["faults"] == []
+    lines: dict[str, list[bytes]] = {}
+    for entry in read_trace(wires.getvalue().splitlines()):
+        lines.setdefault(entry.device, []).append(entry.mark.encode() + entry.data)
+    return states, lines
+
+
+@contextmanager
+def busy() -> Iterator[None]:
+    """Keep every core of this machine busy."""
+    loops = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(os.cpu_count() or 1)]
+    try:
+        yield
+    finally:
+        for loop in loops:
+            loop.kill()
+            loop.wait()
+
+
+def test_when_the_wires_are_looked_at_changes_nothing_in_step(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What was asked for in a tick counts in it, whether the thread that serves the wires came to it by then or not."""
+    path = scene(tmp_path / "one", 6.0, 1.2)
+    often = told(path, 0.1, ["peltier"], slow=3e-3)
+    monkeypatch.setattr(lockstep, "LOOK", 0.05)
+    seldom = told(path, 0.1, ["peltier"])
+    assert seldom == often
+    assert list(often[1]) == ["peltier"]
+    assert len(often[1]["peltier"]) > 10
+
+
 @pytest.mark.long
-def test_in_step_the_chip_does_the_same_again(tmp_path: Path) -> None:
-    """Bit by bit: what the chip does depends on no clock of this machine."""
-    ends = [run(scene(tmp_path / name, 1.0, 0.5), 2.5)[2] for name in ("one", "two")]
-    assert ends[0] == ends[1]
+def test_in_step_the_chip_does_the_same_again_beside_other_work(tmp_path: Path) -> None:
+    """Bit by bit, with every device on its wire: what they do depends on no clock of this machine."""
+    path = scene(tmp_path / "one", 6.0, 1.2)
+    quiet = told(path, 2.0)
+    with busy():
+        found = told(path, 2.0)
+    assert found[0] == quiet[0]
+    assert found[1] == quiet[1]
+    assert set(quiet[1]) == {"arm", "table", "peltier"}

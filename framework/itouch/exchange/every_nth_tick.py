@@ -27,11 +27,12 @@ class EveryNth(Device, Stamped):
         reads, self._commands = type(device).channels(device.params)
         self._stamps = Stamps([channel.name for channel in reads])
         self._record = Record.of(Field.of(channel) for channel in self._commands)
-        self._told = True
+        self._told, self._reads = True, 0
 
     def open(self) -> None:
-        """Open the device."""
+        """Open the device, which goes by the loop's time from then on."""
         self.device.trace, self.device.patience, self.device.stamps = self.trace, PATIENCE, self._stamps
+        self.device.clock = lambda: self._reads * self._period
         self._since, self._command, self._sent = self._every + self._waits, b"", b""
         self._told = True  # what was sent before it was opened anew is told of by nobody
         self.device.open()
@@ -45,6 +46,7 @@ class EveryNth(Device, Stamped):
 
     def read(self, reading: Record) -> bool | None:
         """Exchange if it is time."""
+        self._reads += 1
         since, self._since = self._since, self._since + 1
         if since < self._every + (self._waits if self._command == self._sent else 0):
             return False

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
@@ -178,6 +179,10 @@ class Device(Grouped, ABC):
 
     #: The limits in force for it by name, SI, as in ``<limits>``; set before ``open``, for a device that knows its own.
     limits: Mapping[str, float | tuple[float, float]] = MappingProxyType({})
+
+    #: The time [s] that it goes by where it needs one, as for the speed of what it is commanded: the host's, or the
+    #: loop's where that is simulated.  How long an answer may take is of the host's own clock in either.
+    clock: Callable[[], float] = staticmethod(time.monotonic)
 
     #: Factor on how long it waits for answers; more than 1 only where time is simulated on a busy machine.
     patience: float = 1.0

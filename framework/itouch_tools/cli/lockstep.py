@@ -109,6 +109,7 @@ class Lockstep:
         with self._lock:
             for modality in self.host.model.modalities:
                 modality.instance.witness(modality.model, self.host.state, self._truth)
+            self.rig.look()  # what was asked in this tick counts in it, however late the thread of the wires may be
             self.rig.step()
             self.rig.keep_up()
 

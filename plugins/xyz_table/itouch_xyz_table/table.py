@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import os
-import time
 from dataclasses import dataclass
 from typing import Any
 
@@ -249,7 +248,7 @@ class XyzTable(Device):
 
     def _goals(self, goal: tuple[float, ...]) -> list[Goal | None]:
         """Return the servos' commands: position, the speed of its change, and the weight fed forward."""
-        p, now = self.params, time.monotonic()
+        p, now = self.params, self.clock()
         lapse = now - self._when
         moved = [0.0] * 3
         if self._before and 0.0 < lapse < _STALE:
