@@ -206,3 +206,9 @@ def original(replaced: Any) -> int:
 def turn(tick: Any, every: int) -> int:
     """Leave out what is done in every so many ticks only; ``tick`` has shape (1,)."""
     return 0 if tick[0] % every == 0 else SKIP
+
+
+@kernel
+def due(tick: Any, every: int) -> int:
+    """Ask for Python in every so many ticks; ``tick`` has shape (1,)."""
+    return PYTHON if tick[0] % every == 0 else 0

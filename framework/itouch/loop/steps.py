@@ -20,7 +20,7 @@ from itouch.loop.placing import bound_supervision, bound_together
 from itouch.loop.rig import ProbeRig
 from itouch.loop.run_statistics import Counts
 from itouch.loop.runner import Runner
-from itouch.loop.step import CALLS_KERNELS, Step, joinable
+from itouch.loop.step import CALLS_KERNELS, PYTHON, Step, joinable
 from itouch.loop.touchoff import DONE
 from itouch.loop.write_access import Fence, shown_fields
 from itouch.plugin import Bound, Record, Role
@@ -212,6 +212,10 @@ def modality(model: Model, one: ModalityModel, state: Record, around: Fence) -> 
         return replace(
             joinable(one.name, bounds, reads, own, lambda code, tick, ready: run(tick, ready)), every=every
         )  # fmt: skip
+    if every > 1 and not one.attends:  # between its updates Python has nothing to do
+        due = Bound(carrying.due, state["tick"], every)
+        work = lambda code, tick, ready: run(tick, ready)  # noqa: E731
+        return replace(joinable(one.name, due, reads, own, work), every=every, code=PYTHON)
     return Step(one.name, run, reads, own, 1 if one.attends else every)
 
 

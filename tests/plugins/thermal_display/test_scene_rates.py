@@ -9,6 +9,7 @@ import pytest
 from display_scenes import Display
 
 import itouch
+from itouch_thermal.flux import joined
 
 HOLDS_TEMPERATURE = {
     "hardware": '<thermal:hardware command="temperature"/>',
@@ -53,6 +54,29 @@ def test_a_driver_that_holds_a_temperature_does_as_well(scenes: Path, hertz: str
     assert max(targets) <= 313.15
     assert 1.0 < max(currents) <= 6.4 * 1.01
     assert engine.state["peltier.sent.output"][0] == 1.0
+
+
+@pytest.mark.parametrize("hertz", ["", "500 Hz", "50 Hz"])
+def test_compiled_updates_do_at_each_rate_what_python_does(
+    scenes: Path, hertz: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = Display(left="pyrex", right="aluminium", rates=rate(hertz)).write(scenes)
+    compiled = itouch.build(path, seed=4)
+    step = next(step for step in compiled.plan.steps if step.name == "flux-control")
+    assert len(step.bounds) > 2
+    monkeypatch.setattr(joined, "joins", lambda model, state: False)
+    python = itouch.build(path, seed=4)
+    while not compiled.done:
+        compiled.tick()
+        python.tick()
+        assert compiled.state.tobytes() == python.state.tobytes(), compiled.ticks
+
+
+def test_between_two_updates_a_modality_in_python_does_not_stop_the_plan(scenes: Path) -> None:
+    engine = itouch.build(Display(rates=rate("50 Hz"), **HOLDS_TEMPERATURE).write(scenes))
+    step = next(step for step in engine.plan.steps if step.name == "flux-control")
+    assert (step.code, step.every) == ("Python", 20)
+    assert engine.plan.whole is not None
 
 
 def test_what_a_driver_of_temperature_does_is_safe_when_it_stops(scenes: Path, monkeypatch: pytest.MonkeyPatch) -> None:

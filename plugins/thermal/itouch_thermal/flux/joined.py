@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from itouch.plugin import Bound, Record
-from itouch_thermal.flux import usual
+from itouch_thermal.flux import usual, wires
 from itouch_thermal.flux.law import DEADBEAT, ModelLaw
 from itouch_thermal.flux.predictive import part
 from itouch_thermal.flux.preview import Preview
@@ -19,9 +19,9 @@ _NOTHING = (0.0, 0.0, 0.0)
 
 
 def joins(model: FluxModel, state: Record) -> bool:
-    """Tell whether ticks of a scene can join: the model at every tick, a current without a wire, and what is true."""
+    """Tell whether ticks of a scene can join: the model, a current without a wire, and what is true."""
     known = model.law is not None and model.preview is not None and bool(model.heat)
-    plain = not model.wire and model.hold == 1 and model.display.command == "current"
+    plain = not model.wire and model.display.command == "current"
     names = model.names
     return known and plain and model.truth and names.true_flux in state and names.true_skin in state
 
@@ -33,7 +33,7 @@ def bounds(model: FluxModel, law: ModelLaw, course: Preview, state: Record) -> t
     taken = usual.Taken(np.ones(1), np.zeros(1), np.ones(1))
     return (
         Bound(usual.prepare, scene, own, given, figures, taken),
-        Bound(usual.track, scene, given, memory, taken, law.coarse_ticks),
+        Bound(usual.track, scene, given, memory, taken, law.coarse_ticks, min(wires.MISSED, model.hold - 1)),
         Bound(usual.command, scene, own, given, figures, memory, _NOTHING),
     )
 
@@ -77,6 +77,7 @@ def _figures(model: FluxModel, law: ModelLaw, course: Preview) -> usual.Figures:
         law.coarse_ticks, law.delay, law.ahead, model.again, model.steady, bool(model.heat), float(model.expected),
         float(course.resistance), float(model.press), float(model.period), float(model.dew), float(model.skin),
         float(model.preset_time), float(low), float(high), float(law.display.flux_limit), float(law.ceiling),
-        float(law.capacity), max(DEADBEAT, 1.5 * model.period), float(part(model)),
+        float(law.capacity), max(DEADBEAT, 1.5 * model.hold * model.period), float(part(model)),
         float(model.finger.resting_flux), float(model.lead), float(model.preset_noise), float(model.current),
+        model.hold, float(model.period * model.hold),
     )  # fmt: skip

@@ -38,7 +38,6 @@ SCALE = (0.02, 50.0)
 #: As Python hands numbers over.  A plain constant of a kernel is a type of its own, for which all that it is passed to
 #: would be compiled once more.
 _NOTHING: Any = np.int64(0)
-_ONE: Any = np.int64(1)
 #: Time constant of a press [s] that is as doubtful as its scale is above 1; filter of its rate [s]; what is noise.
 PRESSING, PRESS_FILTER, STILL = 0.05, 0.02, 0.1
 #: Seconds after the start from which the flux error counts, and the least flux [W/m2] it is relative to.
@@ -153,7 +152,10 @@ class Given(NamedTuple):
 
 
 class Figures(NamedTuple):
-    """Numbers that never change: sizes in periods, limits, and what is known of skin and room, SI."""
+    """Numbers that never change: sizes in periods, limits, and what is known of skin and room, SI.
+
+    An update stands for ``hold`` servo periods, which are ``update`` [s] together.
+    """
 
     size: int
     delay: int
@@ -179,6 +181,8 @@ class Figures(NamedTuple):
     lead: float
     noise: float
     most: float
+    hold: int
+    update: float
 
 
 class Taken(NamedTuple):
@@ -245,7 +249,7 @@ def _equal(scene: Any, own: Any, given: Any, figures: Any) -> None:
     own.approached[0] = -1
     wanted = neutral(
         own.calm, own.looked, own.covered, given.cover, figures.resting, scene.skin[0] if seen else math.nan,
-        figures.rest, pressed(scene, figures.heat), figures.expected, figures.period, figures.lead,
+        figures.rest, pressed(scene, figures.heat), figures.expected, figures.update, figures.lead,
     )  # fmt: skip
     aim_at(own.start_temperature, own.plate_limited, wanted, figures.low, figures.high)
 
@@ -308,7 +312,7 @@ def aim_at(start: Floats, limited: Any, wanted: float, low: float, high: float) 
 def _unusual(scene: Any, own: Any, given: Any, figures: Any) -> bool:
     """Tell whether this tick is Python's: something begins, ends or is chosen anew."""
     tick, index = scene.tick[0], own.object[0]
-    if own.tracked[0] != tick - 1 or own.fresh[0] != 0 or scene.age[0] != 0:
+    if own.tracked[0] != tick - figures.hold or own.fresh[0] != 0 or scene.age[0] != 0:
         return True
     touching = own.touching[0] != 0
     if own.open[0] != 0 and given.starts[index] != 0 and scene.met[0] >= 0 and touching != (scene.plate[0] != 0):
@@ -340,7 +344,7 @@ def prepare(
         taken.part[0] = observer.seen(given.pad, _force(scene))
         contact = in_contact(scene, figures.heat)
         if contact and own.pressing[0] != 0:
-            enter(own.account, own.obtained[0], own.desired[0], scene.true_skin[0], figures.period)
+            enter(own.account, own.obtained[0], own.desired[0], scene.true_skin[0], figures.update)
         own.obtained[0], own.pressing[0] = scene.true_flux[0], int(contact)
         own.desired[0] = scene.heat_desired[0]
         if not figures.steady:
@@ -353,7 +357,7 @@ def prepare(
         if own.desired[0] != 0.0:
             own.desired[0] = 0.0
         if scene.plate_temperature[0] < figures.dew:
-            own.condensation_time[0] += figures.period
+            own.condensation_time[0] += figures.update
     own.tracked[0] = scene.tick[0]
     return 0
 
@@ -385,14 +389,17 @@ def _scale(scene: Any, own: Any, given: Any, figures: Any, later: int) -> float:
 
 
 @kernel
-def track(scene: Scene, given: Given, memory: Memory, taken: Taken, size: int) -> int:
-    """Let the law take in what was sent and read."""
+def track(scene: Scene, given: Given, memory: Memory, taken: Taken, size: int, passed: int) -> int:
+    """Let the law take in what was sent and read, after so many periods that have ``passed`` without."""
     memory.memory[observer.M_PART] = taken.part[0]
-    laws._track(  # noqa: SLF001
-        given.c, given.tissue, given.plate, memory.x, memory.theta, memory.cover, memory.gain, memory.memory,
-        memory.line, memory.slots, memory.trace, memory.past, memory.kept, size, scene.sent[0], taken.scale[0],
-        taken.press[0], scene.heat_flux[0], scene.plate_temperature[0], scene.sink[0],
-    )  # fmt: skip
+    for k in range(passed + 1):
+        last = k == passed
+        laws._track(  # noqa: SLF001
+            given.c, given.tissue, given.plate, memory.x, memory.theta, memory.cover, memory.gain, memory.memory,
+            memory.line, memory.slots, memory.trace, memory.past, memory.kept, size, scene.sent[0], taken.scale[0],
+            taken.press[0], scene.heat_flux[0] if last else math.nan,
+            scene.plate_temperature[0] if last else math.nan, scene.sink[0] if last else math.nan,
+        )  # fmt: skip
     return 0
 
 
@@ -406,7 +413,7 @@ def _look_on(scene: Any, own: Any, given: Any, figures: Any, future: Floats, tic
     resistance = figures.alone if figures.steady else _resistance_at(given.law, scene.felt_force[0])
     keep_ahead(
         ahead, scene.finger, scene.bodies[index], own.desired[0], resistance, figures.press / figures.period, ticks,
-        figures.ahead, 1, figures.steady,
+        figures.ahead, figures.hold, figures.steady,
     )  # fmt: skip
 
 
@@ -416,6 +423,8 @@ def command(scene: Scene, own: Own, given: Given, figures: Figures, memory: Memo
 
     ``out``: what is on its way over a wire, see `Coming`.
     """
+    if figures.hold > 1 and scene.ready[0] == 0:
+        memory.memory[observer.M_QUIET] = observer.QUIET
     if own.touching[0] != 0:
         ticks, scale = scene.tick[0] - own.begun[0], 1.0
         _look_on(scene, own, given, figures, memory.future, ticks)
@@ -427,7 +436,7 @@ def command(scene: Scene, own: Own, given: Given, figures: Figures, memory: Memo
             memory.memory, scale, memory.line, memory.slots, memory.single, memory.queue, memory.wanted,
             memory.response, given.hats, memory.knots, memory.work, memory.trace, memory.span, figures.flux_limit,
             figures.ceiling, given.band, figures.capacity, memory.cover[observer.RESISTANCE, observer.RESISTANCE],
-            figures.size, _ONE, _ONE, out, _NOTHING,
+            figures.size, figures.hold, figures.hold, out, _NOTHING,
         )  # fmt: skip
     else:
         if pressed(scene, figures.heat):
