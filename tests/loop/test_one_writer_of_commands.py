@@ -13,7 +13,7 @@ import pytest
 from test_failing_plugins import Hum, engine
 
 import itouch
-from itouch.loop.write_access import Fence
+from itouch.loop.write_access import Fence, Fences, mended
 from itouch.plugin import Field, Record
 from itouch.plugin.write_protection import WriteProtectedRecord
 
@@ -161,6 +161,50 @@ def test_a_fence_sees_each_byte_that_is_not_a_modalitys_own(odd: bool) -> None:
         else:
             assert around.mend() == name
         assert state.tobytes() == whole
+
+
+NAMES = ("a", "lift.x", "b", "table.command.pose", "c", "hum.y", "plate.command.current", "d")
+
+
+def fenced() -> tuple[Record, Fences]:
+    """Return a State with the fence round a carrier and a modality, between which the framework writes two fields."""
+    state = Record.of([Field(name, "i8", 2) for name in NAMES])
+    state.raw.view(np.uint8)[:] = np.random.default_rng(3).integers(0, 256, state.nbytes)
+    lift = SimpleNamespace(name="lift", commands=("table.pose",), fields=("x",))
+    hum = SimpleNamespace(name="hum", commands=("plate.current",), fields=("y",))
+    return state, Fences([lift], [hum], ["b", "table.command.pose"], state)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_a_carrier_writes_of_others_is_seen_behind_it_or_before_anything_is_sent(name: str) -> None:
+    """A command, and what the framework writes next, is seen at once; no modality is kept from another one's fields."""
+    state, fences = fenced()
+    fences.rest.take()
+    fences.near.take()
+    before = state[name].copy()
+    state[name][1] ^= 1
+    assert mended([fences.near]) == (name if name in ("b", "plate.command.current") else "")
+    fences.later.take()
+    state["plate.command.current"][0] ^= 1
+    assert mended([fences.later, fences.rest]) == (name if name in ("a", "c", "d") else "")
+    own = name in ("lift.x", "table.command.pose", "hum.y")
+    assert bool(state[name][1] == before[1]) == (not own)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_a_modality_writes_of_others_is_seen_though_the_framework_wrote_since_the_carriers(name: str) -> None:
+    state, fences = fenced()
+    fences.rest.take()
+    fences.near.take()
+    assert mended([fences.near]) == ""
+    for written in ("b", "table.command.pose"):
+        state[written] ^= 1
+    before = state[name].copy()
+    fences.later.take()
+    state[name][1] ^= 1
+    own = name in ("hum.y", "plate.command.current")
+    assert mended([fences.later, fences.rest]) == ("" if own else name)
+    assert bool((state[name] == before).all()) == (not own)
 
 
 @pytest.mark.parametrize("ends", [SystemExit, KeyboardInterrupt, GeneratorExit])

@@ -22,7 +22,7 @@ from itouch.loop.rig import ProbeRig
 from itouch.loop.run_statistics import Counts
 from itouch.loop.runner import Runner
 from itouch.loop.step import Step
-from itouch.loop.write_access import Fence
+from itouch.loop.write_access import Fence, Fences
 from itouch.plugin import Record
 from itouch.safety import HoldToRun
 from itouch.schema import ItouchError
@@ -174,27 +174,45 @@ def _supervision(
         yield steps.share(finger, devices, state, model.period)
 
 
-def _surface(rig: ProbeRig, model: Model, state: Record, views: Mapping[str, Record]) -> Iterator[Step]:
-    """Yield what carries a surface to a finger: the framework's way, or what takes over from a modality its own."""
-    one = model.carrier_to(rig.probe.name)
-    if one is None:
-        yield steps.surface(rig)
+def _rendering(
+    model: Model, state: Record, rigs: Sequence[ProbeRig], events: Events, views: Mapping[str, Record],
+    supervised: Sequence[Step],
+) -> Iterator[Step]:  # fmt: skip
+    """Yield what is between contact and the commands' limits: surfaces, forces, what is supervised, other modalities.
+
+    Surfaces come to fingers by the framework's way, or by modalities, from which it takes over their own.
+    """
+    carried = [(rig, one) for rig in rigs if rig.table is not None and (one := model.carrier_to(rig.probe.name))]
+    ours = [rig for rig in rigs if rig.table is not None and rig not in [taken for taken, _ in carried]]
+    yield from (steps.surface(rig) for rig in ours)
+    yield from (steps.look_below(rig) for rig, _ in carried)
+    between = [*(steps.carried(rig, one, state, model) for rig, one in carried), *map(steps.force, rigs), *supervised]
+    told = [steps.tell(model, events, rigs, state)] if rigs else []
+    carriers, others = [one for _, one in carried], [one for one in model.modalities if one.carries is None]
+    if not carriers or not others:
+        yield from _fenced(carriers, model, views, [Fence(carriers, state)], " surfaces")
+        yield from (*between, *told)
+        yield from _fenced(others, model, views, [Fence(others, state)])
         return
-    yield steps.look_below(rig)
-    yield from _fenced([one], model, state, views, f" {rig.probe.name}")
-    yield steps.carried(rig, one, state, model)
+    written = (name for step in between if step.bounds for name in step.written(state))  # Python's is seen otherwise
+    fences = Fences(carriers, others, written, state)
+    around, everyone = [fences.near, fences.rest], [*others, *carriers]
+    yield from _fenced(carriers, model, views, around, " surfaces", looks=[fences.near])
+    yield from (steps.between(step, fences.rest, model, carriers) for step in (*between, *told))
+    yield steps.fence([fences.later])
+    yield from (steps.modality(model, one, views[one.name], [fences.later, fences.rest]) for one in others)
+    yield steps.mend(model, [fences.later, fences.rest], everyone)
 
 
 def _fenced(
-    listed: Sequence[ModalityModel], model: Model, state: Record, views: Mapping[str, Record], where: str = ""
-) -> Iterator[Step]:
+    listed: Sequence[ModalityModel], model: Model, views: Mapping[str, Record], around: Sequence[Fence],
+    where: str = "", looks: Sequence[Fence] | None = None,
+) -> Iterator[Step]:  # fmt: skip
     """Yield modalities between what remembers and what puts back all that is not theirs."""
     if listed:
-        around = Fence(listed, state)
         yield steps.fence(around, where)
-        for one in listed:
-            yield steps.modality(model, one, views[one.name], around)
-        yield steps.mend(model, around, listed, where)
+        yield from (steps.modality(model, one, views[one.name], around) for one in listed)
+        yield steps.mend(model, around, listed, where, looks)
 
 
 def build(
@@ -211,14 +229,8 @@ def build(
     if model.moving:
         listed.append(steps.move_objects(model, objects))
     listed += [steps.contact(rig, model) for rig in rigs]
-    for rig in rigs:
-        if rig.table is not None:
-            listed += _surface(rig, model, state, views)
-    listed += [steps.force(rig) for rig in rigs]
-    listed += _supervision(model, state, runners, rigs, tracking)
-    if rigs:
-        listed.append(steps.tell(model, events, rigs, state))
-    listed += _fenced([one for one in model.modalities if one.carries is None], model, state, views)
+    supervised = list(_supervision(model, state, runners, rigs, tracking))
+    listed += _rendering(model, state, rigs, events, views, supervised)
     if hold.required:
         listed.append(steps.hold(hold, runners.values()))
     for runner in runners.values():

@@ -22,7 +22,7 @@ from itouch.loop.run_statistics import Counts
 from itouch.loop.runner import Runner
 from itouch.loop.step import CALLS_KERNELS, PYTHON, Step, joinable
 from itouch.loop.touchoff import DONE
-from itouch.loop.write_access import Fence, shown_fields
+from itouch.loop.write_access import Fence, mended, shown_fields
 from itouch.plugin import Bound, Record, Role
 from itouch.safety import Finger, HoldToRun
 from itouch.safety.monitor_step import LOOK, TOLD
@@ -182,7 +182,7 @@ def tell(model: Model, events: Events, rigs: Sequence[ProbeRig], state: Record) 
     )  # fmt: skip
 
 
-def modality(model: Model, one: ModalityModel, state: Record, around: Fence) -> Step:
+def modality(model: Model, one: ModalityModel, state: Record, around: Sequence[Fence]) -> Step:
     """Advance a modality, or let it attend to a tick between two updates; what it raises is a fault."""
     update, compiled, every, period = one.instance.update, one.model, one.every, model.period * one.every
 
@@ -197,7 +197,7 @@ def modality(model: Model, one: ModalityModel, state: Record, around: Fence) -> 
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # a plugin that exits does not end the program
-            around.mend()
+            mended(around)
             raise modality_fault(model, one.instance, method, tick, error) from error
 
     commands = tuple(".command.".join(command.split(".", 1)) for command in one.commands)
@@ -226,18 +226,46 @@ def _joins(one: ModalityModel) -> bool:
     )
 
 
-def fence(around: Fence, where: str = "") -> Step:
+def fence(around: Sequence[Fence], where: str = "") -> Step:
     """Remember what modalities may not write: compiled code could, whatever it was given."""
-    return joinable(f"fence{where}", around.keep, ("*",), ())
+    return joinable(f"fence{where}", [one.keep for one in around], ("*",), ())
 
 
-def mend(model: Model, around: Fence, listed: Sequence[ModalityModel], where: str = "") -> Step:
-    """Put back what these modalities may not write, before anything is checked or sent; it is a fault."""
+def mend(
+    model: Model, around: Sequence[Fence], listed: Sequence[ModalityModel], where: str = "",
+    looks: Sequence[Fence] | None = None,
+) -> Step:  # fmt: skip
+    """Put back what these modalities may not write, before anything is checked or sent; it is a fault.
+
+    ``looks``: what is looked at of what is ``around`` them; default: all.
+    """
 
     def answer(code: int, tick: int, ready: bool) -> None:
-        raise foreign_write(model, listed, around.mend(), tick)
+        raise foreign_write(model, listed, mended(around), tick)
 
-    return joinable(f"mend{where}", around.look, ("*",), (), answer)
+    bounds = [one.look for one in (around if looks is None else looks)]
+    return joinable(f"mend{where}", bounds, ("*",), (), answer)
+
+
+def between(step: Step, rest: Fence, model: Model, listed: Sequence[ModalityModel]) -> Step:
+    """Return a step that stands inside a fence: what it does in Python may be anything, and is remembered anew.
+
+    Before that it is seen whether one of the modalities ``listed`` has written there.
+    """
+    whole = step.answer if step.bounds else lambda code, tick, ready: step.work(tick, ready)
+    if whole is None:
+        return step
+
+    def answer(code: int, tick: int, ready: bool) -> None:
+        if changed := rest.mend():
+            raise foreign_write(model, listed, changed, tick)
+        whole(code, tick, ready)
+        rest.take()
+
+    if step.bounds:
+        joined = joinable(step.name, step.bounds, step.reads, step.writes, answer)
+        return replace(joined, every=step.every, code=step.code, amends=step.amends)
+    return replace(step, work=lambda tick, ready: answer(0, tick, ready))
 
 
 def supervise(

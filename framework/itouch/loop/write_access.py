@@ -26,6 +26,11 @@ def own_fields(one: ModalityModel, state: Record) -> list[str]:
     return [name for name in state if name in own]
 
 
+def owned(modalities: Iterable[ModalityModel], state: Record) -> set[str]:
+    """Return the fields of State that any of these modalities may write."""
+    return {name for one in modalities for name in own_fields(one, state)}
+
+
 def shown_fields(one: ModalityModel, state: Record) -> tuple[str, ...]:
     """Return the names of its fields for a plan: short where nobody else has one that begins so."""
     own = tuple(f"{one.name}.{field}" for field in one.fields)
@@ -43,10 +48,11 @@ class Fence:
     ``take`` before they work, ``mend`` after: the whole of State is looked at, for compiled code may write anywhere.
     """
 
-    def __init__(self, modalities: Sequence[ModalityModel], state: Record) -> None:
+    def __init__(self, modalities: Iterable[ModalityModel], state: Record, names: Iterable[str] | None = None) -> None:
+        """``names``: what is looked at; default: all that is not theirs."""
         self._state = state
-        own = {name for one in modalities for name in own_fields(one, state)}
-        spans = np.array(list(_spans(state, set(state) - own)), np.int64).reshape(-1, 2)
+        names = set(state if names is None else names) - owned(modalities, state)
+        spans = np.array(list(_spans(state, names)), np.int64).reshape(-1, 2)
         whole = not (state.nbytes % 8 or (spans % 8).any())  # words are compared faster than bytes
         kind, unit = (np.dtype(np.int64), 8) if whole else (np.dtype(np.uint8), 1)
         kept = np.zeros(int((spans[:, 1] - spans[:, 0]).sum()) // unit, kind)
@@ -69,6 +75,34 @@ class Fence:
 
     def _differs(self, was: Record) -> str:
         return next((name for name, view in self._state.items() if view.tobytes() != was[name].tobytes()), "")
+
+
+class Fences:
+    """One fence round all modalities of a tick, those that carry surfaces and those that come later.
+
+    Between the two the framework's own steps write, so it has three parts: ``rest``, what nobody may write from the
+    first carrier to the last modality, is remembered once and looked at once; of what those steps write, which is
+    little, and of commands, ``near`` is looked at behind the carriers and ``later`` behind the other modalities.  No
+    modality is kept from the fields of another one, as among those that stand in a row.
+    """
+
+    def __init__(
+        self, carriers: Sequence[ModalityModel], modalities: Sequence[ModalityModel], between: Iterable[str],
+        state: Record,
+    ) -> None:  # fmt: skip
+        """``between``: what is written there."""
+        first, second = owned(carriers, state), owned(modalities, state)
+        written = {*between, *(name for name in state if ".command." in name)}
+        foreign = {name for name in second if ".command." not in name}
+        self.near = Fence(carriers, state, written - foreign)
+        self.later = Fence(modalities, state, written | first)
+        self.rest = Fence((*carriers, *modalities), state, set(state) - written)
+
+
+def mended(fences: Iterable[Fence]) -> str:
+    """Put back what is inside these fences; return the name of a field that was changed, or nothing."""
+    found = [fence.mend() for fence in fences]
+    return next((name for name in found if name), "")
 
 
 def _spans(state: Record, names: Iterable[str]) -> Iterable[tuple[int, int]]:
