@@ -27,7 +27,7 @@ def test_the_map_is_drawn_from_the_imports() -> None:
 def test_the_page_of_modules_is_that_of_the_program() -> None:
     page = module_pages.page()
     assert module_pages.PAGE.read_text(encoding="utf-8") == page, "python tests/house/rooms.py --write"
-    assert page.count("\n- `") == len(modules())
+    assert page.count("\n- `") == len(modules()) + sum(map(len, module_pages.others().values()))
 
 
 def test_every_room_says_what_it_is() -> None:
@@ -88,8 +88,62 @@ def test_a_change_is_made_where_the_quiz_says(change: dict[str, str]) -> None:
     assert change["says"] in (ROOT / change["file"]).read_text(encoding="utf-8")
 
 
-def test_the_quiz_asks_for_twenty_files() -> None:
-    assert len(QUIZ) == len({change["file"] for change in QUIZ}) == 20
+def test_the_quiz_asks_for_many_files() -> None:
+    """Each question once, and hardly a file twice."""
+    assert len(QUIZ) == len({change["do"] for change in QUIZ}) == 40
+    assert len({change["file"] for change in QUIZ}) >= 39
+
+
+def test_a_constant_stands_on_the_page_with_its_value_where_a_comment_says_something_of_it() -> None:
+    text = '''"""Text."""
+#: How long [s] it waits:
+#: and no longer.
+WAIT = 80e-3
+LONGER = 0.2
+_FAR, NEAR = 1.0, 2.0  # of the finger [m]
+_INSIDE = 3
+
+SILENT = 3
+NOISE = 4  # noqa: E1
+#: What it knows.
+TABLE = {
+    "a": 1,
+}
+#: Not a constant.
+small = 5
+'''
+    assert list(module_pages.constants(Module("a", Path("a.py"), text))) == [
+        ("WAIT = 80e-3, LONGER = 0.2", "How long [s] it waits: and no longer"),
+        ("_FAR, NEAR = 1.0, 2.0", "of the finger [m]"),
+        ("TABLE", "What it knows"),
+    ]
+
+
+def test_constants_of_the_firmware_stand_on_the_page() -> None:
+    text = """#define GUARD_H
+/* Supply of the bridge,
+   and its current. */
+#define SUPPLY_V 12.0f
+#define MOST_A 3.0f /* greatest */
+
+#define ALONE 1
+"""
+    assert list(module_pages.defined(text)) == [
+        ("SUPPLY_V = 12.0f", "Supply of the bridge, and its current"),
+        ("MOST_A = 3.0f", "greatest"),
+    ]
+
+
+def test_what_a_file_is_for_is_the_beginning_of_its_first_comment(tmp_path: Path) -> None:
+    for name, text, says in (
+        ("a.xml", "<?xml version='1.0'?>\n<!-- Two blocks of 1.5 cm.  They\n are warm, and of metal: feel them. No. -->", "Two blocks of 1.5 cm. They are warm, and of metal: feel them"),
+        ("b.css", "/* How it looks: colours. */\na {}", "How it looks: colours"),
+        ("c.py.in", '"""The device $name."""', "The device $name"),
+        ("d.js", "f();", ""),
+    ):  # fmt: skip
+        path = tmp_path / name
+        path.write_text(text)
+        assert module_pages.first_comment(path) == says
 
 
 SMALL = '''"""A module

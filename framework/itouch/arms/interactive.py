@@ -1,4 +1,4 @@
-"""Arms that are simulated, with a finger that a person leads by mouse, keyboard or gamepad.
+"""Simulated arms whose finger a person leads by mouse, keyboard or gamepad.
 
 The finger hangs on an arm without mass or friction.  Its hand follows the person where there is a window (a gamepad
 needs none), and the scene's ``<operator>`` otherwise.  The arm's force moves the simulated finger; nobody feels it.

@@ -1,4 +1,4 @@
-"""Poses over time, out of a recording, out of a table of text, or made up."""
+"""Poses over time, by which a recorded arm moves: out of a recording, a table of text, or made up."""
 
 from __future__ import annotations
 

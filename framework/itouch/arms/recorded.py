@@ -1,4 +1,4 @@
-"""A recording as an arm: the pose that was recorded is the pose that it reads, whatever happens to it."""
+"""A recording as an arm (`recorded`): it reads the pose that was recorded, whatever force it is commanded."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Arrays without an owner, for the inside of one call.
+"""Arrays without reference counting, for the inside of one compiled call.
 
 Every array that a compiled function passes on costs a locked increment and decrement of its reference count; with some
 hundred inner calls in a step that is more than the step's own work. The caller holds the arrays for as long as the

@@ -1,4 +1,4 @@
-"""Where a sphere that is moved along a straight line first touches an object.
+"""Continuous collision: where a sphere that is moved along a straight line first touches an object.
 
 The distance of a moving point from a convex object is a convex function of the way it has gone, so Newton's iteration
 for "distance = radius" from the free side never passes the root and converges quadratically.

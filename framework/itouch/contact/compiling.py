@@ -1,4 +1,4 @@
-"""How the kernels are compiled."""
+"""How the contact kernels are compiled: entries with a signature, inner functions, inlined ones."""
 
 from collections.abc import Callable
 from typing import TypeVar

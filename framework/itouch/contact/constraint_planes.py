@@ -1,4 +1,4 @@
-"""The planes that hold a probe back at a place: one of each near primitive, and of each triangle in view."""
+"""Constraint planes of the god-object: one of each near primitive, and of each mesh triangle in view."""
 
 from itouch.contact import layout as at
 from itouch.contact.compiling import flat, inner

@@ -1,4 +1,4 @@
-"""Poses of the objects that are near enough to matter, as rows of a scratch table."""
+"""Poses of the objects that are near enough to matter in a step of contact, as rows of a scratch table."""
 
 from itouch.contact.compiling import inner
 from itouch.contact.layout import FRAME_NOW, FRAME_POSE

@@ -15,6 +15,7 @@ from itouch.contact.slide import cut, slide
 from itouch.contact.vectors import Floats, Vector, along, dot, norm, sub
 
 Pressed = tuple[int, Solution, float, float]
+#: How often the proxy may slip on in one step, from one surface to another.
 MAX_SLIPS = 6
 _MARGIN = 1e-9  # relative slack of the cone against rounding
 _MARGIN_SLIDING = 1e-3  # likewise after a slide over a curved surface, whose normal has turned on the way

@@ -1,4 +1,4 @@
-"""The read-only tables that the kernels work on, built once from shapes and materials."""
+"""The read-only tables that the contact kernels work on, built once from shapes and materials."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""The point nearest to a goal inside at most sixteen half-spaces, exactly.
+"""The small quadratic programme of the god-object: the point nearest to a goal inside at most 16 half-spaces.
 
 In three dimensions at most three planes are active at the solution. They are found plane by plane: when a new plane is
 violated by the solution so far, it is active in the new one, which is then sought on that plane alone (the argument of

@@ -10,6 +10,7 @@ from itouch.contact.png import grey_of_png
 
 Heights = NDArray[np.float64]
 
+#: Greatest file of a height map [bytes], and its greatest number of samples.
 MAX_BYTES = 32 * 2**20
 MAX_SAMPLES = 2048 * 2048
 STEEPEST = 1.0  # slope of the carved surface that is let be

@@ -1,4 +1,4 @@
-"""A height map laid over an object, without texture coordinates.
+"""Height and slope of a height map laid over an object (triplanar): what a texture carves out of its surface.
 
 The map lies in the object's frame with its middle at the origin and repeats in both directions.  It is projected along
 one axis, or along all three with weights by the surface's direction (triplanar): along z the map's columns run along x

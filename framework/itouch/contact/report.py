@@ -1,4 +1,4 @@
-"""What one step tells its caller: contacts, force, velocity of the surface, and what is near."""
+"""What a step of contact returns: contacts, force, penetration, velocity of the surface, and what is near."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Where a probe without a past starts: at the HIP, or at the nearest free point when that is inside a solid."""
+"""Where the proxy of a probe without a past starts: at the HIP, or at the nearest free point outside of solids."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""The scratch table that one step works on; see layout.py for its rows."""
+"""The scratch table that one step of contact works on, and the tolerances of touch; rows are in layout.py."""
 
 from itouch.contact import layout as at
 from itouch.contact.bvh import Floats32, Ints32

@@ -1,4 +1,4 @@
-"""The shapes an object can have, each about its own frame's origin. Lengths in metres."""
+"""Shapes of objects (box, sphere, plane, capsule, cylinder, mesh), each about its own frame's origin, in metres."""
 
 import math
 from dataclasses import dataclass, fields

@@ -24,6 +24,7 @@ from itouch.contact.scratch import Mesh, add_seed, put_plane
 from itouch.contact.surface_walk import walk_surface
 from itouch.contact.vectors import Floats, Vector, add, along, dot, norm, sub
 
+#: How many straight moves the god-object may make in one step.
 MAX_MOVES = 64
 SMALL = 0.2  # share of the way to the goal below which a probe is small
 MAX_CUTS = 24

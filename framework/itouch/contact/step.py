@@ -1,4 +1,4 @@
-"""One step of one probe: moving objects, proxy, friction, force, and what to remember."""
+"""One step of contact of one probe: moving objects, proxy, friction, force, and what to remember."""
 
 import numpy as np
 

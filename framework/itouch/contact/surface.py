@@ -1,4 +1,4 @@
-"""A triangle mesh that can be touched and searched."""
+"""A triangle mesh that can be touched and searched: vertices, triangles and hierarchy."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray

@@ -1,4 +1,4 @@
-"""The effects of a surface as the scene asks for them, and the table that the kernel reads."""
+"""Surface effects of objects as values (texture, layers, ...), and the table of them that the kernel reads."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Three-vectors and rigid motions as tuples of floats: they stay in registers inside compiled code."""
+"""Three-vectors and rigid motions as tuples of floats, which stay in registers inside compiled contact code."""
 
 import numpy as np
 from numpy.typing import NDArray

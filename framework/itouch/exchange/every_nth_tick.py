@@ -1,4 +1,4 @@
-"""A blocking device taken into the tick: it exchanges every so many ticks, whatever that takes on the wall."""
+"""A blocking device on the virtual clock: it exchanges every so many ticks, whatever that takes on the wall."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A blocking device behind newest-value mailboxes: the tick puts a command in and takes the newest reading out."""
+"""A blocking device in a thread of its own: the tick puts the newest command in and takes the newest reading out."""
 
 from __future__ import annotations
 

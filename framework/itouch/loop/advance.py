@@ -1,4 +1,4 @@
-"""A whole tick as one call: the plan where every step of it is joined, the clock before and after it, and counting."""
+"""A whole tick as one compiled call: the joined plan, the clock before and after it, and counting."""
 
 from __future__ import annotations
 

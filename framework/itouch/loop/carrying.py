@@ -1,4 +1,4 @@
-"""A probe's way through a tick beside the contact search, as calls that join: each does what its step is and returns 0.
+"""The steps of one probe in a tick as calls that join; their arithmetic is in ``render`` and ``surface``.
 
 The arithmetic is in ``render`` and ``surface``.
 """

@@ -1,4 +1,4 @@
-"""The only place that knows host time.  State counts ticks; seconds are derived."""
+"""Virtual and wall clock: the only place that knows host time; State counts ticks, seconds are derived."""
 
 from __future__ import annotations
 

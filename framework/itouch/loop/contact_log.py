@@ -1,4 +1,4 @@
-"""Notes of each contact from BEGIN to END, for the report; the open one's figures are State."""
+"""Notes of each contact from BEGIN to END, for the report's table; the figures of the open one are State."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the parts of an engine may know of the whole: no more than this."""
+"""What the parts of an engine may know of the whole, as a protocol: no more than this."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rigid transforms on plain floats: in a tick, three products of Python floats are faster than an array."""
+"""Rigid transforms on plain floats, for the tick: three products of Python floats are faster than an array."""
 
 from __future__ import annotations
 

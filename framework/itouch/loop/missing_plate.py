@@ -1,4 +1,4 @@
-"""What is told once of a plate that was not where its height says: State has it, so that every reader can tell it."""
+"""The notice of a plate that was not where its calibrated height says, out of State."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Supervision where the finger is, and what acts on it together, compiled as far as nothing unusual is seen.
+"""Joined supervision of arms and carried surfaces near the finger, and of all that acts on one finger together.
 
 What is unusual is left to Python.  An arm whose share changes is looked at again there; what was found of a surface
 stands in its post's ``said``, and Python tells it.

@@ -1,4 +1,4 @@
-"""What one probe does in a tick besides the contact search, compiled.
+"""A probe's HIP and velocity, contact force with damping, and contact area by Hertz's law, compiled.
 
 ``follow`` takes the tracker's reading to the HIP, ``itouch.contact.step`` finds the proxy, ``touch`` makes the contact
 force of it.  (They are apart, because a caller compiles again all that it calls.)

@@ -1,4 +1,4 @@
-"""The parts of one probe at work: contact and carried surface, touch-off, finger twin and contact log."""
+"""What belongs to one probe, put together: contact, carried surface, touch-off, finger twin and contact log."""
 
 from __future__ import annotations
 

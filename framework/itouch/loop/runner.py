@@ -1,4 +1,4 @@
-"""A supervised device in its place: its frame, the touch that its twin feels, and the twin's step."""
+"""A supervised device in the loop: its frame in the world, the inputs of its twin, and the twin's step."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is told of an operator that waited for its skin: State has it, so that every reader can tell it."""
+"""The notice of an operator that waited for its skin to recover, and whether it had, out of State."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A step of the tick: what it is called, what it calls, and which fields of State it reads and writes."""
+"""The class of a step of the tick: its name, what it calls, and which fields of State it reads and writes."""
 
 from __future__ import annotations
 

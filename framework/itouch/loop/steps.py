@@ -1,4 +1,4 @@
-"""What each step of a tick is: what it calls, and which fields of State it reads and writes.
+"""The steps of a tick, each declared: what it calls, and which fields of State it reads and writes.
 
 Views of a field are taken once, when an engine is built; what is declared here is what ``inspect --plan`` shows, and a
 test holds it against what a step is seen to change.

@@ -1,4 +1,4 @@
-"""The report of a run, as plain data; its keys are fixed and documented in ``docs/reference/report.md``."""
+"""The report of a run as plain data; `docs/reference/report.md` documents its keys."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The contact modality: HIP -> proxy -> force, plate and events of one probe.
+"""Contact of one probe in the loop: HIP -> proxy -> force, BEGIN, MOVE and END, and how long a separation ends it.
 
 BEGIN and END are those of the virtual contact: it ends after 0.1 mm and 20 ms of separation, or when another object
 takes over.

@@ -1,4 +1,4 @@
-"""Touch-off: at start the plate rises until it is felt, at three points or more; that gives the table's true height.
+"""Touch-off: at start the plate rises until it presses, at three points; the fit gives the table's true height.
 
 While the force grows from a touch to 0.3 N, the height of the plate against the finger is fitted over the force; where
 the line meets zero force the plate just touched, however soft the finger pad is.  Only the height can be found with a

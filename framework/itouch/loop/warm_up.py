@@ -1,4 +1,4 @@
-"""Rehearsal: twins, modalities and what watches devices go through a touch on a scratch copy of State.
+"""Warm-up before the first tick: twins, modalities and monitors go through a touch on a scratch copy of State.
 
 So no tick compiles anything, or looks for it on disk: what Python calls for the first time costs milliseconds.
 """

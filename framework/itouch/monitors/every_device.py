@@ -1,4 +1,4 @@
-"""What holds for every device: the age of its reading (W1), its ramp-in (K3), the ceilings of its drives."""
+"""What holds for every device: watchdog on the age of its reading (W1), ramp-in (K3), ceilings of its drives."""
 
 from __future__ import annotations
 

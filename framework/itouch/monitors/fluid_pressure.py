@@ -1,4 +1,4 @@
-"""A device that presses by a fluid and feels with what force: as hard as a plate may press (K4)."""
+"""A device that presses by a fluid and measures its force: it may press as hard as a plate (K4)."""
 
 from __future__ import annotations
 

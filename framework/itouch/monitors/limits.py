@@ -1,4 +1,4 @@
-"""The default limits, and the limits in force for one device.
+"""The default limits of safety (temperature, dose, force, speed, time, watchdog), and those in force for one device.
 
 The defaults are for healthy adults touching with a fingertip.  Their basis is in ``docs/reference/safety-limits.md``,
 where T, K and W number them.

@@ -1,4 +1,4 @@
-"""What is believed: every new reading passes here before anything is done with it (T8, and the trips of T1, T2, T7).
+"""Whether a reading is believed: range, jump, sensors that agree (T8, and the trips of T1, T2, T7).
 
 A reading must be a number, in its range, and not further from the one before than the device can have gone.
 """

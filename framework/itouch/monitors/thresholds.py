@@ -1,4 +1,4 @@
-"""The numbers by which the monitors of plates and surfaces tell what can't be: those of no rule that a scene may set.
+"""Constants by which monitors recognise the impossible (rates, frozen sensors): of rules that no scene sets.
 
 What a scene may set, and its bounds, stands in ``limits``.
 """

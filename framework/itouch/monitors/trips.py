@@ -1,4 +1,4 @@
-"""What stops a device, and how it is told."""
+"""Trips: every cause for which a device is stopped, with its number, and the fault that reports it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A compiled function with the arguments that it is always called with: what joins a step to those beside it."""
+"""A compiled function with the arguments of each of its calls (`Bound`): by it a plugin's step joins the tick."""
 
 from __future__ import annotations
 

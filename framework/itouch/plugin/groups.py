@@ -1,4 +1,4 @@
-"""What a device may declare beside its channels, in small groups that most plugins never touch.
+"""Optional groups of a device's declarations: timing, opening, emulation, operator input, mechanics.
 
 Each attribute of a group was an attribute of `Device` once, under the same name; it can still be declared like that,
 and the framework reads it there: a group that a class declares is unfolded into them.

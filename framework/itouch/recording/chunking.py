@@ -1,4 +1,4 @@
-"""Turns the rows and letters of a ring into chunks of a file; the whole work of the writing process."""
+"""Puts the rows and messages of a ring together to a chunk, of at most so many rows; `process` says how often."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whole blocks of a track's messages to and from arrays."""
+"""Messages of a track to and from arrays, a whole block at a time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What goes wrong with recordings."""
+"""The error of recordings that cannot be written or read."""
 
 from itouch.schema import ItouchError
 

@@ -1,4 +1,4 @@
-"""The writing process: ``python -m itouch.recording.process MEMORY ROWS ROW LETTERS FILE``.
+"""The writing process (`python -m itouch.recording.process`), and how often it closes a chunk.
 
 Its standard input closes when its parent is gone.
 It takes from the ring about ten times a second, ends when told to or when its parent is gone, and survives what

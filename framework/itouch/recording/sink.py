@@ -1,4 +1,4 @@
-"""The file under a recording: bytes go to the disk at once, and a failed write leaves whole records behind."""
+"""The file under a recording: bytes go to the disk at once; a failed write leaves whole chunks behind."""
 
 from __future__ import annotations
 

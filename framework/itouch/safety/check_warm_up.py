@@ -1,4 +1,4 @@
-"""Rehearsal of what is checked and limited: on scratch State, so that no tick loads or compiles anything for it."""
+"""Warm-up of checks and limits on scratch State, so that no tick loads or compiles anything for them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One finger, and all that acts on it: what several devices do to it is limited together.
+"""Limits on one finger of all devices together: the sum of their forces, thermal dose, time in cold and in contact.
 
 The scene's force holds for the sum of arms, surfaces and what presses by a fluid; thermal dose, time in the cold and
 time in contact are those of the finger, whichever device gives them.  A display that is worn is always in contact, and

@@ -1,4 +1,4 @@
-"""What may be sent: every command passes here, whatever asked for it.
+"""The guard before each device: no command passes that is beyond ceilings, limits, slew rate or ramp-in.
 
 First the hardware's ceiling, then the limits in force, then ramp and slew; what is not a number stops.
 """

@@ -1,4 +1,4 @@
-"""The status machine round one device.
+"""The states of one device: closed, open, enabled, fault (latched), and what leads from one to another.
 
 CLOSED --open--> OPEN --enable--> ENABLED --disable--> OPEN --close--> CLOSED; any error, NaN or trip leads to FAULT,
 which latches until an operator re-arms.  In OPEN and FAULT only safe commands are sent: a plugin can't forward a

@@ -1,4 +1,4 @@
-"""The limits of one command channel, compiled: what `Guard` lets through.
+"""The limits of one command channel (ceiling, limit, ramp-in, slew rate), compiled: the arithmetic of `Guard`.
 
 First the hardware's ceiling, then the limits in force, then ramp and slew.
 """

@@ -1,4 +1,4 @@
-"""A reading's way past the monitors in a tick, compiled as far as nothing unusual is seen.
+"""The step in which monitors look at a device's reading, and how often each looks, compiled.
 
 What is unusual changes nothing here and is left to Python: a reading that did not come or is not believed, a device
 that is stopped.  What the monitors of plates find that is not what they found before, Python tells.  Monitors of other

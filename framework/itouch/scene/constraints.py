@@ -1,4 +1,4 @@
-"""Which attributes of an element may not, or must, stand together."""
+"""Attributes of an element that may not stand together, or must."""
 
 from __future__ import annotations
 

@@ -11,6 +11,7 @@ from itouch.scene.elements import VERSION
 from itouch.scene.source import Attribute, Node, SourceError, parse, read_bytes
 from itouch.schema.diagnostics import Place, Problem, did_you_mean, meant
 
+#: How deep includes may stand in one another, and how many files a scene may have.
 MAX_INCLUDE_DEPTH = 16
 MAX_DOCUMENTS = 256
 SECTIONS = ("include", "defaults", "materials", "world", "devices", "interaction", "rates", "safety", "fault", "record")

@@ -1,4 +1,4 @@
-"""Where every element and attribute of a scene was written; kept apart from the frozen description."""
+"""Line and column at which every element and attribute of a scene was written."""
 
 from __future__ import annotations
 

@@ -18,6 +18,8 @@ from lxml import etree
 from itouch.schema.diagnostics import Place, Problem
 from itouch.schema.files import open_regular
 
+#: How large a scene file may be [bytes], how deep its elements stand in one another, how many attributes an element
+#: has, and how many elements the file.
 MAX_BYTES = 8 << 20
 MAX_DEPTH = 64
 MAX_ATTRIBUTES = 128

@@ -1,4 +1,4 @@
-r"""What is printed: the one escape for text from a file or a device, the manner of speaking, and its colours.
+r"""What is printed on a terminal: escape of foreign text, quiet or verbose, colours.
 
 What would move the cursor, change colours or a title, ring, hide text or turn its direction round is written as its
 code, such as ``\x1b``.

@@ -1,4 +1,4 @@
-"""The box of commands: any process that holds a session's memory may put one in, the servo process takes them out.
+"""The command queue of a session: any process that holds its memory may add one, the servo process takes them.
 
 Writers exclude one another by a file lock, which the kernel releases if they die; the servo process takes no lock.
 """

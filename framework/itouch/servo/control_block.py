@@ -1,4 +1,4 @@
-"""The control words at the head of a session's shared memory, and where its other parts begin.
+"""The control words at the head of a session's shared memory: heartbeats, phase, places of its other parts.
 
 All words are 64-bit integers at fixed places, written by one process each, so that reading and writing one is atomic.
 Times are nanoseconds of the monotonic clock, which all processes of a machine share.

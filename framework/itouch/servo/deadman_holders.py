@@ -1,4 +1,4 @@
-"""The words of the dead-man's switch: one for each who holds it, none good for longer than 80 ms after it was said.
+"""Who holds the dead-man's switch: one word for each, of which none is believed for longer than `monitors.limits.HOLD`.
 
 The servo process believes a word for 80 ms at most from when it first sees it, whatever the word says, so that nothing
 written there can hold the switch for ever.  Who has held it and lets go, or falls silent, stops the session, also if
@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 from itouch.platforms import lives
 from itouch.servo import control_block as at
 from itouch.servo.shared_memory import ServoError, SharedMemory, monotonic
+from itouch.world.limits import HOLD
 
-#: How long [ns] one word is believed.
-HOLD_NS: Final = 80_000_000
+#: How long [ns] one word is believed: W3, as `monitors.limits` has it.
+HOLD_NS: Final = round(HOLD * 1e9)
 #: A place whose owner has said nothing for so long [ns] may be taken by another.
 _IDLE_NS: Final = 10_000_000_000
 _PID_SHIFT: Final = 40

@@ -1,4 +1,4 @@
-"""The handle on a session that runs in a servo process."""
+"""`Handle`: a session that runs in a servo process, for who has launched it: read, command, wait, stop."""
 
 from __future__ import annotations
 

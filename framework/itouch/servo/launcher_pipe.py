@@ -1,4 +1,4 @@
-"""The line between the servo process and its launcher: one JSON text a message, never waited for inside the loop."""
+"""The pipe between servo process and launcher: one JSON text a message, never waited for inside the loop."""
 
 from __future__ import annotations
 

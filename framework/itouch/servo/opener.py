@@ -1,4 +1,4 @@
-"""Second openers of hardware: instances of the drivers that the guardian keeps ready for the servo process's death."""
+"""Second openers of hardware: drivers that the guardian keeps ready for the servo process's death."""
 
 from __future__ import annotations
 

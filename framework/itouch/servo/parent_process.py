@@ -1,4 +1,4 @@
-"""Helper processes end with the process that started them.
+"""Orphans: helper processes notice the death of the process that started them, and end.
 
 That process gives its id with the command line, so that its death is seen from the helper's first instruction on: who
 asks for its parent only after its imports may be told of whoever has inherited it.

@@ -1,4 +1,4 @@
-"""What a process can do for punctuality.  All of it is best effort, and each attempt says how it ended.
+"""Real-time policy and priority, locked memory, timer slack: best effort, and each attempt reports how it ended.
 
 The figures behind it are printed by ``itouch-py bench loop``; how to give a user the rights is in
 ``docs/how-to/real-time-kernel.md``.

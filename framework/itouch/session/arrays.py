@@ -1,4 +1,4 @@
-"""Arrays in files: one record of State, and the bases of a session; nothing is evaluated, nothing is unpickled."""
+"""Arrays in the files of a session: the record of State, and the bases; nothing is evaluated or unpickled."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the scene wants recorded, and where to."""
+"""Which channels a scene's `<record>` selects, at which rate, and the name of its file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files that are whole or not there: written beside the target, synced, renamed, the folder synced."""
+"""Atomic files: written beside the target, synced, renamed, the folder synced."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Opening a session, whichever of its two forms a file has."""
+"""Opening a session, archive or XML, by what the file is."""
 
 from __future__ import annotations
 

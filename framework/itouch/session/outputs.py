@@ -1,4 +1,4 @@
-"""What is kept of a session while it runs, beside its report: recording, snapshots now and then, streams."""
+"""The outputs of a running session beside its report: recording, snapshots now and then, streams, triggers."""
 
 from __future__ import annotations
 

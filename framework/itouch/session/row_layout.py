@@ -1,4 +1,4 @@
-"""Rows: what of State is recorded every tick, and how it is copied with as few calls as can be."""
+"""The row that is recorded every tick: which fields of State, in which order, copied in as few calls as can be."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Saving now and then while a session runs, without holding up its loop."""
+"""Snapshots now and then (`--save-every`) while a session runs, without holding up its loop."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is examined: a device or a modality class, with parameters and a catalog that knows it."""
+"""The plugin under examination: its class, its parameters, and a catalog that knows it."""
 
 from __future__ import annotations
 

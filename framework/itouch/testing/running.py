@@ -1,4 +1,4 @@
-"""What a device must hold to inside an engine: the continuation, safety and exits that the framework promises."""
+"""What a device must do inside an engine: restore, run, stop when it is stale, end by SIGTERM."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A bout: a plugin at work for some ticks, whichever kind it is, so that its conduct can be looked at."""
+"""A workload: a plugin at work for some ticks, whichever kind it is, so that its conduct can be looked at."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What couples the twins of one probe: the finger on the arm, the plate under it, and the force between them.
+"""The finger's twin between the other twins: the arm that moves it, the plate under it, the force between them.
 
 The finger's twin is mechanical only.  It feels the arm's wrench and the plate's force, never the virtual force itself.
 """

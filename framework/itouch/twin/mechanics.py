@@ -1,4 +1,4 @@
-"""One step of the finger between hand, arm and plate, compiled.
+"""One step of the finger's equation of motion between hand, arm and plate, compiled.
 
 The finger is a point mass on the hand's spring; the plate pushes it through the pad's spring and damper.
 """

@@ -1,4 +1,4 @@
-"""What a scene binds together: do the devices have the channels, can they move, does each command have one writer."""
+"""Whether a scene's parts fit: channels that are needed, axes that are locked, one writer for each command, reach."""
 
 from __future__ import annotations
 

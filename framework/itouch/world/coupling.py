@@ -1,4 +1,4 @@
-"""The virtual coupling that a device can render stably: K <= 2 (b - B) / T and K <= the device's own limit.
+"""Virtual coupling: the stiffness that is stable on a device, K <= 2 (b - B) / T, and its own limit.
 
 ``b`` is the damping of device and hand, ``B`` that of the material, ``T`` the servo period (Colgate and Brown 1994,
 for a virtual wall).  B is lowered before K; what is rendered instead is said once, when the scene is compiled.

@@ -1,4 +1,4 @@
-"""What State holds of a probe and of a hand: the tables; `state` puts them together with what plugins declare."""
+"""The fields of State of a probe and of a hand, as tables; `state` puts them together with those of plugins."""
 
 from __future__ import annotations
 

@@ -27,6 +27,7 @@ from itouch.world.surfaces import material_of
 
 Floats = NDArray[np.float64]
 
+#: Greatest file of a recorded motion [bytes], and how many rows it may have.
 MAX_BYTES = 64 << 20
 MAX_ROWS = 1_000_000
 #: How far [m] and by how much [rad] the end of a motion that repeats may be away from its beginning.

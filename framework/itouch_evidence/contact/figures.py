@@ -1,4 +1,4 @@
-"""What contact must reach, and whether it did in this run."""
+"""The bounds that the speed of contact must keep, and whether this run kept them."""
 
 from __future__ import annotations
 

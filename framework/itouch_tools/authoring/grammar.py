@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from typing import Any
 
@@ -42,7 +43,8 @@ def elements_of(cls: type, where: str) -> str:
 
 _HEAD = """# Scene elements
 
-Generated from the classes that read the files. A number may carry one unit at its end; without one it is in SI.
+Generated from the classes that read the files; each element says which file declares it. A number may carry one unit
+at its end; without one it is in SI.
 `<itouch version="1.0">` is the outermost element; `<defaults>` holds attributes for the elements of a tag in this file
 and in the files that include it.
 """
@@ -53,7 +55,7 @@ def _element(cls: type, tag: str, where: str, seen: set[type], prefix: str = "")
         return
     seen.add(cls)
     yield f"\n## `<{tag}>`\n"
-    yield f"{(cls.__doc__ or '').strip().splitlines()[0]} Stands {where}.\n"
+    yield f"{(cls.__doc__ or '').strip().splitlines()[0]} Stands {where}. Declared in `{_file_of(cls)}`.\n"
     rows = [
         _row(cls, name, spec) for name, spec in specs(cls).items() if spec.kind not in ("child", "children", "plugin")
     ]
@@ -69,6 +71,12 @@ def _element(cls: type, tag: str, where: str, seen: set[type], prefix: str = "")
         yield f"\nInside: {names}.\n"
     for element, spec in inner:
         yield from _element(element, prefix + tag_of(element, spec), f"inside `<{tag}>`", seen, prefix)
+
+
+def _file_of(cls: type) -> str:
+    """Return the file that declares an element, from its package on."""
+    name = cls.__module__.replace(".", "/")
+    return f"{name}/__init__.py" if hasattr(sys.modules[cls.__module__], "__path__") else f"{name}.py"
 
 
 def _plugin(extensions: Extensions, plugin: str, seen: set[type]) -> Iterator[str]:

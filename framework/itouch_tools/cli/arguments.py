@@ -1,4 +1,4 @@
-"""Arguments that several commands take: what they mean is said once."""
+"""Arguments that several commands share: `--json`, `-o`, times, sizes of pictures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The options that mean the same in all commands: how much is said, and in colours or not."""
+"""Options of all commands: `--quiet`, `--verbose`, `--color`."""
 
 from __future__ import annotations
 

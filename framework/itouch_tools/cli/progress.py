@@ -1,4 +1,4 @@
-"""Waits on a terminal: after a second what is done, for how long and how far, on one line; at the end how long it took.
+"""Progress of long waits on a terminal: after a second what is done and how far, on one line.
 
 Where the stream of errors is no terminal, nothing is shown.
 """

@@ -1,4 +1,4 @@
-"""The twins of a session behind their emulators, in real time or step by step."""
+"""The twins of a session served behind their emulators, in real time or step by step."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a run ends: signals that end it safely, and its report as a file."""
+"""How a run ends: signals that end it safely, their exit codes, and its report as a file."""
 
 from __future__ import annotations
 

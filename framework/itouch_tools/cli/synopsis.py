@@ -1,4 +1,4 @@
-"""The line of help of a plugin's command, read from its source: nothing of the plugin is imported."""
+"""The line of help of a plugin's command, read from its source without importing it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The columns of tables of contacts: the framework's own, and what the scene's modalities declare that they measure."""
+"""Columns of the tables of contacts, on page and terminal: the framework's own, and what modalities measure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tables and cells of a page; every text that goes into it is escaped here."""
+"""HTML tables and cells of a session's page; every text that goes into it is escaped here."""
 
 from __future__ import annotations
 

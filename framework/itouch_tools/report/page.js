@@ -1,3 +1,4 @@
+// The page of a session: unpacks the curves, and puts charts, keyboard and print together.
 "use strict";
 const data = JSON.parse(document.getElementById("data").textContent);
 const sessionCharts = new Group();

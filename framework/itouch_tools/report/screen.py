@@ -1,4 +1,4 @@
-"""What a run shows on a terminal: a live line, and a table at the end; plain lines where there is no terminal."""
+"""The live line of a run on a terminal, and its closing table; which columns of contacts there are: `columns`."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from itouch.plugin import Record
     from itouch.world import Model
 
+#: How often [s] the live line is renewed.
 _EVERY = 0.1
 
 

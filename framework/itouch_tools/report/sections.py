@@ -1,4 +1,4 @@
-"""The parts of a session's page: what its template shows."""
+"""The sections of a session's page: answer, contacts, faults, timing, marks, limits, parameters."""
 
 from __future__ import annotations
 

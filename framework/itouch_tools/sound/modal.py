@@ -1,4 +1,4 @@
-"""A bank of damped modes: what a struck body sounds like.
+"""Modal synthesis of a stroke on a body: damped modes, and how many high tones a stroke excites.
 
 Modal synthesis after van den Doel and Pai (1998): a stroke adds to the amplitude of every mode, which then rings by
 itself.  A mode begins with a sine, so that a stroke bends the sound but never makes it jump.

@@ -1,4 +1,4 @@
-"""The language of studies: the same declarations, messages and units as that of scenes."""
+"""The elements of a study's file: factors, tasks, orders, practice, catch trials, breaks, blinding."""
 
 from __future__ import annotations
 

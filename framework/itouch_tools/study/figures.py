@@ -1,4 +1,4 @@
-"""What the figures of a touch in a study's data are: its own, and those that the plugins declare (`Measured`)."""
+"""Figures of a touch in a study's data, with unit and meaning: the framework's, and those that plugins declare."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One trial as a state machine on the servo's clock: it is stepped once a tick, and knows no engine, screen or person.
+"""One trial as a state machine: skin, approach, go, contact, judge, answer, pause; stepped once a tick.
 
 ``skin`` -> ``approach`` -> ``go`` -> ``contact`` -> ``judge``, once for each interval, then ``answer`` -> ``pause`` ->
 ``end``.  What drives it presents the next interval's scene when it stands in ``skin`` anew, judges a touch in

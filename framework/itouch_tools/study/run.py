@@ -1,4 +1,4 @@
-"""A participant's session: trial after trial, each committed before the next begins."""
+"""A participant's session on twins: trial after trial, each committed before the next begins."""
 
 from __future__ import annotations
 

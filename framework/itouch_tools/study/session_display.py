@@ -1,4 +1,4 @@
-"""What is shown of a session, to the participant and to the operator."""
+"""What participant and operator are shown during a session, as values: what to do now, time left, force, trial."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Trials as a table for other programs."""
+"""Trials of a study as one table of tab-separated values, for other programs."""
 
 from __future__ import annotations
 

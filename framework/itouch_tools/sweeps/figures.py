@@ -1,4 +1,4 @@
-"""Numbers that pages of sweeps are made of: intervals of proportions, and what is mistaken for what."""
+"""Statistics for pages of sweeps: intervals of proportions, confusion, bits."""
 
 from __future__ import annotations
 

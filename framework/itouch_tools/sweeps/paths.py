@@ -1,4 +1,4 @@
-"""Places in a session's report: ``contacts[0].plate_s``, ``contacts[object=wood].plate_s``, ``contacts[*].plate_s``."""
+"""Paths in a session's report: ``contacts[0].plate_s``, ``contacts[object=wood].plate_s``, ``contacts[*].plate_s``."""
 
 from __future__ import annotations
 

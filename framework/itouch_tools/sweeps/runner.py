@@ -1,4 +1,4 @@
-"""What runs: ``python -m itouch_tools.sweeps.runner`` beside a worker, so that nothing it does ends the worker.
+"""The runner process beside a worker (`python -m itouch_tools.sweeps.runner`): no run can end the worker.
 
 It reads work and runs from its input and answers on its output, one pickle after the other; it ends with its input.
 """

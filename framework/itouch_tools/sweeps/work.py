@@ -1,4 +1,4 @@
-"""What the runs of a sweep have in common, by content: scene, files, functions, plugins, what is collected."""
+"""A sweep's work in common, by content: scene, files, functions, plugins, what is collected."""
 
 from __future__ import annotations
 

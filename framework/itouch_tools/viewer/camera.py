@@ -18,6 +18,7 @@ VIEWS = {
     "top": (0.0, 89.9),
     "corner": (-35.0, 30.0),
 }
+#: The field of view of the camera [rad].
 FIELD_OF_VIEW = math.radians(36.0)
 #: Share of the picture that a framed box may fill.
 FILLED = 0.80

@@ -1,4 +1,4 @@
-"""Where charts stand in a picture, what is pointed at in them, and what their keys tell; without graphics."""
+"""Layout of the charts in a picture, what is pointed at in them, and their keys; without graphics."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Draws the curves of the last seconds."""
+"""Drawing of the charts: curves of the last seconds with axes and keys."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Colours: of temperature, of signals, of the window."""
+"""Colour maps and palette: the colour of a temperature (skin, plates, objects), of signals, of the window."""
 
 from __future__ import annotations
 
@@ -20,11 +20,13 @@ CURVES: tuple[Colour, ...] = (
     (0.95, 0.45, 0.20), (0.75, 0.75, 0.75),
 )  # fmt: skip
 
+#: Colours of the grid on the ground, of the HIP and of the proxy.
 GRID: Colour = (0.27, 0.29, 0.34)
 HIP: Colour = (0.95, 0.45, 0.20)
 PROXY: Colour = (0.34, 0.71, 0.91)
 #: Of what has no temperature, as before a first reading.
 UNKNOWN: Colour = (0.62, 0.62, 0.64)
+#: Colours of the arrows of force and of the frame of the workspace.
 FORCE: Colour = (0.95, 0.90, 0.35)
 SPACE: Colour = (0.30, 0.55, 0.65)
 

@@ -1,4 +1,4 @@
-"""What is asked of an OpenGL context, and pictures written to files: what windows and pictures without one share."""
+"""Settings of an OpenGL context, and PNG files: what windows and pictures without one share."""
 
 from __future__ import annotations
 

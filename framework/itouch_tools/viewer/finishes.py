@@ -14,6 +14,7 @@ from itouch_tools.viewer.colours import Colour
 
 #: Finish -> its number in the shader, see ``shading``.
 FINISHES = {"matte": 0, "metal": 1, "glass": 2, "wood": 3, "foam": 4}
+#: The colour of a material that states none.
 UNPAINTED: Colour = (0.62, 0.62, 0.64)
 
 

@@ -1,4 +1,4 @@
-"""The words over the picture: clock, devices, contact, heat, faults and keys; pure text, without graphics."""
+"""The text over the picture: clock, devices, contact, heat, faults and keys; without graphics."""
 
 from __future__ import annotations
 

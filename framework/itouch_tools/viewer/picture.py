@@ -1,4 +1,4 @@
-"""One whole picture: the graph, the words over it, the curves beside it, the time line under it."""
+"""One whole picture of the window: scene, text over it, curves beside it, time line under it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How numbers are shown: of each unit in charts (unit on screen, title, least axis, digits), and round lengths."""
+"""Units and digits on the screen for each unit of State, titles and least axes of charts, round lengths."""
 
 from __future__ import annotations
 

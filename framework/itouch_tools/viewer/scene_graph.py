@@ -1,4 +1,4 @@
-"""What is drawn at one moment: a list of solids with place and colour, from Model and State alone."""
+"""Scene graph of one moment: a list of solids with place and colour, from Model and State alone."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The curves of the last seconds: which numbers of State are plotted, and a ring that remembers them.
+"""Which numbers of State are plotted over the last seconds, and the ring that remembers them.
 
 A chart has the curves of one title and one unit.  What is plotted, and where, is said by what State declares: see
 ``show`` of `itouch.plugin.Quantity`.

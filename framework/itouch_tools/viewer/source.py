@@ -1,4 +1,4 @@
-"""Where a window gets its State from, and whom it asks."""
+"""The interface between window and session: where State comes from, and who takes its commands."""
 
 from __future__ import annotations
 

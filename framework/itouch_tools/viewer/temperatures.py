@@ -1,4 +1,4 @@
-"""Temperatures in the picture: of skin, plates and objects, and the range of colours that holds them all."""
+"""Which temperatures the picture shows (skin, plates, objects), and the range that its colours span."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What can go wrong with an arm that somebody else's software drives, each with a name of its own."""
+"""Errors of arms that their makers' software drives, each with a name of its own."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Modes of a pair at constant resistance: one decaying number each, and a step is a product.
+"""Closed loop of finger and object at constant resistance: eigenmodes of the pair, of which a step is a product.
 
 Joining the port of a pair to a resistance adds a rank-one term to its diagonal of rates.  The new rates are the roots
 of ``R + sum(port**2 / (rate - root)) = 0``, one between each two old ones, and the new modes are Cauchy vectors

@@ -1,4 +1,4 @@
-"""The sides of a contact as frozen values: layers, back, initial state, film, and what is asked of them.
+"""Values that describe a side of a contact: layers, back, initial state, film, probes.
 
 The same classes are the XML grammar, the Python interface and the case file.
 """

@@ -1,4 +1,4 @@
-"""Compiled steps of a pair of sides through any history, and the change to and from a closed loop.
+"""Compiled steps of finger and object in contact through any history of resistances, closed loop or open.
 
 The state of a pair is that of finger and object end to end, then `MEMORY` numbers, then the amplitudes of the closed
 loop's modes while it is closed.

@@ -1,4 +1,4 @@
-"""Contact resistance and contact area of a fingertip as functions of the force.
+"""Thermal contact resistance and heat-conducting area of a fingertip as functions of the force.
 
 Skin touches smooth objects in part only; pressure flattens its ridges.  Measured drops of skin temperature on
 metal ask for a few times 1e-3 m2K/W in a light touch, which is the default here; 1e-5 to 1e-2 is the useful range.

@@ -1,4 +1,4 @@
-"""A side as plain arrays, outermost layer first."""
+"""The layers of a side as plain arrays, outermost first."""
 
 from __future__ import annotations
 

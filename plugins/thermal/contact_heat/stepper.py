@@ -1,4 +1,4 @@
-"""The live stepper of one contact: any history of resistances, one flux a step.
+"""The live stepper of one contact: any history of resistances in, one flux a step out.
 
 While the resistance changes, a step is that of `live` on the pair of sides.  After `pairs.SETTLED` steps at one value
 the state is carried over into the modes of the closed loop at that value, in which a step is one product a mode, and

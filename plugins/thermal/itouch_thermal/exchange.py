@@ -1,4 +1,4 @@
-"""A tick of `heat`, compiled: the model finger on the object that it feels, and what was touched before in air."""
+"""A tick of the modality `heat`, compiled: the model finger on the object that it touches, objects in air."""
 
 from __future__ import annotations
 

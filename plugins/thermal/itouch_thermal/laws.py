@@ -1,4 +1,4 @@
-"""The force laws of the contact resistance as a scene writes them; the laws themselves are in ``solver.resistance``."""
+"""How contact resistance depends on force, as a scene writes it; the laws themselves: `contact_heat.resistance`."""
 
 from __future__ import annotations
 

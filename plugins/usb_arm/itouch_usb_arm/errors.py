@@ -1,4 +1,4 @@
-"""What can go wrong with the arm, each with a name of its own."""
+"""Errors of the USB arm, each with a name of its own, and the udev rule."""
 
 from __future__ import annotations
 

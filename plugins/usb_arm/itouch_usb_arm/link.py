@@ -10,6 +10,7 @@ from typing import Any
 from itouch.plugin import Trace
 from itouch_usb_arm.errors import Disconnected, FalconError, NotFound, PermissionDenied, ProtocolError, Timeout
 
+#: The arm's numbers on USB, and its endpoints.
 VENDOR, PRODUCT = 0x0403, 0xCB48
 OUT, IN = 0x02, 0x81
 #: A packet from the chip: two bytes of modem status, then at most this many bytes of data.

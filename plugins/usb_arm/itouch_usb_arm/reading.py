@@ -1,4 +1,4 @@
-"""What the driver returns: readings, and how fast they come."""
+"""What the USB arm's driver returns: position, buttons, homed; and how fast readings come."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the table asks of its three servos, and which make of them the parameters name."""
+"""The interface of the table's three servos, and which make of them (moteus, ODrive, TMCL) a scene names."""
 
 from __future__ import annotations
 

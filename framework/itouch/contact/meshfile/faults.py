@@ -1,4 +1,4 @@
-"""What can be wrong with a mesh file: an error that stops, or a finding that is told."""
+"""What can be wrong with a mesh file: an error that refuses it, or a finding that is reported."""
 
 from __future__ import annotations
 

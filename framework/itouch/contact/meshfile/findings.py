@@ -1,4 +1,4 @@
-"""What a mesh's user is told: the mends, and what may be meant otherwise."""
+"""Findings of a mesh file as sentences: what was mended, and what may be meant otherwise, as its unit."""
 
 from __future__ import annotations
 

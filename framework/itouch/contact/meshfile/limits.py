@@ -1,4 +1,4 @@
-"""How large a mesh may be."""
+"""How large a mesh file may be: triangles, vertices, values."""
 
 from __future__ import annotations
 

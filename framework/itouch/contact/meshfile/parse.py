@@ -1,4 +1,4 @@
-"""From the bytes of a mesh file to triangles."""
+"""From the bytes of a mesh file to triangles, by trimesh, for each format."""
 
 from __future__ import annotations
 

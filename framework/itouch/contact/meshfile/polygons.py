@@ -1,4 +1,4 @@
-"""Polygons as fans of triangles."""
+"""Polygons of mesh files as fans of triangles."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a document is made of besides the things in it: includes and parts of plugins."""
+"""Elements `<include>`, and the parts of plugins in their own namespaces."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What touches, and who moves it."""
+"""Elements `<interaction>`, `<probe>` (stiffness, clearance, plate angle) and `<operator>` with its motion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Materials: under one name, the properties of a surface for every modality."""
+"""Elements `<materials>`, `<material>`, `<contact>` and `<visual>`: what a surface is for touch and sight."""
 
 from __future__ import annotations
 

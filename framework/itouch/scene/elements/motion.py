@@ -1,4 +1,4 @@
-"""Objects that move: by a script, with a device, or as rigid bodies."""
+"""Elements of objects that move: `<motion>` by a script or with a device, `<dynamics>` for rigid bodies."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The virtual objects, and the room they stand in."""
+"""Elements `<world>` with the room's temperature, and its objects: `<box>`, `<sphere>`, `<plane>`, ..., `<mesh>`."""
 
 from __future__ import annotations
 

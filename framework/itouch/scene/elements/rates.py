@@ -1,4 +1,4 @@
-"""How fast the loop and the modalities run."""
+"""Element `<rates>`: how fast the servo loop and the modalities run."""
 
 from __future__ import annotations
 

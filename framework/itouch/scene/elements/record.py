@@ -1,4 +1,4 @@
-"""What is recorded, and where to."""
+"""Element `<record>`: what is recorded, how often, and where to."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The rig: devices, where they stand, their limits and how they are calibrated."""
+"""Element `<devices>`: each device with its mount, limits and calibration."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Limits for the whole scene, and the faults that it injects into its twins."""
+"""Elements `<safety>`: limits for the whole scene; `<faults>`: what it injects into its twins."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a surface adds to its stiffness and friction: each an element of its own inside ``<material>``."""
+"""Surface effects inside `<material>`: `<texture>`, `<layer>`, `<stick-slip>`, `<viscosity>`, `<magnetic>`, ...."""
 
 from __future__ import annotations
 

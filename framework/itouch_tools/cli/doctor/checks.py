@@ -1,4 +1,4 @@
-"""Looking at the machine: nothing here changes anything, and nothing raises."""
+"""What the doctor looks at on the machine: system, processors, timer, priority, memory, graphics, sound, USB, disk."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the doctor finds."""
+"""One finding of the doctor: what was looked at, how it is, and what to do."""
 
 from __future__ import annotations
 

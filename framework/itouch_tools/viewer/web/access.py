@@ -1,4 +1,4 @@
-"""Who may look: the one port that browsers reach, in front of the library's server.
+"""Who may look at a session in a browser: the one open port, its token, in front of the library's server.
 
 That server knows no secrets.  It listens on this machine only; what is forwarded to it was asked for by a page of this
 address, and, where other machines may look, by a browser that has shown the token.

@@ -17,6 +17,7 @@ from itouch_thermal.drivers.modbus import PORT, ModbusLine, ModbusRefusal
 
 __all__ = ["PORT", "LabJackDriver", "Sensors", "Wired"]
 
+#: Registers: the number of the product; range, negative input and resolution of the first analogue input.
 PRODUCT = 60000
 RANGE, NEGATIVE, RESOLUTION = 40000, 41000, 41500
 #: Of an extended feature, two registers a channel: which, its result, number of samples, samples a second; 0 is none,

@@ -1,4 +1,4 @@
-"""The parts of a display put together: what drives the module, what reads the sensors."""
+"""Put together from its elements: which driver drives the module, which reads the sensors of a display."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the report says of a contact that the plate rendered: means, peaks and the error of the flux."""
+"""Flux error of a contact that the plate rendered, for the report: means, peaks, sensor beside estimate."""
 
 from __future__ import annotations
 

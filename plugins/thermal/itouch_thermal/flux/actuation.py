@@ -1,4 +1,4 @@
-"""From the current that a controller wants to what the display's driver is told.
+"""From the controller's current to the command of the display's driver: a current, or a temperature target.
 
 A driver of current is told the current.  A driver that holds a temperature has a proportional and integral law of its
 own, whose gains are in its data: it is told the temperature at which that law gives the wanted current on average

@@ -1,4 +1,4 @@
-"""What a tick of the controller `model` needs of scene and State, as compiled code takes it."""
+"""The arguments of the compiled tick of the controller `model`: scene, State, limits."""
 
 from __future__ import annotations
 

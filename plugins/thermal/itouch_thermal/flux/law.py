@@ -1,4 +1,4 @@
-"""The `model` controller put together: estimator, approach and plan on one set of State fields."""
+"""The law of the controller `model`: estimator, approach and plan on one set of State fields."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Coming(NamedTuple):
 AT_ONCE = Coming()
 #: Length of the plan's coarse steps [s], as near as the period allows.
 COARSE = 5e-3
-#: What is thought possible before anything is measured: one standard deviation of each parameter.
+#: How far a display may differ from its data sheet, before a first touch tells: a standard deviation of each parameter.
 PRIOR = (0.25, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.05, 20.0, 0.7)
 #: And of the delay behind a wire [s].
 PRIOR_DELAY = 4e-3

@@ -1,4 +1,4 @@
-"""Names of the fields that a tick of `flux-control` touches; put together once."""
+"""State fields that a tick of `flux-control` reads and writes, by name; put together once."""
 
 from __future__ import annotations
 

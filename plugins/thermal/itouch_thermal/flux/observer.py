@@ -1,4 +1,4 @@
-"""The estimator of the `model` controller: what the plate and finger are really like, found out while they touch.
+"""The estimator (Kalman filter) of the controller `model`: what plate and finger are really like, learnt in touch.
 
 The model is the display's column itself.  Everything that may differ is a parameter: contact resistance, Seebeck
 coefficient, legs, electrical resistance, plate, finger, sensor lag, an offset and an unexplained flux.  The column is

@@ -1,4 +1,4 @@
-"""What `flux-control` tells of itself: the words of the live line, and its part of the report."""
+"""The live line's words of `flux-control`, and its part of the report."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Telling an operator on a terminal when to press, to hold and to lift."""
+"""Prompts for an operator on a terminal: when to press, to hold and to lift."""
 
 from __future__ import annotations
 

@@ -19,6 +19,7 @@ from itouch_thermal.flux.proportional import proportional_integral
 from itouch_thermal.flux.start import MARGIN, Touched, Trial, equation_three, start_temperature, within
 from itouch_thermal.heat import FINGER, ThermalMaterial, finger_side, object_side
 
+#: Period of the loop [s], temperatures of core and room [K], depth of the object [m], and the band of the plate [K].
 PERIOD = 1e-3
 CORE, AMBIENT, DEPTH = 310.15, 296.15, 0.02
 BAND = (288.15, 313.15)

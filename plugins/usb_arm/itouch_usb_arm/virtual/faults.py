@@ -1,4 +1,4 @@
-"""What can be made to go wrong with the virtual arm."""
+"""Faults of the virtual arm that can be injected: lost, late and damaged answers."""
 
 from __future__ import annotations
 

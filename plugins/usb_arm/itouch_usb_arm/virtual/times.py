@@ -1,4 +1,4 @@
-"""Time for the emulator: the host's, or one that only goes on when somebody waits."""
+"""Clocks of the virtual arm's emulator: the host's, or one that only goes on when somebody waits."""
 
 from __future__ import annotations
 
