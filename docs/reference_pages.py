@@ -1,4 +1,4 @@
-"""Pages of the reference that the program writes: scene elements, codes of messages, commands, channels, Python API.
+"""Pages that the program writes: scene elements, codes of messages, commands, channels, Python API, campaigns.
 
 The site writes what is not current when it is built. But for the Python API, which is nothing without the site, the
 pages are kept in the repository, so that they can be read there: ``python docs/reference_pages.py`` writes them all,
@@ -14,6 +14,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import campaigns
 import channels
 import python_api
 import units_page
@@ -25,6 +26,8 @@ def write_pages() -> None:
     """Write the pages that differ from what is there."""
     for name, text in ((name, make()) for name, make in _pages().items()):
         _put(HERE / "reference" / name, text)
+    _put(HERE / "explanation" / "campaigns.md", campaigns.page())
+    _put(campaigns.CASE, campaigns.case())
     stamp, digest = HERE / "_generated" / "code.sha256", _digest()
     page = HERE / "reference" / "errors.md"
     if page.exists() and stamp.exists() and stamp.read_text(encoding="utf-8") == digest:

@@ -1,0 +1,62 @@
+"""The page of campaigns and their figures, and the table of the safety case, both from `campaigns.toml`."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).parent
+CASE = HERE / "explanation" / "safety-case.md"
+BEGIN, END = "<!-- table: docs/campaigns.toml -->\n", "<!-- end of the table -->"
+_HEAD = """# Campaigns and their figures
+
+What whole campaigns have measured on the simulated twins: of each command the newest run, with its date and the commit
+that it ran on. Below each table stands what earlier runs found, where that has changed something. Written from
+`docs/campaigns.toml` by `python docs/reference_pages.py`, as is the table of [the safety case](safety-case.md). Figures
+of sessions stand on [their own page](session-evidence.md), those of processes that die in [real time](real-time.md).
+"""
+
+
+def claims() -> list[dict[str, Any]]:
+    """Return what is claimed, in the order of the table, with the runs that show it."""
+    return tomllib.loads((HERE / "campaigns.toml").read_text(encoding="utf-8"))["claim"]  # type: ignore[no-any-return]
+
+
+def page() -> str:
+    """Return the page of campaigns as Markdown."""
+    lines = [_HEAD]
+    for claim in claims():
+        if "run" not in claim:
+            continue
+        lines += [f"## {claim['name'].capitalize()}\n", f"{_sentence(claim['says'])}\n"]
+        lines += ["| command | figure | date | commit |", "|---|---|---|---|"]
+        lines += [f"| {run['command']} | {run['figure']} | {run['date']} | {run['commit']} |" for run in claim["run"]]
+        if claim.get("earlier"):
+            lines += ["\nEarlier runs:\n", *(f"- {text}" for text in claim["earlier"])]
+        lines.append("")
+    return "\n".join(lines)
+
+
+def table() -> str:
+    """Return the table of the safety case: a claim a line, with its newest figure and a link to the runs."""
+    lines = ["| claim | how to see it | newest figure |", "|---|---|---|"]
+    for claim in claims():
+        figure = claim["short"]
+        if "run" in claim:
+            first = claim["run"][0]
+            anchor = claim["name"].replace(" ", "-")
+            figure += f" ([{first['date']}, {first['commit']}](campaigns.md#{anchor}))"
+        lines.append(f"| {claim['says']} | {claim['see']} | {figure} |")
+    return "\n".join(lines) + "\n"
+
+
+def case() -> str:
+    """Return the safety case with its table as it must be."""
+    text = CASE.read_text(encoding="utf-8")
+    begin, end = text.index(BEGIN) + len(BEGIN), text.index(END)
+    return text[:begin] + table() + text[end:]
+
+
+def _sentence(text: str) -> str:
+    return text[0].upper() + text[1:] + "." if text[0] != "`" else text + "."
