@@ -68,7 +68,7 @@ def test_old_news_is_no_news(tmp_path: Path, honest: tuple[str, ...]) -> None:
     ) as session:
         session.enable()
         with pytest.raises(DeviceFaultError, match="silent") as caught:
-            session.run(5.0)
+            session.run(5.0, each=session.hold)
         assert caught.value.trip is Trip.SILENT
         assert session.seconds < 0.3 + 0.5 + 0.7
 
@@ -94,7 +94,7 @@ def test_the_ages_on_the_way_and_since_are_one(tmp_path: Path) -> None:
     ) as session:
         session.enable()
         with pytest.raises(DeviceFaultError, match="silent") as caught:
-            session.run(5.0)
+            session.run(5.0, each=session.hold)
         assert caught.value.trip is Trip.SILENT
 
 

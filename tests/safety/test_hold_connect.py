@@ -44,8 +44,12 @@ def test_a_switch_of_a_device_holds() -> None:
     switch = Channel("button", 1, "1", role=Role.DEADMAN)
     data, twins = supervised(("arm", ((*ARM[0], switch), ARM[1])))
     hold = HoldToRun(data, twins, PERIOD, asked=True)
+    twins[0].open()
     twins[0].device_monitors.seen["button"][0] = 1.0
+    data["arm.measured"][:] = 10**6
     assert hold.held(10**6)
+    assert hold.held(10**6 + 80)
+    assert not hold.held(10**6 + 81)  # nobody knows whether it is still pressed
     twins[0].device_monitors.seen["button"][0] = 0.5
     assert not hold.held(10**6)
 

@@ -101,7 +101,12 @@ def still(plate: float, flux: float = 0.0) -> Callable[[float], tuple[float, flo
 def test_the_dose_is_that_of_the_wall(tmp_path: Path, rhythm: str) -> None:
     session = in_step(tmp_path, still(41.0), RHYTHMS[rhythm]())
     checks = set()
-    session.run(6.0, each=lambda: checks.add(session.state["pad.heat.checked"].item()))
+
+    def each() -> None:
+        session.hold()
+        checks.add(session.state["pad.heat.checked"].item())
+
+    session.run(6.0, each=each)
     expected = 6.0 * 0.25 ** (43.0 - 41.003)
     assert session.state["pad.heat.dose"].item() == pytest.approx(expected, rel=0.05)
     assert len(checks) >= 6.0 * 95  # on a clock of its own: every 10 ms, also without news
@@ -111,7 +116,7 @@ def test_the_dose_is_that_of_the_wall(tmp_path: Path, rhythm: str) -> None:
 def test_a_flux_past_its_trip_trips_after_a_second(tmp_path: Path, rhythm: str) -> None:
     session = in_step(tmp_path, still(30.0, 20.2e3), RHYTHMS[rhythm]())
     with pytest.raises(itouch.DeviceFaultError, match=r"had a mean flux of 20\.\d kW/m\^2 for a second \(T6"):
-        session.run(6.0)
+        session.run(6.0, each=session.hold)
     assert 1.0 <= session.seconds <= 1.35
 
 
@@ -119,7 +124,7 @@ def test_a_flux_past_its_trip_trips_after_a_second(tmp_path: Path, rhythm: str) 
 def test_a_runaway_is_seen_with_its_true_figure(tmp_path: Path, rhythm: str) -> None:
     session = in_step(tmp_path, lambda t: (25.0 + 1.5 * t, 0.0), RHYTHMS[rhythm]())
     with pytest.raises(itouch.DeviceFaultError, match=r"went 2\.\d K against its drive") as caught:
-        session.run(8.0, each=lambda: session.state["pad.command.i"].fill(3.6))
+        session.run(8.0, each=lambda: (session.hold(), session.state["pad.command.i"].fill(3.6)))
     assert "K/s" not in str(caught.value)
     assert session.seconds < 1.0 + 2.0 / 1.5 + 0.7  # a ramp of a second, 2 K at 1.5 K/s, an exchange or two
 
@@ -129,7 +134,7 @@ def test_a_rate_is_no_other_at_another_phase(tmp_path: Path, rhythm: str) -> Non
     shares = []
     for phase in (0.0, 0.004, 0.011):
         session = in_step(tmp_path, lambda t, p=phase: (20.0 + 15.0 * (t + p), 0.0), RHYTHMS[rhythm]())
-        session.run(0.9)
+        session.run(0.9, each=session.hold)
         shares.append(session.state["pad.heat.share"].item())
         session.close()
     assert all(share == pytest.approx(0.5, abs=15.0 * 0.023 / 5.0) for share in shares)
@@ -138,7 +143,7 @@ def test_a_rate_is_no_other_at_another_phase(tmp_path: Path, rhythm: str) -> Non
 def test_a_device_that_falls_silent_counts_as_tripped(tmp_path: Path) -> None:
     session = in_step(tmp_path, still(30.0), itertools.chain([20] * 50, itertools.repeat(10_000)))
     with pytest.raises(itouch.DeviceFaultError, match=r"was silent for 0\.501 s \(W1 age of its reading"):
-        session.run(3.0)
+        session.run(3.0, each=session.hold)
 
 
 @pytest.mark.parametrize("takes", [0.007, 0.020, 0.023])

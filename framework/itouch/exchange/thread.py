@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.plugin import RETRACT, Channel, Device, DeviceError, Field, Record, Stamps
+from itouch.plugin.device import is_new
 from itouch.plugin.stamps import Stamped, ticks_of
 
 #: A command with the time when it was asked for, or when it left.
@@ -188,7 +189,7 @@ class ThreadedDevice(Device, Stamped):
             otherwise = time.monotonic()
             if sent is not before:
                 self._gone = begin + way, self._command.tobytes()
-            if self.device.read(self._reading) is not False:
+            if is_new(self.device.read(self._reading)):
                 self._newest = stamps.moments(), self._reading.tobytes()
                 read.set()
             if sent is not before:

@@ -48,9 +48,10 @@ class Heat(Monitor):
         _, self.plate, self._component = plates(device)[index]
         listed = drives(device)
         self._drives = listed if alone else [listed[index]]
-        sink, flux = device.reading(Role.HEAT_SINK_TEMPERATURE), device.reading(Role.HEAT_FLUX)
-        self._sink, self._flux = (channel.name if channel is not None else "" for channel in (sink, flux))
-        self._switch = device.command(Role.OUTPUT_SWITCH)
+        wanted = index if separate(device) else None
+        self._sinks = _of_plate(device.readings(Role.HEAT_SINK_TEMPERATURE), len(plates(device)), wanted)
+        self._fluxes = _of_plate(device.readings(Role.HEAT_FLUX), len(plates(device)), wanted)
+        self._switches = _of_plate(device.obeys(Role.OUTPUT_SWITCH), len(plates(device)), wanted)
         limits = device.limits
         self._limits = limits.get("temperature") or default.PLATE_TEMPERATURE
         self._trip = limits.get("temperature_trip") or default.PLATE_TRIP
@@ -120,7 +121,8 @@ class Heat(Monitor):
         return not self._off(sent) and any(_pulls(*one, sent, plate, withdrawn) for one in drives)
 
     def _off(self, sent: Record) -> bool:
-        return self._switch is not None and bool(sent[self._switch.name].item() < 0.5)
+        listed = [sent[channel.name].ravel()[component].item() for channel, component in self._switches]
+        return bool(listed) and all(value < 0.5 for value in listed)
 
     def _temperature(self, reading: Record) -> float:
         return float(reading[self.plate].ravel()[self._component])
@@ -149,8 +151,8 @@ class Heat(Monitor):
         reads, commands = _places(self.device.reads), _places(self.device.commands)
         listed = [(*one, most) for one, most in zip(self._drives, self._ceilings, strict=True)]
         return Plate(
-            reads[self.plate] + self._component, reads.get(self._flux, -1), reads.get(self._sink, -1),
-            -1 if self._switch is None else commands[self._switch.name],
+            reads[self.plate] + self._component, _numbers(reads, self._fluxes), _numbers(reads, self._sinks),
+            _numbers(commands, self._switches),
             np.array([commands[channel.name] + component for channel, component, _ in listed], np.int64),
             np.array([signed(channel, most) for channel, _, most in listed], np.float64),
             np.array([channel.role is Role.TEMPERATURE_TARGET for channel, _, _ in listed], np.int64),
@@ -218,10 +220,10 @@ class Heat(Monitor):
             Rule("T5", f"rate of {what} in contact, mean of 0.5 s", f"{self._rate:g} K/s", f"{2 * self._rate:g} K/s",
                  "", by("plate_rate")),
         ]  # fmt: skip
-        if self._flux:
+        if self._fluxes:
             found.append(Rule("T6", "heat flux, mean of 1 s", f"{self._most_flux / 1e3:g} kW/m²",
                               f"{self._most_flux / 750:.3g} kW/m²", "", by("flux")))  # fmt: skip
-        if self._sink:
+        if self._sinks:
             found.append(Rule("T7", "heat sink", _c(default.SINK), _c(default.SINK_TRIP), _c(default.SINK_ABSOLUTE)))
         return (*found, *self._runaway.rules(self._drives))
 
@@ -251,6 +253,20 @@ def _places(channels: Iterable[Channel]) -> dict[str, int]:
         found[channel.name] = at
         at += max(1, channel.size)
     return found
+
+
+def _of_plate(channels: Iterable[Channel], plates: int, index: int | None) -> list[tuple[Channel, int]]:
+    """Return what belongs to a plate: where there is one for each plate, its own; else nobody knows whose it is: all.
+
+    ``index``: which plate it is; None: it is alone.
+    """
+    listed = [(channel, component) for channel in channels for component in range(channel.size)]
+    return [listed[index]] if index is not None and len(listed) == plates else listed
+
+
+def _numbers(places: Mapping[str, int], listed: Iterable[tuple[Channel, int]]) -> NDArray[np.int64]:
+    """Return where components stand among the numbers of all channels, shape (n,)."""
+    return np.array([places[channel.name] + component for channel, component in listed], np.int64)
 
 
 def _c(kelvin: float) -> str:

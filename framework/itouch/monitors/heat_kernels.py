@@ -29,16 +29,18 @@ Numbers = NDArray[np.int64]
 
 
 class Plate(NamedTuple):
-    """Where a plate's numbers stand: in the reading plate, flux and heat sink, among the commands the switch; -1: none.
+    """Where a plate's numbers stand: in the reading plate, fluxes and heat sinks, among the commands the switches.
 
-    ``drives`` (n,): places of its commands, ``ceilings`` (n,): the greatest of each, below 0 of a heater;
-    ``targets`` (n,): 1 where the command is a temperature.
+    ``fluxes``, ``sinks`` and ``switches`` (n,): none, its own, or all that there are where nobody knows whose they are:
+    then the greatest flux and the hottest sink count, and it is off with all switches.  ``drives`` (n,): places of its
+    commands, ``ceilings`` (n,): the greatest of each, below 0 of a heater; ``targets`` (n,): 1 where the command is a
+    temperature.
     """
 
     plate: int
-    flux: int
-    sink: int
-    switch: int
+    fluxes: Numbers
+    sinks: Numbers
+    switches: Numbers
     drives: Numbers
     ceilings: Floats
     targets: Numbers
@@ -98,14 +100,18 @@ def check(
         The part of the drive that is left, or minus the code of a trip.
     """
     temperature = reading[plate.plate]
-    flux = abs(reading[plate.flux]) if plate.flux >= 0 else 0.0
+    flux = 0.0
+    for k in range(len(plate.fluxes)):
+        flux = max(flux, abs(reading[plate.fluxes[k]]))
     news = fresh and history_kernels.add(memory.past, look.time, temperature, flux)
     share = near_temperature(allowed, memory, temperature)
     share = min(share, near_rate(allowed, memory, temperature, look.touched))
-    if plate.flux >= 0:
+    if len(plate.fluxes) > 0:
         share = min(share, near_flux(allowed, memory))
-    sink = reading[plate.sink] if plate.sink >= 0 else math.nan
-    if plate.sink >= 0:
+    sink = math.nan
+    for k in range(len(plate.sinks)):
+        sink = reading[plate.sinks[k]] if k == 0 else max(sink, reading[plate.sinks[k]])
+    if len(plate.sinks) > 0:
         share = min(share, left(sink - SINK, SINK_TRIP - SINK))
     if share < 0.0:
         return float(share)
@@ -130,7 +136,11 @@ def drive(plate: Any, sent: Floats, temperature: float) -> float:
 
     ``sent`` (n,): all numbers that the device was sent; ``temperature`` of the plate [K].
     """
-    if plate.switch >= 0 and sent[plate.switch] < 0.5:
+    off = len(plate.switches) > 0
+    for k in range(len(plate.switches)):
+        if sent[plate.switches[k]] >= 0.5:
+            off = False
+    if off:
         return 0.0
     found = 0.0
     for k in range(len(plate.drives)):

@@ -147,6 +147,14 @@ class Twin(ABC):
         return None
 
 
+def is_new(said: object) -> bool:
+    """Tell whether a reading has come, by what ``read`` has returned: None, or anything that is true.
+
+    A comparison of NumPy's gives a False of its own, which is as false as Python's.
+    """
+    return said is None or bool(said)
+
+
 class Device(Grouped, ABC):
     """A device plugin: three declarations and four methods; lifecycle, limits, threads and NaN belong to the framework.
 

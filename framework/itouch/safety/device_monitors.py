@@ -72,8 +72,8 @@ class DeviceMonitors:
         self.installed: Sequence[InstalledMonitor] = installed
         self._timed = [post for post in others if not post.monitor.placed]
         self._placed = [post for post in others if post.monitor.placed]
-        self.clock = max(1, round(CLOCK / period))
-        self.apart = max(1, round(APART / period))
+        self.clock = max(1, math.floor(CLOCK / period + 1e-6))
+        self.apart = max(1, math.ceil(APART / period - 1e-6))  # nearer ones would not all be remembered for a second
         #: The time whose reading is to be looked at at once, in ticks, shape (1,).
         self.due = np.full(1, -1, np.int64)
         #: The part of force, current or speed that all monitors leave, shape (1,).

@@ -22,7 +22,10 @@ class HoldToRun:
         self._until, self._supervisors = state["hold"], tuple(supervisors)
         self._ticks = math.ceil(default.HOLD / period)
         self._switches = [
-            s.device_monitors.seen[c.name] for s in supervisors for c in s.model.reads if c.role is Role.DEADMAN
+            (s, index, s.device_monitors.seen[channel.name])
+            for s in supervisors
+            for index, channel in enumerate(s.model.reads)
+            if channel.role is Role.DEADMAN
         ]
         self._said = "nobody holds the switch"
         #: Whether nothing may act unless the switch is held.
@@ -34,8 +37,14 @@ class HoldToRun:
         self._until[...] = tick + self._ticks if held else tick
 
     def held(self, tick: int) -> bool:
-        """Tell whether the switch is held, by a device or by word; no word is good for longer than 80 ms."""
-        return 0 < self._until.item() - tick <= self._ticks or any(switch.item() > 0.5 for switch in self._switches)
+        """Tell whether the switch is held, by a device or by word; no sign of it is good for longer than 80 ms.
+
+        A device that was lost while somebody pressed its switch says nothing any more.
+        """
+        if 0 < self._until.item() - tick <= self._ticks:
+            return True
+        oldest = tick - self._ticks
+        return any(view.item() > 0.5 and one.knows(index, oldest) for one, index, view in self._switches)
 
     def check(self, tick: int) -> None:
         """Stop what acts if nobody holds the switch.

@@ -83,8 +83,8 @@ class Lifecycle(ABC):
         self.shared: list[Callable[[], str]] = []
 
     @abstractmethod
-    def _take(self) -> bool | None:
-        """Read the twin or the device; whatever goes wrong is a trip."""
+    def _take(self) -> bool:
+        """Read the twin or the device, and tell whether there was anything new; whatever goes wrong is a trip."""
 
     @abstractmethod
     def _send_safe(self) -> None:
@@ -104,6 +104,10 @@ class Lifecycle(ABC):
     def enabled(self) -> bool:
         """Whether commands are let through."""
         return bool(self._status.item() == ENABLED)
+
+    def knows(self, reading: int, since: int) -> bool:
+        """Tell whether the device is open, was not stopped, and has measured this reading in that tick or later."""
+        return self._status.item() in (OPEN, ENABLED) and bool(self._measured[reading] >= since)
 
     @property
     def status(self) -> Status:

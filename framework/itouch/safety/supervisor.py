@@ -14,6 +14,7 @@ from itouch.joining import is_newest
 from itouch.monitors import LOSSES, DeviceFaultError, Heat, Readings, Trip, TripError
 from itouch.monitors.limits import TIMELY
 from itouch.plugin import Bound, Device, DeviceError, Record, Role, Twin
+from itouch.plugin.device import is_new
 from itouch.plugin.stamps import Stamped
 from itouch.safety import limiting, monitor_step
 from itouch.safety.device_monitors import InstalledMonitor
@@ -60,6 +61,8 @@ class Supervisor(Lifecycle):
         #: Whether that is measured, by the host's clock, and when the last reading was taken.
         self.timed = False
         self._came = math.inf
+        #: What a driver fills in, and what it is handed: it may keep them, or write to them when it likes.
+        self._filled, self._handed = self.reading.copy(), self.sent.copy()
         #: Whether a new reading was taken that nobody has checked yet.
         self._taken = np.zeros(1, np.int64)
         #: Told of the loss of an optional device, without which the session goes on; None: its loss stops everything.
@@ -99,7 +102,7 @@ class Supervisor(Lifecycle):
         if status == CLOSED or (tick % self._every and self._sequence.item()):
             return
         try:
-            new = self._take() is not False
+            new = self._take()
             self._taken[0] = new
             if new and self.timed:
                 self._measure_slip()
@@ -289,13 +292,13 @@ class Supervisor(Lifecycle):
         if not self.device_monitors.sane():
             self.device_monitors.put_back()
 
-    def _take(self) -> bool | None:
-        """Read the twin or the device; whatever goes wrong is a trip."""
+    def _take(self) -> bool:
+        """Read the twin or the device, and tell whether there was anything new; whatever goes wrong is a trip."""
         try:
             if self.twin is not None:
-                return self.twin.read(self.twin_state, self.reading)
+                return is_new(self.twin.read(self.twin_state, self.reading))
             if self.device is not None:
-                return self.device.read(self.reading)
+                return self._take_whole(self.device)
         except DeviceError as error:
             raise TripError(Trip.DEVICE_ERROR, f"failed: {error}") from error
         except KeyboardInterrupt:
@@ -303,6 +306,15 @@ class Supervisor(Lifecycle):
         except BaseException as error:  # a plugin that exits does not end the program
             raise TripError(Trip.DEVICE_ERROR, f"failed in read: {type(error).__name__}: {error}") from error
         return False
+
+    def _take_whole(self, device: Device) -> bool:
+        """Read hardware; what a driver has begun to fill in and did not hand over is seen by nobody."""
+        filled = self._filled
+        filled.raw[:] = self.reading.raw
+        new = is_new(device.read(filled))
+        if new:
+            self.reading.raw[:] = filled.raw
+        return new
 
     def _wait(self, tick: int, status: int) -> None:
         """Count the age of the last reading; an enabled device may not be silent for long (W1)."""
@@ -408,7 +420,8 @@ class Supervisor(Lifecycle):
         if self.device is None:
             return
         try:
-            self.device.write(self.sent)
+            self._handed.raw[:] = self.sent.raw
+            self.device.write(self._handed)
         except DeviceError as error:
             raise TripError(Trip.DEVICE_ERROR, f"failed: {error}") from error
         except KeyboardInterrupt:
@@ -442,7 +455,7 @@ class Supervisor(Lifecycle):
         """
         status, answered = self._status.item(), False
         try:
-            answered = status != CLOSED and self._take() is not False
+            answered = status != CLOSED and self._take()
             self._stamp(tick, answered)
             if answered and self.timed:
                 self._measure_slip()

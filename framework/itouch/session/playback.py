@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.plugin import Device, DeviceError, Record, Twin, TwinInputs
+from itouch.plugin.device import is_new
 from itouch.plugin.stamps import Stamped
 from itouch.recording import Recording
 from itouch.session.row_layout import in_track
@@ -39,7 +40,7 @@ class PlaybackTwin(Twin, Stamped):
         DeviceError
             If the device failed in this tick.
         """
-        answered = self._inner.read(state, reading.copy()) is not False
+        answered = is_new(self._inner.read(state, reading.copy()))
         uncounted = self._feed.uncounted(self._name)
         return self._feed.give(self._name, reading) or (answered and uncounted)
 

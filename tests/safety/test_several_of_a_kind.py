@@ -1,0 +1,229 @@
+"""A device that has several of what most have one of: each is supervised, not only the first; and odd ways to read."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from test_irregular_timing import Exchanges, still
+from test_unknown_devices import Nothing, catalog, scene
+
+import itouch
+from itouch.exchange import ThreadedDevice
+from itouch.plugin import (
+    Channel,
+    Device,
+    DeviceError,
+    Record,
+    Role,
+    current,
+    deadman,
+    heat_flux,
+    plate_temperature,
+    sink_temperature,
+    temperature,
+)
+
+K0 = 273.15
+Says = Callable[[int, Record], object]
+HELD, PLATE = deadman("held"), temperature("t", Role.SKIN_CONTACT_TEMPERATURE)
+
+
+def built(folder: Path, says: Says, reads: tuple[Channel, ...], commands: tuple[Channel, ...], **more: Any) -> Any:
+    """Return a session with a device of this kind, which says of its n-th reading what ``says`` says."""
+
+    class Stranger(Device):
+        Params, watchdog = Nothing, 0.5
+
+        def open(self) -> None:
+            self.count = 0
+
+        def close(self) -> None: ...
+
+        def read(self, reading: Record) -> Any:
+            self.count += 1
+            reading[HELD.name] = 1.0
+            return says(self.count, reading)
+
+    Stranger.reads, Stranger.commands = (*reads, HELD), commands
+    elements = more.pop("elements", "")
+    for name, value in more.items():
+        setattr(Stranger, name, value)
+    return itouch.build(scene(folder, "pad", twin="no", more=elements), catalog=catalog({"stranger": Stranger}))
+
+
+def warm(count: int, reading: Record, name: str = "t") -> None:
+    reading[name] = K0 + 30.0 + 1e-3 * (count % 7)
+
+
+# --- what a driver says and hands over ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("no", [False, np.bool_(False), 0])
+@pytest.mark.parametrize("behind", ["inline", "in step", "in a thread"])
+def test_whatever_is_false_is_no_news(tmp_path: Path, no: object, behind: str) -> None:
+    def says(count: int, reading: Record) -> object:
+        warm(count, reading)
+        return no if count > 20 else None
+
+    session = built(tmp_path, says, (PLATE,), (current(limit=4.0),), blocking=behind != "inline", period=0.002)
+    (runner,) = session.runners
+    if behind == "in step":
+        runner.device = Exchanges(runner.device.device, itertools.repeat(7))
+    if behind == "in a thread":
+        assert isinstance(runner.device, ThreadedDevice)
+        session.clock = itouch.loop.WallClock()
+    session.enable()
+    with pytest.raises(itouch.DeviceFaultError, match=r"was silent for 0\.5"):
+        session.run(3.0, each=session.hold)
+    session.close()
+
+
+def test_what_a_driver_has_not_handed_over_is_seen_by_nobody(tmp_path: Path) -> None:
+    def says(count: int, reading: Record) -> bool:
+        if count % 50 == 49:
+            reading["t"] = K0 + 300.0
+            return False
+        warm(count, reading)
+        return True
+
+    session, seen = built(tmp_path, says, (PLATE,), (current(limit=4.0),)), []
+    session.taps.append(lambda tick: seen.append(float(session.state["pad.t"].item())))
+    session.enable()
+    session.run(0.5)
+    assert max(seen) < K0 + 31.0
+
+
+def test_what_a_driver_does_to_its_command_changes_nothing_that_was_sent(tmp_path: Path) -> None:
+    def says(count: int, reading: Record) -> None:
+        warm(count, reading)
+
+    def write(self: Device, command: Record) -> None:
+        command["current"] *= 1e3  # in mA
+
+    session = built(tmp_path, says, (PLATE,), (current(limit=4.0),), write=write)
+    session.enable()
+    session.run(0.5, each=lambda: session.state["pad.command.current"].fill(0.5))
+    assert 0.0 < session.state["pad.sent.current"].item() <= 0.5
+
+
+# --- several plates in one device -----------------------------------------------------------------------------------
+
+TWO = tuple(temperature(name, Role.SKIN_CONTACT_TEMPERATURE) for name in ("near", "far"))
+DRIVES = current("i_left", limit=4.0), current("i_right", limit=4.0)
+FLUXES = heat_flux("j_left", full_scale=3e4), heat_flux("j_right", full_scale=3e4)
+
+
+@pytest.mark.parametrize("side", [0, 1])
+@pytest.mark.parametrize("plates", [1, 2])
+def test_the_flux_of_every_plate_counts(tmp_path: Path, side: int, plates: int) -> None:
+    def says(count: int, reading: Record) -> None:
+        for name in ("near", "far")[:plates]:
+            warm(count, reading, name)
+        reading["j_left"] = reading["j_right"] = 0.0
+        reading[FLUXES[side].name] = 20.2e3
+
+    session = built(tmp_path, says, (*TWO[:plates], *FLUXES), DRIVES[:plates])
+    session.enable()
+    with pytest.raises(itouch.DeviceFaultError, match=r"mean flux of 20\.2 kW/m\^2 for a second \(T6"):
+        session.run(3.0)
+    assert session.state[f"pad.heat{'2' if side and plates == 2 else ''}.figure"][0] > 20e3
+
+
+def test_a_flux_trips_at_every_rate_of_the_loop(tmp_path: Path) -> None:
+    says = still(30.0, 20.2e3)
+
+    def reads(count: int, reading: Record) -> None:
+        reading["t"], reading["heat_flux"] = K0 + says(1e-3 * count)[0], 20.2e3
+
+    for rate in (250, 256, 270, 290, 299, 300, 500, 700, 4000):
+        folder = tmp_path / str(rate)
+        folder.mkdir()
+        element = f'<rates servo="{rate} Hz"/>'
+        session = built(folder, reads, (PLATE, heat_flux(full_scale=3e4)), (current(limit=4.0),), elements=element)
+        session.enable()
+        with pytest.raises(itouch.DeviceFaultError, match="mean flux"):
+            session.run(1.5)
+        (runner,) = session.runners
+        assert runner.device_monitors.clock / rate <= 0.010 + 1e-9
+
+
+def switch(name: str) -> Channel:
+    return Channel(name, 1, "1", (0.0,), (1.0,), safe=(0.0,), role=Role.OUTPUT_SWITCH, doc="1 while it is on")
+
+
+@pytest.mark.parametrize("switches", [("on_left", "on_right"), ("on",), ("on", "on_too", "on_three"), ()])
+def test_a_plate_is_off_with_its_own_switch(tmp_path: Path, switches: tuple[str, ...]) -> None:
+    def says(count: int, reading: Record) -> None:
+        warm(count, reading, "near")
+        reading["far"] = K0 + 25.0 + 1.5e-3 * count  # warms, though it is cooled
+
+    session = built(tmp_path, says, TWO, (*DRIVES, *map(switch, switches)))
+
+    def each() -> None:
+        session.state["pad.command.i_right"] = 4.0
+        for name in switches[-1:]:
+            session.state[f"pad.command.{name}"] = 1.0
+
+    session.enable()
+    with pytest.raises(itouch.DeviceFaultError, match=r"went 2\.0 K against its drive"):
+        session.run(4.0, each=each)
+
+
+def test_of_several_heat_sinks_the_hottest_counts(tmp_path: Path) -> None:
+    def says(count: int, reading: Record) -> None:
+        reading["plate"], reading["one"], reading["other"] = K0 + 30.0 + 1e-3 * (count % 7), K0 + 30.0, K0 + 54.0
+
+    sinks = sink_temperature("one"), sink_temperature("other")
+    session = built(tmp_path, says, (plate_temperature("plate"), *sinks), (current(limit=4.0),))
+    session.enable()
+    session.run(0.5)
+    assert session.runners[0].device_monitors.share == pytest.approx(0.2)
+
+
+# --- a switch that is lost while it is held -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("how", "after"), [("unplugged", 0.0), ("silent", 0.081)])
+def test_a_switch_that_is_lost_is_let_go_though_its_device_is_optional(tmp_path: Path, how: str, after: float) -> None:
+    class Pedal(Device):
+        Params, watchdog = Nothing, 0.5
+        reads, commands = (HELD,), ()
+
+        def open(self) -> None:
+            self.count = 0
+
+        def close(self) -> None: ...
+
+        def read(self, reading: Record) -> bool:
+            self.count += 1
+            reading[HELD.name] = 1.0
+            if self.count > 200 and how == "unplugged":
+                raise DeviceError("the plug is out")
+            return self.count <= 200
+
+    class Pad(Device):
+        Params, watchdog = Nothing, 0.5
+        reads, commands = (PLATE,), (current(limit=4.0),)
+
+        def open(self) -> None:
+            self.count = 0
+
+        def close(self) -> None: ...
+
+        def read(self, reading: Record) -> None:
+            self.count += 1
+            warm(self.count, reading)
+
+    path = tmp_path / "scene.xml"
+    listed = '<device name="pad" plugin="pad" twin="no"/><device name="pedal" plugin="pedal" twin="no" optional="yes"/>'
+    path.write_text(f'<itouch version="1.0"><devices>{listed}</devices></itouch>', "utf-8")
+    session = itouch.build(path, catalog=catalog({"pad": Pad, "pedal": Pedal}))
+    session.enable()
+    with pytest.raises(itouch.DeviceFaultError, match="was let go: nobody holds the switch"):
+        session.run(2.0)
+    assert 0.199 <= session.fault.tick * session.model.period <= 0.2 + after
