@@ -13,6 +13,11 @@ from shipped import REPOSITORY
 
 FRAMEWORK = REPOSITORY / "framework"
 UNIT = [str(Path(__file__).parent / f"test_{name}.py") for name in mutation.SAFETY]
+#: What takes half of the time with the compiler off, and reaches no branch that nothing else there reaches.
+SLOW = (
+    "time_in_the_cold_is_used_up", "obeys_goes_down_however", "still_feels_something_is_no_reason", "lifted_quickly_and",
+    "still_presses_goes_on and True", "no_way_leads_further", "wired_backwards_lets_go_of_the_finger",
+)  # fmt: skip
 
 
 def device_writes(path: Path) -> list[int]:
@@ -55,6 +60,8 @@ def test_every_branch_of_the_supervisor_is_tested(tmp_path: Path) -> None:
         "-q",
         "-p",
         "no:cacheprovider",
+        "-k",
+        " and ".join(f"not ({words})" for words in SLOW),
         *UNIT,
     ]
     done = subprocess.run(
