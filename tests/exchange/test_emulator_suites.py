@@ -2,6 +2,8 @@
 
 from typing import ClassVar
 
+import pytest
+
 from itouch.testing import EmulatorTests
 from itouch_thermal.display.device import ThermalDisplay
 from itouch_thermal.display.params import DisplayParams
@@ -31,6 +33,7 @@ class TestDisplay(EmulatorTests):
     device, name = ThermalDisplay, "thermal"
 
 
+@pytest.mark.long  # what averaging changes is tested by itself: tests/plugins/thermal_drivers/test_averaging.py
 class TestDisplayThatAverages(EmulatorTests):
     device, name = ThermalDisplay, "thermal"
     params: ClassVar[DisplayParams] = DisplayParams(  # a mean is compared with a single sample: there is no noise
