@@ -39,9 +39,9 @@ from itouch_xyz_table.twin import XyzTableTwin
 WATCHDOG = 0.1
 #: Greatest step of a commanded pose that counts as motion when the velocity is fed forward [s].
 _STALE = 0.05
-#: Requests of an exchange with a TMCL module (three places told, three asked for, one look), and what each takes
+#: Requests of an exchange with a TMCL module (two looks, three places asked for, three told), and what each takes
 #: besides its bytes [s], estimated.
-_REQUESTS, _TURN = 7, 1e-3
+_REQUESTS, _TURN = 8, 1e-3
 
 
 @dataclass(frozen=True, slots=True)

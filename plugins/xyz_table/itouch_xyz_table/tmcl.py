@@ -113,19 +113,32 @@ class Steppers:
         return tuple(self._place(axis) for axis in range(len(self._motors)))
 
     def command(self, goals: Sequence[Goal | None]) -> tuple[ServoState, ...]:
-        """Command motors and ask all; None: only ask that one."""
+        """Ask all motors, see that the module has not started anew, and only then command those that have a goal."""
+        self._driven = True
+        self._watch()
+        states = self.query()
         for axis, goal in enumerate(goals):
             if goal is not None:
                 self._go(axis, goal)
-        self._driven = True
-        self._watch()
-        return self.query()
+        return states
 
     def stop(self, *, latched: bool = False) -> tuple[ServoState, ...]:
-        """Stop all motors; they hold where they are."""
+        """Stop all motors; they hold where they are.
+
+        Raises
+        ------
+        ServoError
+            If one does not take the order; the others have been stopped all the same.
+        """
         self._driven, self._last = False, []
+        failed = list[ServoError]()
         for axis in range(len(self._motors)):
-            self._ask(axis, tm.STOP)
+            try:
+                self._ask(axis, tm.STOP)
+            except ServoError as error:
+                failed.append(error)
+        if failed:
+            raise ServoError("; ".join(map(str, failed))) from failed[0]
         return self.query()
 
     def set_position(self, axis: int, position: float) -> None:
@@ -250,13 +263,12 @@ class Steppers:
             raise ServoError(f"the module keeps its heartbeat at {found} ms: {advice}")
 
     def _watch(self) -> None:
-        """Look in turn at what a module forgets that has started anew."""
-        turn = self._count % (1 + len(self._motors))
+        """Look at what a module forgets that has started anew: its heartbeat, and in turn each motor's speed."""
+        turn = self._count % len(self._motors)
         self._count += 1
-        if turn == len(self._motors):
-            if self._ask(0, tm.GET_GLOBAL, tm.HEARTBEAT, bank=0) != round(1e3 * self._watchdog):
-                raise self._anew()
-        elif abs(self._ask(turn, tm.GET_AXIS, tm.MAX_SPEED) - self._limits[turn]) > 0.02 * self._limits[turn]:
+        if self._ask(0, tm.GET_GLOBAL, tm.HEARTBEAT, bank=0) != round(1e3 * self._watchdog):
+            raise self._anew()
+        if abs(self._ask(turn, tm.GET_AXIS, tm.MAX_SPEED) - self._limits[turn]) > 0.02 * self._limits[turn]:
             raise self._anew()
 
     @staticmethod

@@ -198,6 +198,10 @@ def test_what_the_sampling_converter_cannot_do_is_refused() -> None:
     assert LabJack(host="h", resolution=12).samples == 1
     with pytest.raises(ValueError, match="at most 8 with averaging"):
         LabJack(host="h", resolution=9, averaging=20e-3)
+    assert LabJack(host="h", averaging=1.6e-3, flux_sensor=SENSOR).samples == 2
+    for single in (0.1e-3, 1e-3, 1.4e-3):
+        with pytest.raises(ValueError, match="is a single sample, one a millisecond: write 2 ms or more, or 0"):
+            LabJack(host="h", averaging=single)
 
 
 def test_an_exchange_lasts_as_long_as_its_samples() -> None:

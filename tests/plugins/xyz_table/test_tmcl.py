@@ -219,6 +219,35 @@ def test_a_module_that_started_anew_is_told(bench: Bench, moved: bool) -> None:
     device.close()
 
 
+def test_no_motor_is_told_to_move_by_a_module_that_started_anew(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    device, told = bench.table(), list[float]()
+    device.open()
+    goal = [place + 1e-4 for place in bench.truth()]
+    arrive(bench, device, goal)
+    counts = [motor.get(tm.ACTUAL) or 0 for motor in bench.motors.values()]
+    bench.module.restart()
+    for motor, count in zip(bench.motors.values(), counts, strict=True):
+        motor.put(tm.ACTUAL, count)  # it counts as before, by chance
+    monkeypatch.setattr(VirtualStepper, "move", lambda motor, place: told.append(place))
+    reading, command = records()
+    command["pose_target"] = (*[place + 1e-4 for place in goal], 1.0, 0.0, 0.0, 0.0)
+    device.write(command)
+    with pytest.raises(ServoError, match="the module has started anew"):
+        device.read(reading)
+    assert told == []
+
+
+def test_a_motor_that_does_not_take_its_stop_keeps_no_other_from_it(bench: Bench) -> None:
+    device = bench.table()
+    device.open()
+    arrive(bench, device, [place + 1e-4 for place in bench.truth()])
+    lost = bench.module.motors.pop(0)
+    with pytest.raises(ServoError, match="motor x refuses command 3"):
+        device.close()
+    assert lost.mode != 0
+    assert all(motor.mode == 0 for motor in bench.module.motors.values())
+
+
 @pytest.mark.parametrize("kind", ["damaged", "cut", "lost", "long"])
 def test_one_bad_frame_in_ten_ends_nothing(bench: Bench, kind: str) -> None:
     random = Random(11)
@@ -334,7 +363,7 @@ def test_what_is_missing_is_told_with_what_to_do() -> None:
     for wrong in ({"tmcl": "/dev/null", "port": "/dev/null"}, {"tmcl": "/dev/null", "motors": (0.0, 0.0, 1.0)}):
         with pytest.raises(ValueError, match="write one of them|three different"):
             XyzTableParams(**wrong)  # type: ignore[arg-type]
-    assert XyzTable.takes(XyzTableParams(tmcl="/dev/null")) == pytest.approx(0.018)
+    assert XyzTable.takes(XyzTableParams(tmcl="/dev/null")) == pytest.approx(0.021)
     assert XyzTable.takes(XyzTableParams()) == 0.0
 
 

@@ -113,6 +113,9 @@ class LabJack:
         schema.validate(self)
         if self.averaging and self.resolution > _FINEST_BURST:
             raise ValueError(f"resolution = {self.resolution} must be at most {_FINEST_BURST} with averaging")
+        if self.averaging and round(self.averaging * SAMPLING) < 2:
+            given = f"averaging = {1e3 * self.averaging:g} ms"
+            raise ValueError(f"{given} is a single sample, one a millisecond: write 2 ms or more, or 0")
 
     @property
     def samples(self) -> int:
