@@ -1,4 +1,4 @@
-"""Folders for what can be made again: found, bounded, and written so that a reader sees a whole file or none."""
+"""Cache folders, for what can be made again: found, bounded, and written so that a reader sees a whole file or none."""
 
 from __future__ import annotations
 

@@ -198,7 +198,7 @@ def test_a_gltf_may_not_refer_to_what_is_outside(tmp_path: Path, uri: str) -> No
 
 
 REFUSED = {
-    "empty STL": ("a.stl", b"", "mesh-damaged", "not a sound STL"),
+    "empty STL": ("a.stl", b"", "mesh-damaged", "not a valid STL"),
     "text": ("a.stl", b"Dear colleague,\nplease find the mesh attached.\n" * 9, "mesh-damaged", "begins with 'Dear"),
     "short text": ("a.stl", b"hello", "mesh-damaged", "begins with 'hello'"),
     "lying count": (

@@ -265,7 +265,7 @@ def test_a_command_that_can_not_need_not(tmp_path: Path, unit: str) -> None:
 
 def test_a_blank_is_no_reason(tmp_path: Path) -> None:
     cls = silent("A", Role.DRIVE, harmless="  ")
-    with pytest.raises(SceneError, match="is watched by nothing"):
+    with pytest.raises(SceneError, match="is unmonitored"):
         itouch.build(scene(tmp_path, "pad", twin="no"), catalog=catalog({"stranger": cls}))
 
 

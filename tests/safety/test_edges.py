@@ -18,13 +18,13 @@ from itouch.world.supervision import watched
 
 #: What is printed of each: number, quantity, limit, trip, never.
 SAID = {
-    "arm": """T8 what its sensors read||not a number, 2 m from the device's origin, faster than it can go, outside its range|
+    "arm": """T8 plausibility of its readings||not a number, 2 m from the device's origin, faster than it can move, outside its range|
 K1 force on the finger|3 N||8 N
 K1 force of all that pushes on one finger|3 N||
 K2 speed of the finger|forces fade above 0.8 m/s|1.2 m/s|
 K3 increase of force|1000 N/s||
 W1 age of its reading||20 ms|""",
-    "table": """T8 what its sensors read||not a number, 2 m from the device's origin, faster than it can go, outside its range|
+    "table": """T8 plausibility of its readings||not a number, 2 m from the device's origin, faster than it can move, outside its range|
 T4 time in contact, less the time out of it|withdraws after 10 s|60 s|120 s
 K4 force of the surface on the finger, in all directions|yields above 2 N|5 N|10 N
 K5 speed towards a finger nearer than 20 mm, or past one that touches|0.1 m/s|0.15 m/s|

@@ -100,7 +100,7 @@ def test_all_that_fail_are_told_together() -> None:
 
     three.device.says = nonsense
     found = connect(devices, 0)
-    assert found.pop("three").startswith("reads NaN (pose) (T8 what its sensors read: trips at not a number,")
+    assert found.pop("three").startswith("reads NaN (pose) (T8 plausibility of its readings: trips at not a number,")
     assert found == {"one": "no power", "two": "OSError"}
     assert four.status is Status.OPEN
 

@@ -85,7 +85,7 @@ def test_rules_say_only_what_is_in_force() -> None:
     assert said(((plate_temperature(),), (temperature_target("goal"),)))["goal"] == "15 to 40 °C"
     assert said(ARM, dataclasses.replace(LIMITS, ramp=0.5))["K3 ramp-in"] == "0.5 s; 0.5 s after re-arming"
     assert not any(name.startswith(("T6", "T7", "T9")) for name in said(((plate_temperature(),), ())))
-    assert "T8 what its sensors read" in said(((Channel("hum", 1, "1"),), ()))
+    assert "T8 plausibility of its readings" in said(((Channel("hum", 1, "1"),), ()))
 
 
 def test_several_plates_of_one_device_have_a_monitor_each() -> None:

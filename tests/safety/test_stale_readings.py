@@ -82,8 +82,8 @@ def test_the_sentence_has_the_figures() -> None:
     (problem,) = stale("hand", arm(exchange_time=0.015), None, Arm.reads, PATIENCE, TICK, None, twin=False)
     assert problem.severity == "warning"
     assert problem.sentence == (
-        "device 'hand': with an exchange every 15 ms what it reads (pose, b) gets 22.5 ms old, but may be 20 ms old at "
-        "most (W1): it may be stopped as silent while it runs"
+        "device 'hand': with an exchange every 15 ms its readings (pose, b) get 22.5 ms old; the watchdog (W1) allows "
+        "20 ms: it may be stopped as silent while it runs"
     )
 
 

@@ -217,10 +217,10 @@ def test_a_plate_without_a_reading_is_refused_as_hardware_and_told_as_a_twin(
     with pytest.raises(SceneError) as caught:
         itouch.build(scene(tmp_path, "pad", twin="no"), catalog=found)
     (problem,) = [one for one in caught.value.problems if one.code == "unmonitored-drive"]
-    assert "command 'i' [A], a drive, is watched by nothing" in problem.sentence
+    assert "command 'i' [A], a drive, is unmonitored" in problem.sentence
     assert "temperature(NAME, Role.SKIN_CONTACT_TEMPERATURE)" in problem.advice
     session = itouch.build(scene(tmp_path, "pad"), catalog=found)
-    assert any("is watched by nothing" in notice for notice in session.notices)
+    assert any("is unmonitored" in notice for notice in session.notices)
     monkeypatch.setattr("itouch.plugin.discovery.find", lambda group: {})
     monkeypatch.setattr("itouch.plugin.discovery.Catalog", lambda: found)
     assert check([str(scene(tmp_path, "pad"))]) == 0

@@ -27,26 +27,30 @@ def _start() -> Any:
 
 @dataclass(frozen=True, slots=True)
 class MouseParams:
-    """What ``<mouse:hardware>`` may hold."""
+    """A simulated arm whose finger the mouse leads."""
 
     start: Vector = _start()
-    step: float = schema.quantity("m", low=1e-6, high=0.01, default=1e-4, doc="way of the finger for a pixel")
+    step: float = schema.quantity("m", low=1e-6, high=0.01, default=1e-4, doc="how far the finger goes for a pixel")
 
 
 @dataclass(frozen=True, slots=True)
 class KeyboardParams:
-    """What ``<keyboard:hardware>`` may hold."""
+    """A simulated arm whose finger the keyboard leads."""
 
     start: Vector = _start()
-    speed: float = schema.quantity("m/s", low=1e-4, high=0.3, default=0.03, doc="while a key is held")
+    speed: float = schema.quantity(
+        "m/s", low=1e-4, high=0.3, default=0.03, doc="speed of the finger while a key is held"
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class GamepadParams:
-    """What ``<gamepad:hardware>`` may hold."""
+    """A simulated arm whose finger a gamepad leads."""
 
     start: Vector = _start()
-    speed: float = schema.quantity("m/s", low=1e-4, high=0.3, default=0.06, doc="with a stick fully to one side")
+    speed: float = schema.quantity(
+        "m/s", low=1e-4, high=0.3, default=0.06, doc="speed of the finger with a stick fully to one side"
+    )
 
 
 class LedArm(Device):

@@ -42,7 +42,7 @@ _NEAR = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class RecordedParams:
-    """What ``<recorded:hardware>`` may hold."""
+    """A recording, or a table of poses, as an arm."""
 
     file: str = schema.file(
         default="", doc="a recording (.mcap) or a table (.csv); empty: an example, a finger that comes down and goes up"
@@ -152,7 +152,7 @@ class Recorded(Device):
         except ParameterError:
             raise
         except ValueError as error:
-            raise ParameterError("file", f"'{params.file}' is no motion: {error}") from error
+            raise ParameterError("file", f"'{params.file}' is not a motion: {error}") from error
 
     @classmethod
     def duration(cls, bound: Any) -> float:

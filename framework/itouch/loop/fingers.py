@@ -1,4 +1,4 @@
-"""Which devices act on which finger: a finger is what one device tracks, whatever probes it has."""
+"""Which devices act on which finger: by what tracks it, whatever probes it has."""
 
 from __future__ import annotations
 

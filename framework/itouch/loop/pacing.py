@@ -1,4 +1,4 @@
-"""The loop round the ticks: when the next one begins, when the run is over, what an overrun does."""
+"""Pacing of the loop: when the next tick begins, when the run is over, what an overrun does."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Releasing at the end of a session: each step is done whatever those before raised, and no error hides another."""
+"""Release of devices and outputs at the end of a session: each step is done whatever those before raised."""
 
 from __future__ import annotations
 

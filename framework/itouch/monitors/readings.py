@@ -175,12 +175,12 @@ class Readings(Monitor):
         if roles & {Role.SKIN_CONTACT_TEMPERATURE, Role.HEAT_SINK_TEMPERATURE}:
             found.append("jump of 20 K")
         if Role.TRACKED_POSE in roles:
-            found.append("2 m from the device's origin, faster than it can go")
+            found.append("2 m from the device's origin, faster than it can move")
         if any(low > -_MOST for low in self._low) or any(high < _MOST for high in self._high):
             found.append("outside its range")
         if self._pairs:
             found.append(f"two sensors of one plate {DISAGREEMENT:g} K apart")
-        return (Rule("T8", "what its sensors read", trip=", ".join(dict.fromkeys(found))),)
+        return (Rule("T8", "plausibility of its readings", trip=", ".join(dict.fromkeys(found))),)
 
 
 _TRIPS = {

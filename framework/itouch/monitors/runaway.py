@@ -106,4 +106,4 @@ class Runaway:
         sane += ", where a moving plate would have gone 1 K on, or for 0.2 s after 5 K/s"
         sane += ", 10 K on the wrong side of its heat sink"
         away = "2 K against a drive above 50 % of the limit in force, or none of its effect for 2 s"
-        return (Rule("T8", "sanity of its plate sensor", trip=sane), Rule("T9", "runaway", trip=away))
+        return (Rule("T8", "plausibility of its plate sensor", trip=sane), Rule("T9", "runaway", trip=away))

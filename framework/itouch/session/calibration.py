@@ -193,7 +193,9 @@ def _set(params: Any, names: list[str], value: float) -> Any:
 
 def _misfit(scene: Scene, device: Any, record: CalibrationRecord, path: Path, error: Exception) -> Problem:
     sentence = f"calibration '{record.kind}' of device '{device.name}' cannot be used: {error}"
-    advice = f"calibrate anew, or say that it holds: itouch-py calibrate SCENE --device {device.name} --extend"
+    advice = (
+        f"calibrate again, or confirm that it still holds: itouch-py calibrate SCENE --device {device.name} --extend"
+    )
     return Problem("calibration-stale", f"{sentence} ({path.name})", scene.places.of(device), advice)
 
 

@@ -1,4 +1,4 @@
-"""The manifest of a snapshot: what wrote it, from what, on what machine."""
+"""The manifest of a snapshot: version, commit and machine that wrote it, and its files with their digests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far a run is, on one line of the standard error: in a terminal, a notebook, or a script's log."""
+"""Progress of a run on one line of the standard error: in a terminal, a notebook, or a script's log."""
 
 from __future__ import annotations
 

@@ -130,12 +130,12 @@ def check_reach(
             aside = np.any(box[1][:2] < low[:2]) or np.any(box[0][:2] > high[:2])
             if aside or top < low[2] - 1e-9 or top > high[2] + 1e-9:
                 where = (
-                    "beside"
+                    "outside"
                     if aside
                     else f"at height {top * 1e3:g} mm, outside {low[2] * 1e3:g} to {high[2] * 1e3:g} mm of"
                 )
                 sentence = f"the top of object '{element.name}' is {where} what '{table.name}' can reach"
-                advice = "its contacts are the arm's alone, without heat"
+                advice = "only the arm renders its contacts, without heat"
                 yield Problem("out-of-reach", sentence, scene.places.of(element), advice, severity="warning")
 
 

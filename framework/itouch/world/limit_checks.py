@@ -45,7 +45,7 @@ def _without(name: str, commands: tuple[Channel, ...]) -> str:
             "keep the limit; nothing tells how hot the device is: its plugin must declare the reading of what the skin "
             "touches, temperature(NAME, Role.SKIN_CONTACT_TEMPERATURE)"
         )
-    return f"the device obeys no {name}: set the limit of the device that does"
+    return f"the device has no command of {name}: set the limit on the device that has one"
 
 
 def safety_problems(scene: Scene, defaults: Mapping[str, Any]) -> Iterator[Problem]:

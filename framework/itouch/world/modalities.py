@@ -116,7 +116,7 @@ def _visit(
     for name, spec in specs(type(part.params)).items():
         wanted = getattr(part.params, name) if spec.kind == "ref" and spec.target == "modality" else ""
         if wanted == part.name or wanted in chain:
-            sentence = f"modality '{part.name}' takes from '{wanted}', which takes from it in turn"
+            sentence = f"modality '{part.name}' takes its input from '{wanted}', which takes its own from '{part.name}'"
             problems.append(Problem("modality-cycle", sentence, scene.places.of(part.params, name), "break the circle"))
         elif wanted in parts:
             _visit(scene, parts[wanted], parts, found, (*chain, part.name), problems)

@@ -218,7 +218,7 @@ def _check_closed(scene: Scene, element: Any, path: list[tuple[float, ...]], pro
     if away > CLOSED or aside > CLOSED:
         far = f"{away * 1e3:.3g} mm and {math.degrees(aside):.3g} deg"
         sentence = f"the motion of '{element.name}' repeats, but ends {far}"
-        advice = "let its last target be where it begins"
+        advice = "end its last target where it begins"
         place = scene.places.of(element.motion, "repeat")
         problems.append(Problem("motion", f"{sentence} away from where it begins", place, advice))
 

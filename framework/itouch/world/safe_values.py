@@ -115,8 +115,8 @@ def stale(
     every = max(cls.period, cls.delay, 0.0 if twin else cls.takes(params)) + (0.0 if twin else cls.waits)
     certain = twin or every > watchdog
     sentence = (
-        f"device '{name}': with an exchange every {every * 1e3:.3g} ms what it reads ({', '.join(timely)}) gets "
-        f"{age * 1e3:.3g} ms old, but may be {watchdog * 1e3:.3g} ms old at most (W1): it "
+        f"device '{name}': with an exchange every {every * 1e3:.3g} ms its readings ({', '.join(timely)}) get "
+        f"{age * 1e3:.3g} ms old; the watchdog (W1) allows {watchdog * 1e3:.3g} ms: it "
         f"{'will' if certain else 'may'} be stopped as silent while it runs"
     )
     advice = "its plugin must exchange more often, or its driver say that it measures later than in the middle of it"
@@ -142,8 +142,8 @@ def unfelt(
         yield Problem("no-plate-force", sentence, place, advice)
     elif not twin:
         sentence = (
-            f"device '{name}' carries a surface and measures no force: with what it presses on the finger is unknown, "
-            "and no limit of force watches it (K4)"
+            f"device '{name}' carries a surface and measures no force: nobody knows how hard it presses on the "
+            "finger, and no limit of force (K4) protects that"
         )
-        advice = "limit its speed (<limits speed-near/>), or take drives that measure a force"
+        advice = "limit its speed (<limits speed-near/>), or use drives that measure a force"
         yield Problem("no-plate-force", sentence, place, advice, severity="warning")

@@ -48,25 +48,29 @@ _EVENTS = (
     f"the last {EVENTS}: kind (0 near, 1 begin, 2 move, 3 end), tick, probe, object, point [m], normal, distance [m], "
     "speed [m/s], tangential_velocity [m/s], penetration [m], force [N], time_to_contact [s], area [m2]"
 )
+#: Of the session: how far it is, its seed, and what holds for all devices.
+_SESSION = (
+    Field("tick", "i8", low=0, unit="tick", doc="ticks since the start; a tick lasts 1 / `<rates servo>`"),
+    Field("seed", "u8", unit="1", doc="seed of all noise"),
+    Field(
+        "ready", "i8", low=0, high=1, unit="1", doc="1 when calibration at the start is done and the motion has begun"
+    ),
+    Field("hold", "i8", unit="tick", doc="until when the dead-man's switch counts as held"),
+    Field("stopping", "i8", low=0, high=1, unit="1", doc="1 while the safe sequence is under way"),
+)
+_CONTACT_EVENTS = (
+    Field(
+        "events.count", "i8", low=0, unit="1",
+        doc="contact events so far; the newest is at (count - 1) mod 64 of the table",
+    ),
+    Field("events.table", EVENT_DTYPE, EVENTS, unit="mixed", doc=_EVENTS),
+)  # fmt: skip
 
 
 def layout(model: Model) -> tuple[Field, ...]:
     """Return all fields of the State of a model, in order."""
     count = len(model.objects)
-    fields: list[Field] = [
-        Field("tick", "i8", low=0, unit="tick", doc="ticks since the start; a tick lasts 1 / `<rates servo>`"),
-        Field("seed", "u8", unit="1", doc="seed of all noise"),
-        Field(
-            "ready",
-            "i8",
-            low=0,
-            high=1,
-            unit="1",
-            doc="1 when calibration at the start is done and the motion has begun",
-        ),
-        Field("hold", "i8", unit="tick", doc="until when the dead-man's switch counts as held"),
-        Field("stopping", "i8", low=0, high=1, unit="1", doc="1 while the safe sequence is under way"),
-    ]
+    fields: list[Field] = [*_SESSION]
     where = "position and quaternion w x y z of each object in the world"
     fields += [
         Field("objects.pose", "f8", (count, 7), unit="m", doc=where),
@@ -134,17 +138,7 @@ def layout(model: Model) -> tuple[Field, ...]:
     for modality in model.modalities:
         with failing(f"modality '{modality.name}'", "fields", model.place_of(modality.name)):
             fields += _prefixed(modality.name, modality.instance.fields(modality.model))
-    fields += [
-        Field(
-            "events.count",
-            "i8",
-            low=0,
-            unit="1",
-            doc="contact events so far; the newest is at (count - 1) mod 64 of the table",
-        ),
-        Field("events.table", EVENT_DTYPE, EVENTS, unit="mixed", doc=_EVENTS),
-        *marks.FIELDS,
-    ]
+    fields += [*_CONTACT_EVENTS, *marks.FIELDS]
     return tuple(fields)
 
 

@@ -158,7 +158,7 @@ def _danger(channel: Channel) -> str:
 
 
 def _unmonitored(device: Watched, channel: Channel, what: str, place: Place | None) -> Problem:
-    sentence = f"{what}, a {channel.role.value}, is watched by nothing: no monitor sees what it does to a finger"
+    sentence = f"{what}, a {channel.role.value}, is unmonitored: no monitor watches what it does to a finger"
     advice = _ADVICE.get(channel.role, "")
     advice = f"{advice}, or a monitor of your own" if advice else "offer a monitor in the group `itouch.monitors`"
     if channel.role not in NEVER_HARMLESS:

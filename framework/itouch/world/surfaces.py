@@ -81,7 +81,10 @@ def _texture(
         problems.append(problem)
         return None
     except ValueError as error:
-        sentence, advice = f"'{texture.file}' is no height map: {error}", "PNG, PGM or .npy of values 0 to 1"
+        sentence, advice = (
+            f"'{texture.file}' is not a height map: {error}",
+            "give a PNG, PGM or .npy file of values 0 to 1",
+        )
         problems.append(Problem("texture", sentence, scene.places.of(texture, "file"), advice))
         return None
     pitch = texture.width / heights.shape[1]

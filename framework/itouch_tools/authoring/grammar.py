@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Iterator
 from typing import Any
@@ -116,5 +117,10 @@ def _default(value: Any, spec: Spec) -> str:
     if value is None or value == "":
         return "none"
     if spec.kind in ("quantity", "hold"):
-        return f"`{format_quantity(value, spec.unit)}`"
-    return f"`{'yes' if value else 'no'}`" if spec.kind == "flag" else f"`{value}`"
+        return f"`{_rounded(format_quantity(value, spec.unit))}`"
+    return f"`{'yes' if value else 'no'}`" if spec.kind == "flag" else f"`{_rounded(str(value))}`"
+
+
+def _rounded(text: str) -> str:
+    """Return a text whose numbers of many digits, as a third or 25 degrees in radians have, are rounded to six."""
+    return re.sub(r"\d+\.\d{9,}", lambda found: f"{float(found[0]):.6g}", text)

@@ -64,8 +64,8 @@ def _clipped(model: Model) -> Iterator[Problem]:
                 told.add(element.material)
                 arm = probe.scene.force_to
                 sentence = (
-                    f"material '{element.material}' asks for {contact.stiffness / 1e3:g} N/mm; {probe.name} feels "
-                    f"{coupling.stiffness / 1e3:.3g} N/mm, what '{arm}' can render stably"
+                    f"material '{element.material}' has a stiffness of {contact.stiffness / 1e3:g} N/mm; "
+                    f"'{probe.name}' feels {coupling.stiffness / 1e3:.3g} N/mm, the most that '{arm}' renders stably"
                 )
                 advice = f'write stiffness="{np.floor(coupling.stiffness / 10.0) / 100.0:g} N/mm", or lower the damping'
                 yield Problem("clipped-stiffness", sentence, model.scene.places.of(contact, "stiffness"), advice,
@@ -84,11 +84,11 @@ def _outside_band(model: Model) -> Iterator[Problem]:
             if low - 1e-6 <= kelvin <= high + 1e-6:
                 continue
             sentence = (
-                f"object '{element.name}' is at {kelvin - 273.15:.4g} degC, and '{device.name}' renders with "
-                f"{low - 273.15:.4g} to {high - 273.15:.4g} degC: what would need more is clipped, and felt less"
+                f"object '{element.name}' is at {kelvin - 273.15:.4g} degC, but '{device.name}' stays within "
+                f"{low - 273.15:.4g} to {high - 273.15:.4g} degC: the rest of the difference is not felt"
             )
             place = model.scene.places.of(element, "temperature")
-            advice = "give it a temperature that the plate can have, or take the difference into account"
+            advice = "give it a temperature within this range, or take the difference into account"
             yield Problem("out-of-band", sentence, place, advice, severity="note")
 
 
@@ -126,7 +126,7 @@ def _two_heights(model: Model, probe: ProbeModel, near: list[Any], ends: Points)
         (first, one), (second, other) = tops[:2]
         sentence = (
             f"'{probe.name}' rests over '{one.name}' and '{other.name}', whose tops are at {first * 1e3:.4g} and "
-            f"{second * 1e3:.4g} mm: the plate under it has one height"
+            f"{second * 1e3:.4g} mm: the plate under it has only one height"
         )
         place = model.scene.places.of(key, "pos")
         yield Problem("two-heights", sentence, place, "move it over one of them, or level them", severity="note")

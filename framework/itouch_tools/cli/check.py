@@ -88,7 +88,7 @@ def _told(notice: str, problems: Sequence[Problem]) -> bool:
     """Whether a notice of a run is told as a problem, with its place."""
     return any(
         notice.startswith(problem.sentence) or (problem.code == "clipped-stiffness" and " with stiffness " in notice
-                                                and notice.startswith(problem.sentence.partition(" asks ")[0]))
+                                                and notice.startswith(problem.sentence.partition(" has a ")[0]))
         for problem in problems
     )  # fmt: skip
 

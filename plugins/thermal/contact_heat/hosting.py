@@ -1,4 +1,4 @@
-"""What a program that uses this package may do better: keep compiled functions, and keep what solves have found.
+"""Hooks for the program that uses this package: where it keeps compiled functions and results of solves.
 
 By itself the package compiles with Numba, which keeps what it compiled by its own rule, and solves each basis anew.  A
 program that has stores of its own says so once, with ``use``, before it imports anything else of the package.

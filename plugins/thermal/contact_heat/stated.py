@@ -1,4 +1,4 @@
-"""The cases on which figures are stated: a fingertip that rested in air touches blocks of 20 mm at 23 degC."""
+"""The contacts for which figures are stated: a fingertip that rested in air touches blocks of 20 mm at 23 degC."""
 
 from __future__ import annotations
 

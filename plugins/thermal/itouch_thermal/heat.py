@@ -68,16 +68,22 @@ class HeatParams:
     contact_resistance: float = schema.quantity(
         "m^2*K/W", low=0.0, high=1.0, default=2e-3, doc="between skin and object"
     )
-    arterial: float = schema.temperature(low=283.15, high=315.15, default=310.15, doc="of the blood, and of the core")
+    arterial: float = schema.temperature(
+        low=283.15, high=315.15, default=310.15, doc="temperature of the blood and of the core"
+    )
     object_depth: float = schema.quantity("m", low=1e-4, high=1.0, default=0.02, doc="depth of the virtual objects")
     skin_from: str = schema.ref(
         "device", reads=(Role.SKIN_TEMPERATURE,), default="", doc="device that measures the skin"
     )
     press: float = schema.quantity(
-        "s", low=0.0, high=10.0, default=0.0, doc="time constant with which R / (1 - exp(-t / press)) falls; 0: at once"
+        "s",
+        low=0.0,
+        high=10.0,
+        default=0.0,
+        doc="time constant of the resistance after contact, R / (1 - exp(-t / press)); 0: constant at once",
     )
     expected_force: float = schema.quantity(
-        "N", low=1e-3, high=20.0, default=1.0, doc="of a touch, for what is computed before it"
+        "N", low=1e-3, high=20.0, default=1.0, doc="force that is expected of a touch, for what is computed before it"
     )
     layers: tuple[Layer, ...] = schema.children(Layer, doc="tissue from the skin inwards; default: a fingertip")
     laws: tuple[ForceLaw, ...] = schema.children(KINDS, doc="resistance as a function of the force")

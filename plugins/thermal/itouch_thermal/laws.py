@@ -53,7 +53,7 @@ class PressureLaw:
     TAG: ClassVar[str] = "pressure-resistance"
 
     base: float = schema.quantity(
-        "W/(m^2*K)", low=0.0, high=1e5, default=_DEFAULT.base, doc="what moisture and air conduct without pressure"
+        "W/(m^2*K)", low=0.0, high=1e5, default=_DEFAULT.base, doc="conductance without pressure, by moisture and air"
     )
     slope: float = schema.quantity(
         "", low=0.0, high=1e5, default=_DEFAULT.slope, doc="conductance [W/(m^2*K)] at a pressure of 1 Pa"
@@ -83,7 +83,7 @@ class PressureLaw:
 
 @dataclass(frozen=True, slots=True)
 class ForcePoint:
-    """A point of a table: a contact resistance that was found at a force."""
+    """A point of the table: a force, and the contact resistance that was measured at it."""
 
     TAG: ClassVar[str] = "point"
 

@@ -70,22 +70,26 @@ FORCE_SCALE_FIT = Fit(
 
 @dataclass(frozen=True, slots=True)
 class UsbArmParams:
-    """What ``<usb-arm:hardware>`` may hold.
+    """A Novint Falcon on USB.
 
     The frame is that of `itouch_usb_arm.kinematics`; ``grip`` is where the fingertip's centre is in the grip's frame.
     """
 
     serial: str = schema.text(default="any", doc="serial number of the arm, or any")
     firmware: str = schema.text(default="", doc="the arm's firmware file; needed after it was powered on")
-    usbip: str = schema.text(default="", doc="HOST:PORT of a USB/IP server that has the arm; empty: the own USB bus")
+    usbip: str = schema.text(default="", doc="HOST:PORT of a USB/IP server that has the arm; empty: this machine's USB")
     grip: tuple[float, float, float] = schema.quantity(
         "m", size=3, low=-0.2, high=0.2, default=(0.0, 0.0, 0.0), doc="from the grip's centre to the fingertip's"
     )
     force_scale: float = schema.quantity(
-        "", low=100.0, high=20000.0, default=FORCE_SCALE, doc="motor counts a N m; low is safe, calibrate yours"
+        "", low=100.0, high=20000.0, default=FORCE_SCALE, doc="motor counts per N m; too low is safe: calibrate yours"
     )
     homing_time: float = schema.quantity(
-        "s", low=0.1, high=3600.0, default=60.0, doc="how long the operator has to pull the grip out and push it in"
+        "s",
+        low=0.1,
+        high=3600.0,
+        default=60.0,
+        doc="how long the operator may take to pull the grip out and push it in",
     )
     deadman: str = schema.choice(
         "none", "plus", "forward", "centre", "minus", default="none", doc="button of the grip that must be held to run"

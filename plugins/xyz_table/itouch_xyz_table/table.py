@@ -46,7 +46,7 @@ _REQUESTS, _TURN = 8, 1e-3
 
 @dataclass(frozen=True, slots=True)
 class XyzTableParams:
-    """What ``<xyz-table:hardware>`` may hold; its origin is the middle of the x and y travel, at the bottom."""
+    """A table of three axes on servos or steppers; its origin is the middle of the x and y travel, at the bottom."""
 
     travel: tuple[float, float, float] = schema.quantity(
         "m", size=3, low=0.005, high=1.0, default=(0.16, 0.12, 0.04), doc="full travel along x, y and z"

@@ -75,7 +75,9 @@ def _length(metres: float) -> str:
 def _surface(facts: MeshFacts, shown: str, sides: str | None) -> Iterator[Finding]:
     if facts.one_sided:
         advice = 'write sides="two"'
-        sentence = f"'{shown}' has no front and back: {_many(facts.one_sided, 'pair')} of triangles contradict"
+        sentence = (
+            f"'{shown}' has no front and back: {_many(facts.one_sided, 'pair')} of triangles contradict each other"
+        )
         yield Finding("mesh-winding", sentence, advice, "note" if sides == "two" else "warning")
     if facts.open_edges:
         torn = facts.open_length < _extent(facts)  # the border of a sheet is longer than the sheet

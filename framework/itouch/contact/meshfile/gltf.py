@@ -78,7 +78,7 @@ def _damaged(shown: str, error: Exception) -> MeshError:
         return error
     reason = f"no '{error.args[0]}'" if isinstance(error, KeyError) and error.args else str(error)
     reason = "it ends too early" if isinstance(error, struct.error) else " ".join(reason.split())
-    return MeshError("mesh-damaged", f"'{shown}' is not a sound glTF file: {reason[:120]}", "export it again")
+    return MeshError("mesh-damaged", f"'{shown}' is not a valid glTF file: {reason[:120]}", "export it again")
 
 
 def _document(data: bytes) -> dict[str, Any]:

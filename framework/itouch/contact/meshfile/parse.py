@@ -96,7 +96,7 @@ def _loaded(data: bytes, kind: str, shown: str) -> Iterator[tuple[NDArray[np.flo
         raise
     except Exception as error:  # a reader of a stranger's bytes may raise anything
         reason = " ".join(str(error).split())[:120] or type(error).__name__
-        sentence = f"'{shown}' is not a sound {kind.upper()} file: {reason}"
+        sentence = f"'{shown}' is not a valid {kind.upper()} file: {reason}"
         raise MeshError("mesh-damaged", sentence, "is it complete? export it again") from None
 
 

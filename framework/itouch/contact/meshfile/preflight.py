@@ -55,8 +55,8 @@ def _not(kind: str, shown: str, data: bytes, why: str = "") -> MeshError:
     begins = data[:24].decode("latin-1")
     begins = "".join(c if c.isprintable() and c.isascii() else "." for c in begins)
     reason = why or f"it begins with '{begins}'"
-    advice = "is it complete, and does its name end as it should?"
-    return MeshError("mesh-damaged", f"'{shown}' is not a sound {kind} file: {reason}", advice)
+    advice = "is it complete, and does its extension match its format?"
+    return MeshError("mesh-damaged", f"'{shown}' is not a valid {kind} file: {reason}", advice)
 
 
 def _stl(data: bytes, shown: str) -> bytes:

@@ -30,20 +30,24 @@ class Probe:
         doc="the table that carries surfaces to it",
     )
     clearance: float = quantity(
-        "m", low=1e-3, high=0.05, default=0.005, doc="how far the plate stays below in free space"
+        "m", low=1e-3, high=0.05, default=0.005, doc="distance that the plate keeps below the surfaces in free space"
     )
     plate_angle: float = quantity(
         "rad",
         low=0.0,
         high=1.0,
         default=0.4363323129985824,
-        doc="greatest angle between surface and plate that the plate renders",
+        doc="steepest surface, against the plate, that the plate still renders",
     )
     near: float = quantity(
         "m", low=1e-3, high=1.0, default=0.05, doc="distance at which an object counts as approached"
     )
     hand_damping: float = quantity(
-        "N*s/m", low=0.0, high=50, default=5.0, doc="damping that the hand is counted on for"
+        "N*s/m",
+        low=0.0,
+        high=50,
+        default=5.0,
+        doc="damping that the hand can be relied on to add, for the stability of the virtual coupling",
     )
     modulus: float = quantity(
         "Pa", low=1e3, high=1e12, default=5e4, doc="effective modulus of the fingertip, for the area of contact (Hertz)"
@@ -52,7 +56,7 @@ class Probe:
 
 @dataclass(frozen=True, slots=True)
 class To:
-    """A target of the hand: go there in a time, on a minimum-jerk path, then hold, or wait until something is so."""
+    """A target of the hand: it goes there on a minimum-jerk path in a given time, then stays, or waits for its skin."""
 
     TAG: ClassVar[str] = "to"
     pos: tuple[float, float, float] = quantity("m", size=3, low=-10, high=10, doc="target of the fingertip's centre")
@@ -60,14 +64,14 @@ class To:
     hold: float | Until = hold(
         high=3600,
         default=0.0,
-        doc="how long to stay there; or a wait until the skin is so near its temperature at the session's start, "
-        "of at most 60 s",
+        doc="how long it stays there; or how near the skin must come to its temperature at the session's start before "
+        "the hand goes on, after 60 s at the latest",
     )
 
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """What the operator's hand does: targets, of which the first is where it starts, or what was recorded."""
+    """How the operator's hand moves: by targets, of which the first is where it starts, or as it was recorded."""
 
     TAG: ClassVar[str] = "motion"
     REQUIRES: ClassVar[tuple[tuple[str, str], ...]] = (("recorded_probe", "file"),)
@@ -89,7 +93,9 @@ class Operator:
     mass: float = quantity("kg", low=1e-3, high=10, default=0.08, doc="moving mass of finger and hand")
     stiffness: float = quantity("N/m", low=1.0, high=1e5, default=300.0, doc="stiffness of the hand")
     damping: float = quantity("N*s/m", low=0.0, high=1e3, default=6.0, doc="damping of the hand")
-    skin_temperature: float = temperature(low=283.15, high=313.15, default=306.15, doc="of the fingertip at start")
+    skin_temperature: float = temperature(
+        low=283.15, high=313.15, default=306.15, doc="skin temperature of the fingertip at the start"
+    )
     pad_stiffness: float = quantity("N/m", low=10, high=1e5, default=1000.0, doc="of the finger pad against the plate")
     pad_damping: float = quantity("N*s/m", low=0.0, high=100, default=2.0, doc="of the finger pad against the plate")
     motion: Motion = child(Motion, default=Motion())

@@ -36,13 +36,13 @@ class Visual:
     color: tuple[float, float, float] = quantity("", size=3, low=0.0, high=1.0, doc="red, green and blue, 0 to 1")
     finish: str = choice(
         "matte", "metal", "glass", "wood", "foam", default="matte",
-        doc="what light does with it in the window: nothing that is felt or measured depends on it",
+        doc="how it reflects light in the window; nothing that is felt or measured depends on it",
     )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
 class Material:
-    """A name under which the properties of every modality are kept."""
+    """A material: its properties for every modality, under one name."""
 
     TAG: ClassVar[str] = "material"
     name: str = name()

@@ -39,15 +39,19 @@ class ObjectMotion:
 
 @dataclass(frozen=True, slots=True)
 class Dynamics:
-    """The object is a free rigid body: it falls, is pushed and lifted, and bears on others (MuJoCo)."""
+    """A free rigid body: the object falls, is pushed and lifted, and presses on others (MuJoCo)."""
 
     TAG: ClassVar[str] = "dynamics"
     mass: float = quantity("kg", low=1e-3, high=100, doc="its mass")
     inertia: tuple[float, ...] | None = quantity(
         "kg*m^2", size=3, low=1e-12, high=1e3, default=None,
-        doc="about its own x, y and z axes; default: of its shape, filled evenly",
+        doc="about its own x, y and z axes; default: that of its shape at even density",
     )  # fmt: skip
     friction: float | None = quantity(
-        "", low=0.0, high=5.0, default=None, doc="against other objects; default: the material's dynamic friction"
+        "",
+        low=0.0,
+        high=5.0,
+        default=None,
+        doc="coefficient of friction against other objects; default: the material's dynamic friction",
     )
     damping: float = quantity("1/s", low=0.0, high=100, default=0.1, doc="rate at which a free motion dies away")

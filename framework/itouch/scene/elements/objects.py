@@ -80,14 +80,16 @@ class Cylinder(_Placed):
 
 @dataclass(frozen=True, slots=True)
 class Mesh(_Placed):
-    """The triangles of a file, about the origin that they have there."""
+    """A triangle mesh out of a file, about the file's origin."""
 
     TAG: ClassVar[str] = "mesh"
     file: str = file(doc="its file, relative to this one: STL, OBJ, PLY, GLB, glTF or OFF")
     scale: float = quantity(
-        "m", positive=True, high=1e4, default=1.0, doc="length of one unit of the file, as `1 mm`, or a factor"
+        "m", positive=True, high=1e4, default=1.0, doc="length of one unit of the file, such as `1 mm`, or a factor"
     )
-    sides: str = choice("one", "two", default="one", doc="touched from the front only, or from both sides")
+    sides: str = choice(
+        "one", "two", default="one", doc="whether it is touched from the front only, or from both sides"
+    )
 
 
 #: The kinds of object that may stand in a world.

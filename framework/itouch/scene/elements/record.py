@@ -24,15 +24,21 @@ class RecordChannels:
 
 @dataclass(frozen=True, slots=True)
 class RecordElement:
-    """Record the session as MCAP: all that a replay needs, and chosen channels on top."""
+    """Records the session as MCAP: all that a replay needs, and the channels that are chosen here."""
 
     TAG: ClassVar[str] = "record"
     to: str = text(doc="file below the working folder, ending in .mcap; {scene}, {time} and {seed} are filled in")
-    channels: str = text(default="", doc="names of State fields separated by blanks; * stands for anything")
+    channels: str = text(default="", doc="names of State fields, separated by blanks; * stands for any characters")
     rate: float | None = quantity(
-        "Hz", low=1e-2, high=4000, default=None, doc="of `channels`; must divide the servo rate, which is the default"
+        "Hz",
+        low=1e-2,
+        high=4000,
+        default=None,
+        doc="rate of `channels`; must divide the servo rate, which is the default",
     )
-    on_failure: str = choice("go-on", "stop", default="go-on", doc="what the session does when recording fails")
+    on_failure: str = choice(
+        "go-on", "stop", default="go-on", doc="whether the session goes on or stops when recording fails"
+    )
     more: tuple[RecordChannels, ...] = children(RecordChannels)
 
     def __post_init__(self) -> None:

@@ -28,7 +28,10 @@ class Safety:
         "N", positive=True, default=None, doc="force on the finger above which the plate yields"
     )
     plate_rate: float | None = quantity(
-        "K/s", positive=True, default=None, doc="rate of the plate in contact above which its drive is cut down"
+        "K/s",
+        positive=True,
+        default=None,
+        doc="rate of the plate's temperature in contact above which its drive is cut down",
     )
     flux: float | None = quantity(
         "W/m^2", positive=True, default=None, doc="mean flux above which the plate's drive is cut down"
@@ -49,22 +52,25 @@ class Safety:
     servo_overrun: str = choice("stop", "warn", default="warn", doc="what happens when the loop falls behind real time")
     watchdog: float | None = quantity("s", positive=True, default=None, doc="greatest age of a device's reading")
     participant: str = text(
-        default="", doc="code of who is touched: thermal dose and time in the cold then go on over all their sessions"
+        default="",
+        doc="code of the participant: thermal dose and time in the cold then add up over all sessions of that code",
     )
 
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """A fault that is injected into the twin of a device, to see what happens then; never into hardware."""
+    """A fault that is injected into the twin of a device, to see what follows; never into hardware."""
 
     TAG: ClassVar[str] = "fault"
     REQUIRES: ClassVar[tuple[tuple[str, str], ...]] = (("amount", "channel"),)
     device: str = ref("device", doc="whose twin fails")
     kind: str = choice(*FAULTS, doc="how it fails")
     at: float = quantity("s", low=0.0, high=1e6, doc="when it begins, in simulated time")
-    for_: float | None = quantity("s", positive=True, default=None, doc="how long it lasts; default: to the end")
+    for_: float | None = quantity(
+        "s", positive=True, default=None, doc="how long it lasts; default: to the end of the session"
+    )
     channel: str = text(default="", doc="the reading or command that fails; default: all that can")
-    amount: str = text(default="", doc="of a bias or spike, or of a drift in a second, in the channel's unit")
+    amount: str = text(default="", doc="size of a bias or spike, or of a drift in a second, in the channel's unit")
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,7 +23,7 @@ class Sound:
     """The sound of a material: a sum of damped modes for strokes, and noise for sliding."""
 
     TAG: ClassVar[str] = "sound"
-    loudness: float = quantity("", low=0.0, high=1.0, default=1.0, doc="of everything, 0 to 1")
+    loudness: float = quantity("", low=0.0, high=1.0, default=1.0, doc="loudness of all its sounds, 0 to 1")
     friction: float = quantity(
         "", low=0.0, high=1.0, default=0.2, doc="loudness of the noise of sliding, 0 to 1; a <texture> is heard in it"
     )

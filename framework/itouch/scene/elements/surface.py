@@ -10,14 +10,19 @@ from itouch.schema.fields import children, choice, file, quantity
 
 @dataclass(frozen=True, slots=True)
 class Texture:
-    """A height map carved into the surface, laid on without texture coordinates; it repeats."""
+    """A height map carved into the surface; it repeats, and needs no texture coordinates."""
 
     TAG: ClassVar[str] = "texture"
     file: str = file(doc="its PNG, PGM or .npy file, relative to this one; white is high")
     depth: float = quantity("m", low=1e-6, high=5e-3, default=2e-4, doc="how deep black is carved")
     width: float = quantity("m", low=1e-4, high=10.0, default=0.02, doc="width of the map on the surface")
     projection: str = choice(
-        "triplanar", "x", "y", "z", default="triplanar", doc="along which of the object's axes it is laid on"
+        "triplanar",
+        "x",
+        "y",
+        "z",
+        default="triplanar",
+        doc="axis of the object along which it is projected; triplanar: all three",
     )
 
 
@@ -32,7 +37,7 @@ class Layer:
 
 @dataclass(frozen=True, slots=True)
 class Softness:
-    """Layers from the outside in over the stiffness of ``<contact>``: a force that grows piecewise with depth."""
+    """Soft layers over the stiffness of ``<contact>``, the outermost first: a force that grows piecewise with depth."""
 
     TAG: ClassVar[str] = "softness"
     layers: tuple[Layer, ...] = children(Layer, doc="from the outside in")
@@ -40,11 +45,13 @@ class Softness:
 
 @dataclass(frozen=True, slots=True)
 class StickSlip:
-    """A spring along the surface that holds the finger up to a force, lets go, and holds anew."""
+    """A spring along the surface that holds the finger up to a force, lets go, and takes hold again."""
 
     TAG: ClassVar[str] = "stick-slip"
     stiffness: float = quantity("N/m", positive=True, high=2e3, default=300.0, doc="stiffness of the spring")
-    force: float = quantity("N", positive=True, high=3.0, doc="where it lets go; the normal force at most")
+    force: float = quantity(
+        "N", positive=True, high=3.0, doc="force at which it lets go; never more than the normal force"
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,11 +64,11 @@ class Viscosity:
 
 @dataclass(frozen=True, slots=True)
 class Magnetic:
-    """Attraction towards the surface, falling smoothly to nothing at the end of its range."""
+    """Attraction towards the surface, which falls smoothly to zero at the end of its range."""
 
     TAG: ClassVar[str] = "magnetic"
     force: float = quantity("N", positive=True, high=3.0, doc="at the surface")
-    range: float = quantity("m", low=1e-4, high=0.2, default=0.01, doc="how far it reaches; at most the probe's near")
+    range: float = quantity("m", low=1e-4, high=0.2, default=0.01, doc="how far it reaches; at most the probe's `near`")
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +78,9 @@ class Vibration:
     TAG: ClassVar[str] = "vibration"
     amplitude: float = quantity("N", low=0.0, high=1.0, default=0.0, doc="of the steady vibration")
     frequency: float = quantity("Hz", low=1.0, high=500.0, default=100.0, doc="of the steady vibration")
-    tap: float = quantity("N*s/m", low=0.0, high=20.0, default=0.0, doc="amplitude after a tap over its speed")
+    tap: float = quantity(
+        "N*s/m", low=0.0, high=20.0, default=0.0, doc="amplitude of the vibration after a tap, over the speed of impact"
+    )
     tap_frequency: float = quantity("Hz", low=1.0, high=500.0, default=250.0, doc="after a tap")
     tap_decay: float = quantity("s", low=1e-3, high=1.0, default=0.02, doc="time constant after a tap")
 

@@ -16,18 +16,18 @@ FORCE = 5.0
 
 @dataclass(frozen=True, slots=True)
 class HaplyParams:
-    """What ``<haply:hardware>`` may hold.
+    """A Haply Inverse3 behind its Inverse Service.
 
     The frame is the arm's own: x right, y away from the operator, z up, the origin at its base.
     """
 
     service: str = schema.text(default="", doc="HOST:PORT of the Inverse Service; empty: localhost:10001")
-    device: str = schema.text(default="any", doc="the arm's number, such as 049D, or any for the only one")
+    device: str = schema.text(default="any", doc="the arm's number, such as 049D; any: the only one")
     grip: tuple[float, float, float] = schema.quantity(
         "m", size=3, low=-0.2, high=0.2, default=(0.0, 0.0, 0.0), doc="from the arm's cursor to the fingertip's centre"
     )
     calibration_time: float = schema.quantity(
-        "s", low=0.0, high=3600.0, default=60.0, doc="how long the operator has to calibrate the arm"
+        "s", low=0.0, high=3600.0, default=60.0, doc="how long the operator may take to calibrate the arm"
     )
     deadman: str = schema.choice(
         "none", "a", "b", "c", "button", default="none", doc="button of a VerseGrip that must be held to run"

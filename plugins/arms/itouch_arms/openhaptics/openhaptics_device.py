@@ -15,7 +15,7 @@ _BUTTONS = {"none": 0, "button1": 1, "button2": 2}
 
 @dataclass(frozen=True, slots=True)
 class OpenHapticsParams:
-    """What ``<openhaptics:hardware>`` may hold.
+    """A Phantom or Touch behind OpenHaptics.
 
     The frame: x right, y away from the operator, z up; the origin is the library's.
     """
@@ -26,7 +26,7 @@ class OpenHapticsParams:
         "m", size=3, low=-0.2, high=0.2, default=(0.0, 0.0, 0.0), doc="from the arm's end to the fingertip's centre"
     )
     calibration_time: float = schema.quantity(
-        "s", low=0.0, high=3600.0, default=60.0, doc="how long the operator has to calibrate the arm"
+        "s", low=0.0, high=3600.0, default=60.0, doc="how long the operator may take to calibrate the arm"
     )
     deadman: str = schema.choice(*_BUTTONS, default="none", doc="button of the stylus that must be held to run")
     resolution: float = schema.quantity(

@@ -25,7 +25,7 @@ _MODULE = {"seebeck": 0.051, "resistance": 1.86, "conductance": 0.56}
 
 @dataclass(frozen=True, slots=True)
 class Mismatch:
-    """How the twin's plant differs from what is written: parts (0.1 or 10 %), and an offset in K."""
+    """How the twin's plant differs from what is written: relative differences (0.1 or 10 %), and an offset in K."""
 
     TAG: ClassVar[str] = "mismatch"
 
@@ -38,7 +38,7 @@ class Mismatch:
     finger_effusivity: float = schema.quantity("", low=-0.5, high=1.0, default=0.0, doc="effusivity of the finger")
     sensor_lag: float = schema.quantity("", low=-0.9, high=4.0, default=0.0, doc="time constants of both sensors")
     flux_gain: float = schema.quantity("", low=-0.5, high=1.0, default=0.0, doc="gain of the flux sensor")
-    delay: float = schema.quantity("s", low=-0.2, high=0.2, default=0.0, doc="how much longer a command takes")
+    delay: float = schema.quantity("s", low=-0.2, high=0.2, default=0.0, doc="how much longer a command takes to act")
     plate_offset: float = schema.quantity("K", low=-2.0, high=2.0, default=0.0, doc="offset of the plate's sensor")
 
     def __post_init__(self) -> None:
@@ -106,12 +106,21 @@ class DisplayParams:
     sensor_area: float = schema.quantity(
         "m^2", low=1e-6, high=0.1, default=SENSOR_AREA, doc="area of the flux film, in the middle under the finger"
     )
-    sink_capacity: float = schema.quantity("J/K", low=1.0, high=1e5, default=150.0, doc="hot plate and heat sink")
-    sink_resistance: float = schema.quantity("K/W", low=1e-3, high=20.0, default=0.5, doc="heat sink to the room")
-    film_coefficient: float = schema.quantity("W/(m^2*K)", low=0.0, high=100.0, default=10.0, doc="air on the plate")
-    delay: float = schema.quantity("s", low=0.0, high=0.2, default=0.02, doc="from command to current")
+    sink_capacity: float = schema.quantity(
+        "J/K", low=1.0, high=1e5, default=150.0, doc="heat capacity of hot plate and heat sink"
+    )
+    sink_resistance: float = schema.quantity(
+        "K/W", low=1e-3, high=20.0, default=0.5, doc="thermal resistance from heat sink to room"
+    )
+    film_coefficient: float = schema.quantity(
+        "W/(m^2*K)", low=0.0, high=100.0, default=10.0, doc="heat transfer from the plate to the air"
+    )
+    delay: float = schema.quantity("s", low=0.0, high=0.2, default=0.02, doc="time from command to current")
     command: str = schema.choice(
-        "current", "temperature", default="current", doc="what the driver is told: a current, or a temperature to hold"
+        "current",
+        "temperature",
+        default="current",
+        doc="what the driver is commanded: a current, or a temperature to hold",
     )
     target_gain: float = schema.quantity(
         "A/K", low=0.01, high=100.0, default=2.0, doc="of a driver that holds a temperature: its proportional gain"
@@ -120,13 +129,15 @@ class DisplayParams:
         "A/(K*s)", low=0.0, high=100.0, default=2.0, doc="of a driver that holds a temperature: its integral gain"
     )
     flux_limit: float = schema.quantity(
-        "W/m^2", low=100.0, high=1e6, default=35e3, doc="greatest flux a controller asks of the module"
+        "W/m^2", low=100.0, high=1e6, default=35e3, doc="greatest flux that a controller demands of the module"
     )
 
     full_scale: float = schema.quantity("W/m^2", low=100.0, high=1e6, default=20e3, doc="of the flux sensor")
     flux_lag: float = schema.quantity("s", low=0.0, high=2.0, default=0.05, doc="time constant of the flux sensor")
     flux_noise: float = schema.quantity("W/m^2", low=0.0, high=5e3, default=20.0, doc="rms of one sample")
-    flux_bias: float = schema.quantity("W/m^2", low=-1e3, high=1e3, default=0.0, doc="what is left after zeroing")
+    flux_bias: float = schema.quantity(
+        "W/m^2", low=-1e3, high=1e3, default=0.0, doc="offset that is left after zeroing"
+    )
     flux_resolution: float = schema.quantity("W/m^2", low=0.0, high=100.0, default=0.6, doc="one count; 0: none")
     plate_lag: float = schema.quantity("s", low=0.0, high=2.0, default=0.05, doc="time constant of the plate's sensor")
     plate_noise: float = schema.quantity("K", low=0.0, high=1.0, default=0.01, doc="rms of one sample")
@@ -136,7 +147,9 @@ class DisplayParams:
     sink_resolution: float = schema.quantity("K", low=0.0, high=1.0, default=1e-2, doc="one count; 0: none")
     skin_noise: float = schema.quantity("K", low=0.0, high=2.0, default=0.05, doc="rms of one infrared sample")
     skin_resolution: float = schema.quantity("K", low=0.0, high=1.0, default=1e-2, doc="one count; 0: none")
-    skin_clear: float = schema.quantity("m", low=0.0, high=0.1, default=2e-3, doc="gap above which infrared sees skin")
+    skin_clear: float = schema.quantity(
+        "m", low=0.0, high=0.1, default=2e-3, doc="gap above which the infrared thermometer sees the skin"
+    )
 
     contact_resistance: float = schema.quantity(
         "m^2*K/W", low=1e-5, high=1.0, default=2e-3, doc="of the twin: between skin and film at full force"

@@ -26,7 +26,7 @@ class Mecom:
     session_baud: int = schema.integer(
         low=0, high=1_000_000, default=0, doc="speed of the port for the session, if the controller can; 0: as it is"
     )
-    address: int = schema.integer(low=0, high=254, default=2, doc="of the controller on its line; 0: any")
+    address: int = schema.integer(low=0, high=254, default=2, doc="address of the controller on its line; 0: any")
     instance: int = schema.integer(low=1, high=4, default=1, doc="channel of the controller")
 
     def __post_init__(self) -> None:
@@ -55,7 +55,7 @@ class FluxSensor:
     )
     reference: float = schema.temperature(low=250.0, high=350.0, default=296.15, doc="temperature of the calibration")
     correction: float = schema.quantity(
-        "1/K", low=-0.05, high=0.05, default=0.0, doc="relative change of the sensitivity a kelvin"
+        "1/K", low=-0.05, high=0.05, default=0.0, doc="relative change of the sensitivity per kelvin"
     )
     offset: float = schema.quantity("V", low=-1.0, high=1.0, default=0.0, doc="voltage without flux")
     sign: float = schema.quantity("", low=-1, high=1, default=1.0, doc="-1 for a sensor that is mounted upside down")
@@ -79,15 +79,15 @@ class FluxSensor:
 
 @dataclass(frozen=True, slots=True)
 class Infrared:
-    """An infrared thermometer with a voltage output that looks at the finger; out of its range it sees none."""
+    """An infrared thermometer with a voltage output that looks at the finger; beyond `range` it sees none."""
 
     TAG: ClassVar[str] = "infrared"
 
     channel: int = schema.integer(low=0, high=13, default=2, doc="analog input, single-ended")
-    slope: float = schema.quantity("K/V", low=0.1, high=1e4, default=20.0, doc="kelvin a volt")
+    slope: float = schema.quantity("K/V", low=0.1, high=1e4, default=20.0, doc="kelvin per volt")
     zero: float = schema.temperature(low=150.0, high=350.0, default=273.15, doc="temperature at 0 V")
     range: tuple[float, float] = schema.temperature(
-        size=2, low=250.0, high=350.0, default=(288.15, 318.15), doc="what counts as a finger"
+        size=2, low=250.0, high=350.0, default=(288.15, 318.15), doc="readings that count as a finger"
     )
 
 
@@ -98,7 +98,7 @@ class LabJack:
     TAG: ClassVar[str] = "labjack"
 
     host: str = schema.text(doc="address of the T7, HOST or HOST:PORT")
-    resolution: int = schema.integer(low=0, high=12, default=0, doc="resolution index of the inputs; 0: its own choice")
+    resolution: int = schema.integer(low=0, high=12, default=0, doc="resolution index of the inputs; 0: the T7 chooses")
     averaging: float = schema.quantity(
         "s",
         low=0.0,
@@ -125,18 +125,22 @@ class LabJack:
 
 @dataclass(frozen=True, slots=True)
 class LinePort:
-    """A rig of one's own that speaks the line protocol (the reference manual has it, with an Arduino's program)."""
+    """A rig of your own that speaks the line protocol; the reference documents it, with a program for an Arduino."""
 
     TAG: ClassVar[str] = "line"
 
     port: str = schema.text(doc="serial port, or socket://HOST:PORT")
     baud: int = schema.integer(low=9600, high=2_000_000, default=115200, doc="speed of the serial port")
     age: float = schema.quantity(
-        "s", low=0.0, high=0.2, default=0.0, doc="how old its readings are when it sends them: a mean is half its time"
+        "s",
+        low=0.0,
+        high=0.2,
+        default=0.0,
+        doc="how old its readings are when it sends them; a mean is half as old as its time is long",
     )
     firmware: str = schema.choice(
         "own",
         "reference",
         default="own",
-        doc="its program: one's own, or ours, which a virtual rig runs in a simulated chip",
+        doc="its program: your own, or the reference firmware, which a virtual rig runs in a simulated chip",
     )

@@ -21,7 +21,7 @@ class ForceSensor:
     TAG: ClassVar[str] = "force-sensor"
 
     channel: int = schema.integer(low=0, high=13, default=3, doc="analog input, single-ended")
-    slope: float = schema.quantity("N/V", low=1e-3, high=1e4, default=2.0, doc="newtons a volt")
+    slope: float = schema.quantity("N/V", low=1e-3, high=1e4, default=2.0, doc="newtons per volt")
     zero: float = schema.quantity("V", low=-10.0, high=10.0, default=0.0, doc="voltage without force")
 
 
@@ -32,7 +32,7 @@ class Thermometer:
     TAG: ClassVar[str] = "thermometer"
 
     channel: int = schema.integer(low=0, high=13, default=4, doc="analog input, single-ended")
-    slope: float = schema.quantity("K/V", low=0.1, high=1e5, default=20.0, doc="kelvin a volt")
+    slope: float = schema.quantity("K/V", low=0.1, high=1e5, default=20.0, doc="kelvin per volt")
     zero: float = schema.temperature(low=150.0, high=350.0, default=273.15, doc="temperature at 0 V")
 
 
@@ -43,7 +43,7 @@ class T7:
     TAG: ClassVar[str] = "labjack"
 
     host: str = schema.text(doc="address of the T7, HOST or HOST:PORT")
-    resolution: int = schema.integer(low=0, high=12, default=0, doc="resolution index of the inputs; 0: its own choice")
+    resolution: int = schema.integer(low=0, high=12, default=0, doc="resolution index of the inputs; 0: the T7 chooses")
     flux_sensor: FluxSensor | None = schema.child(FluxSensor, default=None, doc="the film")
     thermometer: Thermometer | None = schema.child(Thermometer, default=None, doc="the thermometer in the film")
     force_sensor: ForceSensor | None = schema.child(ForceSensor, default=None, doc="the sensor under the sample")
@@ -57,32 +57,34 @@ class T7:
 
 @dataclass(frozen=True, slots=True)
 class FilmParams:
-    """A sample under a flux film on a force sensor; the twin has a finger that touches it by itself."""
+    """A sample under a flux film, on a force sensor; its twin has a finger that touches it by itself."""
 
     film_capacity: float = schema.quantity(
         "J/(m^2*K)", low=0.0, high=1e4, default=129.0, doc="heat capacity of the film over its area"
     )
     film_resistance: float = schema.quantity(
-        "m^2*K/W", low=1e-7, high=1e-2, default=1.5e-5, doc="of the film from face to face"
+        "m^2*K/W", low=1e-7, high=1e-2, default=1.5e-5, doc="thermal resistance of the film, from face to face"
     )
     full_scale: float = schema.quantity("W/m^2", low=100.0, high=1e6, default=20e3, doc="of the flux film")
     flux_lag: float = schema.quantity("s", low=0.0, high=2.0, default=0.05, doc="time constant of the flux film")
     film_lag: float = schema.quantity("s", low=0.0, high=2.0, default=5e-3, doc="time constant of its thermometer")
     flux_noise: float = schema.quantity("W/m^2", low=0.0, high=5e3, default=20.0, doc="of the twin: rms of one sample")
-    flux_bias: float = schema.quantity("W/m^2", low=-1e3, high=1e3, default=15.0, doc="of the twin: reading at rest")
+    flux_bias: float = schema.quantity(
+        "W/m^2", low=-1e3, high=1e3, default=15.0, doc="of the twin: offset of the flux film at rest"
+    )
     flux_drift: float = schema.quantity("W/(m^2*s)", low=-10.0, high=10.0, default=0.05, doc="of the twin: its drift")
     film_noise: float = schema.quantity("K", low=0.0, high=1.0, default=0.01, doc="of the twin: rms of one sample")
     skin_noise: float = schema.quantity("K", low=0.0, high=1.0, default=0.05, doc="of the twin: rms of one sample")
     force_noise: float = schema.quantity("N", low=0.0, high=1.0, default=0.01, doc="of the twin: rms of one sample")
     force: float = schema.quantity("N", low=0.05, high=20.0, default=1.0, doc="of the twin's finger")
     force_spread: float = schema.quantity(
-        "", low=0.0, high=1.0, default=0.03, doc="of the twin: part from touch to touch"
+        "", low=0.0, high=1.0, default=0.03, doc="of the twin: relative spread of the force from touch to touch"
     )
     hold: float = schema.quantity("s", low=0.1, high=600.0, default=10.0, doc="of the twin: length of a touch")
     pause: float = schema.quantity("s", low=0.5, high=3600.0, default=3.0, doc="of the twin: time between two touches")
     recovers: bool = schema.flag(
         default=True,
-        doc="of the twin: finger and sample are at rest after a touch, as after minutes that nobody waits for",
+        doc="of the twin: finger and sample have recovered before each touch, without the minutes that this takes",
     )
     touches: int = schema.integer(low=1, high=10000, default=8, doc="of the twin: how often it touches")
     press: float = schema.quantity(
@@ -92,7 +94,11 @@ class FilmParams:
         "m^2*K/W", low=1e-5, high=1.0, default=2e-3, doc="of the twin: between skin and film"
     )
     recovery: float = schema.quantity(
-        "W/(m^2*K)", low=1.0, high=1e4, default=200.0, doc="of the twin: film to the air, blown at between touches"
+        "W/(m^2*K)",
+        low=1.0,
+        high=1e4,
+        default=200.0,
+        doc="of the twin: heat transfer from the film to air that is blown at it between touches",
     )
     skin_temperature: float = schema.temperature(low=273.15, high=318.15, default=306.15, doc="of the twin's finger")
     core: float = schema.temperature(low=283.15, high=315.15, default=310.15, doc="of the twin's finger, and its blood")

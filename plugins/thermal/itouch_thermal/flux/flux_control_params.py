@@ -17,7 +17,7 @@ class MaterialCurve:
 
     TAG: ClassVar[str] = "curve"
 
-    material: str = schema.ref("material", doc="of the objects that it is for")
+    material: str = schema.ref("material", doc="material of the objects that it is for")
     file: str = schema.text(doc="CSV file with columns t and j, in the scene's folder")
 
 
@@ -27,7 +27,9 @@ class FluxControlParams:
 
     display: str = schema.ref("device", reads=READS, doc="the thermal display")
     desired_from: str = schema.ref(
-        "modality", default="", doc="what computes the desired flux; may be left away only where files have it"
+        "modality",
+        default="",
+        doc="the modality that computes the desired flux; may be omitted only where recorded curves give it",
     )
     target: str = schema.choice(
         "desired", "file", default="desired", doc="the flux that `desired-from` computes, or a recorded curve"
@@ -36,20 +38,35 @@ class FluxControlParams:
         default="", doc="with target `file`: CSV file with columns t and j, in the scene's folder, for all objects"
     )
     controller: str = schema.choice(
-        "model", "paper", "hold", default="model", doc="ours, the paper's, or its start temperature alone"
+        "model",
+        "paper",
+        "hold",
+        default="model",
+        doc="model: with estimator and prediction; paper: the paper's; hold: the start temperature alone",
     )
     force_from: str = schema.ref(
-        "device", reads=(Role.CONTACT_FORCE,), default="", doc="what measures the force on the plate; default: who can"
+        "device",
+        reads=(Role.CONTACT_FORCE,),
+        default="",
+        doc="device that measures the force on the plate; default: the one that can",
     )
     equalise: bool = schema.flag(
         default=False,
-        doc="whether the plate is ready after the same time for every material, so that the wait gives none away",
+        doc="whether the plate is ready after the same time for every material, so that the wait does not reveal it",
     )
     preset_time: float = schema.quantity(
-        "s", low=0.0, high=60.0, default=0.0, doc="that time; 0: what the longest switch between two objects takes"
+        "s",
+        low=0.0,
+        high=60.0,
+        default=0.0,
+        doc="that time; 0: as long as the longest switch between two objects takes",
     )
     preset_noise: float = schema.quantity(
-        "A", low=0.0, high=1.0, default=0.0, doc="noise on the current before a touch, over what else is heard of it"
+        "A",
+        low=0.0,
+        high=1.0,
+        default=0.0,
+        doc="noise on the current before a touch, which covers the noise of the controller",
     )
     condensation: str = schema.choice(
         "warn", "avoid", default="warn", doc="below the dew point: warn, or keep the plate 1 K above it"
