@@ -16,7 +16,8 @@ from itouch.schema import Problem
 from itouch.schema.hold_until import SKIN, WORD, Until
 from itouch.world.rig import DeviceModel
 
-#: Over what the skin at the session's start is averaged, over what the skin now, and how long a wait may be [s].
+#: When a skin has recovered: over what that of the session's start is averaged [s], over what the skin now, and how
+#: long a wait for it may be.
 BASELINE, WINDOW, LONGEST = 1.0, 0.1, 60.0
 
 

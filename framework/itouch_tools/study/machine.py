@@ -1,4 +1,4 @@
-"""One trial as a state machine: skin, approach, go, contact, judge, answer, pause; stepped once a tick.
+"""One trial as a state machine: skin, approach, go, contact, judge, answer, pause; void if a touch breaks a rule.
 
 ``skin`` -> ``approach`` -> ``go`` -> ``contact`` -> ``judge``, once for each interval, then ``answer`` -> ``pause`` ->
 ``end``.  What drives it presents the next interval's scene when it stands in ``skin`` anew, judges a touch in

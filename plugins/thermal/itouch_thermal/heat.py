@@ -31,7 +31,8 @@ Array = NDArray[np.float64]
 #: How much valid infrared is averaged before a touch [s].
 SKIN_WINDOW = 0.1
 
-#: Epidermis of the paper; dermis and subcutis after Torvi and Dale's kind of tissue model.
+#: The model finger, unless a scene has its own: epidermis of the paper; dermis and subcutis, with the perfusion of
+#: blood, after Torvi and Dale's kind of tissue model.
 FINGER: tuple[Layer, ...] = (
     Layer(name="epidermis", thickness=7e-4, conductivity=0.34, density=1200.0, specific_heat=3340.0),
     Layer(name="dermis", thickness=1.5e-3, conductivity=0.45, density=1200.0, specific_heat=3300.0, perfusion=5000.0),
