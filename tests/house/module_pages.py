@@ -106,7 +106,7 @@ def _place(module: Module, order: list[str]) -> int:
 def plain(text: str) -> str:
     """Return a line of a docstring as Markdown shows it, as it stands."""
     text = re.sub(r"`+([^`]*)`+", r"`\1`", text)
-    return re.sub(r"([*_<\[\]])(?=(?:[^`]*`[^`]*`)*[^`]*$)", r"\\\1", text)
+    return re.sub(r"([*_<$\[\]])(?=(?:[^`]*`[^`]*`)*[^`]*$)", r"\\\1", text)
 
 
 def constants(module: Module) -> Iterator[tuple[str, str]]:
