@@ -67,7 +67,7 @@ class HeatParams:
 
     probe: str = schema.ref("probe", doc="the finger")
     contact_resistance: float = schema.quantity(
-        "m^2*K/W", low=0.0, high=1.0, default=2e-3, doc="between skin and object"
+        "m^2*K/W", low=0.0, high=1.0, default=2e-3, doc="contact resistance between skin and object"
     )
     arterial: float = schema.temperature(
         low=283.15, high=315.15, default=310.15, doc="temperature of the blood and of the core"

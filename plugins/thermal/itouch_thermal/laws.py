@@ -30,7 +30,7 @@ class ConstantLaw:
     TAG: ClassVar[str] = "constant-resistance"
 
     resistance: float = schema.quantity(
-        "m^2*K/W", low=0.0, high=1.0, default=DEFAULT_RESISTANCE, doc="between skin and object"
+        "m^2*K/W", low=0.0, high=1.0, default=DEFAULT_RESISTANCE, doc="contact resistance between skin and object"
     )
 
     def __post_init__(self) -> None:
@@ -58,12 +58,14 @@ class PressureLaw:
     slope: float = schema.quantity(
         "", low=0.0, high=1e5, default=_DEFAULT.slope, doc="conductance [W/(m^2*K)] at a pressure of 1 Pa"
     )
-    exponent: float = schema.quantity("", low=1e-3, high=2.0, default=_DEFAULT.exponent, doc="of the pressure in Pa")
+    exponent: float = schema.quantity(
+        "", low=1e-3, high=2.0, default=_DEFAULT.exponent, doc="exponent of the pressure in Pa"
+    )
     contact_area: float = schema.quantity(
         "m^2", low=1e-7, high=1e-2, default=AREA_AT_1N, doc="contact area of the fingertip at 1 N"
     )
     area_exponent: float = schema.quantity(
-        "", low=0.0, high=1.0, default=AREA_EXPONENT, doc="of the force in the contact area; Hertz: a third"
+        "", low=0.0, high=1.0, default=AREA_EXPONENT, doc="exponent of the force in the contact area; Hertz: a third"
     )
 
     def __post_init__(self) -> None:

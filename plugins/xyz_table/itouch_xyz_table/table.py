@@ -57,7 +57,9 @@ class XyzTableParams:
     )
     mass: float = schema.quantity("kg", low=0.05, high=20, default=0.6, doc="of the twin: moving mass")
     friction: float = schema.quantity("N", low=0.0, high=20, default=0.8, doc="of the twin: dry friction of an axis")
-    bandwidth: float = schema.quantity("Hz", low=5, high=100, default=40.0, doc="of the twin: of its position control")
+    bandwidth: float = schema.quantity(
+        "Hz", low=5, high=100, default=40.0, doc="of the twin: bandwidth of its position control"
+    )
     port: str = schema.text(default="", doc="serial port of the CAN-FD adaptor; empty: the one that is attached")
     bus: str = schema.text(
         default="",
@@ -67,15 +69,25 @@ class XyzTableParams:
         default="", doc="of steppers: serial port of a Trinamic module that speaks TMCL; empty: servos"
     )
     baud: int = schema.integer(low=9600, high=1_000_000, default=115200, doc="of a TMCL module: speed of its port")
-    address: int = schema.integer(low=1, high=255, default=1, doc="of a TMCL module on its line")
+    address: int = schema.integer(low=1, high=255, default=1, doc="of a TMCL module: its address on the line")
     motors: tuple[float, float, float] = schema.quantity(
         "", size=3, low=0, high=5, default=(0.0, 1.0, 2.0), doc="of a TMCL module: numbers of the motors of x, y and z"
     )
     microsteps: tuple[float, float, float] = schema.quantity(
-        "", size=3, low=1, high=1e6, default=(51200.0, 51200.0, 51200.0), doc="of a TMCL module: a turn of each motor"
+        "",
+        size=3,
+        low=1,
+        high=1e6,
+        default=(51200.0, 51200.0, 51200.0),
+        doc="of a TMCL module: microsteps per turn of each motor",
     )
     torque_constant: tuple[float, float, float] = schema.quantity(
-        "", size=3, low=1e-4, high=10.0, default=(0.04, 0.04, 0.04), doc="of ODrive servos: N m an ampere of each motor"
+        "",
+        size=3,
+        low=1e-4,
+        high=10.0,
+        default=(0.04, 0.04, 0.04),
+        doc="of ODrive servos: N m per ampere of each motor",
     )
     ids: tuple[float, float, float] = schema.quantity(
         "", size=3, low=1, high=126, default=(1.0, 2.0, 3.0), doc="numbers of the servos of x, y and z on the bus"
@@ -95,7 +107,7 @@ class XyzTableParams:
         "N*m", size=3, low=0.001, high=20, default=(0.05, 0.05, 0.05), doc="greatest torque of each servo"
     )
     weight: float = schema.quantity("N", low=0.0, high=200, default=0.0, doc="what the z axis carries, fed forward")
-    efficiency: float = schema.quantity("", low=0.1, high=1.0, default=0.9, doc="of the screws or belts")
+    efficiency: float = schema.quantity("", low=0.1, high=1.0, default=0.9, doc="efficiency of the screws or belts")
     homing: str = schema.choice(
         "stops", "absolute", default="stops",
         doc="stops: each axis goes gently against its low end; absolute: the servos know where they are",

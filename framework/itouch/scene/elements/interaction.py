@@ -96,8 +96,12 @@ class Operator:
     skin_temperature: float = temperature(
         low=283.15, high=313.15, default=306.15, doc="skin temperature of the fingertip at the start"
     )
-    pad_stiffness: float = quantity("N/m", low=10, high=1e5, default=1000.0, doc="of the finger pad against the plate")
-    pad_damping: float = quantity("N*s/m", low=0.0, high=100, default=2.0, doc="of the finger pad against the plate")
+    pad_stiffness: float = quantity(
+        "N/m", low=10, high=1e5, default=1000.0, doc="stiffness of the finger pad against the plate"
+    )
+    pad_damping: float = quantity(
+        "N*s/m", low=0.0, high=100, default=2.0, doc="damping of the finger pad against the plate"
+    )
     motion: Motion = child(Motion, default=Motion())
 
 

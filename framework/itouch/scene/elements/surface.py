@@ -67,7 +67,7 @@ class Magnetic:
     """Attraction towards the surface, which falls smoothly to zero at the end of its range."""
 
     TAG: ClassVar[str] = "magnetic"
-    force: float = quantity("N", positive=True, high=3.0, doc="at the surface")
+    force: float = quantity("N", positive=True, high=3.0, doc="force at the surface")
     range: float = quantity("m", low=1e-4, high=0.2, default=0.01, doc="how far it reaches; at most the probe's `near`")
 
 
@@ -76,8 +76,8 @@ class Vibration:
     """Vibration along the normal while touched: a steady one, and one that a tap sets off."""
 
     TAG: ClassVar[str] = "vibration"
-    amplitude: float = quantity("N", low=0.0, high=1.0, default=0.0, doc="of the steady vibration")
-    frequency: float = quantity("Hz", low=1.0, high=500.0, default=100.0, doc="of the steady vibration")
+    amplitude: float = quantity("N", low=0.0, high=1.0, default=0.0, doc="amplitude of the steady vibration")
+    frequency: float = quantity("Hz", low=1.0, high=500.0, default=100.0, doc="frequency of the steady vibration")
     tap: float = quantity(
         "N*s/m", low=0.0, high=20.0, default=0.0, doc="amplitude of the vibration after a tap, over the speed of impact"
     )

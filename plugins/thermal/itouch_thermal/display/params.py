@@ -101,7 +101,7 @@ class DisplayParams:
         low=0.0,
         high=1.0,
         default=AREA_EXPONENT,
-        doc="of the force in that area; Hertz: a third; 0: always the same",
+        doc="exponent of the force in that area; Hertz: a third; 0: always the same",
     )
     sensor_area: float = schema.quantity(
         "m^2", low=1e-6, high=0.1, default=SENSOR_AREA, doc="area of the flux film, in the middle under the finger"
@@ -132,7 +132,7 @@ class DisplayParams:
         "W/m^2", low=100.0, high=1e6, default=35e3, doc="greatest flux that a controller demands of the module"
     )
 
-    full_scale: float = schema.quantity("W/m^2", low=100.0, high=1e6, default=20e3, doc="of the flux sensor")
+    full_scale: float = schema.quantity("W/m^2", low=100.0, high=1e6, default=20e3, doc="full scale of the flux sensor")
     flux_lag: float = schema.quantity("s", low=0.0, high=2.0, default=0.05, doc="time constant of the flux sensor")
     flux_noise: float = schema.quantity("W/m^2", low=0.0, high=5e3, default=20.0, doc="rms of one sample")
     flux_bias: float = schema.quantity(
@@ -152,17 +152,27 @@ class DisplayParams:
     )
 
     contact_resistance: float = schema.quantity(
-        "m^2*K/W", low=1e-5, high=1.0, default=2e-3, doc="of the twin: between skin and film at full force"
+        "m^2*K/W",
+        low=1e-5,
+        high=1.0,
+        default=2e-3,
+        doc="of the twin: contact resistance between skin and film at full force",
     )
     full_force: float = schema.quantity(
-        "N", low=0.0, high=20.0, default=0.0, doc="of the twin: below it 1/R falls with the force; 0: constant"
+        "N",
+        low=0.0,
+        high=20.0,
+        default=0.0,
+        doc="of the twin: force below which 1/R falls with the force; 0: R is constant",
     )
     press: float = schema.quantity(
         "s", low=0.0, high=10.0, default=0.0, doc="of the twin: time constant with which its skin flattens; 0: at once"
     )
-    core: float = schema.temperature(low=283.15, high=315.15, default=310.15, doc="of the twin's finger, and its blood")
+    core: float = schema.temperature(
+        low=283.15, high=315.15, default=310.15, doc="of the twin: temperature of the finger's core and its blood"
+    )
     skin_temperature: float = schema.temperature(
-        low=273.15, high=318.15, default=306.15, doc="of the twin's finger at rest in air"
+        low=273.15, high=318.15, default=306.15, doc="of the twin: skin temperature of the finger at rest in air"
     )
     humidity: float = schema.quantity("", low=0.0, high=1.0, default=0.5, doc="relative humidity of the room")
     laws: tuple[ForceLaw, ...] = schema.children(KINDS, doc="of the twin: resistance as a function of the force")

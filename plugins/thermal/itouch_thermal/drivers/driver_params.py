@@ -104,7 +104,7 @@ class LabJack:
         low=0.0,
         high=0.18,
         default=0.0,
-        doc="for how long the T7 averages the flux sensor's input, a sample a millisecond; 0: single samples",
+        doc="for how long the T7 averages the flux sensor's input, one sample per millisecond; 0: single samples",
     )
     flux_sensor: FluxSensor | None = schema.child(FluxSensor, default=None, doc="the sensor under the finger")
     infrared: Infrared | None = schema.child(Infrared, default=None, doc="the thermometer that looks at the finger")

@@ -65,18 +65,20 @@ class FilmParams:
     film_resistance: float = schema.quantity(
         "m^2*K/W", low=1e-7, high=1e-2, default=1.5e-5, doc="thermal resistance of the film, from face to face"
     )
-    full_scale: float = schema.quantity("W/m^2", low=100.0, high=1e6, default=20e3, doc="of the flux film")
+    full_scale: float = schema.quantity("W/m^2", low=100.0, high=1e6, default=20e3, doc="full scale of the flux film")
     flux_lag: float = schema.quantity("s", low=0.0, high=2.0, default=0.05, doc="time constant of the flux film")
     film_lag: float = schema.quantity("s", low=0.0, high=2.0, default=5e-3, doc="time constant of its thermometer")
     flux_noise: float = schema.quantity("W/m^2", low=0.0, high=5e3, default=20.0, doc="of the twin: rms of one sample")
     flux_bias: float = schema.quantity(
         "W/m^2", low=-1e3, high=1e3, default=15.0, doc="of the twin: offset of the flux film at rest"
     )
-    flux_drift: float = schema.quantity("W/(m^2*s)", low=-10.0, high=10.0, default=0.05, doc="of the twin: its drift")
+    flux_drift: float = schema.quantity(
+        "W/(m^2*s)", low=-10.0, high=10.0, default=0.05, doc="of the twin: drift of the flux film"
+    )
     film_noise: float = schema.quantity("K", low=0.0, high=1.0, default=0.01, doc="of the twin: rms of one sample")
     skin_noise: float = schema.quantity("K", low=0.0, high=1.0, default=0.05, doc="of the twin: rms of one sample")
     force_noise: float = schema.quantity("N", low=0.0, high=1.0, default=0.01, doc="of the twin: rms of one sample")
-    force: float = schema.quantity("N", low=0.05, high=20.0, default=1.0, doc="of the twin's finger")
+    force: float = schema.quantity("N", low=0.05, high=20.0, default=1.0, doc="of the twin: force of a touch")
     force_spread: float = schema.quantity(
         "", low=0.0, high=1.0, default=0.03, doc="of the twin: relative spread of the force from touch to touch"
     )
@@ -91,7 +93,7 @@ class FilmParams:
         "s", low=0.0, high=10.0, default=0.05, doc="of the twin: time constant with which its skin flattens"
     )
     contact_resistance: float = schema.quantity(
-        "m^2*K/W", low=1e-5, high=1.0, default=2e-3, doc="of the twin: between skin and film"
+        "m^2*K/W", low=1e-5, high=1.0, default=2e-3, doc="of the twin: contact resistance between skin and film"
     )
     recovery: float = schema.quantity(
         "W/(m^2*K)",
@@ -100,8 +102,12 @@ class FilmParams:
         default=200.0,
         doc="of the twin: heat transfer from the film to air that is blown at it between touches",
     )
-    skin_temperature: float = schema.temperature(low=273.15, high=318.15, default=306.15, doc="of the twin's finger")
-    core: float = schema.temperature(low=283.15, high=315.15, default=310.15, doc="of the twin's finger, and its blood")
+    skin_temperature: float = schema.temperature(
+        low=273.15, high=318.15, default=306.15, doc="of the twin: skin temperature of the finger before a touch"
+    )
+    core: float = schema.temperature(
+        low=283.15, high=315.15, default=310.15, doc="of the twin: temperature of the finger's core and its blood"
+    )
     laws: tuple[ForceLaw, ...] = schema.children(KINDS, doc="of the twin: resistance as a function of the force")
     tissue: tuple[Layer, ...] = schema.children(Layer, tag="tissue", doc="of the twin's finger, from the skin inwards")
     sample: tuple[Layer, ...] = schema.children(
