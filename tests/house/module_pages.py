@@ -137,8 +137,10 @@ def constants(module: Module) -> Iterator[tuple[str, str]]:
         behind = lines[end - 1].encode()[node.end_col_offset or 0 :].decode().strip()
         if not said and re.match(r"# (?!noqa|type:|fmt:|pragma)\S+ \S", behind):
             said = [behind.removeprefix("#").strip()]
-        grouped = shown and node.lineno == last + 1 and not any(one.startswith("_") for one in (*names, *named))
-        if said or not grouped:
+        grouped = (
+            shown and not said and node.lineno == last + 1 and not any(one.startswith("_") for one in (*names, *named))
+        )
+        if not grouped:
             if names:
                 yield ", ".join(names), says
             names, says = [], ""

@@ -35,6 +35,7 @@ from itouch.schema.files import open_regular
 
 #: Greatest file [bytes].
 MOST = 256 << 20
+#: Greatest force [N] and stiffness [N/m] of the arm.
 FORCE, STIFFNESS = 8.0, 3000.0
 #: How near [samples] to a sample its pose is taken as it is: recorded times are rounded.
 _NEAR = 1e-6

@@ -22,6 +22,7 @@ from itouch.recording.writer import McapWriter, Output
 SPEC, MESSAGE, STATE = 1, 2, 3
 #: Most rows in a chunk.
 MOST_ROWS = 4096
+#: What stands for the status of a device, by its number.
 STATUSES = ("closed", "open", "enabled", "fault")
 
 Letter = tuple[str, int, bytes]

@@ -20,6 +20,7 @@ from itouch.testing.checks import CheckError, NotApplicableError
 
 #: Room and skin in every check [K].
 ROOM, SKIN = 296.15, 306.15
+#: Period of the servo loop in every check [s].
 PERIOD = 1e-3
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 
 #: Distributions whose versions decide what numbers come out.
 COMPILERS = ("numba", "llvmlite", "numpy")
+#: The distribution of this program.
 PROGRAM = "itouch-py"
 
 

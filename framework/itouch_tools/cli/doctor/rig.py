@@ -24,6 +24,7 @@ from itouch_tools.cli.doctor.finding import Finding
 OFF = 0.02
 #: A reading that never changes in this time [s] says nothing of whether its sensor is alive.
 STILL = 1.0
+#: What a line of the checklist says.
 PASS, FAIL, NOT = "pass", "fail", "not possible"
 
 

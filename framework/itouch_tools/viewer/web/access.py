@@ -14,6 +14,7 @@ from urllib.parse import parse_qs, urlsplit
 
 #: Largest head of a request [bytes], how long [s] it may take, and how many connections there are at once.
 HEAD, PATIENCE, MOST = 16384, 10.0, 64
+#: The cookie that holds the token.
 COOKIE = "itouch-view"
 LOOPBACK = frozenset({"localhost", "127.0.0.1", "[::1]"})
 _PIECE = 1 << 16
