@@ -435,9 +435,9 @@ def test_the_extremes_of_two_seconds() -> None:
     ((0.0, 0.0, -2.0, -0.3, 0.4, 0.0), 5.0), ((0.0, 0.0, -2.0, -0.06, 0.08, 0.0), 2.0),
 ])  # fmt: skip
 def test_a_torque_counts_as_the_force_that_has_it_at_its_lever(wrench: tuple[float, ...], force: float) -> None:
-    load = Load(np.array(wrench), np.array([3, 4]), np.array([0.1]))
+    load = Load(np.array(wrench), np.array([0]), np.array([[3, 4, -1]]), np.array([0.1]))
     assert felt(load) == pytest.approx(force)
-    assert felt(Load(np.zeros(0), np.array([3, 4]), np.array([0.1]))) == 0.0
+    assert felt(Load(np.zeros(0), np.zeros(0, np.int64), np.zeros((0, 3), np.int64), np.array([0.1]))) == 0.0
 
 
 # --- history --------------------------------------------------------------------------------------------------------

@@ -4,29 +4,41 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from test_irregular_timing import Exchanges, still
-from test_unknown_devices import Nothing, catalog, scene
+from parts import TABLE, Asked
+from test_irregular_timing import Exchanges
+from test_unknown_devices import Entry, Nothing, catalog, scene
 
 import itouch
 from itouch.exchange import ThreadedDevice
+from itouch.loop import WallClock
+from itouch.monitors import Surface, TripError
 from itouch.plugin import (
     Channel,
     Device,
     DeviceError,
+    Modality,
     Record,
     Role,
     current,
     deadman,
     heat_flux,
+    measured_wrench,
     plate_temperature,
+    pose,
+    pose_target,
     sink_temperature,
     temperature,
+    wrench,
 )
+from itouch.plugin.discovery import Catalog, Found
+from itouch.session.building import load_scene
+from itouch.world.model import compile_scene
 
 K0 = 273.15
 Says = Callable[[int, Record], object]
@@ -76,7 +88,7 @@ def test_whatever_is_false_is_no_news(tmp_path: Path, no: object, behind: str) -
         runner.device = Exchanges(runner.device.device, itertools.repeat(7))
     if behind == "in a thread":
         assert isinstance(runner.device, ThreadedDevice)
-        session.clock = itouch.loop.WallClock()
+        session.clock = WallClock()
     session.enable()
     with pytest.raises(itouch.DeviceFaultError, match=r"was silent for 0\.5"):
         session.run(3.0, each=session.hold)
@@ -135,10 +147,9 @@ def test_the_flux_of_every_plate_counts(tmp_path: Path, side: int, plates: int) 
 
 
 def test_a_flux_trips_at_every_rate_of_the_loop(tmp_path: Path) -> None:
-    says = still(30.0, 20.2e3)
-
     def reads(count: int, reading: Record) -> None:
-        reading["t"], reading["heat_flux"] = K0 + says(1e-3 * count)[0], 20.2e3
+        warm(count, reading)
+        reading["heat_flux"] = 20.2e3
 
     for rate in (250, 256, 270, 290, 299, 300, 500, 700, 4000):
         folder = tmp_path / str(rate)
@@ -227,3 +238,106 @@ def test_a_switch_that_is_lost_is_let_go_though_its_device_is_optional(tmp_path:
     with pytest.raises(itouch.DeviceFaultError, match="was let go: nobody holds the switch"):
         session.run(2.0)
     assert 0.199 <= session.fault.tick * session.model.period <= 0.2 + after
+
+
+# --- several forces, and a finger that no probe pushes --------------------------------------------------------------
+
+
+def wrench_called(name: str) -> Channel:
+    return replace(wrench(force=8.0), name=name)
+
+
+@pytest.mark.parametrize("names", [("one", "other"), ("one", "other", "third")])
+def test_an_arm_of_several_forces_pushes_no_harder_than_one_of_one(tmp_path: Path, names: tuple[str, ...]) -> None:
+    def says(count: int, reading: Record) -> None:
+        reading["pose"] = (0.0, 0.0, 0.1, 1.0, 0.0, 0.0, 0.0)
+
+    probe = '<interaction><probe name="finger" pose-from="pad"/></interaction>'
+    session, sums = built(tmp_path, says, (pose(),), tuple(map(wrench_called, names)), elements=probe), [0.0]
+
+    def each() -> None:
+        for name in names:
+            session.state[f"pad.command.{name}"] = (5.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        sums.append(sum(session.state[f"pad.sent.{name}"][0].item() for name in names))
+
+    session.enable()
+    session.run(1.5, each=each)
+    assert 2.99 < max(sums) <= 3.0 + 1e-9
+    assert max(np.diff(sums)) <= 1.0 + 1e-9  # K3
+
+
+@pytest.mark.parametrize("bound", ['force-to="pad"', ""])
+def test_a_fast_finger_stops_an_arm_whoever_commands_its_force(tmp_path: Path, bound: str) -> None:
+    def says(count: int, reading: Record) -> None:
+        reading["pose"] = (1e-3 * (1.3 * count % 300.0), 0.0, 0.1, 1.0, 0.0, 0.0, 0.0)
+
+    probe = f'<interaction><probe name="finger" pose-from="pad" {bound}/></interaction>'
+    session = built(tmp_path, says, (pose(),), (wrench(force=8.0),), elements=probe)
+    session.enable()
+    with pytest.raises(itouch.DeviceFaultError, match=r"moves at 1\.\d+ m/s \(K2"):
+        session.run(0.2)
+
+
+class Pulls(Modality):
+    """Commands a device that no probe knows."""
+
+    Params = Nothing
+
+    def compile(self, name: str, params: Any, world: Any) -> None: ...
+    def reset(self, model: Any, state: Record) -> None: ...
+
+    def commands(self, model: Any) -> tuple[str, ...]:
+        return (type(self).command,)
+
+    def update(self, model: Any, state: Record, period: float) -> None: ...
+
+
+@pytest.mark.parametrize("twin", ["yes", "no"])
+@pytest.mark.parametrize("command", [wrench(force=8.0), pose_target(low=(0, 0, 0), high=(0.1, 0.1, 0.1), speed=0.2)])
+def test_what_acts_on_a_finger_that_no_probe_tells_of_is_unmonitored(
+    tmp_path: Path, command: Channel, twin: str
+) -> None:
+    class Rod(Device):
+        Params, watchdog = Nothing, 0.5
+        reads, commands = (pose(), HELD), (command,)
+
+        def open(self) -> None: ...
+        def close(self) -> None: ...
+        def read(self, reading: Record) -> None: ...
+
+    pulls = type("Of", (Pulls,), {"command": f"rod.{command.name}"})
+    path = tmp_path / "scene.xml"
+    listed = f'<devices><device name="rod" plugin="rod" twin="{twin}"/></devices>'
+    path.write_text(
+        f'<itouch version="1.0" xmlns:tone="urn:itouch:plugin:tone">{listed}<interaction><tone:pulls name="pulls"/>'
+        "</interaction></itouch>", "utf-8",
+    )  # fmt: skip
+    groups = {"itouch.devices": {"rod": Rod}, "itouch.modalities": {"tone.pulls": pulls}}
+    plugins = Catalog(lambda g: {n: Found(n, "t", "1", Entry(v)) for n, v in groups.get(g, {}).items()})
+    said = "no probe says where the finger is that 'rod' acts on"
+    if twin == "no":
+        with pytest.raises(itouch.SceneError, match=said):
+            itouch.build(path, catalog=plugins)
+    else:
+        _, problems = compile_scene(load_scene(path, catalog=plugins), plugins)
+        assert [(one.code, one.severity) for one in problems if said in one.sentence] == [
+            ("unmonitored-drive", "warning")
+        ]
+
+
+# --- several force sensors under one surface ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("loads", [("wrench",), ("wrench", "other"), ("other", "wrench")])
+def test_every_force_sensor_of_a_surface_counts(loads: tuple[str, ...]) -> None:
+    reads = (pose(locked=(3, 4, 5)), *(replace(measured_wrench(force=50.0), name=name) for name in loads))
+    surface = Asked(Surface, (reads, TABLE[1]))
+    surface.moment.gap, surface.moment.strayed, surface.moment.finger = -0.001, 0.0, (0.0, 0.0, 0.01)
+    surface.reading["pose"] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+    surface.reading[loads[-1]] = (0.0, 0.0, -0.1, 0.0, 0.0, 0.0)
+    surface.check(0.02)
+    assert surface.moment.touched
+    for beyond in ((0.0, 0.0, -9.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.6, 0.0, 0.0)):
+        surface.reading[loads[-1]] = beyond
+        with pytest.raises(TripError, match=r"presses with [69]\.0 N"):
+            surface.check()

@@ -255,7 +255,7 @@ class ProbeRig:
     def present(self, runner: Runner, counting: bool) -> None:
         """Tell the monitors of an arm or a table where the finger is, and how fast."""
         figures, moment = self._figures, runner.device_monitors.moment
-        if runner is self.arm:
+        if runner in (self.arm, self.tracker):  # also an arm whose force a modality commands
             moment.speed = size(figures[render.VELOCITY : render.VELOCITY + 3])
         if runner is self.table:
             distance = figures[render.TRACKING].item()

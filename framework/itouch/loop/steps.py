@@ -273,7 +273,7 @@ def supervise(
 ) -> Step:  # fmt: skip
     """Let the monitors of a device look that need to know where the finger is."""
     name = runner.model.name
-    present = [rig.present for rig in rigs if runner in (rig.arm, rig.table)]
+    present = [rig.present for rig in rigs]
 
     def run(tick: int, ready: bool) -> None:
         if runner.enabled:
@@ -300,8 +300,7 @@ def supervise(
             runner.device_monitors.told_at(post, tick)
             show()
 
-    mine = [rig for rig in rigs if runner in (rig.arm, rig.table)]
-    bounds = bound_supervision(runner, mine[0], carried, state, tracking) if len(mine) == 1 else ()
+    bounds = bound_supervision(runner, rigs[0], carried, state, tracking) if len(rigs) == 1 else ()
     if bounds:
         return joinable(f"supervise {name}", bounds, reads, written, answer)
     return Step(f"supervise {name}", run, reads, written)

@@ -37,10 +37,9 @@ class Surface(Monitor):
 
     def __init__(self, device: Watched) -> None:
         super().__init__(device)
-        pose, load = device.reading(Role.TRACKED_POSE), device.reading(Role.CONTACT_FORCE)
-        self._pose, self._load = (channel.name if channel is not None else "" for channel in (pose, load))
-        locked = load.locked if load is not None else ()
-        self._torques = [axis for axis in range(3, load.size if load is not None else 3) if axis not in locked]
+        pose = device.reading(Role.TRACKED_POSE)
+        self._pose = pose.name if pose is not None else ""
+        self._sensors, self._torques = _felt_by(device)
         target = device.command(Role.SURFACE_POSE)
         self._target = target.name if target is not None else ""
         limits = device.limits
@@ -171,8 +170,8 @@ class Surface(Monitor):
         """Return what its sensor reads of the force on it, as compiled code takes it."""
         from itouch.monitors.surface_kernels import Load
 
-        sensed = reading[self._load] if self._load else np.zeros(0)
-        return Load(sensed, np.array(self._torques if self._load else (), np.int64), np.array([LEVER]))
+        sensed = reading.numbers if len(self._sensors) else np.zeros(0)
+        return Load(sensed, self._sensors, self._torques, np.array([LEVER]))
 
     def felt(self, reading: Record) -> float:
         """Return the force [N] on the surface in whatever direction; a torque counts as a force, too."""
@@ -217,10 +216,26 @@ class Surface(Monitor):
                 Rule("K5", "speed otherwise", f"{self._speed:g} m/s", f"{default.SPEED_TRIP:g} m/s", "", by("speed")),
                 Rule("K6", "distance from its command", f"approach stops at {default.TRACKING * 1e3:g} mm", stray),
             ]  # fmt: skip
-        if self._load:
+        if len(self._sensors):
             found.append(Rule("T8", "force without a finger", "", "0.5 N with the finger 4 mm away for 0.1 s"))
         if self._box is not None:
             corners = zip(*self._box, strict=True)
             box = " × ".join(f"{low * 1e3:g}..{high * 1e3:g}" for low, high in corners)
             found.append(Rule("K6", "travel", f"{box} mm", "", "", default.CEILING))
         return tuple(found)
+
+
+def _felt_by(device: Watched) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return where each force sensor's numbers begin, shape (n,), and where its torques are that count, (n, 3).
+
+    -1: there is no such torque.
+    """
+    sensors: list[int] = []
+    torques: list[list[int]] = []
+    at = 0
+    for one in device.reads:
+        if one.role is Role.CONTACT_FORCE:
+            sensors.append(at)
+            torques.append([at + axis if axis < one.size and axis not in one.locked else -1 for axis in (3, 4, 5)])
+        at += one.size
+    return np.array(sensors, np.int64), np.array(torques, np.int64).reshape(-1, 3)

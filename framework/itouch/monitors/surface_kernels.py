@@ -35,9 +35,14 @@ Numbers = NDArray[np.int64]
 
 
 class Load(NamedTuple):
-    """What a surface's sensor reads, (n,) or nothing, and which of it are torques that count; ``lever`` [m], (1,)."""
+    """What a surface reads, (m,) or nothing; ``lever`` [m], (1,).
+
+    ``sensors`` (n,): where the force of each of its sensors begins among that, ``torques`` (n, 3): where the torques
+    are that count, -1: none.
+    """
 
     reading: Floats
+    sensors: Numbers
     torques: Numbers
     lever: Floats
 
@@ -89,13 +94,18 @@ def size(vector: Floats) -> float:
 
 @kernel
 def felt(load: Any) -> float:
-    """Return the force [N] on the surface in whatever direction; a torque counts as a force, too."""
-    if len(load.reading) == 0:
-        return 0.0
-    square = 0.0
-    for k in range(len(load.torques)):
-        square += load.reading[load.torques[k]] ** 2
-    return float(max(size(load.reading), math.sqrt(square) / load.lever[0]))
+    """Return the force [N] on the surface in whatever direction, by the sensor that feels most.
+
+    A torque counts as a force, too.
+    """
+    most = 0.0
+    for k in range(len(load.sensors)):
+        begin, square = load.sensors[k], 0.0
+        for i in range(3):
+            if load.torques[k, i] >= 0:
+                square += load.reading[load.torques[k, i]] ** 2
+        most = max(most, size(load.reading[begin : begin + 3]), math.sqrt(square) / load.lever[0])
+    return float(most)
 
 
 #: Force [N] up to which nothing counts as a touch, and what a plate's force may rise by that is not seen coming [N].
@@ -176,7 +186,7 @@ def check(allowed: Any, memory: Any, load: Any, pose: Floats, finger: Any, seen:
         return 1.0
     passed = 0.0 if math.isnan(looked) else seen.now - looked
     memory.looked[0] = seen.now
-    measured = len(load.reading) > 0
+    measured = len(load.sensors) > 0
     near = TOUCH_GAP if seen.calibrated else 0.0 if measured else TOUCH_GUESS
     touched = pressed > TOUCH_FORCE or (near > 0.0 and seen.gap < near)
     touch[0], touch[1] = 1.0 if touched else 0.0, pressed if measured else math.nan

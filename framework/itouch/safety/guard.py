@@ -65,22 +65,23 @@ class Guard:
             If the command is not a number.
         """
         counts = np.zeros((2, 1), np.int64)
-        moving = limiting.Moving(np.array([share]), np.array([closing]), np.array([room]))
+        moving = limiting.Moving(np.array([share]), np.array([closing]), np.array([room]), np.zeros(1))
         if self.bound(moving, wanted, sent, counts[0], counts[1], period)():
             raise self.refusal(wanted)
         return int(counts[0, 0]), int(counts[1, 0])
 
     def bound(
-        self, moving: limiting.Moving, wanted: Floats, sent: Floats, clamped: Counts, dropped: Counts, period: float
-    ) -> Bound:
+        self, moving: limiting.Moving, wanted: Floats, sent: Floats, clamped: Counts, dropped: Counts, period: float,
+        among: int = 1,
+    ) -> Bound:  # fmt: skip
         """Return ``limit`` on these views as one compiled call, which counts what it did.
 
         It returns 0, or another number if the command is not a number: then `refusal` says so.
 
         ``wanted`` and ``sent`` (n,) are in the channel's unit, ``clamped`` and ``dropped`` (1,) counts;
-        ``period`` [s].
+        ``period`` [s]; ``among``: how many channels of the device share the greatest increase of force.
         """
-        growth = default.FORCE_SLEW * period
+        growth = default.FORCE_SLEW * period / among
         return Bound(limiting.limit, self.bounds, moving, wanted, sent, clamped, dropped, period, growth)
 
     def refusal(self, wanted: Floats) -> TripError:

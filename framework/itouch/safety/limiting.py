@@ -51,12 +51,14 @@ class Moving(NamedTuple):
     """What is between devices and not a limit of a channel, each of shape (1,).
 
     ``share``: the part of force, current or speed that is let through; ``closing`` [m/s]: how fast a surface may
-    approach the finger; ``room`` [N]: what else pushes on the finger leaves.
+    approach the finger; ``room`` [N]: what else pushes on the finger leaves; ``taken`` [N]: the force of those channels
+    of the same device that were limited before.
     """
 
     share: Floats
     closing: Floats
     room: Floats
+    taken: Floats
 
 
 @kernel
@@ -81,15 +83,18 @@ def _slew(bounds: Any, values: Floats, last: Floats, period: float) -> int:
 
 
 @kernel
-def _wrench(bounds: Any, values: Floats, last: Floats, share: float, growth: float, room: float) -> int:
+def _wrench(bounds: Any, moving: Any, values: Floats, last: Floats, share: float, growth: float) -> int:
+    """Limit a force, with what the device's channels before it push with: all together do not push harder than one."""
     size = math.sqrt(values[0] * values[0] + values[1] * values[1] + values[2] * values[2])
     grown = math.sqrt(last[0] * last[0] + last[1] * last[1] + last[2] * last[2]) + growth
     allowed = bounds.figures[0] * share
+    if moving.room[0] < allowed:
+        allowed = moving.room[0]
+    allowed = max(0.0, allowed - moving.taken[0])
     if grown < allowed:
         allowed = grown
-    if room < allowed:
-        allowed = room
     clamped = 0
+    moving.taken[0] += min(size, allowed)
     if size > allowed:
         scale = allowed / size
         for i in range(3):
@@ -204,7 +209,7 @@ def limit(
             dropped[0] += 1
     kind, share = bounds.kind[0], moving.share[0]
     if kind == WRENCH:
-        found = _wrench(bounds, values, sent, share, growth, moving.room[0])
+        found = _wrench(bounds, moving, values, sent, share, growth)
     elif kind == POSE:
         found = _pose(bounds, values, sent, share, period, moving.closing[0])
     elif kind == DRIVE:
@@ -221,12 +226,13 @@ def limit(
 
 @kernel
 def begin(
-    status: Any, enabled: int, closed: int, wanted: Floats, ends: Any, ramp: Floats, left: Floats, share: Floats,
+    status: Any, enabled: int, closed: int, wanted: Floats, ends: Any, ramp: Floats, left: Floats, moving: Any,
     growth: float,
 ) -> int:  # fmt: skip
     """Say what part of commands is let through in this tick: the ramp's, times what all monitors leave.
 
-    All but ``wanted``, all commands, and ``ends``, where each channel of them ends, have shape (1,) or are numbers.
+    All but ``moving``, ``wanted``, all commands, and ``ends``, where each channel of them ends, have shape (1,) or are
+    numbers.
     Returns 0, SKIP if the device is closed, or PYTHON if it is not enabled, or any command is no number.
     """
     if status[0] == closed:
@@ -242,5 +248,5 @@ def begin(
     if part < 1.0:
         part = min(1.0, part + growth)
         ramp[0] = part
-    share[0] = part * left[0]
+    moving.share[0], moving.taken[0] = part * left[0], 0.0
     return 0

@@ -37,9 +37,11 @@ class Supervisor(Lifecycle):
         self.clamped, self.dropped = (state[f"{model.name}.{field}"].reshape(1) for field in ("clamped", "dropped"))
         self.guards = [(channel.name, Guard(channel, model.limits)) for channel in model.commands]
         #: What is chosen anew in each tick: share, closing speed, room.
-        self.moving = limiting.Moving(np.ones(1), np.zeros(1), np.full(1, math.inf))
+        self.moving = limiting.Moving(np.ones(1), np.zeros(1), np.full(1, math.inf), np.zeros(1))
+        forces = max(1, sum(channel.role is Role.FORCE_ON_OPERATOR for channel in model.commands))
+        counts = self.clamped, self.dropped, period, forces
         self._lanes = [
-            (guard, guard.bound(self.moving, self.command[name], self.sent[name], self.clamped, self.dropped, period))
+            (guard, guard.bound(self.moving, self.command[name], self.sent[name], *counts))
             for name, guard in self.guards
         ]
         self._growth = period / (model.limits.ramp or default.RAMP)
@@ -385,7 +387,7 @@ class Supervisor(Lifecycle):
         if share < 1.0:
             share = min(1.0, share + self._growth)
             self._ramp[...] = share
-        self.moving.share[0] = share * self.device_monitors.share
+        self.moving.share[0], self.moving.taken[0] = share * self.device_monitors.share, 0.0
         if self.leave_room is not None:
             self.leave_room()
         for guard, lane in self._lanes:
@@ -399,7 +401,7 @@ class Supervisor(Lifecycle):
         sizes = [channel.size for channel in self.model.commands]
         begin = Bound(
             limiting.begin, self._status, ENABLED, CLOSED, self.command.numbers, np.cumsum(sizes, dtype=np.int64),
-            self._ramp, self.device_monitors.left, self.moving.share, self._growth,
+            self._ramp, self.device_monitors.left, self.moving, self._growth,
         )  # fmt: skip
         return (begin, *(lane for _, lane in self._lanes))
 

@@ -105,6 +105,28 @@ def check_writers(scene: Scene, writers: list[tuple[str, Any, str, str]]) -> Ite
         )
 
 
+def check_fingers(
+    scene: Scene, devices: Mapping[str, DeviceModel], writers: list[tuple[str, Any, str, str]]
+) -> Iterator[Problem]:
+    """Find commands to what pushes a finger, or moves a surface to it, where no probe says where that finger is.
+
+    Whoever commands it, its monitors would be shown no finger: neither its speed (K2), nor how near it is (K5), nor for
+    how long it touches (T4).  ``writers`` as in ``check_writers``.
+    """
+    pushed = {name for probe in scene.probes for name in (probe.pose_from, probe.force_to)}
+    known = {Role.FORCE_ON_OPERATOR: pushed, Role.SURFACE_POSE: {probe.surface_to for probe in scene.probes}}
+    for command, element, attribute, who in writers:
+        name, _, called = command.partition(".")
+        channel = next((one for one in devices[name].commands if one.name == called), None)
+        if channel is None or channel.role not in known or name in known[channel.role]:
+            continue
+        sentence = f"{who} commands '{command}', and no probe says where the finger is that '{name}' acts on"
+        bound = "surface-to" if channel.role is Role.SURFACE_POSE else "pose-from"
+        advice = f'add a probe with {bound}="{name}": what watches the finger goes by it'
+        severity = "warning" if devices[name].twin else "error"
+        yield Problem("unmonitored-drive", sentence, scene.places.of(element, attribute), advice, severity=severity)
+
+
 def check_reach(
     scene: Scene, devices: Mapping[str, DeviceModel], boxes: Mapping[str, Any] = MappingProxyType({})
 ) -> Iterator[Problem]:
