@@ -117,7 +117,10 @@ def test_an_edit_is_told_and_the_larger_use_counts(tmp_path: Path, home: Path) -
     assert read("P01")[0].dose == 8.0
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", '{"format": "other"}', '{"dose_s": "NaN"}'])
+@pytest.mark.parametrize("text", [
+    "", "{", "[]", "null", "7", '"P01"', "[" * 50_000, '{"format": "other"}', '{"dose_s": "NaN"}',
+    '{"format": "itouch-py participant 1", "participant": "P01", "dose_s": 1' + 400 * "0" + ', "cold_s": 0, "at": 0}',
+])  # fmt: skip
 def test_what_nobody_can_read_is_refused(tmp_path: Path, home: Path, text: str) -> None:
     home.mkdir(parents=True)
     for name in ("P01.json", ".P01.copy.json"):
@@ -146,3 +149,49 @@ def test_a_code_that_is_no_name_of_a_file_is_refused_at_its_place(tmp_path: Path
     with pytest.raises(itouch.SceneError, match=r"is no code[\s\S]*pad\.xml:3:\d+") as caught:
         itouch.build(path)
     assert caught.value.problems[0].code == "bad-value"
+
+
+@pytest.mark.parametrize("text", ["null", "[" * 50_000])
+def test_files_that_are_spoilt_meanwhile_are_told_and_hold_up_nobody(tmp_path: Path, home: Path, text: str) -> None:
+    session = itouch.build(scene(tmp_path))
+    views = session.runners[0].heats[0].state
+
+    def each() -> None:
+        views["dose"][...] += 1e-3
+        for name in ("P01.json", ".P01.copy.json"):
+            (home / name).write_text(text)
+
+    home.mkdir(parents=True, exist_ok=True)
+    session.run(0.01)
+    session.run(6.0, each=each, every=50)
+    assert any(fault["trip"] == "saving" and "P01" in fault["cause"] for fault in session.statistics.faults)
+    with pytest.raises(itouch.SessionError, match="what participant 'P01' has used can't be read"):
+        session.close()
+    for name in ("P01.json", ".P01.copy.json"):
+        (home / name).unlink()
+
+
+TWO = """<itouch version="1.0">
+  <devices><device name="one" plugin="thermal"/>MORE</devices>
+  <safety participant="P01" dose="20 s"/>
+</itouch>
+"""
+
+
+def test_what_several_plates_gave_one_finger_counts_together_in_the_next_session(tmp_path: Path) -> None:
+    """Displays that no probe names are taken to be on every finger."""
+    path = tmp_path / "two.xml"
+    for given, begins in (((6.0, 5.0), 0.0), ((1.0, 2.0), 11.0)):
+        path.write_text(TWO.replace("MORE", '<device name="other" plugin="thermal"/>'), encoding="utf-8")
+        session = itouch.build(path)
+        session.run(0.002)
+        views = [runner.heats[0].state["dose"] for runner in session.runners]
+        assert sum(view.item() for view in views) == pytest.approx(begins)
+        for view, more in zip(views, given, strict=True):
+            view[...] += more
+        session.close()
+    path.write_text(TWO.replace("MORE", ""), encoding="utf-8")
+    session = itouch.build(path)
+    session.run(0.002)
+    assert used(session)[0] == pytest.approx(14.0)
+    session.close()

@@ -61,7 +61,12 @@ class Finger:
         ]
         if len(self._heats) > 1:
             for one in {id(one): one for one, _ in self._heats}.values():
-                one.shared.append(self.spent)
+                one.shared.append(self)
+
+    @property
+    def plates(self) -> Sequence[InstalledMonitor]:
+        """What watches the plates on it, which have its dose and its time in the cold together."""
+        return [post for _, post in self._heats]
 
     @property
     def alone(self) -> bool:

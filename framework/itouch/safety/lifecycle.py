@@ -11,13 +11,14 @@ import contextlib
 import enum
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 
 from itouch.monitors import LOSSES, Heat, Push, Trip, TripError
 from itouch.plugin import Channel, Device, DeviceError, Record, Role, Twin
-from itouch.safety.device_monitors import DeviceMonitors
+from itouch.safety.device_monitors import DeviceMonitors, InstalledMonitor
 from itouch.world import DeviceModel
 
 
@@ -38,6 +39,17 @@ CLOSED, OPEN, ENABLED, FAULT = (int(status) for status in Status)
 MINUTE = 60.0
 #: See ``Lifecycle.stopped``.
 HELD, BACKWARDS = 1, 2
+
+
+class SharedFinger(Protocol):
+    """A finger on which several plates act."""
+
+    @property
+    def plates(self) -> Sequence[InstalledMonitor]:
+        """What watches its plates."""
+
+    def spent(self) -> str:
+        """Say that it has had all that it may have; empty: it has not."""
 
 
 class Lifecycle(ABC):
@@ -79,8 +91,8 @@ class Lifecycle(ABC):
         self.heats = [post for post in self.device_monitors.installed if isinstance(post.monitor, Heat)]
         #: Whether it presses by a fluid, and feels with what force.
         self.presses = any(isinstance(post.monitor, Push) for post in self.device_monitors.installed)
-        #: What else may be used up that it shares with other devices on the same finger.
-        self.shared: list[Callable[[], str]] = []
+        #: The fingers on which other plates act, too: what may be used up is theirs together.
+        self.shared: list[SharedFinger] = []
 
     @abstractmethod
     def _take(self) -> bool:
@@ -219,7 +231,9 @@ class Lifecycle(ABC):
         self._rearmed[0] = tick
 
     def _refuse_spent(self) -> None:
-        said = next((words for words in (self.device_monitors.spent(), *(ask() for ask in self.shared)) if words), "")
+        said = next(
+            (words for words in (self.device_monitors.spent(), *(one.spent() for one in self.shared)) if words), ""
+        )
         if said:
             raise DeviceError(f"device '{self.model.name}' {said}")
 

@@ -16,12 +16,16 @@ import queue
 import re
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from itouch.loop.engine_view import Running
+from itouch.safety.device_monitors import InstalledMonitor
 from itouch.schema import Problem, SceneError
 from itouch.session.durable import write_whole
 from itouch.session.errors import SessionError
@@ -77,8 +81,8 @@ def read(code: str, now: float | None = None) -> tuple[Used, tuple[str, ...]]:
             used, edited = _read(path, code)
         except FileNotFoundError:
             continue
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            bad.append(f"'{path}': {error}")
+        except Exception as error:  # whatever stands in it
+            bad.append(f"'{path}': {str(error) or type(error).__name__}")
             continue
         found.append(used)
         if edited:
@@ -130,6 +134,8 @@ def _read(path: Path, code: str) -> tuple[Used, bool]:
         raise ValueError("it is no file")
     with path.open("rb") as stream:
         data = json.loads(stream.read(MOST))
+    if not isinstance(data, dict):
+        raise ValueError("it is no record of anybody")
     digest = data.pop("digest", "")
     if data["format"] != FORMAT or data["participant"] != code:
         raise ValueError(f"it is no record of '{code}' in the format '{FORMAT}'")
@@ -150,8 +156,9 @@ class Participant:
         if not CODE.fullmatch(self.code):
             sentence = f"participant = '{self.code}' is no code: 1 to 64 letters, digits, '-' and '_'"
             raise SceneError([Problem("bad-value", sentence, scene.places.of(scene.safety, "participant"))])
+        #: Of each budget, the uses by the plates on one finger, finger by finger: they count together.
         self._views = {
-            name: [post.state[name] for runner in session.runners for post in runner.heats] for name in BUDGETS
+            name: [[post.state[name] for post in plates] for plates in _by_finger(session)] for name in BUDGETS
         }
         self._ticks = max(1, round(EVERY / session.model.period))
         self._noted = Used()
@@ -160,7 +167,7 @@ class Participant:
         self._failure = ""
 
     def carry_in(self) -> tuple[str, ...]:
-        """Raise every plate's budgets to what was used before; return what must be told.
+        """Raise every finger's budgets to what was used before; return what must be told.
 
         Raises
         ------
@@ -170,8 +177,8 @@ class Participant:
         used, told = read(self.code, self._clock())
         self._noted = used
         for name, value in zip(BUDGETS, used.values, strict=False):
-            for view in self._views[name]:
-                view[...] = max(view.item(), value)
+            for views in self._views[name]:
+                views[0][...] += max(0.0, value - _sum(views))
         return told
 
     def begin(self) -> None:
@@ -187,7 +194,7 @@ class Participant:
         return Used(dose, cold, self._clock())
 
     def _most(self, name: str) -> float:
-        return max((view.item() for view in self._views[name]), default=0.0)
+        return max((_sum(views) for views in self._views[name]), default=0.0)
 
     def end(self) -> None:
         """Note the last of it, and wait until that is on the disk.
@@ -211,7 +218,7 @@ class Participant:
 
     def _tap(self, tick: int) -> None:
         if self._failure:
-            said, self._failure = self._failure, ""
+            said, self._failure, self._noted = self._failure, "", Used()  # it was not noted: try again
             self._lost("saving", said)
         if (tick + 1) % self._ticks:
             return
@@ -228,5 +235,17 @@ class Participant:
         while (used := self._work.get()) is not None:
             try:
                 write(self.code, used)
-            except SessionError as error:
-                self._failure = str(error)
+            except Exception as error:  # without this thread nothing would be kept, and whoever waits for it would hang
+                said = f"what participant '{self.code}' has used can't be kept: {type(error).__name__}: {error}"
+                self._failure = str(error) if isinstance(error, SessionError) else said
+
+
+def _by_finger(session: Running) -> list[list[InstalledMonitor]]:
+    """Return what watches plates: those on one finger together, each that is alone by itself."""
+    shared = {id(finger): finger for runner in session.runners for finger in runner.shared}
+    alone = [[post] for runner in session.runners if not runner.shared for post in runner.heats]
+    return [*(list(finger.plates) for finger in shared.values()), *alone]
+
+
+def _sum(views: Sequence[NDArray[np.float64]]) -> float:
+    return float(sum(view.item() for view in views))
