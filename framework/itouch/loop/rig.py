@@ -175,7 +175,7 @@ class ProbeRig:
         closing = Bound(
             carrying.close_in, self._figures, self._radius, *post.monitor.paces, table.moving.closing, table.clamped
         )
-        seek = (self.touch_off.bound,) if self.touch_off is not None else ()
+        seek = self.touch_off.bounds if self.touch_off is not None else ()
         return (led, *self.toucher.carries, closing, *seek)
 
     def surface_left(self, code: int, tick: int, ready: bool) -> None:

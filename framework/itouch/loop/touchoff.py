@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.compiling import kernel
-from itouch.joining import runner
+from itouch.joining import SKIP, runner
 from itouch.loop import render
 from itouch.loop.frames import Vector
 from itouch.loop.runner import DeviceFaultError, Runner
@@ -174,9 +174,18 @@ def _release(search: Any, pose: Floats, fixed: Any) -> None:
 
 
 @kernel
+def sought(stage: Any, status: Any) -> int:
+    """Leave out the search where it is done or the table is not enabled; ``stage`` and ``status`` have shape (1,).
+
+    Taking apart all that the search needs would cost more than this in each later tick.
+    """
+    return SKIP if stage[0] == DONE or status[0] != ENABLED else 0
+
+
+@kernel
 def seek(
     c: Floats, search: Any, reach: Any, points: Floats, pose: Floats, load: Floats, figures: Floats, goal: Floats,
-    closing: Floats, status: Any, fixed: Any,
+    closing: Floats, fixed: Any,
 ) -> int:  # fmt: skip
     """Command the table for a tick of a touch-off that is not done; return UNFELT or TOO_HIGH at an end of its travel.
 
@@ -192,13 +201,9 @@ def seek(
         Readings of the table: (7,) [m; quaternion] and (6,) [N, N m].
     goal, closing
         Written: its command (7,), and how fast it may approach the finger [m/s], shape (1,).
-    status
-        Whether the table is enabled, shape (1,).
     fixed
         Set to 0 when the calibration changes, for frames are others then; shape (1,).
     """
-    if search.stage[0] == DONE or status[0] != ENABLED:
-        return 0
     if not math.isnan(reach.start):
         _lead(c, search, reach)
     force, target = abs(load[2]), search.target
@@ -249,13 +254,14 @@ class TouchOff:
         angles = [math.pi / 2 + 2 * math.pi * point / count for point in range(count)]
         points = np.array([(SPREAD * math.cos(angle), SPREAD * math.sin(angle)) for angle in angles])
         self._load = table.read_as(Role.CONTACT_FORCE)
-        #: One tick of it as a compiled call.
-        self.bound = Bound(
+        search_on = Bound(
             seek, toucher.constants, search, reach, points, table.read_as(Role.TRACKED_POSE),
             self._load, toucher.figures, table.commanded(Role.SURFACE_POSE),
-            table.moving.closing, table.gate, fixed,
+            table.moving.closing, fixed,
         )  # fmt: skip
-        self._seek = runner((self.bound,))
+        #: One tick of it as compiled calls, the last ones of their step.
+        self.bounds = (Bound(sought, self.stage.reshape(1), table.gate), search_on)
+        self._seek = runner((search_on,))
 
     @property
     def done(self) -> bool:
