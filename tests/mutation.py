@@ -73,6 +73,9 @@ ROOMS: dict[str, tuple[str, tuple[str, ...]]] = {
     "thermal-flux": ("plugins/thermal/itouch_thermal/flux", ("plugins/thermal_display",)),
     "thermal-drivers": ("plugins/thermal/itouch_thermal/drivers", ("plugins/thermal_drivers",)),
     "xyz-table": ("plugins/xyz_table/itouch_xyz_table", ("plugins/xyz_table",)),
+    "encountered": (
+        "plugins/xyz_table/itouch_encountered", ("integration/test_carried_as_ours.py", "loop/test_missing_plate.py"),
+    ),
     "usb-arm": ("plugins/usb_arm/itouch_usb_arm", ("plugins/usb_arm",)),
 }  # fmt: skip
 #: How long [s] the tests of a mutant may take beyond thrice what they take without it; one that hangs is noticed.

@@ -23,6 +23,7 @@ PACKAGES = {
     "itouch_thermal": "plugins/thermal/itouch_thermal",
     "contact_heat": "plugins/thermal/contact_heat",
     "itouch_xyz_table": "plugins/xyz_table/itouch_xyz_table",
+    "itouch_encountered": "plugins/xyz_table/itouch_encountered",
     "itouch_usb_arm": "plugins/usb_arm/itouch_usb_arm",
     "itouch_arms": "plugins/arms/itouch_arms",
 }

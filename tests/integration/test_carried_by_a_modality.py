@@ -1,4 +1,4 @@
-"""A stranger's modality brings a stranger's robot to the finger: the framework's own way stands back, its limits do not."""
+"""A stranger's modality brings a stranger's robot to the finger: the default stands back, the framework's limits do not."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ def test_it_is_what_is_felt_and_waits_where_its_author_says(
     assert contact["plate"] is True
     assert contact["peak_force_N"] > 0.3
     assert abs(contact["plate_gap_mm"]) < 0.5
-    assert away[400] == pytest.approx(0.012, abs=1e-4)  # the framework's own way keeps 5 mm
+    assert away[400] == pytest.approx(0.012, abs=1e-4)  # the default keeps 5 mm
 
 
 def test_while_it_renders_the_arm_does_not_and_where_it_does_not_the_arm_does(scene: Callable[..., Path]) -> None:

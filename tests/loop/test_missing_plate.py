@@ -11,9 +11,10 @@ from program import program
 from shipped import SCENES
 from slope_scenes import Course, Slope, follow, ramp
 
-from itouch.loop import render
-from itouch.loop.surface import choice
 from itouch.loop.surface import memory as surface
+from itouch_encountered import own
+from itouch_encountered.choosing import FAR_UNCALIBRATED, doubt
+from itouch_encountered.motion import Numbers
 
 
 @pytest.fixture(scope="module")
@@ -86,12 +87,13 @@ def test_a_plate_that_is_too_high_is_left_away_and_told(folder: Path, error: flo
 )
 def test_what_an_axis_reads_in_the_air_is_no_finger(gap: float, force: float, told: bool) -> None:
     """Friction and its own mass stand in the force that a real axis reads; it hovers some mm below the finger."""
-    constants, figures, memory = np.zeros(render.CONSTANTS), np.zeros(render.FIGURES), np.zeros(surface.MEMORY)
-    constants[[render.PERIOD, render.HAS_LOAD, render.EARLY_FAR, render.PAD_STIFFNESS]] = 1e-3, 1.0, 0.015, 1e3
-    figures[render.HIP + 2] = gap * 1e-3
-    for tick in range(1000):
-        choice.doubt(constants, figures, memory, force, False, 1e-3 * tick)
-    assert memory[surface.MISSED] == (surface.HIGH if told else 0.0)
+    numbers = Numbers._make(np.zeros(len(Numbers._fields)))
+    numbers = numbers._replace(period=1e-3, has_load=True, early=FAR_UNCALIBRATED, stiffness=1e3)
+    memory = np.zeros(len(own.FIELDS))
+    for _ in range(1000):
+        if memory[own.LOST] == 0.0:
+            doubt(numbers, memory, -gap * 1e-3, force, False)
+    assert memory[own.LOST] == (own.HIGH if told else 0.0)
 
 
 def test_all_that_a_surface_remembers_has_a_place_in_state(folder: Path) -> None:

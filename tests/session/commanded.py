@@ -31,9 +31,9 @@ FILE = Path(__file__).parent / "golden" / "commands.json"
 LONGEST, PART = 14.0, 0.5
 
 
-def commanded(scene: str, seconds: float = LONGEST) -> dict[str, Any]:
-    """Run a scene and return its numbers by command, how much they may differ, and the digest."""
-    session = itouch.build(SCENES / f"{scene}.xml", seed=1)
+def commanded(scene: str | Path, seconds: float = LONGEST) -> dict[str, Any]:
+    """Run a shipped scene, or that of a file, and return its numbers by command, and the digest."""
+    session = itouch.build(scene if isinstance(scene, Path) else SCENES / f"{scene}.xml", seed=1)
     session.records = False
     views = {f"{d.name}.{c.name}": session.state[f"{d.name}.sent.{c.name}"].reshape(-1)
              for d in session.model.devices.values() for c in d.commands}  # fmt: skip
@@ -77,6 +77,17 @@ def kept() -> dict[str, Any]:
     """Return the numbers that are kept, and the machine that they are of."""
     found: dict[str, Any] = json.loads(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}
     return found
+
+
+def same(now: dict[str, Any], before: dict[str, Any], advice: str) -> None:
+    """Hold the numbers of a scene against those that are kept."""
+    assert (now["ticks"], now["fault"], set(now)) == (before["ticks"], before["fault"], set(before)), advice
+    for command in set(now) - {"ticks", "fault", "exact"}:
+        one, other = (np.array(numbers[command], float) for numbers in (now, before))
+        apart = np.abs(one - other) > 1e-6 * max(1e-3, np.abs(other).max())
+        assert not apart.any(), f"{command} differs from {0.5 * int(np.argmax(apart)):g} s on; {advice}"
+    if machine() == kept()["machine"]:
+        assert now["exact"] == before["exact"], f"the last bits differ; {advice}"
 
 
 def main(scenes: list[str]) -> None:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
-from commanded import commanded, kept, machine
+from commanded import commanded, kept, same
 from running import RUNNABLE
 
 #: Whole, in the short form too; of the others the beginning is looked at in `test_replay`, and all in the long form.
@@ -17,15 +16,7 @@ ADVICE = "if it is meant: python tests/session/commanded.py {}, and say in the c
     "scene", [scene if scene in SHORT else pytest.param(scene, marks=pytest.mark.long) for scene in RUNNABLE]
 )
 def test_a_scene_commands_what_it_commanded(scene: str) -> None:
-    now, before = commanded(scene), KEPT[scene]
-    advice = ADVICE.format(scene)
-    assert (now["ticks"], now["fault"], set(now)) == (before["ticks"], before["fault"], set(before)), advice
-    for command in set(now) - {"ticks", "fault", "exact"}:
-        one, other = (np.array(numbers[command], float) for numbers in (now, before))
-        apart = np.abs(one - other) > 1e-6 * max(1e-3, np.abs(other).max())
-        assert not apart.any(), f"{command} differs from {0.5 * int(np.argmax(apart)):g} s on; {advice}"
-    if machine() == KEPT["machine"]:
-        assert now["exact"] == before["exact"], f"the last bits differ; {advice}"
+    same(commanded(scene), KEPT[scene], ADVICE.format(scene))
 
 
 def test_every_scene_that_runs_by_itself_is_kept() -> None:

@@ -15,7 +15,7 @@ from itouch.compiling import kernel
 from itouch.contact.adjacent_objects import beside
 from itouch.joining import SKIP
 from itouch.loop import render
-from itouch.loop.surface import choice, force, ground, memory, plate
+from itouch.loop.surface import force, ground, memory, plate, taking_over
 from itouch.loop.surface.feeling import feel
 from itouch.monitors.surface_kernels import pace
 
@@ -93,34 +93,18 @@ def led(withdrawn: Any, kept: Floats) -> int:
 
 
 @kernel
-def carry(
-    c: Floats, world: Floats, mesh: Any, poses: Floats, table: Floats, sent: Floats, figures: Floats, kept: Floats,
-    goal: Floats, load: Floats, primary: Any, ready: Any, tick: Any, period: float, below: Any, present: Any,
-    rising: Floats,
-) -> int:  # fmt: skip
-    """Carry the surface, and say what is below the finger, and whether the surface renders it.
-
-    ``kept`` is the surface's memory; ``ready``: the rig is calibrated; ``below``, ``present`` and ``rising``, how fast
-    the surface rises [m/s], are written.  Scalars have shape (1,).
-    """
-    before = figures[render.PLATE_TOP]
-    below[0] = ground.find(c, world, mesh, poses, figures, kept)
-    plate.carry(c, table, sent, figures, kept, goal, load[2], primary[0] >= 0, ready[0] != 0, tick[0] * period)
-    present[0] = int(kept[memory.PRESENT])
-    rising[0] = (figures[render.PLATE_TOP] - before) / period
-    return 0
-
-
-@kernel
 def look_below(
-    c: Floats, world: Floats, mesh: Any, poses: Floats, figures: Floats, kept: Floats, below: Any
+    c: Floats, world: Floats, mesh: Any, poses: Floats, table: Floats, figures: Floats, kept: Floats, load: Floats,
+    below: Any, down: Floats, normal: Floats,
 ) -> int:  # fmt: skip
     """Find the virtual surface below the finger, for who carries one to it; ``below`` (1,) is written: whose it is.
 
     ``c`` (CONSTANTS,) and ``figures`` (FIGURES,) of `render`, ``kept`` (MEMORY,) of the surface; ``world``
-    (objects, WORLD_WIDTH), ``poses`` (objects, 7) [m; quaternion].
+    (objects, WORLD_WIDTH), ``poses`` (objects, 7) [m; quaternion]; ``table`` (7,) and ``load`` (6,): what the device
+    reads of its pose [m; quaternion] and of the force on it [N, N m]; ``down`` and ``normal`` (3,) as in `ground.find`.
     """
-    below[0] = ground.find(c, world, mesh, poses, figures, kept)
+    below[0] = ground.find(c, world, mesh, poses, figures, kept, down, normal)
+    plate.foresee(c, table, figures, kept, load[2])
     return 0
 
 
@@ -130,14 +114,25 @@ def carried(
     present: Any, distance: Any, gap: Any, coming: Any, missed: Any, yields: Any, primary: Any, there: Any,
     rising: Floats, tick: Any, period: float,
 ) -> int:  # fmt: skip
-    """Take over how somebody else carries a surface to the finger; all but arrays of the probe have shape (1,).
+    """Take over how a modality carries a surface to the finger; all but arrays of the probe have shape (1,).
 
-    ``distance`` and ``gap`` [m] and ``renders`` and ``present`` (0 or 1) are what that modality says; the arrays of the
-    probe are those of ``carry``; ``period`` [s].
-
-    ``there`` and ``rising`` are written as by ``carry``, and ``goal`` is lowered where the surface would press harder
-    than it may.  How near it is, is what is said or what the device's own pose says, whichever is nearer: a limit of
-    speed near a finger hangs on it.  What is not a number is left to Python.
+    Parameters
+    ----------
+    c, figures, kept
+        Constants (CONSTANTS,) and figures (FIGURES,) of the probe, see `render`; memory (MEMORY,) of the surface.
+    table, sent, load
+        What the device reads of its pose (7,), where it was sent last (7,) [m; quaternion], and what it reads of the
+        force on it (6,) [N, N m]; a finger that presses makes the third number negative.
+    goal
+        The device's command (7,), lowered where the surface would press harder than it may.
+    renders, present, distance, gap, coming, missed, yields
+        What the modality says, see `itouch.plugin.Carries`: 0 or 1, lengths [m].  What is not a number is left to
+        Python.  How near the surface is, is what is said or what the device's own pose says, whichever is nearer: a
+        limit of speed near a finger hangs on it.
+    primary, tick, period
+        Index of the touched object, -1: none; the tick and its length [s].
+    there, rising
+        Written: whether the surface renders the contact, and how fast it rises [m/s].
     """
     if math.isnan(distance[0]) or math.isnan(gap[0]) or math.isnan(renders[0]) or math.isnan(present[0]):
         return PYTHON
@@ -148,10 +143,10 @@ def carried(
     said, top = figures[render.HIP + 2] - c[render.RADIUS] - away, plate.top(c, table)
     figures[render.PLATE_TOP] = said if said > top + plate.ROUNDING else top
     figures[render.PLATE_GAP] = gap[0]
-    choice.take_over_missed(c, figures, kept, missed[0], pressed, touching, tick[0] * period)
-    plate.take_over(c, kept, renders[0] != 0, present[0] != 0, away, coming[0], touching)
+    taking_over.miss(c, figures, kept, missed[0], pressed, touching, tick[0] * period)
+    taking_over.take_over(c, kept, renders[0] != 0, present[0] != 0, away, coming[0], touching)
     plate.stray(figures, sent, table)
-    plate.spare(c, table, figures, kept, goal, pressed, yields[0])
+    plate.spare(c, figures, kept, goal, pressed, yields[0])
     feel(c, figures, kept, load[2], touching)
     there[0] = int(kept[memory.PRESENT])
     rising[0] = (figures[render.PLATE_TOP] - before) / period

@@ -180,11 +180,9 @@ def _rendering(
 ) -> Iterator[Step]:  # fmt: skip
     """Yield what is between contact and the commands' limits: surfaces, forces, what is supervised, other modalities.
 
-    Surfaces come to fingers by the framework's way, or by modalities, from which it takes over their own.
+    What modalities say of the surfaces that they bring is taken over, and limited.
     """
     carried = [(rig, one) for rig in rigs if rig.table is not None and (one := model.carrier_to(rig.probe.name))]
-    ours = [rig for rig in rigs if rig.table is not None and rig not in [taken for taken, _ in carried]]
-    yield from (steps.surface(rig) for rig in ours)
     yield from (steps.look_below(rig) for rig, _ in carried)
     between = [*(steps.carried(rig, one, state, model) for rig, one in carried), *map(steps.force, rigs), *supervised]
     told = [steps.tell(model, events, rigs, state)] if rigs else []

@@ -30,13 +30,10 @@ FIGURES = 34
 # --- constants of a probe ----------------------------------------------------------------------------------------
 TRACKER, ARM, TABLE = 0, 12, 24  # frames in the world: origin, then rotation matrix
 OFFSET = 36  # of the plate's top on what the table carries
-RADIUS, NEAR, CLEARANCE, COSINE, PERIOD, SMOOTH, PLATE_LIMIT, PAD = 39, 40, 41, 42, 43, 44, 45, 46
-BACK = 47  # cosine of the tilt below which a contact that the plate has left is the plate's again
-FORCE_LIMIT, PAD_STIFFNESS = 48, 49  # on the finger [N]; of its pad [N/m]
-HAS_LOAD, HAS_TABLE = 50, 51  # whether a table reads the force on it; whether there is one
-TABLE_SPEED = 52  # greatest speed of the table [m/s]
-EARLY_FAR = 53  # how far below the finger a plate that presses may be, by its height, and still be too high [m]
-CONSTANTS = 54
+RADIUS, NEAR, CLEARANCE, PERIOD, SMOOTH, PLATE_LIMIT, PAD = 39, 40, 41, 42, 43, 44, 45
+FORCE_LIMIT, PAD_STIFFNESS = 46, 47  # on the finger [N]; of its pad [N/m]
+HAS_LOAD, HAS_TABLE = 48, 49  # whether a table reads the force on it; whether there is one
+CONSTANTS = 50
 
 
 @kernel

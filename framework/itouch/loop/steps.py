@@ -33,6 +33,12 @@ from itouch.world.plugin_errors import failing
 #: What a trip changes of a device, besides what is sent to it.
 _TRIPPED = ("status", "trip", "tripped", "ramp")
 
+#: What is remembered of a surface of what its modality says; see ``itouch.loop.surface.memory``.
+_TAKEN_OVER = (
+    "renders", "present", "settled", "clear", "pressed", "felt", "felt_weight", "missed", "misses", "missed_at",
+    "missed_depth", "missed_load", "changing",
+)  # fmt: skip
+
 
 def _of(name: str, *fields: str) -> tuple[str, ...]:
     return tuple(f"{name}.{field}" for field in fields)
@@ -110,10 +116,12 @@ def contact(rig: ProbeRig, model: Model) -> Step:
 
 
 def look_below(rig: ProbeRig) -> Step:
-    """Find the virtual surface below the finger, for a modality that carries one to it."""
+    """Find the virtual surface below the finger, for the modality that carries one to it."""
     name = rig.probe.name
-    written = _of(name, "surface_height", "below", "surface.upright", "surface.climb")
-    return joinable(f"below {name}", rig.toucher.looks, (*_of(name, "hip", "velocity"), "objects.pose"), written)
+    surface = _of(name, "surface.upright", "surface.climb", "surface.level", "surface.sink", "surface.off")
+    written = (*_of(name, "surface_height", "below"), *surface)
+    reads = (*_of(name, "hip", "velocity"), "objects.pose", *_roles(rig.table, Role.TRACKED_POSE, Role.CONTACT_FORCE))
+    return joinable(f"below {name}", rig.toucher.looks, (*reads, *surface), written)
 
 
 def carried(rig: ProbeRig, one: ModalityModel, state: Record, model: Model) -> Step:
@@ -134,28 +142,19 @@ def carried(rig: ProbeRig, one: ModalityModel, state: Record, model: Model) -> S
     return Step(name, work, (*reads, *said), writes, 1, CALLS_KERNELS, amends=goal)
 
 
-def surface(rig: ProbeRig) -> Step:
-    """Carry a surface to the finger."""
-    reads, writes, goal = _surface_fields(rig)
-    name, bounds = f"surface {rig.probe.name}", rig.bound_surface()
-    if bounds:
-        return joinable(name, bounds, reads, (*writes, *goal), rig.surface_left)
-    return Step(name, rig.surface, reads, (*writes, *goal), 1, CALLS_KERNELS)
-
-
 def _surface_fields(rig: ProbeRig) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
     """Return what carrying a surface reads and writes, and the command by which it does."""
     name, table = rig.probe.name, rig.table.model.name if rig.table is not None else ""
-    figures = _of(name, "plate_gap", "surface_height", "plate_yield", "plate_top", "tracking", "plate", "below")
-    figures += _of(name, "surface.*", "felt_force")
-    reads = (*figures, *_of(name, "normal_force", "hip", "normal", "object", "contact.object"))
-    reads += _of(name, "velocity")
+    figures = _of(name, "plate_gap", "plate_yield", "plate_top", "tracking", "plate", "felt_force")
+    figures += tuple(f"{name}.surface.{field}" for field in _TAKEN_OVER)
+    reads = (*figures, *_of(name, "normal_force", "hip", "object", "contact.object"))
+    reads += tuple(f"{name}.surface.{field}" for field in ("climb", "level", "sink", "off"))
     reads += _of(table, "touch_off.*", "calibration", "surface.*")
     reads += _roles(rig.table, Role.TRACKED_POSE, Role.CONTACT_FORCE)
     reads += _roles(rig.table, Role.SURFACE_POSE, kind="sent")
     written = (*figures, *_of(table, "touch_off.*", "calibration", "surface.withdrawn", "clamped"))
     goal = _roles(rig.table, Role.SURFACE_POSE, kind="command")
-    return (*reads, "objects.pose", "ready"), (*written, *_of(name, "hand.offset")), goal
+    return (*reads, "ready"), (*written, *_of(name, "hand.offset")), goal
 
 
 def force(rig: ProbeRig) -> Step:

@@ -68,7 +68,7 @@ def summary(engine: Running, open_contacts: list[dict[str, Any]], wall: float) -
             for name in model.devices
         },
         "notices": [*model.notices, *missed_plates(model, engine.state), *vain_waits(model, engine.state)],
-        "modalities": {m.name: _told(m, engine) for m in model.modalities},
+        "modalities": {m.name: told for m in model.modalities if (told := _told(m, engine)) or not m.default_of},
         "contacts": [*statistics.contacts, *open_contacts],
         "waits": waits_of(model, engine.state),
         "faults": sorted([*statistics.faults, *engine.injected], key=lambda entry: int(entry["tick"])),

@@ -22,7 +22,6 @@ from itouch.loop.frames import Frame
 from itouch.loop.runner import Runner
 from itouch.loop.surface import memory
 from itouch.monitors.surface_kernels import Nearing
-from itouch.monitors.thresholds import DOUBT_GAP, DOUBT_GAP_UNCALIBRATED
 from itouch.plugin import Bound, Contact, ContactEvent, Record, Role
 from itouch.world import Model, ProbeModel
 
@@ -30,8 +29,6 @@ from itouch.world import Model, ProbeModel
 SEPARATION, SEPARATION_TIME = 1e-4, 0.020
 #: Time constant [s] of the filter on the HIP's velocity.
 VELOCITY_FILTER = 0.002
-#: A contact that the plate has left because of its tilt is the plate's again when it is less by this [rad].
-TILT_BACK = math.radians(2.0)
 
 Listener = Callable[[ContactEvent], None]
 Vector = tuple[float, float, float]
@@ -54,7 +51,7 @@ class Toucher:
         self.model, self.probe = model, probe
         name = probe.name
         self.figures = state.flat(f"{name}.hip", f"{name}.tracking")
-        self.surface = state.flat(f"{name}.surface.renders", f"{name}.surface.lag")
+        self.surface = state.flat(f"{name}.surface.renders", f"{name}.surface.off")
         self.memory, self.result = state[f"{name}.memory"], state[f"{name}.result"]
         self.object, self.near_object = state[f"{name}.object"], state[f"{name}.near_object"]
         self._beside = (state[f"{name}.beside"], state[f"{name}.beside_distance"])
@@ -98,13 +95,6 @@ class Toucher:
             carrying.touch, self._constants, poses, self._twists, damping, self.figures, self.result, self.object,
             self._nearest,
         )  # fmt: skip
-        carry = Bound(
-            carrying.carry, self._constants, world, mesh, poses,
-            table.read_as(Role.TRACKED_POSE) if table is not None else nothing,
-            table.sent_as(Role.SURFACE_POSE) if table is not None else nothing,
-            self.figures, self.surface, table.commanded(Role.SURFACE_POSE) if table is not None else np.zeros(7),
-            load, self.object, state["ready"], tick, model.period, self.below, self.plate, self._rising,
-        )  # fmt: skip
         #: What commands the arm's part of the force.
         self.pushes = Bound(
             carrying.push, self._constants, self.figures, self.surface,
@@ -130,25 +120,37 @@ class Toucher:
             )
         if table is None:  # nothing but the virtual force can be felt
             found.append(Bound(carrying.only_virtual, self.figures, state[f"{probe.name}.felt_force"]))
-        #: What follows the tracker and finds what it touches; what carries the surface, if there is one, and what
-        #: looks below the finger for a modality that carries it instead.
-        self.finds, self.carries = tuple(found), (carry,) if table is not None else ()
+        #: What follows the tracker and finds what it touches; what looks below the finger for the modality that carries
+        #: a surface to it; and what takes over from that how it does.
+        self.finds = tuple(found)
         self.looks: tuple[Bound, ...] = ()
+        self.carries: tuple[Bound, ...] = ()
         one = model.carrier_to(probe.name)
         if one is not None and one.carries is not None and table is not None:
-            here = (self._constants, world, mesh, poses, self.figures, self.surface, self.below)
-            self.looks = (Bound(carrying.look_below, *here),)
+            here, kept = table.read_as(Role.TRACKED_POSE), (self.figures, self.surface)
+            below = (
+                self._constants,
+                world,
+                mesh,
+                poses,
+                here,
+                *kept,
+                load,
+                self.below,
+                np.array([0.0, 0.0, -1.0]),
+                np.zeros(3),
+            )
             without = {"coming": np.full(1, -1.0), "missed": np.zeros(1), "yields": np.full(1, -1.0)}
             said = [
                 state[f"{one.name}.{field}"].reshape(1) if field else without[kind]
                 for kind, field in zip(one.carries._fields[2:], one.carries[2:], strict=True)
             ]
             taken = Bound(
-                carrying.carried, self._constants, table.read_as(Role.TRACKED_POSE),
-                table.sent_as(Role.SURFACE_POSE), self.figures, self.surface, table.commanded(Role.SURFACE_POSE),
-                load, *said, self.object, self.plate, self._rising, tick, model.period,
+                carrying.carried, self._constants, here, table.sent_as(Role.SURFACE_POSE), *kept,
+                table.commanded(Role.SURFACE_POSE), load, *said, self.object, self.plate, self._rising, tick,
+                model.period,
             )  # fmt: skip
-            self.carries = (taken,)
+            self.looks, self.carries = (Bound(carrying.look_below, *below),), (taken,)
 
     def reset(self) -> None:
         """Begin without contact."""
@@ -215,7 +217,7 @@ class Toucher:
         self._found()
 
     def carry(self) -> None:
-        """Find the surface below the finger, command the table to it, and say whether it renders the contact."""
+        """Take over where the surface was brought, and say whether it renders the contact."""
         self._carried()
 
     def push(self) -> None:
@@ -304,15 +306,11 @@ def _constants(model: Model, probe: ProbeModel, arm: Runner | None, table: Runne
         render.RADIUS: probe.scene.radius,
         render.NEAR: probe.scene.near,
         render.CLEARANCE: probe.scene.clearance,
-        render.COSINE: math.cos(probe.scene.plate_angle),
         render.PERIOD: model.period,
         render.SMOOTH: 1.0 - math.exp(-model.period / VELOCITY_FILTER),
-        render.BACK: math.cos(max(0.0, probe.scene.plate_angle - TILT_BACK)),
         render.FORCE_LIMIT: force,
         render.HAS_LOAD: float(table is not None and table.model.reading(Role.CONTACT_FORCE) is not None),
         render.HAS_TABLE: float(table is not None),
-        render.TABLE_SPEED: (table.model.limits.speed if table is not None else None) or math.inf,
-        render.EARLY_FAR: DOUBT_GAP if table is not None and table.model.touch_off else DOUBT_GAP_UNCALIBRATED,
         render.PAD: math.pi * (0.75 * probe.scene.radius / probe.scene.modulus) ** (2 / 3),
     }
     for index, value in values.items():

@@ -42,6 +42,10 @@ def view_for(one: ModalityModel, state: Record) -> WriteProtectedRecord:
     return WriteProtectedRecord(state, own_fields(one, state))
 
 
+#: From how many bytes on a piece of memory is worth being looked at by itself.
+_LONG = 512
+
+
 class Fence:
     """Sees whether modalities have written what is not theirs, and puts it back.
 
@@ -81,9 +85,10 @@ class Fences:
     """One fence round all modalities of a tick, those that carry surfaces and those that come later.
 
     Between the two the framework's own steps write, so it has three parts: ``rest``, what nobody may write from the
-    first carrier to the last modality, is remembered once and looked at once; of what those steps write, which is
-    little, and of commands, ``near`` is looked at behind the carriers and ``later`` behind the other modalities.  No
-    modality is kept from the fields of another one, as among those that stand in a row.
+    first carrier to the last modality, is remembered once and looked at once; what those steps write, commands, and
+    pieces too short to be worth it, are looked at behind the carriers (``near``), remembered anew, and looked at behind
+    the other modalities (``later``).  No modality is kept from the fields of another one, as among those that stand in
+    a row.
     """
 
     def __init__(
@@ -93,16 +98,24 @@ class Fences:
         """``between``: what is written there."""
         first, second = owned(carriers, state), owned(modalities, state)
         written = {*between, *(name for name in state if ".command." in name)}
+        rest = _in_long_pieces(state, set(state) - written - first - second)
         foreign = {name for name in second if ".command." not in name}
-        self.near = Fence(carriers, state, written - foreign)
-        self.later = Fence(modalities, state, written | first)
-        self.rest = Fence((*carriers, *modalities), state, set(state) - written)
+        self.near = Fence(carriers, state, set(state) - rest - foreign)
+        self.later = Fence(modalities, state, set(state) - rest)
+        self.rest = Fence((*carriers, *modalities), state, rest)
 
 
 def mended(fences: Iterable[Fence]) -> str:
     """Put back what is inside these fences; return the name of a field that was changed, or nothing."""
     found = [fence.mend() for fence in fences]
     return next((name for name in found if name), "")
+
+
+def _in_long_pieces(state: Record, names: set[str]) -> set[str]:
+    """Return those of the fields that stand in long pieces of memory: each piece costs by itself, too."""
+    table: Any = state.dtype.fields or {}
+    pieces = [piece for piece in _spans(state, names) if piece[1] - piece[0] >= _LONG]
+    return {name for name in names if any(begin <= table[name][1] < end for begin, end in pieces)}
 
 
 def _spans(state: Record, names: Iterable[str]) -> Iterable[tuple[int, int]]:

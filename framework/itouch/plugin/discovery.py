@@ -14,6 +14,8 @@ from itouch.schema import ItouchError
 
 DEVICES, MODALITIES, COMMANDS, BENCHES = "itouch.devices", "itouch.modalities", "itouch.commands", "itouch.benches"
 MONITORS = "itouch.monitors"
+#: The modality that brings surfaces to fingers that no other modality of a scene brings one to.
+CARRIERS = "itouch.carriers"
 NAMESPACE = "urn:itouch:plugin:"
 
 
@@ -70,6 +72,7 @@ class Catalog:
         self._devices = finder(DEVICES)
         self._modalities = finder(MODALITIES)
         self._monitors = finder(MONITORS)
+        self._carriers = finder(CARRIERS) or find(CARRIERS)
         self.failures: dict[str, PluginError] = {}
 
     @property
@@ -88,7 +91,7 @@ class Catalog:
 
     def offered(self, plugin: str) -> Sequence[Found]:
         """Return where the devices and modalities of a plugin come from."""
-        every = {**self._modalities, **self._devices}
+        every = {**self._carriers, **self._modalities, **self._devices}
         return [found for name, found in sorted(every.items()) if _plugin_of(name) == plugin]
 
     def offered_monitors(self) -> Sequence[Found]:
@@ -97,7 +100,7 @@ class Catalog:
 
     def version(self, plugin: str) -> str:
         """Return the version of the distribution that offers a plugin, or an empty string."""
-        every = {**self._modalities, **self._devices}
+        every = {**self._carriers, **self._modalities, **self._devices}
         return next((found.version for name, found in every.items() if _plugin_of(name) == plugin), "")
 
     def device(self, name: str) -> type[Device] | None:
@@ -109,6 +112,12 @@ class Catalog:
         """Return a modality class, or None if there is none or it failed to load."""
         cls: type[Modality] | None = self._load(self._modality(plugin, local), Modality)
         return cls
+
+    def carrier(self) -> tuple[str, type[Modality] | None]:
+        """Return who brings surfaces to fingers by default: its name, and its class, or None if it failed to load."""
+        found = next(iter(self._carriers.values()), None)
+        cls: type[Modality] | None = self._load(found, Modality)
+        return ("" if found is None else found.name), cls
 
     def monitors(self) -> tuple[type[Monitor], ...]:
         """Return the monitors that plugins offer, in the order of their names; see ``monitor_failures``."""

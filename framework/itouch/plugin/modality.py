@@ -267,7 +267,7 @@ class Modality(ABC):
         return ()
 
     def carries(self, model: Any) -> Carries | None:
-        """Return what it says of a surface that it brings to a finger in the place of the framework's way; None: none.
+        """Return what it says of a surface that it brings to a finger in the place of the default; None: none.
 
         Its ``update`` then runs in each tick after contact and before the force on the finger: it finds the virtual
         surface in ``PROBE.surface_height`` (the highest below the finger), ``PROBE.normal`` and ``PROBE.object`` (-1:

@@ -67,12 +67,22 @@ def _maps(old: np.dtype[Any], new: np.dtype[Any]) -> bool:
 
 
 #: What had other names: of monitors before version 1.2, moved or started again (None) because it was counted in checks;
-#: and of the operator's hand.
+#: of the operator's hand; and of probes, of what only carries a surface that is a modality's now.
 _FORMER: dict[str, str | None] = {
     "contact_time": "surface.contact_time", "withdrawn": "surface.withdrawn", "strayed": None, "doubted": None,
     "near_since": None, "compared": None, "tracked": None, "track": None, "heat.touched": None, "heat.samples": None,
     "heat.temperatures": None, "heat.fluxes": None, "heat.driven_from": None, "hand.wanted": "hand.target_offset",
+    "surface.press": None, "surface.free": None, "surface.unfelt": None, "surface.give": None, "surface.lag": None,
 }  # fmt: skip
+
+#: What the modality that carries a surface by default remembers itself, and where that stood before it was one.
+_REMEMBERED = {
+    "surface.takes": "surface.renders", "surface.arrived": "surface.settled", "surface.lost": "surface.missed",
+    "surface.yields": "plate_yield",
+}  # fmt: skip
+
+#: The greatest of the reasons for which a surface is missed that are the modality's own; more: safety keeps it away.
+_LOST = 2.0
 
 
 def _renamed(stored: NDArray[Any], state: Record) -> NDArray[Any]:
@@ -86,12 +96,20 @@ def _renamed(stored: NDArray[Any], state: Record) -> NDArray[Any]:
             names[name] = f"{device}.{moved}" if moved is not None else None
         elif rest == "heat.samples" and f"{device}.heat.temperatures" in fields:
             names[name] = None
-    if not names:
+    copies = {
+        f"{probe}.{new}": f"{probe}.{old}" for probe in {name.partition(".")[0] for name in fields}
+        for new, old in _REMEMBERED.items() if f"{probe}.{new}" in state and f"{probe}.{new}" not in fields
+        and f"{probe}.{old}" in fields
+    }  # fmt: skip
+    if not names and not copies:
         return stored
     kept = [(names.get(name, name) or "", kind[0], name) for name, kind in fields.items() if names.get(name, name)]
+    kept += [(new, fields[old][0], old) for new, old in copies.items()]
     found = np.zeros(1, np.dtype([(new, kind) for new, kind, _ in kept]))
     for new, _, name in kept:
         found[new] = stored[name]
+        if new.endswith(".surface.lost"):
+            found[new][stored[name] > _LOST] = 0.0
     return found
 
 

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from itouch.plugin.discovery import Catalog
-from itouch.scene import Scene
 from itouch.session import limits
 from itouch.session.paths import without_folders
 from itouch.world import Model
@@ -37,7 +36,7 @@ def constant_part(
     return {
         "format": FORMAT,
         "itouch-py": metadata.version("itouch-py"),
-        "plugins": plugin_versions(scene, catalog),
+        "plugins": plugin_versions(model, catalog),
         "source": without_folders(scene.source),
         "git": git_revision(),
         "host": host_facts(),
@@ -50,9 +49,11 @@ def constant_part(
     }
 
 
-def plugin_versions(scene: Scene, catalog: Catalog) -> dict[str, str]:
-    """Return the version of every plugin that the scene uses."""
+def plugin_versions(model: Model, catalog: Catalog) -> dict[str, str]:
+    """Return the version of every plugin that the scene uses, and of what brings surfaces by default."""
+    scene = model.scene
     used = {device.plugin for device in scene.devices} | {part.plugin for part in scene.modalities}
+    used |= {modality.plugin for modality in model.modalities}
     used |= {part.plugin for material in scene.materials for part in material.parts}
     return {name: version for name in sorted(used) if (version := catalog.version(name))}
 

@@ -49,19 +49,17 @@ _FIGURES = (
     Field("tracking", unit="m", doc="distance of the plate from its command"),
 )
 
-#: What a tick remembers of the carried surface, in the order of ``itouch.loop.surface``.
+#: What a tick remembers of a carried surface, whoever carries it, in the order of ``itouch.loop.surface.memory``.
 _SURFACE = (
     Field("surface.renders", unit="1", doc="1: the contact is the plate's to render, 0: the arm's alone"),
     Field("surface.present", unit="1", doc="1: the plate is at the finger in a contact, or still felt"),
     Field("surface.settled", unit="1", doc="1: the plate is where the virtual surface is, 0: it comes or goes"),
-    Field("surface.press", unit="m", doc="how far it may be in the finger as it comes or goes; below 0: away from it"),
+    Field("surface.clear", unit="1", doc="1: it has left the finger as far as it goes, where it does not render"),
     Field("surface.share", unit="1", doc="the arm's part of the normal force, -1: no contact"),
     Field("surface.pressed", unit="s", doc="how long there has been a virtual contact"),
-    Field("surface.free", unit="s", doc="how long there has been none"),
     Field("surface.felt", unit="1", doc="1 if the plate was felt in this contact"),
     Field("surface.felt_weight", unit="1", doc="weight of the measured force in `felt_force`"),
     Field("felt_force", unit="N", doc="force the contact is felt with: the plate's where it renders, else the virtual"),
-    Field("surface.unfelt", unit="s", doc="how long the plate should have been felt and was not"),
     Field(
         "surface.missed",
         unit="1",
@@ -75,13 +73,11 @@ _SURFACE = (
     Field("surface.cut", unit="N", doc="what the plate takes of the force that the arm may give"),
     Field("surface.upright", unit="1", doc="cosine of the tilt of the surface below the finger against the plate"),
     Field("surface.climb", unit="m/s", doc="how fast the height of that surface changes as the finger goes on"),
-    Field("surface.give", unit="m/N", doc="how far the table gives way under a force, as learned"),
     Field("surface.changing", unit="s", doc="how much longer the force is blended between plate and arm"),
     Field("surface.load", unit="N", doc="force on the plate a tick ago"),
     Field("surface.level", unit="m", doc="height of the finger's lowest point, smoothed"),
     Field("surface.sink", unit="m/s", doc="how fast that rises, smoothed"),
     Field("surface.off", unit="m", doc="how much deeper it seems to be in the plate than the force explains, smoothed"),
-    Field("surface.lag", unit="s", doc="how late the table is where it goes up or down, as learned"),
 )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 from itouch.plugin import Carries, Modality, ParameterError, World, WorldDevice, WorldObject, WorldSurface
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
-from itouch.scene.elements import Operator, PluginPart
+from itouch.scene.elements import Operator, PluginPart, Probe
 from itouch.schema import Problem
 from itouch.schema.fields import specs
 from itouch.world.files import SceneFiles
@@ -35,6 +35,8 @@ class ModalityModel:
     carries: Carries | None = None
     #: The fields that it declares, without its name in front.
     fields: tuple[str, ...] = ()
+    #: The probe whose surface it brings because no element of the scene says who does; it has none itself.
+    default_of: str = ""
 
 
 def build_modalities(
@@ -49,34 +51,72 @@ def build_modalities(
     """Return the modalities in the order of their updates; what is wrong becomes problems, and those are left out."""
     world = _world(scene, devices, surfaces, reader, period)
     rates = dict(scene.rates.modalities)
-    found = []
+    found: list[ModalityModel] = []
     for part in _ordered(scene, problems):
         every = _every(scene, part, rates.get(part.name, scene.rates.servo), problems)
         cls = catalog.modality(part.plugin, part.local)
         if cls is None or not _has_devices(scene, part, devices, problems):  # told while the scene was read
             continue
-        instance = cls()
         own = replace(world, objects=_objects(scene, part.plugin), period=period * every)
-        try:
-            model = instance.compile(part.name, part.params, own)
-        except ValueError as error:
-            field = error.field if isinstance(error, ParameterError) else ""
-            place = scene.places.of(part.params, field) or scene.places.of(part)
-            problems.append(Problem("modality", f"modality '{part.name}': {error}", place))
-            continue
-        except Exception as error:
-            problems.append(failure(f"modality '{part.name}'", "compile", error, scene.places.of(part)))
-            continue
-        with failing(f"modality '{part.name}'", "commands", scene.places.of(part)):
-            commands, attends = instance.commands(model), every > 1 and instance.attends(model)
-            carries = instance.carries(model)
-        with failing(f"modality '{part.name}'", "fields", scene.places.of(part)):
-            fields = {field.name: (np.dtype(field.dtype).str[1:], field.size) for field in instance.fields(model)}
-            if carries is not None:
-                problems += check_carried(scene, part, carries, fields, commands, devices, every, instance.keeps_to)
-            found.append(
-                ModalityModel(part.name, part.plugin, instance, model, every, commands, attends, carries, tuple(fields))
-            )
+        found += _compiled(scene, part, cls(), own, every, devices, problems)
+    if not any(problem.severity == "error" for problem in problems):
+        found += _default_carriers(scene, catalog, devices, world, found, problems)
+    return found
+
+
+def _compiled(
+    scene: Scene, part: PluginPart, instance: Modality, world: World, every: int, devices: Mapping[str, DeviceModel],
+    problems: list[Problem], probe: Probe | None = None,
+) -> Iterator[ModalityModel]:  # fmt: skip
+    """Yield a modality, if it can be compiled; ``probe``: the one that it serves without an element in the scene."""
+    place = scene.places.of(part) if probe is None else scene.places.of(probe, "surface_to")
+    who = f"modality '{part.name}'"
+    try:
+        model = instance.compile(part.name, part.params, world)
+    except ValueError as error:
+        field = error.field if isinstance(error, ParameterError) and probe is None else ""
+        problems.append(Problem("modality", f"{who}: {error}", scene.places.of(part.params, field) or place))
+        return
+    except Exception as error:
+        problems.append(failure(who, "compile", error, place))
+        return
+    with failing(who, "commands", place):
+        commands, attends = instance.commands(model), every > 1 and instance.attends(model)
+        carries = instance.carries(model)
+    with failing(who, "fields", place):
+        fields = {field.name: (np.dtype(field.dtype).str[1:], field.size) for field in instance.fields(model)}
+        if carries is not None:
+            problems += check_carried(scene, part, carries, fields, commands, devices, every, instance.keeps_to)
+        served = "" if probe is None else probe.name
+        yield ModalityModel(
+            part.name, part.plugin, instance, model, every, commands, attends, carries, tuple(fields), served
+        )  # fmt: skip
+
+
+def _default_carriers(
+    scene: Scene, catalog: Catalog, devices: Mapping[str, DeviceModel], world: World, known: Sequence[ModalityModel],
+    problems: list[Problem],
+) -> list[ModalityModel]:  # fmt: skip
+    """Return what brings a surface to each probe that is to be met by one, and to which no modality brings it.
+
+    It is called ``PROBE.surface``.
+    """
+    served = {one.carries.probe for one in known if one.carries is not None}
+    alone = [probe for probe in scene.probes if probe.name in world.surfaces and probe.name not in served]
+    found: list[ModalityModel] = []
+    for probe in alone:
+        plugin, cls = catalog.carrier()
+        place, name = scene.places.of(probe, "surface_to"), f"{probe.name}.surface"
+        if cls is None:
+            why = catalog.failures.get(plugin, "no modality is installed that does")
+            sentence = f"nothing brings the surface of '{probe.surface_to}' to probe '{probe.name}': {why}"
+            problems.append(Problem("plugin-failed", sentence, place))
+        elif any(one.name == name for one in known):
+            sentence = f"modality '{name}' has the name of what brings the surface of '{probe.surface_to}'"
+            problems.append(Problem("modality", sentence, place, "give it another name"))
+        else:
+            part = PluginPart(plugin, "", cls.Params(probe=probe.name), name)
+            found += _compiled(scene, part, cls(), world, 1, devices, problems, probe)
     return found
 
 

@@ -78,7 +78,7 @@ class Model:
     declared: list[Any] = field(default_factory=list, init=False, repr=False, compare=False)
 
     def carrier_to(self, probe: str) -> ModalityModel | None:
-        """Return the modality that brings a surface to a probe in the place of the framework's way, or None."""
+        """Return the modality that brings a surface to a probe, or None."""
         return next((one for one in self.modalities if one.carries and one.carries.probe == probe), None)
 
     @property
@@ -111,6 +111,8 @@ class Model:
         """Return where in the scene a device or a modality stands."""
         if not self._parts:
             parts: tuple[Any, ...] = (*self.scene.devices, *self.scene.modalities)
+            probes = {probe.name: probe for probe in self.scene.probes}
+            self._parts.update({one.name: probes[one.default_of] for one in self.modalities if one.default_of})
             self._parts.update({part.name: part for part in reversed(parts)})
         return self.scene.places.of(self._parts[name]) if name in self._parts else None
 
@@ -248,12 +250,13 @@ def _writers(
         for bound, role in (("force_to", Role.FORCE_ON_OPERATOR), ("surface_to", Role.SURFACE_POSE)):
             device = devices.get(getattr(probe, bound))
             channel = device.command(role) if device is not None else None
-            taken = role is Role.SURFACE_POSE and any(m.carries and m.carries.probe == probe.name for m in modalities)
+            served = (m for m in modalities if m.carries and m.carries.probe == probe.name and not m.default_of)
+            taken = role is Role.SURFACE_POSE and any(served)
             if device is not None and channel is not None and not taken:
                 writers.append((f"{device.name}.{channel.name}", probe, bound, f"probe '{probe.name}'"))
     parts = {part.name: part for part in scene.modalities}
     for modality in modalities:
-        for command in modality.commands:
+        for command in modality.commands if not modality.default_of else ():  # told of the probe
             writers.append((command, parts[modality.name].params, "", f"modality '{modality.name}'"))
     return writers
 

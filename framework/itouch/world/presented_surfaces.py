@@ -13,7 +13,7 @@ from itouch.schema.fields import xml_name
 from itouch.world.limits import PLATE_FORCE
 from itouch.world.rig import DeviceModel
 
-#: Attributes of a probe that say how the framework itself carries a surface.
+#: Attributes of a probe that say how the default carries a surface; others may keep to them.
 _OWN = ("clearance", "plate_angle")
 #: Kind and size of a field that holds one number.
 _ONE = (("f8", 0), ("f8", 1), ("i8", 0), ("i8", 1))

@@ -120,7 +120,7 @@ def _say(path: str, model: Model | None, problems: Sequence[Problem], *, failed:
         did(f"{path}: legal, but odd")
         return
     found = (("object", "objects", model.objects), ("device", "devices", model.devices),
-             ("modality", "modalities", model.modalities))  # fmt: skip
+             ("modality", "modalities", _asked_for(model)))  # fmt: skip
     counts = (f"{len(items)} {one if len(items) == 1 else many}" for one, many, items in found)
     print(f"{path}: ok ({', '.join(counts)})")
     if MANNER.quiet:
@@ -128,6 +128,11 @@ def _say(path: str, model: Model | None, problems: Sequence[Problem], *, failed:
     for device in model.devices.values():
         for line in limit_lines(device):
             print(f"  {line}")
+
+
+def _asked_for(model: Model) -> list[str]:
+    """Return the names of the modalities that stand in the scene."""
+    return [modality.name for modality in model.modalities if not modality.default_of]
 
 
 def _write(
@@ -184,7 +189,7 @@ def _entry(path: str, model: Model | None, problems: Sequence[Problem], *, good:
             "notices": list(model.notices),
             "objects": list(model.objects),
             "devices": list(model.devices),
-            "modalities": [modality.name for modality in model.modalities],
+            "modalities": _asked_for(model),
             "limits": [row._asdict() for device in model.devices.values() for row in limit_rows(device)],
         }
     return entry

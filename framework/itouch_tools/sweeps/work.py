@@ -170,7 +170,7 @@ def _packages(file: SweepFile, model: Model, catalog: Catalog) -> dict[str, tupl
     from itouch.session.manifest import plugin_versions
 
     found: dict[str, set[str]] = {PROGRAM: {"itouch", "itouch_tools"}}
-    for plugin in plugin_versions(model.scene, catalog):
+    for plugin in plugin_versions(model, catalog):
         for offered in catalog.offered(plugin):
             found.setdefault(offered.distribution, set()).add(offered.entry.module.partition(".")[0])
     for monitor in catalog.offered_monitors():

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from itouch.compiling import kernel
 from itouch.loop.render import (
     ARM,
-    CLEARANCE,
     CONTACT_FORCE,
     FORCE_LIMIT,
     HAS_LOAD,
@@ -32,11 +31,11 @@ from itouch.loop.surface.ground import along_plate
 from itouch.loop.surface.memory import (
     ABOUT,
     CHANGING,
+    CLEAR,
     CUT,
     HAND_OVER,
     LOAD,
     NOTHING,
-    PRESS,
     RENDERS,
     SETTLED,
     SHARE,
@@ -85,7 +84,7 @@ def _still_changes(c: Floats, memory: Floats, touching: bool) -> bool:
     left = memory[CHANGING]
     if left <= 0.0:
         return False
-    done = memory[SETTLED] > 0.0 if memory[RENDERS] > 0.0 else memory[PRESS] <= -c[CLEARANCE] and memory[SHARE] >= 1.0
+    done = memory[SETTLED] > 0.0 if memory[RENDERS] > 0.0 else memory[CLEAR] > 0.0 and memory[SHARE] >= 1.0
     left -= c[PERIOD]
     memory[CHANGING] = max(0.0 if done or not touching else AFTER, left)
     return touching

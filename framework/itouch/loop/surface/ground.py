@@ -23,7 +23,9 @@ STEEPEST = 0.3
 
 
 @kernel
-def find(c: Floats, world: Floats, mesh: Any, poses: Floats, figures: Floats, memory: Floats) -> int:
+def find(
+    c: Floats, world: Floats, mesh: Any, poses: Floats, figures: Floats, memory: Floats, down: Floats, normal: Floats
+) -> int:  # fmt: skip
     """Find the highest virtual surface below the finger.
 
     Parameters
@@ -34,6 +36,9 @@ def find(c: Floats, world: Floats, mesh: Any, poses: Floats, figures: Floats, me
         The objects; see ``itouch.contact``.
     figures, memory
         The probe's part of State, and that of the carried surface.
+    down, normal
+        The direction downwards, and room for a normal, shape (3,): memory that is asked for in each tick costs more
+        than what is done with it.
 
     Returns
     -------
@@ -44,8 +49,6 @@ def find(c: Floats, world: Floats, mesh: Any, poses: Floats, figures: Floats, me
     figures[SURFACE_HEIGHT], memory[UPRIGHT], memory[CLIMB] = -np.inf, 1.0, 0.0
     if world.shape[0] == 0:
         return -1
-    down, normal = np.zeros(3), np.empty(3)
-    down[2] = -1.0
     distance, hit = sphere_cast(world, mesh, poses, figures[HIP : HIP + 3], down, c[RADIUS], REACH, normal)
     if hit < 0:
         return -1

@@ -5,21 +5,19 @@ from __future__ import annotations
 RENDERS = 0  # 1: the plate's to render, 0: the arm's alone
 PRESENT = 1  # 1: the plate is there, or still felt: what touches the finger is the plate
 SETTLED = 2  # 1: the plate is where the virtual surface is, 0: it comes or goes
-PRESS = 3  # how far it may be in the finger while it comes or goes; below 0: how far it keeps away [m]
+CLEAR = 3  # 1: where it does not render, it has left the finger as far as it goes
 SHARE = 4  # the arm's part of the normal force; -1: no contact
-PRESSED, FREE = 5, 6  # how long the virtual contact has lasted, and how long there has been none [s]
-FELT, FELT_WEIGHT, FELT_FORCE = 7, 8, 9  # felt since the begin; weight of the measured force; their blend [N]
-UNFELT, MISSED = 10, 11  # how long it has not been felt as it should be [s]; LOW or HIGH: its force is the arm's
-MISSES, MISSED_AT, MISSED_DEPTH, MISSED_LOAD = 12, 13, 14, 15  # how often; the first: when [s], depth [m], load [N]
-CUT = 16  # what the plate takes of the force that the arm may give [N]
-UPRIGHT, CLIMB = 17, 18  # cosine of the tilt of the surface below; how fast its height changes under the finger [m/s]
-GIVE = 19  # how far the table gives way under a force, as learned [m/N]
-CHANGING = 20  # for how long the force is still led over from one to the other [s]
-LOAD = 21  # the plate's force a tick ago [N]
-LEVEL, SINK = 22, 23  # height of the lowest point of the finger, and its speed, smoothed [m], [m/s]
-OFF = 24  # how much deeper the finger seems to be in the plate than the force explains, smoothed [m]
-LAG = 25  # how late the table is where it goes up or down, as learned [s]
-MEMORY = 26
+PRESSED = 5  # how long the virtual contact has lasted [s]
+FELT, FELT_WEIGHT, FELT_FORCE = 6, 7, 8  # felt since the begin; weight of the measured force; their blend [N]
+MISSED = 9  # LOW or HIGH: its force is the arm's
+MISSES, MISSED_AT, MISSED_DEPTH, MISSED_LOAD = 10, 11, 12, 13  # how often; the first: when [s], depth [m], load [N]
+CUT = 14  # what the plate takes of the force that the arm may give [N]
+UPRIGHT, CLIMB = 15, 16  # cosine of the tilt of the surface below; how fast its height changes under the finger [m/s]
+CHANGING = 17  # for how long the force is still led over from one to the other [s]
+LOAD = 18  # the plate's force a tick ago [N]
+LEVEL, SINK = 19, 20  # height of the lowest point of the finger, and its speed, smoothed [m], [m/s]
+OFF = 21  # how much deeper the finger seems to be in the plate than the force explains, smoothed [m]
+MEMORY = 22
 
 #: What `MISSED` says: the plate is lower than its height says, or higher; or it was told to stay away (T4).
 LOW, HIGH, WITHDRAWN = 1.0, 2.0, 3.0

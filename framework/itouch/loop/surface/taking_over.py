@@ -1,0 +1,87 @@
+"""What a modality says of the surface that it carries, as the framework remembers it: who renders, what is missed."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.compiling import kernel
+from itouch.loop.render import CLEARANCE, HIP, PLATE_TOP, RADIUS
+from itouch.loop.surface.memory import (
+    CHANGING,
+    CLEAR,
+    HIGH,
+    LOW,
+    MISSED,
+    MISSED_AT,
+    MISSED_DEPTH,
+    MISSED_LOAD,
+    MISSES,
+    PRESENT,
+    PRESSED,
+    RENDERS,
+    SETTLED,
+    WITHDRAWN,
+)
+
+Floats = NDArray[np.float64]
+
+#: After a change of hands the force is led over for so long at least [s].
+LED = 0.3
+
+
+@kernel
+def _miss(memory: Floats, what: float, depth: float, pressed: float, touching: bool, time: float) -> None:
+    """Leave the contact to the arm: the surface is not where its height says."""
+    if memory[MISSES] == 0.0:
+        memory[MISSED_AT], memory[MISSED_DEPTH], memory[MISSED_LOAD] = time, depth, pressed
+    memory[MISSES] += 1.0
+    memory[MISSED], memory[RENDERS] = what, 0.0
+    if touching:
+        memory[CHANGING] = LED
+
+
+@kernel
+def miss(c: Floats, figures: Floats, memory: Floats, said: float, pressed: float, touching: bool, time: float) -> None:
+    """Remember why a surface renders no more, as who carries it says it; T4 has the last word.
+
+    Parameters
+    ----------
+    c
+        Constants of the probe, shape (CONSTANTS,).
+    figures, memory
+        The probe's part of State, and that of the carried surface.
+    said
+        LOW, HIGH, or 0: nothing is wrong.
+    pressed
+        What the table reads of the force on it [N].
+    touching, time
+        Whether there is a virtual contact, and the time of the tick [s].
+    """
+    if memory[MISSED] == WITHDRAWN:
+        return
+    why = HIGH if said >= HIGH else LOW if said > 0.0 else 0.0
+    if why > 0.0 and memory[MISSED] == 0.0:
+        _miss(memory, why, figures[PLATE_TOP] - (figures[HIP + 2] - c[RADIUS]), pressed, touching, time)
+    memory[MISSED] = why
+
+
+@kernel
+def take_over(
+    c: Floats, memory: Floats, renders: bool, present: bool, away: float, coming: float, touching: bool
+) -> None:  # fmt: skip
+    """Remember who renders a contact, as who carries the surface says it, ``away`` from the finger [m].
+
+    ``c`` (CONSTANTS,), ``memory`` (MEMORY,) of the surface; ``coming``: how far it is still to come or to go [m], below
+    0: not said.  What is missed, or withdrawn, renders nothing.
+    """
+    renders = renders and memory[MISSED] == 0.0
+    if touching and memory[PRESSED] > 0.0 and renders != (memory[RENDERS] > 0.0):
+        memory[CHANGING] = LED
+    memory[RENDERS] = 1.0 if renders else 0.0
+    memory[PRESENT] = 1.0 if touching and present else 0.0
+    if coming < 0.0:
+        memory[SETTLED], memory[CLEAR] = 1.0, 1.0 if away >= c[CLEARANCE] else 0.0
+    else:
+        memory[SETTLED] = 1.0 if renders and coming == 0.0 else 0.0
+        memory[CLEAR] = 1.0 if not renders and coming == 0.0 else 0.0

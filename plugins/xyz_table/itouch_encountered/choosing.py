@@ -1,0 +1,77 @@
+"""Who renders a contact: the surface what is not too steep for it, and only where it is felt as its height says."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from itouch.plugin.kernels import kernel
+from itouch_encountered.own import ARRIVED, FREE, HIGH, LOST, LOW, TAKES, UNFELT
+
+#: A surface is missed where the finger seems to press it in deeper than the force explains by so much [m], at less than
+#: so much of the force that the pad would give, for so long [s]; what is missed is tried again after so long apart [s].
+MISS_DEPTH, MISS_PART, MISS_TIME, TRY_AGAIN = 1e-3, 0.4, 0.04, 0.02
+#: A surface is too high that presses with so much [N] while it seems so far below the finger [m], for so long [s].
+EARLY_FORCE, EARLY_GAP, EARLY_TIME = 0.1, 1e-3, 0.010
+#: How far below the finger it may be by its height and still be too high [m], after a touch-off and without one: what
+#: presses from further below has a sensor that is wrong (T8).
+FAR, FAR_UNCALIBRATED = 0.004, 0.015
+#: Where it hovers, further than this below the finger [m], what a real axis reads in the air (friction, its mass) is
+#: no finger: the force by which a sensor would be doubted there [N], for half as long [s].
+HOVER_GAP, HOVER_FORCE, HOVER_TIME = 4e-3, 0.5, 0.05
+
+
+@kernel
+def along(frame: Any, normal: Any) -> float:
+    """Return the cosine between a normal (3,) in the world and the surface's; ``frame`` (12,): of the device.
+
+    Normal and cosine have no unit [1].
+    """
+    cosine = 0.0
+    for i in range(3):
+        cosine += normal[i] * frame[5 + 3 * i]
+    return cosine
+
+
+@kernel
+def choose(c: Any, own: Any, upright: float, touching: bool, withdrawn: bool) -> None:
+    """Say whose the contact is; one that has begun changes over only when it is well on the other side.
+
+    ``c``: `Numbers`; ``own`` (13,): its fields; ``upright``: the cosine of the angle between the virtual surface and
+    this one [1]; ``withdrawn``: safety keeps it away (T4).
+    """
+    if touching:
+        own[FREE] = 0.0
+        if upright < c.cosine:
+            own[TAKES] = 0.0
+        elif upright >= c.back:
+            own[TAKES] = 1.0
+    else:
+        own[TAKES] = 1.0 if upright >= c.cosine else 0.0
+        own[FREE] += c.period
+        if own[FREE] > TRY_AGAIN and own[LOST] == LOW:
+            own[LOST] = 0.0
+    if own[LOST] > 0.0 or withdrawn:
+        own[TAKES] = 0.0
+
+
+@kernel
+def doubt(c: Any, own: Any, depth: float, pressed: float, touching: bool) -> None:
+    """Find that it is not where its height says: it is not felt where it should be, or the other way round.
+
+    ``c``: `Numbers`; ``own`` (13,); ``depth``: how far the finger seems to be in it [m]; ``pressed``: its force [N].
+    """
+    hovers = depth < -HOVER_GAP
+    what, patience = 0.0, MISS_TIME
+    if pressed > (HOVER_FORCE if hovers else EARLY_FORCE) and -c.early < depth < -EARLY_GAP:
+        what, patience = HIGH, HOVER_TIME if hovers else EARLY_TIME
+    elif (
+        touching and own[TAKES] > 0.0 and own[ARRIVED] > 0.0
+        and depth - pressed / c.stiffness > MISS_DEPTH and pressed < MISS_PART * c.stiffness * depth
+    ):  # fmt: skip
+        what = LOW
+    if what == 0.0:
+        own[UNFELT] = 0.0
+        return
+    own[UNFELT] += c.period
+    if own[UNFELT] >= patience:
+        own[LOST], own[TAKES], own[UNFELT] = what, 0.0, 0.0

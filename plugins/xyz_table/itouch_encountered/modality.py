@@ -1,0 +1,140 @@
+"""The modality that brings the flat top of what a device carries to a finger."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from itouch.plugin import (
+    Bound,
+    Carries,
+    Field,
+    Modality,
+    ParameterError,
+    Record,
+    Role,
+    World,
+    WorldDevice,
+    WorldSurface,
+    schema,
+)
+from itouch_encountered.choosing import FAR, FAR_UNCALIBRATED
+from itouch_encountered.motion import Numbers, Seen, carry
+from itouch_encountered.own import FIELDS
+
+#: A contact that it has left because of its tilt is its own again when that is less by this [rad].
+TILT_BACK = math.radians(2.0)
+#: What its force stays below the scene's limit [N].
+ROOM = 0.15
+
+
+@dataclass(frozen=True, slots=True)
+class EncounteredParams:
+    """Which finger it meets; the device is the one that this probe names in ``surface-to``."""
+
+    probe: str = schema.ref("probe", doc="the finger that the surface is brought to")
+
+
+class EncounteredModel(NamedTuple):
+    """What is known of it before a run; names of devices and of their fields in State."""
+
+    name: str
+    probe: str
+    device: str
+    channel: str
+    pose: str
+    load: str
+    numbers: Numbers
+
+
+class Encountered(Modality):
+    """Keeps a flat surface where the finger meets the virtual one, and away from slopes that it can't render."""
+
+    Params = EncounteredParams
+    hears = frozenset()  # else each tick of a contact would call it from Python
+    keeps_to = frozenset({"clearance", "plate-angle"})
+
+    def compile(self, name: str, params: Any, world: World) -> EncounteredModel:
+        """Take the facts of the probe's surface.
+
+        Raises
+        ------
+        ValueError
+            If the probe is met by no surface, or the device can't bring one.
+        """
+        surface, radius = world.surfaces.get(params.probe), world.probes[params.probe]
+        if surface is None:
+            raise ParameterError("probe", f"'{params.probe}' has no surface-to")
+        device = world.devices[surface.device]
+        goal, pose = device.command(Role.SURFACE_POSE), device.read_field(Role.TRACKED_POSE)
+        if goal is None or not pose:
+            raise ValueError(f"device '{device.name}' brings no surface")
+        load = device.read_field(Role.CONTACT_FORCE)
+        force = _limit(world.devices[surface.arm], "force") if surface.arm else math.inf
+        speed = _limit(device, "speed")
+        numbers = _numbers(surface, radius, world.servo_period, force, speed, bool(load))
+        return EncounteredModel(name, params.probe, device.name, goal.name, pose, load, numbers)
+
+    def fields(self, model: EncounteredModel) -> tuple[Field, ...]:
+        """Declare what it says of the surface, and what it remembers."""
+        return FIELDS
+
+    def commands(self, model: EncounteredModel) -> tuple[str, ...]:
+        """Command the device."""
+        return (f"{model.device}.{model.channel}",)
+
+    def carries(self, model: EncounteredModel) -> Carries:
+        """Say that it brings the device's surface."""
+        return Carries(model.probe, model.device, "takes", "at_finger", "distance", "gap", "coming", "lost", "yields")
+
+    def reads(self, model: EncounteredModel) -> tuple[str, ...]:
+        """Say what it reads."""
+        return tuple(name for name in _seen(model) if name)
+
+    def reset(self, model: EncounteredModel, state: Record) -> None:
+        """Begin with the surface where it should be."""
+        for field in FIELDS:
+            state[f"{model.name}.{field.name}"] = 0.0
+        state[f"{model.name}.takes"] = state[f"{model.name}.arrived"] = 1.0
+
+    def update(self, model: EncounteredModel, state: Record, period: float) -> None:
+        """Do what joins, alone."""
+        self.bound_update(model, state, period)()
+
+    def bound_update(self, model: EncounteredModel, state: Record, period: float) -> Bound:
+        """Return the whole way as one compiled call."""
+        nothing = np.zeros(6)
+        seen = Seen(*(state.get(name, nothing) for name in _seen(model)))
+        own = state.flat(f"{model.name}.{FIELDS[0].name}", f"{model.name}.{FIELDS[-1].name}")
+        return Bound(carry, model.numbers, seen, state[f"{model.device}.command.{model.channel}"], own)
+
+
+def _seen(model: EncounteredModel) -> tuple[str, ...]:
+    """Return the names of what it reads, in the order of `Seen`; empty: the device doesn't measure it."""
+    probe, device = model.probe, model.device
+    return (
+        f"{device}.frame", model.pose, f"{device}.sent.{model.channel}", model.load,
+        *(f"{probe}.{name}" for name in ("hip", "normal", "surface_height")),
+        *(f"{probe}.surface.{name}" for name in ("upright", "climb", "level", "sink", "off", "pressed", "present")),
+        f"{probe}.object", f"{device}.surface.withdrawn", "ready",
+    )  # fmt: skip
+
+
+def _limit(device: WorldDevice, name: str) -> float:
+    """Return a limit that is one number; infinite: there is none."""
+    limit = device.limits.get(name, math.inf)
+    return math.inf if isinstance(limit, tuple) else limit
+
+
+def _numbers(
+    surface: WorldSurface, radius: float, period: float, force: float, speed: float, has_load: bool
+) -> Numbers:  # fmt: skip
+    """Return the numbers of its way; ``force``: the arm's limit [N], ``speed``: the device's [m/s]."""
+    return Numbers(
+        radius, surface.clearance, math.cos(surface.plate_angle), math.cos(max(0.0, surface.plate_angle - TILT_BACK)),
+        period, surface.greatest_force, max(0.0, min(surface.greatest_force, force - ROOM)), surface.pad_stiffness,
+        has_load, speed * period, FAR if surface.touch_off else FAR_UNCALIBRATED, *surface.face,
+    )  # fmt: skip

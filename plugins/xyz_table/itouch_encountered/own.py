@@ -1,0 +1,35 @@
+"""What the encountered surface says of itself and what it remembers: its fields, as kernels see them."""
+
+from __future__ import annotations
+
+from itouch.plugin import Field
+
+#: First what it says of the surface (`itouch.plugin.Carries`), then what it remembers.
+FIELDS = tuple(
+    Field(name, unit=unit, doc=doc, show="no")
+    for name, unit, doc in (
+        ("takes", "1", "1: it takes the contact to be the surface's to render, 0: the arm's"),
+        ("at_finger", "1", "1: it takes what touches the finger to be the surface"),
+        ("distance", "m", "how far the finger's pad is from it, below 0 where it is pressed in"),
+        ("gap", "m", "by how much it is short of the virtual surface, infinite where there is none"),
+        ("coming", "m", "how far it still has to come or to go"),
+        ("lost", "1", "1: it was not felt where it should be, 2: it was felt below that"),
+        ("yields", "m", "how far it gives way, as it presses harder than it may"),
+        ("arrived", "1", "1: it is where the virtual surface is, 0: it comes or goes"),
+        ("press", "m", "how far it may be in the finger as it comes or goes; below 0: away from it"),
+        ("free", "s", "how long there has been no virtual contact"),
+        ("unfelt", "s", "how long it should have been felt and was not"),
+        ("give", "m/N", "how far the device gives way under a force, as learned"),
+        ("lag", "s", "how late the device is where it goes up or down, as learned"),
+    )
+)
+
+TAKES, AT_FINGER, DISTANCE, GAP, COMING, LOST, YIELDS = range(7)
+ARRIVED, PRESS, FREE, UNFELT, GIVE, LAG = range(7, 13)
+
+#: What `LOST` says: the surface is lower than its height says, or higher.
+LOW, HIGH = 1.0, 2.0
+#: Force [N] from which on a surface is felt, and below which it is left.
+TOUCH, LEFT = 0.05, 0.02
+#: A surface that is so near below the finger is as good as there [m].
+ABOUT = 3e-4
