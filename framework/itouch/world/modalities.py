@@ -110,7 +110,8 @@ def _default_carriers(
         if cls is None:
             why = catalog.failures.get(plugin, "no modality is installed that does")
             sentence = f"nothing brings the surface of '{probe.surface_to}' to probe '{probe.name}': {why}"
-            problems.append(Problem("plugin-failed", sentence, place))
+            advice = "install itouch-py anew, or a package that offers one in the entry-point group 'itouch.carriers'"
+            problems.append(Problem("plugin-failed", sentence, place, advice))
         elif any(one.name == name for one in known):
             sentence = f"modality '{name}' has the name of what brings the surface of '{probe.surface_to}'"
             problems.append(Problem("modality", sentence, place, "give it another name"))
