@@ -267,7 +267,9 @@ def test_one_plate_alone_has_nothing_to_share() -> None:
     assert plate.shared == []
     assert not hand({"table": TABLE})[2].alone
     assert not hand({"one": ARM, "two": ARM})[2].alone
-    assert not hand({"one": PLATE, "two": PLATE})[2].alone
+    _, both, two = hand({"one": PLATE, "two": PLATE})
+    assert not two.alone
+    assert two.plates == [post for one in both for post, _ in one.device_monitors.heats]
 
 
 def test_a_load_of_the_touch_force_itself_is_none_yet() -> None:
