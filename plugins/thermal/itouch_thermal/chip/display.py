@@ -27,8 +27,9 @@ REFERENCE = DisplayParams(
 def plain(params: DisplayParams) -> DisplayParams:
     """Return the plant behind the chip: the chip, not the twin, has delay, limits, noise and steps of its own."""
     return replace(
-        params, delay=0.0, max_current=50.0, current_bits=32, flux_noise=0.0, flux_resolution=0.0, plate_noise=0.0,
-        plate_resolution=0.0, sink_noise=0.0, sink_resolution=0.0, labjack=None, mecom=None, line=None, datasheet=None,
+        params, delay=0.0, slew=0.0, max_current=50.0, current_bits=32, flux_noise=0.0, flux_resolution=0.0,
+        plate_noise=0.0, plate_resolution=0.0, sink_noise=0.0, sink_resolution=0.0,
+        labjack=None, mecom=None, line=None, datasheet=None,
     )  # fmt: skip
 
 

@@ -195,6 +195,7 @@ def constants(p: DisplayParams, parts: Column, ambient: float = REFERENCE) -> Ar
     c[plant.C_PLATE_OFFSET], c[plant.C_CLEAR] = off.plate_offset, p.skin_clear
     c[plant.C_CEILING] = p.full_scale
     c[plant.C_SLOTS] = round((p.delay + off.delay) / parts.period)
+    c[plant.C_SLEW] = p.slew * (1.0 + off.slew)
     if p.command == "temperature":
         c[plant.C_GAIN], c[plant.C_INTEGRAL] = p.target_gain, p.target_integral
     return c

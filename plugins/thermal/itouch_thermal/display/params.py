@@ -39,6 +39,7 @@ class Mismatch:
     sensor_lag: float = schema.quantity("", low=-0.9, high=4.0, default=0.0, doc="time constants of both sensors")
     flux_gain: float = schema.quantity("", low=-0.5, high=1.0, default=0.0, doc="gain of the flux sensor")
     delay: float = schema.quantity("s", low=-0.2, high=0.2, default=0.0, doc="how much longer a command takes to act")
+    slew: float = schema.quantity("", low=-0.9, high=99.0, default=0.0, doc="how fast the driver changes its current")
     plate_offset: float = schema.quantity("K", low=-2.0, high=2.0, default=0.0, doc="offset of the plate's sensor")
 
     def __post_init__(self) -> None:
@@ -116,6 +117,9 @@ class DisplayParams:
         "W/(m^2*K)", low=0.0, high=100.0, default=10.0, doc="heat transfer from the plate to the air"
     )
     delay: float = schema.quantity("s", low=0.0, high=0.2, default=0.02, doc="time from command to current")
+    slew: float = schema.quantity(
+        "A/s", low=0.0, high=1e6, default=0.0, doc="how fast the driver changes its current; 0: at once"
+    )
     command: str = schema.choice(
         "current",
         "temperature",

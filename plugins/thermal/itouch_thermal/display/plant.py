@@ -44,8 +44,8 @@ from itouch_thermal.laws import press_factor
     C_AREA, C_COVER, C_SENSOR, C_SINK_CAPACITY, C_SINK_RESISTANCE, C_FILM, C_FINGER_FILM,
     C_MAX_CURRENT, C_CURRENT_STEP, C_FLUX_KEEP, C_PLATE_KEEP, C_SINK_KEEP, C_FLUX_NOISE, C_PLATE_NOISE, C_SINK_NOISE,
     C_SKIN_NOISE, C_FLUX_STEP, C_PLATE_STEP, C_SINK_STEP, C_SKIN_STEP, C_FLUX_GAIN, C_FLUX_BIAS, C_PLATE_OFFSET,
-    C_CLEAR, C_REFERENCE, C_CEILING, C_SLOTS, C_GAIN, C_INTEGRAL, CONSTANTS,
-) = range(38)  # fmt: skip
+    C_CLEAR, C_REFERENCE, C_CEILING, C_SLOTS, C_GAIN, C_INTEGRAL, C_SLEW, CONSTANTS,
+) = range(39)  # fmt: skip
 
 #: Numbers of ``finger``: force from which the whole pad touches [N], factor on the law, time constant of pressing [s],
 #: contact area at 1 N [m2] and the exponent of the force in it.
@@ -247,6 +247,9 @@ def _drive(c: Any, memory: Any, line: Any, command: float) -> float:
     if c[C_GAIN] > 0.0:
         current = _hold(c, memory, current)
     current = min(c[C_MAX_CURRENT], max(-c[C_MAX_CURRENT], current))
+    if c[C_SLEW] > 0.0:
+        most = c[C_SLEW] * c[C_PERIOD]
+        current = min(memory[CURRENT] + most, max(memory[CURRENT] - most, current))
     current = _counted(current, c[C_CURRENT_STEP])
     memory[CURRENT] = current
     return current

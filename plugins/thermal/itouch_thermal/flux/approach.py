@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 from itouch.plugin import Record
+from itouch_thermal.display.column import F_PORT
 from itouch_thermal.flux.setting import FluxModel
 from itouch_thermal.flux.usual import READY, TOUCHED, aim_at, judged, neutral
 
@@ -64,8 +65,17 @@ def follow(model: FluxModel, state: Record, tick: int) -> None:
 
 def _wanted(model: FluxModel, state: Record, index: int) -> float | None:
     """Return the start temperature [K] that the object wants as it and the skin are now."""
-    skin = state[model.skin_from].item() if model.skin_from else model.skin
-    return model.start(index, skin, model.warmed(index, state))
+    return model.start(index, _skin(model, state), model.warmed(index, state))
+
+
+def _skin(model: FluxModel, state: Record) -> float:
+    """Return the skin's temperature [K]: what is seen of it, else that of the finger that is computed."""
+    if model.skin_from:
+        return float(state[model.skin_from].item())
+    if not model.heat or model.law is None or model.preview is None:
+        return model.skin
+    into, column = model.preview.into, model.law.fine
+    return float(column.rest + column.tissue[F_PORT] @ (into @ state[model.names.finger][: into.shape[1]]))
 
 
 def _set(model: FluxModel, state: Record, wanted: float) -> None:

@@ -92,15 +92,22 @@ def _coming(line: Any, slot: int, delay: int, out: Any, i: int) -> float:
 
 
 @kernel
-def _queue(line: Any, slot: int, delay: int, out: Any, size: int, fine: Any, coarse: Any) -> None:
-    """Sort the currents on their way, oldest first: one by one what is no whole coarse step, then means."""
+def _queue(
+    line: Any, slot: int, delay: int, out: Any, size: int, fine: Any, coarse: Any, flows: float, most: float
+) -> None:
+    """Sort the currents on their way, oldest first: one by one what is no whole coarse step, then means.
+
+    ``flows`` is the current [A] that flows, ``most`` by how much it may change in a period; 0: as it will.
+    """
     first = fine.shape[0]
     for i in range(first):
-        fine[i] = _coming(line, slot, delay, out, i)
+        flows = at.slewed(_coming(line, slot, delay, out, i), flows, most)
+        fine[i] = flows
     for g in range(coarse.shape[0]):
         total = 0.0
         for i in range(size):
-            total += _coming(line, slot, delay, out, first + g * size + i)
+            flows = at.slewed(_coming(line, slot, delay, out, first + g * size + i), flows, most)
+            total += flows
         coarse[g] = total / size
 
 
@@ -168,8 +175,8 @@ def _approach(
     seebeck, legs = c[at.O_SEEBECK] * (1.0 + theta[at.SEEBECK]), c[at.O_CONDUCTANCE] * (1.0 + theta[at.LEGS])
     ohmic = c[at.O_RESISTANCE] * (1.0 + theta[at.OHMIC])
     delay, before = int(slots[1]), 0.0
-    shift = planner.later(theta) / c[at.O_PERIOD]
-    if shift != 0.0:
+    shift, most = planner.later(theta) / c[at.O_PERIOD], c[at.O_SLEW] * c[at.O_PERIOD]
+    if shift != 0.0 or most > 0.0:
         before = memory[at.M_BEFORE]
     # Where an earlier touch has left the plate warmer or colder under the finger than beside it, that fades by itself.
     mean, excess, soon = c[at.O_REFERENCE], 0.0, delay + wait + within / c[at.O_PERIOD]
@@ -181,7 +188,7 @@ def _approach(
     heat = capacity / gp
     air = c[at.O_AIR] * (c[at.O_AMBIENT] - mean)
     for i in range(delay + wait):
-        coming = _coming(line, int(slots[0]), delay, out, i)
+        coming = at.slewed(_coming(line, int(slots[0]), delay, out, i), before, most)
         current, square = at.shifted(coming, before, shift)
         before = coming
         pump = (seebeck * back * current - 0.5 * square * ohmic - legs * (hot - back)) / c[at.O_AREA]
@@ -221,12 +228,12 @@ def _follow(
     if ticks % max(1.0, round(REFRESH / period)) < every:
         planner.respond(c, tissue, plate, theta, scale, hats, above, below, response, size * period)
     memory[at.M_TICKS] = ticks + every
-    _queue(line, int(slots[0]), int(slots[1]), out, size, single, queue)
+    before = memory[at.M_BEFORE] if memory.shape[0] > at.M_BEFORE else 0.0
+    _queue(line, int(slots[0]), int(slots[1]), out, size, single, queue, before, c[at.O_SLEW] * period)
     above[:] = x[0, :n]
     below[:] = x[0, n:o]
     hot = memory[at.M_SINK]
     spill = (1.0 - c[at.O_COVER]) * c[at.O_AIR] * (c[at.O_AMBIENT] - x[0, o + at.X_FACE])
-    before = memory[at.M_BEFORE] if theta.shape[0] > at.DELAY else 0.0
     flux, back = planner.arrive(
         c, fine, below_fine, theta, hot, scale, single, above, below, x[0, o + at.X_FLUX], x[0, o + at.X_BACK], spill,
         before, period,
@@ -330,7 +337,7 @@ class ModelLaw:
         wide, count = n + m + at.X_TAIL, len(self.prior)
         size: dict[str, int | tuple[int, ...]] = {
             "x": (1 + count, wide), "theta": count, "cover": (count, count), "gain": count,
-            "memory": at.M_TAIL + (count > at.COUNT), "line": max(1, self.delay), "slots": 2,
+            "memory": at.M_TAIL + (count > at.COUNT or self.display.slew > 0.0), "line": max(1, self.delay), "slots": 2,
             "single": self.coarse_ticks, "queue": 1 + (self.delay + self.wait) // self.coarse_ticks,
             "wanted": self.steps, "response": (planner.HATS, self.steps), "knots": planner.HATS,
             "work": wide + planner.HATS * (planner.HATS + 1), "future": self.ahead + 1,
@@ -500,6 +507,7 @@ def _constants(p: DisplayParams, rest: float, resistance: float, ambient: float,
     c[at.O_AIR], c[at.O_COVER], c[at.O_AMBIENT] = p.film_coefficient, p.cover, ambient
     c[at.O_DRIFT_FLUX], c[at.O_DRIFT_OFFSET] = DRIFT_FLUX**2 * period, DRIFT_OFFSET**2 * period
     c[at.O_CEILING] = 0.98 * p.full_scale
+    c[at.O_SLEW] = p.slew
     c[at.O_LAGS] = LAGS if p.line is not None else _of_mean(p, period)
     c.setflags(write=False)
     return c

@@ -47,11 +47,11 @@ X_FLUX, X_BACK, X_FACE, X_SEEN, X_FILM, X_DRIFT, X_TAIL = range(7)
 (
     O_PERIOD, O_REST, O_REFERENCE, O_CONTACT, O_SEEBECK, O_RESISTANCE, O_CONDUCTANCE, O_AREA, O_FLUX_LAG, O_PLATE_LAG,
     O_FLUX_NOISE, O_PLATE_NOISE, O_SINK_CAPACITY, O_SINK_RESISTANCE, O_SINK_LAG, O_AIR, O_COVER, O_AMBIENT,
-    O_DRIFT_FLUX, O_DRIFT_OFFSET, O_CEILING, O_LAGS, O_CONSTANTS,
-) = range(23)  # fmt: skip
+    O_DRIFT_FLUX, O_DRIFT_OFFSET, O_CEILING, O_LAGS, O_SLEW, O_CONSTANTS,
+) = range(24)  # fmt: skip
 #: Numbers of the scalar memory; M_PART: of the flux out of the finger, what crosses the sensor under it.
 M_TOUCHING, M_SINK, M_SINK_SEEN, M_CONTACT, M_TICKS, M_QUIET, M_AGE, M_UNSEEN, M_PART, M_TAIL = range(10)
-#: Where the delay is a parameter one more: the current [A] of the period before.
+#: Where the delay is a parameter, or the current takes its time, one more: the current [A] of the period before.
 M_BEFORE = M_TAIL
 #: Seconds without corrections after a flux that air cannot explain: something touches the plate that should not.
 QUIET = 0.2
@@ -82,6 +82,12 @@ def shifted(current: float, before: float, periods: float) -> Any:
 
 
 @kernel
+def slewed(current: float, before: float, most: float) -> float:
+    """Return the current [A] that flows where it may change by ``most`` from the one before; 0: as it will."""
+    return float(current if most <= 0.0 else min(before + most, max(before - most, current)))
+
+
+@kernel
 def advance(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, current: float, scale: float) -> None:
     """Advance column and derivatives by one period.
 
@@ -94,9 +100,9 @@ def advance(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, cu
     x
         Row 0 the column, row 1 + k its derivative with respect to parameter k; shape (1 + p, n + m + X_TAIL).
     theta, memory
-        Parameters (p,), COUNT or with the delay one more, and scalar memory (M_TAIL,), with the delay one more.
+        Parameters (p,), COUNT or with the delay one more, and scalar memory (M_TAIL,), with delay or slew one more.
     current
-        Current [A] that flowed in this period.
+        Current [A] that was asked for in this period; it flows as far as the driver's slew lets it.
     scale
         Contact resistance that the force explains, as a multiple of the nominal one.
     """
@@ -112,10 +118,13 @@ def advance(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, cu
     cover = c[O_COVER] if touching else 0.0
     covered = memory[M_PART] if touching else 0.0
     cold, hot, face = x[0, o + X_BACK], memory[M_SINK], x[0, o + X_FACE]
+    if c[O_SLEW] > 0.0:
+        current = slewed(current, memory[M_BEFORE], c[O_SLEW] * dt)
     acting, square, rise, rise_square = current, current * current, 0.0, 0.0
     if theta.shape[0] > DELAY:
         acting, square = shifted(current, memory[M_BEFORE], theta[DELAY] / dt)
         rise, rise_square = (current - memory[M_BEFORE]) / dt, (current**2 - memory[M_BEFORE] ** 2) / dt
+    if memory.shape[0] > M_BEFORE:
         memory[M_BEFORE] = current
     pumped = seebeck * cold * acting - 0.5 * square * ohmic - legs * (hot - cold)
     pump = pumped / c[O_AREA] + theta[FLUX] + x[0, o + X_DRIFT]

@@ -190,7 +190,7 @@ def setting(name: str, params: FluxControlParams, world: World) -> FluxModel:
         current=ceiling,
         ambient=world.ambient,
         skin=world.skin_temperature,
-        skin_from=device.read_field(Role.SKIN_TEMPERATURE),
+        skin_from=_skin_from(device, display),
         skin_valid=device.read_field(Role.SKIN_VALID),
         force_from=_force(params, world),
         truth=device.twin,
@@ -219,6 +219,17 @@ def setting(name: str, params: FluxControlParams, world: World) -> FluxModel:
 def _wire(device: WorldDevice, display: DisplayParams) -> bool:
     """Tell whether readings of the display come late, and commands leave late, over a wire that says when."""
     return device.wire and display.command == "current"
+
+
+def _skin_from(device: WorldDevice, display: DisplayParams) -> str:
+    """Return the State field of the skin's temperature; empty: nothing looks at the skin, and what is read is no skin.
+
+    Our own program for a rig has no thermometer for it, and a controller has one at a LabJack or none.
+    """
+    eyes = display.labjack is not None and display.labjack.infrared is not None
+    ours = display.line is not None and display.line.firmware == "reference"
+    blind = not device.twin and not eyes and (display.mecom is not None or ours)
+    return "" if blind else device.read_field(Role.SKIN_TEMPERATURE)
 
 
 def _display(device: WorldDevice) -> DisplayParams:

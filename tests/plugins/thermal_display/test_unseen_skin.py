@@ -1,0 +1,47 @@
+"""A display with which nobody looks at the skin begins a touch as if somebody did: the computed finger remembers."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from itouch_thermal.flux.setting import FluxModel
+from itouch_tools.cli.lockstep import Lockstep
+
+#: A touch of aluminium that cools the skin by two kelvins, and the way to foam.
+MOTION = """<motion>
+    <to pos="-33 0 40 mm" in="0.5 s" hold="1 s"/>
+    <to pos="-33 0 16 mm" in="0.5 s" hold="1.5 s"/>
+    <to pos="-33 0 40 mm" in="0.5 s"/>
+    <to pos="33 0 48 mm" in="0.8 s" hold="0.4 s"/>
+</motion>"""
+
+
+def scene_of(scenes: Path) -> Path:
+    """Return the wire scene with that motion and without touch-off and thermometer."""
+    rig = scenes / "rigs" / "wire.xml"
+    text = rig.read_text().replace('<calibration method="touch-off"/>', "").replace(' mount-error="2 -1.5 3 mm"', "")
+    rig.write_text(re.sub(r"<thermal:infrared[^>]*/>", "", text))
+    path = scenes / "four_materials_wire.xml"
+    text = path.read_text()
+    begin, end = text.index("<motion>"), text.index("</motion>") + len("</motion>")
+    path.write_text(text[:begin] + MOTION + text[end:])
+    return path
+
+
+def test_the_start_is_that_of_the_skin_as_it_is_and_not_of_one_at_rest(scenes: Path) -> None:
+    both = Lockstep(str(scene_of(scenes)), only=["peltier"])
+    report = both.run()
+    assert report["faults"] == []
+    assert [contact["object"] for contact in report["contacts"]] == ["aluminium"]
+    (model,) = [one.model for one in both.host.model.modalities if isinstance(one.model, FluxModel)]
+    state, skin = both.host.state, both.world.state["peltier.twin.true_skin"].item()
+    assert state["peltier.skin_valid"].item() == 0.0
+    index = model.objects.index("polystyrene")
+    assert state["flux-control.approached"].item() == index
+    assert skin < model.skin - 0.7
+    ready, wanted = state["flux-control.start_temperature"].item(), model.start(index, skin)
+    assert ready == pytest.approx(wanted, abs=0.15)
+    assert abs(ready - model.starts[index][1]) > 0.5  # type: ignore[index]
